@@ -1,0 +1,3 @@
+"""A behavior-tree executive for long-horizon mobile manipulation."""
+
+__version__ = "0.1.0"

@@ -1,0 +1,48 @@
+"""What a goal predicate may ask of the world. `sim` implements it; tests make states by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from mpvi_bt.robot.solids import Array, Solid
+
+
+class WorldState(Protocol):
+    """The physical state of named things (objects and fixtures), in the world frame, metres.
+
+    Names are those of the scene: movable objects carry their BDDL name ("ashcan.n.01_1"), fixtures the house's name
+    ("countertop_1"), floors "floor_<room>"; the episode binds BDDL names to them.
+    """
+
+    def exists(self, name: str) -> bool:
+        """Whether the thing is in the world (sliced or consumed things are not)."""
+        ...
+
+    def solids(self, name: str) -> Sequence[Solid]:
+        """The thing's collision solids, posed in the world."""
+        ...
+
+    def volumes(self, name: str) -> Sequence[Solid]:
+        """The thing's container volumes (boxes or cylinders), posed in the world; empty if it holds nothing."""
+        ...
+
+    def touching(self, name: str, other: str) -> bool:
+        """Whether physics reports a contact between the two now."""
+        ...
+
+    def joint_fractions(self, name: str) -> Sequence[float]:
+        """Position of each of the thing's joints, 0 closed ... 1 fully open."""
+        ...
+
+    def toggled_on(self, name: str) -> bool:
+        """Whether the thing's switch is on."""
+        ...
+
+
+def aabb(state: WorldState, name: str) -> Array:
+    """(2, 3) lowest and highest corner of the thing's axis-aligned bounding box."""
+    import numpy as np
+
+    boxes = np.stack([s.aabb() for s in state.solids(name)])
+    return np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)])

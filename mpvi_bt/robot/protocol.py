@@ -1,0 +1,111 @@
+"""What a robot is to the rest of the system: what it feels, what it sees, and the one command it is given a step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpvi_bt.robot.solids import Array
+
+Side = Literal["left", "right"]
+SIDES: tuple[Side, Side] = ("left", "right")
+CONTROL_HZ = 30  # control steps, and ticks, a second (BEHAVIOR's rate)
+ACTION_SIZE = 23
+
+
+class ActionLayout:
+    """Slices of the 23-number action, in BEHAVIOR's order.
+
+    BASE     vx, vy [m/s] and yaw rate [rad/s] in the base frame
+    TORSO    lift [m], waist yaw, waist pitch, head tilt [rad]: absolute targets
+    ARM      seven joint targets [rad] of each arm
+    GRIPPER  -1 closed ... 1 fully open
+    """
+
+    BASE = slice(0, 3)
+    TORSO = slice(3, 7)
+    ARM: Mapping[Side, slice] = {"left": slice(7, 14), "right": slice(15, 22)}
+    GRIPPER: Mapping[Side, int] = {"left": 14, "right": 22}
+
+
+@dataclass(frozen=True, eq=False)
+class Proprioception:
+    """What the robot feels, measured at the present step.
+
+    Attributes:
+        base_pose: (3,) x, y [m] and yaw [rad, -pi..pi] in the world (Paper, Navigation: localization is assumed).
+        base_velocity: (3,) vx, vy [m/s] and yaw rate [rad/s] in the base frame.
+        torso: (4,) lift [m], waist yaw, waist pitch, head tilt [rad].
+        arm: (7,) joint angles [rad] of each arm.
+        arm_velocity: (7,) [rad/s] of each arm.
+        gripper_width: Opening between the fingers [m], 0 to 0.10, of each hand.
+        gripper_command: Last commanded value of each gripper, -1 closed ... 1 open.
+    """
+
+    base_pose: Array
+    base_velocity: Array
+    torso: Array
+    arm: Mapping[Side, Array]
+    arm_velocity: Mapping[Side, Array]
+    gripper_width: Mapping[Side, float]
+    gripper_command: Mapping[Side, float]
+
+
+@dataclass(frozen=True, eq=False)
+class CameraImage:
+    """One picture.
+
+    Attributes:
+        camera: "head", "left" or "right" (the wrists).
+        rgb: (H, W, 3) uint8.
+        depth: (H, W) float32 [m] along the optical axis, 0 = nothing seen.
+        labels: (H, W) int32 ids of what each pixel shows, or None where there is no labeler (a real camera).
+        names: Label id to the name of the thing, such as "ashcan.n.01_1"; the robot's own parts map to "robot".
+        K: (3, 3) intrinsics [px].
+        T_world_camera: (4, 4) camera to world; optical frame: x right, y down, z forward.
+    """
+
+    camera: str
+    rgb: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+    labels: NDArray[np.int32] | None
+    names: Mapping[int, str]
+    K: Array
+    T_world_camera: Array
+
+    def points_world(self) -> Array:
+        """(H, W, 3) world position [m] of every pixel; nan where depth is 0."""
+        h, w = self.depth.shape
+        u, v = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
+        z = np.where(self.depth > 0, self.depth, np.nan).astype(float)
+        p = np.stack([(u - self.K[0, 2]) / self.K[0, 0] * z, (v - self.K[1, 2]) / self.K[1, 1] * z, z], -1)
+        return p @ self.T_world_camera[:3, :3].T + self.T_world_camera[:3, 3]
+
+
+class Robot(Protocol):
+    """A robot that can be ticked: behaviors read it and write one command a step."""
+
+    @property
+    def action(self) -> Array:
+        """(23,) the command that the next step will carry out."""
+        ...
+
+    def act(self, action: Array) -> None:
+        """Set the command of the next step. Raises BackendError unless it is (23,) and finite."""
+        ...
+
+    def hold(self) -> None:
+        """Command the base to stand still and every joint to keep its present target."""
+        ...
+
+    def proprioception(self) -> Proprioception:
+        """What the robot feels now."""
+        ...
+
+    def look(self, camera: str) -> CameraImage:
+        """Render one camera now. Raises NoRenderingDevice where nothing can be drawn."""
+        ...
