@@ -1,0 +1,186 @@
+"""Where to stand: ranked goal poses for a target thing or room."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from mpvi_bt.navigation.grid import cost_to_reach
+from mpvi_bt.navigation.traversability import Traversability
+from mpvi_bt.perception.knowledge import Entry
+from mpvi_bt.robot.solids import Array
+
+
+@dataclass(frozen=True)
+class Handoff:
+    """Where navigation hands over to manipulation. Distances are from the base's center to the target's box.
+
+    Attributes:
+        distance_m: The handoff distance d_h. Our choice, the paper gives no figure: the arms reach 0.85 m and more.
+        preferred_m: No nearer than this if there is room: the arms need it to unfold.
+        gap_m: Between footprint and target, at the least.
+        slack_m: How much farther the base may stop where nothing nearer is free, as at a wide table.
+        facing_rad: How far off the target's direction the base may point and still be facing it.
+    """
+
+    distance_m: float = 0.9
+    preferred_m: float = 0.65
+    gap_m: float = 0.05
+    slack_m: float = 0.35
+    facing_rad: float = 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """A pose to drive to.
+
+    Attributes:
+        pose: (3,) x, y [m], yaw [rad] in the world.
+        score: What the ranking goes by, lower is better; about metres of driving.
+    """
+
+    pose: Array
+    score: float
+
+
+def distance_to(entry: Entry, xy: Array) -> float:
+    """Distance [m] on the floor from `xy` (2,) to the nearest point of the entry's box; 0 within it."""
+    return float(np.linalg.norm(nearest_point(entry, xy) - xy))
+
+
+def nearest_point(entry: Entry, xy: Array) -> Array:
+    """(..., 2) the points of the entry's box, seen from above, nearest to the points `xy` (..., 2) [m]."""
+    points: Array = np.clip(xy, entry.lowest[:2], entry.highest[:2])
+    return points
+
+
+def facing_yaw(entry: Entry, xy: Array) -> Array:
+    """(...,) yaw [rad] from `xy` (..., 2) toward the target.
+
+    Our choice: toward the center of what measures up to 0.6 m, toward the nearest point of what is larger, so that the
+    base stands square to a long counter.
+    """
+    toward = nearest_point(entry, xy)
+    if (entry.highest - entry.lowest)[:2].max() <= 0.6:
+        toward = np.broadcast_to(entry.center[:2], toward.shape)
+    delta = toward - xy
+    yaw: Array = np.arctan2(delta[..., 1], delta[..., 0])
+    return yaw
+
+
+def at_target(entry: Entry, pose: Array, grid: Traversability, handoff: Handoff) -> bool:
+    """Whether a base at `pose` (3,) is within the handoff distance of the target, faces it and nothing is between."""
+    xy = pose[:2]
+    if distance_to(entry, xy) > handoff.distance_m:
+        return False
+    turn = float(facing_yaw(entry, xy)) - pose[2]
+    if abs(np.arctan2(np.sin(turn), np.cos(turn))) > handoff.facing_rad:
+        return False
+    return bool(_same_room(entry, xy[None], grid)[0] and _in_sight(entry, xy[None], grid)[0])
+
+
+def object_goals(entry: Entry, start: Array, grid: Traversability, handoff: Handoff, most: int = 20) -> list[Goal]:
+    """Poses from which the target can be manipulated, best first.
+
+    Each is free for the footprint, reachable from `start` (2,), in the target's room, within the handoff distance,
+    faces the target, and has no obstacle between but the furniture that the target is or stands on. Where no such
+    pose exists, those within `slack_m` more. The best are cheap to reach, not nearer than preferred, and square to
+    the middle of the target's side (Our choice).
+    """
+    effort = cost_to_reach(grid.cost, grid.map.cell(start)) * grid.map.resolution_m
+    margin = 2 * grid.map.resolution_m
+    for reach in (handoff.distance_m - margin, handoff.distance_m + handoff.slack_m):
+        cells = _ring(entry, grid, grid.footprint_m + handoff.gap_m, reach)
+        cells = cells[np.isfinite(effort[cells[:, 0], cells[:, 1]])]
+        points = grid.points(cells)
+        keep = _same_room(entry, points, grid)
+        cells, points = cells[keep], points[keep]
+        keep = _in_sight(entry, points, grid)
+        cells, points = cells[keep], points[keep]
+        if len(cells):
+            break
+    else:
+        return []
+    nearest = nearest_point(entry, points)
+    distance = np.linalg.norm(nearest - points, axis=1)
+    aside = np.linalg.norm(nearest - entry.center[:2], axis=1) - _half_depth(entry, points)
+    score = (
+        effort[cells[:, 0], cells[:, 1]]
+        + 6.0 * np.maximum(0.0, handoff.preferred_m - distance)
+        + 3.0 * np.maximum(0.0, distance - 0.5 * (handoff.preferred_m + handoff.distance_m))
+        + 1.0 * np.maximum(0.0, aside)
+    )
+    yaw = facing_yaw(entry, points)
+    order = np.argsort(score, kind="stable")[:most]
+    return [Goal(np.array([*points[i], yaw[i]]), float(score[i])) for i in order]
+
+
+def room_goals(room: str, start: Array, grid: Traversability, inset_m: float = 0.6, most: int = 20) -> list[Goal]:
+    """Poses well inside a room, best first: the nearest cells `inset_m` from its boundary, facing its middle.
+
+    In a room too small for the inset, the cells deepest in it.
+    """
+    if room not in grid.map.room_names:
+        return []
+    effort = cost_to_reach(grid.cost, grid.map.cell(start)) * grid.map.resolution_m
+    inside = grid.map.rooms == grid.map.room_names.index(room)
+    depth = ndimage.distance_transform_edt(np.pad(inside, 1))[1:-1, 1:-1] * grid.map.resolution_m
+    reachable = inside & np.isfinite(effort)
+    if not reachable.any():
+        return []
+    cells = np.argwhere(reachable & (depth >= min(inset_m, depth[reachable].max())))
+    points = grid.points(cells)
+    score = effort[cells[:, 0], cells[:, 1]]
+    toward = grid.points(np.argwhere(inside)).mean(0) - points
+    yaw = np.arctan2(toward[:, 1], toward[:, 0])
+    order = np.argsort(score, kind="stable")[:most]
+    return [Goal(np.array([*points[i], yaw[i]]), float(score[i])) for i in order]
+
+
+def _ring(entry: Entry, grid: Traversability, inner_m: float, outer_m: float) -> NDArray[np.int64]:
+    """(N, 2) the free cells whose centers are between two distances from the entry's box."""
+    (r0, c0), (r1, c1) = grid.map.cell(entry.lowest[:2] - outer_m), grid.map.cell(entry.highest[:2] + outer_m)
+    r0, c0 = max(r0, 0), max(c0, 0)
+    cells = np.argwhere(np.isfinite(grid.cost[r0 : r1 + 1, c0 : c1 + 1])) + (r0, c0)
+    points = grid.points(cells)
+    distance = np.linalg.norm(nearest_point(entry, points) - points, axis=1)
+    ring: NDArray[np.int64] = cells[(distance >= inner_m) & (distance <= outer_m)]
+    return ring
+
+
+def _half_depth(entry: Entry, points: Array) -> Array:
+    """(N,) half extent of the box along the axis that each point (N, 2) looks at it."""
+    half = (entry.highest - entry.lowest)[:2] / 2
+    off = np.abs(points - entry.center[:2]) - half
+    return np.where(off[:, 0] > off[:, 1], half[0], half[1])
+
+
+def _same_room(entry: Entry, points: Array, grid: Traversability) -> NDArray[np.bool_]:
+    """(N,) bool; whether points (N, 2) are in the target's room or in none, as in a doorway."""
+    name = entry.room or grid.map.room_at(entry.center[:2])
+    if name not in grid.map.room_names:
+        return np.ones(len(points), bool)
+    cells = np.floor(grid.cells(points)).astype(int).clip(0, np.array(grid.occupied.shape) - 1)
+    rooms = grid.map.rooms[cells[:, 0], cells[:, 1]]
+    same: NDArray[np.bool_] = (rooms == grid.map.room_names.index(name)) | (rooms < 0)
+    return same
+
+
+def _in_sight(entry: Entry, points: Array, grid: Traversability) -> NDArray[np.bool_]:
+    """(N,) bool; whether the line from each point (N, 2) to the target meets one obstacle at most, the last.
+
+    Seen from the target outward the line may start in an obstacle (the target, or what it stands on) but, once in
+    the open, must stay there.
+    """
+    target = nearest_point(entry, points)
+    reach = float(np.linalg.norm(target - points, axis=1).max(initial=0.0))
+    n = int(np.ceil(reach / (grid.map.resolution_m / 2))) + 2
+    along = target[:, None] + np.linspace(0, 1, n)[:, None] * (points - target)[:, None]  # (N, n, 2)
+    cells = np.floor(grid.cells(along)).astype(int).clip(0, np.array(grid.occupied.shape) - 1)
+    occupied = grid.occupied[cells[..., 0], cells[..., 1]]
+    opened = np.cumsum(~occupied, axis=1) > 0
+    sight: NDArray[np.bool_] = ~(occupied & opened).any(axis=1)
+    return sight

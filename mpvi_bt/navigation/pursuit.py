@@ -1,0 +1,152 @@
+"""Pure pursuit for a holonomic base: follow a path within limits of speed and acceleration, then settle on a pose."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpvi_bt.navigation.grid import segment_free
+from mpvi_bt.navigation.traversability import Traversability
+from mpvi_bt.robot.protocol import CONTROL_HZ
+from mpvi_bt.robot.solids import Array
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How fast the base may go. Our choice: slow enough that tucked arms and held things do not swing."""
+
+    speed_m_s: float = 0.6
+    turn_rad_s: float = 1.2
+    acceleration_m_s2: float = 1.0
+    turn_acceleration_rad_s2: float = 2.5
+
+
+CARRYING = Limits(speed_m_s=0.6, turn_rad_s=1.0, acceleration_m_s2=0.5, turn_acceleration_rad_s2=1.2)
+"""Limits with something in a hand: a step in velocity flings what friction holds."""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """When a pose counts as reached."""
+
+    position_m: float = 0.03
+    yaw_rad: float = 0.05
+    speed_m_s: float = 0.02
+    turn_rad_s: float = 0.05
+
+
+class PathFollower:
+    """Drives along one path to one pose.
+
+    Far from the end the base faces along the path and slows down while it does not, as its camera looks ahead; within
+    `arrive_m` of the end it slides sideways if need be and turns to the goal's yaw. Speeds are profiles that can still
+    stop in time, so that the end is reached without overshoot.
+    """
+
+    def __init__(
+        self,
+        path: Array,
+        goal: Array,
+        grid: Traversability,
+        limits: Limits = Limits(),
+        tolerance: Tolerance = Tolerance(),
+        lookahead_m: float = 0.40,
+        arrive_m: float = 0.45,
+    ) -> None:
+        """Take a path.
+
+        Args:
+            path: (N, 2) world x, y [m]; replaced at its end by the goal.
+            goal: (3,) x, y [m], yaw [rad].
+            grid: Where the base's center may be; the lookahead point is always in straight reach.
+            limits: Speed and acceleration.
+            tolerance: When the goal counts as reached.
+            lookahead_m: How far along the path the base aims.
+            arrive_m: Distance to go from which the base turns to the goal's yaw.
+        """
+        self.path = np.vstack([path[:-1], goal[:2]]) if len(path) > 1 else goal[None, :2].copy()
+        self.goal, self.limits, self.tolerance = goal, limits, tolerance
+        self._blocked, self._cells = grid.blocked, grid.cells(self.path)
+        self._grid = grid
+        self._lookahead_m, self._arrive_m = lookahead_m, arrive_m
+        steps = np.linalg.norm(np.diff(self.path, axis=0), axis=1)
+        self._to_go = np.append(np.cumsum(steps[::-1])[::-1], 0.0)  # (N,) distance to the end along the path
+        self._at = 0  # index of the path's point nearest to the base; it never runs back
+        self._command = np.zeros(3)
+
+    def remaining_m(self, pose: Array) -> float:
+        """Distance [m] still to drive from `pose` (3,)."""
+        return float(np.linalg.norm(self.path[self._at] - pose[:2]) + self._to_go[self._at])
+
+    def reached(self, pose: Array, velocity: Array) -> bool:
+        """Whether the base stands still at the goal. `pose` (3,) world, `velocity` (3,) base frame."""
+        return (
+            float(np.linalg.norm(self.goal[:2] - pose[:2])) <= self.tolerance.position_m
+            and abs(wrap(self.goal[2] - pose[2])) <= self.tolerance.yaw_rad
+            and math.hypot(velocity[0], velocity[1]) <= self.tolerance.speed_m_s
+            and abs(velocity[2]) <= self.tolerance.turn_rad_s
+        )
+
+    def command(self, pose: Array, dt_s: float = 1.0 / CONTROL_HZ) -> Array:
+        """(3,) vx, vy [m/s] and yaw rate [rad/s] in the base frame for the next `dt_s`.
+
+        Args:
+            pose: (3,) where the base is now.
+            dt_s: One control step.
+        """
+        self._advance(pose[:2])
+        aim = self._aim(pose[:2])
+        delta = aim - pose[:2]
+        to_go = float(np.linalg.norm(delta)) + float(self._to_go[self._aim_index])
+        arriving = to_go < self._arrive_m
+        heading = self.goal[2] if arriving else math.atan2(delta[1], delta[0])
+        turn = wrap(heading - pose[2])
+
+        limits = self.limits
+        speed = min(limits.speed_m_s, _stopping_speed(to_go, limits.acceleration_m_s2, dt_s))
+        if not arriving:
+            speed *= max(0.0, math.cos(min(abs(turn) * 1.5, math.pi / 2)))  # turn first, then go
+        distance = float(np.linalg.norm(delta))
+        world = delta / distance * speed if distance > 1e-9 else np.zeros(2)
+        rate = math.copysign(
+            min(limits.turn_rad_s, _stopping_speed(abs(turn), limits.turn_acceleration_rad_s2, dt_s)), turn
+        )
+        # The velocity of the last step, which the base now has, turned with the base: limits hold in the world frame.
+        before = self._command
+        change = world - before[:2]
+        most = limits.acceleration_m_s2 * dt_s
+        size = float(np.linalg.norm(change))
+        world = before[:2] + change * min(1.0, most / size) if size > 1e-9 else world
+        most = limits.turn_acceleration_rad_s2 * dt_s
+        rate = before[2] + float(np.clip(rate - before[2], -most, most))
+        self._command = np.array([world[0], world[1], rate])
+        yaw = pose[2] + 0.5 * rate * dt_s  # feed forward: the base turns while the step lasts
+        c, s = math.cos(yaw), math.sin(yaw)
+        return np.array([c * world[0] + s * world[1], -s * world[0] + c * world[1], rate])
+
+    def _advance(self, xy: Array) -> None:
+        window = self.path[self._at : self._at + 40]
+        self._at += int(np.argmin(np.linalg.norm(window - xy, axis=1)))
+
+    def _aim(self, xy: Array) -> Array:
+        """(2,) the farthest point of the path within the lookahead that a straight line reaches."""
+        index = self._at
+        while index + 1 < len(self.path) and self._to_go[self._at] - self._to_go[index] < self._lookahead_m:
+            index += 1
+        here = self._grid.cells(xy)
+        while index > self._at and not segment_free(self._blocked, here, self._cells[index]):
+            index -= 1
+        self._aim_index = max(index, min(self._at + 1, len(self.path) - 1))
+        return self.path[self._aim_index]
+
+
+def wrap(angle: float) -> float:
+    """The angle [rad] within -pi..pi."""
+    return math.atan2(math.sin(angle), math.cos(angle))
+
+
+def _stopping_speed(distance: float, acceleration: float, dt_s: float) -> float:
+    """The speed from which a stop within `distance` is possible, with a linear end: no chatter at the goal."""
+    return min(math.sqrt(2.0 * 0.7 * acceleration * distance), distance * min(4.0, 0.3 / dt_s))

@@ -1,0 +1,124 @@
+"""What of the map the robot's footprint may enter, and at what cost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from mpvi_bt.perception.knowledge import Entry
+from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.solids import Array
+
+ESCAPE_COST = 20.0  # of a cell that is too near an obstacle, which only a robot that stands there already may use
+
+
+@dataclass(frozen=True)
+class ClearanceCost:
+    """How dearly the planner pays for passing close to obstacles.
+
+    Our choice: 1 in the open and up to `1 + weight` where the footprint touches, falling off as a square over
+    `margin_m`; the path keeps to the middle of doorways and off furniture without long detours.
+    """
+
+    margin_m: float = 0.30
+    weight: float = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Traversability:
+    """A planning grid.
+
+    Attributes:
+        map: The map that it was made from; cells are the same.
+        occupied: (H, W) bool; the map's obstacles and those that were added.
+        clearance_m: (H, W) distance from each cell's center to the nearest obstacle's edge.
+        cost: (H, W) float32, at least 1, inf where the footprint does not fit.
+        footprint_m: Radius that was kept clear.
+    """
+
+    map: OccupancyMap
+    occupied: NDArray[np.bool_]
+    clearance_m: Array
+    cost: NDArray[np.float32]
+    footprint_m: float
+
+    @property
+    def blocked(self) -> NDArray[np.bool_]:
+        """(H, W) bool; where the robot's center may not be."""
+        return np.isinf(self.cost)
+
+    def cells(self, xy: Array) -> Array:
+        """(..., 2) rows and columns, with fractions, of world points (..., 2) [m]."""
+        return ((np.asarray(xy, float)[..., :2] - self.map.origin_m) / self.map.resolution_m)[..., ::-1]
+
+    def points(self, cells: NDArray[np.int64]) -> Array:
+        """(N, 2) world x, y [m] of the centers of cells (N, 2)."""
+        return self.map.origin_m + (np.asarray(cells)[:, ::-1] + 0.5) * self.map.resolution_m
+
+    def escaping(self, xy: Array, reach_m: float = 0.6) -> Traversability:
+        """The same grid for a robot that stands closer to an obstacle than its footprint: it may leave.
+
+        Cells within `reach_m` of `xy` that are no closer to an obstacle than it is now become dear instead of
+        blocked. Manipulation leaves the base in such places.
+        """
+        row, column = self.map.cell(xy)
+        if not self.map.inside(row, column) or not np.isinf(self.cost[row, column]):
+            return self
+        rows, columns = np.ogrid[: self.cost.shape[0], : self.cost.shape[1]]
+        near = np.hypot(rows - row, columns - column) * self.map.resolution_m <= reach_m
+        leave = near & np.isinf(self.cost) & (self.clearance_m >= self.clearance_m[row, column] - 1e-9)
+        cost = np.where(leave, np.float32(ESCAPE_COST), self.cost)
+        return Traversability(self.map, self.occupied, self.clearance_m, cost, self.footprint_m)
+
+
+def traversability(
+    grid_map: OccupancyMap,
+    footprint_m: float,
+    boxes: Iterable[tuple[Array, Array]] = (),
+    discs: Sequence[tuple[float, float, float]] = (),
+    clearance_cost: ClearanceCost = ClearanceCost(),
+) -> Traversability:
+    """Inflate a map by the robot's radius, with obstacles that the map lacks.
+
+    Args:
+        grid_map: The prior map.
+        footprint_m: Radius of the robot's footprint with all that it holds.
+        boxes: Lowest and highest corners, (2,) or (3,) each [m], of things on the floor.
+        discs: x, y, radius [m] of places found to be blocked.
+        clearance_cost: How dear it is to pass close by.
+    """
+    res = grid_map.resolution_m
+    occupied = grid_map.occupied.copy()
+    for lowest, highest in boxes:
+        r0, c0 = grid_map.cell(lowest)
+        r1, c1 = grid_map.cell(highest)
+        occupied[max(r0, 0) : max(r1 + 1, 0), max(c0, 0) : max(c1 + 1, 0)] = True
+    if discs:
+        rows, columns = np.indices(occupied.shape)
+        x, y = (columns + 0.5) * res + grid_map.origin_m[0], (rows + 0.5) * res + grid_map.origin_m[1]
+        for disc_x, disc_y, radius in discs:
+            occupied |= np.hypot(x - disc_x, y - disc_y) <= radius
+    framed = np.pad(occupied, 1, constant_values=True)  # what lies beyond the map cannot be entered
+    to_center = ndimage.distance_transform_edt(~framed)[1:-1, 1:-1] * res
+    clearance = np.maximum(to_center - res / 2, 0.0)
+    near = np.clip((footprint_m + clearance_cost.margin_m - clearance) / clearance_cost.margin_m, 0.0, 1.0)
+    cost = (1.0 + clearance_cost.weight * near**2).astype(np.float32)
+    cost[clearance < footprint_m] = np.inf
+    return Traversability(grid_map, occupied, clearance, cost, footprint_m)
+
+
+def floor_obstacles(entries: Iterable[Entry], low_m: float = 0.30) -> list[tuple[Array, Array]]:
+    """Boxes of the movable things that stand on the floor, for `traversability`.
+
+    Our choice: those that begin below `low_m` and are neither carried nor in a container; what lies on furniture is
+    over cells that are occupied anyway.
+    """
+    return [
+        (e.lowest, e.highest)
+        for e in entries
+        if e.kind == "object" and not e.held and e.inside is None and e.lowest[2] < low_m
+    ]
