@@ -1,0 +1,76 @@
+"""A goal seen at the start and at the end of an episode: is it reached, how far, and what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from mpvi_bt.goals.formula import All, Formula, Literal, Truth, holds, literals
+from mpvi_bt.goals.problem import AGENT, Fact, Problem
+from mpvi_bt.goals.qscore import fraction, qscore
+
+Snapshot = Mapping[Literal, bool]
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One condition of the goal, as printed, and whether it holds."""
+
+    text: str
+    satisfied: bool
+
+
+@dataclass(frozen=True)
+class GoalReport:
+    """How an episode's goal stands.
+
+    Attributes:
+        satisfied: The goal is true.
+        q: BEHAVIOR's official q, 0..1, higher is better: 1 if satisfied, else the newly true share.
+        fraction: Share of the goal's literals that hold, 0..1, higher is better; credits those true from the start.
+        conditions: What must hold, `forall` and `and` written out.
+    """
+
+    satisfied: bool
+    q: float
+    fraction: float
+    conditions: tuple[Condition, ...]
+
+
+def snapshot(problem: Problem, truth: Truth) -> Snapshot:
+    """The truth of every literal of the goal now: take one at the start, one at the end."""
+    return {literal: truth(literal) for literal in dict.fromkeys(literals(problem.goal))}
+
+
+def judge(problem: Problem, start: Snapshot, end: Snapshot) -> GoalReport:
+    """Score the goal from its snapshots at the start and at the end of an episode."""
+    goal, now = problem.goal, end.__getitem__
+    return GoalReport(
+        satisfied=holds(goal, now),
+        q=qscore(goal, start.__getitem__, now),
+        fraction=fraction(goal, now),
+        conditions=tuple(Condition(str(c), holds(c, now)) for c in _flat(problem.conditions)),
+    )
+
+
+def unmet(problem: Problem, truth: Truth) -> list[Fact]:
+    """Facts of :init that do not hold: what a sampler still has to mend.
+
+    Where fixtures are (`inroom`), what exists later (`future`), substances' taps (`insource`) and the robot's own place
+    are left out.
+    """
+    return [
+        fact
+        for fact in problem.init
+        if fact.literal.predicate not in {"inroom", "future", "insource"}
+        and problem.objects.get(fact.literal.args[0]) != AGENT
+        and truth(fact.literal) != fact.positive
+    ]
+
+
+def _flat(formulas: Iterable[Formula]) -> Iterable[Formula]:
+    for formula in formulas:
+        if isinstance(formula, All):
+            yield from _flat(formula.children)
+        else:
+            yield formula

@@ -1,0 +1,119 @@
+"""Grounded goal formulas: literals over named things, joined by the connectives that BDDL has.
+
+Quantifiers are gone by the time a formula is here: `problem.py` writes them out over the problem's objects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Literal:
+    """One predicate of named things, such as inside(can__of__soda.n.01_1, ashcan.n.01_1)."""
+
+    predicate: str
+    args: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"{self.predicate}({', '.join(self.args)})"
+
+
+@dataclass(frozen=True)
+class Not:
+    """The negation of a formula."""
+
+    child: Formula
+
+    def __str__(self) -> str:
+        return f"not {self.child}"
+
+
+@dataclass(frozen=True)
+class All:
+    """Every child holds: `and`, `forall`."""
+
+    children: tuple[Formula, ...]
+    text: str = field(default="", compare=False)
+
+    def __str__(self) -> str:
+        return self.text or " and ".join(map(str, self.children))
+
+
+@dataclass(frozen=True)
+class Some:
+    """At least one child holds: `or`, `exists`."""
+
+    children: tuple[Formula, ...]
+    text: str = field(default="", compare=False)
+
+    def __str__(self) -> str:
+        return self.text or " or ".join(map(str, self.children))
+
+
+@dataclass(frozen=True)
+class Exactly:
+    """Exactly `count` children hold: `forn`."""
+
+    count: int
+    children: tuple[Formula, ...]
+    text: str = field(default="", compare=False)
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """`count` rows are paired off with as many columns: `forpairs`, `fornpairs`.
+
+    BDDL's truth is weaker than a matching: `count` rows hold in some column, and `count` columns in some row. A thing
+    is never paired with itself, and where both sides share a category BDDL counts a row's columns by position with
+    that thing left out; both quirks are kept so that scores agree with the official evaluator's.
+    """
+
+    count: int
+    rows: tuple[tuple[Formula, ...], ...]
+    text: str = field(default="", compare=False)
+
+    def __str__(self) -> str:
+        return self.text
+
+
+Formula = Literal | Not | All | Some | Exactly | Pairs
+Truth = Callable[[Literal], bool]
+
+
+def holds(formula: Formula, truth: Truth) -> bool:
+    """Whether the formula is true, given the truth of each literal."""
+    match formula:
+        case Literal():
+            return truth(formula)
+        case Not(child):
+            return not holds(child, truth)
+        case All(children):
+            return all(holds(child, truth) for child in children)
+        case Some(children):
+            return any(holds(child, truth) for child in children)
+        case Exactly(count, children):
+            return sum(holds(child, truth) for child in children) == count
+        case Pairs(count, rows):
+            table = [[holds(cell, truth) for cell in row] for row in rows]
+            return sum(map(any, table)) >= count and sum(map(any, zip(*table, strict=True))) >= count
+
+
+def literals(formula: Formula) -> Iterator[Literal]:
+    """Every literal in the formula, in order, repeats included."""
+    match formula:
+        case Literal():
+            yield formula
+        case Not(child):
+            yield from literals(child)
+        case All(children) | Some(children) | Exactly(_, children):
+            for child in children:
+                yield from literals(child)
+        case Pairs(_, rows):
+            for row in rows:
+                for cell in row:
+                    yield from literals(cell)

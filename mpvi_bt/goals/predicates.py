@@ -1,0 +1,130 @@
+"""Predicates over the physical state, with the meaning that OmniGibson gives them (reference: bddl, semantics table).
+
+Distances are in metres, in the world frame, z up. Rays see through things ("all hits"), as OmniGibson's do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from mpvi_bt.errors import UnknownName, UserError
+from mpvi_bt.goals.formula import Literal, Truth
+from mpvi_bt.goals.rays import contains, crosses, interval
+from mpvi_bt.goals.state import WorldState, aabb
+from mpvi_bt.robot.solids import Array
+
+RAY_M = 5.0
+OPEN_FRACTION = 0.05  # of a joint's range
+NEXT_TO_GAP = 1 / 6  # of the two sizes' sum, averaged over the axes
+NEXT_TO_PLANES = 5  # horizontal coordinate frames, turned from 0 to 90 degrees
+
+UP, DOWN = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
+
+
+def inside(state: WorldState, a: str, b: str) -> bool:
+    """The middle of a's bounding box is in b's bounding box and in one of b's container volumes."""
+    middle, box = aabb(state, a).mean(0), aabb(state, b)
+    if not np.all((box[0] <= middle) & (middle <= box[1])):
+        return False
+    return any(contains(volume, middle) for volume in state.volumes(b))
+
+
+def touching(state: WorldState, a: str, b: str) -> bool:
+    """Physics reports a contact between the two."""
+    return state.touching(a, b)
+
+
+def ontop(state: WorldState, a: str, b: str) -> bool:
+    """They touch, and b is met straight down from a's surface but not straight up from it."""
+    return state.touching(a, b) and _meets(state, a, b, DOWN) and not _meets(state, a, b, UP)
+
+
+def under(state: WorldState, a: str, b: str) -> bool:
+    """Straight up from a's surface b is met, straight down it is not; and straight up from b, a is not."""
+    return _meets(state, a, b, UP) and not _meets(state, a, b, DOWN) and not _meets(state, b, a, UP)
+
+
+def nextto(state: WorldState, a: str, b: str) -> bool:
+    """Their bounding boxes are close for their size, and a horizontal ray from the middle of either meets the other."""
+    box_a, box_b = aabb(state, a), aabb(state, b)
+    gap = np.maximum(0.0, np.maximum(box_a[0], box_b[0]) - np.minimum(box_a[1], box_b[1]))
+    if np.linalg.norm(gap) > NEXT_TO_GAP * np.mean(np.ptp(box_a, axis=0) + np.ptp(box_b, axis=0)):
+        return False
+    return _beside(state, box_a.mean(0), b) or _beside(state, box_b.mean(0), a)
+
+
+def open_(state: WorldState, a: str) -> bool:
+    """Any of its joints is past 5 % of its range."""
+    return any(fraction > OPEN_FRACTION for fraction in state.joint_fractions(a))
+
+
+def toggled_on(state: WorldState, a: str) -> bool:
+    """Its switch is on."""
+    return state.toggled_on(a)
+
+
+Unary = Callable[[WorldState, str], bool]
+Binary = Callable[[WorldState, str, str], bool]
+UNARY: Mapping[str, Unary] = {"open": open_, "toggled_on": toggled_on}
+BINARY: Mapping[str, Binary] = {
+    "inside": inside,
+    "ontop": ontop,
+    "under": under,
+    "nextto": nextto,
+    "touching": touching,
+}
+
+
+def check_known(literal: Literal) -> None:
+    """Raise UnknownName if nobody can tell the literal's truth, UserError if it has too few or many arguments."""
+    arity = 1 if literal.predicate in UNARY else 2 if literal.predicate in BINARY else 0
+    if not arity:
+        raise UnknownName("predicate", literal.predicate, [*UNARY, *BINARY], where=str(literal))
+    if len(literal.args) != arity:
+        raise UserError(f"{literal}: {literal.predicate} takes {arity} argument{'s' * (arity > 1)}")
+
+
+def truth_in(state: WorldState, names: Mapping[str, str] | None = None) -> Truth:
+    """The truth of literals in `state`.
+
+    Args:
+        state: Read at each call, so that one function serves a whole episode.
+        names: BDDL object to the scene's name, such as "floor.n.01_1" to "floor_kitchen"; others are the same in both.
+
+    Returns:
+        A function that is False for a literal about a thing that does not exist, and raises as `check_known`.
+    """
+    bound = names or {}
+
+    def truth(literal: Literal) -> bool:
+        check_known(literal)
+        args = [bound.get(arg, arg) for arg in literal.args]
+        if not all(state.exists(arg) for arg in args):
+            return False
+        if len(args) == 1:
+            return UNARY[literal.predicate](state, args[0])
+        return BINARY[literal.predicate](state, args[0], args[1])
+
+    return truth
+
+
+def _meets(state: WorldState, a: str, b: str, direction: Array) -> bool:
+    """Whether a vertical ray that leaves a's surface, over or under the middle of its bounding box, meets b."""
+    box = aabb(state, a)
+    middle = box.mean(0)
+    spans = [span for solid in state.solids(a) if (span := interval(solid, middle, direction)) is not None]
+    # A ray that misses a itself (the middle of a ring) leaves from the face of the bounding box.
+    outermost = max((span[1] for span in spans), default=float(np.ptp(box[:, 2])) / 2)
+    return crosses(state.solids(b), middle + outermost * direction, direction, RAY_M)
+
+
+def _beside(state: WorldState, middle: Array, other: str) -> bool:
+    solids = state.solids(other)
+    for turn in np.linspace(0.0, np.pi / 2, NEXT_TO_PLANES):
+        c, s = np.cos(turn), np.sin(turn)
+        for x, y in ((c, s), (-c, -s), (-s, c), (s, -c)):
+            if crosses(solids, middle, np.array([x, y, 0.0]), RAY_M):
+                return True
+    return False
