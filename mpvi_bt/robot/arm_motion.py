@@ -1,0 +1,99 @@
+"""Collision-free motion of one arm in joint space: RRT-Connect, then shortcuts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mpvi_bt.robot import r1
+from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.solids import Array
+
+_STEP_RAD = 0.5  # how far a tree grows at once
+_CHECK_RAD = 0.07  # spacing of the checks along an edge
+
+
+def plan(
+    body: Body, side: Side, goal: Array, rng: np.random.Generator, margin: float = 0.0, iterations: int = 400,
+    start: Array | None = None,
+) -> list[Array] | None:  # fmt: skip
+    """A free path for arm `side` from where it is to posture `goal`.
+
+    Args:
+        body: The robot's posture and surroundings; everything but this arm stays.
+        side: The arm that moves.
+        goal: (7,) [rad].
+        rng: Randomness of the search.
+        margin: Distance to keep from the surroundings [m], given up near the start if that is nearer already.
+        iterations: Growth steps before giving up.
+        start: (7,) instead of the posture in `body`.
+
+    Returns:
+        Postures (7,) from start to goal, or None if none was found.
+    """
+    begin = np.asarray(body.arms[side] if start is None else start, float)
+    # Where the arm stands is where it stands: a start in slight contact must not forbid every motion.
+    around, itself = body.clearance(side, begin[None])
+    slack = float(min(0.0, around[0] - margin, itself[0])) - 1e-6
+
+    def free(q: Array) -> bool:
+        a, s = body.clearance(side, q)
+        near_start = np.abs(q - begin).max(1) < 0.3
+        floor = np.where(near_start, slack, 0.0)
+        return bool(((a - margin > floor) & (s > floor)).all())
+
+    def edge(a: Array, b: Array) -> bool:
+        n = max(2, int(np.ceil(np.abs(b - a).max() / _CHECK_RAD)))
+        return free(a + (b - a) * np.linspace(0, 1, n + 1)[1:, None])
+
+    goal = np.asarray(goal, float)
+    if not free(goal[None]):
+        return None
+    if edge(begin, goal):
+        return [begin, goal]
+    limits = r1.ARM_LIMITS[side]
+    trees, parents = [[begin], [goal]], [[-1], [-1]]
+    for i in range(iterations):
+        this, that = i % 2, 1 - i % 2
+        sample = rng.uniform(limits[:, 0], limits[:, 1]) if rng.random() > 0.15 else trees[that][0]
+        new = _grow(trees[this], parents[this], sample, edge)
+        if new is None:
+            continue
+        while (reached := _grow(trees[that], parents[that], new, edge)) is not None:
+            if np.allclose(reached, new):
+                halves = (_trace(trees[this], parents[this]), _trace(trees[that], parents[that]))
+                first, second = halves if this == 0 else halves[::-1]
+                return _shortened(first[::-1] + second[1:], edge, rng)
+    return None
+
+
+def _grow(tree: list[Array], parent: list[int], toward: Array, edge) -> Array | None:  # type: ignore[no-untyped-def]
+    nearest = int(((np.array(tree) - toward) ** 2).sum(1).argmin())
+    step = toward - tree[nearest]
+    length = float(np.linalg.norm(step))
+    if length < 1e-9:
+        return None
+    new = toward if length < _STEP_RAD else tree[nearest] + step / length * _STEP_RAD
+    if not edge(tree[nearest], new):
+        return None
+    tree.append(new)
+    parent.append(nearest)
+    return new
+
+
+def _trace(tree: list[Array], parent: list[int]) -> list[Array]:
+    path, i = [], len(tree) - 1
+    while i >= 0:
+        path.append(tree[i])
+        i = parent[i]
+    return path
+
+
+def _shortened(path: list[Array], edge, rng: np.random.Generator) -> list[Array]:  # type: ignore[no-untyped-def]
+    for _ in range(25):
+        if len(path) < 3:
+            break
+        i, j = sorted(rng.choice(len(path), 2, replace=False))
+        if j - i > 1 and edge(path[i], path[j]):
+            path = path[: i + 1] + path[j:]
+    return path

@@ -1,0 +1,165 @@
+"""Where the r1's arms would touch: spheres on the arms against its own body, the other arm, and solids around it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot import r1
+from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.solids import Array, Solid
+
+
+def _spheres(rows: Sequence[tuple[float, float, float, float]]) -> tuple[Array, Array]:
+    table = np.array(rows)
+    return table[:, :3], table[:, 3]
+
+
+# Centers and radii in the frames of kinematics.arm_frames: upper arm, forearm, tcp.
+_UPPER = _spheres([(0, 0, -z, 0.05) for z in (0.10, 0.18, 0.26, 0.32)])
+_FORE = _spheres([(0, 0, -z, 0.045) for z in (0.08, 0.16, 0.24, 0.30)])
+_HAND = _spheres(
+    [(0, y, 0.085 - r1.TCP_M, 0.033) for y in (-0.06, -0.02, 0.02, 0.06)]
+    + [(-0.055, 0, 0.085 - r1.TCP_M, 0.02)]
+    + [(0, y, z - r1.TCP_M, 0.012) for y in (-0.055, 0.055) for z in (0.135, 0.155)]
+)
+_RADII = np.concatenate([_UPPER[1], _FORE[1], _HAND[1]])
+_NUM_FINGERS = 4  # the last spheres: what may be near a thing that is being grasped
+# Boxes (center, half) in the chest frame: chest and head.
+_CHEST = [((-0.04, 0, 0.21), (0.07, 0.11, 0.14)), ((-0.01, 0, 0.51), (0.06, 0.09, 0.06))]
+_TRUNK = _spheres([(0.03, 0, 0.52, 0.12), (-0.04, 0, 0.40, 0.09), (-0.04, 0.06, 0.25, 0.10), (-0.04, -0.06, 0.25, 0.10),
+                   (-0.04, 0, 0.10, 0.11)])  # fmt: skip
+
+
+def _box_distance(p: Array, center: Sequence[float], half: Sequence[float]) -> Array:
+    return np.linalg.norm(np.maximum(np.abs(p - np.asarray(center)) - np.asarray(half), 0.0), axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """Solids around the robot, stacked so that distances to all of them come at once.
+
+    Attributes:
+        solids: Posed in the base frame.
+    """
+
+    solids: Sequence[Solid]
+    _T: Array = field(init=False, repr=False)
+    _half: Array = field(init=False, repr=False)
+    _round: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_T", np.array([kin.inverse(s.T) for s in self.solids]).reshape(-1, 4, 4))
+        object.__setattr__(self, "_half", np.array([s.half_m for s in self.solids]).reshape(-1, 3))
+        object.__setattr__(self, "_round", np.array([s.kind != "box" for s in self.solids], bool))
+
+    def distance(self, p: Array) -> Array:
+        """(...,) distance [m] of points (..., 3) in the base frame to the nearest solid; 0 within one, 9 if none."""
+        if not len(self.solids):
+            return np.full(p.shape[:-1], 9.0)
+        local = np.einsum("sij,...j->...si", self._T[:, :3, :3], p) + self._T[:, :3, 3]
+        out = np.abs(local) - self._half
+        if self._round.any():  # balls count as cylinders
+            radial = np.hypot(local[..., 0], local[..., 1]) - self._half[:, 0]
+            out[..., 0] = np.where(self._round, radial, out[..., 0])
+            out[..., 1] = np.where(self._round, 0.0, out[..., 1])
+        return np.linalg.norm(np.maximum(out, 0.0), axis=-1).min(-1)
+
+
+NOTHING = Surroundings(())
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """The robot in one posture, and what it holds; says which postures of an arm are free.
+
+    Attributes:
+        torso: (>= 3,) lift, waist yaw, waist pitch.
+        arms: (7,) posture of each arm.
+        held: Centers (n, 3) in the tcp frame and radii (n,) of spheres that cover what each hand holds.
+        around: Solids in the base frame.
+    """
+
+    torso: Array
+    arms: Mapping[Side, Array]
+    held: Mapping[Side, tuple[Array, Array]] = field(default_factory=dict)
+    around: Surroundings = NOTHING
+
+    def clearance(self, side: Side, q: Array, grasping: bool = False, neglect_held: bool = False) -> tuple[Array, Array]:
+        """How far postures q (n, 7) of arm `side` keep from things, each (n,) [m], negative within.
+
+        Args:
+            side: The arm that moves; the other one stays as in `arms`.
+            q: (n, 7) postures.
+            grasping: Leave the fingers out, which may touch what they grasp.
+            neglect_held: Leave out what this hand holds.
+
+        Returns:
+            Distance to the surroundings and distance to the robot itself.
+        """
+        q = np.atleast_2d(q)
+        p, radii, own = self._arm_points(side, q, grasping, neglect_held)
+        around = (self.around.distance(p) - radii).min(1)
+        chest = kin.inverse(kin.chest(self.torso))
+        in_chest = p @ chest[:3, :3].T + chest[:3, 3]
+        itself = np.full(len(q), np.inf)
+        for (center, half), first in zip(_CHEST, (1, 2), strict=True):  # the shoulder is inside the chest
+            itself = np.minimum(itself, (_box_distance(in_chest[:, first:], center, half) - radii[first:]).min(1))
+        low = p[:, 2:]
+        column = np.hypot(np.maximum(np.hypot(low[..., 0], low[..., 1]) - r1.BASE_RADIUS_M, 0), np.maximum(low[..., 2] - 0.26, 0))
+        itself = np.minimum(itself, (column - radii[2:]).min(1))
+        itself = np.minimum(itself, (_box_distance(low, (-0.10, 0, 0.40), (0.06, 0.08, 0.20)) - radii[2:]).min(1))
+        fold = np.linalg.norm(p[:, 8:own, None] - p[:, None, :2], axis=-1).min((1, 2)) - 0.09
+        itself = np.minimum(itself, fold)
+        other: Side = "left" if side == "right" else "right"
+        p2, r2, _ = self._arm_points(other, np.atleast_2d(self.arms[other]), False, False)
+        gap = np.linalg.norm(p[:, 2:, None] - p2[0, None, None], axis=-1) - radii[2:, None] - r2
+        return around, np.minimum(itself, gap.min((1, 2)))
+
+    def free(self, side: Side, q: Array, margin: float = 0.0, grasping: bool = False, neglect_held: bool = False) -> Array:
+        """(n,) bool: postures q (n, 7) that keep `margin` [m] from the surroundings and clear of the robot itself."""
+        around, itself = self.clearance(side, q, grasping, neglect_held)
+        return (around > margin) & (itself > 0.0)
+
+    def trunk_free(self) -> bool:
+        """Whether head and chest are clear of the surroundings: a pitched waist puts them where the furniture is."""
+        T = kin.chest(self.torso)
+        return bool((self.around.distance(_TRUNK[0] @ T[:3, :3].T + T[:3, 3]) > _TRUNK[1]).all())
+
+    def all_free(self) -> bool:
+        """Whether both arms and the trunk are free as they stand."""
+        return self.trunk_free() and all(bool(self.free(s, self.arms[s])[0]) for s in SIDES)
+
+    def _arm_points(self, side: Side, q: Array, grasping: bool, neglect_held: bool) -> tuple[Array, Array, int]:
+        C = kin.chest(self.torso)
+        parts = []
+        frames = kin.arm_frames(q, side)
+        hand = (_HAND[0][:-_NUM_FINGERS], _HAND[1][:-_NUM_FINGERS]) if grasping else _HAND
+        for T, (centers, _) in zip(frames, (_UPPER, _FORE, hand), strict=True):
+            parts.append(np.einsum("nij,kj->nki", T[:, :3, :3], centers) + T[:, None, :3, 3])
+        radii = [_UPPER[1], _FORE[1], hand[1]]
+        own = 8 + len(hand[0])
+        if side in self.held and not neglect_held:
+            centers, r = self.held[side]
+            T = frames[2]
+            parts.append(np.einsum("nij,kj->nki", T[:, :3, :3], centers) + T[:, None, :3, 3])
+            radii.append(r)
+        p = np.concatenate(parts, 1)
+        return p @ C[:3, :3].T + C[:3, 3], np.concatenate(radii), own
+
+
+def covering_spheres(solids: Sequence[Solid], step: float = 0.05) -> tuple[Array, Array]:
+    """Spheres that cover thin and small solids: centers (n, 3) in the solids' frame and radii (n,) [m]."""
+    centers, radii = [], []
+    for s in solids:
+        counts = np.maximum(1, np.ceil(2 * s.half_m / step - 1e-9)).astype(int)
+        cell = s.half_m / counts
+        grid = np.stack(np.meshgrid(*[(2 * np.arange(n) + 1) * c - h for n, c, h in zip(counts, cell, s.half_m, strict=True)],
+                                    indexing="ij"), -1).reshape(-1, 3)  # fmt: skip
+        shell = (np.abs(grid) > s.half_m - 2.5 * cell).any(1)  # the inside of a solid need not be covered
+        centers.append(grid[shell] @ s.T[:3, :3].T + s.T[:3, 3])
+        radii.append(np.full(int(shell.sum()), float(np.sort(cell)[-2:].mean()) * 1.2))
+    return np.concatenate(centers), np.concatenate(radii)
