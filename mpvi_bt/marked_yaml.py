@@ -121,8 +121,7 @@ def validate_data(data: Any, marks: Marks, model: type[Model]) -> Model:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        found = {(p.line, p.column, p.message): p for p in _problems(error, marks, model)}
-        raise FileProblems(list(found.values())) from None
+        raise FileProblems(problems_of(error, marks, model)) from None
 
 
 class _Reader:
@@ -277,15 +276,39 @@ _SHAPES = {
 }
 
 
-def _problems(error: ValidationError, marks: Marks, model: type[BaseModel]) -> Iterator[Problem]:
+def problems_of(
+    error: ValidationError,
+    marks: Marks,
+    model: type[BaseModel],
+    at: Location = (),
+    keys: Mapping[str, str] | None = None,
+) -> list[Problem]:
+    """A validation error as problems, each once.
+
+    Args:
+        error: What pydantic says.
+        marks: Of the file.
+        model: What was validated against.
+        at: Where in the file the model's data stands.
+        keys: Names of fields that the file writes otherwise, to what it writes.
+    """
+    found = {(p.line, p.column, p.message): p for p in _problems(error, marks, model, at, keys or {})}
+    return list(found.values())
+
+
+def _problems(
+    error: ValidationError, marks: Marks, model: type[BaseModel], at: Location, keys: Mapping[str, str]
+) -> Iterator[Problem]:
     for item in error.errors(include_url=False):
-        location, kind, context = item["loc"], item["type"], item.get("ctx", {})
+        kind, context = item["type"], item.get("ctx", {})
+        inner = item["loc"]
+        location: Location = (*at, *(keys.get(str(part), part) for part in inner[:1]), *inner[1:])
         last = str(location[-1]) if location else ""
         message = item["msg"].removeprefix("Value error, ").removeprefix("Input ")
         if kind == "missing":
             message = f"missing key {last!r}"
         elif kind == "extra_forbidden":
-            message = f"unknown key {last!r}." + _hint(last, fields_at(model, location[:-1]))
+            message = f"unknown key {last!r}." + _hint(last, fields_at(model, inner[:-1]))
         elif kind == "union_tag_not_found":
             message = f"missing key {str(context.get('discriminator', '')).strip(chr(39))!r}"
         elif kind in ("literal_error", "enum", "union_tag_invalid"):

@@ -20,7 +20,7 @@ class Clock(Protocol):
         ...
 
     @property
-    def step(self) -> int:
+    def steps(self) -> int:
         """Control steps since the episode began."""
         ...
 
