@@ -1,0 +1,33 @@
+"""Post-processing of a plan: which primitive each manipulation is, and which ones must be seen to be complete."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from mpvi_bt.plan.schema import Manipulation, Plan
+from mpvi_bt.plan.skills import Skill, SkillCall, match
+
+
+@dataclass(frozen=True)
+class Primitive:
+    """What post-processing found out about one manipulation segment.
+
+    Attributes:
+        call: The skill that its description names, or None.
+        terminal: A navigation segment, or the plan's end, comes next: only then is completion verified (Paper,
+            Completion Checker appendix, Subtask sequencing).
+    """
+
+    call: SkillCall | None
+    terminal: bool
+
+
+def primitives(plan: Plan, skills: Mapping[str, Skill]) -> dict[int, Primitive]:
+    """The primitive of each manipulation segment, by the segment's index (Paper, Subtask Planning appendix)."""
+    following = [*plan.segments[1:], None]
+    return {
+        i: Primitive(match(segment.description, skills), not isinstance(following[i], Manipulation))
+        for i, segment in enumerate(plan.segments)
+        if isinstance(segment, Manipulation)
+    }

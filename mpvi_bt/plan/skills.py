@@ -1,0 +1,170 @@
+"""What a manipulation primitive is, from skill files: the phrases that name it, what shows that it ended, its time.
+
+A phrase is a small pattern: plain words, `(one|another)` for alternatives, `[...]` for what may be left out, and slots
+such as `{object}` whose words become the call's arguments. The first alternative that fits wins, so longer ones come
+first: `(take hold of|take)`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from mpvi_bt.errors import FileProblems, UnknownName
+from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
+from mpvi_bt.plan.schema import Phrase
+
+SLOTS = ("object", "container", "surface", "source", "hand")
+_HANDS = "left|right"
+_TOKEN = re.compile(r"\{(\w*)\}|[\[\]()|]|[^\[\](){}|]+|.")
+_BRACKETS = {"[": "(?:", "]": ")?", "(": "(?:", ")": ")", "|": "|"}
+_ARTICLE = re.compile(r"(?:an?|the)\s+", re.IGNORECASE)
+
+
+def pattern(phrase: str) -> re.Pattern[str]:
+    """The regular expression of a phrase.
+
+    Raises:
+        ValueError: An unknown slot, one slot twice, or brackets that do not close.
+    """
+    source = ""
+    seen: set[str] = set()
+    for token in _TOKEN.finditer(" ".join(phrase.split())):
+        text, slot = token.group(), token.group(1)
+        if slot is not None:
+            if slot not in SLOTS:
+                raise ValueError(str(UnknownName("slot", slot, SLOTS)))
+            if slot in seen:
+                raise ValueError(f"slot {slot!r} twice in one phrase")
+            seen.add(slot)
+            source += f"(?P<{slot}>{_HANDS})" if slot == "hand" else rf"(?P<{slot}>\S(?:.*?\S)?)"
+        else:
+            source += _BRACKETS.get(text) or re.escape(text)
+    try:
+        return re.compile(source, re.IGNORECASE)
+    except re.error:
+        raise ValueError("brackets that do not match; known: (a|b), [may be left out], {slot}") from None
+
+
+def _is_phrase(phrase: str) -> str:
+    if pattern(phrase).fullmatch(""):
+        raise ValueError("a phrase must not match an empty text")
+    return phrase
+
+
+class Trigger(Record):
+    """What proprioception shows when the primitive has ended, and the camera that then sees the result.
+
+    Attributes:
+        event: Kind of event that the triggers report, such as "grasp".
+        camera: "head", or "hand": the wrist camera of the hand that it happened to (Paper, Manipulation: the trigger
+            directs the query to that wrist's view).
+    """
+
+    event: Literal["grasp", "release", "stall", "retract"]
+    camera: Literal["head", "hand"]
+
+
+class Skill(Record):
+    """A manipulation primitive (Paper, Subtask Planning appendix: a primitive with a pre-defined completion heuristic).
+
+    Attributes:
+        name: Such as "place_in".
+        summary: One line for a person.
+        phrases: What names it in a plan.
+        triggers: Events that ask the completion checker.
+        timeout_s: Simulated time that it may take.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    summary: Phrase
+    phrases: tuple[Annotated[Phrase, AfterValidator(_is_phrase)], ...] = Field(min_length=1)
+    triggers: tuple[Trigger, ...] = Field(min_length=1)
+    timeout_s: float = Field(gt=0, allow_inf_nan=False)
+
+    @cached_property
+    def patterns(self) -> tuple[re.Pattern[str], ...]:
+        """Its phrases as regular expressions."""
+        return tuple(map(pattern, self.phrases))
+
+
+@dataclass(frozen=True)
+class SkillCall:
+    """A skill and the words that fill its slots, such as {"object": "can of soda", "hand": "right"}."""
+
+    skill: Skill
+    arguments: Mapping[str, str]
+
+
+def load_skill(path: str | Path) -> Skill:
+    """A skill from its file, which bears its name.
+
+    Raises:
+        UserError: There is no such file.
+        FileProblems: Everything that is wrong with it.
+    """
+    return check_skill(*load_marked(path))
+
+
+def check_skill(data: object, marks: Marks) -> Skill:
+    """As `load_skill`, of data that is already loaded."""
+    skill = validate_data(data, marks, Skill)
+    if skill.name != (stem := Path(marks.file).stem):
+        message = f"skill {skill.name!r} in a file named {stem!r}; they must agree"
+        raise FileProblems([marks.problem(("name",), "name", message)])
+    return skill
+
+
+def load_skills(folders: Iterable[str | Path] | None = None) -> dict[str, Skill]:
+    """Skills by name, from every `*.yaml` of the folders, the first folder's winning.
+
+    Args:
+        folders: By default `skills/` of every root (`mpvi_bt.paths.roots`).
+
+    Raises:
+        FileProblems: Everything that is wrong with the files.
+    """
+    if folders is None:
+        from mpvi_bt.paths import roots
+
+        folders = [root / "skills" for root in roots()]
+    skills: dict[str, Skill] = {}
+    for folder in folders:
+        for path in sorted(Path(folder).glob("*.yaml")):
+            if path.stem not in skills:
+                skills[path.stem] = load_skill(path)
+    return skills
+
+
+def clauses(prompt: str) -> list[str]:
+    """The single descriptions that a prompt joins: "pick up the cup, then put the cup in the sink" has two."""
+    parts = re.split(r"(?:,|;)?\s+(?:and\s+)?then\s+|;\s+", prompt, flags=re.IGNORECASE)
+    return [part.strip(" ,.;") for part in parts if part.strip(" ,.;")]
+
+
+def match(description: str, skills: Mapping[str, Skill]) -> SkillCall | None:
+    """The skill that one description names, or None.
+
+    Our choice where several fit: the reading with the shortest object ("put the apple in the bowl on the table" is
+    place_in), then the one that fills more slots, then the skills' order.
+    """
+    text = " ".join(description.split()).strip(" .")
+    readings: list[tuple[int, int, SkillCall]] = []
+    for skill in skills.values():
+        for regex in skill.patterns:
+            if found := regex.fullmatch(text):
+                words = {slot: _bare(value) for slot, value in found.groupdict().items() if value is not None}
+                readings.append((len(words.get("object", text)), -len(words), SkillCall(skill, words)))
+    return min(readings, key=lambda r: r[:2])[2] if readings else None
+
+
+def _bare(words: str) -> str:
+    """Without a leading article, and lower case for hands."""
+    words = _ARTICLE.sub("", words, count=1) if _ARTICLE.match(words) else words
+    return words.lower() if words.lower() in ("left", "right") else words
