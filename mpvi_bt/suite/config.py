@@ -1,0 +1,52 @@
+"""What one episode is: light, so that it travels to worker processes and the command line loads it at once."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class EpisodeConfig:
+    """One episode, fully named: the same config gives the same result, wall times apart.
+
+    Attributes:
+        task: Name of a task (tasks/*.yaml).
+        instance: Which of the task's start states.
+        seed: Seed of everything random in the episode; the evaluator's rollout id.
+        policy, detector, checker, planner, map: Backends, by name.
+        tree: Name or file of a tree to run instead of compiling a plan, or None.
+        plan: Name or file of a plan instead of the task's own, or None.
+        video, picture: Where to write the episode's film and its picture from above, or None.
+    """
+
+    task: str
+    instance: int = 0
+    seed: int = 0
+    policy: str = "expert"
+    detector: str = "oracle"
+    checker: str = "visual"
+    planner: str = "recorded"
+    map: str = "prior"
+    tree: str | None = None
+    plan: str | None = None
+    video: Path | None = None
+    picture: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """The stem of the episode's result file, as BEHAVIOR's evaluator names them."""
+        return f"{self.task}_{self.instance}_{self.seed}"
+
+    @property
+    def backends(self) -> dict[str, str]:
+        """Kind to name of every chosen backend."""
+        return {kind: getattr(self, kind) for kind in ("planner", "map", "detector", "policy", "checker")}
+
+    def record(self) -> dict[str, Any]:
+        """What a result says of it: everything that can change the outcome, so not where pictures go."""
+        return {key: value for key, value in asdict(self).items() if key not in _OUTPUTS}
+
+
+_OUTPUTS = {"video", "picture"}

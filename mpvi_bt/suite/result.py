@@ -1,0 +1,224 @@
+"""The result of one episode: a JSON file in the layout of BEHAVIOR's evaluator, with our own keys beside it.
+
+Every wall-clock figure is under "wall": without that key the same config gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import tempfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, JsonValue, ValidationError
+
+from mpvi_bt import __version__
+from mpvi_bt.goals.evaluate import GoalReport
+from mpvi_bt.marked_yaml import Record
+from mpvi_bt.suite.backends import privileged
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.metrics import DIRECTIONS, Measurement, human_stats, ratio
+
+Amount = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+Count = Annotated[int, Field(ge=0)]
+
+
+class Score(Record):
+    """q at the end of the episode."""
+
+    final: Share
+
+
+class Time(Record):
+    """Control steps, simulated seconds, and human / robot."""
+
+    simulator_steps: Count
+    simulator_time: Amount
+    normalized_time: Amount | None
+
+
+class Hands(Record):
+    """A figure for each hand."""
+
+    left: Amount
+    right: Amount
+
+
+class Distances(Hands):
+    """A figure for the base and each hand."""
+
+    base: Amount
+
+
+class Ratios(Record):
+    """Human / robot for the base and each hand; null where the robot did not move, or no human did the task."""
+
+    base: Amount | None
+    left: Amount | None
+    right: Amount | None
+
+
+class GoalCondition(Record):
+    """One condition of the goal at the end."""
+
+    condition: str
+    satisfied: bool
+
+
+class Failure(Record):
+    """One thing that failed in the world during the episode.
+
+    Attributes:
+        node: Path of the node in the tree.
+        reason: Stable code, such as "no_path".
+        feedback: One line for a person.
+        time_s: Simulated time.
+    """
+
+    node: str
+    reason: str
+    feedback: str = ""
+    time_s: Amount = 0.0
+
+
+class Result(Record):
+    """One episode's result; the field names are the file's keys.
+
+    Attributes:
+        format: Version of this layout.
+        version: Version of mpvi_bt.
+        rollout_id: The seed.
+        success: The goal was true at the end.
+        q_score: Official q.
+        goal_fraction: Share of the goal's literals that hold at the end.
+        ended: How the episode ended, such as "success", "failure", "time_budget".
+        config: Everything that can change the outcome.
+        privileged: Backends that read simulator truth, as "kind:name".
+        directions: What each figure's unit is, and which way is better.
+        wall: Every wall-clock figure [s].
+    """
+
+    model_config = ConfigDict(strict=True)
+
+    format: Literal[1] = 1
+    version: str
+    task: str
+    instance_id: Count
+    rollout_id: int
+    steps: Count
+    success: bool
+    q_score: Score
+    goal_fraction: Share
+    time: Time
+    agent_distance: Distances
+    normalized_agent_distance: Ratios
+    agent_distance_base_relative: Hands
+    goal: list[GoalCondition]
+    ended: str
+    failures: list[Failure]
+    config: dict[str, JsonValue]
+    privileged: list[str]
+    directions: dict[str, str]
+    wall: dict[str, JsonValue]
+
+    @property
+    def q(self) -> float:
+        """Official q."""
+        return self.q_score.final
+
+
+def make_result(
+    config: EpisodeConfig,
+    goal: GoalReport,
+    measured: Measurement,
+    *,
+    ended: str,
+    failures: Iterable[Failure] = (),
+    wall: Mapping[str, Any] | None = None,
+) -> Result:
+    """Put an episode's result together.
+
+    Args:
+        config: The episode.
+        goal: The goal, judged at the end.
+        measured: What the meter says.
+        ended: How the episode ended.
+        failures: What failed on the way, in order.
+        wall: Wall-clock figures [s]; may nest.
+    """
+    human = human_stats().get(config.task)
+    hands = measured.hand_world_m
+    return Result(
+        version=__version__,
+        task=config.task,
+        instance_id=config.instance,
+        rollout_id=config.seed,
+        steps=measured.steps,
+        success=goal.satisfied,
+        q_score=Score(final=goal.q),
+        goal_fraction=goal.fraction,
+        time=Time(
+            simulator_steps=measured.steps,
+            simulator_time=measured.time_s,
+            normalized_time=ratio(human.steps, measured.steps) if human else None,
+        ),
+        agent_distance=Distances(base=measured.base_m, left=hands["left"], right=hands["right"]),
+        normalized_agent_distance=Ratios(
+            base=ratio(human.base_m, measured.base_m) if human else None,
+            left=ratio(human.hand_m["left"], hands["left"]) if human else None,
+            right=ratio(human.hand_m["right"], hands["right"]) if human else None,
+        ),
+        agent_distance_base_relative=Hands(left=measured.hand_base_m["left"], right=measured.hand_base_m["right"]),
+        goal=[GoalCondition(condition=c.text, satisfied=c.satisfied) for c in goal.conditions],
+        ended=ended,
+        failures=list(failures),
+        config=config.record(),
+        privileged=privileged(config.backends),
+        directions=dict(DIRECTIONS),
+        wall=dict(wall or {}),
+    )
+
+
+def write_result(path: Path, result: Result | Mapping[str, Any]) -> None:
+    """Write a result so that the file is whole or not there, whatever happens.
+
+    Raises:
+        ValidationError: A mapping that is no result.
+        ValueError: A number under "wall" that JSON does not have.
+    """
+    data = result if isinstance(result, Result) else Result.model_validate(dict(result))
+    write_json(path, data.model_dump(mode="json"))
+
+
+def read_result(path: Path) -> Result | None:
+    """The result in a file; None if there is no such file, or it is cut short or no result."""
+    try:
+        return Result.model_validate_json(path.read_bytes())
+    except (OSError, ValidationError):
+        return None
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write strict JSON atomically: to a temporary file beside it, synced, then renamed."""
+    text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(temporary).replace(path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            Path(temporary).unlink()
+        raise
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)  # the rename itself
+    finally:
+        os.close(folder)
