@@ -1,0 +1,27 @@
+"""What several tests share."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+Shell = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+@pytest.fixture
+def mpvi(tmp_path: Path) -> Shell:
+    """Run `mpvi ARGS...` in a process of its own, in an empty folder, as a user would."""
+
+    def run(*args: str, timeout: float = 60, **env: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-c", "from mpvi_bt.cli import main; main()", *args]
+        environment = {**os.environ, "COLUMNS": "80", **env}
+        return subprocess.run(
+            command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=timeout, check=False
+        )
+
+    return run

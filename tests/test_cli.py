@@ -1,0 +1,113 @@
+"""The command line: help, exit codes, errors in one line."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import click
+import pytest
+
+from mpvi_bt import errors
+from mpvi_bt.cli import COMMANDS, main
+from mpvi_bt.cli.group import LazyGroup, cli
+from tests.conftest import Shell
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_in_the_table_is_there(name: str) -> None:
+    """Each line of the table leads to a click command of that name, with help of its own."""
+    command = cli.get_command(click.Context(cli), name)
+    assert command is not None
+    assert command.name == name
+    assert command.help
+
+
+def test_help_fits_the_screen(mpvi: Shell) -> None:
+    """`mpvi --help` names every command within 80 columns, and click's own help says the same."""
+    done = mpvi("--help")
+    assert all(f"  {name} " in done.stdout for name in COMMANDS)
+    assert max(map(len, done.stdout.splitlines())) <= 80
+    assert click.Context(cli).get_help() == done.stdout
+
+
+@pytest.mark.parametrize(
+    ("args", "code"),
+    [
+        (["--help"], 0),
+        (["--version"], 0),
+        (["rum"], 2),
+        (["run"], 2),
+        (["list", "nothing"], 2),
+        (["list", "backends"], 0),
+    ],
+)
+def test_exit_codes(args: list[str], code: int) -> None:
+    """What was asked for ends with 0, bad usage with 2."""
+    with pytest.raises(SystemExit) as exit_:
+        main(args)
+    assert exit_.value.code == code
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (errors.UserError("what was given"), 2),
+        (errors.BackendError("what broke"), 3),
+        (KeyboardInterrupt(), 130),
+        (RuntimeError("a fault of ours"), 3),
+    ],
+)
+def test_every_kind_of_error_has_its_exit_code(
+    error: BaseException, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Errors end the command with their code; ours in one line, without a traceback."""
+
+    def fail(*args: object, **kwargs: object) -> None:
+        raise error
+
+    monkeypatch.setattr(LazyGroup, "invoke", fail)
+    with pytest.raises(SystemExit) as exit_:
+        main(["list", "backends"])
+    said = capsys.readouterr().err
+    assert exit_.value.code == code
+    if isinstance(error, errors.MpviError):
+        assert said == f"mpvi: {error}\n"
+
+
+def test_unknown_command_names_the_nearest(mpvi: Shell) -> None:
+    """A typing error is answered with the command that was meant."""
+    done = mpvi("docter")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "Did you mean 'doctor'?" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_output_that_nobody_reads_is_no_fault(tmp_path: Path) -> None:
+    """`mpvi list ... | head -0` ends quietly."""
+    code = "from mpvi_bt.cli import main; main(['list', 'backends'])"
+    done = subprocess.run(
+        ["/bin/sh", "-c", f'"{sys.executable}" -c "{code}" | head -c 0'], capture_output=True, text=True, check=True
+    )
+    assert done.stderr == ""
+
+
+def test_help_takes_at_most_five_times_a_bare_python() -> None:
+    """Best of seven each, interleaved, in one run."""
+
+    def seconds(*args: str) -> float:
+        started = time.perf_counter()
+        subprocess.run([sys.executable, *args], check=True, stdout=subprocess.DEVNULL)
+        return time.perf_counter() - started
+
+    pairs = [(seconds("-c", "pass"), seconds("-c", "from mpvi_bt.cli import main; main(['--help'])")) for _ in range(7)]
+    bare, help_ = (min(column) for column in zip(*pairs, strict=True))
+    assert help_ <= 5 * bare, f"--help took {help_ / bare:.1f} times as long"
+
+
+def test_completion_knows_the_commands(mpvi: Shell) -> None:
+    """Tab completion of bash offers the commands."""
+    done = mpvi(_MPVI_COMPLETE="bash_complete", COMP_WORDS="mpvi d", COMP_CWORD="1")
+    assert done.stdout.split() == ["plain,doctor"]

@@ -1,0 +1,97 @@
+"""The rules of import that keep the parts apart."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import mpvi_bt
+
+PACKAGE = Path(mpvi_bt.__file__).parent
+MODULES = sorted(PACKAGE.rglob("*.py"))
+
+# What stands above what. A part may import parts of lower rank and itself; parts of one rank do not know each other.
+RANKS = [
+    {"errors"},
+    {"robot", "paths", "marked_yaml"},
+    {"goals", "plan", "perception"},
+    {"navigation", "manipulation", "completion", "sim"},
+    {"behaviors"},
+    {"tree"},
+    {"executive"},
+    {"suite"},
+    {"cli"},
+]
+RANK = {part: rank for rank, parts in enumerate(RANKS) for part in parts}
+# Protocols and plain data that modules of lower rank may share with the behaviors that use them.
+SHARED = {"mpvi_bt.behaviors.protocols"}
+
+ONLY_IN = {"sapien": {"sim"}, "mani_skill": {"sim/maniskill.py"}, "py_trees": {"behaviors", "tree", "executive"}}
+HEAVY = ("numpy", "sapien", "torch", "pydantic", "numba", "scipy", "yaml", "py_trees", "mani_skill")
+
+
+def part_of(path: Path) -> str:
+    """The folder or module right under the package that a file belongs to, such as "sim"."""
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Full names of the modules that a file imports anywhere, at the top or inside a function."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}:{node.lineno}: relative import"
+            assert node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def of_ours(path: Path) -> Iterator[tuple[str, str]]:
+    """(part, full name) of each import of our own modules."""
+    for name in imports(path):
+        if name.startswith("mpvi_bt.") and (part := name.split(".")[1]) in RANK:
+            yield part, name
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_no_import_runs_back_up(path: Path) -> None:
+    """A module imports only its own part and parts that stand below it."""
+    own = part_of(path)
+    if own == "__init__":
+        return
+    wrong = [
+        name
+        for part, name in of_ours(path)
+        if part != own and RANK[part] >= RANK[own] and not any(name.startswith(f"{shared}.") for shared in SHARED)
+    ]
+    assert not wrong, f"{own} may not import {wrong}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_heavy_libraries_stay_in_their_place(path: Path) -> None:
+    """Only sim imports sapien, only sim/maniskill.py ManiSkill, only what builds or ticks trees py_trees."""
+    places = {part_of(path), path.relative_to(PACKAGE).as_posix()}
+    for name in imports(path):
+        allowed = ONLY_IN.get(name.split(".")[0])
+        assert allowed is None or allowed & places, f"{name} is imported only in {sorted(allowed)}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_every_part_has_a_rank(path: Path) -> None:
+    """A new folder or top module must take its place in the order, or the laws above would not see it."""
+    assert part_of(path) in {*RANK, "__init__"}
+
+
+@pytest.mark.parametrize(
+    "statement", ["import mpvi_bt", "from mpvi_bt.cli import main\ntry: main(['--help'])\nexcept SystemExit: pass"]
+)
+def test_nothing_heavy_loads_before_it_is_used(statement: str) -> None:
+    """Neither `import mpvi_bt` nor `mpvi --help` loads a heavy library."""
+    code = f"import sys\n{statement}\nprint('LOADED', [m for m in {HEAVY!r} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "LOADED []"
