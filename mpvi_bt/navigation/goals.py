@@ -144,7 +144,7 @@ def _ring(entry: Entry, grid: Traversability, inner_m: float, outer_m: float) ->
     """(N, 2) the free cells whose centers are between two distances from the entry's box."""
     (r0, c0), (r1, c1) = grid.map.cell(entry.lowest[:2] - outer_m), grid.map.cell(entry.highest[:2] + outer_m)
     r0, c0 = max(r0, 0), max(c0, 0)
-    cells = np.argwhere(np.isfinite(grid.cost[r0 : r1 + 1, c0 : c1 + 1])) + (r0, c0)
+    cells = np.argwhere(np.isfinite(grid.cost[r0 : r1 + 1, c0 : c1 + 1])) + np.array([r0, c0])
     points = grid.points(cells)
     distance = np.linalg.norm(nearest_point(entry, points) - points, axis=1)
     ring: NDArray[np.int64] = cells[(distance >= inner_m) & (distance <= outer_m)]
@@ -155,7 +155,8 @@ def _half_depth(entry: Entry, points: Array) -> Array:
     """(N,) half extent of the box along the axis that each point (N, 2) looks at it."""
     half = (entry.highest - entry.lowest)[:2] / 2
     off = np.abs(points - entry.center[:2]) - half
-    return np.where(off[:, 0] > off[:, 1], half[0], half[1])
+    depth: Array = np.where(off[:, 0] > off[:, 1], half[0], half[1])
+    return depth
 
 
 def _same_room(entry: Entry, points: Array, grid: Traversability) -> NDArray[np.bool_]:

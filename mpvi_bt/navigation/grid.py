@@ -97,7 +97,7 @@ def _kernel() -> Callable[..., None]:
     return compiled  # type: ignore[no-any-return]
 
 
-def _search(cost, columns, start, target, reached, parent, closed, keys, items, step_row, step_column):  # type: ignore  # noqa: ANN001, ANN202
+def _search(cost, columns, start, target, reached, parent, closed, keys, items, step_row, step_column):  # type: ignore
     """Dijkstra (target < 0) or A* with a binary heap. Writes `reached` and `parent` in place; every array is flat."""
     rows = cost.size // columns
     diagonal = np.float32(math.sqrt(2.0))

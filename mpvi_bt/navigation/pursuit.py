@@ -74,7 +74,14 @@ class PathFollower:
         steps = np.linalg.norm(np.diff(self.path, axis=0), axis=1)
         self._to_go = np.append(np.cumsum(steps[::-1])[::-1], 0.0)  # (N,) distance to the end along the path
         self._at = 0  # index of the path's point nearest to the base; it never runs back
-        self._command = np.zeros(3)
+        self._command = np.zeros(3)  # of the last step: vx, vy in the world, yaw rate
+        self._aim_at = 0
+
+    @property
+    def aim(self) -> Array:
+        """(2,) the point of the path [m] that the last command aimed at."""
+        point: Array = self.path[self._aim_at]
+        return point
 
     def remaining_m(self, pose: Array) -> float:
         """Distance [m] still to drive from `pose` (3,)."""
@@ -97,9 +104,9 @@ class PathFollower:
             dt_s: One control step.
         """
         self._advance(pose[:2])
-        aim = self._aim(pose[:2])
-        delta = aim - pose[:2]
-        to_go = float(np.linalg.norm(delta)) + float(self._to_go[self._aim_index])
+        self._aim_at = self._look_ahead(pose[:2])
+        delta = self.aim - pose[:2]
+        to_go = float(np.linalg.norm(delta) + self._to_go[self._aim_at])
         arriving = to_go < self._arrive_m
         heading = self.goal[2] if arriving else math.atan2(delta[1], delta[0])
         turn = wrap(heading - pose[2])
@@ -130,16 +137,15 @@ class PathFollower:
         window = self.path[self._at : self._at + 40]
         self._at += int(np.argmin(np.linalg.norm(window - xy, axis=1)))
 
-    def _aim(self, xy: Array) -> Array:
-        """(2,) the farthest point of the path within the lookahead that a straight line reaches."""
+    def _look_ahead(self, xy: Array) -> int:
+        """Index of the farthest point of the path within the lookahead that a straight line reaches."""
         index = self._at
         while index + 1 < len(self.path) and self._to_go[self._at] - self._to_go[index] < self._lookahead_m:
             index += 1
         here = self._grid.cells(xy)
         while index > self._at and not segment_free(self._blocked, here, self._cells[index]):
             index -= 1
-        self._aim_index = max(index, min(self._at + 1, len(self.path) - 1))
-        return self.path[self._aim_index]
+        return max(index, min(self._at + 1, len(self.path) - 1))
 
 
 def wrap(angle: float) -> float:
