@@ -12,6 +12,7 @@ from pathlib import Path
 from mpvi_bt.errors import UnknownName, UserError
 
 _PACKAGE = Path(__file__).resolve().parent
+_SUFFIXES = (".yaml", ".json")
 
 
 def shipped() -> Path:
@@ -34,12 +35,12 @@ def roots() -> list[Path]:
 
 
 def names(folder: str) -> list[str]:
-    """Stems of the YAML files in `folder`, such as "tasks" or "tasks/houses", of every root; sorted, each once."""
-    return sorted({path.stem for root in roots() for path in (root / folder).glob("*.yaml")})
+    """Stems of the YAML and JSON files in `folder`, such as "tasks/plans", of every root; sorted, each once."""
+    return sorted({path.stem for root in roots() for path in (root / folder).glob("*") if path.suffix in _SUFFIXES})
 
 
 def find(folder: str, name: str, kind: str = "") -> Path:
-    """The YAML file of a name, such as ("tasks", "picking_up_trash").
+    """The file of a name, such as ("tasks", "picking_up_trash").
 
     Args:
         folder: Relative to a root.
@@ -52,7 +53,8 @@ def find(folder: str, name: str, kind: str = "") -> Path:
     known = names(folder)
     if name not in known:
         raise UnknownName(kind or Path(folder).name.removesuffix("s"), name, known)
-    return next(path for root in roots() if (path := root / folder / f"{name}.yaml").is_file())
+    places = [root / folder / f"{name}{suffix}" for root in roots() for suffix in _SUFFIXES]
+    return next(path for path in places if path.is_file())
 
 
 def find_or_file(folder: str, given: str, kind: str = "") -> Path:
@@ -62,7 +64,7 @@ def find_or_file(folder: str, given: str, kind: str = "") -> Path:
         UserError: It looks like a path and there is no such file.
         UnknownName: It looks like a name and no root has it.
     """
-    if given.endswith((".yaml", ".yml", ".json")) or os.sep in given:
+    if given.endswith(_SUFFIXES) or os.sep in given:
         path = Path(given)
         if not path.is_file():
             raise UserError(f"{given}: there is no such file.")

@@ -1,0 +1,119 @@
+"""`mpvi run`: one episode, with the tree shown live, then its score."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from mpvi_bt import paths
+from mpvi_bt.cli.group import INTERRUPTED
+from mpvi_bt.suite.backends import BACKENDS
+from mpvi_bt.suite.config import EpisodeConfig
+
+
+class Name(click.ParamType[str]):
+    """The name of a shipped or own file, completed by Tab; where `file` is set, a path does as well."""
+
+    name = "name"
+
+    def __init__(self, folder: str, file: bool = False) -> None:
+        self.folder, self.file = folder, file
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The name itself, once it is known that its file exists.
+
+        Raises:
+            UserError: There is none.
+        """
+        if self.file:
+            paths.find_or_file(self.folder, value)
+        else:
+            paths.find(self.folder, value)
+        return value
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """The names that begin with what is typed."""
+        return [CompletionItem(name) for name in paths.names(self.folder) if name.startswith(incomplete)]
+
+
+def _backend(kind: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """The option that chooses a backend."""
+    choices = BACKENDS[kind]
+    about = "; ".join(f"{name}: {backend.about}" for name, backend in choices.items())
+    default = EpisodeConfig.__dataclass_fields__[kind].default
+    return click.option(f"--{kind}", type=click.Choice(list(choices)), default=default, show_default=True, help=about)
+
+
+_OUTPUT = click.Path(dir_okay=False, path_type=Path)
+
+
+@click.command()
+@click.argument("task", type=Name("tasks"))
+@click.option("--instance", type=click.IntRange(min=0), default=0, show_default=True, help="Start state of the task.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of everything random.")
+@_backend("planner")
+@_backend("map")
+@_backend("detector")
+@_backend("policy")
+@_backend("checker")
+@click.option("--tree", type=Name("trees", file=True), help="Run this tree, by name or file, instead of a plan's.")
+@click.option("--plan", type=Name("tasks/plans", file=True), help="Compile this plan, by name or file.")
+@click.option("--video", type=_OUTPUT, metavar="FILE", help="Film the episode, as mp4.")
+@click.option("--picture", type=_OUTPUT, metavar="FILE", help="Draw the way taken, from above, as png.")
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default="runs",
+    show_default=True,
+    metavar="DIR",
+    help="Where the result file goes.",
+)
+@click.option("--watch/--no-watch", default=True, show_default=True, help="Show the tree while it runs.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON; what is watched goes to stderr.")
+def run(out: Path, watch: bool, as_json: bool, **settings: Any) -> int:
+    """Run one episode of TASK with the tree shown live, then print its score.
+
+    Exit code 0 where the goal is true at the end, 1 where it is not.
+    """
+    config = EpisodeConfig(**settings)
+    click.echo(f"{config.task}, instance {config.instance}, seed {config.seed}: setting up ...", err=True)
+    # what follows loads the simulator
+    from mpvi_bt.executive.live import LiveTree
+    from mpvi_bt.suite.episode import run as run_episode
+    from mpvi_bt.suite.result import write_result
+
+    stream = click.get_text_stream("stderr" if as_json else "stdout")
+    result = run_episode(config, subscribers=[LiveTree(stream)] if watch else [])
+    path = out / f"{config.name}.json"
+    write_result(path, result)
+    click.echo(json.dumps(result, indent=2) if as_json else score(result) + f"\n  result    {path}")
+    if result["ended"] == "interrupted":
+        return INTERRUPTED
+    return 0 if result["success"] else 1
+
+
+def score(result: Mapping[str, Any]) -> str:
+    """What a person wants to know of a result, in a few lines of at most 80 columns, goal conditions apart."""
+    normalized = result["time"]["normalized_time"]
+    human = f", {normalized:.2f} of human speed" if normalized is not None else ""
+    met = sum(condition["satisfied"] for condition in result["goal"])
+    lines = [
+        f"{'SUCCESS' if result['success'] else 'FAILURE'}  q = {result['q_score']['final']:.3f}  ({result['ended']})",
+        f"  goal      {met} of {len(result['goal'])} conditions",
+        *(f"            [{'x' if c['satisfied'] else ' '}] {c['condition']}" for c in result["goal"]),
+        f"  time      {result['time']['simulator_time']:.1f} s simulated{human}",
+        f"  distance  {', '.join(f'{part} {meters:.1f} m' for part, meters in result['agent_distance'].items())}",
+        *(f"  failed    {failure['node']}: {failure['reason']}" for failure in result["failures"]),
+        f"  wall      {_wall(result['wall'])}",
+        f"  truth     read by {', '.join(result['privileged']) or 'none'}",
+    ]
+    return "\n".join(lines)
+
+
+def _wall(wall: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name.removesuffix('_s')} {s:.1f} s" for name, s in wall.items() if isinstance(s, int | float))

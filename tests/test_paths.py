@@ -1,0 +1,48 @@
+"""Trees, skills and tasks are found: ours, and a user's own before ours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mpvi_bt import paths
+from mpvi_bt.errors import UnknownName, UserError
+
+
+def test_what_ships_is_found() -> None:
+    """The task of the README is there, under its name."""
+    assert "picking_up_trash" in paths.names("tasks")
+    assert paths.find("tasks", "picking_up_trash").is_file()
+
+
+def test_a_users_own_file_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file in a folder of MPVI_PATH wins over ours of the same name, and new names join ours."""
+    (tmp_path / "tasks").mkdir()
+    for name in ("picking_up_trash", "my_own"):
+        (tmp_path / "tasks" / f"{name}.yaml").write_text("")
+    monkeypatch.setenv("MPVI_PATH", str(tmp_path))
+    assert paths.find("tasks", "picking_up_trash").parent == tmp_path / "tasks"
+    assert "my_own" in paths.names("tasks")
+
+
+def test_a_missing_folder_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """MPVI_PATH that names nothing is an error of the user's, naming the folder."""
+    monkeypatch.setenv("MPVI_PATH", "/nowhere")
+    with pytest.raises(UserError, match="MPVI_PATH: /nowhere is not a folder"):
+        paths.roots()
+
+
+def test_a_typing_error_names_the_nearest() -> None:
+    """An unknown name is answered with the known one closest to it."""
+    with pytest.raises(UnknownName, match="unknown task 'picking_up_trsh'. Did you mean 'picking_up_trash'"):
+        paths.find("tasks", "picking_up_trsh")
+
+
+def test_a_path_is_taken_as_it_is(tmp_path: Path) -> None:
+    """What looks like a path is one; a file that is not there is said so, not looked up as a name."""
+    file = tmp_path / "tree.yaml"
+    file.write_text("")
+    assert paths.find_or_file("trees", str(file)) == file
+    with pytest.raises(UserError, match=r"other\.yaml: there is no such file"):
+        paths.find_or_file("trees", str(tmp_path / "other.yaml"))
