@@ -35,7 +35,7 @@ def test_a_missing_folder_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_typing_error_names_the_nearest() -> None:
     """An unknown name is answered with the known one closest to it."""
-    with pytest.raises(UnknownName, match="unknown task 'picking_up_trsh'. Did you mean 'picking_up_trash'"):
+    with pytest.raises(UnknownName, match=r"unknown task 'picking_up_trsh'\. Did you mean 'picking_up_trash'"):
         paths.find("tasks", "picking_up_trsh")
 
 
