@@ -160,13 +160,13 @@ def _half_depth(entry: Entry, points: Array) -> Array:
 
 
 def _same_room(entry: Entry, points: Array, grid: Traversability) -> NDArray[np.bool_]:
-    """(N,) bool; whether points (N, 2) are in the target's room or in none, as in a doorway."""
+    """(N,) bool; whether points (N, 2) are in the target's room; all of them where it is in none, as in a doorway."""
     name = entry.room or grid.map.room_at(entry.center[:2])
     if name not in grid.map.room_names:
         return np.ones(len(points), bool)
     cells = np.floor(grid.cells(points)).astype(int).clip(0, np.array(grid.occupied.shape) - 1)
     rooms = grid.map.rooms[cells[:, 0], cells[:, 1]]
-    same: NDArray[np.bool_] = (rooms == grid.map.room_names.index(name)) | (rooms < 0)
+    same: NDArray[np.bool_] = rooms == grid.map.room_names.index(name)
     return same
 
 

@@ -1,0 +1,362 @@
+"""Laws of goal poses, pursuit and the navigator, on hand-made maps."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mpvi_bt.behaviors.protocols import Progress, Report
+from mpvi_bt.navigation.goals import Handoff, at_target, distance_to, facing_yaw, object_goals, room_goals
+from mpvi_bt.navigation.grid import segment_free, shortest_path
+from mpvi_bt.navigation.navigator import KnownPlaceNavigator
+from mpvi_bt.navigation.pursuit import CARRYING, Limits, PathFollower, wrap
+from mpvi_bt.navigation.traversability import traversability
+from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
+from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout
+from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
+
+HANDOFF = Handoff()
+
+
+def knowing(*entries: Entry) -> KnowledgeBase:
+    """A knowledge base of these."""
+    base = KnowledgeBase()
+    for entry in entries:
+        base.put(entry)
+    return base
+
+
+def drive(
+    robot: KinematicRobot, navigator: KnownPlaceNavigator, target: str, room: str | None = None, most_s: float = 90.0
+) -> tuple[Report, list[np.ndarray]]:
+    """Run a drive to its end; the last report and the trace of poses."""
+    navigator.start(target, room)
+    trace = [robot.pose.copy()]
+    for _ in range(round(most_s * CONTROL_HZ)):
+        report = navigator.step()
+        if report.progress is not Progress.RUNNING:
+            return report, trace
+        robot.advance()
+        trace.append(robot.pose.copy())
+    raise AssertionError(f"still {report} after {most_s} s at {robot.pose}")
+
+
+# ---------------------------------------------------------------------------------------------------- goals
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(0.6, 3.3), st.floats(0.6, 3.4), st.floats(0.05, 0.6), st.floats(0.05, 0.6))
+def test_goals_are_free_facing_reachable_in_the_room_and_within_reach(
+    x: float, y: float, width: float, depth: float
+) -> None:
+    """Every goal before a thing on the kitchen floor has all the properties that a handoff needs."""
+    grid_map, entry = two_rooms(), thing("can", (x, y, 0.1), (width, depth, 0.2))
+    start = np.array([7.0, 3.0])
+    grid = traversability(grid_map, 0.33, [(entry.lowest, entry.highest)])
+    goals = object_goals(entry, start, grid, HANDOFF)
+    assert goals
+    for goal in goals:
+        xy = goal.pose[:2]
+        assert 0.33 <= distance_to(entry, xy) <= HANDOFF.distance_m
+        assert abs(wrap(goal.pose[2] - float(facing_yaw(entry, xy)))) < 1e-9
+        assert at_target(entry, goal.pose, grid, HANDOFF)
+        assert grid_map.room_at(xy) == "kitchen"
+        assert shortest_path(grid.cost, grid_map.cell(start), grid_map.cell(xy)) is not None
+
+
+def test_goals_keep_out_of_the_room_behind_the_wall() -> None:
+    """A shelf on the wall between two rooms is served from its own room only, however near the other side is."""
+    grid_map = two_rooms()
+    put_box(grid_map, (4.05, 0.5), (4.35, 1.2))
+    shelf = thing("shelf", (4.2, 0.85, 0.9), (0.3, 0.7, 1.8), kind="fixture", room="living_room")
+    grid = traversability(grid_map, 0.33)
+    goals = object_goals(shelf, np.array([1.0, 1.0]), grid, HANDOFF, most=1000)
+    assert goals
+    assert all(goal.pose[0] > 4.05 for goal in goals)
+
+
+def test_goals_before_a_counter_are_square_to_its_middle() -> None:
+    """The best place before a long counter is across from its middle, facing it squarely."""
+    grid_map = two_rooms()
+    put_box(grid_map, (0.8, 0.05), (3.2, 0.65))
+    counter = thing("counter", (2.0, 0.35, 0.45), (2.4, 0.6, 0.9), kind="fixture", room="kitchen")
+    goal = object_goals(counter, np.array([2.0, 3.0]), traversability(grid_map, 0.33), HANDOFF)[0]
+    assert abs(goal.pose[0] - 2.0) < 0.4
+    assert abs(goal.pose[2] + math.pi / 2) < 0.05
+
+
+def test_a_thing_deep_on_a_wide_table_is_approached_as_near_as_can_be() -> None:
+    """Where nothing is free within the handoff distance, up to the slack more is taken."""
+    grid_map = two_rooms()
+    put_box(grid_map, (1.2, 1.2), (2.8, 2.8))
+    cup = thing("cup", (2.0, 2.0, 0.8), (0.08, 0.08, 0.1), room="kitchen")
+    goals = object_goals(cup, np.array([0.6, 0.6]), traversability(grid_map, 0.33), HANDOFF)
+    assert goals
+    assert HANDOFF.distance_m < distance_to(cup, goals[0].pose[:2]) <= HANDOFF.distance_m + HANDOFF.slack_m
+
+
+def test_a_screen_between_hides_the_target() -> None:
+    """A goal pose is not across another obstacle from the target."""
+    grid_map = two_rooms()
+    put_box(grid_map, (1.0, 1.9), (3.0, 2.0))
+    can = thing("can", (2.0, 1.7, 0.06), (0.07, 0.07, 0.12), room="kitchen")
+    goals = object_goals(can, np.array([2.0, 3.0]), traversability(grid_map, 0.33), HANDOFF, most=1000)
+    assert goals
+    assert all(goal.pose[1] < 1.9 or not 1.2 < goal.pose[0] < 2.8 for goal in goals)
+
+
+def test_a_room_goal_is_well_inside() -> None:
+    """Driving to a room ends inside it, away from its doorway."""
+    grid_map = two_rooms()
+    goals = room_goals("living_room", np.array([1.0, 2.0]), traversability(grid_map, 0.33))
+    assert goals
+    for goal in goals:
+        assert grid_map.room_at(goal.pose[:2]) == "living_room"
+        assert goal.pose[0] >= 4.06 + 0.5
+    assert room_goals("attic", np.array([1.0, 2.0]), traversability(grid_map, 0.33)) == []
+
+
+# -------------------------------------------------------------------------------------------------- pursuit
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.tuples(st.floats(0.5, 3.5), st.floats(0.5, 3.5), st.floats(-3.1, 3.1)),
+    st.tuples(st.floats(4.6, 7.5), st.floats(0.5, 3.5), st.floats(-3.1, 3.1)),
+    st.sampled_from([Limits(), CARRYING]),
+)
+def test_pursuit_reaches_the_pose_within_limits_and_off_inflated_cells(
+    start: tuple[float, float, float], goal: tuple[float, float, float], limits: Limits
+) -> None:
+    """Through the doorway to any pose: speed and acceleration stay in limits and the base where it may be."""
+    grid = traversability(two_rooms(), 0.33)
+    found = shortest_path(grid.cost, grid.map.cell(start[:2]), grid.map.cell(goal[:2]))
+    assert found is not None
+    follower = PathFollower(grid.points(found[0]), np.array(goal), grid, limits)
+    robot = KinematicRobot(*start)
+    dt = 1 / CONTROL_HZ
+    world_before = np.zeros(3)
+    for _ in range(60 * CONTROL_HZ):
+        if follower.reached(robot.pose, robot.velocity):
+            break
+        command = follower.command(robot.pose)
+        before = robot.pose.copy()
+        robot.action[ActionLayout.BASE] = command
+        robot.advance()
+        world = np.append((robot.pose - before)[:2] / dt, command[2])
+        assert np.linalg.norm(world[:2]) <= limits.speed_m_s + 1e-6
+        assert abs(world[2]) <= limits.turn_rad_s + 1e-6
+        assert np.linalg.norm(world[:2] - world_before[:2]) <= limits.acceleration_m_s2 * dt + 1e-6
+        assert abs(world[2] - world_before[2]) <= limits.turn_acceleration_rad_s2 * dt + 1e-6
+        world_before = world
+        assert segment_free(grid.blocked, grid.cells(robot.pose[:2]), grid.cells(robot.pose[:2]))
+    assert np.linalg.norm(robot.pose[:2] - np.array(goal[:2])) <= 0.03
+    assert abs(wrap(robot.pose[2] - goal[2])) <= 0.05
+
+
+def test_a_base_with_a_lagging_drive_still_settles() -> None:
+    """A first-order lag of 0.1 s in the base, as a physical drive has, causes no endless hunting."""
+    grid = traversability(two_rooms(), 0.33)
+    goal = np.array([3.0, 3.0, 1.0])
+    follower = PathFollower(np.array([[1.0, 1.0], [2.0, 2.0], [3.0, 3.0]]), goal, grid)
+    robot, felt = KinematicRobot(1.0, 1.0), np.zeros(3)
+    for _ in range(15 * CONTROL_HZ):
+        if follower.reached(robot.pose, robot.velocity):
+            break
+        felt += (follower.command(robot.pose) - felt) / 3
+        robot.action[ActionLayout.BASE] = felt
+        robot.advance()
+    assert follower.reached(robot.pose, robot.velocity)
+
+
+# ------------------------------------------------------------------------------------------------ navigator
+
+
+def test_it_drives_through_the_doorway_to_an_object_and_stands_facing_it() -> None:
+    """The whole way: known object in the other room, ending within the handoff distance, facing it."""
+    grid_map, robot = two_rooms(), KinematicRobot(1.0, 1.0, 2.0)
+    can = thing("can_of_soda", (6.5, 3.0, 0.06), (0.07, 0.07, 0.12), room="living_room")
+    report, trace = drive(robot, KnownPlaceNavigator(robot, grid_map, knowing(can)), "a can of soda", "living room")
+    assert report == Report(Progress.SUCCEEDED, "", "arrived")
+    assert at_target(can, robot.pose, traversability(grid_map, 0.33), HANDOFF)
+    clear = traversability(grid_map, 0.33, [(can.lowest, can.highest)])
+    assert all(np.isfinite(clear.cost[grid_map.cell(pose[:2])]) for pose in trace)
+    assert (robot.action[ActionLayout.BASE] == 0).all()
+
+
+def test_at_the_target_already_it_is_done_without_a_move() -> None:
+    """Within the handoff distance and facing the target, navigation is complete (Paper, Navigation appendix)."""
+    robot = KinematicRobot(2.0, 2.0, 0.0)
+    can = thing("can", (2.8, 2.0, 0.06), (0.07, 0.07, 0.12))
+    report, trace = drive(robot, KnownPlaceNavigator(robot, two_rooms(), knowing(can)), "can")
+    assert report.progress is Progress.SUCCEEDED
+    assert len(trace) == 1
+
+
+def test_near_the_target_but_facing_away_it_turns() -> None:
+    """Being near is not enough: the target must be before the robot."""
+    robot = KinematicRobot(2.0, 2.0, math.pi)
+    can = thing("can", (2.8, 2.0, 0.06), (0.07, 0.07, 0.12))
+    report, _ = drive(robot, KnownPlaceNavigator(robot, two_rooms(), knowing(can)), "can")
+    assert report.progress is Progress.SUCCEEDED
+    assert abs(wrap(robot.pose[2] - float(facing_yaw(can, robot.pose[:2])))) < HANDOFF.facing_rad
+
+
+def test_a_room_is_a_target_too() -> None:
+    """A room of the map can be driven to, known to the knowledge base or not, however its name is spelled."""
+    robot = KinematicRobot(1.0, 1.0)
+    report, _ = drive(robot, KnownPlaceNavigator(robot, two_rooms(), knowing()), "the living room")
+    assert report.progress is Progress.SUCCEEDED
+    assert two_rooms().room_at(robot.pose[:2]) == "living_room"
+
+
+def test_of_two_cans_the_nearer_by_road_comes_first() -> None:
+    """A can behind the wall is farther than its distance says."""
+    robot = KinematicRobot(3.5, 0.6, math.pi)
+    here = thing("can_1", (1.0, 0.7, 0.06), (0.07, 0.07, 0.12), room="kitchen")
+    behind_wall = thing("can_2", (4.6, 0.6, 0.06), (0.07, 0.07, 0.12), room="living_room")
+    here.phrases = behind_wall.phrases = ("can",)
+    drive(robot, KnownPlaceNavigator(robot, two_rooms(), knowing(behind_wall, here)), "can")
+    assert distance_to(here, robot.pose[:2]) <= HANDOFF.distance_m
+
+
+def test_it_drives_around_loose_things_on_the_floor() -> None:
+    """An object that the map lacks but the knowledge base holds is kept clear of."""
+    robot, grid_map = KinematicRobot(0.8, 2.0), two_rooms()
+    box = thing("box", (2.2, 2.0, 0.2), (0.5, 0.5, 0.4))
+    can = thing("can", (3.5, 2.0, 0.06), (0.07, 0.07, 0.12))
+    _, trace = drive(robot, KnownPlaceNavigator(robot, grid_map, knowing(box, can)), "can")
+    assert min(distance_to(box, pose[:2]) for pose in trace) >= 0.33 - 0.03
+
+
+def test_a_wider_footprint_is_respected() -> None:
+    """What is held can make the robot too wide for a doorway."""
+    robot = KinematicRobot(1.0, 1.0)
+    navigator = KnownPlaceNavigator(robot, two_rooms(), knowing(), footprint_radius_m=lambda: 0.6)
+    assert drive(robot, navigator, "living_room")[0].reason == "no_path"
+
+
+def test_an_unknown_target_fails() -> None:
+    """Neither entry nor room: nobody knows."""
+    robot = KinematicRobot(1.0, 1.0)
+    report, trace = drive(robot, KnownPlaceNavigator(robot, two_rooms(), knowing()), "unicorn")
+    assert (report.progress, report.reason) == (Progress.FAILED, "unknown_target")
+    assert len(trace) == 1
+
+
+def test_an_unknown_target_is_looked_up_again_from_inside_its_room() -> None:
+    """With a room named, the base goes there; what has been put on record meanwhile is driven to, else it fails."""
+    for appears in (True, False):
+        robot, base = KinematicRobot(1.0, 1.0), knowing()
+        can = thing("can", (6.5, 3.0, 0.06), (0.07, 0.07, 0.12), room="living_room")
+
+        def look_around(
+            robot: KinematicRobot = robot, base: KnowledgeBase = base, can: Entry = can, appears: bool = appears
+        ) -> KnowledgeBase:
+            if appears and robot.pose[0] > 4.5:
+                base.put(can)
+            return base
+
+        report, _ = drive(robot, KnownPlaceNavigator(robot, two_rooms(), look_around), "can", "living room")
+        assert robot.pose[0] > 4.5
+        assert report.progress is (Progress.SUCCEEDED if appears else Progress.FAILED)
+        assert report.reason == ("" if appears else "unknown_target")
+
+
+def test_no_path_when_walled_in() -> None:
+    """A closed doorway leaves no way."""
+    robot = KinematicRobot(1.0, 1.0)
+    report, _ = drive(robot, KnownPlaceNavigator(robot, two_rooms(door_m=0.0), knowing()), "living_room")
+    assert (report.progress, report.reason) == (Progress.FAILED, "no_path")
+
+
+def test_an_unmapped_obstacle_is_driven_around_after_backing_off() -> None:
+    """The first halt is answered by a way around it."""
+    robot = KinematicRobot(0.8, 2.0)
+    robot.walls = unmapped(1.9, 1.9, 2.1, 2.1)
+    report, _ = drive(robot, KnownPlaceNavigator(robot, two_rooms(), knowing()), "living_room")
+    assert report.progress is Progress.SUCCEEDED
+
+
+def test_a_way_that_stays_blocked_fails() -> None:
+    """The second halt ends the drive, with the base at rest."""
+    robot = KinematicRobot(0.8, 2.0)
+    robot.walls = unmapped(2.0, 0.0, 2.2, 4.0)
+    report, _ = drive(robot, KnownPlaceNavigator(robot, two_rooms(), knowing()), "living_room")
+    assert (report.progress, report.reason) == (Progress.FAILED, "blocked")
+    assert (robot.action[ActionLayout.BASE] == 0).all()
+
+
+def unmapped(x0: float, y0: float, x1: float, y1: float) -> OccupancyMap:
+    """A map that only the robot's bumper knows."""
+    walls = two_rooms()
+    walls.occupied[:] = False
+    put_box(walls, (x0, y0), (x1, y1))
+    return walls
+
+
+class CountingStow:
+    """Takes five steps, each of which writes a mark into the arm's part of the action."""
+
+    def __init__(self, robot: KinematicRobot) -> None:
+        self.robot, self.steps = robot, 0
+
+    def start(self) -> None:
+        """Begin anew."""
+        self.steps = 0
+
+    def step(self) -> bool:
+        """Write the mark."""
+        action = self.robot.action.copy()
+        action[ActionLayout.ARM["left"]] = 0.25
+        self.robot.act(action)
+        self.steps += 1
+        return self.steps >= 5
+
+
+def test_the_arms_are_tucked_before_the_base_moves_and_stay_so() -> None:
+    """While stowing the base stands; while driving the arms' part of the command is left as it was."""
+    robot = KinematicRobot(1.0, 1.0)
+    stow = CountingStow(robot)
+    navigator = KnownPlaceNavigator(robot, two_rooms(), knowing(), stow)
+    navigator.start("living_room", None)
+    for _ in range(60):
+        navigator.step()
+        assert stow.steps == 5 or (robot.action[ActionLayout.BASE] == 0).all()
+        assert (robot.action[ActionLayout.ARM["left"]] == 0.25).all()
+        robot.advance()
+    assert np.abs(robot.action[ActionLayout.BASE]).max() > 0
+
+
+def test_stop_leaves_the_base_at_rest_at_any_time() -> None:
+    """Before a start, in the middle, and twice."""
+    robot = KinematicRobot(1.0, 1.0)
+    navigator = KnownPlaceNavigator(robot, two_rooms(), knowing())
+    navigator.stop()
+    navigator.start("living_room", None)
+    for _ in range(30):
+        navigator.step()
+        robot.advance()
+    assert np.abs(robot.action[ActionLayout.BASE]).max() > 0
+    navigator.stop()
+    navigator.stop()
+    assert (robot.action[ActionLayout.BASE] == 0).all()
+
+
+@pytest.mark.parametrize("width", [0.0, 0.05])
+def test_a_full_hand_slows_the_start(width: float) -> None:
+    """With something in a closed hand the base speeds up at no more than the gentle rate."""
+    robot = KinematicRobot(1.0, 2.0)
+    robot.gripper["left"] = (width, -1.0)
+    navigator = KnownPlaceNavigator(robot, two_rooms(), knowing())
+    navigator.start("living_room", None)
+    navigator.step()
+    robot.advance()
+    navigator.step()
+    speed = float(np.linalg.norm(robot.action[ActionLayout.BASE][:2]))
+    assert speed == pytest.approx((CARRYING if width else Limits()).acceleration_m_s2 * 2 / CONTROL_HZ, rel=0.05)
