@@ -12,7 +12,7 @@ class EpisodeConfig:
     """One episode, fully named: the same config gives the same result, wall times apart.
 
     Attributes:
-        task: Name of a task (tasks/*.yaml).
+        task: Name of a task (tasks/*.yaml), or the file of one.
         instance: Which of the task's start states.
         seed: Seed of everything random in the episode; the evaluator's rollout id.
         policy, detector, checker, planner, map: Backends, by name.
@@ -35,9 +35,14 @@ class EpisodeConfig:
     picture: Path | None = None
 
     @property
+    def task_name(self) -> str:
+        """The task's name, the stem of its file."""
+        return Path(self.task).stem if self.task.endswith((".yaml", ".yml", ".json")) else self.task
+
+    @property
     def name(self) -> str:
         """The stem of the episode's result file, as BEHAVIOR's evaluator names them."""
-        return f"{self.task}_{self.instance}_{self.seed}"
+        return f"{self.task_name}_{self.instance}_{self.seed}"
 
     @property
     def backends(self) -> dict[str, str]:

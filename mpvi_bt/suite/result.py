@@ -21,6 +21,7 @@ from mpvi_bt.marked_yaml import Record
 from mpvi_bt.suite.backends import privileged
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.metrics import DIRECTIONS, Measurement, human_stats, ratio
+from mpvi_bt.suite.tasks import Task
 
 Amount = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
@@ -133,6 +134,7 @@ class Result(Record):
 
 def make_result(
     config: EpisodeConfig,
+    task: Task,
     goal: GoalReport,
     measured: Measurement,
     *,
@@ -144,17 +146,18 @@ def make_result(
 
     Args:
         config: The episode.
+        task: Its task, whose human means normalize time and distances.
         goal: The goal, judged at the end.
         measured: What the meter says.
         ended: How the episode ended.
         failures: What failed on the way, in order.
         wall: Wall-clock figures [s]; may nest.
     """
-    human = human_stats().get(config.task)
+    human = human_stats().get(task.problem)
     hands = measured.hand_world_m
     return Result(
         version=__version__,
-        task=config.task,
+        task=config.task_name,
         instance_id=config.instance,
         rollout_id=config.seed,
         steps=measured.steps,

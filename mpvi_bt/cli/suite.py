@@ -1,0 +1,146 @@
+"""`mpvi suite run / status / report`."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+from mpvi_bt.errors import BackendError
+from mpvi_bt.suite.backends import BACKENDS
+from mpvi_bt.suite.config import EpisodeConfig
+
+# The heavier modules load in the functions, so that `--help` is quick.
+
+
+@click.group()
+def suite() -> None:
+    """Run many episodes, resume them, and tabulate the scores."""
+
+
+def _shared(command: Any) -> Any:
+    """The argument and options that name a suite's episodes and their folder."""
+    for kind, choices in BACKENDS.items():
+        default = EpisodeConfig.__dataclass_fields__[kind].default
+        about = "; ".join(f"{name}: {backend.about}" for name, backend in choices.items())
+        command = click.option(f"--{kind}", default=default, show_default=True, metavar="NAME", help=about)(command)
+    command = click.option("--tree", metavar="FILE", help="Run this tree instead of the plan's.")(command)
+    command = click.option("--plan", metavar="FILE", help="Compile this plan instead of the task's own.")(command)
+    command = click.option("--json", "as_json", is_flag=True, help="Write the report as JSON.")(command)
+    out = click.Path(file_okay=False, path_type=Path)
+    command = click.option("--out", type=out, help="Folder of the results.  [default: runs/SUITE]")(command)
+    return click.argument("name", metavar="SUITE")(command)
+
+
+@suite.command()
+@_shared
+@click.option("--workers", type=click.IntRange(1, 256), default=None, help="Worker processes.  [default: one a core]")
+@click.option(
+    "--wall-limit",
+    type=click.FloatRange(min=1),
+    default=1800.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="Wall time after which an episode counts as hung.",
+)
+@click.option("--video/--no-video", default=False, help="Film every episode.")
+@click.option("--picture/--no-picture", default=False, help="Draw every episode's path from above.")
+def run(
+    name: str,
+    out: Path | None,
+    as_json: bool,
+    workers: int | None,
+    wall_limit: float,
+    video: bool,
+    picture: bool,
+    **options: Any,
+) -> int:
+    """Run every episode of SUITE that has no result yet, then print the report.
+
+    Ends with 3 if an episode could not be finished for a fault of the machine; it is tried again by the next run.
+    """
+    from mpvi_bt.suite.progress import Progress
+    from mpvi_bt.suite.report import report_data, report_text
+    from mpvi_bt.suite.runner import run_suite
+
+    title, store, episodes = _open(name, out, options)
+    if video:
+        episodes = [replace(c, video=store.out / "videos" / f"{c.name}.mp4") for c in episodes]
+    if picture:
+        episodes = [replace(c, picture=store.out / "pictures" / f"{c.name}.png") for c in episodes]
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    outcome = run_suite(episodes, store, workers or cores, Progress(sys.stderr), wall_limit_s=wall_limit)
+    if as_json:
+        _print_json(report_data(title, episodes, outcome.results, outcome.faults))
+    else:
+        click.echo(report_text(title, episodes, outcome.results, outcome.faults))
+    return BackendError.exit_code if outcome.faults else 0
+
+
+@suite.command()
+@_shared
+def status(name: str, out: Path | None, as_json: bool, **options: Any) -> None:
+    """How far SUITE is: what is done, what broke, what is to do."""
+    title, store, episodes = _open(name, out, options)
+    results = {c: r for c in episodes if (r := store.result(c)) is not None}
+    faults = [c for c in episodes if c not in results and store.fault(c)]
+    data = {
+        "suite": title,
+        "folder": str(store.out),
+        "running": store.running(),
+        "episodes": len(episodes),
+        "done": len(results),
+        "failed": sum(not r.success for r in results.values()),
+        "faults": len(faults),
+        "mean_q": sum(r.q for r in results.values()) / len(results) if results else None,
+        "to_do": [c.name for c in episodes if c not in results],
+    }
+    if as_json:
+        _print_json(data)
+        return
+    line = f"{title}: {len(results)}/{len(episodes)} done, {data['failed']} failed"
+    line += f", mean q {data['mean_q']:.2f}" if results else ""
+    line += f", {len(faults)} machine faults" if faults else ""
+    click.echo(line + (", a run is at work now" if data["running"] else ""))
+    if data["to_do"]:
+        click.echo("to do: " + ", ".join(data["to_do"]))
+    for config in faults:
+        fault = store.fault(config)
+        click.echo(f"{config.name}: machine fault: {fault.message if fault else ''}")
+
+
+@suite.command()
+@_shared
+def report(name: str, out: Path | None, as_json: bool, **options: Any) -> None:
+    """The table of SUITE's results so far: q, time, distances and failures of every episode, and their means."""
+    from mpvi_bt.suite.report import report_data, report_text
+
+    title, store, episodes = _open(name, out, options)
+    results = {c: r for c in episodes if (r := store.result(c)) is not None}
+    faults = {c: f for c in episodes if c not in results and (f := store.fault(c)) is not None}
+    if as_json:
+        _print_json(report_data(title, episodes, results, faults))
+    else:
+        click.echo(report_text(title, episodes, results, faults))
+
+
+def _open(name: str, out: Path | None, options: dict[str, Any]) -> tuple[str, Any, list[EpisodeConfig]]:
+    """The suite's title, its store and its episodes, all names checked."""
+    from mpvi_bt.suite.backends import choose
+    from mpvi_bt.suite.store import Store
+    from mpvi_bt.suite.tasks import load_suite
+
+    for kind in BACKENDS:
+        choose(kind, options[kind])
+    loaded = load_suite(name)
+    title = Path(name).stem
+    return title, Store(out or Path("runs") / title), loaded.episodes(**options)
+
+
+def _print_json(data: Any) -> None:
+    click.echo(json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False))

@@ -1,0 +1,153 @@
+"""A suite's closing table, as data and as text. Pure: from results to words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.metrics import DIRECTIONS
+from mpvi_bt.suite.result import Result
+from mpvi_bt.suite.store import Fault
+
+_HEAD = ("instance", "seed", "q", "met", "time s", "base m", "left m", "right m", "ended")
+
+
+def report_data(
+    name: str,
+    episodes: Sequence[EpisodeConfig],
+    results: Mapping[EpisodeConfig, Result],
+    faults: Mapping[EpisodeConfig, Fault],
+) -> dict[str, Any]:
+    """The report for programs.
+
+    Args:
+        name: Of the suite.
+        episodes: All of it, in order.
+        results: Those that are there.
+        faults: What broke the others.
+
+    Returns:
+        Keys "suite", "episodes" (each result without its wall times), "missing", "tasks" and "overall" (means),
+        "privileged", "directions". "q_score" counts missing episodes as 0, as BEHAVIOR's leaderboard does;
+        "q_score_of_finished" leaves them out.
+    """
+    tasks = {config.task_name: [c for c in episodes if c.task_name == config.task_name] for config in episodes}
+    return {
+        "suite": name,
+        "episodes": [
+            results[c].model_dump(mode="json", exclude={"wall", "directions"}) for c in episodes if c in results
+        ],
+        "missing": [
+            {"episode": c.name, "fault": faults[c].message if c in faults else None}
+            for c in episodes
+            if c not in results
+        ],
+        "tasks": {task: _means(configs, results) for task, configs in tasks.items()},
+        "overall": _means(episodes, results),
+        "privileged": sorted({backend for r in results.values() for backend in r.privileged}),
+        "directions": dict(DIRECTIONS),
+    }
+
+
+def report_text(
+    name: str,
+    episodes: Sequence[EpisodeConfig],
+    results: Mapping[EpisodeConfig, Result],
+    faults: Mapping[EpisodeConfig, Fault],
+) -> str:
+    """The report for people: a table a task, what failed, and the means; in 80 columns."""
+    data = report_data(name, episodes, results, faults)
+    blocks = []
+    for task, means in data["tasks"].items():
+        configs = [c for c in episodes if c.task_name == task]
+        rows = [_row(c, results.get(c), faults.get(c)) for c in configs]
+        rows.append(_mean_row(means))
+        blocks.append("\n".join([task, *_table(rows), *_failures(configs, results)]))
+    overall = data["overall"]
+    lines = [f"{name}: {overall['finished']}/{overall['episodes']} episodes, {overall['successes']} succeeded"]
+    if overall["finished"]:
+        lines[0] += f", mean q {overall['q_score']:.3f}"
+        if overall["finished"] < overall["episodes"]:
+            lines[0] += f" with missing ones as 0, {overall['q_score_of_finished']:.3f} without"
+    if data["privileged"]:
+        lines.append(f"backends that read simulator truth: {', '.join(data['privileged'])}")
+    lines.append("q, met (share of the goal's literals): higher is better; time and distances: lower is better")
+    return "\n\n".join([*blocks, "\n".join(lines)])
+
+
+def _means(configs: Sequence[EpisodeConfig], results: Mapping[EpisodeConfig, Result]) -> dict[str, Any]:
+    done = [results[c] for c in configs if c in results]
+    times = [r.time.normalized_time for r in done if r.time.normalized_time is not None]
+    return {
+        "episodes": len(configs),
+        "finished": len(done),
+        "successes": sum(r.success for r in done),
+        "q_score": sum(r.q for r in done) / len(configs),
+        "q_score_of_finished": _mean([r.q for r in done]),
+        "success_rate": sum(r.success for r in done) / len(configs),
+        "goal_fraction": _mean([r.goal_fraction for r in done]),
+        "simulator_time": _mean([r.time.simulator_time for r in done]),
+        "normalized_time": _mean(times),
+        "agent_distance": {
+            part: _mean([getattr(r.agent_distance, part) for r in done]) for part in ("base", "left", "right")
+        },
+        "agent_distance_base_relative": {
+            part: _mean([getattr(r.agent_distance_base_relative, part) for r in done]) for part in ("left", "right")
+        },
+    }
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return sum(values) / len(values) if values else None
+
+
+def _row(config: EpisodeConfig, result: Result | None, fault: Fault | None) -> tuple[str, ...]:
+    where = (str(config.instance), str(config.seed))
+    if result is None:
+        return (*where, *["-"] * 6, "machine fault" if fault else "missing")
+    d = result.agent_distance
+    return (
+        *where,
+        f"{result.q:.3f}",
+        f"{result.goal_fraction:.3f}",
+        f"{result.time.simulator_time:.1f}",
+        f"{d.base:.1f}",
+        f"{d.left:.1f}",
+        f"{d.right:.1f}",
+        result.ended,
+    )
+
+
+def _mean_row(means: Mapping[str, Any]) -> tuple[str, ...]:
+    d = means["agent_distance"]
+    figures = [(means["q_score_of_finished"], 3), (means["goal_fraction"], 3), (means["simulator_time"], 1)]
+    figures += [(d[part], 1) for part in ("base", "left", "right")]
+    return ("mean", "", *["-" if x is None else f"{x:.{digits}f}" for x, digits in figures], "")
+
+
+def _table(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    widths = [max(len(row[i]) for row in [_HEAD, *rows]) for i in range(len(_HEAD))]
+    lines = []
+    for row in [_HEAD, *rows]:
+        cells = [cell.rjust(width) for cell, width in zip(row[:-1], widths, strict=False)]
+        lines.append("  " + "  ".join([*cells, row[-1]]).rstrip())
+    lines.insert(1, "  " + "-" * (sum(widths) + 2 * (len(widths) - 1)))
+    lines.insert(-1, lines[1])
+    return lines
+
+
+def _failures(configs: Sequence[EpisodeConfig], results: Mapping[EpisodeConfig, Result]) -> list[str]:
+    lines = []
+    for config in configs:
+        result = results.get(config)
+        if result is None:
+            continue
+        for failure in result.failures:
+            node = failure.node.rsplit("/", 1)[-1]
+            why = f": {failure.feedback}" if failure.feedback else ""
+            lines.append(f"  {config.instance}, {failure.time_s:.0f} s: {node} failed, {failure.reason}{why}")
+        if not result.success:
+            unmet = [condition.condition for condition in result.goal if not condition.satisfied]
+            lines.append(f"  {config.instance}: not met: {'; '.join(unmet)}")
+    return lines

@@ -1,0 +1,173 @@
+"""Tasks and suites, from YAML: what to do, where, with which things, and how often."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from mpvi_bt import paths
+from mpvi_bt.errors import FileProblems, UnknownName, UserError
+from mpvi_bt.errors import Problem as FileProblem
+from mpvi_bt.goals.problem import Problem, activities, load_problem
+from mpvi_bt.marked_yaml import Location, Marks, Record, load_marked, validate_data
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.metrics import human_stats
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]*$", max_length=100)]
+Whole = Annotated[int, Field(ge=0, le=999_999)]
+
+
+class Task(Record):
+    """One task (tasks/*.yaml).
+
+    Attributes:
+        instruction: What the robot is told.
+        problem: Activity of the `bddl` distribution whose goal scores it.
+        house: Where it is (tasks/houses/).
+        bindings: Synset of every movable object to its catalogue entry.
+        plan: Recorded plan (tasks/plans/).
+        tree: Compiled tree (trees/).
+        instances: How many start states there are: 0 to instances - 1.
+        time_budget_s: Simulated time after which the episode ends; None: twice the mean human time.
+        notes: For people.
+    """
+
+    instruction: Annotated[str, Field(min_length=1, max_length=2000)]
+    problem: str
+    house: Name
+    bindings: dict[str, Name]
+    plan: Name
+    tree: Name
+    instances: Annotated[int, Field(ge=1, le=1000)] = 10
+    time_budget_s: Annotated[float, Field(gt=0.0, le=86_400.0, allow_inf_nan=False)] | None = None
+    notes: str = ""
+
+    @property
+    def budget_s(self) -> float:
+        """The time budget [s of simulated time]."""
+        if self.time_budget_s is not None:
+            return self.time_budget_s
+        return human_stats()[self.problem].time_budget_s
+
+    def check_instance(self, instance: int) -> None:
+        """Raise UserError unless the task has that instance."""
+        if not 0 <= instance < self.instances:
+            raise UserError(f"instance {instance} is out of range: the task has instances 0 to {self.instances - 1}.")
+
+
+class Suite(Record):
+    """Many episodes (tasks/suites/*.yaml): every task with every instance and every seed.
+
+    Attributes:
+        about: One line for people.
+        tasks: Names of tasks.
+        instances: Start states of each.
+        seeds: Seeds of each.
+    """
+
+    about: str = ""
+    tasks: Annotated[list[str], Field(min_length=1)]
+    instances: Annotated[list[Whole], Field(min_length=1)]
+    seeds: Annotated[list[Whole], Field(min_length=1, default_factory=lambda: [0])]
+
+    def episodes(self, **options: Any) -> list[EpisodeConfig]:
+        """Every episode, instances running fastest.
+
+        Args:
+            **options: Further fields of `EpisodeConfig`.
+        """
+        return [
+            EpisodeConfig(task, instance, seed, **options)
+            for task in self.tasks
+            for seed in self.seeds
+            for instance in self.instances
+        ]
+
+
+def load_task(name: str) -> Task:
+    """The task of a name, or in a YAML file.
+
+    Raises:
+        UnknownName: No task has that name.
+        UserError: There is no such file.
+        FileProblems: Everything that is wrong with the file.
+    """
+    return read_task(paths.find_or_file("tasks", name, "task"))
+
+
+def read_task(path: Path) -> Task:
+    """As `load_task`, of a file."""
+    data, marks = load_marked(path)
+    task = validate_data(data, marks, Task)
+    problems = _check_names(task, marks)
+    if not problems:
+        problems = _check_bindings(task, load_problem(task.problem), marks)
+    if problems:
+        raise FileProblems(problems)
+    return task
+
+
+def load_suite(name: str) -> Suite:
+    """The suite of a name, or in a YAML file; its tasks and instances exist.
+
+    Raises:
+        UnknownName: No suite has that name.
+        UserError: There is no such file.
+        FileProblems: Everything that is wrong with the file, or with its tasks' files.
+    """
+    data, marks = load_marked(paths.find_or_file("tasks/suites", name, "suite"))
+    suite = validate_data(data, marks, Suite)
+    problems = []
+    for key in ("tasks", "instances", "seeds"):
+        values = getattr(suite, key)
+        for i, value in enumerate(values):
+            if value in values[:i]:
+                problems.append(marks.problem((key, i), "repeated", f"{value!r} is in {key} twice"))
+    for i, task in enumerate(suite.tasks):
+        try:
+            loaded = load_task(task)
+        except UnknownName as error:
+            problems.append(marks.problem(("tasks", i), "unknown-task", str(error)))
+            continue
+        for j, instance in enumerate(suite.instances):
+            try:
+                loaded.check_instance(instance)
+            except UserError as error:
+                problems.append(marks.problem(("instances", j), "out-of-range", str(error)))
+    if problems:
+        raise FileProblems(problems)
+    return suite
+
+
+def _check_names(task: Task, marks: Marks) -> list[FileProblem]:
+    """Names that the task takes from elsewhere."""
+    references: list[tuple[str, str, list[str]]] = [
+        ("problem", task.problem, list(activities())),
+        ("house", task.house, paths.names("tasks/houses")),
+    ]
+    problems = [_unknown(marks, (key,), key, given, known) for key, given, known in references if given not in known]
+    if task.time_budget_s is None and task.problem not in human_stats():
+        message = f"no human did {task.problem!r}, so time_budget_s must be given"
+        problems.append(marks.problem((), "missing-key", message))
+    return problems
+
+
+def _check_bindings(task: Task, problem: Problem, marks: Marks) -> list[FileProblem]:
+    """Every movable object's synset is bound, and nothing else is."""
+    wanted = {problem.objects[name] for name in problem.movables}
+    problems = [
+        _unknown(marks, ("bindings", synset), "movable synset", synset, wanted)
+        for synset in task.bindings
+        if synset not in wanted
+    ]
+    missing = sorted(wanted - task.bindings.keys())
+    if missing:
+        problems.append(marks.problem(("bindings",), "missing-key", f"no binding for {', '.join(missing)}", key=True))
+    return problems
+
+
+def _unknown(marks: Marks, location: Location, kind: str, given: str, known: set[str] | list[str]) -> FileProblem:
+    message = str(UnknownName(kind, given, known))
+    return marks.problem(location, f"unknown-{kind.split()[-1]}", message, key=location[0] == "bindings")
