@@ -1,0 +1,175 @@
+"""Laws of the proprioceptive triggers, on hands that are told what to feel."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mpvi_bt.behaviors.protocols import TriggerEvent
+from mpvi_bt.completion.triggers import GraspReleaseTriggers, GripperThresholds
+from mpvi_bt.errors import UnknownName
+from mpvi_bt.robot.protocol import CONTROL_HZ, Proprioception, Side
+from tests.navigation_maps import KinematicRobot
+
+
+class Hands(KinematicRobot):
+    """Hands whose widths [m], commands and joint speeds [rad/s] are set by the test."""
+
+    def __init__(self) -> None:
+        super().__init__(0.0, 0.0)
+        self.joint_speed: dict[Side, float] = {"left": 0.0, "right": 0.0}
+
+    def proprioception(self) -> Proprioception:
+        """As set."""
+        speeds = {side: np.full(7, speed) for side, speed in self.joint_speed.items()}
+        return replace(super().proprioception(), arm_velocity=speeds)
+
+
+def go(
+    hands: Hands,
+    triggers: GraspReleaseTriggers,
+    seconds: float,
+    side: Side = "right",
+    to_m: float | None = None,
+    command: float | None = None,
+    joint_speed: float = 0.0,
+) -> list[TriggerEvent]:
+    """Let time pass while one hand's width goes steadily `to_m`; what fired."""
+    steps = round(seconds * CONTROL_HZ)
+    width, given_command = hands.gripper[side]
+    widths = np.linspace(width, width if to_m is None else to_m, steps + 1)[1:]
+    events = []
+    for w in widths:
+        hands.gripper[side] = (float(w), given_command if command is None else command)
+        hands.joint_speed[side] = joint_speed
+        if (event := triggers.update()) is not None:
+            events.append(event)
+    return events
+
+
+def grasp(hands: Hands, triggers: GraspReleaseTriggers, width_m: float = 0.06) -> list[TriggerEvent]:
+    """Close on something, lift it, come to rest."""
+    return (
+        go(hands, triggers, 0.5, to_m=width_m, command=-1.0)
+        + go(hands, triggers, 1.0, joint_speed=0.5)
+        + go(hands, triggers, 1.5)
+    )
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0.004, 0.088))
+def test_a_grasp_fires_once_when_the_arm_has_come_to_rest(width_m: float) -> None:
+    """Closing and holding at a nonzero width, then the lift, then rest: one event, of that hand, at the end."""
+    hands = Hands()
+    triggers = GraspReleaseTriggers(hands)
+    assert go(hands, triggers, 0.5) == []
+    assert go(hands, triggers, 0.5, to_m=width_m, command=-1.0) == []
+    assert go(hands, triggers, 1.0, joint_speed=0.5) == [], "fired in the middle of the lift"
+    assert go(hands, triggers, 5.0) == [TriggerEvent("grasp", "right")]
+
+
+def test_an_empty_hand_fires_nothing() -> None:
+    """Closing on nothing ends at zero width."""
+    hands = Hands()
+    triggers = GraspReleaseTriggers(hands)
+    assert grasp(hands, triggers, width_m=0.0005) == []
+
+
+def test_a_hand_that_pauses_half_way_without_being_told_to_close_has_no_grasp() -> None:
+    """A width that holds is a grasp only if the hand was commanded closed."""
+    hands = Hands()
+    triggers = GraspReleaseTriggers(hands)
+    assert go(hands, triggers, 0.5, to_m=0.05, command=0.0) + go(hands, triggers, 3.0) == []
+
+
+@pytest.mark.parametrize("width_m", [0.02, 0.06, 0.088])
+def test_letting_go_after_a_grasp_fires_a_release(width_m: float) -> None:
+    """Even of a thing so wide that the hand has little left to open."""
+    hands = Hands()
+    triggers = GraspReleaseTriggers(hands)
+    assert grasp(hands, triggers, width_m)
+    assert go(hands, triggers, 0.5, to_m=0.1, command=1.0) == []
+    assert go(hands, triggers, 0.5, joint_speed=0.4) == []
+    assert go(hands, triggers, 3.0) == [TriggerEvent("release", "right")]
+
+
+def test_opening_an_empty_hand_is_no_release() -> None:
+    """Only what was held can be let go."""
+    hands = Hands()
+    hands.gripper["right"] = (0.0, -1.0)
+    triggers = GraspReleaseTriggers(hands)
+    assert go(hands, triggers, 1.0) == []
+    assert go(hands, triggers, 0.5, to_m=0.1, command=1.0) + go(hands, triggers, 2.0) == []
+
+
+def test_what_is_held_from_the_start_is_no_news_but_its_release_is() -> None:
+    """A bin carried in the left hand asks no question while the right hand works."""
+    hands = Hands()
+    hands.gripper["left"] = (0.016, -1.0)
+    triggers = GraspReleaseTriggers(hands)
+    assert go(hands, triggers, 2.0, "left", joint_speed=0.3) + go(hands, triggers, 3.0, "left") == []
+    assert go(hands, triggers, 0.5, "left", to_m=0.1, command=1.0) == []
+    assert go(hands, triggers, 2.0, "left") == [TriggerEvent("release", "left")]
+
+
+def test_something_that_slips_out_is_no_release() -> None:
+    """A closed hand that ends up empty did not put anything anywhere."""
+    hands = Hands()
+    triggers = GraspReleaseTriggers(hands)
+    grasp(hands, triggers)
+    assert go(hands, triggers, 0.2, to_m=0.0) + go(hands, triggers, 3.0) == []
+    assert go(hands, triggers, 0.5, to_m=0.1, command=1.0) + go(hands, triggers, 3.0) == []
+
+
+def test_after_a_no_the_event_fires_again_only_when_the_arm_moved_and_settled() -> None:
+    """Standing still brings no second question; moving and settling does."""
+    hands = Hands()
+    triggers = GraspReleaseTriggers(hands)
+    assert len(grasp(hands, triggers)) == 1
+    assert go(hands, triggers, 10.0) == []
+    assert go(hands, triggers, 1.0, joint_speed=0.5) == []
+    assert go(hands, triggers, 3.0) == [TriggerEvent("grasp", "right")]
+
+
+def test_two_events_of_one_hand_keep_the_refractory_time() -> None:
+    """A hand that twitches does not ask twice within the refractory time."""
+    hands = Hands()
+    triggers = GraspReleaseTriggers(hands, GripperThresholds(refractory_s=3.0, settle_s=0.2))
+    assert len(grasp(hands, triggers)) == 1
+    assert go(hands, triggers, 0.2, joint_speed=0.5) + go(hands, triggers, 0.8) == []
+    assert len(go(hands, triggers, 4.0)) == 1
+
+
+def test_only_the_kinds_that_were_asked_for_fire() -> None:
+    """A place is not interrupted by the grasp that comes before it."""
+    hands = Hands()
+    triggers = GraspReleaseTriggers(hands)
+    triggers.reset(("release",))
+    assert grasp(hands, triggers) == []
+    assert go(hands, triggers, 0.5, to_m=0.1, command=1.0) + go(hands, triggers, 2.0) == [
+        TriggerEvent("release", "right")
+    ]
+
+
+def test_a_kind_that_does_not_exist_is_refused() -> None:
+    """With the names that do."""
+    with pytest.raises(UnknownName, match="grasp"):
+        GraspReleaseTriggers(Hands()).reset(("graps",))
+
+
+def test_a_noisy_width_still_makes_a_grasp() -> None:
+    """Half a millimetre of sensor noise does not hide a steady hold."""
+    hands = Hands()
+    triggers = GraspReleaseTriggers(hands, GripperThresholds(smoothing=0.1, still_m_s=0.005))
+    rng = np.random.default_rng(0)
+    go(hands, triggers, 0.5, to_m=0.06, command=-1.0)
+    events = []
+    for _ in range(4 * CONTROL_HZ):
+        hands.gripper["right"] = (0.06 + float(rng.normal(0, 0.0003)), -1.0)
+        if (event := triggers.update()) is not None:
+            events.append(event)
+    assert events == [TriggerEvent("grasp", "right")]
