@@ -183,7 +183,7 @@ class _Reader:
         if event.anchor is not None:
             return self._anchored(event, events, location, depth)
         if isinstance(event, yaml.ScalarEvent):
-            return _scalar(event.value) if not event.style and event.tag is None else event.value
+            return plain_scalar(event.value) if not event.style and event.tag is None else event.value
         if isinstance(event, yaml.SequenceStartEvent):
             items: list[Any] = []
             while not isinstance(child := next(events), yaml.SequenceEndEvent):
@@ -236,7 +236,7 @@ def _tee(events: Iterator[Any], record: list[Any]) -> Iterator[Any]:
         yield event
 
 
-def _scalar(text: str) -> Any:
+def plain_scalar(text: str) -> Any:
     """A plain scalar by YAML 1.2's core schema (without octal and hexadecimal numbers)."""
     if text in _NULL:
         return None

@@ -20,6 +20,9 @@ def _one_line(text: str) -> str:
 Phrase = Annotated[
     str, StringConstraints(strip_whitespace=True, min_length=1, max_length=300), AfterValidator(_one_line)
 ]
+Paragraph = Annotated[
+    str, StringConstraints(strip_whitespace=True, min_length=1, max_length=5000), AfterValidator(_one_line)
+]
 
 
 class Navigation(Record):

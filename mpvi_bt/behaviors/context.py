@@ -1,0 +1,125 @@
+"""What behaviors are handed at setup: the backends of one run, its clock, its log. No global blackboard."""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import TracebackType
+
+from mpvi_bt.behaviors.protocols import Checker, Clock, Navigator, Policy, Triggers
+from mpvi_bt.plan.skills import Skill
+from mpvi_bt.robot.protocol import Robot
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a node failed.
+
+    Attributes:
+        reason: Stable code, such as "timeout" or "no_path".
+        evidence: What was seen, one line for a person.
+        path: Of the node that failed, names from the root joined by "/".
+        time_s: When, in simulated time.
+    """
+
+    reason: str
+    evidence: str
+    path: str
+    time_s: float
+
+
+@dataclass(frozen=True)
+class Query:
+    """One question to the completion checker.
+
+    Attributes:
+        criterion: What was asked.
+        event: Kind of the event that prompted it.
+        camera: Whose picture it was handed, or None.
+        complete: The answer.
+        reason: What made it think so.
+        path: Of the node that asked.
+        time_s: When, in simulated time.
+    """
+
+    criterion: str
+    event: str
+    camera: str | None
+    complete: bool
+    reason: str
+    path: str
+    time_s: float
+
+
+@dataclass
+class Log:
+    """What happened in one run.
+
+    Attributes:
+        failures: Of segments that were given up (`attempt` writes them), in order.
+        queries: Of the completion checker, in order.
+    """
+
+    failures: list[Failure] = field(default_factory=list)
+    queries: list[Query] = field(default_factory=list)
+
+
+class Stopwatch:
+    """Wall time by activity: `with stopwatch("policy"): ...`. An activity inside another counts only as itself.
+
+    Attributes:
+        seconds: Wall time [s] so far of each activity.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: defaultdict[str, float] = defaultdict(float)
+        self._open: list[str] = []
+        self._since = 0.0
+
+    def __call__(self, activity: str) -> Stopwatch:
+        """Name the activity that the next `with` measures."""
+        self._switch()
+        self._open.append(activity)
+        return self
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._switch()
+        self._open.pop()
+
+    def _switch(self) -> None:
+        now = time.perf_counter()
+        if self._open:
+            self.seconds[self._open[-1]] += now - self._since
+        self._since = now
+
+
+@dataclass
+class Context:
+    """The backends of one run.
+
+    Attributes:
+        clock: Simulated time.
+        robot: What is driven.
+        navigator: Drives the base.
+        policy: Moves the arms.
+        checker: Judges completion.
+        triggers: Watch proprioception.
+        skills: By name.
+        log: Failures and queries so far.
+        stopwatch: Where the wall time goes.
+    """
+
+    clock: Clock
+    robot: Robot
+    navigator: Navigator
+    policy: Policy
+    checker: Checker
+    triggers: Triggers
+    skills: Mapping[str, Skill] = field(default_factory=dict)
+    log: Log = field(default_factory=Log)
+    stopwatch: Stopwatch = field(default_factory=Stopwatch)

@@ -1,0 +1,43 @@
+"""Navigate: drive the base to a named target."""
+
+from __future__ import annotations
+
+from py_trees.common import Status
+
+from mpvi_bt.behaviors.node import Leaf
+from mpvi_bt.behaviors.protocols import Progress
+
+
+class Navigate(Leaf):
+    """RUNNING while the navigator drives, then what it reports (Paper, Navigation).
+
+    Args:
+        name: In the tree.
+        target: Phrase such as "trash can".
+        room: Where to look for it first.
+    """
+
+    def __init__(self, name: str, target: str, room: str | None = None) -> None:
+        super().__init__(name)
+        self.target, self.room = target, room
+
+    def initialise(self) -> None:
+        """Start driving."""
+        super().initialise()
+        with self.context.stopwatch("navigation"):
+            self.context.navigator.start(self.target, self.room)
+
+    def update(self) -> Status:
+        """Drive one step."""
+        with self.context.stopwatch("navigation"):
+            report = self.context.navigator.step()
+        self.feedback_message = report.feedback
+        if report.progress is Progress.FAILED:
+            return self.fail(report.reason or "navigation_failed", report.feedback)
+        return Status.SUCCESS if report.progress is Progress.SUCCEEDED else Status.RUNNING
+
+    def terminate(self, new_status: Status) -> None:
+        """Stop the base."""
+        if hasattr(self, "context"):
+            self.context.navigator.stop()
+        super().terminate(new_status)

@@ -1,0 +1,189 @@
+"""The episode loop: the one place that ticks. Subscribers watch it and never steer it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+from py_trees.common import Status
+
+from mpvi_bt.behaviors.context import Context, Failure, Log
+from mpvi_bt.errors import BackendError
+from mpvi_bt.robot.protocol import Robot
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.tree.build import Tree
+
+
+class World(Protocol):
+    """What the loop steps. It is the run's clock too."""
+
+    @property
+    def time_s(self) -> float:
+        """Simulated seconds since the episode began."""
+        ...
+
+    @property
+    def steps(self) -> int:
+        """Control steps since the episode began."""
+        ...
+
+    @property
+    def robot(self) -> Robot:
+        """Whose command each step carries out."""
+        ...
+
+    def step(self, action: Array) -> None:
+        """One control step (1/30 s) of the (23,) command."""
+        ...
+
+
+Ending = Literal["success", "failure", "time_limit", "interrupted", "error"]
+
+
+@dataclass
+class Outcome:
+    """How an episode went.
+
+    Attributes:
+        ending: The root's SUCCESS or FAILURE, the limit of simulated time, Ctrl-C, or an exception.
+        time_s, steps: Simulated time and control steps.
+        ticks: Updates of the tree.
+        failure: Why the root failed, if it did.
+        log: Segments that were given up, and questions to the checker.
+        wall_s: Wall time [s] by activity: "stepping" the world; within ticks the behaviors' "navigation", "policy",
+            "rendering", "triggers", "checker", and "ticking", the rest of it, which is the tree's own; "watching", the
+            subscribers'; "total".
+    """
+
+    ending: Ending
+    time_s: float = 0.0
+    steps: int = 0
+    ticks: int = 0
+    failure: Failure | None = None
+    log: Log = field(default_factory=Log)
+    wall_s: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def complete(self) -> bool:
+        """The tree ended in SUCCESS and no segment was given up."""
+        return self.ending == "success" and not self.log.failures
+
+
+class Subscriber(Protocol):
+    """Watches an episode."""
+
+    def start(self, tree: Tree, world: World) -> None:
+        """Before the first tick."""
+        ...
+
+    def step(self, tree: Tree, world: World) -> None:
+        """After each tick, before the world is stepped with the command that it left."""
+        ...
+
+    def end(self, outcome: Outcome) -> None:
+        """The last call, whatever happened; close files here."""
+        ...
+
+
+class Watcher:
+    """A subscriber that does nothing; a base for those that need only some of the calls."""
+
+    def start(self, tree: Tree, world: World) -> None:
+        """Nothing."""
+
+    def step(self, tree: Tree, world: World) -> None:
+        """Nothing."""
+
+    def end(self, outcome: Outcome) -> None:
+        """Nothing."""
+
+
+def run_episode(
+    tree: Tree,
+    world: World,
+    context: Context,
+    subscribers: Sequence[Subscriber] = (),
+    max_time_s: float = 3600.0,
+    wall_limit_s: float = float("inf"),
+) -> Outcome:
+    """Tick the tree and step the world until the tree ends or the time is up.
+
+    However it ends, every behavior is terminated, the robot is told to hold, and every subscriber's `end` is called.
+
+    Args:
+        tree: What to tick; it is set up here.
+        world: What to step.
+        context: The run's backends.
+        subscribers: Who watches.
+        max_time_s: Simulated time after which the episode is over.
+        wall_limit_s: A guard against a hung backend, in wall time.
+
+    Raises:
+        NodeError: A behavior raised.
+        BackendError: The wall limit was passed.
+        KeyboardInterrupt: Ctrl-C.
+    """
+    clock = time.perf_counter
+    outcome = Outcome("error", log=context.log)
+    stepping = ticking = watching = 0.0
+    began = clock()
+    started: list[Subscriber] = []
+    try:
+        tree.setup(context)
+        for subscriber in subscribers:
+            started.append(subscriber)
+            subscriber.start(tree, world)
+        while True:
+            before = clock()
+            status = tree.tick()
+            outcome.ticks += 1
+            ticked = clock()
+            for subscriber in subscribers:
+                subscriber.step(tree, world)
+            watched = clock()
+            ticking += ticked - before
+            watching += watched - ticked
+            if status != Status.RUNNING:
+                outcome.ending = "success" if status == Status.SUCCESS else "failure"
+                outcome.failure = tree.failure
+                break
+            if world.time_s >= max_time_s:
+                outcome.ending = "time_limit"
+                break
+            if watched - began > wall_limit_s:
+                raise BackendError(f"the episode took more than {wall_limit_s:g} s of wall time")
+            world.step(world.robot.action)
+            stepping += clock() - watched
+    except KeyboardInterrupt:
+        outcome.ending = "interrupted"
+        raise
+    finally:
+        inside = dict(context.stopwatch.seconds)
+        outcome.wall_s = {
+            "stepping": stepping,
+            **inside,
+            "ticking": max(0.0, ticking - sum(inside.values())),
+            "watching": watching,
+            "total": clock() - began,
+        }
+        outcome.time_s, outcome.steps = world.time_s, world.steps
+        _close(tree, world, started, outcome)
+    return outcome
+
+
+def _close(tree: Tree, world: World, subscribers: Sequence[Subscriber], outcome: Outcome) -> None:
+    """Everything is ended, each whatever becomes of the others; then the first error is raised, if nothing else is."""
+    ends: list[Callable[[], None]] = [lambda s=s: s.end(outcome) for s in subscribers]  # type: ignore[misc]
+    if outcome.ending in ("time_limit", "interrupted", "error"):
+        ends.insert(0, tree.interrupt)
+    ends.insert(0, world.robot.hold)
+    first: BaseException | None = None
+    for end in ends:
+        try:
+            end()
+        except Exception as error:
+            first = first or error
+    if first is not None and outcome.ending not in ("interrupted", "error"):
+        raise first

@@ -1,0 +1,93 @@
+"""A behavior tree as data: what files hold, what the compiler makes, what is drawn and built."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from mpvi_bt.behaviors.registry import NODE_TYPES, NodeType, Parameters
+
+
+@dataclass(frozen=True)
+class NodeSpec:
+    """A node.
+
+    Attributes:
+        kind: Such as "timeout"; a key of `behaviors.registry.NODE_TYPES`.
+        parameters: Of the model that the kind prescribes.
+        name: "" unless the kind is headed by its name.
+        children: In order.
+        segments: Indices of the plan's segments that it came from; () if it was written by hand.
+    """
+
+    kind: str
+    parameters: Parameters
+    name: str = ""
+    children: tuple[NodeSpec, ...] = ()
+    segments: tuple[int, ...] = ()
+
+    @property
+    def type(self) -> NodeType:
+        """Its row of the registry."""
+        return NODE_TYPES[self.kind]
+
+    @property
+    def label(self) -> str:
+        """One line for a person, such as "Navigate(trash can, kitchen)"."""
+        return self.type.label(self.name, self.parameters)
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A node with its place in the tree.
+
+    Attributes:
+        path: Names (or kinds) from the root, joined by "/", such as "tidy/2 pick up the cup/timeout/until_complete".
+            Siblings of one name are told apart as "navigate", "navigate#2".
+        depth: 0 for the root.
+        spec: The node.
+        children: Paths of its children.
+    """
+
+    path: str
+    depth: int
+    spec: NodeSpec
+    children: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class TreeSpec:
+    """A tree.
+
+    Attributes:
+        name: Such as "picking_up_trash".
+        root: Its first node.
+        instruction: What it carries out, or "".
+    """
+
+    name: str
+    root: NodeSpec
+    instruction: str = ""
+
+    @cached_property
+    def nodes(self) -> tuple[Placed, ...]:
+        """Every node, parents before children, in the order of drawing."""
+        return tuple(_placed(self.root, _own_name(self.root), 0))
+
+
+def _own_name(node: NodeSpec) -> str:
+    return (node.name or node.kind).replace("/", "|")
+
+
+def _placed(node: NodeSpec, path: str, depth: int) -> Iterator[Placed]:
+    seen: Counter[str] = Counter()
+    paths = []
+    for child in node.children:
+        own = _own_name(child)
+        seen[own] += 1
+        paths.append(f"{path}/{own}" + (f"#{seen[own]}" if seen[own] > 1 else ""))
+    yield Placed(path, depth, node, tuple(paths))
+    for child, below in zip(node.children, paths, strict=True):
+        yield from _placed(child, below, depth + 1)
