@@ -13,7 +13,8 @@ help:  ## list the targets
 demo: setup  ## set up the core and run one episode
 	$(bin)/mpvi run $(TASK)
 
-test: setup-test check  ## set up everything, with torch and ManiSkill, and run every check and test
+test: setup-test  ## set up everything, with torch and ManiSkill, and run every check and test
+	@$(MAKE) --no-print-directory check
 
 setup: system $(VENV)/.core  ## system packages, virtual environment, core dependencies
 
@@ -44,11 +45,12 @@ clean:  ## remove the virtual environment and caches
 system:
 	@scripts/system-packages.sh
 
-$(bin)/python:
+$(bin)/python: | system
 	$(PYTHON) -m venv $(VENV)
+	@$(bin)/python -m pip install --quiet --upgrade pip
 
 $(VENV)/.core: pyproject.toml constraints.txt | $(bin)/python
-	@echo "set-up: installing the core into $(VENV) (0.5 GB)"
+	@echo "set-up: installing the core into $(VENV) (1.1 GB)"
 	$(pip_install) --editable .
 	@touch $@
 
