@@ -13,10 +13,11 @@ from mpvi_bt.behaviors.protocols import Progress, Report
 from mpvi_bt.navigation.goals import Handoff, at_target, distance_to, facing_yaw, object_goals, room_goals
 from mpvi_bt.navigation.grid import segment_free, shortest_path
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
-from mpvi_bt.navigation.pursuit import CARRYING, Limits, PathFollower, wrap
+from mpvi_bt.navigation.pursuit import CARRYING, Limits, PathFollower
 from mpvi_bt.navigation.traversability import traversability
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
 from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout
 from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
 

@@ -11,6 +11,7 @@ from scipy import ndimage
 from mpvi_bt.navigation.grid import cost_to_reach
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.perception.knowledge import Entry
+from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.solids import Array
 
 
@@ -76,8 +77,7 @@ def at_target(entry: Entry, pose: Array, grid: Traversability, handoff: Handoff)
     xy = pose[:2]
     if distance_to(entry, xy) > handoff.distance_m:
         return False
-    turn = float(facing_yaw(entry, xy)) - pose[2]
-    if abs(np.arctan2(np.sin(turn), np.cos(turn))) > handoff.facing_rad:
+    if abs(float(wrap(facing_yaw(entry, xy) - pose[2]))) > handoff.facing_rad:
         return False
     return bool(_same_room(entry, xy[None], grid)[0] and _in_sight(entry, xy[None], grid)[0])
 

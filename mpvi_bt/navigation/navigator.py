@@ -11,10 +11,11 @@ import numpy as np
 from mpvi_bt.behaviors.protocols import Progress, Report
 from mpvi_bt.navigation.goals import Goal, Handoff, at_target, object_goals, room_goals
 from mpvi_bt.navigation.grid import shortest_path
-from mpvi_bt.navigation.pursuit import CARRYING, Limits, PathFollower, Tolerance, wrap
+from mpvi_bt.navigation.pursuit import CARRYING, Limits, PathFollower, Tolerance
 from mpvi_bt.navigation.traversability import ClearanceCost, Traversability, floor_obstacles, traversability
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, normalize
 from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Proprioception, Robot
 from mpvi_bt.robot.solids import Array
 
@@ -267,4 +268,4 @@ def _holding(body: Proprioception) -> bool:
 
 
 def _still(before: Array, now: Array) -> bool:
-    return float(np.linalg.norm(now[:2] - before[:2])) < 0.05 and abs(wrap(now[2] - before[2])) < 0.1
+    return float(np.linalg.norm(now[:2] - before[:2])) < 0.05 and abs(float(wrap(now[2] - before[2]))) < 0.1

@@ -9,6 +9,7 @@ import numpy as np
 
 from mpvi_bt.navigation.grid import segment_free
 from mpvi_bt.navigation.traversability import Traversability
+from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.protocol import CONTROL_HZ
 from mpvi_bt.robot.solids import Array
 
@@ -91,7 +92,7 @@ class PathFollower:
         """Whether the base stands still at the goal. `pose` (3,) world, `velocity` (3,) base frame."""
         return (
             float(np.linalg.norm(self.goal[:2] - pose[:2])) <= self.tolerance.position_m
-            and abs(wrap(self.goal[2] - pose[2])) <= self.tolerance.yaw_rad
+            and abs(float(wrap(self.goal[2] - pose[2]))) <= self.tolerance.yaw_rad
             and math.hypot(velocity[0], velocity[1]) <= self.tolerance.speed_m_s
             and abs(velocity[2]) <= self.tolerance.turn_rad_s
         )
@@ -109,7 +110,7 @@ class PathFollower:
         to_go = float(np.linalg.norm(delta) + self._to_go[self._aim_at])
         arriving = to_go < self._arrive_m
         heading = self.goal[2] if arriving else math.atan2(delta[1], delta[0])
-        turn = wrap(heading - pose[2])
+        turn = float(wrap(heading - pose[2]))
 
         limits = self.limits
         speed = min(limits.speed_m_s, _stopping_speed(to_go, limits.acceleration_m_s2, dt_s))
@@ -146,11 +147,6 @@ class PathFollower:
         while index > self._at and not segment_free(self._blocked, here, self._cells[index]):
             index -= 1
         return max(index, min(self._at + 1, len(self.path) - 1))
-
-
-def wrap(angle: float) -> float:
-    """The angle [rad] within -pi..pi."""
-    return math.atan2(math.sin(angle), math.cos(angle))
 
 
 def _stopping_speed(distance: float, acceleration: float, dt_s: float) -> float:

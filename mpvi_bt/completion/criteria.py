@@ -1,0 +1,112 @@
+"""The small language of completion criteria that checkers without a language model understand."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from mpvi_bt.perception.knowledge import normalize
+from mpvi_bt.robot.protocol import Side
+
+MOST_CHARACTERS = 300
+_NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+_HAND = r"(?:(?P<side>left|right) )?(?:robot )?(?:gripper|hand)s?"
+_IN = r"(?:inside of|inside|within|into|in)"
+_ON = r"(?:on top of|on|onto|upon)"
+_BE = r"(?:is|are)(?: now| still| currently)?"
+_HOLD = r"(?:is holding|holds|is grasping)"
+_PATTERNS: tuple[tuple[Literal["held", "inside", "ontop"], re.Pattern[str]], ...] = tuple(
+    (relation, re.compile(text))  # type: ignore[misc]
+    for relation, text in (
+        ("held", rf"(?P<subject>.+?) {_BE} (?:being )?(?:held|grasped|gripped)(?: (?:in|by|with) {_HAND})?"),
+        ("held", rf"(?P<subject>.+?) {_BE} in {_HAND}"),
+        ("held", rf"(?:robot|{_HAND}) {_HOLD} (?P<subject>.+?)(?: in (?P<other>left|right) \w+)?"),
+        ("inside", rf"(?P<subject>.+?) {_BE} (?:placed |put )?{_IN} (?P<object>.+)"),
+        ("ontop", rf"(?P<subject>.+?) {_BE} (?:placed |put |lying |standing )?{_ON} (?P<object>.+)"),
+    )
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """A state that can be looked for.
+
+    Attributes:
+        relation: "held" by the robot, "inside" a container or "ontop" of a surface.
+        subject: What the state is about, such as "can of soda".
+        object: The container or surface; "" for "held".
+        count: How many of the subject, at least.
+        side: The hand that must hold it, or None for either.
+    """
+
+    relation: Literal["held", "inside", "ontop"]
+    subject: str
+    object: str = ""
+    count: int = 1
+    side: Side | None = None
+
+
+def parse(text: str) -> Criterion | None:
+    """The criterion that a sentence states, or None where it is none of these.
+
+    "<object> is held in a gripper", "... in the left gripper"; "<object> is in <container>"; "<object> is on
+    <surface>"; each also with a count ("two cans of soda are in the trash can", "there are 2 cans of soda in ...").
+    """
+    if len(text) > MOST_CHARACTERS:
+        return None
+    owner = r"\b(?:the|an?|its|one of|of|robot|s) (?=(?:(?:the|its|robot|s|left|right) )*(?:gripper|hand))"
+    words = re.sub(owner, "", normalize(text))
+    if there := re.fullmatch(rf"there (is|are) (.+?) ({_IN}|{_ON}) (.+)", words):
+        words = f"{there[2]} {there[1]} {there[3]} {there[4]}"
+    if " not " in f" {words} ":
+        return None
+    for relation, pattern in _PATTERNS:
+        found = pattern.fullmatch(words)
+        if found is None:
+            continue
+        groups = found.groupdict()
+        count, subject = _counted(groups["subject"])
+        other = groups.get("object") or ""
+        if not subject or (relation != "held" and not normalize(other)):
+            return None
+        return Criterion(relation, subject, normalize(other), count, groups.get("side") or groups.get("other"))  # type: ignore[arg-type]
+    return None
+
+
+def named(phrase: str, phrases: Mapping[str, Iterable[str]]) -> list[str]:
+    """The names that a phrase means, in the order of the table; the number of its nouns does not matter.
+
+    Args:
+        phrase: Such as "cans of soda".
+        phrases: Name of each thing to what people call it.
+    """
+    wanted = _singular(phrase)
+    return [name for name, called in phrases.items() if any(_singular(p) == wanted for p in (*called, name))]
+
+
+def _counted(subject: str) -> tuple[int, str]:
+    """The number that a phrase begins with (1 if with none), and the rest of it."""
+    first, _, rest = subject.partition(" ")
+    rest = re.sub(r"^(?:of the|of)\s+(?=\w)", "", rest)
+    if first.isdecimal() and len(first) <= 3:
+        return max(1, int(first)), normalize(rest)
+    if first in _NUMBERS[1:]:
+        return _NUMBERS.index(first), normalize(rest)
+    if first == "both":
+        return 2, normalize(rest)
+    return 1, normalize(subject)
+
+
+def _singular(phrase: str) -> tuple[str, ...]:
+    words = []
+    for word in normalize(phrase).split():
+        if len(word) > 3 and word.endswith("ies"):
+            word = word[:-3] + "y"
+        elif re.search(r"(?:ch|sh|x|ss|z)es$", word):
+            word = word[:-2]
+        elif len(word) > 2 and word.endswith("s") and not word.endswith("ss"):
+            word = word[:-1]
+        words.append(word)
+    return tuple(words)

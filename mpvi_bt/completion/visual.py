@@ -1,0 +1,208 @@
+"""The judge that sees: answers a criterion from one labeled depth picture and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from mpvi_bt.behaviors.protocols import Judgement
+from mpvi_bt.completion.criteria import Criterion, named, parse
+from mpvi_bt.robot import r1
+from mpvi_bt.robot.kinematics import LINK_TO_OPTICAL, inverse, rot_y, transform
+from mpvi_bt.robot.protocol import CameraImage
+
+ROBOT = "robot"
+_T_HAND_CAMERA = transform(rot_y(-np.pi / 2 + r1.WRIST_CAMERA_TILT_RAD) @ LINK_TO_OPTICAL, r1.WRIST_CAMERA_M)
+
+
+@dataclass(frozen=True)
+class Eyesight:
+    """What counts as seen. Our choice throughout.
+
+    Attributes:
+        seen_px: A thing with fewer pixels than this is not seen.
+        reach_m: Half height and half depth of the space at the fingertips where a held thing must be.
+        gap_m: Fingers closer than this have nothing between them.
+        touch_m: Neighboring pixels this near each other in space belong to things that touch.
+        rim_m: How far above a container's rim a thing inside may stick out, if its own size is less.
+        rest_m: How exactly a thing's lowest visible points must be level with what it is said to be on.
+        share: How much of what is seen of a thing must be in place.
+    """
+
+    seen_px: int = 15
+    reach_m: float = 0.05
+    gap_m: float = 0.003
+    touch_m: float = 0.03
+    rim_m: float = 0.06
+    rest_m: float = 0.03
+    share: float = 0.5
+
+
+class VisualChecker:
+    """Judges "held", "in" and "on" from one picture's colors, depth and labels (implements `Checker`).
+
+    The label image stands in for an open-vocabulary detector: no pose, contact or other simulator state is read. What
+    it does not see or understand is a no, with the reason, as a false yes costs more than a false no (Paper,
+    Completion Checker appendix).
+
+    Attributes:
+        name: "visual".
+        needs_image: Yes.
+    """
+
+    name = "visual"
+    needs_image = True
+
+    def __init__(self, phrases: Mapping[str, Iterable[str]], eyesight: Eyesight | None = None) -> None:
+        """Take the vocabulary.
+
+        Args:
+            phrases: Label of each thing to what people call it.
+            eyesight: What counts as seen.
+        """
+        self._phrases = {name: tuple(called) for name, called in phrases.items()}
+        self._eyesight = eyesight or Eyesight()
+
+    def check(self, criterion: str, image: CameraImage | None) -> Judgement:
+        """Whether the picture shows that `criterion` is met."""
+        asked = parse(criterion)
+        if asked is None:
+            return Judgement(False, f"not a criterion that it understands: {criterion[:80]!r}")
+        if image is None or image.labels is None:
+            return Judgement(False, "no labeled picture to look at")
+        picture = _Picture(image, self._phrases, self._eyesight)
+        subjects = picture.visible(asked.subject)
+        if not subjects:
+            return Judgement(False, f"no {asked.subject} in the picture")
+        if asked.relation == "held":
+            return _judge(asked, [picture.held(s, asked) for s in subjects])
+        objects = picture.visible(asked.object)
+        if not objects:
+            return Judgement(False, f"no {asked.object} in the picture")
+        look = picture.inside if asked.relation == "inside" else picture.ontop
+        return _judge(asked, [_best([look(s, o) for o in objects if o != s]) for s in subjects])
+
+
+def _judge(asked: Criterion, looks: list[Judgement]) -> Judgement:
+    """Enough of the things, or the reason of one that is not."""
+    so = [look for look in looks if look.complete]
+    if len(so) >= asked.count:
+        return so[0] if asked.count == 1 else Judgement(True, f"{len(so)} seen")
+    reason = next(look.reason for look in looks if not look.complete) if len(so) < len(looks) else "no more are visible"
+    return Judgement(False, reason if asked.count == 1 else f"{len(so)} of {asked.count}: {reason}")
+
+
+def _best(looks: list[Judgement]) -> Judgement:
+    return next((look for look in looks if look.complete), looks[0] if looks else Judgement(False, "nothing else seen"))
+
+
+class _Picture:
+    """One picture, by what it shows."""
+
+    def __init__(self, image: CameraImage, phrases: Mapping[str, Iterable[str]], eyesight: Eyesight) -> None:
+        assert image.labels is not None
+        self._image, self._phrases, self._sight = image, phrases, eyesight
+        self._labels = np.where(image.depth > 0, image.labels, -1)
+        self._points = image.points_world()
+        self._ids: dict[str, list[int]] = {}
+        for label in np.unique(self._labels):
+            if label in image.names:
+                self._ids.setdefault(image.names[label], []).append(int(label))
+
+    def visible(self, phrase: str) -> list[str]:
+        """Names of the things called so of which enough is seen."""
+        return [n for n in named(phrase, self._phrases) if np.count_nonzero(self._mask(n)) >= self._sight.seen_px]
+
+    def held(self, name: str, asked: Criterion) -> Judgement:
+        """Whether the hand that the camera is on, or one that the head sees, has the thing between its fingers."""
+        camera = self._image.camera
+        if camera == "head":
+            if asked.side is not None:
+                return Judgement(False, "the head camera does not tell the hands apart")
+            return self._lifted(name)
+        if asked.side not in (None, camera):
+            return Judgement(False, f"the {camera} wrist camera does not see the {asked.side} gripper")
+        return self._between_fingers(name)
+
+    def inside(self, name: str, container: str) -> Judgement:
+        """Whether most that is seen of the thing lies within the container's outline and not far above its rim."""
+        thing, walls = self._points[self._mask(name)], self._points[self._mask(container)]
+        lowest, highest = np.percentile(walls, 1, axis=0), np.percentile(walls, 99, axis=0)
+        size = float(np.ptp(thing, axis=0).max())
+        within = ((thing[:, :2] > lowest[:2]) & (thing[:, :2] < highest[:2])).all(1)
+        low = thing[:, 2] < highest[2] + min(size, self._sight.rim_m)
+        if np.mean(within) < self._sight.share:
+            return Judgement(False, f"{name} is seen beside {container}")
+        if np.mean(within & low) < self._sight.share:
+            return Judgement(False, f"{name} is seen above {container}")
+        if self._gripped(name) and np.median(thing[:, 2]) > highest[2]:
+            return Judgement(False, f"{name} is seen in a gripper above {container}")
+        return Judgement(True, f"{name} is seen inside {container}")
+
+    def ontop(self, name: str, surface: str) -> Judgement:
+        """Whether the thing's lowest visible points are level with a horizontal part of the surface around them."""
+        thing, support = self._points[self._mask(name)], self._points[self._mask(surface)]
+        bottom = float(np.percentile(thing[:, 2], 2))
+        lowest, highest = thing[:, :2].min(0) - 0.15, thing[:, :2].max(0) + 0.15
+        near = support[((support[:, :2] > lowest) & (support[:, :2] < highest)).all(1)]
+        near = near[near[:, 2] < bottom + self._sight.rest_m]
+        if len(near) < self._sight.seen_px:
+            return Judgement(False, f"no part of {surface} is seen under {name}")
+        level = float(np.percentile(near[:, 2], 95))
+        face = near[near[:, 2] > level - 0.015]
+        # A horizontal face has an extent both ways; the edge of a wall has not.
+        spread = np.sqrt(np.linalg.eigvalsh(np.cov(face[:, :2].T))) if len(face) > 2 else np.zeros(2)
+        if abs(bottom - level) > self._sight.rest_m or spread.min() < 0.01:
+            return Judgement(False, f"{name} does not rest on {surface}")
+        return Judgement(True, f"{name} is seen on {surface}")
+
+    def _mask(self, name: str) -> NDArray[np.bool_]:
+        return np.isin(self._labels, self._ids.get(name, []))
+
+    def _between_fingers(self, name: str) -> Judgement:
+        """In a wrist picture: points of the thing between the fingers, at their tips."""
+        to_hand = _T_HAND_CAMERA @ inverse(self._image.T_world_camera)
+        points = self._points @ to_hand[:3, :3].T + to_hand[:3, 3]  # (H, W, 3) in the hand frame
+        tip = np.abs(points - (0.0, 0.0, r1.TCP_M - 0.01))
+        at_tips = (tip[..., 0] < self._sight.reach_m) & (tip[..., 2] < self._sight.reach_m)
+        beyond_palm = (tip[..., 0] < 0.02) & (points[..., 2] > r1.TCP_M - 0.04)
+        fingers = points[self._mask(ROBOT) & at_tips & beyond_palm][:, 1]
+        low, high = -r1.FINGER_TRAVEL_M, r1.FINGER_TRAVEL_M
+        if (fingers < 0).any() and (fingers > 0).any():
+            low, high = float(np.percentile(fingers[fingers < 0], 98)), float(np.percentile(fingers[fingers > 0], 2))
+        if high - low < self._sight.gap_m:
+            return Judgement(False, "the gripper is seen closed on nothing")
+        across = points[..., 1]
+        between = self._mask(name) & at_tips & (across > low) & (across < high)
+        if np.count_nonzero(between) < self._sight.seen_px:
+            return Judgement(False, f"{name} is not seen between the fingers")
+        return Judgement(True, f"{name} is seen between the fingers")
+
+    def _lifted(self, name: str) -> Judgement:
+        """In a head picture: the thing touches the robot's hand, and what is under it is not near it."""
+        if not self._gripped(name):
+            return Judgement(False, f"{name} is not seen in a gripper")
+        mask = self._mask(name)
+        rows, columns = np.nonzero(mask)
+        last = rows >= np.percentile(rows, 90)
+        below = np.minimum(rows[last] + 2, mask.shape[0] - 1), columns[last]
+        others = ~mask[below] & ~self._mask(ROBOT)[below]
+        gaps = np.linalg.norm(self._points[below] - self._points[rows[last], columns[last]], axis=1)[others]
+        if len(gaps) and np.nanmedian(gaps) < self._sight.touch_m:
+            return Judgement(False, f"{name} is seen to rest on something")
+        return Judgement(True, f"{name} is seen in a gripper")
+
+    def _gripped(self, name: str) -> bool:
+        """Whether pixels of the robot border on the thing's, near them in space."""
+        mask, robot = self._mask(name), self._mask(ROBOT)
+        rows, columns = np.nonzero(ndimage.binary_dilation(robot, iterations=2) & mask)
+        touching = 0
+        for dr, dc in ((-3, 0), (3, 0), (0, -3), (0, 3)):
+            r, c = np.clip(rows + dr, 0, mask.shape[0] - 1), np.clip(columns + dc, 0, mask.shape[1] - 1)
+            gap = np.linalg.norm(self._points[r, c] - self._points[rows, columns], axis=1)
+            touching += int(np.count_nonzero(robot[r, c] & (gap < self._sight.touch_m)))
+        return touching >= 5
