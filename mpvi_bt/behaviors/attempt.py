@@ -18,6 +18,9 @@ class Attempt(Node, Decorator):
     Args:
         name: In the tree.
         child: What is attempted.
+
+    Attributes:
+        failure: Why it was given up in this round, beside SUCCESS; None if it was not.
     """
 
     def __init__(self, name: str, child: Behaviour) -> None:
@@ -27,9 +30,9 @@ class Attempt(Node, Decorator):
         """The child's status, FAILURE turned into SUCCESS."""
         if self.decorated.status != Status.FAILURE:
             return self.decorated.status
-        failure = failure_of(self.decorated)
-        if failure is None:
-            failure = Failure("failed", "", self.path, self.context.clock.time_s)
-        self.context.log.failures.append(failure)
-        self.feedback_message = f"gave up: {failure.reason}"
+        self.failure = failure_of(self.decorated)
+        if self.failure is None:
+            self.failure = Failure("failed", "", self.path, self.context.clock.time_s)
+        self.context.log.failures.append(self.failure)
+        self.feedback_message = f"gave up: {self.failure.reason}"
         return Status.SUCCESS

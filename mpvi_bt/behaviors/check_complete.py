@@ -81,5 +81,5 @@ class CheckComplete(Leaf):
         )
         self._asked += 1
         answer = "yes" if judgement.complete else "no"
-        self.feedback_message = f"{event.kind}, asked {self._asked}: {answer}, {judgement.reason}"
+        self.feedback_message = f"asked {self._asked}: {answer}, {judgement.reason}"
         return judgement.complete

@@ -67,7 +67,7 @@ class Trigger(Record):
             directs the query to that wrist's view).
     """
 
-    event: Literal["grasp", "release", "stall", "retract"]
+    event: Literal["grasp", "release"]
     camera: Literal["head", "hand"]
 
 
@@ -76,14 +76,14 @@ class Skill(Record):
 
     Attributes:
         name: Such as "place_in".
-        summary: One line for a person.
+        about: One line for a person.
         phrases: What names it in a plan.
         triggers: Events that ask the completion checker.
         timeout_s: Simulated time that it may take.
     """
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-    summary: Phrase
+    about: Phrase
     phrases: tuple[Annotated[Phrase, AfterValidator(_is_phrase)], ...] = Field(min_length=1)
     triggers: tuple[Trigger, ...] = Field(min_length=1)
     timeout_s: float = Field(gt=0, allow_inf_nan=False)

@@ -29,6 +29,7 @@ class Tree:
     def __init__(self, spec: TreeSpec) -> None:
         self.spec = spec
         self.root = _build(spec.root)
+        self._last: dict[str, NodeState] | None = None
         paths = [placed.path for placed in spec.nodes]
         self.nodes: dict[str, Behaviour] = dict(zip(paths, _walk(self.root), strict=True))
         for path, node in self.nodes.items():
@@ -55,15 +56,22 @@ class Tree:
         Raises:
             NodeError: A behavior raised; every node has been terminated.
         """
+        self._last = None
         try:
             self.root.tick_once()
-        except BaseException:
+        except BaseException as error:
             self.interrupt()
+            if isinstance(error, NodeError) and self._last:
+                self._last[error.path] = NodeState("FAILURE", f"error: {error.__cause__!r}")
             raise
         return self.root.status
 
     def interrupt(self) -> None:
-        """Terminate every node as interrupted, leaves first, whatever state an exception may have left them in."""
+        """Terminate every node as interrupted, leaves first, whatever state an exception may have left them in.
+
+        `states` goes on telling how they stood before, so that the last picture shows where it ended.
+        """
+        self._last = self.states()
         for node in reversed(self.nodes.values()):
             with contextlib.suppress(Exception):  # one that cannot stop must not keep the others from it
                 node.stop(Status.INVALID)
@@ -80,12 +88,15 @@ class Tree:
 
     def states(self) -> dict[str, NodeState]:
         """What `render.ascii_tree` draws: status, feedback and time of every node, by path."""
+        if self._last is not None:
+            return self._last
         return {
             path: NodeState(
                 node.status.value,
-                node.feedback_message,
+                node.feedback_message if node.status != Status.INVALID else "",
                 getattr(node, "elapsed_s", None) if node.status != Status.INVALID else None,
                 getattr(node, "seconds", None),
+                node.status == Status.SUCCESS and getattr(node, "failure", None) is not None,
             )
             for path, node in self.nodes.items()
         }

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from mpvi_bt.tree.spec import Placed, TreeSpec
 
 MARKS = {"SUCCESS": "[o]", "FAILURE": "[x]", "RUNNING": "[*]", "INVALID": "[-]"}
-LEGEND = "[*] running  [o] success  [x] failure  [-] not running"
+GAVE_UP = "[!]"
+LEGEND = "[*] running  [o] success  [x] failure  [!] gave up, went on  [-] not running"
 _INDENT = 4
+_LEAST_FEEDBACK = 22  # columns that feedback may take from a long label
 
 
 @dataclass(frozen=True)
@@ -21,12 +23,14 @@ class NodeState:
         feedback: One line, or "".
         elapsed_s: Simulated time in this round, of nodes that count it.
         limit_s: What elapsed_s may reach.
+        gave_up: A SUCCESS that passes over a failure.
     """
 
     status: str = "INVALID"
     feedback: str = ""
     elapsed_s: float | None = None
     limit_s: float | None = None
+    gave_up: bool = False
 
 
 def ascii_tree(
@@ -53,15 +57,18 @@ def ascii_tree(
 
 
 def node_line(node: Placed, state: NodeState | None, width: int = 80) -> str:
-    """One node: indent, glyph, label, status, time, feedback. Long labels lose their end, then feedback does."""
+    """One node: indent, glyph, label, status, time, feedback; labels and feedback that are too long lose their end."""
     start = " " * (_INDENT * node.depth) + node.spec.type.glyph(node.spec.parameters) + " "
     if state is None:
         return _cut(start + node.spec.label, width)
-    end = " " + MARKS[state.status] + _time(state)
-    line = start + _cut(node.spec.label, max(width - len(start) - len(end), 4)) + end
-    if state.feedback and width - len(line) > 12:
-        line += _cut("  " + state.feedback, width - len(line))
-    return line
+    end = f" {GAVE_UP if state.gave_up else MARKS[state.status]}{_time(state)}"
+    room = width - len(start) - len(end)
+    feedback = f"  {state.feedback}" if state.feedback else ""
+    news = state.status != "SUCCESS" or state.gave_up  # a success needs no words, if that would cost its label
+    least = min(len(feedback), _LEAST_FEEDBACK) if news and room >= 2 * _LEAST_FEEDBACK else 0
+    label = _cut(node.spec.label, room - least)
+    left = room - len(label)
+    return start + label + end + (_cut(feedback, left) if left >= min(len(feedback), _LEAST_FEEDBACK) else "")
 
 
 def _time(state: NodeState) -> str:
@@ -74,4 +81,6 @@ def _time(state: NodeState) -> str:
 
 
 def _cut(text: str, width: int) -> str:
-    return text if len(text) <= width else text[: width - 3].rstrip() + "..."
+    if len(text) <= width:
+        return text
+    return text[: width - 3].rstrip() + "..." if width > 3 else text[: max(width, 0)]

@@ -1,0 +1,406 @@
+"""Small backends that need no simulator, and the contracts that they and the real ones keep.
+
+The doubles are honest about what they are: a robot that moves as it is told and feels its fingers stop, in an empty
+world. Your own policy, checker, navigator or robot passes the same checks:
+
+    from mpvi_bt.testing import check_policy
+    check_policy(MyPolicy())
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from mpvi_bt.behaviors.context import Context
+from mpvi_bt.behaviors.protocols import Checker, Judgement, Navigator, Policy, Progress, Report, TriggerEvent
+from mpvi_bt.errors import BackendError
+from mpvi_bt.plan.skills import Skill, clauses, match
+from mpvi_bt.robot.protocol import (
+    ACTION_SIZE,
+    CONTROL_HZ,
+    SIDES,
+    ActionLayout,
+    CameraImage,
+    Proprioception,
+    Robot,
+    Side,
+)
+from mpvi_bt.robot.solids import Array
+
+OPEN_M = 0.10
+
+
+class KinematicRobot:
+    """A robot without dynamics: base and joints move as commanded, fingers stop at what is between them.
+
+    Attributes:
+        between_m: Width of what is between the fingers of each hand.
+    """
+
+    def __init__(self) -> None:
+        self.between_m: dict[Side, float] = {"left": 0.03, "right": 0.06}
+        self._pose = np.zeros(3)
+        self._velocity = np.zeros(3)
+        self._targets = np.zeros(ACTION_SIZE)
+        self._targets[list(ActionLayout.GRIPPER.values())] = 1.0
+        self._width: dict[Side, float] = {"left": OPEN_M, "right": OPEN_M}
+        self._arm_velocity = {side: np.zeros(7) for side in SIDES}
+        self._action = self._targets.copy()
+
+    @property
+    def action(self) -> Array:
+        """(23,) command of the next step."""
+        return self._action.copy()
+
+    def act(self, action: Array) -> None:
+        """Set the command of the next step. Raises BackendError unless it is (23,) and finite."""
+        action = np.array(action, float)
+        if action.shape != (ACTION_SIZE,) or not np.isfinite(action).all():
+            raise BackendError(f"an action must be ({ACTION_SIZE},) and finite, not {action.shape}")
+        self._action = action
+
+    def hold(self) -> None:
+        """Stand still and keep every joint's target."""
+        self._action = self._targets.copy()
+
+    def proprioception(self) -> Proprioception:
+        """What it feels now."""
+        return Proprioception(
+            base_pose=self._pose.copy(),
+            base_velocity=self._velocity.copy(),
+            torso=self._targets[ActionLayout.TORSO].copy(),
+            arm={side: self._targets[ActionLayout.ARM[side]].copy() for side in SIDES},
+            arm_velocity={side: self._arm_velocity[side].copy() for side in SIDES},
+            gripper_width=dict(self._width),
+            gripper_command={side: float(self._targets[ActionLayout.GRIPPER[side]]) for side in SIDES},
+        )
+
+    def look(self, camera: str) -> CameraImage:
+        """A small black picture."""
+        if camera not in ("head", *SIDES):
+            raise BackendError(f"no camera {camera!r}; known: head, left, right")
+        K = np.array([[8.0, 0, 4], [0, 8, 4], [0, 0, 1]])
+        return CameraImage(camera, np.zeros((8, 8, 3), np.uint8), np.zeros((8, 8), np.float32), None, {}, K, np.eye(4))
+
+    def advance(self, action: Array) -> None:
+        """Move for one control step."""
+        dt = 1 / CONTROL_HZ
+        vx, vy, turn = self._velocity = action[ActionLayout.BASE].copy()
+        yaw = self._pose[2]
+        self._pose += dt * np.array(
+            [vx * math.cos(yaw) - vy * math.sin(yaw), vx * math.sin(yaw) + vy * math.cos(yaw), turn]
+        )
+        self._pose[2] = math.remainder(self._pose[2], math.tau)
+        for side in SIDES:
+            arm = ActionLayout.ARM[side]
+            self._arm_velocity[side] = (action[arm] - self._targets[arm]) / dt
+            wanted = (float(np.clip(action[ActionLayout.GRIPPER[side]], -1, 1)) + 1) / 2 * OPEN_M
+            reach = 0.4 * dt
+            width = self._width[side] + float(np.clip(wanted - self._width[side], -reach, reach))
+            self._width[side] = max(width, self.between_m[side])
+        self._targets = action.copy()
+        self._targets[ActionLayout.BASE] = 0.0
+
+
+class KinematicWorld:
+    """An empty world with a KinematicRobot in it."""
+
+    def __init__(self) -> None:
+        self.robot = KinematicRobot()
+        self._steps = 0
+
+    @property
+    def time_s(self) -> float:
+        """Simulated seconds."""
+        return self._steps / CONTROL_HZ
+
+    @property
+    def steps(self) -> int:
+        """Control steps."""
+        return self._steps
+
+    def step(self, action: Array) -> None:
+        """One control step."""
+        self.robot.advance(action)
+        self._steps += 1
+
+
+class StraightNavigator:
+    """Drives in a straight line to places that it is told at the start.
+
+    Args:
+        robot: What to drive.
+        places: Phrase to world x, y [m].
+        speed_m_s: How fast.
+    """
+
+    def __init__(self, robot: Robot, places: Mapping[str, tuple[float, float]], speed_m_s: float = 0.8) -> None:
+        self._robot, self._places, self._speed = robot, dict(places), speed_m_s
+        self._target: str | None = None
+
+    def start(self, target: str, room: str | None) -> None:
+        """Begin."""
+        self._target = target
+
+    def step(self) -> Report:
+        """Drive one step."""
+        if self._target is None:
+            return Report(Progress.FAILED, "not_started", "no target was set")
+        if self._target not in self._places:
+            return Report(Progress.FAILED, "unknown_target", f"nothing known as {self._target!r}")
+        x, y, yaw = self._robot.proprioception().base_pose
+        dx, dy = self._places[self._target][0] - x, self._places[self._target][1] - y
+        distance = math.hypot(dx, dy)
+        self._robot.hold()
+        if distance < 0.02:
+            return Report(Progress.SUCCEEDED, "", f"at {self._target}")
+        speed = min(self._speed, distance * CONTROL_HZ)
+        heading = math.atan2(dy, dx) - yaw
+        action = self._robot.action
+        action[ActionLayout.BASE] = speed * math.cos(heading), speed * math.sin(heading), 0.0
+        self._robot.act(action)
+        return Report(Progress.RUNNING, "", f"driving to {self._target}")
+
+    def stop(self) -> None:
+        """Stand still."""
+        self._target = None
+        self._robot.hold()
+
+
+class GripPolicy:
+    """Closes a hand for a pick and opens it for a place, a second and a half a clause; moves nothing else.
+
+    Args:
+        skills: To read prompts with.
+        hand: Where a clause names none.
+    """
+
+    name = "grip"
+    cameras: tuple[str, ...] = ()
+    horizon = 15
+
+    def __init__(self, skills: Mapping[str, Skill], hand: Side = "right") -> None:
+        self._skills, self._hand = skills, hand
+        self._chunks = 0
+
+    def reset(self) -> None:
+        """Begin with the first clause."""
+        self._chunks = 0
+
+    def infer(self, observation: Mapping[str, Any]) -> Array:
+        """(15, 23) actions."""
+        parts = clauses(observation["prompt"])
+        call = match(parts[min(self._chunks // 3, len(parts) - 1)], self._skills) if parts else None
+        self._chunks += 1
+        body: Proprioception = observation["proprioception"]
+        action = np.zeros(ACTION_SIZE)
+        action[ActionLayout.TORSO] = body.torso
+        for side in SIDES:
+            action[ActionLayout.ARM[side]] = body.arm[side]
+            action[ActionLayout.GRIPPER[side]] = body.gripper_command[side]
+        if call is not None:
+            hand: Side = "left" if call.arguments.get("hand", self._hand) == "left" else "right"
+            action[ActionLayout.GRIPPER[hand]] = -1.0 if call.skill.name == "pick" else 1.0
+        return np.tile(action, (self.horizon, 1))
+
+
+class FingerTriggers:
+    """Fires when the fingers of a hand have come to rest after closing on something, or after opening."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self.reset()
+
+    def reset(self, kinds: tuple[str, ...] | None = None) -> None:
+        """Begin anew."""
+        body = self._robot.proprioception()
+        self._kinds = kinds
+        self._before = dict(body.gripper_width)
+        self._moved: set[Side] = set()
+
+    def update(self) -> TriggerEvent | None:
+        """The event that fires now, if any."""
+        body = self._robot.proprioception()
+        fired = None
+        for side in SIDES:
+            width = body.gripper_width[side]
+            if abs(width - self._before[side]) > 1e-4:
+                self._moved.add(side)
+            elif side in self._moved:
+                self._moved.discard(side)
+                kind = "grasp" if body.gripper_command[side] < 0 else "release"
+                if fired is None and (self._kinds is None or kind in self._kinds):
+                    fired = TriggerEvent(kind, side)
+            self._before[side] = width
+        return fired
+
+
+class ScriptedChecker:
+    """Answers as it is told.
+
+    Args:
+        answers: Criterion to its answers in turn, the last one for good; a criterion that is not there is a no.
+        needs_image: Whether to ask for a picture.
+    """
+
+    name = "scripted"
+
+    def __init__(self, answers: Mapping[str, tuple[bool, ...]], needs_image: bool = True) -> None:
+        self.needs_image = needs_image
+        self._answers = {criterion: list(turn) for criterion, turn in answers.items()}
+
+    def check(self, criterion: str, image: CameraImage | None) -> Judgement:
+        """The next answer."""
+        turn = self._answers.get(criterion)
+        if not turn:
+            return Judgement(False, "no answer was scripted")
+        return Judgement(turn.pop(0) if len(turn) > 1 else turn[0], "as scripted")
+
+
+def scripted_context(
+    world: KinematicWorld,
+    skills: Mapping[str, Skill],
+    places: Mapping[str, tuple[float, float]],
+    answers: Mapping[str, tuple[bool, ...]],
+) -> Context:
+    """A run's context of the doubles above."""
+    return Context(
+        clock=world,
+        robot=world.robot,
+        navigator=StraightNavigator(world.robot, places),
+        policy=GripPolicy(skills),
+        checker=ScriptedChecker(answers),
+        triggers=FingerTriggers(world.robot),
+        skills=skills,
+    )
+
+
+def _require(condition: bool, what: str) -> None:
+    """Raises AssertionError naming the broken clause of the contract (kept under `python -O`)."""
+    if not condition:
+        raise AssertionError(what)
+
+
+def check_robot(robot: Robot, step: Callable[[Array], None]) -> None:
+    """The contract of a Robot.
+
+    Args:
+        robot: At rest.
+        step: Carries out one control step of an action.
+
+    Raises:
+        AssertionError: What it breaks.
+    """
+    body = robot.proprioception()
+    for name, value, shape in (
+        ("base_pose", body.base_pose, (3,)),
+        ("base_velocity", body.base_velocity, (3,)),
+        ("torso", body.torso, (4,)),
+        *((f"arm[{s}]", body.arm[s], (7,)) for s in SIDES),
+        *((f"arm_velocity[{s}]", body.arm_velocity[s], (7,)) for s in SIDES),
+    ):
+        _require(value.shape == shape and bool(np.isfinite(value).all()), f"{name} must be {shape} and finite")
+    for side in SIDES:
+        _require(-0.005 <= body.gripper_width[side] <= OPEN_M + 0.005, "gripper_width must be 0 to 0.10 m")
+        _require(-1 <= body.gripper_command[side] <= 1, "gripper_command must be -1 to 1")
+    for bad in (np.zeros(ACTION_SIZE - 1), np.zeros((1, ACTION_SIZE)), np.full(ACTION_SIZE, np.nan)):
+        try:
+            robot.act(bad)
+        except BackendError:
+            continue
+        _require(False, f"act must refuse an action of shape {bad.shape} and what is not finite")
+    robot.hold()
+    held = robot.action
+    _require(held.shape == (ACTION_SIZE,), "action must be (23,)")
+    _require(not held[ActionLayout.BASE].any(), "hold must command the base to stand still")
+    held[:] = 99.0
+    _require(not np.array_equal(robot.action, held), "action must be a copy")
+    before = robot.proprioception()
+    for _ in range(5):
+        robot.hold()
+        step(robot.action)
+    after = robot.proprioception()
+    _require(bool(np.allclose(before.base_pose, after.base_pose, atol=5e-3)), "hold must keep the base in place")
+    for side in SIDES:
+        _require(bool(np.allclose(before.arm[side], after.arm[side], atol=2e-2)), "hold must keep the arms in place")
+
+
+def check_policy(policy: Policy, observation: Mapping[str, Any] | None = None) -> None:
+    """The contract of a Policy.
+
+    Args:
+        policy: Any.
+        observation: What to show it; by default a robot at rest, black pictures, and "pick up the cup".
+
+    Raises:
+        AssertionError: What it breaks.
+    """
+    _require(bool(policy.name), "a policy has a name")
+    _require(set(policy.cameras) <= {"head", *SIDES}, "cameras are among head, left, right")
+    if observation is None:
+        robot = KinematicRobot()
+        images = {camera: robot.look(camera) for camera in policy.cameras}
+        observation = {"prompt": "pick up the cup", "proprioception": robot.proprioception(), "images": images}
+    for _ in range(2):
+        policy.reset()
+        policy.reset()
+        for _ in range(3):
+            chunk = np.asarray(policy.infer(observation))
+            _require(chunk.ndim == 2 and len(chunk) >= 1, "infer must give (H, 23), H >= 1")
+            _require(chunk.shape[1] == ACTION_SIZE, f"infer must give (H, 23), not {chunk.shape}")
+            _require(bool(np.isfinite(chunk).all()), "actions must be finite")
+
+
+def check_navigator(
+    navigator: Navigator, robot: Robot, step: Callable[[Array], None], target: str, max_steps: int = 3000
+) -> None:
+    """The contract of a Navigator.
+
+    Args:
+        navigator: Drives `robot`.
+        robot: At rest.
+        step: Carries out one control step of an action.
+        target: Somewhere that can be reached.
+        max_steps: How many steps it may take.
+
+    Raises:
+        AssertionError: What it breaks.
+    """
+    navigator.stop()
+    navigator.stop()
+    report = _drive(navigator, robot, step, target, max_steps)
+    _require(report.progress is Progress.SUCCEEDED, f"it must get to {target!r}, not {report}")
+    report = _drive(navigator, robot, step, "a thing that nobody has ever put there", max_steps)
+    _require(report.progress is Progress.FAILED, "an unknown target is a failure, not an exception or a success")
+    _require(bool(report.reason), "a failure has a reason code")
+
+
+def _drive(navigator: Navigator, robot: Robot, step: Callable[[Array], None], target: str, max_steps: int) -> Report:
+    navigator.start(target, None)
+    report = Report(Progress.RUNNING)
+    for _ in range(max_steps):
+        report = navigator.step()
+        if report.progress is not Progress.RUNNING:
+            break
+        step(robot.action)
+    navigator.stop()
+    _require(not robot.action[ActionLayout.BASE].any(), "stop must let the base stand still")
+    return report
+
+
+def check_checker(checker: Checker) -> None:
+    """The contract of a Checker: it answers, and what it cannot decide is a no.
+
+    Raises:
+        AssertionError: What it breaks.
+    """
+    _require(bool(checker.name), "a checker has a name")
+    image = KinematicRobot().look("head") if checker.needs_image else None
+    for criterion in ("the moon is inside the kettle", "%&/ {} \u2603", "x" * 300):
+        judgement = checker.check(criterion, image)
+        _require(judgement.complete is False, f"{criterion!r:.30} cannot be decided, so it is a no")
+        _require(isinstance(judgement.reason, str) and bool(judgement.reason), "a judgement has a reason")
