@@ -23,7 +23,7 @@ RANKS = [
     {"navigation", "manipulation", "completion", "sim"},
     {"behaviors"},
     {"tree"},
-    {"executive"},
+    {"executive", "testing"},
     {"suite"},
     {"cli"},
 ]
