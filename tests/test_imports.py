@@ -22,7 +22,7 @@ RANKS = [
     {"goals", "plan", "perception"},
     {"navigation", "manipulation", "completion", "sim"},
     {"behaviors"},
-    {"tree"},
+    {"tree", "testing"},
     {"executive", "testing"},
     {"suite"},
     {"cli"},

@@ -1,0 +1,35 @@
+"""Every example runs, and is short."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
+
+
+def _parameter(path: Path) -> object:
+    """One example as a test case; those with the simulator take a minute and draw pictures."""
+    real = "mpvi_bt.suite" in path.read_text(encoding="utf-8")
+    return pytest.param(path, id=path.stem, marks=[pytest.mark.slow, pytest.mark.render] if real else [])
+
+
+@pytest.mark.parametrize("path", [_parameter(p) for p in EXAMPLES])
+def test_example_runs(path: Path, tmp_path: Path) -> None:
+    """It succeeds from any folder and says something."""
+    done = subprocess.run(
+        [sys.executable, path], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=600
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
+def test_example_is_short_and_explained(path: Path) -> None:
+    """Under a hundred lines, opened by what it shows."""
+    text = path.read_text(encoding="utf-8")
+    assert len(text.splitlines()) < 100
+    assert text.startswith('"""')
