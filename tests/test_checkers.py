@@ -1,0 +1,310 @@
+"""Laws of the criteria's language, of the judge that sees and of the oracle; pictures are ray-cast from boxes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mpvi_bt.behaviors.protocols import Judgement
+from mpvi_bt.completion.criteria import MOST_CHARACTERS, Criterion, named, parse
+from mpvi_bt.completion.oracle import OracleChecker
+from mpvi_bt.completion.visual import VisualChecker
+from mpvi_bt.robot import r1
+from mpvi_bt.robot.kinematics import LINK_TO_OPTICAL, rot_y, transform
+from mpvi_bt.robot.protocol import CameraImage, Side
+from mpvi_bt.robot.solids import Array
+
+PHRASES = {
+    "can_1": ("can of soda", "soda can"),
+    "can_2": ("can of soda", "soda can"),
+    "bin": ("trash can", "ashcan"),
+    "table": ("table",),
+    "cabinet": ("cabinet",),
+    "floor": ("floor",),
+}
+Box = tuple[str, tuple[float, float, float], tuple[float, float, float]]  # name, lowest and highest corner [m]
+
+
+def picture(camera: str, T_world_camera: Array, boxes: list[Box], size: int = 160, fov_rad: float = 1.2) -> CameraImage:
+    """What a square camera sees of axis-aligned boxes, by intersecting every pixel's ray with every box."""
+    focal = size / 2 / np.tan(fov_rad / 2)
+    K = np.array([[focal, 0, size / 2], [0, focal, size / 2], [0, 0, 1.0]])
+    u, v = np.meshgrid(np.arange(size) + 0.5, np.arange(size) + 0.5)
+    rays = np.stack([(u - size / 2) / focal, (v - size / 2) / focal, np.ones_like(u)], -1) @ T_world_camera[:3, :3].T
+    depth, labels = np.full((size, size), np.inf), np.full((size, size), -1)
+    names = dict(enumerate(dict.fromkeys(name for name, _, _ in boxes)))
+    ids = {name: i for i, name in names.items()}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for name, lowest, highest in boxes:
+            a = (np.array(lowest) - T_world_camera[:3, 3]) / rays
+            b = (np.array(highest) - T_world_camera[:3, 3]) / rays
+            enter, leave = np.minimum(a, b).max(-1), np.maximum(a, b).min(-1)
+            hit = (enter <= leave) & (enter > 0.01) & (enter < depth)
+            depth[hit], labels[hit] = enter[hit], ids[name]
+    seen = np.isfinite(depth)
+    return CameraImage(
+        camera,
+        np.zeros((size, size, 3), np.uint8),
+        np.where(seen, depth, 0).astype(np.float32),
+        labels.astype(np.int32),
+        names,
+        K,
+        T_world_camera,
+    )
+
+
+def head(boxes: list[Box]) -> CameraImage:
+    """A head camera 1.3 m above the floor, 0.7 m before the origin, looking down at (0, 0, 0.3)."""
+    tilt = np.arctan2(1.0, 0.7)
+    return picture("head", transform(rot_y(tilt) @ LINK_TO_OPTICAL, (-0.7, 0.0, 1.3)), boxes)
+
+
+def wrist(boxes: list[Box], side: Side = "right") -> CameraImage:
+    """A wrist camera of a hand at the world's origin, fingers along z."""
+    T = transform(rot_y(-np.pi / 2 + r1.WRIST_CAMERA_TILT_RAD) @ LINK_TO_OPTICAL, r1.WRIST_CAMERA_M)
+    return picture(side, T, boxes, 224, 1.4)
+
+
+def fingers(width_m: float) -> list[Box]:
+    """Two fingers that far apart, and the palm."""
+    h = width_m / 2
+    return [
+        ("robot", (-0.011, h, 0.103), (0.011, h + 0.012, 0.158)),
+        ("robot", (-0.011, -h - 0.012, 0.103), (0.011, -h, 0.158)),
+        ("robot", (-0.03, -0.1, 0.03), (0.03, 0.1, 0.10)),
+    ]
+
+
+FLOOR: Box = ("floor", (-3, -3, -0.1), (3, 3, 0.0))
+
+
+def trash_can(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> list[Box]:
+    """An open box, 24 cm wide and 30 cm high, with walls of 1 cm."""
+    w, t, h = 0.12, 0.01, 0.30
+    return [
+        ("bin", (x - w, y - w, z), (x + w, y + w, z + t)),
+        ("bin", (x - w, y - w, z), (x - w + t, y + w, z + h)),
+        ("bin", (x + w - t, y - w, z), (x + w, y + w, z + h)),
+        ("bin", (x - w, y - w, z), (x + w, y - w + t, z + h)),
+        ("bin", (x - w, y + w - t, z), (x + w, y + w, z + h)),
+    ]
+
+
+def can(x: float, y: float, z: float, name: str = "can_1") -> Box:
+    """A can that stands on height `z`."""
+    return (name, (x - 0.033, y - 0.033, z), (x + 0.033, y + 0.033, z + 0.12))
+
+
+def see(criterion: str, image: CameraImage) -> Judgement:
+    """The visual judge's answer."""
+    return VisualChecker(PHRASES).check(criterion, image)
+
+
+# ------------------------------------------------------------------------------------------------- language
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("the trash can is held in a gripper", Criterion("held", "trash can")),
+        ("The object is held in the robot's gripper.", Criterion("held", "object")),
+        ("the cup is held in the robot's left gripper", Criterion("held", "cup", side="left")),
+        ("The robot is holding the cup in its right hand", Criterion("held", "cup", side="right")),
+        ("the cup is in the left hand", Criterion("held", "cup", side="left")),
+        ("a can of soda is in the trash can", Criterion("inside", "can of soda", "trash can")),
+        ("there are two soda cans inside the trash can", Criterion("inside", "soda cans", "trash can", 2)),
+        ("2 cans of soda are in the trash can", Criterion("inside", "cans of soda", "trash can", 2)),
+        ("the cup is on top of the kitchen table", Criterion("ontop", "cup", "kitchen table")),
+        ("both books are on the shelf", Criterion("ontop", "books", "shelf", 2)),
+        ("the can is not in the bin", None),
+        ("the robot is happy", None),
+        ("", None),
+        ("the can is in " + "a" * MOST_CHARACTERS, None),
+    ],
+)
+def test_a_sentence_states_its_criterion(text: str, expected: Criterion | None) -> None:
+    """Plain sentences of the three relations are understood; others are not, and say nothing."""
+    assert parse(text) == expected
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.text(max_size=200))
+def test_any_text_is_parsed_without_an_error(text: str) -> None:
+    """Criteria come from language models: nothing that they write breaks the judge."""
+    parsed = parse(text)
+    assert parsed is None or parsed.count >= 1
+    assert not OracleChecker(Facts(), PHRASES).check(text, None).complete or parsed is not None
+
+
+def test_a_phrase_means_each_thing_called_so_in_singular_or_plural() -> None:
+    """Soda cans are cans of soda."""
+    assert named("soda cans", PHRASES) == ["can_1", "can_2"]
+    assert named("a can of soda", PHRASES) == ["can_1", "can_2"]
+    assert named("bin", PHRASES) == ["bin"]
+    assert named("bottle", PHRASES) == []
+
+
+# ------------------------------------------------------------------------------------------------------- in
+
+
+def test_a_can_in_the_bin_is_in_it() -> None:
+    """Standing on the bin's floor, seen over its rim."""
+    assert see("a can of soda is in the trash can", head([FLOOR, *trash_can(), can(0.05, 0.0, 0.01)])).complete
+
+
+@pytest.mark.parametrize("where", [(-0.17, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, -0.17, 0.0), (0.3, 0.0, 0.0)])
+def test_a_can_beside_the_bin_is_not_in_it(where: tuple[float, float, float]) -> None:
+    """Before, left, right and behind."""
+    assert not see("a can of soda is in the trash can", head([FLOOR, *trash_can(), can(*where)])).complete
+
+
+def test_a_can_held_above_the_bin_is_not_in_it() -> None:
+    """Within its outline, but over the rim."""
+    judged = see("a can of soda is in the trash can", head([FLOOR, *trash_can(), can(0.0, 0.0, 0.36)]))
+    assert not judged.complete
+    assert "above" in judged.reason
+
+
+def test_a_bin_in_the_air_holds_its_can_too() -> None:
+    """The container may be carried: its own rim counts, not its height."""
+    image = head([FLOOR, *trash_can(z=0.3), can(0.04, 0.0, 0.31)])
+    assert see("a can of soda is in the trash can", image).complete
+
+
+def test_counts_are_at_least_so_many() -> None:
+    """One can is not two; two are two and one."""
+    one = head([FLOOR, *trash_can(), can(0.05, 0.05, 0.01), can(0.5, 0.3, 0.0, "can_2")])
+    two = head([FLOOR, *trash_can(), can(0.05, 0.05, 0.01), can(0.05, -0.05, 0.01, "can_2")])
+    assert not see("two cans of soda are in the trash can", one).complete
+    assert see("two cans of soda are in the trash can", two).complete
+    assert see("one can of soda is in the trash can", two).complete
+
+
+# ------------------------------------------------------------------------------------------------------- on
+
+
+def test_a_can_on_the_table_is_on_it_and_not_on_the_floor() -> None:
+    """It rests on what is right under it."""
+    image = head([FLOOR, ("table", (-0.3, -0.4, 0.38), (0.4, 0.4, 0.4)), can(0.0, 0.0, 0.4)])
+    assert see("the can of soda is on the table", image).complete
+    assert not see("the can of soda is on the floor", image).complete
+
+
+def test_a_can_above_the_table_is_not_on_it() -> None:
+    """Nor is one that is held 10 cm over it."""
+    image = head([FLOOR, ("table", (-0.3, -0.4, 0.38), (0.4, 0.4, 0.4)), can(0.0, 0.0, 0.5)])
+    assert not see("the can of soda is on the table", image).complete
+
+
+def test_a_can_on_the_floor_beside_a_cabinet_is_not_on_it() -> None:
+    """A vertical face that ends at the can's height is no support."""
+    image = head([FLOOR, ("cabinet", (0.1, -0.5, 0.0), (0.5, 0.5, 0.8)), can(0.04, 0.0, 0.0)])
+    assert not see("the can of soda is on the cabinet", image).complete
+    assert see("the can of soda is on the floor", image).complete
+
+
+# ----------------------------------------------------------------------------------------------------- held
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.floats(0.012, 0.088))
+def test_what_is_between_the_fingertips_is_held(width_m: float) -> None:
+    """Of any width that a hand can grasp, in the picture of that hand's camera."""
+    h = width_m / 2
+    image = wrist(
+        [*fingers(width_m), ("can_1", (-0.03, -h, 0.13), (0.03, h, 0.25)), ("floor", (-2, -2, 0.4), (2, 2, 1))]
+    )
+    assert see("the can of soda is held in a gripper", image).complete
+    assert see("the can of soda is held in the right gripper", image).complete
+    assert not see("the can of soda is held in the left gripper", image).complete
+
+
+def test_what_lies_beyond_or_beside_the_fingers_is_not_held() -> None:
+    """Far below an open hand, and next to a closed one."""
+    below = wrist([*fingers(0.1), ("can_1", (-0.03, -0.03, 0.24), (0.03, 0.03, 0.36))])
+    beside = wrist([*fingers(0.0), ("can_1", (-0.03, 0.014, 0.13), (0.03, 0.08, 0.25))])
+    assert not see("the can of soda is held in a gripper", below).complete
+    assert not see("the can of soda is held in a gripper", beside).complete
+
+
+def test_the_head_sees_a_can_lifted_by_the_robot_but_not_one_that_it_touches_on_the_floor() -> None:
+    """Touching is not holding; lifted off everything is."""
+    hand: list[Box] = [
+        ("robot", (-0.03, 0.033, 0.45), (0.03, 0.06, 0.6)),
+        ("robot", (-0.03, -0.06, 0.45), (0.03, -0.033, 0.6)),
+    ]
+    touch: list[Box] = [
+        ("robot", (-0.03, 0.033, 0.0), (0.03, 0.06, 0.2)),
+        ("robot", (-0.03, -0.06, 0.0), (0.03, -0.033, 0.2)),
+    ]
+    assert see("the can of soda is held in a gripper", head([FLOOR, *hand, can(0.0, 0.0, 0.45)])).complete
+    assert not see("the can of soda is held in a gripper", head([FLOOR, *touch, can(0.0, 0.0, 0.0)])).complete
+    assert not see("the can of soda is held in a gripper", head([FLOOR, can(0.0, 0.0, 0.45)])).complete
+
+
+# --------------------------------------------------------------------------------------------------- doubts
+
+
+def test_what_it_cannot_see_or_parse_is_a_no_with_a_reason() -> None:
+    """No picture, no labels, thing not in view, thing unknown, sentence not understood."""
+    checker, empty = VisualChecker(PHRASES), head([FLOOR])
+    blind = CameraImage("head", empty.rgb, empty.depth, None, {}, empty.K, empty.T_world_camera)
+    for criterion, image in [
+        ("a can of soda is in the trash can", None),
+        ("a can of soda is in the trash can", blind),
+        ("a can of soda is in the trash can", empty),
+        ("a unicorn is in the trash can", empty),
+        ("all is well", empty),
+    ]:
+        judged = checker.check(criterion, image)
+        assert not judged.complete
+        assert judged.reason
+
+
+def test_a_scene_elsewhere_in_the_world_is_judged_the_same() -> None:
+    """Judgements do not depend on where the scene lies in the world."""
+    T = transform(rot_y(np.arctan2(1.0, 0.7)) @ LINK_TO_OPTICAL, (9.3, -4.0, 1.3))
+    boxes: list[Box] = [FLOOR, *trash_can(), can(0.05, 0.0, 0.01)]
+    moved: list[Box] = [(n, (a[0] + 10, a[1] - 4, a[2]), (b[0] + 10, b[1] - 4, b[2])) for n, a, b in boxes]
+    assert see("a can of soda is in the trash can", picture("head", T, moved)).complete
+
+
+# --------------------------------------------------------------------------------------------------- oracle
+
+
+class Facts:
+    """One can held in the left hand, the other in the bin, the bin on the floor."""
+
+    def held(self, name: str, side: Side | None) -> bool:
+        """Whether it is so."""
+        return name == "can_1" and side in (None, "left")
+
+    def inside(self, name: str, container: str) -> bool:
+        """Whether it is so."""
+        return (name, container) == ("can_2", "bin")
+
+    def ontop(self, name: str, surface: str) -> bool:
+        """Whether it is so."""
+        return (name, surface) == ("bin", "floor")
+
+
+@pytest.mark.parametrize(
+    ("criterion", "so"),
+    [
+        ("a can of soda is held in a gripper", True),
+        ("a can of soda is held in the left gripper", True),
+        ("a can of soda is held in the right gripper", False),
+        ("the trash can is held in a gripper", False),
+        ("one can of soda is in the trash can", True),
+        ("two cans of soda are in the trash can", False),
+        ("the trash can is on the floor", True),
+        ("the trash can is on the table", False),
+        ("a unicorn is on the table", False),
+        ("all is well", False),
+    ],
+)
+def test_the_oracle_says_what_is_so(criterion: str, so: bool) -> None:
+    """Whatever is true, by name, hand and count; what it cannot parse is a no."""
+    assert OracleChecker(Facts(), PHRASES).check(criterion, None).complete is so
