@@ -1,0 +1,264 @@
+"""Builds houses and objects in a SAPIEN scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import sapien
+
+from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.sim.catalogue import Entry
+from mpvi_bt.sim.description import Body, Color, Description, Part, Parts
+from mpvi_bt.sim.house import House
+
+_FIXED_BIT = 16  # of collision group 2: what never moves need not be tested against what never moves
+_HANDLE_FRICTION = 1.2
+_SAPIEN_CYLINDER = np.array([[0.0, 0, -1, 0], [0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1]])  # its axis is x, ours is z
+_ROUGHNESS = 0.85
+
+
+@dataclass(eq=False)
+class Thing:
+    """Something in the scene.
+
+    Attributes:
+        name: Unique in the scene: a BDDL name, the house's name of a fixture, "floor_<room>" or "wall_<room>".
+        synset: Such as "ashcan.n.01".
+        description: Its solids and volumes, in its bodies' frames.
+        entities: The SAPIEN entity of each body, by the body's name.
+        articulation: What holds the joints, or None if nothing moves.
+        movable: Whether it is a free body.
+    """
+
+    name: str
+    synset: str
+    description: Description
+    entities: Mapping[str, sapien.Entity]
+    articulation: sapien.physx.PhysxArticulation | None = None
+    movable: bool = False
+    _joints: Mapping[str, int] = field(default_factory=dict, repr=False)
+
+    @property
+    def entity(self) -> sapien.Entity:
+        """The entity of its root body."""
+        return self.entities[self.description.root.name]
+
+    @cached_property
+    def rigid_body(self) -> sapien.physx.PhysxRigidDynamicComponent:
+        """The dynamics of a movable thing."""
+        return self.entity.find_component_by_type(sapien.physx.PhysxRigidDynamicComponent)
+
+    def T_world_body(self, body: str | None = None) -> Array:
+        """(4, 4) pose of a body, the root by default."""
+        entity = self.entity if body is None else self.entities[body]
+        return np.asarray(entity.pose.to_transformation_matrix(), float)
+
+    def place(self, T: Array) -> None:
+        """Put a movable thing at `T` (4, 4, body to world), at rest."""
+        self.entity.set_pose(sapien.Pose(T))
+        self.rigid_body.set_linear_velocity([0, 0, 0])
+        self.rigid_body.set_angular_velocity([0, 0, 0])
+        self.rigid_body.wake_up()
+
+    def solids(self) -> list[Solid]:
+        """What collides, posed in the world as it stands now."""
+        return list(self._posed(lambda body: (part.solid for part in body.parts if part.collides)))
+
+    def volumes(self) -> list[Solid]:
+        """What can hold things, posed in the world as it stands now."""
+        return list(self._posed(lambda body: iter(body.volumes)))
+
+    def joint_fractions(self) -> list[float]:
+        """Position of each joint, 0 closed to 1 fully open, in the order of the description's bodies."""
+        if self.articulation is None:
+            return []
+        q = self.articulation.get_qpos()
+        return [
+            float(q[self._joints[body.name]]) / body.joint.limit
+            for body in self.description.bodies
+            if body.joint is not None
+        ]
+
+    def set_joint_fraction(self, body: str, fraction: float) -> None:
+        """Put a door or drawer at a position, 0 closed to 1 fully open, at rest."""
+        assert self.articulation is not None
+        joint = next(b.joint for b in self.description.bodies if b.name == body)
+        assert joint is not None
+        q = self.articulation.get_qpos()
+        q[self._joints[body]] = fraction * joint.limit
+        self.articulation.set_qpos(q)
+        self.articulation.set_qvel(np.zeros_like(q))
+
+    def _posed(self, pick: Callable[[Body], Iterator[Solid]]) -> Iterator[Solid]:
+        for body in self.description.bodies:
+            if self.articulation is None and not self.movable:
+                T = self._fixed_pose
+            else:
+                T = self.T_world_body(body.name)
+            for solid in pick(body):
+                yield solid.moved(T)
+
+    @cached_property
+    def _fixed_pose(self) -> Array:
+        return self.T_world_body()
+
+
+def build_house(scene: sapien.Scene, house: House, render: bool) -> dict[str, Thing]:
+    """Build floors, walls and fixtures.
+
+    Args:
+        render: Whether to build what cameras see too; without it no rendering system is needed.
+
+    Returns:
+        Things by name: every fixture, "floor_<room>" and "wall_<room>" for each room, "wall_outside".
+    """
+    builder = _Builder(scene, render)
+    things = {}
+    for room in house.rooms.values():
+        name = f"floor_{room.name}"
+        floor = Description((Body("body", (Part(room.floor, room.floor_color),)),))
+        things[name] = builder.static(name, "floor.n.01", floor, np.eye(4), 0.5)
+    for room_name in dict.fromkeys(wall.room for wall in house.walls):
+        name = f"wall_{room_name}"
+        parts = Parts([Part(wall.solid, wall.color) for wall in house.walls if wall.room == room_name])
+        outdoors = room_name in house.rooms and house.rooms[room_name].outdoors
+        things[name] = builder.static(name, "hedge.n.01" if outdoors else "wall.n.01", parts.thing(), np.eye(4), 0.5)
+    for fixture in house.fixtures.values():
+        entry = fixture.entry
+        build = builder.jointed if entry.description.jointed else builder.static
+        things[fixture.name] = build(
+            fixture.name, entry.synset, entry.description, fixture.T_world_fixture, entry.friction
+        )
+    return things
+
+
+def build_object(scene: sapien.Scene, entry: Entry, name: str, T: Array, render: bool) -> Thing:
+    """Build a movable object with its body frame at `T` (4, 4, body to world).
+
+    Raises:
+        ValueError: The entry has no mass: it is a fixture.
+    """
+    return _Builder(scene, render).movable(entry, name, T)
+
+
+class _Builder:
+    """Adds things to one scene, sharing materials."""
+
+    def __init__(self, scene: sapien.Scene, render: bool) -> None:
+        self.scene = scene
+        self.render = render
+        self.surfaces: dict[float, sapien.physx.PhysxMaterial] = {}
+        self.paints: dict[Color, sapien.render.RenderMaterial] = {}
+
+    def static(self, name: str, synset: str, description: Description, T: Array, friction: float) -> Thing:
+        builder = self.scene.create_actor_builder()
+        self._add(builder, description.root, friction)
+        builder.set_initial_pose(sapien.Pose(T))
+        entity = builder.build_static(name)
+        _mark_fixed(entity.find_component_by_type(sapien.physx.PhysxRigidStaticComponent))
+        return Thing(name, synset, description, {description.root.name: entity})
+
+    def movable(self, entry: Entry, name: str, T: Array) -> Thing:
+        if entry.mass_kg is None:
+            raise ValueError(f"{entry.name} has no mass in the catalogue: it is a fixture")
+        description = entry.description
+        builder = self.scene.create_actor_builder()
+        self._add(builder, description.root, entry.friction)
+        builder.set_initial_pose(sapien.Pose(T))
+        entity = builder.build(name)
+        body = entity.find_component_by_type(sapien.physx.PhysxRigidDynamicComponent)
+        inertia = np.asarray(body.inertia) * (entry.mass_kg / body.mass)
+        body.mass = entry.mass_kg
+        body.inertia = inertia
+        body.set_angular_damping(entry.rolling_damping)
+        return Thing(name, entry.synset, description, {description.root.name: entity}, movable=True)
+
+    def jointed(self, name: str, synset: str, description: Description, T: Array, friction: float) -> Thing:
+        builder = self.scene.create_articulation_builder()
+        root = builder.create_link_builder()
+        for body in description.bodies:
+            link = root if body.joint is None else builder.create_link_builder(root)
+            link.set_name(f"{name}/{body.name}")
+            self._add(link, body, friction, density=250.0)
+            if body.joint is not None:
+                joint = body.joint
+                link.set_joint_name(f"{name}/{body.name}")
+                link.set_joint_properties(
+                    "revolute" if joint.kind == "hinge" else "prismatic",
+                    [[0.0, joint.limit]],
+                    pose_in_parent=sapien.Pose(_frame_along(joint.axis, joint.origin)),
+                    pose_in_child=sapien.Pose(_frame_along(joint.axis, np.zeros(3))),
+                    friction=joint.friction,
+                    damping=joint.damping,
+                )
+        builder.set_initial_pose(sapien.Pose(T))
+        articulation = builder.build(fix_root_link=True)
+        articulation.set_name(name)
+        links = {link.name.removeprefix(f"{name}/"): link for link in articulation.links}
+        for body in description.bodies:
+            if body.joint is None:
+                _mark_fixed(links[body.name])
+            elif body.joint.sprung:
+                links[body.name].disable_gravity = True
+        joints = {joint.name.removeprefix(f"{name}/"): k for k, joint in enumerate(articulation.active_joints)}
+        entities = {body: link.entity for body, link in links.items()}
+        return Thing(name, synset, description, entities, articulation, _joints=joints)
+
+    def _add(self, builder: sapien.ActorBuilder, body: Body, friction: float, density: float = 1000.0) -> None:
+        """Add a body's shapes; what is only seen gets no collision shape."""
+        handles = [handle.center for handle in body.handles]
+        for part in body.parts:
+            solid = part.solid
+            pose, half = sapien.Pose(solid.T), solid.half_m
+            if solid.kind == "cylinder":
+                pose = sapien.Pose(solid.T @ _SAPIEN_CYLINDER)
+            if part.collides:
+                held = body.joint is not None and any(np.allclose(solid.T[:3, 3], center) for center in handles)
+                surface = self._surface(_HANDLE_FRICTION if held else friction)
+                if solid.kind == "box":
+                    builder.add_box_collision(pose, half, material=surface, density=density)
+                elif solid.kind == "cylinder":
+                    builder.add_cylinder_collision(pose, half[0], half[2], material=surface, density=density)
+                else:
+                    builder.add_sphere_collision(pose, half[0], material=surface, density=density)
+            if self.render:
+                paint = self._paint(part.color)
+                if solid.kind == "box":
+                    builder.add_box_visual(pose, half, material=paint)
+                elif solid.kind == "cylinder":
+                    builder.add_cylinder_visual(pose, half[0], half[2], material=paint)
+                else:
+                    builder.add_sphere_visual(pose, half[0], material=paint)
+
+    def _surface(self, friction: float) -> sapien.physx.PhysxMaterial:
+        if friction not in self.surfaces:
+            self.surfaces[friction] = sapien.physx.PhysxMaterial(friction, friction, 0.0)
+        return self.surfaces[friction]
+
+    def _paint(self, color: Color) -> sapien.render.RenderMaterial:
+        if color not in self.paints:
+            linear = [channel**2.2 for channel in color]  # the shaders light in linear color
+            paint = sapien.render.RenderMaterial(base_color=[*linear, 1.0], roughness=_ROUGHNESS, specular=0.1)
+            self.paints[color] = paint
+        return self.paints[color]
+
+
+def _mark_fixed(component: sapien.physx.PhysxRigidBaseComponent) -> None:
+    for shape in component.collision_shapes:
+        groups = list(shape.get_collision_groups())
+        groups[2] |= 1 << _FIXED_BIT
+        shape.set_collision_groups(groups)
+
+
+def _frame_along(axis: Array, origin: Array) -> Array:
+    """(4, 4) frame at `origin` whose x is `axis`: SAPIEN's joints turn about and slide along x."""
+    helper = np.array([0.0, 0, 1]) if abs(axis[2]) < 0.9 else np.array([0.0, 1, 0])
+    y = np.cross(helper, axis)
+    y /= np.linalg.norm(y)
+    T = np.eye(4)
+    T[:3, :3] = np.stack([axis, y, np.cross(axis, y)], axis=1)
+    T[:3, 3] = origin
+    return T

@@ -1,0 +1,157 @@
+"""The catalogue: what the things are that houses are furnished with and tasks are about."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, StringConstraints
+
+from mpvi_bt import paths
+from mpvi_bt.errors import FileProblems, Problem, UnknownName, nearest
+from mpvi_bt.marked_yaml import Location, Marks, Record, load_marked, validate_data
+from mpvi_bt.perception.knowledge import normalize
+from mpvi_bt.sim.description import Description
+from mpvi_bt.sim.families import FAMILIES, describe, parameters
+
+Synset = Annotated[str, StringConstraints(pattern=r"^\S+\.[nvasr]\.\d\d$")]
+
+
+class EntryFile(Record):
+    """An entry as it stands in the file."""
+
+    synset: Synset
+    family: str
+    shape: dict[str, Any]
+    phrases: tuple[str, ...] = ()
+    mass_kg: Annotated[float, Field(gt=0, le=200)] | None = None
+    friction: Annotated[float, Field(ge=0, le=3)] = 0.5
+    rolling_damping: Annotated[float, Field(ge=0, le=10)] = 0.5
+    abilities: tuple[str, ...] = ()
+
+
+class CatalogueFile(Record):
+    """The file: entries by name."""
+
+    entries: dict[str, EntryFile]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One kind of thing.
+
+    Attributes:
+        name: Unique in the catalogue, such as "can_of_soda".
+        synset: WordNet synset as BDDL writes it.
+        phrases: What people call it, lower case, the synset's own words among them.
+        family: What makes its shape.
+        shape: The family's parameters.
+        mass_kg: None for fixtures, which stand where they are.
+        friction: Of its surface, static and dynamic.
+        rolling_damping: Angular damping [1/s]: stands for rolling resistance, which the physics engine lacks.
+        abilities: BEHAVIOR's, such as "fillable" or "openable".
+    """
+
+    name: str
+    synset: str
+    phrases: tuple[str, ...]
+    family: str
+    shape: Mapping[str, Any]
+    mass_kg: float | None = None
+    friction: float = 0.5
+    rolling_damping: float = 0.5
+    abilities: tuple[str, ...] = ()
+
+    @cached_property
+    def description(self) -> Description:
+        """What it is made of."""
+        return describe(self.family, self.shape)
+
+    def reshaped(self, changes: Mapping[str, Any]) -> Entry:
+        """The same kind of thing with other dimensions or colors."""
+        return replace(self, shape={**self.shape, **changes}) if changes else self
+
+
+class Catalogue:
+    """Entries by name, and by synset."""
+
+    def __init__(self, entries: Mapping[str, Entry]) -> None:
+        self.entries = dict(entries)
+
+    def __iter__(self) -> Iterator[Entry]:
+        return iter(self.entries.values())
+
+    def __getitem__(self, name: str) -> Entry:
+        """The entry of that name.
+
+        Raises:
+            UnknownName: There is none.
+        """
+        if name not in self.entries:
+            raise UnknownName("catalogue entry", name, self.entries)
+        return self.entries[name]
+
+    def of_synset(self, synset: str) -> list[Entry]:
+        """Entries of a synset, the first of which is the usual one.
+
+        Raises:
+            UnknownName: There is none.
+        """
+        found = [entry for entry in self if entry.synset == synset]
+        if not found:
+            raise UnknownName("synset", synset, {entry.synset for entry in self})
+        return found
+
+
+def load_catalogue(path: str | Path | None = None) -> Catalogue:
+    """The catalogue of a file; by default the one that comes with mpvi_bt.
+
+    Raises:
+        UserError: There is no such file.
+        FileProblems: Everything that is wrong with it.
+    """
+    data, marks = load_marked(path or paths.find("tasks", "objects", "catalogue"))
+    file = validate_data(data, marks, CatalogueFile)
+    problems: list[Problem] = []
+    entries: dict[str, Entry] = {}
+    for name, given in file.entries.items():
+        place: Location = ("entries", name)
+        if given.family not in FAMILIES:
+            problems.append(unknown(marks, (*place, "family"), "family", given.family, FAMILIES))
+            continue
+        problems += shape_problems(marks, (*place, "shape"), given.family, given.shape)
+        words = re.sub(r"[_\W]+", " ", given.synset.rsplit(".", 2)[0])
+        phrases = dict.fromkeys(normalize(p) for p in (*given.phrases, words, name))
+        fields = given.model_dump(exclude={"phrases"})
+        entries[name] = Entry(name=name, phrases=tuple(phrases), **fields)
+    if problems:
+        raise FileProblems(problems)
+    return Catalogue(entries)
+
+
+def shape_problems(marks: Marks, place: Location, family: str, shape: Mapping[str, Any]) -> list[Problem]:
+    """What is wrong with the parameters of a family that stand at `place` of a file."""
+    depth = len(place)
+    inner = Marks(
+        marks.file,
+        {at[depth:]: mark for at, mark in marks.values.items() if at[:depth] == place},
+        {at[depth:]: mark for at, mark in marks.keys.items() if at[:depth] == place and len(at) > depth},
+    )
+    inner.values.setdefault((), marks.at(place))
+    try:
+        validate_data(dict(shape), inner, parameters(family))
+    except FileProblems as found:
+        return list(found.problems)
+    return []
+
+
+def unknown(marks: Marks, place: Location, kind: str, given: str, known: Mapping[str, Any]) -> Problem:
+    """The problem of a name that is not known, with the nearest one."""
+    near = nearest(given, known)
+    hint = f" Did you mean {near!r}?" if near else ""
+    message = f"unknown {kind} {given!r}.{hint} Known: {', '.join(sorted(known))}."
+    return marks.problem(place, f"unknown-{kind.replace(' ', '-')}", message)
