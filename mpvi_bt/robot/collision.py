@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -38,35 +39,32 @@ def _box_distance(p: Array, center: Sequence[float], half: Sequence[float]) -> A
     return np.linalg.norm(np.maximum(np.abs(p - np.asarray(center)) - np.asarray(half), 0.0), axis=-1)
 
 
-@dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Solids around the robot, stacked so that distances to all of them come at once.
+    """Solids stacked so that distances to all of them come at once; balls count as the cylinders around them."""
 
-    Attributes:
-        solids: Posed in the base frame.
-    """
+    def __init__(self, solids: Sequence[Solid]) -> None:
+        """Gather solids posed in one frame."""
+        self._inverse = np.array([kin.inverse(s.T) for s in solids]).reshape(-1, 4, 4)
+        self._half = np.array([s.half_m for s in solids]).reshape(-1, 3)
+        self._round = np.array([s.kind != "box" for s in solids], bool)
 
-    solids: Sequence[Solid]
-    _T: Array = field(init=False, repr=False)
-    _half: Array = field(init=False, repr=False)
-    _round: Array = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_T", np.array([kin.inverse(s.T) for s in self.solids]).reshape(-1, 4, 4))
-        object.__setattr__(self, "_half", np.array([s.half_m for s in self.solids]).reshape(-1, 3))
-        object.__setattr__(self, "_round", np.array([s.kind != "box" for s in self.solids], bool))
+    def seen_from(self, T: Array) -> Surroundings:
+        """The same solids in another frame; `T` (4, 4) maps that frame into the present one."""
+        other = copy(self)
+        other._inverse = self._inverse @ T
+        return other
 
     def distance(self, p: Array) -> Array:
-        """(...,) distance [m] of points (..., 3) in the base frame to the nearest solid; 0 within one, 9 if none."""
-        if not len(self.solids):
+        """(...,) distance [m] of points (..., 3) to the nearest solid; 0 within one, 9 if there is none."""
+        if not len(self._half):
             return np.full(p.shape[:-1], 9.0)
-        local = np.einsum("sij,...j->...si", self._T[:, :3, :3], p) + self._T[:, :3, 3]
+        local = np.einsum("sij,...j->...si", self._inverse[:, :3, :3], p) + self._inverse[:, :3, 3]
         out = np.abs(local) - self._half
-        if self._round.any():  # balls count as cylinders
+        if self._round.any():
             radial = np.hypot(local[..., 0], local[..., 1]) - self._half[:, 0]
             out[..., 0] = np.where(self._round, radial, out[..., 0])
             out[..., 1] = np.where(self._round, 0.0, out[..., 1])
-        return np.linalg.norm(np.maximum(out, 0.0), axis=-1).min(-1)
+        return np.asarray(np.linalg.norm(np.maximum(out, 0.0), axis=-1).min(-1))
 
 
 NOTHING = Surroundings(())

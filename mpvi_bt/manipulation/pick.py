@@ -1,0 +1,61 @@
+"""Take hold of a thing with one hand, lift it, bring it to the chest."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mpvi_bt.manipulation.grasps import grasps
+from mpvi_bt.manipulation.stance import Option
+from mpvi_bt.manipulation.work import Work
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.solids import Array
+
+_STANDOFF_M = 0.10
+_LIFT_M = 0.08
+
+
+def pick(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
+    """Pick up a thing.
+
+    Args:
+        work: Robot and world.
+        name: The thing.
+        side: The hand.
+        tried: Base poses that did not do; the one taken is added.
+
+    Raises:
+        MotionFailure: "no_grasp", "no_stance", "closed_empty", "slipped", or a motion's own reason.
+    """
+    motion, truth = work.motion, work.truth
+    at = truth.pose(name)[:2, 3]
+    here = motion.felt.base_pose
+    candidates = grasps(truth, name, float(np.arctan2(at[1] - here[1], at[0] - here[0])))
+    if not candidates:
+        raise MotionFailure("no_grasp")
+    options = []
+    for grasp in candidates:
+        T = grasp.T_world_tcp
+        before, lifted = T.copy(), T.copy()
+        before[:3, 3] -= _STANDOFF_M * T[:3, 2]
+        lifted[2, 3] += _LIFT_M
+        options.append(Option(np.stack([before, T, lifted]), 1, grasp.cost))
+    search = work.search(side, {name})
+    search.tried.extend(tried)
+    yield from motion.grip(side, 1.0, 0.1)
+    stance = search.find(at, options)
+    if stance is None:
+        raise MotionFailure("no_stance")
+    tried.append(stance.base)
+    yield from work.take_up(stance, search)
+    yield from work.lines(side, stance, [1])
+    yield from motion.grip(side, -1.0, 0.67)
+    yield from motion.wait(0.1)
+    if not work.gripped(side):
+        raise MotionFailure("closed_empty")
+    yield from work.rise(side, _LIFT_M)
+    if not work.gripped(side) or truth.holding(side) != name:
+        raise MotionFailure("slipped")
+    yield from work.settle(without={name})
+    if not work.gripped(side):
+        raise MotionFailure("dropped")

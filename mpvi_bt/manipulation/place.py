@@ -1,0 +1,184 @@
+"""Let go of a held thing: over a container, or on a surface."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mpvi_bt.manipulation.stance import Held, Option
+from mpvi_bt.manipulation.work import Work, other, upright_options
+from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.solids import Array, Solid
+
+_OVER_RIM_M = 0.02  # between the lowest point of the thing and the rim
+_CLEAR_M = 0.04  # between things on a surface
+_TILTS = (0.0, 0.35, -0.35, 0.7)
+_TURNS = tuple(np.arange(-3.0, 3.01, 0.5))
+
+
+def place_in(work: Work, side: Side, container: str, tried: list[Array]) -> Actions:
+    """Drop what `side` holds into a container, which stands somewhere or hangs in the other hand.
+
+    Raises:
+        MotionFailure: "not_a_container", "no_release", "no_stance", "not_released", or a motion's own reason.
+    """
+    held = work.held()[side]
+    volumes = work.truth.volumes(container)
+    if not volumes:
+        raise MotionFailure("not_a_container")
+    releases = list(_releases(work, held, side, max(volumes, key=lambda v: float(np.prod(v.half_m))), container))
+    if work.truth.holding(other(side)) == container:
+        yield from _reach_over(work, side, releases)
+        yield from _let_go(work, side)
+    else:
+        search = work.search(side, {container})
+        search.tried.extend(tried)
+        options = upright_options(releases, above_m=0.10, contact=2)
+        stance = search.find(work.truth.pose(container)[:2, 3], options)
+        if stance is None:
+            raise MotionFailure("no_stance")
+        tried.append(stance.base)
+        yield from work.take_up(stance, search)
+        yield from work.lines(side, stance, [1])
+        yield from _let_go(work, side)
+        yield from work.rise(side)
+    yield from work.settle(without={held.name})
+
+
+def place_on(work: Work, side: Side, surface: str, tried: list[Array]) -> Actions:
+    """Set what `side` holds down on a surface, upright, at a free spot.
+
+    Raises:
+        MotionFailure: "no_free_spot", "no_stance", "not_released", or a motion's own reason.
+    """
+    held = work.held()[side]
+    spots = _free_spots(work, held, surface)
+    if not spots:
+        raise MotionFailure("no_free_spot")
+    search = work.search(side, {surface})
+    search.tried.extend(tried)
+    stance = None
+    for spot in spots[:4]:
+        stance = search.find(spot[:2], [_onto(work, held, spot, yaw) for yaw in _TURNS])
+        if stance is not None:
+            break
+    if stance is None:
+        raise MotionFailure("no_stance")
+    tried.append(stance.base)
+    yield from work.take_up(stance, search)
+    yield from work.lines(side, stance, [1], speed=0.10)
+    yield from _let_go(work, side)
+    yield from work.lines(side, stance, [2])
+    yield from work.settle(without={held.name, surface})
+
+
+def _let_go(work: Work, side: Side) -> Actions:
+    yield from work.motion.grip(side, 1.0, 0.5)
+    yield from work.motion.wait(0.3)
+    if work.motion.felt.gripper_width[side] < r1.FINGER_TRAVEL_M:
+        raise MotionFailure("not_released")
+
+
+def _reach_over(work: Work, side: Side, releases: list[tuple[Array, float]]) -> Actions:
+    """Bring the hand over what the other hand holds, the base standing still."""
+    body = work.body()
+    to_base = kin.inverse(work.base)
+    chest = kin.inverse(kin.chest(work.motion.torso))
+    found: list[tuple[float, Array]] = []
+    for T, cost in releases:
+        _, q = kin.arm_inverse(chest @ to_base @ T, side, swivels=24)
+        if len(q):
+            free = q[body.free(side, q, margin=0.01)]
+            if len(free):
+                near = kin.posture_distance(free, work.motion.arm(side))
+                found.append((cost + 0.05 * float(near.min()), free[near.argmin()]))
+    if not found:
+        raise MotionFailure("no_release")
+    for _, q in sorted(found, key=lambda f: f[0])[:8]:
+        path = arm_motion.plan(body, side, q, work.rng, start=work.motion.arm(side))
+        if path is not None:
+            yield from work.motion.follow(side, path, speed=1.0)
+            return
+    raise MotionFailure("no_release")
+
+
+def _releases(work: Work, held: Held, side: Side, volume: Solid, container: str) -> Iterator[tuple[Array, float]]:
+    """Hand poses T_world_tcp over a container's volume, with a cost: central, near the present tilt, and high enough."""
+    top = volume.aabb()[1, 2]
+    rim = max(float(top), max((s.aabb()[1, 2] for s in work.truth.solids(container) if _is_wall(s, volume)), default=top))
+    R_now = (work.base @ kin.tcp(work.motion.felt.torso, work.motion.felt.arm[side], side))[:3, :3]
+    low, high = volume.aabb()
+    for fx in (0.0, 0.5, -0.5):
+        for fy in (0.0, 0.5, -0.5):
+            center = (low + high) / 2 + np.array([fx, fy, 0.0]) * (high - low) / 2
+            for turn in _TURNS:
+                for tilt in _TILTS:
+                    R = kin.rot_z(turn) @ R_now
+                    side_axis = np.cross([0, 0, 1.0], R[:, 2])
+                    if np.linalg.norm(side_axis) > 0.2:
+                        R = _rotation(side_axis, tilt) @ R
+                    elif tilt:
+                        continue
+                    solids = [s.moved(kin.transform(R, (0.0, 0.0, 0.0))) for s in held.solids]
+                    boxes = np.stack([s.aabb() for s in solids])
+                    lowest, middle = boxes[:, 0].min(0), (boxes[:, 0].min(0) + boxes[:, 1].max(0)) / 2
+                    half = (boxes[:, 1].max(0) - boxes[:, 0].min(0))[:2] / 2
+                    inside = np.abs(center[:2] - (low + high)[:2] / 2) + half <= (high - low)[:2] / 2
+                    if not inside.all():
+                        continue
+                    p = np.append(center[:2] - middle[:2], rim + _OVER_RIM_M - lowest[2])
+                    yield kin.transform(R, p), 0.3 * (abs(fx) + abs(fy)) + 0.1 * abs(turn) + 0.3 * abs(tilt)
+
+
+def _is_wall(solid: Solid, volume: Solid) -> bool:
+    """Whether a solid rises about as far as the volume does: its rim, not a handle above it."""
+    low, high = solid.aabb()
+    return bool(low[2] < volume.aabb()[1, 2] - 0.02)
+
+
+def _rotation(axis: Array, angle: float) -> Array:
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_rotvec(axis / np.linalg.norm(axis) * angle).as_matrix())
+
+
+def _onto(work: Work, held: Held, spot: Array, yaw: float) -> Option:
+    """Set the thing's upright pose onto a spot (3,), turned by `yaw` from how it is held."""
+    R = kin.rot_z(yaw) @ work.truth.pose(held.name)[:3, :3]
+    up = int(np.abs(R[2]).argmax())
+    lean = np.cross(R[:, up] * np.sign(R[2, up]), [0, 0, 1.0])
+    if np.linalg.norm(lean) > 1e-6:
+        R = _rotation(lean, float(np.arcsin(min(1.0, np.linalg.norm(lean))))) @ R
+    lowest = min(
+        s.moved(kin.inverse(held.T_tcp_thing)).moved(kin.transform(R, (0.0, 0.0, 0.0))).aabb()[0, 2] for s in held.solids
+    )
+    T_thing = kin.transform(R, spot - [0, 0, lowest - 0.004])
+    T = T_thing @ kin.inverse(held.T_tcp_thing)
+    over, back = T.copy(), T.copy()
+    over[2, 3] += 0.12
+    back[:3, 3] -= 0.09 * T[:3, 2]
+    return Option(np.stack([over, T, back]), 1, 0.1 * abs(yaw))
+
+
+def _free_spots(work: Work, held: Held, surface: str) -> list[Array]:
+    """Places (3,) on a thing's upper faces where the held thing fits between the others, the nearest first."""
+    boxes = np.stack([s.aabb() for s in held.solids])
+    radius = float(np.linalg.norm((boxes[:, 1].max(0) - boxes[:, 0].min(0))[:2])) / 2 + _CLEAR_M
+    here = work.motion.felt.base_pose[:2]
+    faces = [s for s in work.truth.solids(surface) if s.kind != "sphere" and (s.aabb()[1] - s.aabb()[0])[:2].min() > 2 * radius]
+    near = work.truth.obstacles(here, 2.5, without={surface, held.name, *work.truth.within(held.name)})
+    spots: list[Array] = []
+    for face in faces:
+        low, high = face.aabb()
+        above = [s.aabb() for s in (*near, *(f for f in work.truth.solids(surface) if f is not face))]
+        blocking = [b for b in above if b[1, 2] > high[2] + 0.005 and b[0, 2] < high[2] + 0.35]
+        for x in np.arange(low[0] + radius, high[0] - radius + 1e-9, 0.05):
+            for y in np.arange(low[1] + radius, high[1] - radius + 1e-9, 0.05):
+                gap = [np.linalg.norm(np.maximum(np.maximum(b[0, :2] - [x, y], [x, y] - b[1, :2]), 0)) for b in blocking]
+                if min(gap, default=9.0) > radius:
+                    spots.append(np.array([x, y, high[2]]))
+    return sorted(spots, key=lambda s: float(np.linalg.norm(s[:2] - here)))

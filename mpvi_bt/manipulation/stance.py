@@ -1,0 +1,248 @@
+"""Where to stand: a base pose, a torso posture and an arm path from which a hand can do what it has to.
+
+Reach alone is not enough. A stance is one from which every waypoint of the hand is reachable without a jump of the elbow,
+the arm, the idle arm, what is held, head and chest are clear of everything, and the base can drive there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Body, Surroundings
+from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.solids import Array, Solid, box
+
+_LIFTS = (0.0, 0.1, 0.2, 0.3, 0.42, 0.55)
+_PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1)
+_MARGIN_M = 0.012
+_BASE_CLEAR_M = 0.30
+_CHECKED_POSTURES = 30  # of one base pose
+_CHECKED_BASES = 24
+_FLOOR = box((0.0, 0.0, -0.1), (60.0, 60.0, 0.2))
+_HEIGHTS = np.array([[0.0, 0.0, z] for z in (0.04, 0.11, 0.18, 0.25)] + [[-0.1, 0.0, z] for z in (0.35, 0.5)])
+_REACHES = np.array([_BASE_CLEAR_M] * 4 + [0.14] * 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """What a hand holds.
+
+    Attributes:
+        name: The thing.
+        T_tcp_thing: (4, 4).
+        spheres: Centers (n, 3) in the tcp frame and radii (n,) that cover it and what lies in it.
+        solids: In the tcp frame.
+    """
+
+    name: str
+    T_tcp_thing: Array
+    spheres: tuple[Array, Array]
+    solids: tuple[Solid, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Option:
+    """One way to do it, as the hand's waypoints in the world.
+
+    Attributes:
+        waypoints: (K, 4, 4) T_world_tcp, in order; the first one is reached by a planned arm motion, then straight lines.
+        contact: From this waypoint on the hand may touch what it works on.
+        cost: Preference.
+    """
+
+    waypoints: Array
+    contact: int
+    cost: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Stance:
+    """A place and posture that work.
+
+    Attributes:
+        base: (3,) x, y [m], yaw [rad] in the world.
+        torso: (4,).
+        option: Index of the option that it serves.
+        path: Postures (7,) of the arm from where it is to the first waypoint.
+        waypoints: (K, 4, 4) T_base_tcp.
+    """
+
+    base: Array
+    torso: Array
+    option: int
+    path: list[Array]
+    waypoints: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What a stance search is about.
+
+    Attributes:
+        motion: The robot's present command and feeling.
+        side: The hand that works.
+        held: What each hand holds.
+        obstacles: Solids in the world, without what is held.
+        touched: Those solids in the world that the hand works on: obstacles to the base and until contact.
+        rng: Randomness of arm planning.
+    """
+
+    motion: Motion
+    side: Side
+    held: Mapping[Side, Held]
+    obstacles: Sequence[Solid]
+    touched: Sequence[Solid]
+    rng: np.random.Generator
+    tried: list[Array] = field(default_factory=list)
+
+    @property
+    def level(self) -> dict[Side, Array]:
+        """T_base_tcp of the other hand if it holds something, which has to stay level."""
+        return {s: self.motion.hand(s) for s in self.held if s != self.side}
+
+    def find(self, focus_xy: Array, options: Sequence[Option]) -> Stance | None:
+        """The nearest good stance for one of `options` about a place in the world (2,), or None."""
+        here = self.motion.felt.base_pose
+        checked = 0
+        for base in _bases(here, focus_xy, self.side):
+            if any(np.linalg.norm(base[:2] - b[:2]) < 0.05 and abs(kin.wrap(base[2] - b[2])) < 0.2 for b in self.tried):
+                continue
+            if not self._drivable(here, base):
+                continue
+            checked += 1
+            if (found := self._at(base, options)) is not None:
+                self.tried.append(base)
+                return found
+            if checked >= _CHECKED_BASES:
+                break
+        return None
+
+    def around(self, base: Array, touched: bool) -> Surroundings:
+        """The solids and the floor in the frame of a base pose, with or without what the hand works on."""
+        return (self._all if touched else self._others).seen_from(kin.base(base))
+
+    @cached_property
+    def _standing(self) -> Surroundings:
+        return Surroundings([*self.obstacles, *self.touched])
+
+    @cached_property
+    def _all(self) -> Surroundings:
+        return Surroundings([_FLOOR, *self.obstacles, *self.touched])
+
+    @cached_property
+    def _others(self) -> Surroundings:
+        return Surroundings([_FLOOR, *self.obstacles])
+
+    def body(self, torso: Array, around: Surroundings, arms: Mapping[Side, Array] | None = None) -> Body:
+        """The robot in a posture, with what it holds."""
+        arms = arms or {s: self.motion.arm(s) for s in SIDES}
+        return Body(torso, arms, {s: h.spheres for s, h in self.held.items()}, around)
+
+    def _drivable(self, start: Array, goal: Array) -> bool:
+        """Straight from start to goal: nothing in the way of the base or of what it carries."""
+        turn = kin.wrap(goal[2] - start[2])
+        n = max(2, int(np.ceil(max(np.linalg.norm(goal[:2] - start[:2]) / 0.12, abs(turn) / 0.3))))
+        for u in np.linspace(0, 1, n + 1)[1:]:
+            base = np.append(start[:2] + (goal[:2] - start[:2]) * u, start[2] + turn * u)
+            if u > 0.3 or n == 2:
+                if (self._standing.seen_from(kin.base(base)).distance(_HEIGHTS) < _REACHES).any():
+                    return False
+                body = self.body(self.motion.torso, self.around(base, touched=True))
+                if self.held and not all(body.clearance(s, self.motion.arm(s)[None])[0][0] > 0 for s in self.held):
+                    return False
+        return True
+
+    def _at(self, base: Array, options: Sequence[Option]) -> Stance | None:
+        T = kin.inverse(kin.base(base))
+        goals = np.stack([[T @ w for w in o.waypoints] for o in options])  # (G, K, 4, 4)
+        torsos = np.array([(lift, 0.0, pitch, r1.TRAVEL_TORSO[3]) for lift in _LIFTS for pitch in _PITCHES])
+        chests = kin.inverse(kin.chest(torsos))
+        key = min(options[0].contact, goals.shape[1] - 1)
+        targets = (chests[:, None] @ goals[None, :, key]).reshape(-1, 4, 4)
+        at, q = kin.arm_inverse(targets, self.side, swivels=12)
+        if not len(at):
+            return None
+        t, g = at // len(options), at % len(options)
+        limits = r1.ARM_LIMITS[self.side]
+        edge = np.maximum(np.abs(q - limits.mean(1)) / (np.ptp(limits, axis=1) / 2) - 0.8, 0).sum(1)
+        cost = (
+            3 * edge + 0.6 * torsos[t, 2] + 0.5 * np.abs(torsos[t, 0] - self.motion.torso[0])
+            + np.array([o.cost for o in options])[g] + 0.1 * np.abs(q - self.motion.arm(self.side)).sum(1)
+        )  # fmt: skip
+        free_around, all_around = self.around(base, touched=False), self.around(base, touched=True)
+        seen: dict[tuple[int, int], int] = {}
+        standing: dict[int, Body | None] = {}
+        for row in np.argsort(cost)[: 40 * _CHECKED_POSTURES]:
+            where = (int(t[row]), int(g[row]))
+            if seen.get(where, 0) >= 2:
+                continue
+            seen[where] = seen.get(where, 0) + 1
+            if len(seen) > _CHECKED_POSTURES:
+                break
+            torso = torsos[t[row]]
+            if where[0] not in standing:
+                standing[where[0]] = self._stood(torso, all_around)
+            body = standing[where[0]]
+            if body is None:
+                continue
+            path = self._reached(body, free_around, goals[where[1]], options[where[1]].contact, key, q[row])
+            if path is not None:
+                return Stance(base, torso, where[1], path, goals[where[1]])
+        return None
+
+    def _stood(self, torso: Array, around: Surroundings) -> Body | None:
+        """The body once the torso has moved there, the other hand level if it holds something; None if it cannot."""
+        start, arms = self.motion.torso, {s: self.motion.arm(s) for s in SIDES}
+        for u in np.linspace(0, 1, 6)[1:]:
+            now = start + (torso - start) * u
+            for s, T in self.level.items():
+                near = kin.nearest_posture(kin.inverse(kin.chest(now)) @ T, s, arms[s])
+                if near is None or np.abs(near - arms[s]).max() > 0.9:
+                    return None
+                arms[s] = near
+            body = self.body(now, around, dict(arms))
+            if not body.all_free():
+                return None
+        return body
+
+    def _reached(
+        self, body: Body, free_around: Surroundings, goals: Array, contact: int, key: int, q_key: Array
+    ) -> list[Array] | None:
+        """The arm's path to the first waypoint if all waypoints are reachable and free from there on."""
+        C = kin.inverse(kin.chest(body.torso))
+        postures: dict[int, Array] = {key: q_key}
+        for order in (range(key - 1, -1, -1), range(key + 1, len(goals))):
+            for k in order:
+                near = postures[k + 1 if k < key else k - 1]
+                q = kin.nearest_posture(C @ goals[k], self.side, near)
+                if q is None or np.abs(q - near).max() > 1.0:
+                    return None
+                postures[k] = q
+        loose = replace(body, around=free_around)
+        for k, q in postures.items():
+            b = loose if k >= contact else body
+            if not b.free(self.side, q, _MARGIN_M if k < contact else 0.0, grasping=k >= contact)[0]:
+                return None
+        return arm_motion.plan(body, self.side, postures[0], self.rng, margin=0.005)
+
+
+def _bases(here: Array, focus: Array, side: Side) -> Iterator[Array]:
+    """Base poses about a place (2,) in the world, the nearest and plainest first."""
+    bearing = float(np.arctan2(focus[1] - here[1], focus[0] - here[0]))
+    ranked = []
+    for distance in (0.46, 0.52, 0.58, 0.64, 0.70, 0.76):
+        for lateral in (0.0, 0.10, 0.18, 0.26):
+            for turn in (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9, 1.3, -1.3, 1.8, -1.8, 2.4, -2.4, 3.0):
+                yaw, y = bearing + turn, lateral * r1.SIGN[side]
+                c, s = np.cos(yaw), np.sin(yaw)
+                xy = focus - [c * distance - s * y, s * distance + c * y]
+                near = 0.6 * float(np.linalg.norm(xy - here[:2])) + 0.3 * abs(turn)
+                ranked.append((near + 1.2 * abs(distance - 0.58) + 0.5 * abs(lateral - 0.16), np.array([*xy, kin.wrap(yaw)])))
+    return iter([base for _, base in sorted(ranked, key=lambda r: r[0])])

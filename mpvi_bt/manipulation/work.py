@@ -1,0 +1,177 @@
+"""What every scripted skill works with: simulator truth, the robot's motion, what the hands hold."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpvi_bt.manipulation.stance import Held, Option, Search, Stance
+from mpvi_bt.manipulation.truth import Truth
+from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Body, Surroundings, covering_spheres
+from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
+from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.solids import Array, Solid
+
+_NEAR_M = 1.7  # solids farther from the robot than this do not matter to a skill
+_LIFTED_M = 0.10
+_EMPTY_M = 0.003  # a hand that closed below this width closed on nothing
+
+
+def other(side: Side) -> Side:
+    """The other hand."""
+    return "left" if side == "right" else "right"
+
+
+@dataclass(eq=False)
+class Work:
+    """One skill's view of robot and world.
+
+    Attributes:
+        truth: The simulator.
+        motion: The robot's command, as the skill changes it.
+        rng: Randomness of planning.
+    """
+
+    truth: Truth
+    motion: Motion
+    rng: np.random.Generator
+
+    @property
+    def base(self) -> Array:
+        """T_world_base (4, 4) as felt."""
+        return kin.base(self.motion.felt.base_pose)
+
+    def held(self) -> dict[Side, Held]:
+        """What each hand holds, with what lies in it."""
+        out: dict[Side, Held] = {}
+        for side in SIDES:
+            name = self.truth.holding(side)
+            if name is not None:
+                T_world_tcp = self.base @ kin.tcp(self.motion.felt.torso, self.motion.felt.arm[side], side)
+                frame = kin.inverse(T_world_tcp)
+                solids = tuple(s.moved(frame) for n in (name, *self.truth.within(name)) for s in self.truth.solids(n))
+                out[side] = Held(name, frame @ self.truth.pose(name), covering_spheres(solids), solids)
+        return out
+
+    def search(self, side: Side, touched: Collection[str]) -> Search:
+        """A stance search for one hand that works on the things `touched`."""
+        held = self.held()
+        carried = {n for h in held.values() for n in (h.name, *self.truth.within(h.name))}
+        at = self.motion.felt.base_pose[:2]
+        solids = self.truth.obstacles(at, _NEAR_M, without={*carried, *touched})
+        own: list[Solid] = [s for n in touched if n not in carried for s in self.truth.solids(n)]
+        return Search(self.motion, side, held, solids, own, self.rng)
+
+    def body(self, without: Collection[str] = ()) -> Body:
+        """The robot as commanded, with what it holds, among everything near but the things `without`."""
+        held = self.held()
+        carried = {n for h in held.values() for n in (h.name, *self.truth.within(h.name))}
+        solids = self.truth.obstacles(self.motion.felt.base_pose[:2], _NEAR_M, without={*carried, *without})
+        around = Surroundings(solids).seen_from(self.base)
+        arms = {s: self.motion.arm(s) for s in SIDES}
+        return Body(self.motion.torso, arms, {s: h.spheres for s, h in held.items()}, around)
+
+    def take_up(self, stance: Stance, search: Search) -> Actions:
+        """Go to a stance: drive, then the torso, then the arm to the first waypoint."""
+        level = search.level
+        yield from self.motion.drive(stance.base)
+        yield from self.motion.stand(stance.torso, level)
+        yield from self.motion.follow(search.side, stance.path)
+
+    def lines(self, side: Side, stance: Stance, waypoints: Sequence[int], speed: float = 0.16) -> Actions:
+        """Straight lines through some of a stance's waypoints, corrected for where the base has really come to stand."""
+        shift = kin.inverse(self.base) @ kin.base(stance.base)
+        for k in waypoints:
+            yield from self.motion.line(side, shift @ stance.waypoints[k], speed)
+
+    def rise(self, side: Side, by_m: float = _LIFTED_M) -> Actions:
+        """Raise a hand straight up."""
+        T = self.motion.hand(side)
+        T[2, 3] += by_m
+        yield from self.motion.line(side, T)
+
+    def settle(self, without: Collection[str] = ()) -> Actions:
+        """Fold the empty arms and bring what is held to the chest, upright, the torso as for traveling.
+
+        Args:
+            without: Things that the hands may be in touch with at first.
+
+        Raises:
+            MotionFailure: "no_carry" if no such posture can be reached.
+        """
+        held = self.held()
+        for side in (s for s in SIDES if s not in held):
+            if np.abs(self.motion.arm(side) - r1.TRAVEL_ARM[side]).max() > 0.02:
+                path = arm_motion.plan(self.body(without), side, r1.TRAVEL_ARM[side], self.rng, start=self.motion.arm(side))
+                if path is None:
+                    raise MotionFailure("no_fold")
+                yield from self.motion.follow(side, path)
+        level = {s: self.motion.hand(s) for s in held}
+        for side in held:
+            found = self._carry(side, level, without)
+            if found is None:
+                raise MotionFailure("no_carry")
+            level[side], path = found
+            yield from self.motion.follow(side, path, speed=1.0)
+        yield from self.motion.stand(r1.TRAVEL_TORSO, level)
+
+    def _carry(self, side: Side, level: dict[Side, Array], without: Collection[str]) -> tuple[Array, list[Array]] | None:
+        """A pose in the base frame to carry what `side` holds, kept all the way to the travel posture, and a path to it."""
+        body = self.body(without)
+        now = self.motion.hand(side)
+        travel = Body(r1.TRAVEL_TORSO, body.arms, body.held)
+        for x, y, z, yaw in _CARRIES:
+            T = kin.transform(kin.rot_z(yaw * r1.SIGN[side]) @ now[:3, :3], (x, y * r1.SIGN[side], z))
+            q = kin.nearest_posture(kin.inverse(kin.chest(self.motion.torso)) @ T, side, self.motion.arm(side))
+            if q is None or not body.free(side, q)[0] or not self._kept(travel, side, q, {**level, side: T}):
+                continue
+            path = arm_motion.plan(body, side, q, self.rng, start=self.motion.arm(side))
+            if path is not None:
+                return T, path
+        return None
+
+    def _kept(self, travel: Body, side: Side, q: Array, level: dict[Side, Array]) -> bool:
+        start = self.motion.torso
+        arms = {**{s: self.motion.arm(s) for s in SIDES}, side: q}
+        for u in np.linspace(0, 1, 7)[1:]:
+            torso = start + (travel.torso - start) * u
+            for s, T in level.items():
+                near = kin.nearest_posture(kin.inverse(kin.chest(torso)) @ T, s, arms[s])
+                if near is None or np.abs(near - arms[s]).max() > 0.8:
+                    return False
+                arms[s] = near
+            body = Body(torso, dict(arms), travel.held)
+            if not all(body.free(s, arms[s])[0] for s in level):
+                return False
+        return True
+
+    def gripped(self, side: Side) -> bool:
+        """Whether the closed hand has something between its fingers, by its width."""
+        return self.motion.felt.gripper_width[side] > _EMPTY_M
+
+
+# Where to carry things: x, y toward the own side, z [m] and a turn about the vertical [rad], the most compact first.
+_CARRIES = sorted(
+    [
+        (x, y, z, yaw)
+        for x in (0.42, 0.47, 0.53)
+        for y in (0.12, 0.20, 0.28, 0.04)
+        for z in (0.78, 0.88, 0.98, 0.70)
+        for yaw in (0.0, 0.5, -0.5, 1.0, -1.0, 1.57, -1.57, 2.2, -2.2, 3.1)
+    ],
+    key=lambda c: 1.0 * abs(c[0] - 0.42) + 0.6 * abs(c[1] - 0.14) + 0.3 * abs(c[2] - 0.78) + 0.08 * abs(c[3]),
+)
+
+
+def upright_options(poses: Sequence[tuple[Array, float]], above_m: float, contact: int = 1) -> list[Option]:
+    """Options that come down from `above_m` over each pose T_world_tcp (4, 4) with its cost."""
+    out = []
+    for T, cost in poses:
+        high = T.copy()
+        high[2, 3] += above_m
+        out.append(Option(np.stack([high, T]), contact, cost))
+    return out

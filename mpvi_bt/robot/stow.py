@@ -1,0 +1,62 @@
+"""Brings the robot into its travel posture (Paper, Navigation appendix: arms in a fixed configuration while driving)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
+from mpvi_bt.robot.protocol import SIDES, Robot, Side
+from mpvi_bt.robot.solids import Array
+
+_HOLDING_M = 0.003
+_CLOSE_RAD = 0.05
+_BACK_M = 0.25
+
+
+class ArmStow:
+    """Folds empty hands and straightens the torso; a hand that holds something keeps its pose in front of the body.
+
+    It knows nothing of the surroundings: from an unknown posture it first draws back from where the hands worked.
+    """
+
+    def __init__(self, robot: Robot, seed: int = 0) -> None:
+        """Command `robot`; the same seed folds in the same way."""
+        self._robot, self._seed = robot, seed
+        self._actions: Iterator[Array] = iter(())
+
+    def start(self) -> None:
+        """Begin from the present posture."""
+        self._motion = Motion(self._robot.proprioception())
+        self._actions = self._fold(self._motion)
+
+    def step(self) -> bool:
+        """Write one step's command; True once the posture is reached, or cannot be."""
+        self._motion.felt = self._robot.proprioception()
+        try:
+            action = next(self._actions, None)
+        except MotionFailure:
+            action = None  # drive as it stands rather than not at all
+        if action is None:
+            return True
+        self._robot.act(action)
+        return False
+
+    def _fold(self, motion: Motion) -> Actions:
+        felt = motion.felt
+        held: list[Side] = [s for s in SIDES if felt.gripper_command[s] < 0 and felt.gripper_width[s] > _HOLDING_M]
+        empty: list[Side] = [s for s in SIDES if s not in held]
+        away = [s for s in empty if np.abs(motion.arm(s) - r1.TRAVEL_ARM[s]).max() > _CLOSE_RAD]
+        if away:
+            x, y, yaw = felt.base_pose
+            yield from motion.drive(np.array([x - _BACK_M * np.cos(yaw), y - _BACK_M * np.sin(yaw), yaw]), speed=0.2)
+        rng = np.random.default_rng(self._seed)
+        for side in away:
+            body = Body(motion.torso, {s: motion.arm(s) for s in SIDES})
+            path = arm_motion.plan(body, side, r1.TRAVEL_ARM[side], rng)
+            if path is not None:
+                yield from motion.follow(side, path)
+        yield from motion.stand(r1.TRAVEL_TORSO, {s: motion.hand(s) for s in held})

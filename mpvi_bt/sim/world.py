@@ -1,0 +1,241 @@
+"""The physical world of one episode: a house, its objects, one robot, and the clock."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mpvi_bt.perception.knowledge import Entry as Known
+from mpvi_bt.perception.knowledge import KnowledgeBase
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage, Side
+from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.sim.builder import Thing, build_house, build_object
+from mpvi_bt.sim.cameras import Cameras
+from mpvi_bt.sim.catalogue import Entry
+from mpvi_bt.sim.description import Handle
+from mpvi_bt.sim.house import House
+from mpvi_bt.sim.prior_map import knowledge
+from mpvi_bt.sim.robot import SimRobot
+from mpvi_bt.sim.shaders import new_scene
+
+PHYSICS_HZ = 120
+_HELD_M = 0.012  # a thing this near the tcp of a hand that closed on something is in that hand
+_EMPTY_M = 0.003
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """A movable thing at the start.
+
+    Attributes:
+        entry: What it is.
+        T_world: (4, 4) its pose.
+    """
+
+    entry: Entry
+    T_world: Array
+
+
+class World:
+    """A house in SAPIEN with a robot in it; also the `WorldState` that goals are judged by, and the expert's `Truth`.
+
+    Attributes:
+        robot: The robot; behaviors command it.
+        cameras: None where the world was built without rendering.
+        steps: Control steps taken.
+        physics_s: Wall time spent stepping.
+    """
+
+    def __init__(self, house: House, objects: Mapping[str, Placement], base_pose: Array, render: bool = True) -> None:
+        """Build everything; nothing has moved yet.
+
+        Args:
+            house: Rooms, walls and fixtures.
+            objects: Movable things by name, such as "can__of__soda.n.01_1".
+            base_pose: (3,) the robot's x, y [m] and yaw [rad].
+            render: Whether pictures can be asked for.
+
+        Raises:
+            NoRenderingDevice: `render` was asked for on a machine that cannot.
+        """
+        self.house = house
+        self._scene = new_scene(render)
+        self._scene.set_timestep(1 / PHYSICS_HZ)
+        self._fixtures = build_house(self._scene, house, render)
+        self._objects = {n: build_object(self._scene, p.entry, n, p.T_world, render) for n, p in objects.items()}
+        self._phrases = {n: p.entry.phrases for n, p in objects.items()}
+        self._things: dict[str, Thing] = {**self._fixtures, **self._objects}
+        self.cameras = Cameras(self._scene) if render else None
+        self.robot = SimRobot(self._scene, base_pose, self.cameras)
+        if self.cameras is not None:
+            robot = {link.entity.per_scene_id: "robot" for link in self.robot.links.values()}
+            things = {entity.per_scene_id: t.name for t in self._things.values() for entity in t.entities.values()}
+            self.cameras.names = {**things, **robot}
+        self._prior = knowledge(house)
+        self._known: tuple[int, KnowledgeBase] | None = None
+        self.steps = 0
+        self.physics_s = 0.0
+
+    # --- the clock
+
+    @property
+    def step_count(self) -> int:
+        """Control steps since the episode began."""
+        return self.steps
+
+    @property
+    def time_s(self) -> float:
+        """Simulated seconds since the episode began."""
+        return self.steps / CONTROL_HZ
+
+    def step(self, action: Array) -> None:
+        """Carry out one action (23,): one control step, four of physics."""
+        self.robot.act(action)
+        started = time.perf_counter()
+        self.robot.apply()
+        for _ in range(PHYSICS_HZ // CONTROL_HZ):
+            self._scene.step()
+        self.steps += 1
+        self.physics_s += time.perf_counter() - started
+
+    def settle(self, seconds: float = 1.0) -> None:
+        """Let everything come to rest before the episode begins; does not advance its clock."""
+        for _ in range(round(seconds * PHYSICS_HZ)):
+            self._scene.step()
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Have physics report every contact anew: it falls silent about what sleeps. Costs one physics step."""
+        for thing in self._objects.values():
+            thing.rigid_body.wake_up()
+        self._scene.step()
+        self._known = None
+
+    def look_from(self, T_world_camera: Array, size: tuple[int, int] = (640, 480), fov_rad: float = 1.0) -> CameraImage:
+        """A picture from anywhere, (4, 4) optical frame to world. Raises NoRenderingDevice without rendering."""
+        if self.cameras is None:
+            raise Cameras.missing()
+        return self.cameras.look_from(T_world_camera, size, fov_rad)
+
+    # --- WorldState
+
+    def exists(self, name: str) -> bool:
+        """Whether the thing is in the world."""
+        return name in self._things
+
+    def solids(self, name: str) -> Sequence[Solid]:
+        """Its collision solids in the world."""
+        return self._things[name].solids()
+
+    def volumes(self, name: str) -> Sequence[Solid]:
+        """Its container volumes in the world."""
+        return self._things[name].volumes()
+
+    def touching(self, name: str, other: str) -> bool:
+        """Whether the last physics step reported a contact between the two; see `refresh`."""
+        mine, theirs = (set(self._things[n].entities.values()) for n in (name, other))
+        for contact in self._scene.get_contacts():
+            a, b = (body.entity for body in contact.bodies)
+            if ((a in mine and b in theirs) or (a in theirs and b in mine)) and any(p.separation < 2e-3 for p in contact.points):
+                return True
+        return False
+
+    def joint_fractions(self, name: str) -> Sequence[float]:
+        """Opening of its joints, 0 to 1."""
+        return self._things[name].joint_fractions()
+
+    def toggled_on(self, name: str) -> bool:
+        """Whether its switch is on. Nothing in this world has a switch yet."""
+        return False
+
+    # --- Truth
+
+    @property
+    def objects(self) -> Sequence[str]:
+        """Names of the movable things."""
+        return list(self._objects)
+
+    def pose(self, name: str) -> Array:
+        """T_world_thing (4, 4)."""
+        return self._things[name].T_world_body()
+
+    def handles(self, name: str) -> Sequence[Handle]:
+        """Its handles in the world."""
+        thing = self._things[name]
+        out = []
+        for body in thing.description.bodies:
+            for handle in body.handles:
+                T = thing.T_world_body(body.name)
+                R = T[:3, :3]
+                moved = {"center": R @ handle.center + T[:3, 3], "axis": R @ handle.axis, "outward": R @ handle.outward}
+                out.append(replace(handle, **moved))
+        return out
+
+    def holding(self, side: Side) -> str | None:
+        """The movable thing between the fingers of one hand: nearest to the tcp of a hand that closed on something."""
+        felt = self.robot.proprioception()
+        if felt.gripper_command[side] > 0 or felt.gripper_width[side] < _EMPTY_M:
+            return None
+        tcp = self.robot.hand_pose_world(side)[:3, 3]
+        gaps = {name: min(_gap(s, tcp) for s in self.solids(name)) for name in self._objects}
+        nearest = min(gaps, key=gaps.__getitem__, default=None)
+        return nearest if nearest is not None and gaps[nearest] < _HELD_M else None
+
+    def within(self, name: str) -> Sequence[str]:
+        """Movable things whose middle lies in the container volumes of a thing."""
+        volumes = self.volumes(name)
+        return [n for n in self._objects if n != name and any(_gap(v, _middle(self.solids(n))) <= 0 for v in volumes)]
+
+    def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> list[Solid]:
+        """Solids of walls, fixtures and objects that come within `radius_m` of a place on the floor (2,)."""
+        out = [w.solid for w in self.house.walls]
+        for name, thing in self._things.items():
+            if name not in without and not name.startswith("floor_") and not name.startswith("wall"):
+                out += thing.solids()
+        place = np.asarray(xy, float)[:2]
+        near = []
+        for solid in out:
+            low, high = solid.aabb()
+            if np.linalg.norm(np.maximum(np.maximum(low[:2] - place, place - high[:2]), 0)) < radius_m and high[2] > 0.005:
+                near.append(solid)
+        return near
+
+    def knowledge(self) -> KnowledgeBase:
+        """Where everything is now, by the simulator (the `oracle` detector)."""
+        if self._known is None or self._known[0] != self.steps:
+            base = KnowledgeBase({e.name: e for e in self._prior})
+            containers = {c: set(self.within(c)) for c in self._objects if self.volumes(c)}
+            carried = {h for s in ("left", "right") if (h := self.holding(s)) is not None}  # type: ignore[arg-type]
+            for name, thing in self._objects.items():
+                boxes = np.stack([s.aabb() for s in thing.solids()])
+                low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
+                inside = next((c for c, names in containers.items() if name in names), None)
+                base.put(
+                    Known(
+                        name=name, phrases=self._phrases[name], kind="object", lowest=low, highest=high,
+                        room=self.house.room_at((low[:2] + high[:2]) / 2), source="oracle",
+                        held=name in carried or inside in carried, inside=inside,
+                    )
+                )  # fmt: skip
+            self._known = (self.steps, base)
+        return self._known[1]
+
+
+def _gap(solid: Solid, p: Array) -> float:
+    """Distance [m] of a point to a solid; 0 or less inside."""
+    local = np.abs(kin.inverse(solid.T)[:3, :3] @ (p - solid.T[:3, 3])) - solid.half_m
+    if solid.kind == "sphere":
+        return float(np.linalg.norm(p - solid.T[:3, 3]) - solid.half_m[0])
+    if solid.kind == "cylinder":
+        q = solid.T[:3, :3].T @ (p - solid.T[:3, 3])
+        local = np.array([np.hypot(q[0], q[1]) - solid.half_m[0], abs(q[2]) - solid.half_m[2]])
+    return float(np.linalg.norm(np.maximum(local, 0)) + min(0.0, local.max()))
+
+
+def _middle(solids: Sequence[Solid]) -> Array:
+    boxes = np.stack([s.aabb() for s in solids])
+    return (boxes[:, 0].min(0) + boxes[:, 1].max(0)) / 2

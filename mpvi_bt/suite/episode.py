@@ -1,0 +1,168 @@
+"""One episode from its config to its result: the place where the parts are chosen and put together."""
+
+from __future__ import annotations
+
+import time
+import zlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from mpvi_bt.behaviors.context import Context
+from mpvi_bt.behaviors.protocols import Checker
+from mpvi_bt.completion.oracle import OracleChecker
+from mpvi_bt.completion.triggers import GraspReleaseTriggers
+from mpvi_bt.completion.visual import VisualChecker
+from mpvi_bt.errors import BackendError, UnknownName, UserError
+from mpvi_bt.executive.loop import Outcome, Subscriber, run_episode
+from mpvi_bt.goals.evaluate import judge, snapshot, unmet
+from mpvi_bt.goals.predicates import inside, ontop, truth_in
+from mpvi_bt.goals.problem import Problem, load_problem
+from mpvi_bt.manipulation.expert import ExpertPolicy
+from mpvi_bt.navigation.navigator import KnownPlaceNavigator
+from mpvi_bt.plan.planners import RecordedPlanner
+from mpvi_bt.plan.schema import load_plan
+from mpvi_bt.plan.skills import Skill, load_skills
+from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.stow import ArmStow
+from mpvi_bt.sim.catalogue import Catalogue, load_catalogue
+from mpvi_bt.sim.house import House, load_house
+from mpvi_bt.sim.prior_map import prior_map
+from mpvi_bt.sim.sampling import Start, sample
+from mpvi_bt.sim.world import World
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.metrics import Meter
+from mpvi_bt.suite.result import Failure, make_result
+from mpvi_bt.suite.tasks import Task, load_task
+from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.compile import compile_plan
+from mpvi_bt.tree.spec import TreeSpec
+from mpvi_bt.tree.yaml_io import load_tree
+
+_DRAWS = 20  # of a start, until :init holds in physics
+
+
+def run(config: EpisodeConfig, subscribers: Sequence[Subscriber] = ()) -> dict[str, Any]:
+    """Run one episode.
+
+    Args:
+        config: What to run. The same config gives the same result, wall times apart.
+        subscribers: Who watches besides the meter and what `config` asks for.
+
+    Returns:
+        The result, ready for JSON. Ctrl-C gives one too, its "ended" being "interrupted".
+
+    Raises:
+        UserError: Something in `config` does not exist or is wrong.
+        NoRenderingDevice: A picture is needed on a machine that can draw none.
+        NodeError: A behavior raised.
+    """
+    began = time.perf_counter()
+    task = load_task(config.task)
+    task.check_instance(config.instance)
+    skills = load_skills()
+    tree = Tree(_tree(config, task, skills))
+    house, catalogue = load_house(task.house), load_catalogue()
+    problem = load_problem(task.problem)
+    counts = {s: len(house.fixtures_of(s, room)) for s, room in problem.wildcards.items()}
+    problem = problem.expanded(counts)
+    world, start = _world(config, task, house, catalogue, problem)
+    truth = truth_in(world, start.scene_names)
+    before = snapshot(problem, truth)
+    policy = ExpertPolicy(world, skills, config.seed, timer=time.perf_counter)
+    navigator = KnownPlaceNavigator(world.robot, prior_map(house), world.knowledge, ArmStow(world.robot, config.seed))
+    context = Context(
+        clock=world,
+        robot=world.robot,
+        navigator=navigator,
+        policy=policy,
+        checker=_checker(config, world),
+        triggers=GraspReleaseTriggers(world.robot),
+        skills=skills,
+    )
+    meter = Meter()
+    watchers = [meter, *_recorders(config, world, navigator), *subscribers]
+    ready = time.perf_counter()
+    try:
+        outcome = run_episode(tree, world, context, watchers, max_time_s=task.budget_s)
+    except KeyboardInterrupt:
+        outcome = Outcome("interrupted", world.time_s, world.steps, log=context.log)
+    world.refresh()
+    goal = judge(problem, before, snapshot(problem, truth))
+    total = time.perf_counter() - began
+    result = make_result(
+        config,
+        task,
+        goal,
+        meter.measurement,
+        ended=outcome.ending,
+        failures=[Failure(node=f.path, reason=f.reason, feedback=f.evidence, time_s=f.time_s) for f in outcome.log.failures],
+        wall={"total_s": total, "setup_s": ready - began, "loop": dict(outcome.wall_s), "planning_s": policy.planning_s},
+    )
+    return result.model_dump(mode="json")
+
+
+def _tree(config: EpisodeConfig, task: Task, skills: Mapping[str, Skill]) -> TreeSpec:
+    if config.tree is not None:
+        return load_tree(config.tree)
+    plan = load_plan(config.plan) if config.plan is not None else RecordedPlanner().plan(task.plan, task.instruction)
+    return compile_plan(plan, skills)
+
+
+def _world(config: EpisodeConfig, task: Task, house: House, catalogue: Catalogue, problem: Problem) -> tuple[World, Start]:
+    """A settled world in which :init holds and of the goal nothing but what :init says."""
+    stated = {fact.literal for fact in problem.init if fact.positive}
+    for draw in range(_DRAWS):
+        # The instance alone says where things begin, so that seeds of one instance can be compared.
+        rng = np.random.default_rng([zlib.crc32(task.problem.encode()), config.instance, draw])
+        try:
+            start = sample(house, catalogue, problem, task.bindings, rng)
+        except BackendError:
+            continue
+        world = World(house, start.objects, start.base_pose, render=_renders(config))
+        world.settle()
+        truth = truth_in(world, start.scene_names)
+        early = [k for k, true in snapshot(problem, truth).items() if true and k not in stated]
+        if not unmet(problem, truth) and not early:
+            return world, start
+    raise BackendError(f"{config.task}: no start of instance {config.instance} came to rest as :init has it in {_DRAWS} draws")
+
+
+def _renders(config: EpisodeConfig) -> bool:
+    """Whether anything in the episode looks at pictures."""
+    return config.checker != "oracle" or config.video is not None
+
+
+def _checker(config: EpisodeConfig, world: World) -> Checker:
+    phrases = {e.name: e.phrases for e in world.knowledge() if e.kind != "room"}
+    if config.checker == "visual":
+        return VisualChecker(phrases)
+    if config.checker == "oracle":
+        return OracleChecker(_TrueState(world), phrases)
+    raise UnknownName("checker", config.checker, ["visual", "oracle"])
+
+
+def _recorders(config: EpisodeConfig, world: World, navigator: KnownPlaceNavigator) -> list[Subscriber]:
+    if config.video is None and config.picture is None:
+        return []
+    raise UserError("video and picture are not there yet")
+
+
+class _TrueState:
+    """What the oracle checker asks, from the world."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+
+    def held(self, name: str, side: Side | None) -> bool:
+        """Whether a hand, or that hand, holds the thing."""
+        return any(self._world.holding(s) == name for s in SIDES if side in (None, s))
+
+    def inside(self, name: str, container: str) -> bool:
+        """BDDL's inside."""
+        return inside(self._world, name, container)
+
+    def ontop(self, name: str, surface: str) -> bool:
+        """BDDL's ontop."""
+        return ontop(self._world, name, surface)
