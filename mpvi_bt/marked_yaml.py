@@ -145,7 +145,8 @@ class _Reader:
                 loader.dispose()
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
-            line, column = (mark.line + 1, mark.column + 1) if mark else (0, 0)
+            # At the end of a text without a last newline libyaml points at a line that is not there.
+            line, column = _place(self.text, min(mark.index, len(self.text.rstrip()))) if mark else (0, 0)
             what = " ".join(filter(None, (error.context, error.problem)))
             self.problems.append(Problem(name, line, column, "syntax", f"not valid YAML: {what}"))
         except yaml.reader.ReaderError as error:
@@ -301,6 +302,8 @@ def _problems(
 ) -> Iterator[Problem]:
     for item in error.errors(include_url=False):
         kind, context = item["type"], item.get("ctx", {})
+        if kind == "too_short" and len(item["input"]) >= context["min_length"]:
+            continue  # pydantic counts the valid items of a tuple only; the others have their own problems
         inner = item["loc"]
         location: Location = (*at, *(keys.get(str(part), part) for part in inner[:1]), *inner[1:])
         last = str(location[-1]) if location else ""

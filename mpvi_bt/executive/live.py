@@ -18,8 +18,9 @@ _REDRAWS_PER_S = 5.0  # Our choice: an eye asks for no more, and each costs abou
 class LiveTree:
     """Subscriber that shows the tree.
 
-    On a terminal nodes that neither run nor failed are folded, and what still does not fit is cut. Piped, the whole
-    tree is printed at the start and at the end, and in between a line for every node whose status changed.
+    On a terminal nodes that neither run nor failed are folded while it runs, and what still does not fit is cut. Piped,
+    the whole tree is printed at the start, and then a line for every node whose status changed. Both end with the
+    whole tree.
 
     Args:
         stream: Where to write.
@@ -76,17 +77,17 @@ class LiveTree:
         states = self._tree.states()
         how = f"{outcome.ending.replace('_', ' ')} after {outcome.time_s:.1f} s"
         if self._terminal:
-            self._redraw(self._tree.spec, states, how)
+            self._redraw(self._tree.spec, states, how, whole=True)
         else:
             self._write([ascii_tree(self._tree.spec, states, _WIDTH), how])
 
-    def _redraw(self, spec: TreeSpec, states: dict[str, NodeState], status: str) -> None:
+    def _redraw(self, spec: TreeSpec, states: dict[str, NodeState], status: str, whole: bool = False) -> None:
         size = shutil.get_terminal_size((_WIDTH, 24))
         width = min(size.columns, _WIDTH)
         head = f"{self._title}  {status}" if self._title else status
-        lines = [head[:width], *ascii_tree(spec, states, width, fold=True).splitlines(), LEGEND[:width]]
+        lines = [head[:width], *ascii_tree(spec, states, width, fold=not whole).splitlines(), LEGEND[:width]]
         room = max(size.lines - 1, 3)
-        if len(lines) > room:
+        if len(lines) > room and not whole:
             lines = [*lines[: room - 1], f"... {len(lines) - room + 1} more lines"]
         up = f"\x1b[{self._height}F" if self._height else ""
         self._stream.write(up + "".join(line + "\x1b[K\n" for line in lines) + "\x1b[J")

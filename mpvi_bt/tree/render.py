@@ -42,7 +42,7 @@ def ascii_tree(
         tree: What to draw.
         states: By path; None draws no statuses.
         width: Columns.
-        fold: Leave out what is below a node that neither runs nor failed, so that a long tree fits a screen.
+        fold: Leave out what is below a node (not the root) that neither runs nor failed: a long tree fits a screen.
     """
     lines = []
     hidden: tuple[str, ...] = ()
@@ -51,7 +51,7 @@ def ascii_tree(
             continue
         state = states.get(node.path, NodeState()) if states is not None else None
         lines.append(node_line(node, state, width))
-        if fold and state and state.status not in ("RUNNING", "FAILURE"):
+        if fold and node.depth and state and state.status not in ("RUNNING", "FAILURE"):
             hidden = (node.path + "/",)
     return "\n".join(lines)
 

@@ -1,0 +1,352 @@
+"""Behaviors over the shipped doubles: what they start, what they stop, how they fail."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from mpvi_bt.behaviors.context import Context, Stopwatch
+from mpvi_bt.behaviors.protocols import Progress, Report, TriggerEvent
+from mpvi_bt.errors import NodeError, UnknownName
+from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, CameraImage
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.testing import KinematicRobot, KinematicWorld, scripted_context
+from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.yaml_io import parse_tree
+
+SKILLS = load_skills()
+HELD = "the cup is held in a gripper"
+PLACES = {"cup": (1.0, 0.0), "sink": (0.0, 2.0)}
+PICK = f"until_complete:\nchildren: [{{manipulate: pick up the cup}}, {{check_complete: {HELD}, skill: pick}}]"
+
+
+def tree(root: str) -> Tree:
+    """The tree of a root node's YAML."""
+    indented = "".join(f"  {line}\n" for line in root.splitlines())
+    return Tree(parse_tree(f"tree: t\nroot:\n{indented}", "t.yaml", SKILLS))
+
+
+class Bench:
+    """A tree on a kinematic robot, ticked by hand."""
+
+    def __init__(self, root: str, answers: Mapping[str, tuple[bool, ...]] | None = None) -> None:
+        self.world = KinematicWorld()
+        self.context = scripted_context(self.world, SKILLS, PLACES, answers or {HELD: (True,)})
+        self.tree = tree(root)
+
+    def run(self, ticks: int = 10_000) -> Status:
+        """Tick and step until the root ends, or so often."""
+        for _ in range(ticks):
+            if self.tick() != Status.RUNNING:
+                break
+        return self.tree.status
+
+    def tick(self) -> Status:
+        """Tick once and step the world."""
+        if not hasattr(self.tree.root, "context"):
+            self.tree.setup(self.context)
+        status = self.tree.tick()
+        self.world.step(self.world.robot.action)
+        return status
+
+    def node(self, end: str) -> Behaviour:
+        """The one node whose path ends so."""
+        (found,) = [node for path, node in self.tree.nodes.items() if path.endswith(end)]
+        return found
+
+    @property
+    def base(self) -> Array:
+        """The base's part of the present command."""
+        return self.world.robot.action[ActionLayout.BASE]
+
+
+def test_navigate_gets_there_and_stands_still() -> None:
+    """SUCCESS comes at the target, with a base that is commanded to rest."""
+    bench = Bench("navigate: cup")
+    assert bench.run() == Status.SUCCESS
+    assert np.linalg.norm(bench.world.robot.proprioception().base_pose[:2] - PLACES["cup"]) < 0.03
+    assert not bench.base.any()
+
+
+def test_navigate_passes_on_why_it_failed() -> None:
+    """The navigator's reason and words become the node's failure, and the tree's."""
+    bench = Bench("sequence: s\nmemory: true\nchildren: [{navigate: moon}]")
+    assert bench.run() == Status.FAILURE
+    failure = bench.tree.failure
+    assert failure is not None
+    assert (failure.reason, failure.path) == ("unknown_target", "s/navigate")
+    assert "moon" in failure.evidence
+
+
+@pytest.mark.parametrize("root", ["navigate: cup", PICK])
+def test_an_interrupted_leaf_stops_the_robot(root: str) -> None:
+    """INVALID in the middle of a drive or a grasp leaves a robot that holds still."""
+    bench = Bench(root)
+    bench.run(3)
+    moving = bench.world.robot.action
+    bench.tree.interrupt()
+    held = bench.world.robot.action
+    assert not held[ActionLayout.BASE].any()
+    assert root == PICK or moving[ActionLayout.BASE].any()
+    bench.world.step(held)
+    assert np.allclose(bench.world.robot.action, held)
+
+
+def test_a_selector_that_goes_on_stops_what_it_leaves() -> None:
+    """A leaf that loses its turn to a higher one is told to stop, and the robot obeys the higher one."""
+    bench = Bench("selector: s\nmemory: false\nchildren: [{navigate: sink}, {navigate: cup}]")
+    bench.context.navigator.start("sink", None)
+    assert bench.run() == Status.SUCCESS
+    assert bench.node("/navigate").status == Status.SUCCESS
+
+
+class Chunks:
+    """A policy that hands out numbered chunks of a given length."""
+
+    name = "chunks"
+    cameras: tuple[str, ...] = ("head",)
+
+    def __init__(self, length: int) -> None:
+        self.length, self.calls, self.resets = length, 0, 0
+        self.prompts: list[str] = []
+
+    def reset(self) -> None:
+        self.resets += 1
+
+    def infer(self, observation: Mapping[str, Any]) -> Array:
+        assert set(observation) == {"prompt", "proprioception", "images"}
+        assert isinstance(observation["images"]["head"], CameraImage)
+        self.prompts.append(observation["prompt"])
+        chunk = np.zeros((self.length, ACTION_SIZE))
+        chunk[:, 3] = 100 * self.calls + np.arange(self.length)
+        self.calls += 1
+        return chunk
+
+
+@given(length=st.integers(1, 7), ticks=st.integers(1, 30))
+def test_a_chunk_is_carried_out_one_action_a_step(length: int, ticks: int) -> None:
+    """Actions leave in order, one a tick, and the policy is asked once a chunk."""
+    bench = Bench("manipulate: pick up the cup")
+    policy = bench.context.policy = Chunks(length)
+    bench.tree.setup(bench.context)
+    sent = []
+    for _ in range(ticks):
+        assert bench.tree.tick() == Status.RUNNING
+        sent.append(bench.world.robot.action[3])
+    assert sent == [100 * (i // length) + i % length for i in range(ticks)]
+    assert (policy.calls, policy.resets) == (-(-ticks // length), 1)
+
+
+def test_a_handoff_drops_the_rest_of_the_chunk() -> None:
+    """A unit that starts anew asks a reset policy for a fresh chunk."""
+    bench = Bench("timeout: 0.1\nchild: {manipulate: pick up the cup}")
+    policy = bench.context.policy = Chunks(100)
+    assert bench.run() == Status.FAILURE
+    assert (policy.calls, policy.resets) == (1, 1)
+    bench.run(2)
+    assert (policy.calls, policy.resets) == (2, 2)
+    assert bench.world.robot.action[3] == 101
+
+
+@pytest.mark.parametrize("bad", [np.zeros((0, 23)), np.zeros(23), np.zeros((2, 22)), np.full((1, 23), np.nan)])
+def test_a_bad_chunk_never_reaches_the_robot(bad: Array) -> None:
+    """A chunk of the wrong shape, or not finite, is an error that names the node, and the robot holds."""
+    bench = Bench(PICK)
+    bench.context.policy.infer = lambda observation: bad  # type: ignore[method-assign]
+    with pytest.raises(NodeError, match=r"until_complete/manipulate: BackendError: policy grip: a chunk"):
+        bench.run()
+    assert np.isfinite(bench.world.robot.action).all()
+
+
+def test_no_question_without_an_event() -> None:
+    """The checker is asked only when a trigger fires, however long it takes."""
+    bench = Bench(PICK)
+    bench.context.triggers.update = lambda: None  # type: ignore[method-assign]
+    bench.run(200)
+    assert bench.tree.status == Status.RUNNING
+    assert not bench.context.log.queries
+
+
+def test_a_no_lets_the_policy_go_on() -> None:
+    """After a no the unit runs on, and the next event asks again."""
+    bench = Bench(PICK, {HELD: (False, True)})
+    events = iter([None, TriggerEvent("grasp", "left"), None, None, TriggerEvent("grasp", "right")])
+    bench.context.triggers.update = lambda: next(events)  # type: ignore[method-assign]
+    assert bench.run() == Status.SUCCESS
+    asked = [(q.complete, q.camera, q.time_s) for q in bench.context.log.queries]
+    assert asked == [(False, "left", 1 / CONTROL_HZ), (True, "right", 4 / CONTROL_HZ)]
+    assert bench.node("manipulate").status == Status.INVALID
+
+
+@pytest.mark.parametrize(
+    ("skill", "event", "camera"),
+    [
+        ("pick", TriggerEvent("grasp", "right"), "right"),
+        ("pick", TriggerEvent("grasp", None), "head"),
+        ("place_in", TriggerEvent("release", "left"), "head"),
+        (None, TriggerEvent("grasp", "left"), "left"),
+        (None, TriggerEvent("release", "left"), "head"),
+    ],
+)
+def test_the_skill_says_whose_picture_is_shown(skill: str | None, event: TriggerEvent, camera: str) -> None:
+    """A grasp is judged from the wrist that felt it, a release from the head."""
+    bench = Bench(f"check_complete: {HELD}" + (f"\nskill: {skill}" if skill else ""))
+    bench.context.triggers.update = lambda: event  # type: ignore[method-assign]
+    assert bench.run(1) == Status.SUCCESS
+    assert bench.context.log.queries[0].camera == camera
+
+
+def test_only_the_skills_events_are_watched() -> None:
+    """The triggers are reset to the kinds of the last segment's skill, or to all."""
+    for text, kinds in ((f"check_complete: {HELD}\nskill: pick", ("grasp",)), (f"check_complete: {HELD}", None)):
+        bench = Bench(text)
+        seen: list[tuple[str, ...] | None] = []
+        bench.context.triggers.reset = seen.append  # type: ignore[method-assign, assignment]
+        bench.run(1)
+        assert seen == [kinds]
+
+
+def test_a_checker_that_needs_no_picture_gets_none() -> None:
+    """Without a need for pictures none is rendered: a machine that cannot draw still runs."""
+    bench = Bench(PICK)
+    bench.context.checker.needs_image = False
+    bench.world.robot.look = lambda camera: pytest.fail("rendered")  # type: ignore[method-assign]
+    assert bench.run() == Status.SUCCESS
+
+
+def test_an_unknown_skill_is_found_at_setup() -> None:
+    """A tree that names a skill that the run lacks does not start."""
+    bench = Bench(f"check_complete: {HELD}\nskill: pick")
+    bench.context.skills = {}
+    with pytest.raises(UnknownName, match="check_complete: unknown skill 'pick'"):
+        bench.tree.setup(bench.context)
+
+
+class Countdown:
+    """A navigator that arrives at its n-th step, counted from 1."""
+
+    def __init__(self, steps: int) -> None:
+        self.steps = steps
+        self.done = 0
+
+    def start(self, target: str, room: str | None) -> None:
+        self.done = 0
+
+    def step(self) -> Report:
+        self.done += 1
+        return Report(Progress.SUCCEEDED if self.done >= self.steps else Progress.RUNNING)
+
+    def stop(self) -> None:
+        pass
+
+
+@given(limit=st.integers(1, 90), needs=st.integers(1, 90))
+def test_a_late_success_counts_at_the_very_tick(limit: int, needs: int) -> None:
+    """A child is ticked up to and in the tick at which its time is up; there its success wins, RUNNING fails."""
+    bench = Bench(f"timeout: {limit / CONTROL_HZ!r}\nchild: {{navigate: cup}}")
+    bench.context.navigator = Countdown(needs)
+    status = bench.run()
+    assert status == (Status.SUCCESS if needs <= limit + 1 else Status.FAILURE)
+    assert bench.world.steps == min(needs, limit + 1)
+
+
+def test_a_timeout_says_what_was_still_going_on() -> None:
+    """The failure of a timeout carries its code and the last word of what it cut off."""
+    bench = Bench(f"timeout: 3\nchild:\n  {PICK.replace(chr(10), chr(10) + '  ')}", {HELD: (False,)})
+    assert bench.run() == Status.FAILURE
+    failure = bench.tree.failure
+    assert failure is not None
+    assert failure.reason == "timeout"
+    assert failure.evidence == "not done within 3 s (asked 1: no, as scripted)"
+    assert failure.time_s == pytest.approx(3.0)
+
+
+def test_attempt_records_and_goes_on() -> None:
+    """A failed attempt is a SUCCESS with the failure in the log; the next one is tried."""
+    bench = Bench(
+        "sequence: s\nmemory: true\nchildren:\n"
+        "  - {attempt: 1 moon, child: {navigate: moon}}\n  - {attempt: 2 cup, child: {navigate: cup}}"
+    )
+    assert bench.run() == Status.SUCCESS
+    (failure,) = bench.context.log.failures
+    assert (failure.reason, failure.path) == ("unknown_target", "s/1 moon/navigate")
+    states = bench.tree.states()
+    assert (states["s/1 moon"].gave_up, states["s/2 cup"].gave_up) == (True, False)
+
+
+def test_an_exception_names_its_node_and_everything_stops() -> None:
+    """What a behavior raises comes out as NodeError with its path; no node runs on, and the robot holds."""
+    bench = Bench(
+        f"sequence: s\nmemory: true\nchildren:\n  - {{navigate: cup}}\n  - {PICK.replace(chr(10), chr(10) + '    ')}"
+    )
+
+    def broken(criterion: str, image: CameraImage | None) -> None:
+        raise ZeroDivisionError("the judge broke")
+
+    bench.context.checker.check = broken  # type: ignore[method-assign, assignment]
+    with pytest.raises(NodeError) as caught:
+        bench.run()
+    assert caught.value.path == "s/until_complete/check_complete"
+    assert str(caught.value) == "s/until_complete/check_complete: ZeroDivisionError: the judge broke"
+    assert isinstance(caught.value.__cause__, ZeroDivisionError)
+    assert all(node.status == Status.INVALID for node in bench.tree.nodes.values())
+    assert not bench.base.any()
+    last = bench.tree.states()
+    assert last["s/navigate"].status == "SUCCESS"
+    assert last[caught.value.path].feedback == "error: ZeroDivisionError('the judge broke')"
+
+
+def test_one_that_cannot_stop_does_not_keep_the_others_from_it() -> None:
+    """An exception in one node's terminate is no obstacle to the rest of an interruption."""
+    bench = Bench(PICK)
+    bench.run(2)
+
+    def broken(new_status: Status) -> None:
+        raise RuntimeError
+
+    bench.node("check_complete").terminate = broken  # type: ignore[method-assign]
+    bench.world.robot.act(np.ones(ACTION_SIZE))
+    bench.tree.interrupt()
+    assert not bench.base.any()
+
+
+def test_constructing_a_tree_touches_no_backend() -> None:
+    """A tree is built, drawn and thrown away without a context."""
+    built = tree(PICK)
+    assert set(built.states()) == set(built.nodes)
+    built.interrupt()
+
+
+def test_the_stopwatch_counts_inner_activities_only_as_themselves() -> None:
+    """The sum over activities is at most the time that passed."""
+    import time
+
+    watch = Stopwatch()
+    began = time.perf_counter()
+    with watch("outer"):
+        time.sleep(0.01)
+        with watch("inner"):
+            time.sleep(0.02)
+    passed = time.perf_counter() - began
+    assert set(watch.seconds) == {"outer", "inner"}
+    assert watch.seconds["outer"] >= 0.01
+    assert watch.seconds["inner"] >= 0.02
+    assert sum(watch.seconds.values()) <= passed
+
+
+def test_contexts_of_two_runs_are_apart() -> None:
+    """Two trees that run side by side share nothing: each logs its own."""
+    one, two = Bench("attempt: a\nchild: {navigate: moon}"), Bench("attempt: a\nchild: {navigate: cup}")
+    one.run()
+    two.run()
+    assert isinstance(one.context, Context)
+    assert (len(one.context.log.failures), len(two.context.log.failures)) == (1, 0)
+    assert isinstance(one.world.robot, KinematicRobot)

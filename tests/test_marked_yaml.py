@@ -1,0 +1,199 @@
+"""Reading files with marks, and what is said about broken ones."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import Field
+
+from mpvi_bt.errors import FileProblems, UserError
+from mpvi_bt.marked_yaml import MAX_DEPTH, MAX_NODES, Record, load_marked, parse_marked, validate, validate_data
+
+
+class Box(Record):
+    """Of the tests."""
+
+    shape: Literal["box"]
+    size_m: float = Field(gt=0)
+
+
+class Ball(Record):
+    """Of the tests."""
+
+    shape: Literal["ball"]
+    radius_m: float
+
+
+class House(Record):
+    """Of the tests."""
+
+    name: str
+    solids: list[Annotated[Box | Ball, Field(discriminator="shape")]] = []
+    by_name: dict[str, Ball] = {}
+
+
+def problems(text: str, model: type[Record] = House) -> list[tuple[int, int, str]]:
+    """(line, column, code) of each problem of a text."""
+    with pytest.raises(FileProblems) as caught:
+        validate_data(*parse_marked(text, "house.yaml"), model)
+    return [(p.line, p.column, p.code) for p in caught.value.problems]
+
+
+JSON = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**15), 10**15)
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(st.characters(min_codepoint=32, max_codepoint=0xD7FF, exclude_characters="\x7f"), max_size=20).filter(
+        str.isprintable
+    ),
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(st.text("abcdefgh 1.~", min_size=1, max_size=6), inner, max_size=4)
+    ),
+    max_leaves=15,
+)
+
+
+@given(JSON, st.sampled_from([None, 2, "\t"]))
+def test_json_reads_as_json(data: Any, indent: int | str | None) -> None:
+    """What a JSON writer wrote is read back as a JSON reader would."""
+    assert parse_marked(json.dumps(data, indent=indent, ensure_ascii=False), "x.json")[0] == data
+
+
+@given(JSON)
+def test_every_value_has_a_mark_where_it_stands(data: Any) -> None:
+    """The mark of a value points at its own text."""
+    text = json.dumps(data, indent=1, ensure_ascii=False)
+    lines = text.splitlines()
+    read, marks = parse_marked(text, "x.json")
+
+    def walk(value: Any, at: tuple[str | int, ...]) -> None:
+        line, column = marks.values[at]
+        assert json.dumps(value, ensure_ascii=False)[0] == lines[line - 1][column - 1]
+        items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+        for key, below in items:
+            walk(below, (*at, key))
+
+    walk(read, ())
+
+
+def test_scalars_follow_yaml_1_2() -> None:
+    """What YAML 1.1 would turn into booleans, times and dates stays text; numbers are JSON's."""
+    text = "[on, no, 12:30, 2026-01-01, '1', 1, 1e-3, -.5, true, null, ~, 0123]"
+    assert parse_marked(text, "x")[0] == [
+        "on", "no", "12:30", "2026-01-01", "1", 1, 1e-3, -0.5, True, None, None, 123,
+    ]  # fmt: skip
+
+
+def test_all_problems_at_once_each_in_its_place() -> None:
+    """Unknown, missing and wrong values are all found, in the order of the file."""
+    text = """\
+nam: casa
+solids:
+  - shape: box
+    size_m: -1
+  - shape: bal
+  - shape: ball
+    radus_m: 1
+  - 7
+by_name:
+  b: {shape: ball, radius_m: far}
+"""
+    assert problems(text) == [
+        (1, 1, "missing-key"),
+        (1, 1, "unknown-key"),
+        (4, 13, "greater-than"),
+        (5, 12, "unknown-value"),
+        (6, 5, "missing-key"),
+        (7, 5, "unknown-key"),
+        (8, 5, "model-attributes-type"),
+        (10, 30, "float-parsing"),
+    ]
+
+
+def test_the_nearest_key_of_the_right_union_member_is_named() -> None:
+    """A misspelt key is compared with the keys that its own kind of thing may have."""
+    with pytest.raises(FileProblems, match=r"Did you mean 'radius_m'\? Known: radius_m, shape\.") as caught:
+        validate_data(*parse_marked("name: a\nsolids: [{shape: ball, radus_m: 1}]", "x.yaml"), House)
+    assert str(caught.value).startswith("x.yaml:2:10: ")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("name: a\nname: b\nname: c", [(2, 1, "duplicate-key"), (3, 1, "duplicate-key")]),
+        ("name: [", [(1, 8, "syntax")]),
+        ("a: b: c", [(1, 5, "syntax")]),
+        ("", [(1, 1, "empty")]),
+        ("# nothing\n", [(1, 1, "empty")]),
+        ("--- 1\n--- 2\n", [(2, 1, "syntax")]),
+        ("x: !!python/name:os.system ''", [(1, 4, "tag")]),
+        ("x: *none", [(1, 4, "alias")]),
+        ("x: &a [*a]", [(1, 8, "alias")]),
+        ("? [1]\n: 2", [(1, 3, "syntax")]),
+        ("a\x01b", [(1, 2, "syntax")]),
+    ],
+)
+def test_broken_yaml_is_placed(text: str, expected: list[tuple[int, int, str]]) -> None:
+    """Syntax, duplicate keys, tags, aliases to nothing: each is one problem with its place."""
+    found = problems(text)
+    assert [(line, code) for line, _, code in found] == [(line, code) for line, _, code in expected]
+
+
+@given(st.text(max_size=200))
+def test_no_text_gets_a_traceback(text: str) -> None:
+    """Any text is data or a list of problems."""
+    try:
+        parse_marked(text, "x.yaml")
+    except FileProblems as error:
+        assert error.problems
+
+
+def test_aliases_are_written_out() -> None:
+    """An alias stands for a copy of what was anchored."""
+    data, marks = parse_marked("a: &x {b: 1}\nc: *x\n", "x.yaml")
+    assert data == {"a": {"b": 1}, "c": {"b": 1}}
+    assert ("c", "b") in marks.values
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * (MAX_DEPTH + 2) + "]" * (MAX_DEPTH + 2),
+        "- 1\n" * (MAX_NODES + 1),
+        "".join(f"k{i}: &k{i} [{', '.join([f'*k{i - 1}'] * 9) if i else '1'}]\n" for i in range(12)),
+    ],
+    ids=["deep", "long", "alias bomb"],
+)
+def test_what_would_eat_the_machine_is_refused(text: str) -> None:
+    """Depth, number of values and aliases are bounded, and found out in time."""
+    began = time.process_time()
+    assert problems(text)[-1][2] in ("too-deep", "too-large")
+    assert time.process_time() - began < 2.0
+
+
+def test_a_huge_file_is_not_even_read(tmp_path: Path) -> None:
+    """A file beyond the limit is refused by its size."""
+    path = tmp_path / "huge.yaml"
+    with path.open("wb") as file:
+        file.truncate(10**9)
+    with pytest.raises(FileProblems, match="larger than"):
+        load_marked(path)
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    """No file, a folder, and no text: one line each."""
+    with pytest.raises(UserError, match=r"nothing\.yaml: no such file"):
+        validate(tmp_path / "nothing.yaml", House)
+    with pytest.raises(UserError, match="directory"):
+        validate(tmp_path, House)
+    (tmp_path / "latin.yaml").write_bytes(b"name: caf\xe9")
+    with pytest.raises(FileProblems, match="not UTF-8"):
+        validate(tmp_path / "latin.yaml", House)

@@ -1,0 +1,239 @@
+"""Trees as data: compiling plans, YAML both ways, drawing."""
+
+from __future__ import annotations
+
+import itertools
+import string
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mpvi_bt import paths
+from mpvi_bt.behaviors.registry import (
+    NODE_TYPES,
+    Criterion,
+    Limit,
+    Memory,
+    NavigateTo,
+    NoParameters,
+    Prompt,
+    node_type,
+)
+from mpvi_bt.errors import FileProblems, UnknownName
+from mpvi_bt.plan.planners import RecordedPlanner
+from mpvi_bt.plan.schema import Manipulation, Navigation
+from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.tree.compile import MANIPULATION_TIMEOUT_S, compile_plan
+from mpvi_bt.tree.render import NodeState, ascii_tree
+from mpvi_bt.tree.spec import NodeSpec, TreeSpec
+from mpvi_bt.tree.yaml_io import dump_tree, load_tree, parse_tree
+from tests.test_plan import plans
+
+SKILLS = load_skills()
+TREES = sorted((paths.shipped() / "trees").glob("*.yaml"))
+GOLDEN = Path(__file__).parent / "golden"
+
+words = st.text(st.characters(categories=["L", "N", "P", "S", "Zs"]), min_size=1, max_size=20).map(str.strip).filter(
+    lambda t: bool(t) and t.isprintable()
+) | st.sampled_from(["1", "null", "on", "1e3", "~", "- a", "a: b", "#x", "'", '"', "timeout", "{a", "*x", "!y"])
+segments = st.lists(st.integers(0, 99), max_size=3).map(tuple)
+leaves = st.one_of(
+    st.builds(NodeSpec, st.just("navigate"), st.builds(NavigateTo, target=words, room=st.none() | words),
+              segments=segments),
+    st.builds(NodeSpec, st.just("manipulate"), st.builds(Prompt, prompt=words), segments=segments),
+    st.builds(NodeSpec, st.just("check_complete"), st.builds(Criterion, criterion=words, skill=st.none() | words),
+              segments=segments),
+)  # fmt: skip
+
+
+def _above(inner: st.SearchStrategy[NodeSpec]) -> st.SearchStrategy[NodeSpec]:
+    names = st.just("") | words
+    many = st.lists(inner, min_size=1, max_size=3).map(tuple)
+    one = st.tuples(inner)
+    return st.one_of(
+        st.builds(NodeSpec, st.sampled_from(["sequence", "selector"]), st.builds(Memory, memory=st.booleans()), names,
+                  many, segments),
+        st.builds(NodeSpec, st.just("until_complete"), st.just(NoParameters()), names, st.tuples(inner, inner),
+                  segments),
+        st.builds(NodeSpec, st.just("attempt"), st.just(NoParameters()), names, one, segments),
+        st.builds(NodeSpec, st.just("timeout"), st.builds(Limit, seconds=st.floats(1e-3, 1e4)), st.just(""), one,
+                  segments),
+    )  # fmt: skip
+
+
+trees = st.builds(TreeSpec, words, st.recursive(leaves, _above, max_leaves=10), st.just("") | words)
+
+
+@given(tree=trees)
+def test_yaml_is_lossless(tree: TreeSpec) -> None:
+    """Writing a tree and reading it gives the same tree, and writing that the same text."""
+    text = dump_tree(tree)
+    read = parse_tree(text)
+    assert read == tree
+    assert dump_tree(read) == text
+
+
+@given(tree=trees, width=st.integers(40, 120), status=st.sampled_from(["RUNNING", "SUCCESS", "FAILURE", "INVALID"]))
+def test_drawing_keeps_its_width(tree: TreeSpec, width: int, status: str) -> None:
+    """Every node gets one line, none longer than asked, whatever the labels and the feedback."""
+    state = NodeState(status, "some rather long feedback that goes on", 1.0, 60.0)
+    shallow = [n for n in tree.nodes if n.depth <= 3]
+    lines = ascii_tree(tree, {n.path: state for n in tree.nodes}, width).splitlines()
+    assert len(lines) == len(tree.nodes)
+    assert all(len(lines[tree.nodes.index(n)]) <= width for n in shallow)
+
+
+@given(tree=trees)
+def test_paths_are_unique(tree: TreeSpec) -> None:
+    """No two nodes share a path, and every child's path begins with its parent's."""
+    found = [n.path for n in tree.nodes]
+    assert len(set(found)) == len(found)
+    assert all(child.startswith(n.path + "/") for n in tree.nodes for child in n.children)
+
+
+@given(plan=plans)
+def test_every_segment_is_in_one_unit_in_order(plan: object) -> None:
+    """The units of a compiled tree cover the plan's segments once each, navigation alone, manipulation in groups."""
+    from mpvi_bt.plan.schema import Plan
+
+    assert isinstance(plan, Plan)
+    units = compile_plan(plan, SKILLS).root.children
+    assert [i for unit in units for i in unit.segments] == list(range(len(plan.segments)))
+    for unit in units:
+        kinds = {type(plan.segments[i]) for i in unit.segments}
+        assert len(kinds) == 1
+        assert kinds == {Manipulation} or len(unit.segments) == 1
+    for one, next_ in itertools.pairwise(units):
+        assert Navigation in {type(plan.segments[u.segments[0]]) for u in (one, next_)}
+
+
+def test_a_group_joins_descriptions_and_ends_as_its_last_segment() -> None:
+    """Prompt, criterion, skill and time of a group come from the right segments."""
+    tree = compile_plan(RecordedPlanner().plan("picking_up_trash"), SKILLS)
+    attempt = tree.root.children[3]
+    timeout = attempt.children[0]
+    manipulate, check = timeout.children[0].children
+    assert isinstance(manipulate.parameters, Prompt)
+    assert manipulate.parameters.prompt == (
+        "pick up a can of soda with the right hand, then put the can of soda in the trash can"
+    )
+    assert check.parameters == Criterion(criterion="a can of soda is in the trash can", skill="place_in")
+    assert timeout.parameters == Limit(seconds=SKILLS["pick"].timeout_s + SKILLS["place_in"].timeout_s)
+    assert (attempt.segments, check.segments) == ((3, 4), (4,))
+
+
+def test_without_a_skill_the_default_time_and_all_triggers_hold() -> None:
+    """A manipulation that no skill covers is compiled all the same."""
+    tree = compile_plan(RecordedPlanner().plan("picking_up_trash"), {})
+    timeout = tree.root.children[1].children[0]
+    assert timeout.parameters == Limit(seconds=MANIPULATION_TIMEOUT_S)
+    assert timeout.children[0].children[1].parameters == Criterion(criterion="the trash can is held in a gripper")
+
+
+def test_the_shipped_tree_is_the_compiled_plan() -> None:
+    """trees/picking_up_trash.yaml is what compiling its plan gives."""
+    tree = compile_plan(RecordedPlanner().plan("picking_up_trash"), SKILLS)
+    assert load_tree(paths.find("trees", "picking_up_trash"), SKILLS) == tree
+
+
+@pytest.mark.parametrize("path", TREES, ids=lambda p: p.stem)
+def test_shipped_trees_load_and_draw(path: Path) -> None:
+    """Every shipped tree is valid, in canonical form, and 80 columns wide at most."""
+    tree = load_tree(path, SKILLS)
+    assert max(map(len, ascii_tree(tree).splitlines())) <= 80
+    assert load_tree(path) == parse_tree(dump_tree(tree))
+
+
+def test_drawing_is_golden() -> None:
+    """The picture of picking_up_trash half-way is the recorded one."""
+    tree = load_tree(paths.find("trees", "picking_up_trash"))
+    states = {n.path: NodeState() for n in tree.nodes}
+    top, first, second = tree.nodes[0], *[n for n in tree.nodes if n.depth == 1][:2]
+    states[top.path] = NodeState("RUNNING")
+    states[first.path] = NodeState("SUCCESS", "gave up: no_path", gave_up=True)
+    states[first.children[0]] = NodeState("FAILURE", "", 4.0, 120.0)
+    states[first.children[0] + "/navigate"] = NodeState("FAILURE", "no_path: the door of the kitchen is shut")
+    states[second.path] = NodeState("RUNNING")
+    states[second.children[0]] = NodeState("RUNNING", "", 12.34, 90.0)
+    states[second.children[0] + "/until_complete"] = NodeState("RUNNING")
+    states[second.children[0] + "/until_complete/manipulate"] = NodeState("RUNNING")
+    states[second.children[0] + "/until_complete/check_complete"] = NodeState("RUNNING", "asked 1: no, it is empty")
+    drawn = ascii_tree(tree, states) + "\n\n" + ascii_tree(tree, states, fold=True) + "\n"
+    assert drawn == (GOLDEN / "picking_up_trash.txt").read_text()
+
+
+GOOD = """\
+tree: t
+root:
+  sequence: s
+  memory: true
+  children:
+    - navigate: cup
+      room: kitchen
+    - timeout: 5
+      child:
+        manipulate: pick up the cup
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "code", "says"),
+    [
+        ("navigate:", "navigat:", 6, "unknown-node", "Did you mean 'navigate'"),
+        ("room:", "rom:", 7, "unknown-key", "Did you mean 'room'"),
+        ("memory: true", "memory: maybe", 4, "bool-type", "maybe"),
+        ("  memory: true\n", "", 3, "missing-key", "'memory'"),
+        ("timeout: 5", "timeout: -5", 8, "greater-than", "greater than 0"),
+        ("timeout: 5", "timeout: '5'", 8, "float-type", "a number"),
+        ("timeout: 5", "timeout: .nan", 8, "finite-number", "finite"),
+        ("      child:", "      children:", 9, "children", "it takes 'child'"),
+        ("manipulate: pick up the cup", "{}", 10, "node", "a node is a mapping"),
+        ("manipulate: pick up the cup", "manipulate:", 10, "string-type", "should be text"),
+        ("      room: kitchen", "      room: kitchen\n      child:\n        navigate: x", 8, "children", "takes none"),
+        ("      room: kitchen", "      target: cup", 7, "duplicate-key", "already given"),
+        ("      room: kitchen", "      timeout: 3", 7, "two-nodes", "second node type"),
+        ("- navigate: cup\n      room: kitchen", "- room: kitchen\n      navigate: cup", 7, "order", "first key"),
+        ("tree: t", "treee: t", 1, "unknown-key", "Did you mean 'tree'"),
+        ("root:", "rot:", 2, "unknown-key", "Did you mean 'root'"),
+        ("manipulate: pick", "check_complete: x\n        skill: pik\n        # pick", 11, "unknown-skill", "'pick'"),
+        ("      room: kitchen", "      segments: [-1]", 7, "greater-than-equal", "-1"),
+    ],
+)  # fmt: skip
+def test_a_defect_is_named_in_its_place(old: str, new: str, line: int, code: str, says: str) -> None:
+    """Each defect gives a problem on its own line that says what would be valid."""
+    parse_tree(GOOD, "t.yaml", SKILLS)
+    assert old in GOOD
+    with pytest.raises(FileProblems) as caught:
+        parse_tree(GOOD.replace(old, new, 1), "t.yaml", SKILLS)
+    found = [p for p in caught.value.problems if (p.line, p.code) == (line, code)]
+    assert found, str(caught.value)
+    assert says in found[0].message
+
+
+def test_problems_below_an_unknown_node_are_found_too() -> None:
+    """A misspelt kind does not hide what is wrong beneath it."""
+    with pytest.raises(FileProblems) as caught:
+        parse_tree(GOOD.replace("sequence: s", "sequenc: s").replace("navigate: cup", "nvigate: cup"))
+    assert [p.line for p in caught.value.problems] == [3, 6]
+
+
+@given(st.text(string.printable, max_size=12), st.integers(0, len(GOOD)), st.integers(0, 6))
+def test_no_edit_of_a_tree_gets_a_traceback(inserted: str, at: int, removed: int) -> None:
+    """Whatever is typed into a tree file, it is a tree or a list of problems."""
+    try:
+        parse_tree(GOOD[:at] + inserted + GOOD[at + removed :], "t.yaml", SKILLS)
+    except FileProblems as error:
+        assert error.problems
+
+
+def test_every_node_type_is_built_from_its_registry_row() -> None:
+    """The class that a row names exists, and an unknown kind is an error with the nearest one."""
+    import importlib
+
+    for row in NODE_TYPES.values():
+        module, _, name = row.factory.partition(":")
+        assert callable(getattr(importlib.import_module(module), name))
+    with pytest.raises(UnknownName, match="Did you mean 'timeout'"):
+        node_type("timout")
