@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -51,7 +51,7 @@ class Thing:
         """The dynamics of a movable thing."""
         return self.entity.find_component_by_type(sapien.physx.PhysxRigidDynamicComponent)
 
-    def T_world_body(self, body: str | None = None) -> Array:
+    def T_world_body(self, body: str | None = None) -> Array:  # noqa: N802
         """(4, 4) pose of a body, the root by default."""
         entity = self.entity if body is None else self.entities[body]
         return np.asarray(entity.pose.to_transformation_matrix(), float)
@@ -65,11 +65,11 @@ class Thing:
 
     def solids(self) -> list[Solid]:
         """What collides, posed in the world as it stands now."""
-        return list(self._posed(lambda body: (part.solid for part in body.parts if part.collides)))
+        return list(self._posed_solids if self._fixed else self._posed(_colliding))
 
     def volumes(self) -> list[Solid]:
         """What can hold things, posed in the world as it stands now."""
-        return list(self._posed(lambda body: iter(body.volumes)))
+        return list(self._posed_volumes if self._fixed else self._posed(_volumes))
 
     def joint_fractions(self) -> list[float]:
         """Position of each joint, 0 closed to 1 fully open, in the order of the description's bodies."""
@@ -92,18 +92,31 @@ class Thing:
         self.articulation.set_qpos(q)
         self.articulation.set_qvel(np.zeros_like(q))
 
-    def _posed(self, pick: Callable[[Body], Iterator[Solid]]) -> Iterator[Solid]:
+    @property
+    def _fixed(self) -> bool:
+        return self.articulation is None and not self.movable
+
+    @cached_property
+    def _posed_solids(self) -> list[Solid]:
+        return list(self._posed(_colliding))
+
+    @cached_property
+    def _posed_volumes(self) -> list[Solid]:
+        return list(self._posed(_volumes))
+
+    def _posed(self, pick: Callable[[Body], Iterable[Solid]]) -> Iterator[Solid]:
         for body in self.description.bodies:
-            if self.articulation is None and not self.movable:
-                T = self._fixed_pose
-            else:
-                T = self.T_world_body(body.name)
+            T = self.T_world_body(body.name)
             for solid in pick(body):
                 yield solid.moved(T)
 
-    @cached_property
-    def _fixed_pose(self) -> Array:
-        return self.T_world_body()
+
+def _colliding(body: Body) -> Iterable[Solid]:
+    return (part.solid for part in body.parts if part.collides)
+
+
+def _volumes(body: Body) -> Iterable[Solid]:
+    return body.volumes
 
 
 def build_house(scene: sapien.Scene, house: House, render: bool) -> dict[str, Thing]:

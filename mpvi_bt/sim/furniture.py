@@ -5,6 +5,8 @@ Sizes are full lengths [m] along x (depth), y (width) and z (height); the front 
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from mpvi_bt.robot.solids import box
@@ -48,9 +50,10 @@ def chair(*, size_m: Size, color: Rgb, leg_color: Rgb | None = None, seat_z_m: L
     x, y, z = size_m
     legs = leg_color or color
     parts.box((0, 0, seat_z_m - 0.02), (x, y, 0.04), color)
+    under = seat_z_m - 0.04
     for i in (-1, 1):
         for j in (-1, 1):
-            parts.box((i * (x / 2 - 0.02), j * (y / 2 - 0.02), (seat_z_m - 0.04) / 2), (0.035, 0.035, seat_z_m - 0.04), legs)
+            parts.box((i * (x / 2 - 0.02), j * (y / 2 - 0.02), under / 2), (0.035, 0.035, under), legs)
     for j in (-1, 1):
         parts.box((-x / 2 + 0.015, j * (y / 2 - 0.02), (seat_z_m + z) / 2), (0.03, 0.035, z - seat_z_m), legs)
     parts.box((-x / 2 + 0.015, 0, z - 0.11), (0.025, y - 0.08, 0.2), color)
@@ -121,9 +124,9 @@ def shelf(
     heights = np.linspace(min(0.06, z / 8), z - wall_m / 2, max(shelves, 2))
     for height in heights:
         parts.box((0.006, 0, float(height)), (x - 0.012, y - 2 * wall_m, wall_m), color)
-    gaps = zip(heights[:-1], heights[1:], strict=True)
     volumes = tuple(
-        box((0.006, 0, float(a + b) / 2), (x - 0.012, y - 2 * wall_m, float(b - a) - wall_m)) for a, b in gaps
+        box((0.006, 0, float(a + b) / 2), (x - 0.012, y - 2 * wall_m, float(b - a) - wall_m))
+        for a, b in itertools.pairwise(heights)
     )
     return parts.thing(volumes=volumes)
 
@@ -349,5 +352,3 @@ def _fronts(parts: Parts, x: float, width: float, low: float, high: float, units
         size = (0.012, each - 0.02, high - low - 0.03)
         parts.box((x + 0.004, center, (low + high) / 2), size, lighter, collides=False)
         parts.cylinder((x + 0.02, center, high - 0.08), 0.014, each * 0.35, _STEEL, axis="y", collides=False)
-
-

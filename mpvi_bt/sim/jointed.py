@@ -1,8 +1,8 @@
 """Families of fixtures with doors, lids and drawers: pure functions from dimensions to a description.
 
-Sizes are full lengths [m] along x (depth, without handles), y (width) and z (height); the front faces +x, and "left" and
-"right" are as seen by someone who stands before it. Handles are round bars of 1.6 to 2.2 cm, 5 to 6.5 cm clear of the
-door, near its free edge: those that a friction grasp has been measured to open.
+Sizes are full lengths [m] along x (depth, without handles), y (width) and z (height); the front faces +x, and "left"
+and "right" are as seen by someone who stands before it. Handles are round bars of 1.6 to 2.2 cm, 5 to 6.5 cm clear of
+the door, near its free edge: those that a friction grasp has been measured to open.
 """
 
 from __future__ import annotations
@@ -83,7 +83,8 @@ def drawers(
     parts.box((0, 0, z - top / 2), (x, y, top), top_color or color)
     parts.box((-x / 2 + _WALL / 2, 0, (foot + z - top) / 2), (_WALL, y, z - top - foot), color)
     for sign in (-1, 1):
-        parts.box((-front / 2 + _WALL / 2, sign * (y - _WALL) / 2, (z - top) / 2), (depth - _WALL, _WALL, z - top), color)
+        center = ((_WALL - front) / 2, sign * (y - _WALL) / 2, (z - top) / 2)
+        parts.box(center, (depth - _WALL, _WALL, z - top), color)
     parts.box((-0.01, 0, foot - 0.01), (depth - 0.04, y - 2 * _WALL, 0.02), _DARK)
     pitch = (z - top - foot) / count
     bodies: list[Body] = [parts.body()]
@@ -160,7 +161,8 @@ def _door(
 ) -> Body:
     """A door before an opening (x of the carcass's front, its full width, lowest and highest z).
 
-    Its frame lies on the hinge, at the carcass's front and, along the hinge, in the door's middle.
+    Its frame lies on the hinge, at the door's outer face and, along the hinge, in the door's middle: so an open door
+    stays before its own opening and clear of its neighbors.
     """
     front, _, low, high = opening
     w, h = width - _GAP, high - low - _GAP
@@ -171,24 +173,24 @@ def _door(
     sprung = hinge in ("bottom", "top")
     if sprung:
         up = 1.0 if hinge == "bottom" else -1.0
-        origin = np.array([front, center_y, low if hinge == "bottom" else high])
+        origin = np.array([front + thickness, center_y, low if hinge == "bottom" else high])
         axis = np.array([0.0, up, 0.0])
-        middle = (thickness / 2, 0.0, up * (high - low) / 2)
-        handle = (thickness + clear, 0.0, up * (high - low - inset))
+        middle = (-thickness / 2, 0.0, up * (high - low) / 2)
+        handle = (clear, 0.0, up * (high - low - inset))
         along = np.array([0.0, 1.0, 0.0])
     else:
         side = -1.0 if hinge == "left" else 1.0
-        origin = np.array([front, center_y + side * width / 2, (low + high) / 2])
+        origin = np.array([front + thickness, center_y + side * width / 2, (low + high) / 2])
         axis = np.array([0.0, 0.0, side])
-        middle = (thickness / 2, -side * width / 2, 0.0)
-        handle = (thickness + clear, -side * (width - inset), 0.0)
+        middle = (-thickness / 2, -side * width / 2, 0.0)
+        handle = (clear, -side * (width - inset), 0.0)
         along = np.array([0.0, 0.0, 1.0])
     parts = Parts()
     parts.box(middle, (thickness, w, h), color)
     if window:
         size = (thickness + 0.004, w - 0.16, h - 0.16) if min(w, h) > 0.25 else (thickness + 0.004, w * 0.6, h * 0.6)
         parts.box(middle, size, _GLASS, collides=False)
-    _bar(parts, handle, along, across, grip, thickness, handle_color)
+    _bar(parts, handle, along, across, grip, 0.0, handle_color)
     bar_handle = Handle(np.array(handle), along, np.array([1.0, 0, 0]), across, grip)
     joint = Joint("hinge", origin, axis, 1.4 if hinge == "top" else 1.57 if hinge == "bottom" else 2.0, sprung=sprung)
     return parts.body(name, handles=(bar_handle,), joint=joint)

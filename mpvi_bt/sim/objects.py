@@ -132,8 +132,9 @@ def _bail(parts: Parts, width: float, rim: float, above: float, reach: float, co
     """A bar along y, `above` [m] over the rim, on posts at y = +-`reach` that stand on a cross bar at the rim."""
     thick, tall = 0.016, 0.02
     parts.box((0, 0, rim - thick / 2), (thick, width, thick), color)
+    post = above - tall / 2
     for sign in (-1, 1):
-        parts.box((0, sign * (reach - thick / 2), rim + (above - tall / 2) / 2), (thick, thick, above - tall / 2), color)
+        parts.box((0, sign * (reach - thick / 2), rim + post / 2), (thick, thick, post), color)
     parts.box((0, 0, rim + above), (thick, 2 * reach, tall), color)
     return Handle(
         center=np.array([0, 0, rim + above]),
