@@ -15,7 +15,12 @@ from mpvi_bt.tree.yaml_io import load_tree
 
 ROOT = paths.shipped()
 RUN = CliRunner()
-SHIPPED = [*(ROOT / "trees").glob("*.yaml"), *(ROOT / "skills").glob("*.yaml"), *(ROOT / "tasks/plans").glob("*.json")]
+SHIPPED = [
+    *(ROOT / "trees").rglob("*.yaml"),
+    *(ROOT / "skills").rglob("*.yaml"),
+    *(ROOT / "tasks").rglob("*.yaml"),
+    *(ROOT / "tasks/plans").glob("*.json"),
+]
 
 
 def test_compiled_trees_check_and_render(tmp_path: Path) -> None:
@@ -32,7 +37,7 @@ def test_compiled_trees_check_and_render(tmp_path: Path) -> None:
 
 
 def test_everything_shipped_passes_check() -> None:
-    """Trees, skills and plans that come with the package have no problems."""
+    """Trees, skills, plans, tasks, suites, houses and the catalogue that come with the package have no problems."""
     assert SHIPPED
     done = RUN.invoke(check, list(map(str, SHIPPED)), standalone_mode=False)
     assert (done.return_value, done.stdout) == (0, "")

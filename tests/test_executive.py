@@ -207,7 +207,7 @@ def screen(data: str, height: int) -> list[str]:
 
 
 def test_on_a_terminal_it_redraws_in_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each drawing lands on the one before and fits the screen; the last is the whole tree, and it is all that stays."""
+    """Each drawing lands on the one before and fits the screen; the last, the whole tree, is all that stays."""
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setenv("LINES", "24")
     monkeypatch.setattr("mpvi_bt.executive.live._REDRAWS_PER_S", 400.0)

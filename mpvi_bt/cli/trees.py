@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -70,7 +69,7 @@ def render(tree: str, width: int, as_json: bool) -> None:
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
 @click.option("--json", "as_json", is_flag=True, help="For programs: a list of problems.")
 def check(files: tuple[str, ...], as_json: bool) -> int:
-    """List every problem in trees, plans and skills, each with its line and column."""
+    """List every problem in trees, plans, skills, tasks, suites, houses and the catalogue, with line and column."""
     problems: list[Problem] = []
     for file in files:
         try:
@@ -88,58 +87,47 @@ def check(files: tuple[str, ...], as_json: bool) -> int:
     return 1 if problems else 0
 
 
+@dataclass(frozen=True)
+class _Kind:
+    """A kind of file: any of `keys` tells it, or else the name of its folder. "module:function" raises FileProblems."""
+
+    name: str
+    keys: frozenset[str]
+    folder: str
+    load: str
+
+
+KINDS = (
+    _Kind("tree", frozenset({"tree", "root"}), "trees", "mpvi_bt.cli.trees:_load_tree"),
+    _Kind("plan", frozenset({"task_name", "segments"}), "plans", "mpvi_bt.plan.schema:load_plan"),
+    _Kind("skill", frozenset({"phrases", "triggers"}), "skills", "mpvi_bt.plan.skills:load_skill"),
+    _Kind("house", frozenset({"rooms", "doorways"}), "houses", "mpvi_bt.sim.house:load_house"),
+    _Kind("suite", frozenset({"tasks", "instances", "seeds"}), "suites", "mpvi_bt.suite.tasks:load_suite"),
+    _Kind("task", frozenset({"problem", "bindings"}), "tasks", "mpvi_bt.suite.tasks:load_task"),
+    _Kind("catalogue", frozenset({"entries"}), "catalogues", "mpvi_bt.sim.catalogue:load_catalogue"),
+)
+
+
+def _load_tree(file: str) -> None:
+    from mpvi_bt.plan.skills import load_skills
+    from mpvi_bt.tree.yaml_io import load_tree
+
+    load_tree(file, load_skills())
+
+
 def _check(file: str) -> None:
-    """What a file is, its own keys tell, or else the folder that it is in. Raises FileProblems."""
+    """What a file is, its own keys tell: the kind that shares most of them. Raises FileProblems."""
     from mpvi_bt.marked_yaml import load_marked
 
     data, marks = load_marked(file)
     keys = set(data) if isinstance(data, dict) else set()
     folder = Path(file).resolve().parent.name
-    for kind in KINDS:
-        if keys & kind.keys:
-            return kind.check(data, marks)
-    for kind in KINDS:
-        if folder == kind.folder:
-            return kind.check(data, marks)
-    known = "; ".join(f"{kind.name} ({', '.join(sorted(kind.keys))})" for kind in KINDS)
-    raise FileProblems([marks.problem((), "unknown-file", f"what is this? Known by their keys: {known}")])
-
-
-def _tree(data: Any, marks: Any) -> None:
-    from mpvi_bt.plan.skills import load_skills
-    from mpvi_bt.tree.yaml_io import check_tree
-
-    check_tree(data, marks, load_skills())
-
-
-def _plan(data: Any, marks: Any) -> None:
-    from mpvi_bt.marked_yaml import validate_data
-    from mpvi_bt.plan.schema import Plan
-
-    validate_data(data, marks, Plan)
-
-
-def _skill(data: Any, marks: Any) -> None:
-    from mpvi_bt.plan.skills import check_skill
-
-    check_skill(data, marks)
-
-
-@dataclass(frozen=True)
-class _Kind:
-    """A kind of file: any of `keys` tells it, or else the name of its folder."""
-
-    name: str
-    keys: frozenset[str]
-    folder: str
-    check: Callable[[Any, Any], None]
-
-
-KINDS = (
-    _Kind("tree", frozenset({"tree", "root"}), "trees", _tree),
-    _Kind("plan", frozenset({"task_name", "segments"}), "plans", _plan),
-    _Kind("skill", frozenset({"phrases", "triggers"}), "skills", _skill),
-)
+    kind = max(KINDS, key=lambda k: (len(keys & k.keys), k.folder == folder))
+    if not keys & kind.keys and kind.folder != folder:
+        known = "; ".join(f"{kind.name} ({', '.join(sorted(kind.keys))})" for kind in KINDS)
+        raise FileProblems([marks.problem((), "unknown-file", f"what is this? Known by their keys: {known}")])
+    module, _, function = kind.load.partition(":")
+    getattr(importlib.import_module(module), function)(file)
 
 
 def _summary(files: int, problems: int) -> str:
