@@ -6,6 +6,7 @@ what it adds (reflections of an environment map), so a copy of the installed pac
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import shutil
@@ -86,8 +87,9 @@ def shader_folder() -> Path:
     light = {name: _lightened(text) for name, text in texts.items()}
     if any("samplerBRDFLUT" in text for text in light.values()):
         return stock / "minimal"
+    key = hashlib.sha256(repr(sorted(light.items())).encode()).hexdigest()[:12]
     for home in _homes():
-        target = home / f"shaders-{sapien.__version__}"
+        target = home / f"shaders-{sapien.__version__}-{key}"
         try:
             _write(target, light, stock / "common")
         except OSError:
@@ -109,24 +111,29 @@ def _homes() -> list[Path]:
 
 
 def _write(target: Path, texts: dict[str, str], common: Path) -> None:
-    """Put shader texts into `target`/light with their common includes beside them, all or nothing."""
-    light = target / "light"
-    if light.is_dir() and all(
-        (light / name).is_file() and (light / name).read_text() == text for name, text in texts.items()
-    ):
+    """Put shader texts into `target`/light with their common includes beside them, all or nothing.
+
+    Raises:
+        OSError: They cannot be written there, or other texts stand there.
+    """
+    if _holds(target / "light", texts):
         return
     target.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     if target.parent.stat().st_uid != os.getuid():
         raise PermissionError(f"{target.parent} belongs to someone else")
-    fresh = Path(tempfile.mkdtemp(prefix="shaders-", dir=target.parent))
-    shutil.copytree(common, fresh / "common")
-    (fresh / "light").mkdir()
-    for name, text in texts.items():
-        (fresh / "light" / name).write_text(text)
-    try:
-        fresh.rename(target)
-    except OSError:  # there is one already: another process was faster, or its texts are of an older version
-        old = fresh.with_name(fresh.name + "-old")
-        target.rename(old)
-        fresh.rename(target)
-        shutil.rmtree(old, ignore_errors=True)
+    with tempfile.TemporaryDirectory(prefix="shaders-", dir=target.parent) as made:
+        fresh = Path(made) / "fresh"
+        shutil.copytree(common, fresh / "common")
+        (fresh / "light").mkdir()
+        for name, text in texts.items():
+            (fresh / "light" / name).write_text(text)
+        try:
+            fresh.rename(target)
+        except OSError:
+            if not _holds(target / "light", texts):  # else another process was faster
+                raise
+
+
+def _holds(folder: Path, texts: dict[str, str]) -> bool:
+    files = ((folder / name, text) for name, text in texts.items())
+    return all(path.is_file() and path.read_text() == text for path, text in files)
