@@ -1,18 +1,13 @@
-"""What all our nodes share on top of py_trees: a path, the run's context, a reason for failure, named exceptions.
-
-py_trees lets an exception out of a tick without saying whose it was; here it becomes a NodeError with the path.
-"""
+"""What all our nodes share on top of py_trees: a path, the run's context, a reason for failure."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any, ClassVar
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Context, Failure
-from mpvi_bt.errors import NodeError
 
 
 class Node(Behaviour):
@@ -31,15 +26,6 @@ class Node(Behaviour):
     def setup(self, **kwargs: Any) -> None:
         """Take `context`, the run's Context."""
         self.context = kwargs["context"]
-
-    def tick(self) -> Iterator[Behaviour]:
-        """Tick as py_trees does; an exception leaves as a NodeError with the path of the deepest node."""
-        try:
-            yield from super().tick()
-        except NodeError:
-            raise
-        except Exception as error:
-            raise NodeError(self.path or self.name, error) from error
 
     def initialise(self) -> None:
         """Forget the last round."""

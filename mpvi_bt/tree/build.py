@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import traceback
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -59,22 +60,34 @@ class Tree:
         self._last = None
         try:
             self.root.tick_once()
-        except BaseException as error:
+        except Exception as error:
+            path = self._culprit(error)
+            self._last = {**self.interrupt(), path: NodeState("FAILURE", f"error: {error!r}")}
+            raise NodeError(path, error) from error
+        except BaseException:
             self.interrupt()
-            if isinstance(error, NodeError) and self._last:
-                self._last[error.path] = NodeState("FAILURE", f"error: {error.__cause__!r}")
             raise
         return self.root.status
 
-    def interrupt(self) -> None:
+    def _culprit(self, error: Exception) -> str:
+        """Path of the node in which an exception arose.
+
+        py_trees does not say whose it was, but the traceback does: it is the innermost frame's own node.
+        """
+        owners = (frame.f_locals.get("self") for frame, _ in traceback.walk_tb(error.__traceback__))
+        nodes = [owner for owner in owners if isinstance(owner, Behaviour)]
+        return next((path for path, node in self.nodes.items() if nodes and node is nodes[-1]), self.spec.nodes[0].path)
+
+    def interrupt(self) -> dict[str, NodeState]:
         """Terminate every node as interrupted, leaves first, whatever state an exception may have left them in.
 
         `states` goes on telling how they stood before, so that the last picture shows where it ended.
         """
-        self._last = self.states()
+        self._last = states = self.states()
         for node in reversed(self.nodes.values()):
             with contextlib.suppress(Exception):  # one that cannot stop must not keep the others from it
                 node.stop(Status.INVALID)
+        return states
 
     @property
     def status(self) -> Status:

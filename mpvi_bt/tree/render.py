@@ -11,6 +11,7 @@ MARKS = {"SUCCESS": "[o]", "FAILURE": "[x]", "RUNNING": "[*]", "INVALID": "[-]"}
 GAVE_UP = "[!]"
 LEGEND = "[*] running  [o] success  [x] failure  [!] gave up, went on  [-] not running"
 _INDENT = 4
+_LEAST_LABEL = 40  # columns that indentation leaves; what lies deeper is not indented further
 _LEAST_FEEDBACK = 22  # columns that feedback may take from a long label
 
 
@@ -58,7 +59,9 @@ def ascii_tree(
 
 def node_line(node: Placed, state: NodeState | None, width: int = 80) -> str:
     """One node: indent, glyph, label, status, time, feedback; labels and feedback that are too long lose their end."""
-    start = " " * (_INDENT * node.depth) + node.spec.type.glyph(node.spec.parameters) + " "
+    start = (
+        " " * min(_INDENT * node.depth, max(width - _LEAST_LABEL, 0)) + node.spec.type.glyph(node.spec.parameters) + " "
+    )
     if state is None:
         return _cut(start + node.spec.label, width)
     end = f" {GAVE_UP if state.gave_up else MARKS[state.status]}{_time(state)}"
