@@ -10,6 +10,7 @@ aliases written out), because plans and trees may come from elsewhere.
 
 from __future__ import annotations
 
+import json
 import re
 import types
 import typing
@@ -31,6 +32,7 @@ Location = tuple[str | int, ...]
 Model = TypeVar("Model", bound=BaseModel)
 
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_SURROGATES = re.compile(r"\\u[dD][89abAB][0-9a-fA-F]{2}\\u[dD][c-fC-F][0-9a-fA-F]{2}")
 _NULL = {"", "~", "null", "Null", "NULL"}
 _BOOL = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
 _INT = re.compile(r"[-+]?[0-9]{1,18}")
@@ -99,6 +101,8 @@ def load_marked(path: str | Path) -> tuple[Any, Marks]:
 
 def parse_marked(text: str, name: str) -> tuple[Any, Marks]:
     """As `load_marked`, of a text that `name` stands for in problems."""
+    if name.endswith(".json"):  # YAML knows no surrogate pairs
+        text = _SURROGATES.sub(lambda pair: json.loads(f'"{pair.group()}"'), text)
     return _Reader(text, name).read()
 
 

@@ -61,10 +61,15 @@ JSON = st.recursive(
 )
 
 
-@given(JSON, st.sampled_from([None, 2, "\t"]))
-def test_json_reads_as_json(data: Any, indent: int | str | None) -> None:
+@given(JSON, st.sampled_from([None, 2, "\t"]), st.booleans())
+def test_json_reads_as_json(data: Any, indent: int | str | None, ascii_only: bool) -> None:
     """What a JSON writer wrote is read back as a JSON reader would."""
-    assert parse_marked(json.dumps(data, indent=indent, ensure_ascii=False), "x.json")[0] == data
+    assert parse_marked(json.dumps(data, indent=indent, ensure_ascii=ascii_only), "x.json")[0] == data
+
+
+def test_json_may_escape_what_lies_beyond_16_bits() -> None:
+    """A surrogate pair and an escaped slash, which other writers use, are read."""
+    assert parse_marked(r'["\ud83e\udd16 \/"]', "x.json")[0] == ["\N{ROBOT FACE} /"]
 
 
 @given(JSON)
