@@ -98,7 +98,7 @@ def bed(*, size_m: Size, color: Rgb, blanket_color: Rgb, pillows: Count = 1) -> 
     x, y, z = size_m
     parts.box((0, 0, (z - 0.2) / 2 + 0.04), (x, y, z - 0.28), color)
     parts.box((0.02, 0, z - 0.1), (x - 0.08, y - 0.06, 0.2), _WHITE)
-    parts.box((x * 0.14, 0, z - 0.065), (x * 0.7, y - 0.02, 0.135), blanket_color, collides=False)
+    parts.box((x * 0.15 - 0.006, 0, z - 0.065), (x * 0.7, y - 0.02, 0.135), blanket_color, collides=False)
     parts.box((-x / 2 + 0.02, 0, (z + 0.45) / 2), (0.04, y, z + 0.45), color)
     for i in (-1, 1):
         for j in (-1, 1):
@@ -182,11 +182,12 @@ def sink(*, size_m: Size, color: Rgb, top_color: Rgb, basin_m: Size, pedestal: b
     bx, by, bz = basin_m
     top, wall = 0.04, 0.012
     front, side = (x - bx) / 2, (y - by) / 2
+    deep, middle = bz + wall - top, (bz + wall + top) / 2  # the basin's walls hang below the top
     for sign in (-1, 1):
         parts.box((sign * (bx + front) / 2, 0, z - top / 2), (front, y, top), top_color)
         parts.box((0, sign * (by + side) / 2, z - top / 2), (bx, side, top), top_color)
-        parts.box((sign * (bx + wall) / 2, 0, z - (bz + wall) / 2), (wall, by + 2 * wall, bz + wall), _STEEL)
-        parts.box((0, sign * (by + wall) / 2, z - (bz + wall) / 2), (bx, wall, bz + wall), _STEEL)
+        parts.box((sign * (bx + wall) / 2, 0, z - middle), (wall, by + 2 * wall, deep), _STEEL)
+        parts.box((0, sign * (by + wall) / 2, z - middle), (bx, wall, deep), _STEEL)
     parts.box((0, 0, z - bz - wall / 2), (bx, by, wall), _STEEL)
     low = z - bz - wall - 0.001
     if pedestal:
