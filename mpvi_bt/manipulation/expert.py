@@ -75,6 +75,7 @@ class ExpertPolicy:
                 return
             if not (yield from self._attempt(work, call)):
                 return
+        yield from work.tuck()
         self.note = "done"
 
     def _attempt(self, work: Work, call: SkillCall) -> Any:

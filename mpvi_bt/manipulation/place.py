@@ -107,37 +107,43 @@ def _reach_over(work: Work, side: Side, releases: list[tuple[Array, float]]) -> 
 
 
 def _releases(work: Work, held: Held, side: Side, volume: Solid, container: str) -> Iterator[tuple[Array, float]]:
-    """Hand poses T_world_tcp over a container's volume, with a cost: central, near the present tilt, and high enough."""
-    top = volume.aabb()[1, 2]
-    rim = max(float(top), max((s.aabb()[1, 2] for s in work.truth.solids(container) if _is_wall(s, volume)), default=top))
+    """Hand poses T_world_tcp from which the thing falls into a container's volume, with a cost.
+
+    The thing's outline, seen from above, has to fit between the walls and past whatever spans the opening, such as a
+    handle; its lowest point is over the rim.
+    """
+    frame, half = kin.inverse(volume.T), volume.half_m
+    walls = [s.moved(frame).aabb() for s in work.truth.solids(container)]
+    rim = float(volume.T[2, 3] + half[2])
+    spanning = [b for b in walls if b[1, 2] > half[2] - 0.03 and (np.abs(b[:, :2]) < half[:2] - 1e-3).any(0).any()]
     R_now = (work.base @ kin.tcp(work.motion.felt.torso, work.motion.felt.arm[side], side))[:3, :3]
-    low, high = volume.aabb()
-    for fx in (0.0, 0.5, -0.5):
-        for fy in (0.0, 0.5, -0.5):
-            center = (low + high) / 2 + np.array([fx, fy, 0.0]) * (high - low) / 2
-            for turn in _TURNS:
-                for tilt in _TILTS:
-                    R = kin.rot_z(turn) @ R_now
-                    side_axis = np.cross([0, 0, 1.0], R[:, 2])
-                    if np.linalg.norm(side_axis) > 0.2:
-                        R = _rotation(side_axis, tilt) @ R
-                    elif tilt:
-                        continue
-                    solids = [s.moved(kin.transform(R, (0.0, 0.0, 0.0))) for s in held.solids]
-                    boxes = np.stack([s.aabb() for s in solids])
-                    lowest, middle = boxes[:, 0].min(0), (boxes[:, 0].min(0) + boxes[:, 1].max(0)) / 2
-                    half = (boxes[:, 1].max(0) - boxes[:, 0].min(0))[:2] / 2
-                    inside = np.abs(center[:2] - (low + high)[:2] / 2) + half <= (high - low)[:2] / 2
-                    if not inside.all():
-                        continue
-                    p = np.append(center[:2] - middle[:2], rim + _OVER_RIM_M - lowest[2])
-                    yield kin.transform(R, p), 0.3 * (abs(fx) + abs(fy)) + 0.1 * abs(turn) + 0.3 * abs(tilt)
+    for turn in _TURNS:
+        for tilt in _TILTS:
+            R = kin.rot_z(turn) @ R_now
+            sideways = np.cross([0, 0, 1.0], R[:, 2])
+            if np.linalg.norm(sideways) > 0.2:
+                R = _rotation(sideways, tilt) @ R
+            elif tilt:
+                continue
+            boxes = np.stack([s.moved(kin.transform(R, (0.0, 0.0, 0.0))).aabb() for s in held.solids])
+            low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
+            radius = float((high - low)[:2].max()) / 2
+            for x, y in _offsets(half[:2] - radius - 0.005):
+                gaps = [np.linalg.norm(np.maximum(np.maximum(b[0, :2] - [x, y], [x, y] - b[1, :2]), 0)) for b in spanning]
+                if min(gaps, default=9.0) < radius + 0.005:
+                    continue
+                over = volume.T[:3, :3] @ [x, y, 0.0] + volume.T[:3, 3]
+                p = np.append(over[:2] - ((low + high) / 2)[:2], rim + _OVER_RIM_M - low[2])
+                yield kin.transform(R, p), 2.0 * float(np.hypot(x, y)) + 0.1 * abs(float(turn)) + 0.3 * abs(tilt)
 
 
-def _is_wall(solid: Solid, volume: Solid) -> bool:
-    """Whether a solid rises about as far as the volume does: its rim, not a handle above it."""
-    low, high = solid.aabb()
-    return bool(low[2] < volume.aabb()[1, 2] - 0.02)
+def _offsets(room: Array) -> Iterator[tuple[float, float]]:
+    """A grid over +-room (2,) [m], the middle first; nothing if there is none."""
+    if (room < 0).any():
+        return
+    for fx in (0.0, 0.5, -0.5, 1.0, -1.0):
+        for fy in (0.0, 0.5, -0.5, 1.0, -1.0):
+            yield fx * float(room[0]), fy * float(room[1])
 
 
 def _rotation(axis: Array, angle: float) -> Array:

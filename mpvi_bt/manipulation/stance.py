@@ -14,7 +14,7 @@ import numpy as np
 
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Body, Surroundings
+from mpvi_bt.robot.collision import Body, Load, Surroundings
 from mpvi_bt.robot.motion import Motion
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, Solid, box
@@ -25,6 +25,8 @@ _MARGIN_M = 0.012
 _BASE_CLEAR_M = 0.30
 _CHECKED_POSTURES = 30  # of one base pose
 _CHECKED_BASES = 24
+# Where the other hand may bring what it holds: x, y toward its own side, z [m]; reachable from a bent torso too.
+_ASIDE = ((0.50, 0.30, 0.76), (0.55, 0.30, 0.70), (0.42, 0.36, 0.78), (0.50, 0.30, 0.88))
 _FLOOR = box((0.0, 0.0, -0.1), (60.0, 60.0, 0.2))
 _HEIGHTS = np.array([[0.0, 0.0, z] for z in (0.04, 0.11, 0.18, 0.25)] + [[-0.1, 0.0, z] for z in (0.35, 0.5)])
 _REACHES = np.array([_BASE_CLEAR_M] * 4 + [0.14] * 2)
@@ -37,14 +39,14 @@ class Held:
     Attributes:
         name: The thing.
         T_tcp_thing: (4, 4).
-        spheres: Centers (n, 3) in the tcp frame and radii (n,) that cover it and what lies in it.
-        solids: In the tcp frame.
+        solids: Of it and what lies in it, in the tcp frame.
+        load: The same, for collision checks.
     """
 
     name: str
     T_tcp_thing: Array
-    spheres: tuple[Array, Array]
     solids: tuple[Solid, ...]
+    load: Load
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +74,8 @@ class Stance:
         option: Index of the option that it serves.
         path: Postures (7,) of the arm from where it is to the first waypoint.
         waypoints: (K, 4, 4) T_base_tcp.
+        aside: Postures (7,) that bring the other hand, with what it holds, out of the way first.
+        level: T_base_tcp (4, 4) of the other hand from then on, if it holds something.
     """
 
     base: Array
@@ -79,6 +83,8 @@ class Stance:
     option: int
     path: list[Array]
     waypoints: Array
+    aside: list[Array]
+    level: Mapping[Side, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,9 +109,24 @@ class Search:
     tried: list[Array] = field(default_factory=list)
 
     @property
-    def level(self) -> dict[Side, Array]:
-        """T_base_tcp of the other hand if it holds something, which has to stay level."""
-        return {s: self.motion.hand(s) for s in self.held if s != self.side}
+    def other(self) -> Side | None:
+        """The other hand, if it holds something: that has to stay level."""
+        return next((s for s in self.held if s != self.side), None)
+
+    @cached_property
+    def _holds(self) -> list[list[Array]]:
+        """Ways to bring the other hand aside, each a path of postures; the first is to leave it where it is."""
+        side = self.other
+        if side is None:
+            return [[]]
+        now, body = self.motion.hand(side), self.body(self.motion.torso, Surroundings(()))
+        holds = [[self.motion.arm(side)]]
+        for x, y, z in _ASIDE:
+            T = kin.transform(now[:3, :3], (x, y * r1.SIGN[side], z))
+            q = kin.nearest_posture(kin.inverse(kin.chest(self.motion.torso)) @ T, side, self.motion.arm(side))
+            if q is not None and (path := arm_motion.plan(body, side, q, self.rng, iterations=60)) is not None:
+                holds.append(path)
+        return holds
 
     def find(self, focus_xy: Array, options: Sequence[Option]) -> Stance | None:
         """The nearest good stance for one of `options` about a place in the world (2,), or None."""
@@ -117,9 +138,9 @@ class Search:
             if not self._drivable(here, base):
                 continue
             checked += 1
-            if (found := self._at(base, options)) is not None:
-                self.tried.append(base)
-                return found
+            for hold in self._holds:
+                if (found := self._at(base, options, hold)) is not None:
+                    return found
             if checked >= _CHECKED_BASES:
                 break
         return None
@@ -143,7 +164,7 @@ class Search:
     def body(self, torso: Array, around: Surroundings, arms: Mapping[Side, Array] | None = None) -> Body:
         """The robot in a posture, with what it holds."""
         arms = arms or {s: self.motion.arm(s) for s in SIDES}
-        return Body(torso, arms, {s: h.spheres for s, h in self.held.items()}, around)
+        return Body(torso, arms, {s: h.load for s, h in self.held.items()}, around)
 
     def _drivable(self, start: Array, goal: Array) -> bool:
         """Straight from start to goal: nothing in the way of the base or of what it carries."""
@@ -159,7 +180,7 @@ class Search:
                     return False
         return True
 
-    def _at(self, base: Array, options: Sequence[Option]) -> Stance | None:
+    def _at(self, base: Array, options: Sequence[Option], hold: list[Array]) -> Stance | None:
         T = kin.inverse(kin.base(base))
         goals = np.stack([[T @ w for w in o.waypoints] for o in options])  # (G, K, 4, 4)
         torsos = np.array([(lift, 0.0, pitch, r1.TRAVEL_TORSO[3]) for lift in _LIFTS for pitch in _PITCHES])
@@ -177,6 +198,12 @@ class Search:
             + np.array([o.cost for o in options])[g] + 0.1 * np.abs(q - self.motion.arm(self.side)).sum(1)
         )  # fmt: skip
         free_around, all_around = self.around(base, touched=False), self.around(base, touched=True)
+        arms = {s: self.motion.arm(s) for s in SIDES}
+        if self.other is not None:
+            arms[self.other] = hold[-1]
+            if not self.body(self.motion.torso, all_around, arms).free(self.other, hold[-1])[0]:
+                return None
+        level = {} if self.other is None else {self.other: kin.tcp(self.motion.torso, hold[-1], self.other)}
         seen: dict[tuple[int, int], int] = {}
         standing: dict[int, Body | None] = {}
         for row in np.argsort(cost)[: 40 * _CHECKED_POSTURES]:
@@ -188,21 +215,23 @@ class Search:
                 break
             torso = torsos[t[row]]
             if where[0] not in standing:
-                standing[where[0]] = self._stood(torso, all_around)
+                standing[where[0]] = self._stood(torso, all_around, arms, level)
             body = standing[where[0]]
             if body is None:
                 continue
             path = self._reached(body, free_around, goals[where[1]], options[where[1]].contact, key, q[row])
             if path is not None:
-                return Stance(base, torso, where[1], path, goals[where[1]])
+                return Stance(base, torso, where[1], path, goals[where[1]], hold, level)
         return None
 
-    def _stood(self, torso: Array, around: Surroundings) -> Body | None:
+    def _stood(
+        self, torso: Array, around: Surroundings, arms: Mapping[Side, Array], level: Mapping[Side, Array]
+    ) -> Body | None:
         """The body once the torso has moved there, the other hand level if it holds something; None if it cannot."""
-        start, arms = self.motion.torso, {s: self.motion.arm(s) for s in SIDES}
+        start, arms = self.motion.torso, dict(arms)
         for u in np.linspace(0, 1, 6)[1:]:
             now = start + (torso - start) * u
-            for s, T in self.level.items():
+            for s, T in level.items():
                 near = kin.nearest_posture(kin.inverse(kin.chest(now)) @ T, s, arms[s])
                 if near is None or np.abs(near - arms[s]).max() > 0.9:
                     return None

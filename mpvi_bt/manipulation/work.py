@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from mpvi_bt.manipulation.stance import Held, Option, Search, Stance
 from mpvi_bt.manipulation.truth import Truth
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Body, Surroundings, covering_spheres
+from mpvi_bt.robot.collision import Body, Load, Surroundings
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, Solid
@@ -54,7 +54,7 @@ class Work:
                 T_world_tcp = self.base @ kin.tcp(self.motion.felt.torso, self.motion.felt.arm[side], side)
                 frame = kin.inverse(T_world_tcp)
                 solids = tuple(s.moved(frame) for n in (name, *self.truth.within(name)) for s in self.truth.solids(n))
-                out[side] = Held(name, frame @ self.truth.pose(name), covering_spheres(solids), solids)
+                out[side] = Held(name, frame @ self.truth.pose(name), solids, Load(solids))
         return out
 
     def search(self, side: Side, touched: Collection[str]) -> Search:
@@ -73,13 +73,14 @@ class Work:
         solids = self.truth.obstacles(self.motion.felt.base_pose[:2], _NEAR_M, without={*carried, *without})
         around = Surroundings(solids).seen_from(self.base)
         arms = {s: self.motion.arm(s) for s in SIDES}
-        return Body(self.motion.torso, arms, {s: h.spheres for s, h in held.items()}, around)
+        return Body(self.motion.torso, arms, {s: h.load for s, h in held.items()}, around)
 
     def take_up(self, stance: Stance, search: Search) -> Actions:
-        """Go to a stance: drive, then the torso, then the arm to the first waypoint."""
-        level = search.level
+        """Go to a stance: drive, the other hand aside, the torso, then the arm to the first waypoint."""
         yield from self.motion.drive(stance.base)
-        yield from self.motion.stand(stance.torso, level)
+        if search.other is not None and len(stance.aside) > 1:
+            yield from self.motion.follow(search.other, stance.aside, speed=0.8)
+        yield from self.motion.stand(stance.torso, stance.level)
         yield from self.motion.follow(search.side, stance.path)
 
     def lines(self, side: Side, stance: Stance, waypoints: Sequence[int], speed: float = 0.16) -> Actions:
@@ -111,41 +112,54 @@ class Work:
                     raise MotionFailure("no_fold")
                 yield from self.motion.follow(side, path)
         level = {s: self.motion.hand(s) for s in held}
+        loads = {s: h.load for s, h in held.items()}
         for side in held:
-            found = self._carry(side, level, without)
-            if found is None:
-                raise MotionFailure("no_carry")
-            level[side], path = found
-            yield from self.motion.follow(side, path, speed=1.0)
+            if not self._kept(side, self.motion.arm(side), {side: level[side]}, loads):
+                found = self._carry(side, level, without)
+                if found is None:
+                    raise MotionFailure("no_carry")
+                level[side], path = found
+                yield from self.motion.follow(side, path, speed=1.0)
         yield from self.motion.stand(r1.TRAVEL_TORSO, level)
+
+    def tuck(self) -> Actions:
+        """Bring what is held closer to the body, for driving."""
+        for side in self.held():
+            found = self._carry(side, {s: self.motion.hand(s) for s in self.held()}, ())
+            if found is not None and np.linalg.norm(found[0][:3, 3] - self.motion.hand(side)[:3, 3]) > 0.02:
+                yield from self.motion.follow(side, found[1], speed=1.0)
 
     def _carry(self, side: Side, level: dict[Side, Array], without: Collection[str]) -> tuple[Array, list[Array]] | None:
         """A pose in the base frame to carry what `side` holds, kept all the way to the travel posture, and a path to it."""
         body = self.body(without)
-        now = self.motion.hand(side)
-        travel = Body(r1.TRAVEL_TORSO, body.arms, body.held)
+        now, load = self.motion.hand(side), body.held[side]
+        ranked = []
         for x, y, z, yaw in _CARRIES:
             T = kin.transform(kin.rot_z(yaw * r1.SIGN[side]) @ now[:3, :3], (x, y * r1.SIGN[side], z))
+            reach = np.hypot(*(load.centers @ T[:2, :3].T + T[:2, 3]).T) + load.radii
+            ranked.append((float(reach.max()) + 0.05 * abs(yaw) + 0.2 * abs(z - _CARRY_HEIGHT_M), T))
+        for _, T in sorted(ranked, key=lambda r: r[0]):
             q = kin.nearest_posture(kin.inverse(kin.chest(self.motion.torso)) @ T, side, self.motion.arm(side))
-            if q is None or not body.free(side, q)[0] or not self._kept(travel, side, q, {**level, side: T}):
+            if q is None or not body.free(side, q)[0] or not self._kept(side, q, {**level, side: T}, body.held):
                 continue
             path = arm_motion.plan(body, side, q, self.rng, start=self.motion.arm(side))
             if path is not None:
                 return T, path
         return None
 
-    def _kept(self, travel: Body, side: Side, q: Array, level: dict[Side, Array]) -> bool:
+    def _kept(self, side: Side, q: Array, level: Mapping[Side, Array], held: Mapping[Side, Load]) -> bool:
+        """Whether the hands in `level` can stay in the base frame while the torso goes to the travel posture."""
         start = self.motion.torso
         arms = {**{s: self.motion.arm(s) for s in SIDES}, side: q}
         for u in np.linspace(0, 1, 7)[1:]:
-            torso = start + (travel.torso - start) * u
+            torso = start + (r1.TRAVEL_TORSO - start) * u
             for s, T in level.items():
                 near = kin.nearest_posture(kin.inverse(kin.chest(torso)) @ T, s, arms[s])
                 if near is None or np.abs(near - arms[s]).max() > 0.8:
                     return False
                 arms[s] = near
-            body = Body(torso, dict(arms), travel.held)
-            if not all(body.free(s, arms[s])[0] for s in level):
+            body = Body(torso, dict(arms), held)
+            if not all(body.free(s, arms[s])[0] for s in SIDES):
                 return False
         return True
 
@@ -154,17 +168,15 @@ class Work:
         return self.motion.felt.gripper_width[side] > _EMPTY_M
 
 
-# Where to carry things: x, y toward the own side, z [m] and a turn about the vertical [rad], the most compact first.
-_CARRIES = sorted(
-    [
-        (x, y, z, yaw)
-        for x in (0.42, 0.47, 0.53)
-        for y in (0.12, 0.20, 0.28, 0.04)
-        for z in (0.78, 0.88, 0.98, 0.70)
-        for yaw in (0.0, 0.5, -0.5, 1.0, -1.0, 1.57, -1.57, 2.2, -2.2, 3.1)
-    ],
-    key=lambda c: 1.0 * abs(c[0] - 0.42) + 0.6 * abs(c[1] - 0.14) + 0.3 * abs(c[2] - 0.78) + 0.08 * abs(c[3]),
-)
+_CARRY_HEIGHT_M = 0.80
+# Where to carry things: x, y toward the own side, z [m] and a turn about the vertical [rad].
+_CARRIES = [
+    (x, y, z, yaw)
+    for x in (0.28, 0.33, 0.38, 0.43, 0.49)
+    for y in (0.02, 0.08, 0.14, 0.20, 0.28)
+    for z in (0.72, 0.80, 0.88, 0.98)
+    for yaw in (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.57, -1.57, 2.2, -2.2, 3.1)
+]
 
 
 def upright_options(poses: Sequence[tuple[Array, float]], above_m: float, contact: int = 1) -> list[Option]:

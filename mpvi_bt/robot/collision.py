@@ -36,7 +36,8 @@ _TRUNK = _spheres([(0.03, 0, 0.52, 0.12), (-0.04, 0, 0.40, 0.09), (-0.04, 0.06, 
 
 
 def _box_distance(p: Array, center: Sequence[float], half: Sequence[float]) -> Array:
-    return np.linalg.norm(np.maximum(np.abs(p - np.asarray(center)) - np.asarray(half), 0.0), axis=-1)
+    out = np.maximum(np.abs(p - np.asarray(center)) - np.asarray(half), 0.0)
+    return np.asarray(np.sqrt(np.einsum("...i,...i->...", out, out)))
 
 
 class Surroundings:
@@ -56,18 +57,29 @@ class Surroundings:
 
     def distance(self, p: Array) -> Array:
         """(...,) distance [m] of points (..., 3) to the nearest solid; 0 within one, 9 if there is none."""
-        if not len(self._half):
+        count = len(self._half)
+        if not count:
             return np.full(p.shape[:-1], 9.0)
-        local = np.einsum("sij,...j->...si", self._inverse[:, :3, :3], p) + self._inverse[:, :3, 3]
+        turned = p.reshape(-1, 3) @ self._inverse[:, :3, :3].transpose(2, 0, 1).reshape(3, -1)
+        local = turned.reshape(-1, count, 3) + self._inverse[:, :3, 3]
         out = np.abs(local) - self._half
         if self._round.any():
-            radial = np.hypot(local[..., 0], local[..., 1]) - self._half[:, 0]
-            out[..., 0] = np.where(self._round, radial, out[..., 0])
-            out[..., 1] = np.where(self._round, 0.0, out[..., 1])
-        return np.asarray(np.linalg.norm(np.maximum(out, 0.0), axis=-1).min(-1))
+            radial = np.hypot(local[:, self._round, 0], local[:, self._round, 1]) - self._half[self._round, 0]
+            out[:, self._round, 0], out[:, self._round, 1] = radial, 0.0
+        np.maximum(out, 0.0, out=out)
+        return np.asarray(np.sqrt(np.einsum("nsi,nsi->ns", out, out).min(1)).reshape(p.shape[:-1]))
 
 
 NOTHING = Surroundings(())
+
+
+class Load:
+    """What a hand holds, in its tcp frame: exact for what might meet it, covered by spheres for what it might meet."""
+
+    def __init__(self, solids: Sequence[Solid]) -> None:
+        """Gather what is held; solids in the tcp frame."""
+        self.solids = Surroundings(solids)
+        self.centers, self.radii = covering_spheres(solids)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,13 +89,13 @@ class Body:
     Attributes:
         torso: (>= 3,) lift, waist yaw, waist pitch.
         arms: (7,) posture of each arm.
-        held: Centers (n, 3) in the tcp frame and radii (n,) of spheres that cover what each hand holds.
+        held: What each hand holds.
         around: Solids in the base frame.
     """
 
     torso: Array
     arms: Mapping[Side, Array]
-    held: Mapping[Side, tuple[Array, Array]] = field(default_factory=dict)
+    held: Mapping[Side, Load] = field(default_factory=dict)
     around: Surroundings = NOTHING
 
     def clearance(self, side: Side, q: Array, grasping: bool = False, neglect_held: bool = False) -> tuple[Array, Array]:
@@ -113,9 +125,18 @@ class Body:
         fold = np.linalg.norm(p[:, 8:own, None] - p[:, None, :2], axis=-1).min((1, 2)) - 0.09
         itself = np.minimum(itself, fold)
         other: Side = "left" if side == "right" else "right"
-        p2, r2, _ = self._arm_points(other, np.atleast_2d(self.arms[other]), False, False)
-        gap = np.linalg.norm(p[:, 2:, None] - p2[0, None, None], axis=-1) - radii[2:, None] - r2
-        return around, np.minimum(itself, gap.min((1, 2)))
+        p2, r2, own2 = self._arm_points(other, np.atleast_2d(self.arms[other]), False, False)
+        apart = p[:, 2:own, None] - p2[0, None, None, :own2]
+        gap = np.sqrt(np.einsum("nijk,nijk->nij", apart, apart)) - radii[2:own, None] - r2[:own2]
+        itself = np.minimum(itself, gap.min((1, 2)))
+        if other in self.held:
+            T = kin.tcp(self.torso, self.arms[other], other)
+            itself = np.minimum(itself, (self.held[other].solids.seen_from(kin.inverse(T)).distance(p[:, 2:]) - radii[2:]).min(1))
+        if side in self.held and not neglect_held:
+            T = kin.inverse(kin.tcp(self.torso, q, side))
+            in_hand = np.einsum("nij,kj->nki", T[:, :3, :3], p2[0, :own2]) + T[:, None, :3, 3]
+            itself = np.minimum(itself, (self.held[side].solids.distance(in_hand) - r2[:own2]).min(1))
+        return around, itself
 
     def free(self, side: Side, q: Array, margin: float = 0.0, grasping: bool = False, neglect_held: bool = False) -> Array:
         """(n,) bool: postures q (n, 7) that keep `margin` [m] from the surroundings and clear of the robot itself."""
@@ -141,7 +162,7 @@ class Body:
         radii = [_UPPER[1], _FORE[1], hand[1]]
         own = 8 + len(hand[0])
         if side in self.held and not neglect_held:
-            centers, r = self.held[side]
+            centers, r = self.held[side].centers, self.held[side].radii
             T = frames[2]
             parts.append(np.einsum("nij,kj->nki", T[:, :3, :3], centers) + T[:, None, :3, 3])
             radii.append(r)

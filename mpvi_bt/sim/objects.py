@@ -96,14 +96,14 @@ def open_box(
             parts.box((sign * x / 2, 0, z - 0.01), (0.006, y + 0.006, 0.02), rim_color, collides=False)
             parts.box((0, sign * y / 2, z - 0.01), (x + 0.006, 0.006, 0.02), rim_color, collides=False)
     interior = box((0, 0, (wall_m + z) / 2), (x - 2 * wall_m, y - 2 * wall_m, z - wall_m))
-    handles = () if bail_m is None else (_bail(parts, y, z, bail_m, y / 2 - wall_m, rim_color or color),)
+    handles = () if bail_m is None else (_bail(parts, z, bail_m, y / 2, rim_color or color),)
     return parts.thing(volumes=(interior,), handles=handles)
 
 
 def trash_can(
     *, size_m: Size, color: Rgb, handle_color: Rgb = _INK, wall_m: Length = 0.006, bail_m: Length = 0.07
 ) -> Description:
-    """An open box with a short bail: a bar along y above the middle, on two posts on a cross bar at the rim.
+    """An open box with a bail: a bar along y above the middle, on two posts on the walls.
 
     Our choice: a real pedal bin has no bar, but a hand must be able to carry the bin upright, and the opening on either
     side of the bar stays wide enough for a can.
@@ -114,7 +114,7 @@ def trash_can(
     for sign in (-1, 1):
         parts.box((sign * x / 2, 0, z - 0.012), (0.004, y + 0.004, 0.024), handle_color, collides=False)
         parts.box((0, sign * y / 2, z - 0.012), (x + 0.004, 0.004, 0.024), handle_color, collides=False)
-    handle = _bail(parts, y, z, bail_m, 0.06, handle_color)
+    handle = _bail(parts, z, bail_m, y / 2, handle_color)
     interior = box((0, 0, (wall_m + z) / 2), (x - 2 * wall_m, y - 2 * wall_m, z - wall_m))
     return parts.thing(volumes=(interior,), handles=(handle,))
 
@@ -128,19 +128,18 @@ def _walls(parts: Parts, size: tuple[float, float, float], wall: float, color: C
         parts.box((0, sign * (y - wall) / 2, (z + wall) / 2), (x - 2 * wall, wall, z - wall), color)
 
 
-def _bail(parts: Parts, width: float, rim: float, above: float, reach: float, color: Color) -> Handle:
-    """A bar along y, `above` [m] over the rim, on posts at y = +-`reach` that stand on a cross bar at the rim."""
+def _bail(parts: Parts, rim: float, above: float, reach: float, color: Color) -> Handle:
+    """A bar along y, `above` [m] over the rim, on posts at y = +-`reach` that stand on the walls."""
     thick, tall = 0.016, 0.02
-    parts.box((0, 0, rim - thick / 2), (thick, width, thick), color)
     post = above - tall / 2
     for sign in (-1, 1):
-        parts.box((0, sign * (reach - thick / 2), rim + post / 2), (thick, thick, post), color)
+        parts.box((0, sign * (reach - thick / 4), rim + post / 2), (thick, thick / 2, post), color)
     parts.box((0, 0, rim + above), (thick, 2 * reach, tall), color)
     return Handle(
         center=np.array([0, 0, rim + above]),
         axis=np.array([0.0, 1, 0]),
         outward=np.array([0.0, 0, 1]),
-        length_m=2 * (reach - thick),
+        length_m=2 * reach - thick,
         thickness_m=thick,
     )
 

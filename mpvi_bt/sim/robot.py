@@ -61,6 +61,7 @@ class SimRobot:
             action[ActionLayout.GRIPPER[s]] = 1.0
         self._action = action
         self._sent: Array | None = None
+        self._moving = True
         self._velocity = np.zeros(3)
         self._felt: Proprioception | None = None
         q = np.zeros(len(order))
@@ -69,6 +70,7 @@ class SimRobot:
             q[self._arm[s]], q[self._fingers[s]] = r1.TRAVEL_ARM[s], r1.FINGER_TRAVEL_M
         self._articulation.set_qpos(q)
         self._articulation.set_qvel(np.zeros_like(q))
+        self.apply()
 
     @property
     def action(self) -> Array:

@@ -18,7 +18,7 @@ from mpvi_bt.sim.cameras import Cameras
 from mpvi_bt.sim.catalogue import Entry
 from mpvi_bt.sim.description import Handle
 from mpvi_bt.sim.house import House
-from mpvi_bt.sim.prior_map import knowledge
+from mpvi_bt.sim.prior_map import knowledge, prior_map
 from mpvi_bt.sim.robot import SimRobot
 from mpvi_bt.sim.shaders import new_scene
 
@@ -75,7 +75,7 @@ class World:
             robot = {link.entity.per_scene_id: "robot" for link in self.robot.links.values()}
             things = {entity.per_scene_id: t.name for t in self._things.values() for entity in t.entities.values()}
             self.cameras.names = {**things, **robot}
-        self._prior = knowledge(house)
+        self._prior, self._map = knowledge(house), prior_map(house)
         self._known: tuple[int, KnowledgeBase] | None = None
         self.steps = 0
         self.physics_s = 0.0
@@ -217,7 +217,7 @@ class World:
                 base.put(
                     Known(
                         name=name, phrases=self._phrases[name], kind="object", lowest=low, highest=high,
-                        room=self.house.room_at((low[:2] + high[:2]) / 2), source="oracle",
+                        room=self._map.room_at((low + high)[:2] / 2), source="oracle",
                         held=name in carried or inside in carried, inside=inside,
                     )
                 )  # fmt: skip
