@@ -210,6 +210,7 @@ class _Builder:
         builder.set_initial_pose(sapien.Pose(T))
         articulation = builder.build(fix_root_link=True)
         articulation.set_name(name)
+        articulation.set_qpos(np.zeros(articulation.dof))  # else its links have no poses before the first step
         links = {link.name.removeprefix(f"{name}/"): link for link in articulation.links}
         for body in description.bodies:
             if body.joint is None:

@@ -69,7 +69,8 @@ def swivel_chair(*, size_m: Size, color: Rgb, seat_z_m: Length = 0.48) -> Descri
     parts.cylinder((0, 0, (seat_z_m - 0.07 + 0.05) / 2), 0.06, seat_z_m - 0.12, _DARK)
     for angle in np.arange(5) * (2 * np.pi / 5):
         c, s = float(np.cos(angle)), float(np.sin(angle))
-        parts.box((0.12 * c, 0.12 * s, 0.05), (0.24, 0.035, 0.03), _DARK, yaw=float(angle))
+        parts.box((0.12 * c, 0.12 * s, 0.06), (0.24, 0.035, 0.03), _DARK, yaw=float(angle))
+        parts.cylinder((0.22 * c, 0.22 * s, 0.0225), 0.05, 0.045, _DARK)
     return parts.thing()
 
 

@@ -1,0 +1,133 @@
+"""The catalogue and the families that make its shapes."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from mpvi_bt.errors import FileProblems, UnknownName
+from mpvi_bt.sim.catalogue import Entry, load_catalogue
+from mpvi_bt.sim.description import Body
+from mpvi_bt.sim.families import FAMILIES, describe, family
+
+ENTRIES = list(load_catalogue())
+JOINTED = [entry for entry in ENTRIES if entry.description.jointed]
+
+
+def named(entry: Entry) -> str:
+    return entry.name
+
+
+def test_every_family_is_used() -> None:
+    """A family without an entry would be a family that nobody sees."""
+    assert {entry.family for entry in ENTRIES} == set(FAMILIES)
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=named)
+def test_things_stand_on_their_origin(entry: Entry) -> None:
+    """All but a nail and a mere work surface stand on z = 0; all are found by their synset's words."""
+    low, high = entry.description.extent()
+    if entry.family not in ("nail", "countertop"):
+        assert low[2] == pytest.approx(0, abs=1e-6)
+    assert np.all(high > low)
+    assert re.sub(r"_+", " ", entry.synset.rsplit(".", 2)[0]) in entry.phrases
+
+
+@pytest.mark.parametrize("entry", [e for e in ENTRIES if e.mass_kg is not None], ids=named)
+def test_movable_things_can_be_grasped(entry: Entry) -> None:
+    """One hand closes on 8.5 cm at most, so a wider thing has a lip, a bar, or a width for two hands under 43 cm."""
+    low, high = entry.description.extent()
+    narrowest = (high - low).min()
+    assert narrowest <= 0.085 or entry.description.root.volumes
+    assert np.sort(high - low)[1] < 0.43
+
+
+@pytest.mark.parametrize("entry", [e for e in ENTRIES if e.description.root.volumes], ids=named)
+def test_volumes_lie_inside(entry: Entry) -> None:
+    """A container volume lies within its body and meets none of the body's own solids but shelves."""
+    low, high = entry.description.extent()
+    for volume in entry.description.root.volumes:
+        box = volume.aabb()
+        assert np.all(box[0] >= low - 1e-6)
+        assert np.all(box[1] <= high + 1e-6)
+
+
+@given(
+    size=st.tuples(*[st.floats(0.05, 0.5)] * 3),
+    wall=st.floats(0.004, 0.01),
+)
+def test_an_open_box_is_as_large_as_it_says(size: tuple[float, float, float], wall: float) -> None:
+    """Outside it has the size given; inside, that less its walls."""
+    box = describe("open_box", {"size_m": list(size), "wall_m": wall, "color": "#123456"})
+    np.testing.assert_allclose(np.diff(box.extent(), axis=0)[0], size)
+    (interior,) = box.root.volumes
+    np.testing.assert_allclose(2 * interior.half_m, np.array(size) - [2 * wall, 2 * wall, wall])
+
+
+@pytest.mark.parametrize("entry", JOINTED, ids=named)
+def test_joints_open_outwards(entry: Entry) -> None:
+    """Opening brings every handle forward or upward, away from the thing, and never backward at first."""
+    for body in entry.description.bodies[1:]:
+        (handle,) = body.handles
+        closed, open_ = (_at(body, handle.center, fraction) for fraction in (0.0, 0.1))
+        assert open_[0] > closed[0] + 0.005
+
+
+@pytest.mark.parametrize("entry", JOINTED, ids=named)
+def test_closed_doors_lie_before_their_carcass(entry: Entry) -> None:
+    """What moves is at most a hair inside the root's own solids when closed, unless it is a drawer."""
+    root_front = max(p.solid.aabb()[1, 0] for p in entry.description.root.parts if p.collides)
+    for body in entry.description.bodies[1:]:
+        assert body.joint is not None
+        if body.joint.kind == "hinge":
+            door = min(body.parts, key=lambda p: -float(np.prod(p.solid.half_m)))
+            assert door.solid.moved(body.frame()).aabb()[0, 0] > root_front - 0.06
+        assert 0 < body.joint.limit <= 2.0
+
+
+def _at(body: Body, point: np.ndarray, fraction: float) -> np.ndarray:
+    assert body.joint is not None
+    T = body.frame(fraction * body.joint.limit)
+    return T[:3, :3] @ point + T[:3, 3]
+
+
+def test_unknown_family_names_the_nearest() -> None:
+    """A family that is not known is refused with the nearest that is."""
+    with pytest.raises(UnknownName, match="Did you mean 'bottle'"):
+        family("botle")
+
+
+@given(key=st.text("abcdefghijklmnopqrstuvwxyz_", min_size=1).filter(lambda k: k not in ("diameter_m", "color")))
+def test_unknown_parameters_never_pass(key: str) -> None:
+    """No family takes a parameter that its function does not."""
+    with pytest.raises(ValidationError):
+        describe("ball", {"diameter_m": 0.1, "color": "#aabbcc", key: 1})
+
+
+def test_problems_of_a_catalogue_come_at_once(tmp_path: Path) -> None:
+    """A wrong family, parameter, synset and color are told together, each on its line."""
+    path = tmp_path / "objects.yaml"
+    path.write_text(
+        "entries:\n"
+        "  a: {synset: a.n.01, family: bal, shape: {}}\n"
+        "  b: {synset: b.n.01, family: ball, shape: {diamter_m: 0.1, color: red}}\n"
+    )
+    with pytest.raises(FileProblems) as caught:
+        load_catalogue(path)
+    found = {(p.code, p.line) for p in caught.value.problems}
+    assert found == {("unknown-family", 2), ("unknown-key", 3), ("missing-key", 3), ("invalid-value", 3)}
+    assert "Did you mean 'ball'?" in str(caught.value)
+
+
+def test_a_changed_shape_is_another_entry() -> None:
+    """Reshaping leaves the catalogue's own entry as it is."""
+    catalogue = load_catalogue()
+    tall = catalogue["can_of_soda"].reshaped({"height_m": 0.2})
+    assert tall.description.extent()[1, 2] == pytest.approx(0.2)
+    assert catalogue["can_of_soda"].description.extent()[1, 2] == pytest.approx(0.122)
