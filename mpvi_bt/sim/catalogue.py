@@ -114,7 +114,7 @@ def load_catalogue(path: str | Path | None = None) -> Catalogue:
         UserError: There is no such file.
         FileProblems: Everything that is wrong with it.
     """
-    data, marks = load_marked(path or paths.find("tasks", "objects", "catalogue"))
+    data, marks = load_marked(path or paths.find("tasks/catalogues", "objects", "catalogue"))
     file = validate_data(data, marks, CatalogueFile)
     problems: list[Problem] = []
     entries: dict[str, Entry] = {}
