@@ -13,6 +13,7 @@ from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.sim.catalogue import Entry
 from mpvi_bt.sim.description import Body, Color, Description, Part, Parts
 from mpvi_bt.sim.house import House
+from mpvi_bt.sim.meshes import meshes
 
 _FIXED_BIT = 16  # of collision group 2: what never moves need not be tested against what never moves
 _HANDLE_FRICTION = 1.2
@@ -172,6 +173,7 @@ class _Builder:
         builder.set_initial_pose(sapien.Pose(T))
         entity = builder.build_static(name)
         _mark_fixed(entity.find_component_by_type(sapien.physx.PhysxRigidStaticComponent))
+        self._show(entity, description.root)
         return Thing(name, synset, description, {description.root.name: entity})
 
     def movable(self, entry: Entry, name: str, T: Array) -> Thing:
@@ -187,6 +189,7 @@ class _Builder:
         body.mass = entry.mass_kg
         body.inertia = inertia
         body.set_angular_damping(entry.rolling_damping)
+        self._show(entity, description.root)
         return Thing(name, entry.synset, description, {description.root.name: entity}, movable=True)
 
     def jointed(self, name: str, synset: str, description: Description, T: Array, friction: float) -> Thing:
@@ -213,6 +216,7 @@ class _Builder:
         articulation.set_qpos(np.zeros(articulation.dof))  # else its links have no poses before the first step
         links = {link.name.removeprefix(f"{name}/"): link for link in articulation.links}
         for body in description.bodies:
+            self._show(links[body.name].entity, body)
             if body.joint is None:
                 _mark_fixed(links[body.name])
             elif body.joint.sprung:
@@ -222,7 +226,7 @@ class _Builder:
         return Thing(name, synset, description, entities, articulation, _joints=joints)
 
     def _add(self, builder: sapien.ActorBuilder, body: Body, friction: float, density: float = 1000.0) -> None:
-        """Add a body's shapes; what is only seen gets no collision shape."""
+        """Add a body's collision shapes."""
         handles = [handle.center for handle in body.handles]
         for part in body.parts:
             solid = part.solid
@@ -238,14 +242,19 @@ class _Builder:
                     builder.add_cylinder_collision(pose, half[0], half[2], material=surface, density=density)
                 else:
                     builder.add_sphere_collision(pose, half[0], material=surface, density=density)
-            if self.render:
-                paint = self._paint(part.color)
-                if solid.kind == "box":
-                    builder.add_box_visual(pose, half, material=paint)
-                elif solid.kind == "cylinder":
-                    builder.add_cylinder_visual(pose, half[0], half[2], material=paint)
-                else:
-                    builder.add_sphere_visual(pose, half[0], material=paint)
+
+    def _show(self, entity: sapien.Entity, body: Body) -> None:
+        """Give an entity what cameras see of a body."""
+        if not self.render:
+            return
+        component = sapien.render.RenderBodyComponent()
+        for color, mesh in meshes(body.parts):
+            no_texture = np.zeros((len(mesh.vertices), 2))
+            shape = sapien.render.RenderShapeTriangleMesh(
+                mesh.vertices, mesh.triangles, mesh.normals, no_texture, self._paint(color)
+            )
+            component.attach(shape)
+        entity.add_component(component)
 
     def _surface(self, friction: float) -> sapien.physx.PhysxMaterial:
         if friction not in self.surfaces:

@@ -318,7 +318,7 @@ def rug(*, size_m: Size, color: Rgb, border_color: Rgb | None = None, collides: 
     x, y, z = size_m
     parts.box((0, 0, z / 2), size_m, border_color or color, collides=collides)
     if border_color is not None:
-        parts.box((0, 0, z / 2 + 0.0005), (x - 0.16, y - 0.16, z), color, collides=collides)
+        parts.box((0, 0, z / 2 + 0.0015), (x - 0.16, y - 0.16, z + 0.003), color, collides=collides)
     return parts.thing()
 
 
