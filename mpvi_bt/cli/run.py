@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -81,14 +82,14 @@ def run(out: Path, watch: bool, as_json: bool, **settings: Any) -> int:
     Exit code 0 where the goal is true at the end, 1 where it is not.
     """
     config = EpisodeConfig(**settings)
-    click.echo(f"{config.task}, instance {config.instance}, seed {config.seed}: setting up ...", err=True)
-    # what follows loads the simulator
+    click.echo(f"mpvi: {config.task}, instance {config.instance}, seed {config.seed}: setting up", err=True)
+    # What follows loads the simulator.
     from mpvi_bt.executive.live import LiveTree
     from mpvi_bt.suite.episode import run as run_episode
     from mpvi_bt.suite.result import write_result
 
-    stream = click.get_text_stream("stderr" if as_json else "stdout")
-    result = run_episode(config, subscribers=[LiveTree(stream)] if watch else [])
+    watchers = [LiveTree(sys.stderr if as_json else sys.stdout, config.name)] if watch else []
+    result = run_episode(config, subscribers=watchers)
     path = out / f"{config.name}.json"
     write_result(path, result)
     click.echo(json.dumps(result, indent=2) if as_json else score(result) + f"\n  result    {path}")
@@ -116,4 +117,9 @@ def score(result: Mapping[str, Any]) -> str:
 
 
 def _wall(wall: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name.removesuffix('_s')} {s:.1f} s" for name, s in wall.items() if isinstance(s, int | float))
+    """Where the wall time went, the largest part first; what took less than a hundredth of it is left out."""
+    total = wall["total_s"]
+    parts = {"setting up": wall["setup_s"], **wall["loop"]}
+    parts.pop("total", None)
+    shares = sorted(((seconds / total, name) for name, seconds in parts.items()), reverse=True)
+    return f"{total:.1f} s: " + ", ".join(f"{name} {share:.0%}" for share, name in shares if share >= 0.01)
