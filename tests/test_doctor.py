@@ -20,11 +20,11 @@ def named(checks: list[doctor.Check], name: str) -> doctor.Check:
 
 def test_a_machine_that_works_is_healthy(mpvi: Shell) -> None:
     """Where the tests run, episodes can run: exit code 0, every core check ok, in JSON and in words."""
-    done = mpvi("doctor", "--json", "--no-rendering")
+    done = mpvi("doctor", "--json")
     report = json.loads(done.stdout)
     assert (done.returncode, report["ok"]) == (0, True), done.stdout
     assert all(check["ok"] for check in report["checks"] if check["core"])
-    words = mpvi("doctor", "--no-rendering")
+    words = mpvi("doctor")
     assert words.returncode == 0
     assert "Episodes can run here." in words.stdout
 
@@ -57,7 +57,7 @@ def test_a_hung_driver_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_missing_task_folder_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
     """A user's folder that is not there is said, not raised."""
     monkeypatch.setenv("MPVI_PATH", "/nowhere")
-    data = named(doctor.examine(rendering=False), "data")
+    data = named(doctor.examine(), "data")
     assert not data.ok
     assert "/nowhere" in data.found
 
@@ -65,13 +65,12 @@ def test_a_missing_task_folder_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> 
 def test_keys_are_never_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whether a key is set is said; the key is not."""
     monkeypatch.setenv("OPENAI_API_KEY", "secret-of-the-user")
-    checks = doctor.examine(rendering=False)
+    checks = doctor.examine()
     assert named(checks, "key").ok
     assert "secret" not in repr(checks)
 
 
 @pytest.mark.render
-@pytest.mark.slow
 def test_pictures_can_be_drawn_here() -> None:
     """Where rendering works, the probe draws what it should."""
     command = [sys.executable, "-m", "mpvi_bt.sim.probe", "picture"]

@@ -18,7 +18,7 @@ import click
 from mpvi_bt import __version__, paths
 from mpvi_bt.errors import MpviError
 
-PROBE_LIMIT_S = 120.0  # the first picture takes up to half a minute with stock shaders on a busy machine
+PROBE_LIMIT_S = 120.0  # with stock shaders the first picture takes half a minute on a busy machine
 APT_LIBRARIES = "libx11-6 libgl1 libglib2.0-0 libvulkan1"
 
 
@@ -41,18 +41,14 @@ class Check:
     mend: str = ""
 
 
-def examine(rendering: bool = True) -> list[Check]:
-    """Try everything; never raises.
-
-    Args:
-        rendering: Whether to draw a picture, the one check that takes seconds.
-    """
+def examine() -> list[Check]:
+    """Try everything; never raises."""
     return [
         _python(),
         _guarded("data", True, "pip install --force-reinstall mpvi_bt", _data),
         _guarded("goals", True, "pip install 'bddl>=3.6,<4'", _goals),
         _physics(),
-        *([_rendering()] if rendering else []),
+        _rendering(),
         _guarded("video", False, "pip install imageio-ffmpeg", _video),
         _extra("torch", "torch"),
         _extra("maniskill", "mani_skill"),
@@ -62,15 +58,12 @@ def examine(rendering: bool = True) -> list[Check]:
 
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object.")
-@click.option(
-    "--rendering/--no-rendering", default=True, show_default=True, help="Draw a picture, which takes seconds."
-)
-def doctor(as_json: bool, rendering: bool) -> int:
+def doctor(as_json: bool) -> int:
     """What this machine can do, and the command that mends what it cannot.
 
     Exit code 0 where an episode can run, 3 where it cannot.
     """
-    checks = examine(rendering)
+    checks = examine()
     healthy = all(check.ok for check in checks if check.core)
     if as_json:
         machine = {"system": platform.platform(), "cpus": os.cpu_count(), "mpvi_bt": __version__}
