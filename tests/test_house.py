@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt, label
 
 from mpvi_bt.errors import FileProblems, UnknownName
+from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.prior_map import prior_map
 from mpvi_bt.sim.rooms import PANEL_M, Doorway, Room, walls
@@ -37,6 +40,7 @@ EXACTLY = [
 ]  # fmt: skip
 TO_USE = {synset for synset, _, _ in AT_LEAST + EXACTLY} - {"lawn.n.01", "driveway.n.01", "wall_nail.n.01"}
 ROBOT_RADIUS_M = 0.33
+CATALOGUE = load_catalogue()
 
 SMALL = """\
 outside: "#ffffff"
@@ -193,6 +197,49 @@ def test_all_problems_are_told_at_once(tmp_path: Path) -> None:
     assert [p.code for p in caught.value.problems] == ["unknown-room", "unknown-catalogue-entry", "room-overlap"]
     assert "Did you mean 'hall'?" in str(caught.value)
     assert "Did you mean 'sofa'?" in str(caught.value)
+
+
+@given(data=st.data())
+def test_no_spoiled_file_ends_in_a_traceback(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+    """Whatever stands in place of one value of the file, it is a house or a list of problems."""
+    words = re.findall(r"[^\s:,{}\[\]]+", SMALL)
+    tokens = [
+        "0",
+        "-1",
+        "1e9",
+        ".inf",
+        ".nan",
+        "''",
+        "hall",
+        "den",
+        "sofa",
+        "[]",
+        "{}",
+        "[1, 2]",
+        "null",
+        "'#12345g'",
+        "~x",
+    ]
+    at = data.draw(st.integers(0, len(words) - 1))
+    new = data.draw(st.sampled_from(tokens) | st.text("abc01-.:[]{}#'\"", max_size=6))
+    places = [m.span() for m in re.finditer(r"[^\s:,{}\[\]]+", SMALL)]
+    path = tmp_path_factory.mktemp("house") / "house.yaml"
+    path.write_text(SMALL[: places[at][0]] + new + SMALL[places[at][1] :])
+    with contextlib.suppress(FileProblems):
+        load_house(path, CATALOGUE)
+
+
+@pytest.mark.parametrize(
+    "shape",
+    ["{leg_m: 25.0, top_m: 5.0}", "{size_m: [0.001, 1, 1], shelf_z_m: 0.1}"],
+)
+def test_dimensions_that_do_not_fit_together_are_refused(tmp_path: Path, shape: str) -> None:
+    """A shape whose parts would have no size is a problem of the file, not a crash of the simulator."""
+    path = small(
+        tmp_path, ("{entry: sofa, at: [2, 0.6], yaw_deg: 90}", f"{{entry: table, at: [2, 2], shape: {shape}}}")
+    )
+    with pytest.raises(FileProblems, match="impossible-shape"):
+        load_house(path)
 
 
 def test_unknown_house_names_the_nearest() -> None:

@@ -146,6 +146,11 @@ def shape_problems(marks: Marks, place: Location, family: str, shape: Mapping[st
         validate_data(dict(shape), inner, parameters(family))
     except FileProblems as found:
         return list(found.problems)
+    solids = (part.solid for body in describe(family, shape).bodies for part in body.parts)
+    if any((solid.half_m <= 0).any() for solid in solids):
+        return [
+            marks.problem(place, "impossible-shape", f"a {family} of these dimensions would have parts without size")
+        ]
     return []
 
 

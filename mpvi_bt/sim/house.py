@@ -15,7 +15,7 @@ from mpvi_bt.errors import FileProblems, Problem, UnknownName
 from mpvi_bt.marked_yaml import Location, Marks, Record, load_marked, validate_data
 from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.sim.catalogue import Catalogue, Entry, load_catalogue, shape_problems, unknown
-from mpvi_bt.sim.dimensions import Length, Rgb
+from mpvi_bt.sim.dimensions import Coordinate, Length, Rgb
 from mpvi_bt.sim.overlap import penetration
 from mpvi_bt.sim.rooms import PANEL_M, Doorway, Rect, Room, Wall, shared_wall, walls
 
@@ -26,7 +26,7 @@ class FixtureFile(Record):
     """A fixture as it stands in the file."""
 
     entry: str
-    at: tuple[float, float]
+    at: tuple[Coordinate, Coordinate]
     z_m: Annotated[float, Field(ge=0, le=3)] = 0.0
     yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
     shape: dict[str, Any] = {}
@@ -35,7 +35,7 @@ class FixtureFile(Record):
 class RoomFile(Record):
     """A room as it stands in the file."""
 
-    rect: Rect
+    rect: tuple[Coordinate, Coordinate, Coordinate, Coordinate]
     floor: Rgb
     walls: Rgb
     phrases: tuple[str, ...] = ()
@@ -47,7 +47,7 @@ class DoorwayFile(Record):
     """A doorway as it stands in the file."""
 
     between: tuple[str, str]
-    at: tuple[float, float]
+    at: tuple[Coordinate, Coordinate]
     width_m: Annotated[float, Field(ge=MIN_DOORWAY_M, le=6)] = 1.0
 
 
@@ -57,7 +57,7 @@ class HouseFile(Record):
     wall_height_m: Length = 2.2
     hedge_height_m: Length = 0.9
     outside: Rgb
-    rooms: dict[str, RoomFile]
+    rooms: Annotated[dict[str, RoomFile], Field(min_length=1)]
     doorways: tuple[DoorwayFile, ...] = ()
 
 
