@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mpvi_bt import paths
 from mpvi_bt.behaviors.context import Context
 from mpvi_bt.behaviors.protocols import Checker
 from mpvi_bt.completion.oracle import OracleChecker
@@ -105,8 +106,11 @@ def run(config: EpisodeConfig, subscribers: Sequence[Subscriber] = ()) -> dict[s
 
 def _tree(config: EpisodeConfig, task: Task, skills: Mapping[str, Skill]) -> TreeSpec:
     if config.tree is not None:
-        return load_tree(config.tree)
-    plan = load_plan(config.plan) if config.plan is not None else RecordedPlanner().plan(task.plan, task.instruction)
+        return load_tree(paths.find_or_file("trees", config.tree), skills)
+    if config.plan is not None:
+        plan = load_plan(paths.find_or_file("tasks/plans", config.plan))
+    else:
+        plan = RecordedPlanner().plan(task.plan, task.instruction)
     return compile_plan(plan, skills)
 
 
