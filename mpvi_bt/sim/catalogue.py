@@ -158,5 +158,7 @@ def unknown(marks: Marks, place: Location, kind: str, given: str, known: Mapping
     """The problem of a name that is not known, with the nearest one."""
     near = nearest(given, known)
     hint = f" Did you mean {near!r}?" if near else ""
-    message = f"unknown {kind} {given!r}.{hint} Known: {', '.join(sorted(known))}."
+    names = sorted(known)
+    others = f", ... ({len(names)} in all)" if len(names) > 12 else ""
+    message = f"unknown {kind} {given!r}.{hint} Known: {', '.join(names[:12])}{others}."
     return marks.problem(place, f"unknown-{kind.replace(' ', '-')}", message)
