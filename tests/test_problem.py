@@ -12,7 +12,7 @@ from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.goals.evaluate import snapshot
 from mpvi_bt.goals.formula import Literal
 from mpvi_bt.goals.problem import Problem, load_problem, parse_problem
-from mpvi_bt.suite.metrics import human_stats
+from mpvi_bt.suite.human import human_stats
 
 TINY = """
 (define (problem tiny) ; a comment with ( in it

@@ -6,17 +6,19 @@ evaluator does, the inverse of the paper's wording) they are higher-is-better, 1
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from mpvi_bt.paths import shipped
+from mpvi_bt.errors import BackendError
+from mpvi_bt.executive.loop import Watcher, World
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
 from mpvi_bt.robot.solids import Array, pose
+from mpvi_bt.tree.build import Tree
+
+_PARTS = ("base", *(f"{side} {frame}" for side in SIDES for frame in ("world", "base")))
 
 DIRECTIONS: Mapping[str, str] = {
     "q_score": "0..1, higher is better",
@@ -29,6 +31,7 @@ DIRECTIONS: Mapping[str, str] = {
 }
 
 
+@runtime_checkable
 class MeasuredRobot(Protocol):
     """What the meter reads of a robot."""
 
@@ -39,35 +42,6 @@ class MeasuredRobot(Protocol):
     def hand_pose_world(self, side: Side) -> Array:
         """(4, 4) pose of a hand, hand to world."""
         ...
-
-
-class MeasuredWorld(Protocol):
-    """What the meter reads of a world."""
-
-    @property
-    def robot(self) -> MeasuredRobot:
-        """The robot in it."""
-        ...
-
-
-@dataclass(frozen=True)
-class Human:
-    """Means over the human demonstrations of a task.
-
-    Attributes:
-        steps: Control steps of 1/30 s.
-        base_m: Distance driven.
-        hand_m: Distance of each hand, in the base frame (proprioception), unlike the robot's official one.
-    """
-
-    steps: float
-    base_m: float
-    hand_m: Mapping[Side, float]
-
-    @property
-    def time_budget_s(self) -> float:
-        """Twice the mean human time, in whole steps (BEHAVIOR challenge 2025: int(2 x mean steps))."""
-        return int(2 * self.steps) / CONTROL_HZ
 
 
 @dataclass(frozen=True)
@@ -92,28 +66,29 @@ class Measurement:
         return self.steps / CONTROL_HZ
 
 
-class Meter:
-    """Adds up distances while an episode runs: a subscriber of the executive."""
+class Meter(Watcher):
+    """Adds up steps and distances while an episode runs."""
 
     def __init__(self) -> None:
         self._steps = 0
-        self._sums: dict[str, float] = {}
+        self._sums: dict[str, float] = dict.fromkeys(_PARTS, 0.0)
         self._last: dict[str, Array] = {}
 
-    def start(self, world: MeasuredWorld) -> None:
-        """Begin anew from where the robot is."""
-        self._steps, self._last = 0, _positions(world.robot)
-        self._sums = dict.fromkeys(self._last, 0.0)
+    def start(self, tree: Tree, world: World) -> None:
+        """Begin anew from where the robot is. Raises BackendError if it cannot tell where its hands are."""
+        robot = world.robot
+        if not isinstance(robot, MeasuredRobot):
+            raise BackendError(f"{type(robot).__name__} has no hand_pose_world, so its hands cannot be measured")
+        self._robot: MeasuredRobot = robot
+        self._steps, self._last = 0, _positions(robot)
+        self._sums = dict.fromkeys(_PARTS, 0.0)
 
-    def step(self, world: MeasuredWorld) -> None:
-        """Add what the last control step moved."""
-        now = _positions(world.robot)
-        for key, position in now.items():
-            self._sums[key] += float(np.linalg.norm(position - self._last[key]))
-        self._steps, self._last = self._steps + 1, now
-
-    def end(self, world: MeasuredWorld) -> None:
-        """Nothing is left to do."""
+    def step(self, tree: Tree, world: World) -> None:
+        """Add what moved since the last call."""
+        now = _positions(self._robot)
+        for part in _PARTS:
+            self._sums[part] += float(np.linalg.norm(now[part] - self._last[part]))
+        self._steps, self._last = world.steps, now
 
     @property
     def measurement(self) -> Measurement:
@@ -126,27 +101,13 @@ class Meter:
         )
 
 
-@cache
-def human_stats() -> Mapping[str, Human]:
-    """Task to the human means, from tasks/human_stats.csv, which names its source."""
-    with (shipped() / "tasks" / "human_stats.csv").open(encoding="utf-8") as file:
-        rows = csv.DictReader(line for line in file if not line.startswith("#"))
-        return {
-            row["task"]: Human(
-                float(row["steps"]),
-                float(row["base_m"]),
-                {"left": float(row["left_hand_m"]), "right": float(row["right_hand_m"])},
-            )
-            for row in rows
-        }
-
-
 def ratio(human: float, robot: float) -> float | None:
     """Human / robot; None where the robot's is 0 (the evaluator writes inf, which is no JSON)."""
     return human / robot if robot > 0.0 else None
 
 
 def _positions(robot: MeasuredRobot) -> dict[str, Array]:
+    """(2,) or (3,) position [m] of each of `_PARTS`."""
     x, y, yaw = robot.proprioception().base_pose
     T_world_base = pose((x, y, 0.0), yaw)
     positions = {"base": np.array([x, y])}

@@ -20,7 +20,8 @@ from mpvi_bt.goals.evaluate import GoalReport
 from mpvi_bt.marked_yaml import Record
 from mpvi_bt.suite.backends import privileged
 from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.metrics import DIRECTIONS, Measurement, human_stats, ratio
+from mpvi_bt.suite.human import human_stats
+from mpvi_bt.suite.metrics import DIRECTIONS, Measurement, ratio
 from mpvi_bt.suite.tasks import Task
 
 Amount = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]

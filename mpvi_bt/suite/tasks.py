@@ -13,7 +13,7 @@ from mpvi_bt.errors import Problem as FileProblem
 from mpvi_bt.goals.problem import Problem, activities, load_problem
 from mpvi_bt.marked_yaml import Location, Marks, Record, load_marked, validate_data
 from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.metrics import human_stats
+from mpvi_bt.suite.human import human_stats
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]*$", max_length=100)]
 Whole = Annotated[int, Field(ge=0, le=999_999)]
