@@ -13,7 +13,7 @@ import click
 
 from mpvi_bt.errors import BackendError
 from mpvi_bt.suite.backends import BACKENDS
-from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.config import EPISODE, EpisodeConfig
 
 # The heavier modules load in the functions, so that `--help` is quick.
 
@@ -48,6 +48,7 @@ def _shared(command: Any) -> Any:
     metavar="SECONDS",
     help="Wall time after which an episode counts as hung.",
 )
+@click.option("--episode", default=EPISODE, hidden=True, help="module:function that runs one episode, for tests.")
 @click.option("--video/--no-video", default=False, help="Film every episode.")
 @click.option("--picture/--no-picture", default=False, help="Draw every episode's path from above.")
 def run(
@@ -56,6 +57,7 @@ def run(
     as_json: bool,
     workers: int | None,
     wall_limit: float,
+    episode: str,
     video: bool,
     picture: bool,
     **options: Any,
@@ -74,7 +76,7 @@ def run(
     if picture:
         episodes = [replace(c, picture=store.out / "pictures" / f"{c.name}.png") for c in episodes]
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    outcome = run_suite(episodes, store, workers or cores, Progress(sys.stderr), wall_limit_s=wall_limit)
+    outcome = run_suite(episodes, store, workers or cores, Progress(sys.stderr), episode, wall_limit)
     if as_json:
         _print_json(report_data(title, episodes, outcome.results, outcome.faults))
     else:

@@ -6,6 +6,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+EPISODE = "mpvi_bt.suite.episode:run"  # the function that runs one
+
 
 @dataclass(frozen=True)
 class EpisodeConfig:

@@ -17,12 +17,11 @@ from typing import Protocol
 from pebble import ProcessExpired, ProcessPool
 
 from mpvi_bt.errors import BackendError, UserError
-from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.config import EPISODE, EpisodeConfig
 from mpvi_bt.suite.result import Result
 from mpvi_bt.suite.store import Fault, Store
 from mpvi_bt.suite.worker import prepare, run_episode
 
-EPISODE = "mpvi_bt.suite.episode:run"
 WALL_LIMIT_S = 1800.0  # Our choice: only a hung episode takes that long
 ATTEMPTS = 2
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
