@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import textwrap
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -92,28 +93,40 @@ def run(out: Path, watch: bool, as_json: bool, **settings: Any) -> int:
     result = run_episode(config, subscribers=watchers)
     path = out / f"{config.name}.json"
     write_result(path, result)
-    click.echo(json.dumps(result, indent=2) if as_json else score(result) + f"\n  result    {path}")
+    if as_json:
+        click.echo(json.dumps(result, indent=2))
+    else:
+        click.echo(f"{score(result)}\n  result    {path}")
     if result["ended"] == "interrupted":
         return INTERRUPTED
     return 0 if result["success"] else 1
 
 
 def score(result: Mapping[str, Any]) -> str:
-    """What a person wants to know of a result, in a few lines of at most 80 columns, goal conditions apart."""
+    """What a person wants to know of a result, in lines of at most 80 columns."""
     normalized = result["time"]["normalized_time"]
     human = f", {normalized:.2f} of human speed" if normalized is not None else ""
+    moved = result["agent_distance"]
     met = sum(condition["satisfied"] for condition in result["goal"])
-    lines = [
-        f"{'SUCCESS' if result['success'] else 'FAILURE'}  q = {result['q_score']['final']:.3f}  ({result['ended']})",
-        f"  goal      {met} of {len(result['goal'])} conditions",
-        *(f"            [{'x' if c['satisfied'] else ' '}] {c['condition']}" for c in result["goal"]),
-        f"  time      {result['time']['simulator_time']:.1f} s simulated{human}",
-        f"  distance  {', '.join(f'{part} {meters:.1f} m' for part, meters in result['agent_distance'].items())}",
-        *(f"  failed    {failure['node']}: {failure['reason']}" for failure in result["failures"]),
-        f"  wall      {_wall(result['wall'])}",
-        f"  truth     read by {', '.join(result['privileged']) or 'none'}",
+    ended = result["ended"].replace("_", " ")
+    entries = [
+        ("goal", f"{met} of {len(result['goal'])} conditions"),
+        *(("", f"[{'x' if c['satisfied'] else ' '}] {c['condition']}") for c in result["goal"]),
+        ("time", f"{result['time']['simulator_time']:.1f} s simulated{human}"),
+        ("distance", f"base {moved['base']:.1f} m, left hand {moved['left']:.1f} m, right hand {moved['right']:.1f} m"),
+        *(
+            ("failed", f"{f['time_s']:.1f} s: {f['node'].rpartition('/')[2]}: {f['feedback']}")
+            for f in result["failures"]
+        ),
+        ("wall", _wall(result["wall"])),
+        ("truth", f"read by {', '.join(result['privileged']) or 'none'}"),
     ]
-    return "\n".join(lines)
+    head = f"{'SUCCESS' if result['success'] else 'FAILURE'}  q = {result['q_score']['final']:.3f}, tree: {ended}"
+    return "\n".join([head, *(_entry(name, text) for name, text in entries)])
+
+
+def _entry(name: str, text: str) -> str:
+    return textwrap.fill(text, 80, initial_indent=f"  {name:10}", subsequent_indent=" " * 12, break_on_hyphens=False)
 
 
 def _wall(wall: Mapping[str, Any]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import sapien
@@ -182,14 +183,17 @@ def _load(scene: sapien.Scene, visible: bool) -> sapien.physx.PhysxArticulation:
             loader.set_link_min_patch_radius(name, 0.1)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "r1.urdf"
-        path.write_text(urdf())
-        if visible:
-            return loader.load(str(path))
-        (builder, *_), *_ = loader.parse(str(path))
-        for link in builder.link_builders:
-            link.visual_records = []
-        builder.set_scene(scene)
-        return builder.build(fix_root_link=True)
+        path.write_text(urdf() if visible else _without_visuals(urdf()))
+        return loader.load(str(path))
+
+
+def _without_visuals(text: str) -> str:
+    """The same URDF with nothing to draw: SAPIEN asks for a rendering device as soon as it reads a visual."""
+    robot = ElementTree.fromstring(text)
+    for link in robot.iter("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+    return ElementTree.tostring(robot, encoding="unicode")
 
 
 def link_names(robot: SimRobot) -> Mapping[int, str]:

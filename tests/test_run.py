@@ -1,0 +1,124 @@
+"""`mpvi run`: what it refuses at once, and what it prints."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mpvi_bt.cli.run import score
+from tests.conftest import Shell
+
+
+def result(**changes: Any) -> dict[str, Any]:
+    """The parts of a result that are printed."""
+    usual: dict[str, Any] = {
+        "success": False,
+        "q_score": {"final": 2 / 3},
+        "ended": "time_limit",
+        "goal": [
+            {"condition": "inside(can__of__soda.n.01_1, ashcan.n.01_1)", "satisfied": True},
+            {"condition": "inside(can__of__soda.n.01_2, ashcan.n.01_1)", "satisfied": False},
+        ],
+        "time": {"simulator_time": 351.2, "normalized_time": 0.5},
+        "agent_distance": {"left": 11.0, "right": 16.0, "base": 6.6},
+        "failures": [
+            {"node": "tidy/4 pick up a can" + ", then another" * 8, "reason": "timeout", "feedback": "", "time_s": 2.0}
+        ],
+        "wall": {"total_s": 10.0, "setup_s": 1.0, "loop": {"stepping": 6.0, "watching": 0.01, "total": 9.0}},
+        "privileged": ["detector:oracle", "policy:expert"],
+    }
+    return usual | changes
+
+
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [
+        (["picking_up_trsh"], "unknown task 'picking_up_trsh'. Did you mean 'picking_up_trash'?"),
+        (["picking_up_trash", "--instance", "10"], "instance 10 is out of range: the task has instances 0 to 9"),
+        (["picking_up_trash", "--tree", "picking_up_trahs"], "Did you mean 'picking_up_trash'?"),
+        (["picking_up_trash", "--tree", "no/such.yaml"], "no/such.yaml: there is no such file"),
+        (["picking_up_trash", "--plan", "no.json"], "no.json: there is no such file"),
+        (["picking_up_trash", "--instance", "-1"], "-1 is not in the range x>=0"),
+        (["picking_up_trash", "--policy", "exprt"], "'exprt'"),
+    ],
+)
+def test_bad_input_is_one_clear_error(args: list[str], said: str, mpvi: Shell) -> None:
+    """Exit code 2, what was given and what would be valid, no traceback."""
+    done = mpvi("run", *args)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_broken_tree_file_is_said_with_its_place(mpvi: Shell, tmp_path: Path) -> None:
+    """A tree with a typing error is refused with file, line and column."""
+    (tmp_path / "mine.yaml").write_text("tree: mine\nroot:\n  navigte: trash can\n")
+    done = mpvi("run", "picking_up_trash", "--tree", "mine.yaml")
+    assert done.returncode == 2
+    assert "mine.yaml:3:3:" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_score_says_what_matters_within_80_columns() -> None:
+    """q, every goal condition, time, distances, failures, where the wall time went, and who read the truth."""
+    text = score(result())
+    assert max(map(len, text.splitlines())) <= 80
+    for part in (
+        "FAILURE  q = 0.667",
+        "1 of 2 conditions",
+        "[x] inside(can__of__soda.n.01_1, ashcan.n.01_1)",
+        "[ ] inside(can__of__soda.n.01_2, ashcan.n.01_1)",
+        "351.2 s simulated, 0.50 of human speed",
+        "base 6.6 m, left hand 11.0 m, right hand 16.0 m",
+        "10.0 s: stepping 60%, setting up 10%\n",
+        "read by detector:oracle, policy:expert",
+    ):
+        assert part in text
+
+
+def test_a_task_that_no_human_did_has_no_human_speed() -> None:
+    """Where there is nothing to compare with, nothing is said of it."""
+    assert "human" not in score(result(time={"simulator_time": 1.0, "normalized_time": None}))
+
+
+@pytest.mark.slow
+def test_the_result_is_printed_as_json_and_written(mpvi: Shell, tmp_path: Path) -> None:
+    """`--json` prints exactly what the result file holds; the tree goes to stderr; no pictures are needed."""
+    done = mpvi("run", "picking_up_trash", "--checker", "oracle", "--json", timeout=600, VK_DRIVER_FILES="/nowhere")
+    assert done.returncode in (0, 1), done.stderr
+    printed = json.loads(done.stdout)
+    assert printed == json.loads((tmp_path / "runs" / "picking_up_trash_0_0.json").read_text())
+    assert printed["success"] is (done.returncode == 0)
+    assert "{-} picking_up_trash" in done.stderr
+
+
+@pytest.mark.slow
+def test_interrupt_ends_with_130_and_a_result(tmp_path: Path) -> None:
+    """Ctrl-C in the middle of an episode closes it: a result that says so, no traceback, exit code 130."""
+    command = [sys.executable, "-c", "from mpvi_bt.cli import main; main()"]
+    command += ["run", "picking_up_trash", "--checker", "oracle"]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout
+    for line in process.stdout:  # until the tree is ticked
+        if "[*]" in line:
+            break
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in said
+    assert json.loads((tmp_path / "runs" / "picking_up_trash_0_0.json").read_text())["ended"] == "interrupted"
+
+
+def test_without_a_rendering_device_one_line_says_so(mpvi: Shell) -> None:
+    """Where pictures are needed and cannot be drawn, the command says where help is and ends with 3."""
+    done = mpvi("run", "picking_up_trash", VK_DRIVER_FILES="/nowhere")
+    assert done.returncode == 3
+    (line,) = [line for line in done.stderr.splitlines() if "pictures" in line]
+    assert "`mpvi doctor`" in line
+    assert "Traceback" not in done.stderr
