@@ -74,7 +74,7 @@ def test_the_score_says_what_matters_within_80_columns() -> None:
         "1 of 2 conditions",
         "[x] inside(can__of__soda.n.01_1, ashcan.n.01_1)",
         "[ ] inside(can__of__soda.n.01_2, ashcan.n.01_1)",
-        "351.2 s simulated, 0.50 of human speed",
+        "351.2 s simulated\n",
         "base 6.6 m, left hand 11.0 m, right hand 16.0 m",
         "10.0 s: stepping 60%, setting up 10%\n",
         "read by detector:oracle, policy:expert",
@@ -82,9 +82,13 @@ def test_the_score_says_what_matters_within_80_columns() -> None:
         assert part in text
 
 
-def test_a_task_that_no_human_did_has_no_human_speed() -> None:
-    """Where there is nothing to compare with, nothing is said of it."""
-    assert "human" not in score(result(time={"simulator_time": 1.0, "normalized_time": None}))
+@pytest.mark.parametrize(
+    ("success", "normalized", "said"), [(True, 0.5, True), (False, 0.5, False), (True, None, False)]
+)
+def test_speed_is_compared_where_it_means_something(success: bool, normalized: float | None, said: bool) -> None:
+    """Human speed is named for a success, if a human did the task: giving up early is not fast."""
+    text = score(result(success=success, time={"simulator_time": 1.0, "normalized_time": normalized}))
+    assert ("0.50 of human speed" in text) is said
 
 
 @pytest.mark.slow

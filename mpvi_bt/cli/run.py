@@ -105,7 +105,7 @@ def run(out: Path, watch: bool, as_json: bool, **settings: Any) -> int:
 def score(result: Mapping[str, Any]) -> str:
     """What a person wants to know of a result, in lines of at most 80 columns."""
     normalized = result["time"]["normalized_time"]
-    human = f", {normalized:.2f} of human speed" if normalized is not None else ""
+    human = f", {normalized:.2f} of human speed" if result["success"] and normalized is not None else ""
     moved = result["agent_distance"]
     met = sum(condition["satisfied"] for condition in result["goal"])
     ended = result["ended"].replace("_", " ")
