@@ -52,16 +52,21 @@ class Store:
         return self.out / "json" / f"{config.name}.json"
 
     def result(self, config: EpisodeConfig) -> Result | None:
-        """The episode's result; None if it is missing, cut short or of something else.
+        """The episode's result; None if it is missing, cut short, interrupted or of something else.
 
         Raises:
             UserError: It is the same episode's under another configuration, which must not be mixed with this one.
         """
         result = read_result(self.path(config))
-        if result is None or (result.task, result.instance_id, result.rollout_id) != (
-            config.task_name,
-            config.instance,
-            config.seed,
+        if (
+            result is None
+            or result.ended == "interrupted"
+            or (result.task, result.instance_id, result.rollout_id)
+            != (
+                config.task_name,
+                config.instance,
+                config.seed,
+            )
         ):
             return None
         wanted = config.record()

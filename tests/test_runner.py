@@ -1,0 +1,218 @@
+"""Suites in worker processes: killed, interrupted, broken, resumed."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+
+from mpvi_bt.errors import UserError
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.result import Result, read_result
+from mpvi_bt.suite.runner import run_suite
+from mpvi_bt.suite.store import Fault, Store
+
+ROOT = Path(__file__).parent.parent
+FAKE = "tests.fake_episodes:run"
+EPISODES = [EpisodeConfig("picking_up_trash", instance) for instance in range(10)]
+
+
+class Heard:
+    """A listener that remembers."""
+
+    def __init__(self) -> None:
+        self.kept = self.todo = -1
+        self.done: list[EpisodeConfig] = []
+        self.faults: list[tuple[int, bool]] = []
+        self.ended = False
+
+    def begin(self, results: Sequence[Result], todo: int, workers: int) -> None:
+        self.kept, self.todo = len(results), todo
+
+    def finished(self, config: EpisodeConfig, result: Result) -> None:
+        self.done.append(config)
+
+    def broke(self, config: EpisodeConfig, fault: Fault, again: bool) -> None:
+        self.faults.append((config.instance, again))
+
+    def tick(self, running: int) -> None:
+        pass
+
+    def end(self) -> None:
+        self.ended = True
+
+
+@pytest.fixture
+def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where fake episodes note that they ran."""
+    folder = tmp_path / "log"
+    folder.mkdir()
+    monkeypatch.setenv("FAKE_LOG", str(folder))
+    return folder
+
+
+def started(log: Path, what: str = "start") -> Counter[str]:
+    """How often each episode started (or ended)."""
+    return Counter(path.name.split(f".{what}.")[0] for path in log.iterdir() if f".{what}." in path.name)
+
+
+def alive(pid: int) -> bool:
+    """Whether the process runs; one that only waits to be reaped does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def wait_until(true: Callable[[], bool], seconds: float = 60) -> None:
+    """Fail unless it comes true in time."""
+    deadline = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < deadline, "waited too long"
+        time.sleep(0.02)
+
+
+def launch(out: Path, log: Path, **env: str) -> subprocess.Popen[str]:
+    """`mpvi suite run trash10` over fake episodes, in a process group of its own."""
+    command = [sys.executable, "-c", "from mpvi_bt.cli import main; main()", "suite", "run", "trash10"]
+    return subprocess.Popen(
+        [*command, "--out", str(out), "--workers", "2", "--episode", FAKE],
+        cwd=ROOT,
+        env={**os.environ, "FAKE_LOG": str(log), **env},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def workers_gone(log: Path) -> bool:
+    """Whether no process that noted anything still runs."""
+    return not any(alive(int(path.name.split(".")[-2])) for path in log.iterdir())
+
+
+def test_a_killed_run_resumes_with_nothing_lost_and_nothing_twice(tmp_path: Path, log: Path) -> None:
+    """SIGKILL half-way, start again: ten valid results, and what was there is untouched and never ran again."""
+    out = tmp_path / "out"
+    first = launch(out, log, FAKE_SLEEP="0.3")
+    wait_until(lambda: len(list((out / "json").glob("*.json"))) >= 3)
+    first.kill()
+    first.communicate()
+    wait_until(lambda: workers_gone(log), seconds=10)
+    kept = {path: path.read_bytes() for path in (out / "json").glob("*.json")}
+    assert 3 <= len(kept) < 10
+    before = started(log)
+
+    second = launch(out, log)
+    text, progress = second.communicate(timeout=60)
+    assert second.returncode == 0, progress
+    assert f"10 episodes, {len(kept)} already there, {10 - len(kept)} to run" in progress
+    assert "trash10: 10/10 episodes, 5 succeeded, mean q 0.750" in text
+    store = Store(out)
+    assert all(store.result(config) is not None for config in EPISODES)
+    assert sorted(p.name for p in (out / "json").iterdir()) == sorted(f"{c.name}.json" for c in EPISODES)
+    assert {path: path.read_bytes() for path in kept} == kept
+    after = started(log)
+    for config in EPISODES:
+        again = after[config.name] - before[config.name]
+        assert again == (0 if store.path(config) in kept else 1), config.name
+
+
+def test_ctrl_c_stops_the_workers_and_exits_with_130(tmp_path: Path, log: Path) -> None:
+    """Ctrl-C reaches the whole process group, as from a terminal: one line, no traceback, no process left."""
+    process = launch(tmp_path / "out", log, FAKE_SLEEP="30")
+    wait_until(lambda: started(log).total() >= 2)
+    os.killpg(process.pid, signal.SIGINT)
+    _, progress = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "Traceback" not in progress
+    assert progress.splitlines()[-1] == "mpvi: interrupted"
+    wait_until(lambda: workers_gone(log), seconds=10)
+
+
+def test_a_dead_worker_is_replaced_and_its_episode_tried_again(
+    tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A worker's death and an exception cost one attempt each, never a task failure."""
+    monkeypatch.setenv("FAKE_DIE", "1")
+    monkeypatch.setenv("FAKE_RAISE", "2")
+    heard = Heard()
+    outcome = run_suite(EPISODES[:4], Store(tmp_path / "out"), 2, heard, FAKE)
+    assert list(outcome.results) == EPISODES[:4]
+    assert not outcome.faults
+    assert sorted(heard.faults) == [(1, True), (2, True)]
+    assert started(log) == {c.name: 2 if c.instance in (1, 2) else 1 for c in EPISODES[:4]}
+    assert set(started(log, "end").values()) == {1}
+    assert heard.ended
+
+
+def test_what_breaks_twice_is_a_fault_that_the_next_run_tries_again(
+    tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A machine fault leaves no result, is on file with its traceback, and is gone once the episode is through."""
+    store = Store(tmp_path / "out")
+    monkeypatch.setenv("FAKE_RAISE", "1")
+    monkeypatch.setenv("FAKE_ALWAYS", "1")
+    heard = Heard()
+    outcome = run_suite(EPISODES[:2], store, 1, heard, FAKE)
+    assert list(outcome.results) == EPISODES[:1]
+    assert outcome.faults[EPISODES[1]].message == "Unpicklable: broke at 1, 2"
+    assert heard.faults == [(1, True), (1, False)]
+    fault = store.fault(EPISODES[1])
+    assert fault is not None
+    assert "raise Unpicklable" in fault.details
+
+    monkeypatch.delenv("FAKE_RAISE")
+    heard = Heard()
+    outcome = run_suite(EPISODES[:2], store, 1, heard, FAKE)
+    assert (heard.kept, heard.todo, heard.done) == (1, 1, EPISODES[1:2])
+    assert not outcome.faults
+    assert store.fault(EPISODES[1]) is None
+
+
+@pytest.mark.slow
+def test_a_hung_episode_is_stopped_and_tried_again(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Past its wall-time limit an episode's worker is killed."""
+    monkeypatch.setenv("FAKE_HANG", "0")
+    heard = Heard()
+    outcome = run_suite(EPISODES[:2], Store(tmp_path / "out"), 1, heard, FAKE, wall_limit_s=4.0)
+    assert list(outcome.results) == EPISODES[:2]
+    assert heard.faults == [(0, True)]
+
+
+def test_bad_input_ends_the_run_at_once(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What would break every episode alike is raised as what it is."""
+    monkeypatch.setenv("FAKE_USER_ERROR", "0")
+    monkeypatch.setenv("FAKE_SLEEP", "30")
+    with pytest.raises(UserError, match=r"^the tree is missing$"):
+        run_suite(EPISODES, Store(tmp_path / "out"), 1, Heard(), FAKE)
+    assert not started(log, "end")
+
+
+def test_nothing_is_started_when_all_is_there(tmp_path: Path, log: Path) -> None:
+    """A finished suite costs no process, and a corrupt or cut file is run again."""
+    from tests.fake_episodes import fake_result
+
+    store = Store(tmp_path / "out")
+    for config in EPISODES[:3]:
+        store.write(config, fake_result(config))
+    heard = Heard()
+    run_suite(EPISODES[:3], store, 2, heard, "no.such.module:run")
+    assert (heard.kept, heard.todo) == (3, 0)
+
+    whole = store.path(EPISODES[0]).read_text()
+    store.path(EPISODES[0]).write_text(whole[: len(whole) // 2])
+    other = json.loads(store.path(EPISODES[1]).read_text()) | {"task": "another"}
+    store.path(EPISODES[1]).write_text(json.dumps(other))
+    heard = Heard()
+    run_suite(EPISODES[:3], store, 1, heard, FAKE)
+    assert (heard.kept, sorted(c.instance for c in heard.done)) == (1, [0, 1])
+    assert read_result(store.path(EPISODES[0])) is not None
