@@ -97,7 +97,7 @@ class Result(Record):
         success: The goal was true at the end.
         q_score: Official q.
         goal_fraction: Share of the goal's literals that hold at the end.
-        ended: How the episode ended, such as "success", "failure", "time_budget".
+        ended: How the episode ended, such as "success", "failure", "time_limit".
         config: Everything that can change the outcome.
         privileged: Backends that read simulator truth, as "kind:name".
         directions: What each figure's unit is, and which way is better.

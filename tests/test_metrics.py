@@ -1,0 +1,200 @@
+"""Distances, times and the result file."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from mpvi_bt.errors import BackendError
+from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.solids import Array, pose
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.human import human_stats
+from mpvi_bt.suite.metrics import DIRECTIONS, Measurement, Meter
+from mpvi_bt.suite.result import Result, make_result, read_result, write_json, write_result
+from mpvi_bt.testing.doubles import KinematicRobot
+from tests.fake_episodes import TASK, fake_result
+
+CONFIG = EpisodeConfig("picking_up_trash", 3, 7)
+
+
+class Puppet(KinematicRobot):
+    """A robot that stands where it is put, its hands at fixed places of the base frame."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.at = np.zeros(3)
+        self.hands: dict[Side, Array] = {"left": np.array([0.5, 0.2, 1.0]), "right": np.array([0.5, -0.2, 1.0])}
+
+    def proprioception(self) -> Any:
+        from dataclasses import replace
+
+        return replace(super().proprioception(), base_pose=self.at.copy())
+
+    def hand_pose_world(self, side: Side) -> Array:
+        return pose((self.at[0], self.at[1], 0.0), self.at[2]) @ pose(self.hands[side])
+
+
+class Stage:
+    """A world that counts steps."""
+
+    def __init__(self, robot: Any) -> None:
+        self.robot, self.steps = robot, 0
+
+
+def measured(*moves: Any) -> Measurement:
+    """What the meter says after moves of a puppet."""
+    meter, robot = Meter(), Puppet()
+    stage: Any = Stage(robot)
+    tree: Any = None
+    meter.start(tree, stage)
+    meter.step(tree, stage)  # the first tick comes before the first step
+    for move in moves:
+        move(robot)
+        stage.steps += 1
+        meter.step(tree, stage)
+    return meter.measurement
+
+
+def drive(x: float, y: float, yaw: float = 0.0) -> Any:
+    """A move of the base."""
+    return lambda robot: setattr(robot, "at", np.array([x, y, yaw]))
+
+
+def test_distances_add_up_along_the_way() -> None:
+    """There and back is twice the way, not none."""
+    m = measured(drive(3, 4), drive(0, 0))
+    assert m.base_m == pytest.approx(10)
+    assert m.steps == 2
+    assert m.time_s == pytest.approx(2 / 30)
+
+
+def test_driving_moves_hands_in_the_world_but_not_in_the_base_frame() -> None:
+    """World distances include the base's way; base-relative ones do not."""
+    m = measured(drive(1, 0), drive(1, 0, math.pi))
+    assert m.base_m == pytest.approx(1)
+    assert m.hand_world_m["left"] == pytest.approx(1 + 2 * math.hypot(0.5, 0.2))
+    assert m.hand_base_m == pytest.approx({"left": 0, "right": 0}, abs=1e-12)
+
+
+def test_reaching_counts_for_its_own_hand_only() -> None:
+    """One hand's way is not the other's, and is the same in both frames while the base stands."""
+    m = measured(lambda robot: robot.hands.update(left=np.array([0.9, 0.2, 1.3])))
+    assert m.hand_world_m == pytest.approx({"left": 0.5, "right": 0})
+    assert m.hand_base_m == pytest.approx({"left": 0.5, "right": 0})
+    assert m.base_m == 0
+
+
+def test_a_robot_without_hands_is_refused() -> None:
+    """What cannot be measured is said before the episode, not left out of its result."""
+    stage: Any = Stage(KinematicRobot())
+    tree: Any = None
+    with pytest.raises(BackendError, match="KinematicRobot has no hand_pose_world"):
+        Meter().start(tree, stage)
+
+
+def test_human_means_cover_the_fifty_tasks() -> None:
+    """Each has positive figures, and the budget is twice the mean time in whole steps."""
+    assert len(human_stats()) == 50
+    for human in human_stats().values():
+        assert min(human.steps, human.base_m, *human.hand_m.values()) > 0
+        assert human.time_budget_s * 30 == pytest.approx(math.floor(2 * human.steps))
+
+
+def test_normalized_figures_are_human_over_robot() -> None:
+    """Twice the human's time is 0.5: higher is better, and the file says so."""
+    human = human_stats()["picking_up_trash"]
+    result = Result.model_validate(fake_result(CONFIG, steps=round(2 * human.steps)))
+    assert result.time.normalized_time == pytest.approx(0.5, abs=1e-4)
+    assert result.normalized_agent_distance.base == pytest.approx(human.base_m / result.agent_distance.base)
+    assert set(DIRECTIONS) == set(result.directions)
+    assert all("better" in words for words in result.directions.values())
+
+
+def test_the_layout_is_the_evaluators() -> None:
+    """The keys that BEHAVIOR's scorers read are where they look for them."""
+    data = fake_result(CONFIG)
+    assert set(data["agent_distance"]) == set(data["normalized_agent_distance"]) == {"base", "left", "right"}
+    assert set(data["time"]) == {"simulator_steps", "simulator_time", "normalized_time"}
+    assert data["q_score"] == {"final": 0.5}
+    assert (data["task"], data["instance_id"], data["rollout_id"]) == ("picking_up_trash", 3, 7)
+    assert CONFIG.name == "picking_up_trash_3_7"
+    assert data["privileged"] == ["detector:oracle", "policy:expert"]
+
+
+def test_without_wall_times_equal_configs_give_equal_files() -> None:
+    """Everything that depends on the wall clock is under one key."""
+    first, second = fake_result(CONFIG), fake_result(CONFIG)
+    assert first.pop("wall") != second.pop("wall")
+    assert first == second
+
+
+def test_where_pictures_go_is_no_part_of_the_config() -> None:
+    """The same episode filmed is the same episode."""
+    assert EpisodeConfig("t", 1, video=Path("a.mp4")).record() == EpisodeConfig("t", 1, picture=Path("b")).record()
+    assert EpisodeConfig("t", 1).record() != EpisodeConfig("t", 1, checker="oracle").record()
+
+
+def test_a_robot_that_stood_still_has_no_ratio() -> None:
+    """Infinity is no JSON: null."""
+    from mpvi_bt.goals.evaluate import GoalReport
+
+    zero: dict[Side, float] = {"left": 0.0, "right": 0.0}
+    goal = GoalReport(satisfied=False, q=0.0, fraction=0.0, conditions=())
+    result = make_result(CONFIG, TASK, goal, Measurement(0, 0.0, zero, zero), ended="failure")
+    assert result.time.normalized_time is None
+    assert result.normalized_agent_distance.model_dump() == {"base": None, "left": None, "right": None}
+    json.dumps(result.model_dump(mode="json"), allow_nan=False)
+
+
+def test_results_round_trip_through_their_file(tmp_path: Path) -> None:
+    """What is written is what is read."""
+    path = tmp_path / "json" / "a.json"
+    write_result(path, fake_result(CONFIG))
+    result = read_result(path)
+    assert result is not None
+    write_result(path, result)
+    assert read_result(path) == result
+    assert [p.name for p in path.parent.iterdir()] == ["a.json"]
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("q_score", {"final": 1.5}),
+        ("steps", -1),
+        ("steps", "9"),
+        ("time", None),
+        ("extra", 1),
+        ("goal_fraction", math.nan),
+    ],
+)
+def test_what_is_no_result_is_not_written(tmp_path: Path, key: str, value: object) -> None:
+    """A result is checked before it reaches the disk."""
+    with pytest.raises(ValidationError):
+        write_result(tmp_path / "a.json", fake_result(CONFIG) | {key: value})
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
+    """Nan is refused, and nothing half-written stays."""
+    path = tmp_path / "a.json"
+    write_json(path, {"x": 1})
+    with pytest.raises(ValueError, match="JSON"):
+        write_json(path, {"x": math.nan})
+    assert json.loads(path.read_text()) == {"x": 1}
+    assert [p.name for p in tmp_path.iterdir()] == ["a.json"]
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"format": 1}', '{"q_score": NaN}'])
+def test_what_cannot_be_read_is_no_result(tmp_path: Path, text: str) -> None:
+    """A cut or foreign file reads as none, so that its episode runs again."""
+    (tmp_path / "a.json").write_text(text)
+    assert read_result(tmp_path / "a.json") is None
+    assert read_result(tmp_path / "missing.json") is None
