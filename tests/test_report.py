@@ -1,0 +1,157 @@
+"""What a suite's report and its progress say."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import pytest
+
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.progress import Progress
+from mpvi_bt.suite.report import report_data, report_text
+from mpvi_bt.suite.result import Result
+from mpvi_bt.suite.store import Fault, Store
+from tests.conftest import Shell
+from tests.fake_episodes import fake_result
+
+EPISODES = [EpisodeConfig("picking_up_trash", instance) for instance in range(4)]
+RESULTS = {c: Result.model_validate(fake_result(c)) for c in EPISODES[:3]}
+FAULTS = {EPISODES[3]: Fault("the worker process died (exit code -9)")}
+
+
+def test_means_count_missing_episodes_as_zero_and_say_so() -> None:
+    """BEHAVIOR's leaderboard does; the mean of the finished ones stands beside it."""
+    overall = report_data("four", EPISODES, RESULTS, FAULTS)["overall"]
+    assert (overall["episodes"], overall["finished"], overall["successes"]) == (4, 3, 2)
+    assert overall["q_score"] == pytest.approx(2.5 / 4)
+    assert overall["q_score_of_finished"] == pytest.approx(2.5 / 3)
+
+
+def test_the_report_for_programs_is_strict_json_without_wall_times() -> None:
+    """The same results give the same report, on whatever machine."""
+    data = report_data("four", EPISODES, RESULTS, FAULTS)
+    assert "wall" not in json.dumps(data, allow_nan=False)
+    assert data["missing"] == [{"episode": "picking_up_trash_3_0", "fault": "the worker process died (exit code -9)"}]
+    assert data["privileged"] == ["detector:oracle", "policy:expert"]
+    assert set(data["directions"])
+
+
+def test_an_empty_suite_has_no_means() -> None:
+    """Nothing done is no score, and no division by zero."""
+    data = report_data("four", EPISODES, {}, {})
+    assert data["overall"]["q_score"] == 0
+    assert data["overall"]["simulator_time"] is None
+    assert "0/4 episodes" in report_text("four", EPISODES, {}, {})
+
+
+def test_the_table_fits_a_terminal_and_tells_everything() -> None:
+    """80 columns; every episode's row; failures with their reason; which backends knew the truth."""
+    lines = report_text("four", EPISODES, RESULTS, FAULTS).splitlines()
+    assert max(map(len, lines)) <= 110
+    table = [line for line in lines if line.startswith("  ")]
+    assert max(len(line) for line in table[:9]) <= 80
+    rows = [line.split() for line in table if line.split()[0] in "0123" and not line.lstrip().startswith("1,")]
+    assert [row[2] for row in rows[:4]] == ["1.000", "0.500", "1.000", "-"]
+    text = "\n".join(lines)
+    assert "machine fault" in text
+    assert "1, 12 s: 2 pick failed, timeout: still reaching" in text
+    assert "1: not met: inside(can, bin)" in text
+    assert "four: 3/4 episodes, 2 succeeded, mean q 0.625 with missing ones as 0, 0.833 without" in text
+    assert "simulator truth: detector:oracle, policy:expert" in text
+
+
+class Terminal(io.StringIO):
+    """A stream that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def tell(stream: io.StringIO) -> str:
+    """What is written of a run that finds one result, makes two, and breaks once."""
+    progress = Progress(stream)
+    progress.begin([RESULTS[EPISODES[0]]], 3, 2)
+    progress.tick(2)
+    progress.finished(EPISODES[1], RESULTS[EPISODES[1]])
+    progress.broke(EPISODES[3], FAULTS[EPISODES[3]], again=False)
+    progress.tick(1)
+    progress.finished(EPISODES[2], RESULTS[EPISODES[2]])
+    progress.end()
+    return stream.getvalue()
+
+
+def test_progress_is_plain_lines_when_piped() -> None:
+    """No control characters; each line stands alone."""
+    text = tell(io.StringIO())
+    assert "\x1b" not in text
+    assert "\r" not in text
+    assert text.splitlines()[0] == "4 episodes, 1 already there, 3 to run in 2 worker processes"
+    assert "2/4 done, 2 running, 1 failed, mean q 0.75, " in text.splitlines()[1]
+    assert text.splitlines()[2] == (
+        "picking_up_trash_3_0  machine fault: the worker process died (exit code -9); given up"
+    )
+    assert "3/4 done, 1 running, 1 failed, 1 machine faults, mean q 0.83" in text.splitlines()[3]
+
+
+def test_progress_redraws_one_line_on_a_terminal() -> None:
+    """The line is cleared before anything else is written, and gone at the end."""
+    text = tell(Terminal())
+    shown = [part for part in text.split("\r\x1b[2K") if "\n" not in part and part]
+    assert len(shown) == 2
+    assert all(len(line) < 80 for line in shown)
+    assert text.rsplit("\r\x1b[2K", 1)[-1].endswith("\n") or text.endswith("\r\x1b[2K")
+
+
+def test_status_and_report_read_the_folder(mpvi: Shell, tmp_path: Path) -> None:
+    """What is done, what broke and what is to do, for people and for programs."""
+    store = Store(tmp_path / "runs" / "trash10")
+    for config in EPISODES[:3]:
+        store.write(config, fake_result(config))
+    store.write_fault(EPISODES[3], FAULTS[EPISODES[3]])
+    status = mpvi("suite", "status", "trash10")
+    assert status.stdout.splitlines()[0] == "trash10: 3/10 done, 1 failed, mean q 0.83, 1 machine faults"
+    assert "picking_up_trash_3_0: machine fault: the worker process died" in status.stdout
+    data = json.loads(mpvi("suite", "status", "trash10", "--json").stdout)
+    assert (data["done"], len(data["to_do"]), data["running"]) == (3, 7, False)
+    report = json.loads(mpvi("suite", "report", "trash10", "--json").stdout)
+    assert report["overall"]["finished"] == 3
+    assert "3/10 episodes" in mpvi("suite", "report", "trash10").stdout
+
+
+def test_results_of_another_configuration_are_never_mixed_in(mpvi: Shell, tmp_path: Path) -> None:
+    """The error names what differs and the way out."""
+    Store(tmp_path / "runs" / "trash10").write(EPISODES[0], fake_result(EPISODES[0]))
+    done = mpvi("suite", "run", "trash10", "--checker", "oracle")
+    assert done.returncode == 2
+    assert "a result of another configuration (checker visual); choose another --out" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_folder_in_use_is_refused(mpvi: Shell, tmp_path: Path) -> None:
+    """Two runs in one folder would run episodes twice."""
+    store = Store(tmp_path / "out")
+    with store.locked():
+        done = mpvi("suite", "run", "trash10", "--out", str(store.out))
+        assert store.running()
+    assert not store.running()
+    assert done.returncode == 2
+    assert "another `mpvi suite run` is at work in this folder" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (["run", "trash11"], "unknown suite 'trash11'. Did you mean 'trash10'?"),
+        (["run", "trash10", "--policy", "exprt"], "expert"),
+        (["run", "nowhere.yaml"], "nowhere.yaml: there is no such file"),
+        (["run", "trash10", "--workers", "0"], "--workers"),
+    ],
+)
+def test_bad_usage_is_one_line_and_exit_code_2(mpvi: Shell, args: list[str], words: str) -> None:
+    """What was given and what would be valid, before anything starts."""
+    done = mpvi("suite", *args)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr

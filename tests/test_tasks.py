@@ -1,0 +1,116 @@
+"""Tasks and suites on file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mpvi_bt import paths
+from mpvi_bt.errors import FileProblems, UnknownName, UserError
+from mpvi_bt.goals.problem import load_problem
+from mpvi_bt.suite.tasks import load_suite, load_task
+
+TASK = """\
+instruction: Put the cans in the bin.
+problem: picking_up_trash
+house: family_house
+bindings:
+  can__of__soda.n.01: can_of_soda
+  ashcan.n.01: trash_can
+plan: picking_up_trash
+tree: picking_up_trash
+"""
+
+
+@pytest.mark.parametrize("name", paths.names("tasks"))
+def test_every_shipped_task_loads_and_is_bound(name: str) -> None:
+    """Each movable of its problem has a catalogue entry, and its budget is positive."""
+    task = load_task(name)
+    problem = load_problem(task.problem)
+    assert {problem.objects[o] for o in problem.movables} == set(task.bindings)
+    assert task.budget_s > 0
+
+
+@pytest.mark.parametrize("name", paths.names("tasks/suites"))
+def test_every_shipped_suite_names_each_episode_once(name: str) -> None:
+    """Result files would overwrite one another otherwise."""
+    names = [config.name for config in load_suite(name).episodes()]
+    assert names
+    assert len(set(names)) == len(names)
+
+
+def test_the_budget_is_twice_the_human_time_unless_given(tmp_path: Path) -> None:
+    """10535 steps for picking_up_trash, as in the 2025 challenge."""
+    assert load_task("picking_up_trash").budget_s == pytest.approx(10535 / 30)
+    path = tmp_path / "mine.yaml"
+    path.write_text(TASK + "time_budget_s: 60\n")
+    assert load_task(str(path)).budget_s == 60
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "words"),
+    [
+        ("problem: picking_up_trash", "problem: picking_up_thrash", "2:10", "Did you mean 'picking_up_trash'?"),
+        ("family_house", "familly_house", "3:8", "unknown house 'familly_house'. Did you mean 'family_house'?"),
+        ("can__of__soda.n.01:", "can_of_soda.n.01:", "5:3", "Did you mean 'can__of__soda.n.01'?"),
+        ("  ashcan.n.01: trash_can\n", "", "4:1", "no binding for ashcan.n.01"),
+        ("plan:", "plann:", "7:1", "unknown key 'plann'. Did you mean 'plan'?"),
+        ("tree: picking_up_trash\n", "tree: ../etc\n", "8:7", "should match pattern"),
+        ("tree: picking_up_trash\n", "tree: x\ninstances: 0\n", "9:12", "greater than or equal to 1"),
+        ("tree: picking_up_trash\n", "tree: x\ntime_budget_s: .inf\n", "9:16", "finite"),
+    ],
+)
+def test_what_is_wrong_with_a_task_is_placed(tmp_path: Path, old: str, new: str, place: str, words: str) -> None:
+    """Line, column, and what would be valid."""
+    path = tmp_path / "mine.yaml"
+    assert old in TASK
+    path.write_text(TASK.replace(old, new, 1))
+    with pytest.raises(FileProblems) as caught:
+        load_task(str(path))
+    assert f"{path}:{place}: " in str(caught.value)
+    assert words in str(caught.value)
+
+
+def test_unknown_tasks_and_suites_name_the_nearest() -> None:
+    """A misspelled name is answered with the one that was meant."""
+    with pytest.raises(UnknownName, match=r"unknown task 'picking_up_trsh'.*'picking_up_trash'"):
+        load_task("picking_up_trsh")
+    with pytest.raises(UnknownName, match=r"unknown suite 'trash100'.*'trash10'"):
+        load_suite("trash100")
+
+
+@pytest.mark.parametrize("instance", [-1, 10, 300])
+def test_an_instance_out_of_range_says_the_range(instance: int) -> None:
+    """The error tells which instances there are."""
+    with pytest.raises(UserError, match=f"instance {instance} is out of range: the task has instances 0 to 9"):
+        load_task("picking_up_trash").check_instance(instance)
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "words"),
+    [
+        ("tasks: [nonsense]\ninstances: [0]\n", "1:9", "unknown task 'nonsense'"),
+        ("tasks: [picking_up_trash]\ninstances: [0, 10]\n", "2:16", "instance 10 is out of range"),
+        ("tasks: [picking_up_trash]\ninstances: [1, 2, 1]\n", "2:19", "1 is in instances twice"),
+        ("tasks: [picking_up_trash]\ninstances: []\n", "2:12", "at least 1 item"),
+        ("tasks: [picking_up_trash]\n", "1:1", "missing key 'instances'"),
+    ],
+)
+def test_what_is_wrong_with_a_suite_is_placed(tmp_path: Path, text: str, place: str, words: str) -> None:
+    """Line, column, and what is wrong."""
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    with pytest.raises(FileProblems) as caught:
+        load_suite(str(path))
+    assert f"{path}:{place}: " in str(caught.value)
+    assert words in str(caught.value)
+
+
+def test_a_suite_is_the_product_of_its_lists(tmp_path: Path) -> None:
+    """Every task with every seed and instance, under the options given."""
+    path = tmp_path / "mine.yaml"
+    path.write_text("tasks: [picking_up_trash]\ninstances: [4, 2]\nseeds: [0, 1]\n")
+    episodes = load_suite(str(path)).episodes(checker="oracle")
+    assert [(c.seed, c.instance) for c in episodes] == [(0, 4), (0, 2), (1, 4), (1, 2)]
+    assert {c.checker for c in episodes} == {"oracle"}
