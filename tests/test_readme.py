@@ -10,6 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from mpvi_bt.paths import find
+from mpvi_bt.tree.render import ascii_tree
+from mpvi_bt.tree.yaml_io import load_tree
+
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```sh\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
@@ -66,3 +70,15 @@ def test_continuous_integration_runs_the_test_command() -> None:
 def test_links_lead_somewhere(link: str) -> None:
     """Each link of the README to a file of ours finds it."""
     assert (ROOT / link).exists()
+
+
+def test_the_tree_at_the_top_is_one_that_runs() -> None:
+    """It fits 80 columns, and each of its nodes is one of the shipped tree's, as the live view draws them."""
+    drawn = re.search(r"^```\n(\{-\} .*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
+    assert drawn
+    lines = [line for line in drawn[1].splitlines() if not line.startswith("[*]")]
+    assert max(map(len, lines)) <= 80
+    known = ascii_tree(load_tree(find("trees", "picking_up_trash")), width=200).splitlines()
+    for line in lines:
+        label = re.split(r"\.\.\.| \[[-*ox!]\]", line)[0]
+        assert any(node.startswith(label) for node in known), line
