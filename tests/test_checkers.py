@@ -15,6 +15,7 @@ from mpvi_bt.robot import r1
 from mpvi_bt.robot.kinematics import LINK_TO_OPTICAL, rot_y, transform
 from mpvi_bt.robot.protocol import CameraImage, Side
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.testing import check_checker
 
 PHRASES = {
     "can_1": ("can of soda", "soda can"),
@@ -269,6 +270,12 @@ def test_a_scene_elsewhere_in_the_world_is_judged_the_same() -> None:
     boxes: list[Box] = [FLOOR, *trash_can(), can(0.05, 0.0, 0.01)]
     moved: list[Box] = [(n, (a[0] + 10, a[1] - 4, a[2]), (b[0] + 10, b[1] - 4, b[2])) for n, a, b in boxes]
     assert see("a can of soda is in the trash can", picture("head", T, moved)).complete
+
+
+def test_both_judges_keep_the_contract_of_a_checker() -> None:
+    """The same checks as every checker, ours or a user's."""
+    check_checker(VisualChecker(PHRASES))
+    check_checker(OracleChecker(Facts(), PHRASES))
 
 
 # --------------------------------------------------------------------------------------------------- oracle

@@ -19,6 +19,7 @@ from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout
+from mpvi_bt.testing import check_navigator
 from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
 
 HANDOFF = Handoff()
@@ -188,6 +189,13 @@ def test_it_drives_through_the_doorway_to_an_object_and_stands_facing_it() -> No
     clear = traversability(grid_map, 0.33, [(can.lowest, can.highest)])
     assert all(np.isfinite(clear.cost[grid_map.cell(pose[:2])]) for pose in trace)
     assert (robot.action[ActionLayout.BASE] == 0).all()
+
+
+def test_it_keeps_the_contract_of_a_navigator() -> None:
+    """The same checks as every navigator, ours or a user's."""
+    robot = KinematicRobot(1.0, 1.0)
+    navigator = KnownPlaceNavigator(robot, two_rooms(), knowing())
+    check_navigator(navigator, robot, lambda _: robot.advance(), "living room")
 
 
 def test_at_the_target_already_it_is_done_without_a_move() -> None:

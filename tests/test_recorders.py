@@ -1,0 +1,160 @@
+"""Laws of the path picture and of the video, over the shipped doubles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import imageio_ffmpeg
+import numpy as np
+import pytest
+
+from mpvi_bt.errors import UserError
+from mpvi_bt.executive.loop import Subscriber, Watcher, World, run_episode
+from mpvi_bt.executive.pictures import PathPicture, path_picture
+from mpvi_bt.executive.video import SIZE, Follower, Video, compose
+from mpvi_bt.perception.knowledge import KnowledgeBase
+from mpvi_bt.plan.planners import RecordedPlanner
+from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.testing import KinematicWorld, scripted_context
+from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.compile import compile_plan
+from tests.navigation_maps import thing, two_rooms
+
+SKILLS = load_skills()
+SPEC = compile_plan(RecordedPlanner().plan("picking_up_trash"), SKILLS)
+
+
+class VisibleWorld(KinematicWorld):
+    """A world that looks green from outside."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.looks = 0
+
+    def look_from(self, T_world_camera: Array, size: tuple[int, int]) -> CameraImage:
+        """Green."""
+        self.looks += 1
+        rgb = np.full((size[1], size[0], 3), (20, 200, 20), np.uint8)
+        return CameraImage("outside", rgb, np.zeros(rgb.shape[:2], np.float32), None, {}, np.eye(3), T_world_camera)
+
+
+class Interrupting(Watcher):
+    """Presses Ctrl-C after a second."""
+
+    def step(self, tree: Tree, world: World) -> None:
+        """Raise when it is time."""
+        if world.time_s >= 1.0:
+            raise KeyboardInterrupt
+
+
+def watch(world: KinematicWorld, *subscribers: Subscriber, max_time_s: float = 2.0) -> None:
+    """Run a short episode under the eyes of these."""
+    context = scripted_context(world, SKILLS, {"trash can": (1.0, 0.0), "can of soda": (0.0, 0.5)}, {})
+    run_episode(Tree(SPEC), world, context, subscribers, max_time_s=max_time_s)
+
+
+def frames(file: Path) -> list[np.ndarray]:
+    """Every frame of a video, as a player would read it."""
+    reader = imageio_ffmpeg.read_frames(str(file))
+    width, height = next(reader)["size"]
+    return [np.frombuffer(data, np.uint8).reshape(height, width, 3) for data in reader]
+
+
+def has(picture: np.ndarray, rgb: tuple[int, int, int], tolerance: int = 12) -> bool:
+    """Whether any pixel is about that color."""
+    return bool((np.abs(picture.astype(int) - rgb).max(-1) <= tolerance).any())
+
+
+def test_the_picture_shows_the_way_from_start_to_end() -> None:
+    """Early and late colors of the way appear where the base was at those times, and nowhere without a drive."""
+    poses = np.linspace([1.0, 2.0, 0.0], [7.0, 2.0, 0.0], 200)
+    driven, parked = path_picture(two_rooms(), poses), path_picture(two_rooms(), poses[:1])
+    early, late = (60, 5, 150), (245, 180, 50)
+    column = driven.shape[1] // 8  # a metre of the map
+    way = driven[: -driven.shape[0] // 8]  # without the bar that explains the colors
+    assert has(way[:, column : 3 * column], early, 60)
+    assert has(way[:, 5 * column : 7 * column], late, 60)
+    assert not has(way[:, : 4 * column], late, 20)
+    assert not has(parked, late, 20)
+
+
+def test_north_is_up_in_the_picture() -> None:
+    """What lies at a greater y of the world is drawn higher."""
+
+    def row_of_end(y: float) -> float:
+        picture = path_picture(two_rooms(), np.array([[6.0, 2.0, 0.0], [1.0, y, 0.0]]))
+        red = np.argwhere(np.abs(picture.astype(int) - (200, 40, 50)).max(-1) < 20)
+        return float(np.median(red[:, 0]))
+
+    assert row_of_end(3.4) < row_of_end(0.6)
+
+
+def test_moved_objects_are_marked_and_others_are_not() -> None:
+    """An arrow's color appears only if something went somewhere."""
+    poses, orange = np.array([[1.0, 2.0, 0.0]]), (240, 120, 20)
+    can, moved = {"can": np.array([2.0, 3.0])}, {"can": np.array([6.0, 3.0])}
+    assert has(path_picture(two_rooms(), poses, can, moved), orange)
+    assert not has(path_picture(two_rooms(), poses, can, can), orange)
+
+
+def test_an_episode_leaves_its_picture_even_when_interrupted(tmp_path: Path) -> None:
+    """The file is there after Ctrl-C, in a folder that was not."""
+    base = KnowledgeBase()
+    base.put(thing("can", (2.0, 3.0, 0.06), (0.07, 0.07, 0.12)))
+    file = tmp_path / "new" / "path.png"
+    with pytest.raises(KeyboardInterrupt):
+        watch(KinematicWorld(), PathPicture(file, two_rooms(), lambda: base), Interrupting())
+    picture = cv2.imread(str(file))
+    assert picture is not None
+    assert picture.shape[2] == 3
+
+
+def test_the_video_plays_with_a_frame_for_every_so_many_steps(tmp_path: Path) -> None:
+    """Two seconds at five frames a second, the last state for a second more; the outside view is in it."""
+    world, file = VisibleWorld(), tmp_path / "new" / "episode.mp4"
+    watch(world, Video(file, "picking_up_trash", frames_per_s=5, speed=1))
+    shown = frames(file)
+    assert len(shown) == 2 * 5 + 1 + 5
+    assert shown[0].shape == (SIZE[1], SIZE[0], 3)
+    assert has(shown[0][:500, :700], (20, 200, 20), 30)
+    assert world.looks == len(shown)
+
+
+def test_after_ctrl_c_the_video_plays(tmp_path: Path) -> None:
+    """The index is written, without which no player opens the file."""
+    file = tmp_path / "episode.mp4"
+    with pytest.raises(KeyboardInterrupt):
+        watch(KinematicWorld(), Video(file, frames_per_s=2), Interrupting())
+    assert len(frames(file)) >= 2
+
+
+def test_a_file_that_cannot_be_written_is_a_user_error(tmp_path: Path) -> None:
+    """Said before the episode begins, with the path."""
+    (tmp_path / "file").write_text("")
+    bad = tmp_path / "file" / "episode.mp4"
+    with pytest.raises(UserError, match="cannot write the video"):
+        watch(KinematicWorld(), Video(bad))
+
+
+def test_a_long_tree_leaves_the_frame_in_order() -> None:
+    """Lines that do not fit are counted, not drawn over what is below."""
+    head = np.zeros((240, 320, 3), np.uint8)
+    frame = compose(None, head, "\n".join(f"line {i}" for i in range(300)), "")
+    assert frame.shape == (SIZE[1], SIZE[0], 3)
+
+
+def test_the_following_camera_looks_at_the_robot_and_stays_upright() -> None:
+    """Wherever the base goes, it is near the middle of the picture, and the picture's down is down."""
+    follow, rng = Follower(), np.random.default_rng(0)
+    pose = np.array([3.0, 2.0, 1.0])
+    for _ in range(200):
+        pose = pose + rng.normal(0, (0.05, 0.05, 0.1))
+        T = follow(pose)
+        np.testing.assert_allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-9)
+        assert T[2, 1] < 0  # y of the picture points down
+        seen = np.linalg.inv(T) @ np.array([pose[0], pose[1], 0.7, 1.0])
+        assert seen[2] > 0.5
+        assert np.abs(seen[:2] / seen[2]).max() < 0.55
