@@ -43,7 +43,7 @@ clean:  ## remove the virtual environment and caches
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .numba_cache
 
 system:
-	@scripts/system-packages.sh
+	@PYTHON=$(PYTHON) scripts/system-packages.sh
 
 $(bin)/python: | system
 	$(PYTHON) -m venv $(VENV)

@@ -32,7 +32,7 @@ has_library libX11.so.6 || missing="$missing libx11-6"
 has_library libGL.so.1 || missing="$missing libgl1"
 has_library libgthread-2.0.so.0 || missing="$missing libglib2.0-0"
 has_library libvulkan.so.1 || missing="$missing libvulkan1"
-python3 -c 'import ensurepip, venv' 2>/dev/null || missing="$missing python3-venv"
+"${PYTHON:-python3}" -c 'import ensurepip, venv' 2>/dev/null || missing="$missing python3-venv"
 
 if ! command -v apt-get >/dev/null; then
     [ -z "$missing" ] || say "not Debian or Ubuntu: install what corresponds to$missing, and Mesa >= $mesa_needed, yourself"
