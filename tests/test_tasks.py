@@ -56,9 +56,13 @@ def test_the_budget_is_twice_the_human_time_unless_given(tmp_path: Path) -> None
         ("can__of__soda.n.01:", "can_of_soda.n.01:", "5:3", "Did you mean 'can__of__soda.n.01'?"),
         ("  ashcan.n.01: trash_can\n", "", "4:1", "no binding for ashcan.n.01"),
         ("plan:", "plann:", "7:1", "unknown key 'plann'. Did you mean 'plan'?"),
+        (": trash_can", ": trash_cn", "6:16", "unknown catalogue entry 'trash_cn'. Did you mean 'trash_can'?"),
+        (": trash_can", ": can_of_soda", "6:16", "can_of_soda is can__of__soda.n.01, not ashcan.n.01"),
+        ("plan: picking_up_trash", "plan: picking", "7:7", "unknown plan 'picking'"),
+        ("tree: picking_up_trash", "tree: picking", "8:7", "unknown tree 'picking'"),
         ("tree: picking_up_trash\n", "tree: ../etc\n", "8:7", "should match pattern"),
-        ("tree: picking_up_trash\n", "tree: x\ninstances: 0\n", "9:12", "greater than or equal to 1"),
-        ("tree: picking_up_trash\n", "tree: x\ntime_budget_s: .inf\n", "9:16", "finite"),
+        ("tree: picking_up_trash\n", "tree: picking_up_trash\ninstances: 0\n", "9:12", "greater than or equal to 1"),
+        ("tree: picking_up_trash\n", "tree: picking_up_trash\ntime_budget_s: .inf\n", "9:16", "finite"),
     ],
 )
 def test_what_is_wrong_with_a_task_is_placed(tmp_path: Path, old: str, new: str, place: str, words: str) -> None:

@@ -107,7 +107,7 @@ def status(name: str, out: Path | None, as_json: bool, **options: Any) -> None:
         return
     line = f"{title}: {len(results)}/{len(episodes)} done, {data['failed']} failed"
     line += f", mean q {data['mean_q']:.2f}" if results else ""
-    line += f", {len(faults)} machine faults" if faults else ""
+    line += f", {len(faults)} machine fault{'s' * (len(faults) > 1)}" if faults else ""
     click.echo(line + (", a run is at work now" if data["running"] else ""))
     if data["to_do"]:
         click.echo("to do: " + ", ".join(data["to_do"]))

@@ -59,7 +59,7 @@ class Progress:
         """Such as "4/10 done, 2 running, 1 failed, mean q 0.75, 2 min left"."""
         parts = [f"{len(self.q)}/{self.total} done", f"{self.running} running", f"{self.failed} failed"]
         if self.faults:
-            parts.append(f"{self.faults} machine faults")
+            parts.append(f"{self.faults} machine fault{'s' * (self.faults > 1)}")
         if self.q:
             parts.append(f"mean q {sum(self.q) / len(self.q):.2f}")
         left = self.total - len(self.q) - self.faults

@@ -115,9 +115,9 @@ class _Run:
                 self._schedule(pool, config, 1)
             while self.waiting:
                 done, _ = wait(self.waiting, timeout=_POLL_S, return_when=FIRST_COMPLETED)
+                self.listener.tick(sum(future.running() for future in self.waiting))
                 for future in done:
                     self._take(pool, future)
-                self.listener.tick(sum(future.running() for future in self.waiting))
             pool.close()  # type: ignore[no-untyped-call]
         except BaseException:
             pool.stop()  # type: ignore[no-untyped-call]

@@ -11,7 +11,8 @@ from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, UnknownName, UserError
 from mpvi_bt.errors import Problem as FileProblem
 from mpvi_bt.goals.problem import Problem, activities, load_problem
-from mpvi_bt.marked_yaml import Location, Marks, Record, load_marked, validate_data
+from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
+from mpvi_bt.sim.catalogue import Catalogue, load_catalogue
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.human import human_stats
 
@@ -103,7 +104,7 @@ def read_task(path: Path) -> Task:
     task = validate_data(data, marks, Task)
     problems = _check_names(task, marks)
     if not problems:
-        problems = _check_bindings(task, load_problem(task.problem), marks)
+        problems = _check_bindings(task, load_problem(task.problem), load_catalogue(), marks)
     if problems:
         raise FileProblems(problems)
     return task
@@ -143,31 +144,39 @@ def load_suite(name: str) -> Suite:
 
 def _check_names(task: Task, marks: Marks) -> list[FileProblem]:
     """Names that the task takes from elsewhere."""
-    references: list[tuple[str, str, list[str]]] = [
-        ("problem", task.problem, list(activities())),
-        ("house", task.house, paths.names("tasks/houses")),
+    known = {
+        "problem": list(activities()),
+        "house": paths.names("tasks/houses"),
+        "plan": paths.names("tasks/plans"),
+        "tree": paths.names("trees"),
+    }
+    problems = [
+        marks.problem((key,), f"unknown-{key}", str(UnknownName(key, getattr(task, key), names)))
+        for key, names in known.items()
+        if getattr(task, key) not in names
     ]
-    problems = [_unknown(marks, (key,), key, given, known) for key, given, known in references if given not in known]
-    if task.time_budget_s is None and task.problem not in human_stats():
+    if task.time_budget_s is None and task.problem in known["problem"] and task.problem not in human_stats():
         message = f"no human did {task.problem!r}, so time_budget_s must be given"
         problems.append(marks.problem((), "missing-key", message))
     return problems
 
 
-def _check_bindings(task: Task, problem: Problem, marks: Marks) -> list[FileProblem]:
-    """Every movable object's synset is bound, and nothing else is."""
+def _check_bindings(task: Task, problem: Problem, catalogue: Catalogue, marks: Marks) -> list[FileProblem]:
+    """Every movable object's synset, and nothing else, is bound, each to an entry of that synset."""
     wanted = {problem.objects[name] for name in problem.movables}
-    problems = [
-        _unknown(marks, ("bindings", synset), "movable synset", synset, wanted)
-        for synset in task.bindings
-        if synset not in wanted
-    ]
+    problems = []
+    for synset, name in task.bindings.items():
+        place = ("bindings", synset)
+        entry = catalogue.entries.get(name)
+        if synset not in wanted:
+            message = str(UnknownName("movable synset", synset, wanted))
+            problems.append(marks.problem(place, "unknown-synset", message, key=True))
+        elif entry is None:
+            fitting = [e.name for e in catalogue if e.synset == synset] or catalogue.entries
+            problems.append(marks.problem(place, "unknown-entry", str(UnknownName("catalogue entry", name, fitting))))
+        elif entry.synset != synset:
+            problems.append(marks.problem(place, "wrong-entry", f"{name} is {entry.synset}, not {synset}"))
     missing = sorted(wanted - task.bindings.keys())
     if missing:
         problems.append(marks.problem(("bindings",), "missing-key", f"no binding for {', '.join(missing)}", key=True))
     return problems
-
-
-def _unknown(marks: Marks, location: Location, kind: str, given: str, known: set[str] | list[str]) -> FileProblem:
-    message = str(UnknownName(kind, given, known))
-    return marks.problem(location, f"unknown-{kind.split()[-1]}", message, key=location[0] == "bindings")
