@@ -20,7 +20,8 @@ from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 
-_ATTEMPTS = 4
+_ATTEMPTS = 4  # of one skill
+_ROUNDS = 3  # of a whole prompt
 
 
 class ExpertPolicy:
@@ -68,15 +69,21 @@ class ExpertPolicy:
         return action[None]
 
     def _perform(self, work: Work, prompt: str) -> Actions:
+        calls: list[SkillCall] = []
         for clause in clauses(prompt):
             call = match(clause, self._skills)
             if call is None:
                 self.note = f"no skill for {clause!r}"
                 return
-            if not (yield from self._attempt(work, call)):
+            calls.append(call)
+        for _ in range(_ROUNDS):  # what was dropped on the way is picked up again
+            for call in calls:
+                if not (yield from self._attempt(work, call)):
+                    break
+            else:
+                yield from work.tuck()
+                self.note = "done"
                 return
-        yield from work.tuck()
-        self.note = "done"
 
     def _attempt(self, work: Work, call: SkillCall) -> Any:
         """Try one skill several times from different places; yields actions, returns whether it succeeded."""
@@ -88,14 +95,17 @@ class ExpertPolicy:
             except MotionFailure as failure:
                 self.note = f"{call.skill.name}: {failure.reason}"
                 yield from self._recover(work)
+                if failure.reason in ("missed", "not_held"):
+                    return False
         return False
 
     def _skill(self, work: Work, call: SkillCall, tried: list[Array]) -> Actions:
         words = call.arguments
         if call.skill.name == "pick":
+            alike = {e.name for e in self._truth.knowledge().find(words["object"])}
+            if any(work.truth.holding(s) in alike for s in SIDES if words.get("hand") in (None, s)):
+                return  # in hand already
             name = self._nearest(work, words["object"])
-            if any(work.truth.holding(s) == name for s in SIDES):
-                return
             for side in self._free_hands(work, words.get("hand"), name):
                 try:
                     yield from pick(work, name, side, tried)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +16,9 @@ from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid
 
 _OVER_RIM_M = 0.02  # between the lowest point of the thing and the rim
+_FALL_M = 0.008  # to spare on every side of a thing that falls into a container
 _CLEAR_M = 0.04  # between things on a surface
+_BEST_RELEASES = 80  # tried of each pose of the container
 _TILTS = (0.0, 0.35, -0.35, 0.7)
 _TURNS = tuple(np.arange(-3.0, 3.01, 0.5))
 
@@ -24,7 +27,7 @@ def place_in(work: Work, side: Side, container: str, tried: list[Array]) -> Acti
     """Drop what `side` holds into a container, which stands somewhere or hangs in the other hand.
 
     Raises:
-        MotionFailure: "not_a_container", "no_release", "no_stance", "not_released", or a motion's own reason.
+        MotionFailure: "not_a_container", "no_release", "no_stance", "not_released", "missed", or a motion's own reason.
     """
     held = work.held()[side]
     volumes = work.truth.volumes(container)
@@ -32,7 +35,7 @@ def place_in(work: Work, side: Side, container: str, tried: list[Array]) -> Acti
         raise MotionFailure("not_a_container")
     releases = list(_releases(work, held, side, max(volumes, key=lambda v: float(np.prod(v.half_m))), container))
     if work.truth.holding(other(side)) == container:
-        yield from _reach_over(work, side, releases)
+        yield from _reach_over(work, side, releases, container)
         yield from _let_go(work, side)
     else:
         search = work.search(side, {container})
@@ -46,7 +49,10 @@ def place_in(work: Work, side: Side, container: str, tried: list[Array]) -> Acti
         yield from work.lines(side, stance, [1])
         yield from _let_go(work, side)
         yield from work.rise(side)
+    missed = held.name not in work.truth.within(container)
     yield from work.settle(without={held.name})
+    if missed:
+        raise MotionFailure("missed")
 
 
 def place_on(work: Work, side: Side, surface: str, tried: list[Array]) -> Actions:
@@ -83,27 +89,44 @@ def _let_go(work: Work, side: Side) -> Actions:
         raise MotionFailure("not_released")
 
 
-def _reach_over(work: Work, side: Side, releases: list[tuple[Array, float]]) -> Actions:
-    """Bring the hand over what the other hand holds, the base standing still."""
-    body = work.body()
-    to_base = kin.inverse(work.base)
-    chest = kin.inverse(kin.chest(work.motion.torso))
-    found: list[tuple[float, Array]] = []
-    for T, cost in releases:
-        _, q = kin.arm_inverse(chest @ to_base @ T, side, swivels=24)
-        if len(q):
-            free = q[body.free(side, q, margin=0.01)]
-            if len(free):
-                near = kin.posture_distance(free, work.motion.arm(side))
-                found.append((cost + 0.05 * float(near.min()), free[near.argmin()]))
-    if not found:
-        raise MotionFailure("no_release")
-    for _, q in sorted(found, key=lambda f: f[0])[:8]:
-        path = arm_motion.plan(body, side, q, work.rng, start=work.motion.arm(side))
-        if path is not None:
-            yield from work.motion.follow(side, path, speed=1.0)
-            return
+def _reach_over(work: Work, side: Side, releases: list[tuple[Array, float]], container: str) -> Actions:
+    """Bring the container in the other hand and this hand over it together, the base standing still."""
+    before = kin.inverse(work.truth.pose(container))
+    motion, hand = work.motion, other(side)
+    now, to_base = motion.hand(hand), kin.inverse(work.base)
+    chest = kin.inverse(kin.chest(motion.torso))
+    best = sorted(releases, key=lambda r: r[1])[:_BEST_RELEASES]
+    goals = np.stack([to_base @ T for T, _ in best]) if best else np.zeros((0, 4, 4))
+    still = work.body()
+    for shown in _presented(now, hand):
+        aside = [motion.arm(hand)] if shown is now else arm_motion.plan_level(still, hand, shown)
+        if aside is None:
+            continue
+        body = replace(still, arms={**still.arms, hand: aside[-1]})
+        if not body.free(side, motion.arm(side))[0]:
+            continue
+        at, q = kin.arm_inverse(chest @ shown @ kin.inverse(now) @ goals, side, swivels=24)
+        for release in np.unique(at):
+            postures = q[at == release]
+            near = postures[np.argsort(kin.posture_distance(postures, motion.arm(side)))[:3]]
+            for goal in near[body.free(side, near, margin=0.005)]:
+                path = arm_motion.plan(body, side, goal, work.rng, iterations=120)
+                if path is not None:
+                    yield from motion.follow(hand, aside, speed=0.8)
+                    yield from motion.follow(side, path, speed=1.0)
+                    # Arms give way under a load, by a centimeter; what counts is where the container hangs now.
+                    hangs = work.truth.pose(container) @ before @ best[release][0]
+                    yield from motion.line(side, kin.inverse(work.base) @ hangs, speed=0.08)
+                    return
     raise MotionFailure("no_release")
+
+
+def _presented(now: Array, hand: Side) -> Iterator[Array]:
+    """Poses T_base_tcp to hold a container out to the other hand: where it is, then in front of the body, turned."""
+    yield now
+    for turn in (0.0, 0.6, -0.6, 1.2, -1.2, 1.57, -1.57):
+        for x, y, z in ((0.50, 0.14, 0.72), (0.45, 0.24, 0.72), (0.55, 0.24, 0.72), (0.50, 0.14, 0.82)):
+            yield kin.transform(kin.rot_z(turn) @ now[:3, :3], (x, y * r1.SIGN[hand], z))
 
 
 def _releases(work: Work, held: Held, side: Side, volume: Solid, container: str) -> Iterator[tuple[Array, float]]:
@@ -128,21 +151,24 @@ def _releases(work: Work, held: Held, side: Side, volume: Solid, container: str)
             boxes = np.stack([s.moved(kin.transform(R, (0.0, 0.0, 0.0))).aabb() for s in held.solids])
             low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
             radius = float((high - low)[:2].max()) / 2
-            for x, y in _offsets(half[:2] - radius - 0.005):
+            for x, y in _offsets(half[:2] - radius - _FALL_M):
                 gaps = [np.linalg.norm(np.maximum(np.maximum(b[0, :2] - [x, y], [x, y] - b[1, :2]), 0)) for b in spanning]
-                if min(gaps, default=9.0) < radius + 0.005:
+                spare = min([*gaps, *(half[:2] - np.abs([x, y]))]) - radius
+                if spare < _FALL_M:
                     continue
                 over = volume.T[:3, :3] @ [x, y, 0.0] + volume.T[:3, 3]
                 p = np.append(over[:2] - ((low + high) / 2)[:2], rim + _OVER_RIM_M - low[2])
-                yield kin.transform(R, p), 2.0 * float(np.hypot(x, y)) + 0.1 * abs(float(turn)) + 0.3 * abs(tilt)
+                cost = 10 * max(0.0, 0.025 - spare) + 0.1 * abs(float(turn)) + 2.0 * abs(tilt) + 10 * radius
+                yield kin.transform(R, p), cost + 0.5 * float(np.hypot(x, y))
 
 
 def _offsets(room: Array) -> Iterator[tuple[float, float]]:
     """A grid over +-room (2,) [m], the middle first; nothing if there is none."""
     if (room < 0).any():
         return
-    for fx in (0.0, 0.5, -0.5, 1.0, -1.0):
-        for fy in (0.0, 0.5, -0.5, 1.0, -1.0):
+    steps = (0.0, 0.35, -0.35, 0.7, -0.7, 1.0, -1.0)
+    for fx in steps:
+        for fy in steps:
             yield fx * float(room[0]), fy * float(room[1])
 
 

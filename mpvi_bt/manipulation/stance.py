@@ -123,8 +123,7 @@ class Search:
         holds = [[self.motion.arm(side)]]
         for x, y, z in _ASIDE:
             T = kin.transform(now[:3, :3], (x, y * r1.SIGN[side], z))
-            q = kin.nearest_posture(kin.inverse(kin.chest(self.motion.torso)) @ T, side, self.motion.arm(side))
-            if q is not None and (path := arm_motion.plan(body, side, q, self.rng, iterations=60)) is not None:
+            if (path := arm_motion.plan_level(body, side, T)) is not None:
                 holds.append(path)
         return holds
 

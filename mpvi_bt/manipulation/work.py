@@ -131,8 +131,8 @@ class Work:
 
     def _carry(self, side: Side, level: dict[Side, Array], without: Collection[str]) -> tuple[Array, list[Array]] | None:
         """A pose in the base frame to carry what `side` holds, kept all the way to the travel posture, and a path to it."""
-        body = self.body(without)
-        now, load = self.motion.hand(side), body.held[side]
+        body, held = self.body(without), self.held()
+        now, load = self.motion.hand(side), held[side].load
         ranked = []
         for x, y, z, yaw in _CARRIES:
             T = kin.transform(kin.rot_z(yaw * r1.SIGN[side]) @ now[:3, :3], (x, y * r1.SIGN[side], z))
@@ -142,7 +142,9 @@ class Work:
             q = kin.nearest_posture(kin.inverse(kin.chest(self.motion.torso)) @ T, side, self.motion.arm(side))
             if q is None or not body.free(side, q)[0] or not self._kept(side, q, {**level, side: T}, body.held):
                 continue
-            path = arm_motion.plan(body, side, q, self.rng, start=self.motion.arm(side))
+            path = arm_motion.plan_level(body, side, T, start=self.motion.arm(side))
+            if path is None and not self.truth.volumes(held[side].name):  # what is no container may be tipped on the way
+                path = arm_motion.plan(body, side, q, self.rng, start=self.motion.arm(side), iterations=150)
             if path is not None:
                 return T, path
         return None

@@ -1,9 +1,11 @@
-"""Collision-free motion of one arm in joint space: RRT-Connect, then shortcuts."""
+"""Collision-free motion of one arm: RRT-Connect in joint space, or lines of the hand that never tip what it holds."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
 
+from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.protocol import Side
@@ -11,6 +13,7 @@ from mpvi_bt.robot.solids import Array
 
 _STEP_RAD = 0.5  # how far a tree grows at once
 _CHECK_RAD = 0.07  # spacing of the checks along an edge
+_LEAP_RAD = 0.45  # between neighbors of a line; more is another elbow
 
 
 def plan(
@@ -65,6 +68,60 @@ def plan(
                 first, second = halves if this == 0 else halves[::-1]
                 return _shortened(first[::-1] + second[1:], edge, rng)
     return None
+
+
+def plan_level(body: Body, side: Side, T_base_tcp: Array, start: Array | None = None) -> list[Array] | None:
+    """A free path of arm `side` to a hand pose that never tips what it holds: straight lines of the hand.
+
+    The direct line is tried first, then detours over a point above, before or beside the way.
+
+    Args:
+        body: The robot's posture and surroundings; everything but this arm stays.
+        side: The arm that moves.
+        T_base_tcp: (4, 4) the goal, tilted like the present hand pose.
+        start: (7,) instead of the posture in `body`.
+
+    Returns:
+        Postures (7,), or None if none of these ways is free.
+    """
+    begin = np.asarray(body.arms[side] if start is None else start, float)
+    now = kin.tcp(body.torso, begin, side)
+    middle = (now[:3, 3] + T_base_tcp[:3, 3]) / 2
+    for detour in _DETOURS:
+        via = now.copy()
+        via[:3, 3] = middle + detour * [1, r1.SIGN[side], 1]
+        path = [begin]
+        for goal in ([T_base_tcp] if not detour.any() else [via, T_base_tcp]):
+            leg = _line(body, side, path[-1], goal)
+            if leg is None:
+                break
+            path += leg
+        else:
+            return path
+    return None
+
+
+# Of the middle of the way, y toward the arm's own side [m].
+_DETOURS = np.array([(0.0, 0, 0), (0, 0, 0.15), (0.15, 0, 0), (0.15, 0, 0.15), (0.1, 0.15, 0), (0, 0.15, 0.1), (0, 0, 0.3),
+                     (0.2, 0.15, 0.15), (0, 0, -0.15), (0.25, 0, -0.1)])  # fmt: skip
+
+
+def _line(body: Body, side: Side, start: Array, goal: Array) -> list[Array] | None:
+    first = kin.tcp(body.torso, start, side)
+    length = float(np.linalg.norm(goal[:3, 3] - first[:3, 3]))
+    turning = Rotation.from_matrix(np.stack([first[:3, :3], goal[:3, :3]]))
+    n = max(2, int(np.ceil(max(length / 0.025, (turning[0].inv() * turning[1]).magnitude() / 0.1))))
+    slerp, chest, path = Slerp([0, 1], turning), kin.inverse(kin.chest(body.torso)), [start]
+    for u in np.linspace(0, 1, n + 1)[1:]:
+        T = kin.transform(slerp(u).as_matrix(), first[:3, 3] + (goal[:3, 3] - first[:3, 3]) * u)
+        q = kin.nearest_posture(chest @ T, side, path[-1])
+        if q is None or np.abs(q - path[-1]).max() > _LEAP_RAD:
+            return None
+        path.append(q)
+    around, itself = body.clearance(side, np.array(path))
+    worst = np.minimum(around, itself)
+    # A start in slight contact may be left, not made worse.
+    return path[1:] if (worst[1:] > min(0.0, float(worst[0]) - 1e-6)).all() and worst[-1] > 0 else None
 
 
 def _grow(tree: list[Array], parent: list[int], toward: Array, edge) -> Array | None:  # type: ignore[no-untyped-def]
