@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -32,6 +34,7 @@ RANK = {part: rank for rank, parts in enumerate(RANKS) for part in parts}
 SHARED = {"mpvi_bt.behaviors.protocols"}
 
 ONLY_IN = {"sapien": {"sim"}, "mani_skill": {"sim/maniskill.py"}, "py_trees": {"behaviors", "tree", "executive"}}
+DISTRIBUTION = {"yaml": "pyyaml", "pydantic_core": "pydantic", "cv2": "sapien", "imageio_ffmpeg": "imageio-ffmpeg"}
 HEAVY = ("numpy", "sapien", "torch", "pydantic", "numba", "scipy", "yaml", "py_trees", "mani_skill")
 
 
@@ -85,6 +88,15 @@ def test_heavy_libraries_stay_in_their_place(path: Path) -> None:
 def test_every_part_has_a_rank(path: Path) -> None:
     """A new folder or top module must take its place in the order, or the laws above would not see it."""
     assert part_of(path) in {*RANK, "__init__"}
+
+
+def test_every_library_is_declared() -> None:
+    """What the package imports is Python's own, ours, or among the dependencies of pyproject.toml."""
+    project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = [line for lines in project["optional-dependencies"].values() for line in lines]
+    declared = {re.split(r"[<>=\[]", line)[0].lower() for line in project["dependencies"] + extras}
+    used = {name.split(".")[0] for path in MODULES for name in imports(path)} - sys.stdlib_module_names - {"mpvi_bt"}
+    assert {DISTRIBUTION.get(name, name) for name in used} <= declared
 
 
 @pytest.mark.parametrize(
