@@ -56,7 +56,9 @@ def fake_result(config: EpisodeConfig, steps: int = 900) -> dict[str, Any]:
     )
     hands: dict[Side, float] = {"left": 3.0, "right": 4.0}
     failures = (
-        [] if success else [Failure(node="task/2 pick", reason="timeout", feedback="still reaching", time_s=12.0)]
+        []
+        if success
+        else [Failure(node="task/2 pick/timeout", reason="timeout", feedback="still reaching", time_s=12.0)]
     )
     measured = Measurement(steps, 2.0, hands, {"left": 1.0, "right": 2.0})
     ended = "success" if success else "failure"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from mpvi_bt.errors import BackendError
-from mpvi_bt.robot.protocol import Side
-from mpvi_bt.robot.solids import Array, pose
+from mpvi_bt.robot.kinematics import tcp
+from mpvi_bt.robot.protocol import Proprioception, Side
+from mpvi_bt.robot.solids import Array
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.human import human_stats
 from mpvi_bt.suite.metrics import DIRECTIONS, Measurement, Meter
@@ -25,20 +26,20 @@ CONFIG = EpisodeConfig("picking_up_trash", 3, 7)
 
 
 class Puppet(KinematicRobot):
-    """A robot that stands where it is put, its hands at fixed places of the base frame."""
+    """A robot that stands as it is put."""
 
     def __init__(self) -> None:
         super().__init__()
         self.at = np.zeros(3)
-        self.hands: dict[Side, Array] = {"left": np.array([0.5, 0.2, 1.0]), "right": np.array([0.5, -0.2, 1.0])}
+        self.arms: dict[Side, Array] = {"left": np.full(7, 0.3), "right": np.full(7, -0.3)}
 
-    def proprioception(self) -> Any:
-        from dataclasses import replace
+    def proprioception(self) -> Proprioception:
+        return replace(super().proprioception(), base_pose=self.at.copy(), arm=dict(self.arms))
 
-        return replace(super().proprioception(), base_pose=self.at.copy())
-
-    def hand_pose_world(self, side: Side) -> Array:
-        return pose((self.at[0], self.at[1], 0.0), self.at[2]) @ pose(self.hands[side])
+    def hand(self, side: Side) -> Array:
+        """(3,) position of a hand in the base frame [m]."""
+        felt = self.proprioception()
+        return tcp(felt.torso, felt.arm[side], side)[:3, 3]
 
 
 class Stage:
@@ -76,27 +77,32 @@ def test_distances_add_up_along_the_way() -> None:
 
 
 def test_driving_moves_hands_in_the_world_but_not_in_the_base_frame() -> None:
-    """World distances include the base's way; base-relative ones do not."""
+    """World distances include the base's way and turns; base-relative ones do not."""
     m = measured(drive(1, 0), drive(1, 0, math.pi))
+    radius = math.hypot(*Puppet().hand("left")[:2])
     assert m.base_m == pytest.approx(1)
-    assert m.hand_world_m["left"] == pytest.approx(1 + 2 * math.hypot(0.5, 0.2))
+    assert m.hand_world_m["left"] == pytest.approx(1 + 2 * radius)
     assert m.hand_base_m == pytest.approx({"left": 0, "right": 0}, abs=1e-12)
 
 
 def test_reaching_counts_for_its_own_hand_only() -> None:
     """One hand's way is not the other's, and is the same in both frames while the base stands."""
-    m = measured(lambda robot: robot.hands.update(left=np.array([0.9, 0.2, 1.3])))
-    assert m.hand_world_m == pytest.approx({"left": 0.5, "right": 0})
-    assert m.hand_base_m == pytest.approx({"left": 0.5, "right": 0})
+    bent = np.full(7, 0.5)
+    robot = Puppet()
+    before = robot.hand("left")
+    robot.arms["left"] = bent
+    reach = math.dist(before, robot.hand("left"))
+    m = measured(lambda robot: robot.arms.update(left=bent))
+    assert reach > 0.05
+    assert m.hand_world_m == pytest.approx({"left": reach, "right": 0})
+    assert m.hand_base_m == pytest.approx({"left": reach, "right": 0})
     assert m.base_m == 0
 
 
-def test_a_robot_without_hands_is_refused() -> None:
-    """What cannot be measured is said before the episode, not left out of its result."""
-    stage: Any = Stage(KinematicRobot())
-    tree: Any = None
-    with pytest.raises(BackendError, match="KinematicRobot has no hand_pose_world"):
-        Meter().start(tree, stage)
+def test_a_meter_that_saw_nothing_measures_nothing() -> None:
+    """An episode that was over before it began has no way."""
+    m = Meter().measurement
+    assert (m.steps, m.base_m, m.hand_world_m) == (0, 0.0, {"left": 0.0, "right": 0.0})
 
 
 def test_human_means_cover_the_fifty_tasks() -> None:

@@ -8,17 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from mpvi_bt.errors import BackendError
 from mpvi_bt.executive.loop import Watcher, World
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
-from mpvi_bt.robot.solids import Array, pose
+from mpvi_bt.robot import kinematics
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Side
+from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
-
-_PARTS = ("base", *(f"{side} {frame}" for side in SIDES for frame in ("world", "base")))
 
 DIRECTIONS: Mapping[str, str] = {
     "q_score": "0..1, higher is better",
@@ -29,19 +26,6 @@ DIRECTIONS: Mapping[str, str] = {
     "agent_distance_base_relative": "metres of the hands in the base frame, lower is better",
     "normalized_agent_distance": "human / robot, higher is better",
 }
-
-
-@runtime_checkable
-class MeasuredRobot(Protocol):
-    """What the meter reads of a robot."""
-
-    def proprioception(self) -> Proprioception:
-        """What the robot feels now."""
-        ...
-
-    def hand_pose_world(self, side: Side) -> Array:
-        """(4, 4) pose of a hand, hand to world."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -67,37 +51,40 @@ class Measurement:
 
 
 class Meter(Watcher):
-    """Adds up steps and distances while an episode runs."""
+    """Notes what the robot feels at every step, and adds distances up when asked.
+
+    Hands come from the joint angles by forward kinematics, all steps at once: one by one it would cost more than the
+    physics.
+    """
 
     def __init__(self) -> None:
         self._steps = 0
-        self._sums: dict[str, float] = dict.fromkeys(_PARTS, 0.0)
-        self._last: dict[str, Array] = {}
+        self._felt: list[Array] = []
 
     def start(self, tree: Tree, world: World) -> None:
-        """Begin anew from where the robot is. Raises BackendError if it cannot tell where its hands are."""
-        robot = world.robot
-        if not isinstance(robot, MeasuredRobot):
-            raise BackendError(f"{type(robot).__name__} has no hand_pose_world, so its hands cannot be measured")
-        self._robot: MeasuredRobot = robot
-        self._steps, self._last = 0, _positions(robot)
-        self._sums = dict.fromkeys(_PARTS, 0.0)
+        """Begin anew from where the robot is."""
+        self._felt = []
+        self.step(tree, world)
 
     def step(self, tree: Tree, world: World) -> None:
-        """Add what moved since the last call."""
-        now = _positions(self._robot)
-        for part in _PARTS:
-            self._sums[part] += float(np.linalg.norm(now[part] - self._last[part]))
-        self._steps, self._last = world.steps, now
+        """Note where base and joints are."""
+        felt = world.robot.proprioception()
+        self._felt.append(np.concatenate([felt.base_pose, felt.torso, *(felt.arm[side] for side in SIDES)]))
+        self._steps = world.steps
 
     @property
     def measurement(self) -> Measurement:
         """What was measured so far."""
+        rows = np.array(self._felt).reshape(-1, 3 + 4 + 7 + 7)
+        base, torso = rows[:, :3], rows[:, 3:7]
+        arms: dict[Side, Array] = {"left": rows[:, 7:14], "right": rows[:, 14:]}
+        T_world_base = kinematics.transform(kinematics.rot_z(base[:, 2]), np.pad(base[:, :2], ((0, 0), (0, 1))))
+        T_base_hand = {side: kinematics.tcp(torso, arms[side], side) for side in SIDES}
         return Measurement(
             steps=self._steps,
-            base_m=self._sums["base"],
-            hand_world_m={side: self._sums[f"{side} world"] for side in SIDES},
-            hand_base_m={side: self._sums[f"{side} base"] for side in SIDES},
+            base_m=_way(base[:, :2]),
+            hand_world_m={side: _way((T_world_base @ T_base_hand[side])[:, :3, 3]) for side in SIDES},
+            hand_base_m={side: _way(T_base_hand[side][:, :3, 3]) for side in SIDES},
         )
 
 
@@ -106,13 +93,6 @@ def ratio(human: float, robot: float) -> float | None:
     return human / robot if robot > 0.0 else None
 
 
-def _positions(robot: MeasuredRobot) -> dict[str, Array]:
-    """(2,) or (3,) position [m] of each of `_PARTS`."""
-    x, y, yaw = robot.proprioception().base_pose
-    T_world_base = pose((x, y, 0.0), yaw)
-    positions = {"base": np.array([x, y])}
-    for side in SIDES:
-        hand = robot.hand_pose_world(side)[:3, 3]
-        positions[f"{side} world"] = hand
-        positions[f"{side} base"] = T_world_base[:3, :3].T @ (hand - T_world_base[:3, 3])
-    return positions
+def _way(positions: Array) -> float:
+    """Length [m] of the way through positions (n, 2 or 3)."""
+    return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())

@@ -144,7 +144,7 @@ def _failures(configs: Sequence[EpisodeConfig], results: Mapping[EpisodeConfig, 
         if result is None:
             continue
         for failure in result.failures:
-            node = failure.node.rsplit("/", 1)[-1]
+            node = "/".join(failure.node.split("/")[1:2]) or failure.node  # the segment, right under the root
             why = f": {failure.feedback}" if failure.feedback else ""
             lines.append(f"  {config.instance}, {failure.time_s:.0f} s: {node} failed, {failure.reason}{why}")
         if not result.success:
