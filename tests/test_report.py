@@ -52,12 +52,12 @@ def test_the_table_fits_a_terminal_and_tells_everything() -> None:
     assert max(map(len, lines)) <= 110
     table = [line for line in lines if line.startswith("  ")]
     assert max(len(line) for line in table[:9]) <= 80
-    rows = [line.split() for line in table if line.split()[0] in "0123" and not line.lstrip().startswith("1,")]
+    rows = [line.split() for line in table if line.split()[0] in "0123"]
     assert [row[2] for row in rows[:4]] == ["1.000", "0.500", "1.000", "-"]
     text = "\n".join(lines)
     assert "machine fault" in text
-    assert "1, 12 s: 2 pick failed, timeout: still reaching" in text
-    assert "1: not met: inside(can, bin)" in text
+    assert "instance 1 at 12 s: 2 pick failed, timeout: still reaching" in text
+    assert "instance 1 at the end: not met: inside(can, bin)" in text
     assert "four: 3/4 episodes, 2 succeeded, mean q 0.625 with missing ones as 0, 0.833 without" in text
     assert "simulator truth: detector:oracle, policy:expert" in text
 

@@ -146,8 +146,10 @@ def _failures(configs: Sequence[EpisodeConfig], results: Mapping[EpisodeConfig, 
         for failure in result.failures:
             node = "/".join(failure.node.split("/")[1:2]) or failure.node  # the segment, right under the root
             why = f": {failure.feedback}" if failure.feedback else ""
-            lines.append(f"  {config.instance}, {failure.time_s:.0f} s: {node} failed, {failure.reason}{why}")
+            lines.append(
+                f"  instance {config.instance} at {failure.time_s:.0f} s: {node} failed, {failure.reason}{why}"
+            )
         if not result.success:
             unmet = [condition.condition for condition in result.goal if not condition.satisfied]
-            lines.append(f"  {config.instance}: not met: {'; '.join(unmet)}")
+            lines.append(f"  instance {config.instance} at the end: not met: {'; '.join(unmet)}")
     return lines
