@@ -28,7 +28,12 @@ def result(**changes: Any) -> dict[str, Any]:
         "time": {"simulator_time": 351.2, "normalized_time": 0.5},
         "agent_distance": {"left": 11.0, "right": 16.0, "base": 6.6},
         "failures": [
-            {"node": "tidy/4 pick up a can" + ", then another" * 8, "reason": "timeout", "feedback": "", "time_s": 2.0}
+            {
+                "node": "tidy/4 pick up a can" + ", then another" * 8 + "/timeout",
+                "reason": "timeout",
+                "feedback": "",
+                "time_s": 2.0,
+            }
         ],
         "wall": {"total_s": 10.0, "setup_s": 1.0, "loop": {"stepping": 6.0, "watching": 0.01, "total": 9.0}},
         "privileged": ["detector:oracle", "policy:expert"],
@@ -78,6 +83,7 @@ def test_the_score_says_what_matters_within_80_columns() -> None:
         "base 6.6 m, left hand 11.0 m, right hand 16.0 m",
         "10.0 s: stepping 60%, setting up 10%\n",
         "read by detector:oracle, policy:expert",
+        "2.0 s: 4 pick up a can, then another",
     ):
         assert part in text
 

@@ -115,7 +115,7 @@ def score(result: Mapping[str, Any]) -> str:
         ("time", f"{result['time']['simulator_time']:.1f} s simulated{human}"),
         ("distance", f"base {moved['base']:.1f} m, left hand {moved['left']:.1f} m, right hand {moved['right']:.1f} m"),
         *(
-            ("failed", f"{f['time_s']:.1f} s: {f['node'].rpartition('/')[2]}: {f['feedback']}")
+            ("failed", f"{f['time_s']:.1f} s: {_part(f['node'])}: {f['feedback'] or f['reason']}")
             for f in result["failures"]
         ),
         ("wall", _wall(result["wall"])),
@@ -123,6 +123,12 @@ def score(result: Mapping[str, Any]) -> str:
     ]
     head = f"{'SUCCESS' if result['success'] else 'FAILURE'}  q = {result['q_score']['final']:.3f}, tree: {ended}"
     return "\n".join([head, *(_entry(name, text) for name, text in entries)])
+
+
+def _part(path: str) -> str:
+    """The part of the plan that a node belongs to: the child of the root that it is below."""
+    below_root = path.split("/")[1:]
+    return below_root[0] if below_root else path
 
 
 def _entry(name: str, text: str) -> str:
