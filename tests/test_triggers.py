@@ -13,20 +13,21 @@ from mpvi_bt.behaviors.protocols import TriggerEvent
 from mpvi_bt.completion.triggers import GraspReleaseTriggers, GripperThresholds
 from mpvi_bt.errors import UnknownName
 from mpvi_bt.robot.protocol import CONTROL_HZ, Proprioception, Side
+from mpvi_bt.robot.solids import Array
 from tests.navigation_maps import KinematicRobot
 
 
 class Hands(KinematicRobot):
-    """Hands whose widths [m], commands and joint speeds [rad/s] are set by the test."""
+    """Hands whose widths [m], commands and joint angles [rad] are set by the test."""
 
     def __init__(self) -> None:
         super().__init__(0.0, 0.0)
-        self.joint_speed: dict[Side, float] = {"left": 0.0, "right": 0.0}
+        self.angles: dict[Side, Array] = {"left": np.zeros(7), "right": np.zeros(7)}
 
     def proprioception(self) -> Proprioception:
-        """As set."""
-        speeds = {side: np.full(7, speed) for side, speed in self.joint_speed.items()}
-        return replace(super().proprioception(), arm_velocity=speeds)
+        """As set. The speeds that it reports are those of a loaded arm that stands: never zero."""
+        angles = {side: angle.copy() for side, angle in self.angles.items()}
+        return replace(super().proprioception(), arm=angles, arm_velocity=dict.fromkeys(angles, np.full(7, 0.12)))
 
 
 def go(
@@ -45,7 +46,7 @@ def go(
     events = []
     for w in widths:
         hands.gripper[side] = (float(w), given_command if command is None else command)
-        hands.joint_speed[side] = joint_speed
+        hands.angles[side] += joint_speed / CONTROL_HZ
         if (event := triggers.update()) is not None:
             events.append(event)
     return events
@@ -70,6 +71,18 @@ def test_a_grasp_fires_once_when_the_arm_has_come_to_rest(width_m: float) -> Non
     assert go(hands, triggers, 0.5, to_m=width_m, command=-1.0) == []
     assert go(hands, triggers, 1.0, joint_speed=0.5) == [], "fired in the middle of the lift"
     assert go(hands, triggers, 5.0) == [TriggerEvent("grasp", "right")]
+
+
+def test_a_release_waits_for_the_other_arm() -> None:
+    """While the other hand still brings the container home, nothing has ended."""
+    hands = Hands()
+    hands.gripper["left"] = (0.016, -1.0)
+    triggers = GraspReleaseTriggers(hands)
+    triggers.reset(("release",))
+    grasp(hands, triggers)
+    assert go(hands, triggers, 0.5, to_m=0.1, command=1.0) == []
+    assert go(hands, triggers, 3.0, "left", joint_speed=0.3) == []
+    assert go(hands, triggers, 1.0, "left") == [TriggerEvent("release", "right")]
 
 
 def test_an_empty_hand_fires_nothing() -> None:

@@ -11,8 +11,10 @@ import numpy as np
 from mpvi_bt.behaviors.protocols import TriggerEvent
 from mpvi_bt.errors import UnknownName
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Robot, Side
+from mpvi_bt.robot.solids import Array
 
 KINDS = ("grasp", "release")
+_STEPS_OF_A_RATE = 3  # rates of change are taken over so many steps
 
 
 @dataclass(frozen=True)
@@ -29,8 +31,8 @@ class GripperThresholds:
         empty_m: A closed hand narrower than this holds nothing; between the two it is as before.
         opened_m: How much wider than its grasp a hand must get to have let go,
         full_m: or, of a thing nearly as wide as the hand opens, how wide at all.
-        arm_still_rad_s: The arm is at rest while no joint is faster.
-        settle_s: How long the arm must be at rest: the event marks the end of a primitive, not its middle.
+        arm_still_rad_s: The arms are at rest while no joint of either is faster.
+        settle_s: How long the arms must be at rest: the event marks the end of a primitive, not its middle.
         refractory_s: At least this long between two events of one hand.
     """
 
@@ -49,7 +51,7 @@ class GripperThresholds:
 class GraspReleaseTriggers:
     """Watches both hands and fires when one has grasped or let go and its arm has come to rest (implements `Triggers`).
 
-    A hand's grasp or release fires once; it fires anew after its arm has moved and settled again, so that a judge who
+    A hand's grasp or release fires once; it fires anew after the arms have moved and settled again, so that a judge who
     said no is asked again when there may be something new to see (Paper, Completion Checker appendix).
     """
 
@@ -71,6 +73,7 @@ class GraspReleaseTriggers:
         self._kinds = KINDS if kinds is None else kinds
         body = self._robot.proprioception()
         self._hands = {side: _Hand(self.thresholds, body, side) for side in SIDES}
+        self._angles: deque[Array] = deque(maxlen=_STEPS_OF_A_RATE + 1)
 
     def update(self) -> TriggerEvent | None:
         """Read proprioception once a step; the event that fires now, if any.
@@ -78,13 +81,24 @@ class GraspReleaseTriggers:
         With both hands due in one step the left comes first and the right in the next.
         """
         body = self._robot.proprioception()
+        moving = self._arms_move(body)
         for hand in self._hands.values():
-            hand.feel(body)
+            hand.feel(body, moving)
         for side, hand in self._hands.items():
             if (kind := hand.due(self._kinds)) is not None:
                 hand.fired()
                 return TriggerEvent(kind, side)
         return None
+
+    def _arms_move(self, body: Proprioception) -> bool:
+        """Whether a joint of either arm turns; both, as one hand may have let go while the other still brings its load.
+
+        From the angles, not from the measured speeds: an arm that holds a load against friction can report a steady
+        speed of 0.1 rad/s while it stands.
+        """
+        self._angles.append(np.concatenate([body.arm[side] for side in SIDES]))
+        turned = np.abs(self._angles[-1] - self._angles[0]).max()
+        return bool(turned * CONTROL_HZ > self.thresholds.arm_still_rad_s * max(len(self._angles) - 1, 1))
 
 
 class _Hand:
@@ -96,21 +110,20 @@ class _Hand:
         self._steady = 0  # steps with an unchanging width
         self._at_rest = 0  # steps with an arm at rest
         self._since_event = _steps(thresholds.refractory_s)
-        self._recent: deque[float] = deque([self._width], maxlen=4)  # smoothed widths: the rate over three steps
+        self._recent: deque[float] = deque([self._width], maxlen=_STEPS_OF_A_RATE + 1)  # smoothed
         # Of a hand that holds something from the start, as after another primitive, only a release can be new.
         closed = body.gripper_command[side] < 0
         self._grasp_width = self._width if closed and self._width > thresholds.held_m else None
         self._news: Literal["grasp", "release"] | None = None
         self._armed = False
 
-    def feel(self, body: Proprioception) -> None:
-        """Take in one step."""
+    def feel(self, body: Proprioception, moving: bool) -> None:
+        """Take in one step; `moving` says whether an arm moves."""
         t = self._t
         self._width += t.smoothing * (float(body.gripper_width[self._side]) - self._width)
         self._recent.append(self._width)
         rate = abs(self._recent[-1] - self._recent[0]) / max(len(self._recent) - 1, 1) * CONTROL_HZ
         self._steady = self._steady + 1 if rate < t.still_m_s else 0
-        moving = float(np.abs(body.arm_velocity[self._side]).max()) > t.arm_still_rad_s
         self._at_rest = 0 if moving else self._at_rest + 1
         self._since_event += 1
         if moving:
