@@ -82,6 +82,9 @@ class ExpertPolicy:
                     break
             else:
                 yield from work.tuck()
+                for side in work.held():
+                    if (name := work.truth.holding(side)) is not None and work.truth.volumes(name):
+                        yield from work.look_at(name)
                 self.note = "done"
                 return
 

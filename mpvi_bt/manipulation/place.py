@@ -51,6 +51,7 @@ def place_in(work: Work, side: Side, container: str, tried: list[Array]) -> Acti
         yield from work.rise(side)
     missed = held.name not in work.truth.within(container)
     yield from work.settle(without={held.name})
+    yield from work.look_at(container)
     if missed:
         raise MotionFailure("missed")
 
@@ -80,6 +81,7 @@ def place_on(work: Work, side: Side, surface: str, tried: list[Array]) -> Action
     yield from _let_go(work, side)
     yield from work.lines(side, stance, [2])
     yield from work.settle(without={held.name, surface})
+    yield from work.look_at(held.name)
 
 
 def _let_go(work: Work, side: Side) -> Actions:

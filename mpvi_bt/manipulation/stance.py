@@ -26,7 +26,7 @@ _BASE_CLEAR_M = 0.30
 _CHECKED_POSTURES = 30  # of one base pose
 _CHECKED_BASES = 24
 # Where the other hand may bring what it holds: x, y toward its own side, z [m]; reachable from a bent torso too.
-_ASIDE = ((0.50, 0.30, 0.76), (0.55, 0.30, 0.70), (0.42, 0.36, 0.78), (0.50, 0.30, 0.88))
+_ASIDE = ((0.50, 0.30, 0.76), (0.52, 0.16, 0.76), (0.42, 0.36, 0.78), (0.50, 0.30, 0.90))
 _FLOOR = box((0.0, 0.0, -0.1), (60.0, 60.0, 0.2))
 _HEIGHTS = np.array([[0.0, 0.0, z] for z in (0.04, 0.11, 0.18, 0.25)] + [[-0.1, 0.0, z] for z in (0.35, 0.5)])
 _REACHES = np.array([_BASE_CLEAR_M] * 4 + [0.14] * 2)
@@ -130,17 +130,18 @@ class Search:
     def find(self, focus_xy: Array, options: Sequence[Option]) -> Stance | None:
         """The nearest good stance for one of `options` about a place in the world (2,), or None."""
         here = self.motion.felt.base_pose
-        checked = 0
+        failed: list[Array] = list(self.tried)
         for base in _bases(here, focus_xy, self.side):
-            if any(np.linalg.norm(base[:2] - b[:2]) < 0.05 and abs(kin.wrap(base[2] - b[2])) < 0.2 for b in self.tried):
+            # What failed here would fail a hand's breadth away; other sides of the thing are worth more.
+            if any(np.linalg.norm(base[:2] - b[:2]) < 0.12 and abs(kin.wrap(base[2] - b[2])) < 0.5 for b in failed):
                 continue
             if not self._drivable(here, base):
                 continue
-            checked += 1
             for hold in self._holds:
                 if (found := self._at(base, options, hold)) is not None:
                     return found
-            if checked >= _CHECKED_BASES:
+            failed.append(base)
+            if len(failed) - len(self.tried) >= _CHECKED_BASES:
                 break
         return None
 
@@ -244,15 +245,13 @@ class Search:
         self, body: Body, free_around: Surroundings, goals: Array, contact: int, key: int, q_key: Array
     ) -> list[Array] | None:
         """The arm's path to the first waypoint if all waypoints are reachable and free from there on."""
-        C = kin.inverse(kin.chest(body.torso))
         postures: dict[int, Array] = {key: q_key}
         for order in (range(key - 1, -1, -1), range(key + 1, len(goals))):
             for k in order:
-                near = postures[k + 1 if k < key else k - 1]
-                q = kin.nearest_posture(C @ goals[k], self.side, near)
-                if q is None or np.abs(q - near).max() > 1.0:
+                line = arm_motion.trace(body.torso, self.side, postures[k + 1 if k < key else k - 1], goals[k])
+                if line is None:
                     return None
-                postures[k] = q
+                postures[k] = line[-1]
         loose = replace(body, around=free_around)
         for k, q in postures.items():
             b = loose if k >= contact else body

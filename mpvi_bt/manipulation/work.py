@@ -120,7 +120,17 @@ class Work:
                     raise MotionFailure("no_carry")
                 level[side], path = found
                 yield from self.motion.follow(side, path, speed=1.0)
-        yield from self.motion.stand(r1.TRAVEL_TORSO, level)
+        yield from self.motion.stand(np.append(r1.TRAVEL_TORSO[:3], self.motion.torso[3]), level)
+
+    def look_at(self, name: str) -> Actions:
+        """Tilt the head so that a thing is in the middle of its view, up or down."""
+        torso = self.motion.torso
+        boxes = np.stack([s.aabb() for s in self.truth.solids(name)])
+        middle = (boxes[:, 0].min(0) + boxes[:, 1].max(0)) / 2
+        seen = kin.inverse(self.base @ kin.chest(torso)) @ np.append(middle, 1.0)
+        ahead = seen[:3] - r1.HEAD_M
+        torso[3] = np.clip(np.arctan2(-ahead[2], max(float(ahead[0]), 0.05)), *r1.TORSO_LIMITS[3])
+        yield from self.motion.stand(torso)
 
     def tuck(self) -> Actions:
         """Bring what is held closer to the body, for driving."""

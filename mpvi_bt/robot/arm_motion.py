@@ -106,18 +106,30 @@ _DETOURS = np.array([(0.0, 0, 0), (0, 0, 0.15), (0.15, 0, 0), (0.15, 0, 0.15), (
                      (0.2, 0.15, 0.15), (0, 0, -0.15), (0.25, 0, -0.1)])  # fmt: skip
 
 
-def _line(body: Body, side: Side, start: Array, goal: Array) -> list[Array] | None:
-    first = kin.tcp(body.torso, start, side)
-    length = float(np.linalg.norm(goal[:3, 3] - first[:3, 3]))
-    turning = Rotation.from_matrix(np.stack([first[:3, :3], goal[:3, :3]]))
+def trace(torso: Array, side: Side, start: Array, T_base_tcp: Array) -> list[Array] | None:
+    """Postures (7,) that bring the hand from posture `start` along a straight line to a pose, without a leap.
+
+    Returns:
+        The postures, start first, at most 2.5 cm apart, or None if the arm cannot stay on the line.
+    """
+    first = kin.tcp(torso, start, side)
+    length = float(np.linalg.norm(T_base_tcp[:3, 3] - first[:3, 3]))
+    turning = Rotation.from_matrix(np.stack([first[:3, :3], T_base_tcp[:3, :3]]))
     n = max(2, int(np.ceil(max(length / 0.025, (turning[0].inv() * turning[1]).magnitude() / 0.1))))
-    slerp, chest, path = Slerp([0, 1], turning), kin.inverse(kin.chest(body.torso)), [start]
+    slerp, chest, path = Slerp([0, 1], turning), kin.inverse(kin.chest(torso)), [start]
     for u in np.linspace(0, 1, n + 1)[1:]:
-        T = kin.transform(slerp(u).as_matrix(), first[:3, 3] + (goal[:3, 3] - first[:3, 3]) * u)
+        T = kin.transform(slerp(u).as_matrix(), first[:3, 3] + (T_base_tcp[:3, 3] - first[:3, 3]) * u)
         q = kin.nearest_posture(chest @ T, side, path[-1])
         if q is None or np.abs(q - path[-1]).max() > _LEAP_RAD:
             return None
         path.append(q)
+    return path
+
+
+def _line(body: Body, side: Side, start: Array, goal: Array) -> list[Array] | None:
+    path = trace(body.torso, side, start, goal)
+    if path is None:
+        return None
     around, itself = body.clearance(side, np.array(path))
     worst = np.minimum(around, itself)
     # A start in slight contact may be left, not made worse.
