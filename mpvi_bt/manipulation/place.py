@@ -86,7 +86,7 @@ def place_on(work: Work, side: Side, surface: str, tried: list[Array]) -> Action
 
 def _let_go(work: Work, side: Side) -> Actions:
     yield from work.motion.grip(side, 1.0, 0.5)
-    yield from work.motion.wait(0.3)
+    yield from work.motion.wait(0.5)  # what falls into a deep container needs that long
     if work.motion.felt.gripper_width[side] < r1.FINGER_TRAVEL_M:
         raise MotionFailure("not_released")
 
