@@ -100,13 +100,21 @@ def test_moved_objects_are_marked_and_others_are_not() -> None:
     assert not has(path_picture(two_rooms(), poses, can, can), orange)
 
 
+def test_goals_are_marked_where_they_are() -> None:
+    """A mark of their color at the pose, and none without."""
+    poses, teal = np.array([[1.0, 2.0, 0.0]]), (20, 110, 150)
+    marked = path_picture(two_rooms(), poses, goals=[np.array([6.0, 2.0, 0.0])])
+    assert has(marked[:, marked.shape[1] // 2 :], teal)
+    assert not has(path_picture(two_rooms(), poses), teal)
+
+
 def test_an_episode_leaves_its_picture_even_when_interrupted(tmp_path: Path) -> None:
     """The file is there after Ctrl-C, in a folder that was not."""
     base = KnowledgeBase()
     base.put(thing("can", (2.0, 3.0, 0.06), (0.07, 0.07, 0.12)))
     file = tmp_path / "new" / "path.png"
     with pytest.raises(KeyboardInterrupt):
-        watch(KinematicWorld(), PathPicture(file, two_rooms(), lambda: base), Interrupting())
+        watch(KinematicWorld(), PathPicture(file, two_rooms(), lambda: base, lambda: np.zeros(3)), Interrupting())
     picture = cv2.imread(str(file))
     assert picture is not None
     assert picture.shape[2] == 3

@@ -24,7 +24,7 @@ Picture = NDArray[np.uint8]
 
 _WIDTH_PX = 1400  # of the finished picture, at most; drawn at twice that and shrunk
 _OUTSIDE, _WALL, _INK = (255, 255, 255), (74, 78, 92), (40, 44, 54)
-_START, _END, _MOVED = (24, 130, 70), (200, 40, 50), (240, 120, 20)
+_START, _END, _MOVED, _GOAL = (24, 130, 70), (200, 40, 50), (240, 120, 20), (20, 110, 150)
 _OBJECTS_NAMED = 8  # more names than these in a picture cover one another
 
 
@@ -35,6 +35,7 @@ class PathPicture(Watcher):
         file: Where to write the PNG.
         grid_map: The prior map.
         knowledge: Says where things are; its movable ones are drawn as at the start and at the end. None: no objects.
+        goal: Says where the base is being driven to, (3,); every new answer is marked. None: no marks.
         title: Written on top.
     """
 
@@ -43,9 +44,11 @@ class PathPicture(Watcher):
         file: str | Path,
         grid_map: OccupancyMap,
         knowledge: Callable[[], KnowledgeBase] | None = None,
+        goal: Callable[[], Array | None] | None = None,
         title: str = "",
     ) -> None:
         self._file, self._map, self._knowledge, self._title = Path(file), grid_map, knowledge, title
+        self._goal, self._goals = goal, list[Array]()
         self._poses: list[Array] = []
         self._before: dict[str, Array] = {}
 
@@ -58,13 +61,17 @@ class PathPicture(Watcher):
         """Note where the base is, ten times a second."""
         if world.steps % 3 == 0:
             self._poses.append(world.robot.proprioception().base_pose)
+            goal = self._goal() if self._goal else None
+            if goal is not None and not (self._goals and goal is self._goals[-1]):
+                self._goals.append(goal)
 
     def end(self, outcome: Outcome) -> None:
         """Draw and write. Raises UserError if the file cannot be written."""
         if not self._poses:
             return
         how = f"{self._title}   {outcome.ending.replace('_', ' ')} after {outcome.time_s:.0f} s".strip()
-        write_png(self._file, path_picture(self._map, np.array(self._poses), self._before, self._objects(), how))
+        poses = np.array(self._poses)
+        write_png(self._file, path_picture(self._map, poses, self._before, self._objects(), self._goals, how))
 
     def _objects(self) -> dict[str, Array]:
         if self._knowledge is None:
@@ -77,6 +84,7 @@ def path_picture(
     poses: Array,
     before: Mapping[str, Array] | None = None,
     after: Mapping[str, Array] | None = None,
+    goals: Sequence[Array] = (),
     title: str = "",
 ) -> Picture:
     """Draw an episode from above; north (world y) is up.
@@ -86,6 +94,7 @@ def path_picture(
         poses: (N, 3) base poses in the order of time, at even intervals.
         before: Name to (2,) place [m] of each object at the start.
         after: The same at the end; an arrow leads to it from where it was.
+        goals: (3,) each; poses that were driven to, numbered in this order.
         title: Written on top.
 
     Returns:
@@ -95,6 +104,7 @@ def path_picture(
     canvas.rooms()
     canvas.way(poses)
     canvas.objects(before or {}, after or {})
+    canvas.goals(goals)
     canvas.robot(poses[0], _START, "start")
     if len(poses) > 1:
         canvas.robot(poses[-1], _END, "end")
@@ -172,6 +182,15 @@ class _Canvas:
             self._text(
                 name.split(".")[0].replace("__", " ").replace("_", " "), before[name], 0.72, _INK, shift=(10, -10)
             )
+
+    def goals(self, poses: Sequence[Array]) -> None:
+        """A numbered arrowhead at each pose, pointing where the base was to face."""
+        for k, pose in enumerate(poses, 1):
+            turns = pose[2] + np.array([0.0, 2.5, np.pi, -2.5])
+            corners = pose[:2] + 0.16 * np.array([1, 1, 0.3, 1])[:, None] * np.stack([np.cos(turns), np.sin(turns)], 1)
+            self._cv.fillPoly(self._rgb, [self._px(corners).astype(np.int32)], _GOAL, self._cv.LINE_AA)
+            beside = pose[:2] - 0.30 * np.array([np.cos(pose[2]), np.sin(pose[2])])
+            self._text(str(k), beside, 0.7, _GOAL, centered=True)
 
     def robot(self, pose: Array, color: tuple[int, int, int], label: str) -> None:
         """A disc of the base's size with an arrow where it faces."""

@@ -94,7 +94,7 @@ def _kernel() -> Callable[..., None]:
         compiled: Any = numba.njit(cache=True)(_search)
     except RuntimeError:  # no folder that can be written: compile anew in each process
         compiled = numba.njit(_search)
-    return compiled  # type: ignore[no-any-return]
+    return compiled
 
 
 def _search(cost, columns, start, target, reached, parent, closed, keys, items, step_row, step_column):  # type: ignore

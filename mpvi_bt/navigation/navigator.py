@@ -108,14 +108,11 @@ class KnownPlaceNavigator:
         self._footprint = footprint_radius_m or (lambda: parameters.footprint_m)
         self._work: Iterator[Report] | None = None
         self._last = Report(Progress.FAILED, "not_started")
-        self.path: Array | None = None
-        """(N, 2) world x, y [m] of the path that is being driven; None when there is none. For pictures."""
         self.goal: Array | None = None
-        """(3,) the goal pose that is being driven to, likewise."""
+        """(3,) the pose [m, m, rad] in the world that is being driven to, or was last; None before the first plan."""
 
     def start(self, target: str, room: str | None) -> None:
         """Begin driving to `target`; see `Navigator`."""
-        self.path = self.goal = None
         self._work = self._drive(_Trip(target, room))
 
     def step(self) -> Report:
@@ -212,9 +209,9 @@ class KnownPlaceNavigator:
             for goal in sorted(goals, key=lambda g: g.score):
                 found = shortest_path(grid.cost, self._map.cell(start), self._map.cell(goal.pose[:2]))
                 if found is not None:
-                    self.path, self.goal = grid.points(found[0]), goal.pose
+                    self.goal = goal.pose
                     limits = self.parameters.carrying if _holding(body) else self.parameters.limits
-                    return PathFollower(self.path, goal.pose, grid, limits, self.parameters.tolerance)
+                    return PathFollower(grid.points(found[0]), goal.pose, grid, limits, self.parameters.tolerance)
         return None
 
     # ------------------------------------------------------------------------------------------ motion
