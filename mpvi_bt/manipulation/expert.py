@@ -6,13 +6,14 @@ physical (friction); what it is spared is perception.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from mpvi_bt.manipulation.pick import pick
-from mpvi_bt.manipulation.place import place_in, place_on
+from mpvi_bt.manipulation.place import place_in, place_on, present
 from mpvi_bt.manipulation.truth import Truth
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.skills import Skill, SkillCall, clauses, match
@@ -20,6 +21,7 @@ from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 
+_PATIENCE_S = 2.0  # longer than a trigger takes to fire
 _ATTEMPTS = 4  # of one skill
 _ROUNDS = 3  # of a whole prompt
 
@@ -35,7 +37,9 @@ class ExpertPolicy:
     name = "expert"
     cameras: tuple[str, ...] = ()
 
-    def __init__(self, truth: Truth, skills: Mapping[str, Skill], seed: int = 0, timer: Callable[[], float] | None = None) -> None:
+    def __init__(
+        self, truth: Truth, skills: Mapping[str, Skill], seed: int = 0, timer: Callable[[], float] | None = None
+    ) -> None:
         """Work in the world of `truth`; the same seed plans the same motions."""
         self._truth, self._skills, self._seed, self._timer = truth, skills, seed, timer
         self._calls = 0
@@ -86,7 +90,19 @@ class ExpertPolicy:
                     if (name := work.truth.holding(side)) is not None and work.truth.volumes(name):
                         yield from work.look_at(name)
                 self.note = "done"
-                return
+                yield from self._show(work)
+
+    def _show(self, work: Work) -> Actions:
+        """Nobody has said that it is complete: hold what has been filled out to the head, and home again, for ever."""
+        while True:
+            yield from work.motion.wait(_PATIENCE_S)
+            for side, held in work.held().items():
+                if work.truth.volumes(held.name):
+                    with contextlib.suppress(MotionFailure):
+                        yield from present(work, side)
+                        yield from work.look_at(held.name)
+                        yield from work.motion.wait(_PATIENCE_S)
+                        yield from work.tuck()
 
     def _attempt(self, work: Work, call: SkillCall) -> Any:
         """Try one skill several times from different places; yields actions, returns whether it succeeded."""
@@ -132,10 +148,8 @@ class ExpertPolicy:
             if side not in held and work.motion.felt.gripper_command[side] < 0.9:
                 yield from work.motion.grip(side, 1.0, 0.4)
             if side not in held:
-                try:
+                with contextlib.suppress(MotionFailure):  # where no hand can rise, folding is tried all the same
                     yield from work.rise(side)
-                except MotionFailure:
-                    pass  # it stands where no hand can rise; folding is tried all the same
         x, y, yaw = work.motion.felt.base_pose
         try:
             yield from work.settle()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpvi_bt.manipulation.truth import Truth
-from mpvi_bt.robot.kinematics import hand_rotation, transform
+from mpvi_bt.robot.kinematics import hand_rotation, inverse, transform
 from mpvi_bt.robot.solids import Array, Solid
 
 MAX_WIDTH_M = 0.086  # what 10 cm of opening takes with a margin
@@ -59,7 +59,7 @@ def _on_bar(center: Array, axis: Array, bearing: float) -> list[Grasp]:
 
 def _pinches(T: Array, solids: list[Solid], bearing: float) -> list[Grasp]:
     """Between two sides, from straight above to level."""
-    frame = np.linalg.inv(T)
+    frame = inverse(T)
     corners = np.stack([s.moved(frame).aabb() for s in solids])
     low, high = corners[:, 0].min(0), corners[:, 1].max(0)
     size, middle = high - low, T[:3, :3] @ ((low + high) / 2) + T[:3, 3]
@@ -87,7 +87,13 @@ def _pinches(T: Array, solids: list[Solid], bearing: float) -> list[Grasp]:
             if tilt > 0.2 and (height < 0.035 or aside > 1.6):
                 continue
             z = top - max(0.012, (_PALM_M - radius * np.sin(tilt)) / max(np.cos(tilt), 0.3))
-            z = float(np.clip(max(z, bottom + 0.45 * height), bottom + _TIP_M + 0.03 * np.sin(tilt), max(top - 0.012, bottom + _TIP_M)))
+            z = float(
+                np.clip(
+                    max(z, bottom + 0.45 * height),
+                    bottom + _TIP_M + 0.03 * np.sin(tilt),
+                    max(top - 0.012, bottom + _TIP_M),
+                )
+            )
             approach = np.array([np.cos(heading) * np.sin(tilt), np.sin(heading) * np.sin(tilt), -np.cos(tilt)])
             over = max(0.0, radius * np.sin(tilt) + (top - z) * np.cos(tilt) - _PALM_M + 0.004)
             if over > 0.02 or (tilt > 0.2 and z < bottom + _TIP_M):

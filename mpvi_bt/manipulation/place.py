@@ -123,6 +123,17 @@ def _reach_over(work: Work, side: Side, releases: list[tuple[Array, float]], con
     raise MotionFailure("no_release")
 
 
+def present(work: Work, side: Side) -> Actions:
+    """Hold what a hand has out in front of the body, where the head sees into it. Raises MotionFailure: "no_reach"."""
+    now, body = work.motion.hand(side), work.body()
+    for shown in list(_presented(now, side))[1:]:
+        path = arm_motion.plan_level(body, side, shown)
+        if path is not None:
+            yield from work.motion.follow(side, path, speed=0.8)
+            return
+    raise MotionFailure("no_reach")
+
+
 def _presented(now: Array, hand: Side) -> Iterator[Array]:
     """Poses T_base_tcp to hold a container out to the other hand: where it is, then in front of the body, turned."""
     yield now
@@ -154,7 +165,9 @@ def _releases(work: Work, held: Held, side: Side, volume: Solid, container: str)
             low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
             radius = float((high - low)[:2].max()) / 2
             for x, y in _offsets(half[:2] - radius - _FALL_M):
-                gaps = [np.linalg.norm(np.maximum(np.maximum(b[0, :2] - [x, y], [x, y] - b[1, :2]), 0)) for b in spanning]
+                gaps = [
+                    np.linalg.norm(np.maximum(np.maximum(b[0, :2] - [x, y], [x, y] - b[1, :2]), 0)) for b in spanning
+                ]
                 spare = min([*gaps, *(half[:2] - np.abs([x, y]))]) - radius
                 if spare < _FALL_M:
                     continue
@@ -186,9 +199,10 @@ def _onto(work: Work, held: Held, spot: Array, yaw: float) -> Option:
     up = int(np.abs(R[2]).argmax())
     lean = np.cross(R[:, up] * np.sign(R[2, up]), [0, 0, 1.0])
     if np.linalg.norm(lean) > 1e-6:
-        R = _rotation(lean, float(np.arcsin(min(1.0, np.linalg.norm(lean))))) @ R
+        R = _rotation(lean, float(np.arcsin(min(1.0, float(np.linalg.norm(lean)))))) @ R
     lowest = min(
-        s.moved(kin.inverse(held.T_tcp_thing)).moved(kin.transform(R, (0.0, 0.0, 0.0))).aabb()[0, 2] for s in held.solids
+        s.moved(kin.inverse(held.T_tcp_thing)).moved(kin.transform(R, (0.0, 0.0, 0.0))).aabb()[0, 2]
+        for s in held.solids
     )
     T_thing = kin.transform(R, spot - [0, 0, lowest - 0.004])
     T = T_thing @ kin.inverse(held.T_tcp_thing)
@@ -203,7 +217,11 @@ def _free_spots(work: Work, held: Held, surface: str) -> list[Array]:
     boxes = np.stack([s.aabb() for s in held.solids])
     radius = float(np.linalg.norm((boxes[:, 1].max(0) - boxes[:, 0].min(0))[:2])) / 2 + _CLEAR_M
     here = work.motion.felt.base_pose[:2]
-    faces = [s for s in work.truth.solids(surface) if s.kind != "sphere" and (s.aabb()[1] - s.aabb()[0])[:2].min() > 2 * radius]
+    faces = [
+        s
+        for s in work.truth.solids(surface)
+        if s.kind != "sphere" and (s.aabb()[1] - s.aabb()[0])[:2].min() > 2 * radius
+    ]
     near = work.truth.obstacles(here, 2.5, without={surface, held.name, *work.truth.within(held.name)})
     spots: list[Array] = []
     for face in faces:
@@ -212,7 +230,9 @@ def _free_spots(work: Work, held: Held, surface: str) -> list[Array]:
         blocking = [b for b in above if b[1, 2] > high[2] + 0.005 and b[0, 2] < high[2] + 0.35]
         for x in np.arange(low[0] + radius, high[0] - radius + 1e-9, 0.05):
             for y in np.arange(low[1] + radius, high[1] - radius + 1e-9, 0.05):
-                gap = [np.linalg.norm(np.maximum(np.maximum(b[0, :2] - [x, y], [x, y] - b[1, :2]), 0)) for b in blocking]
+                gap = [
+                    np.linalg.norm(np.maximum(np.maximum(b[0, :2] - [x, y], [x, y] - b[1, :2]), 0)) for b in blocking
+                ]
                 if min(gap, default=9.0) > radius:
                     spots.append(np.array([x, y, high[2]]))
     return sorted(spots, key=lambda s: float(np.linalg.norm(s[:2] - here)))

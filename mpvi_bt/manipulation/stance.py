@@ -1,7 +1,7 @@
 """Where to stand: a base pose, a torso posture and an arm path from which a hand can do what it has to.
 
-Reach alone is not enough. A stance is one from which every waypoint of the hand is reachable without a jump of the elbow,
-the arm, the idle arm, what is held, head and chest are clear of everything, and the base can drive there.
+Reach alone is not enough. A stance is one from which every waypoint of the hand is reachable without a jump of the
+elbow, the arm, the idle arm, what is held, head and chest are clear of everything, and the base can drive there.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Option:
     """One way to do it, as the hand's waypoints in the world.
 
     Attributes:
-        waypoints: (K, 4, 4) T_world_tcp, in order; the first one is reached by a planned arm motion, then straight lines.
+        waypoints: (K, 4, 4) T_world_tcp, in order; a planned arm motion reaches the first, straight lines the others.
         contact: From this waypoint on the hand may touch what it works on.
         cost: Preference.
     """
@@ -169,7 +169,7 @@ class Search:
     def _drivable(self, start: Array, goal: Array) -> bool:
         """Straight from start to goal: nothing in the way of the base or of what it carries."""
         turn = kin.wrap(goal[2] - start[2])
-        n = max(2, int(np.ceil(max(np.linalg.norm(goal[:2] - start[:2]) / 0.12, abs(turn) / 0.3))))
+        n = max(2, int(np.ceil(max(float(np.linalg.norm(goal[:2] - start[:2])) / 0.12, abs(float(turn)) / 0.3))))
         for u in np.linspace(0, 1, n + 1)[1:]:
             base = np.append(start[:2] + (goal[:2] - start[:2]) * u, start[2] + turn * u)
             if u > 0.3 or n == 2:
@@ -271,5 +271,7 @@ def _bases(here: Array, focus: Array, side: Side) -> Iterator[Array]:
                 c, s = np.cos(yaw), np.sin(yaw)
                 xy = focus - [c * distance - s * y, s * distance + c * y]
                 near = 0.6 * float(np.linalg.norm(xy - here[:2])) + 0.3 * abs(turn)
-                ranked.append((near + 1.2 * abs(distance - 0.58) + 0.5 * abs(lateral - 0.16), np.array([*xy, kin.wrap(yaw)])))
+                ranked.append(
+                    (near + 1.2 * abs(distance - 0.58) + 0.5 * abs(lateral - 0.16), np.array([*xy, kin.wrap(yaw)]))
+                )
     return iter([base for _, base in sorted(ranked, key=lambda r: r[0])])

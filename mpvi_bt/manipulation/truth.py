@@ -14,11 +14,20 @@ from mpvi_bt.robot.solids import Array, Solid
 class Bar(Protocol):
     """A bar that a hand can close around, in the world frame [m]; `mpvi_bt.sim.description.Handle` is one."""
 
-    center: Array
-    axis: Array
-    outward: Array
-    length_m: float
-    thickness_m: float
+    @property
+    def center(self) -> Array:
+        """(3,) middle of the bar."""
+        ...
+
+    @property
+    def axis(self) -> Array:
+        """(3,) unit vector along it."""
+        ...
+
+    @property
+    def outward(self) -> Array:
+        """(3,) unit vector to its free side."""
+        ...
 
 
 class Truth(WorldState, Protocol):

@@ -84,7 +84,7 @@ class Work:
         yield from self.motion.follow(search.side, stance.path)
 
     def lines(self, side: Side, stance: Stance, waypoints: Sequence[int], speed: float = 0.16) -> Actions:
-        """Straight lines through some of a stance's waypoints, corrected for where the base has really come to stand."""
+        """Straight lines through some of a stance's waypoints, corrected for where the base really stands."""
         shift = kin.inverse(self.base) @ kin.base(stance.base)
         for k in waypoints:
             yield from self.motion.line(side, shift @ stance.waypoints[k], speed)
@@ -107,7 +107,9 @@ class Work:
         held = self.held()
         for side in (s for s in SIDES if s not in held):
             if np.abs(self.motion.arm(side) - r1.TRAVEL_ARM[side]).max() > 0.02:
-                path = arm_motion.plan(self.body(without), side, r1.TRAVEL_ARM[side], self.rng, start=self.motion.arm(side))
+                path = arm_motion.plan(
+                    self.body(without), side, r1.TRAVEL_ARM[side], self.rng, start=self.motion.arm(side)
+                )
                 if path is None:
                     raise MotionFailure("no_fold")
                 yield from self.motion.follow(side, path)
@@ -139,8 +141,10 @@ class Work:
             if found is not None and np.linalg.norm(found[0][:3, 3] - self.motion.hand(side)[:3, 3]) > 0.02:
                 yield from self.motion.follow(side, found[1], speed=1.0)
 
-    def _carry(self, side: Side, level: dict[Side, Array], without: Collection[str]) -> tuple[Array, list[Array]] | None:
-        """A pose in the base frame to carry what `side` holds, kept all the way to the travel posture, and a path to it."""
+    def _carry(
+        self, side: Side, level: dict[Side, Array], without: Collection[str]
+    ) -> tuple[Array, list[Array]] | None:
+        """T_base_tcp (4, 4) to carry what `side` holds, up to the travel posture, and a path to it."""
         body, held = self.body(without), self.held()
         now, load = self.motion.hand(side), held[side].load
         ranked = []
@@ -153,7 +157,9 @@ class Work:
             if q is None or not body.free(side, q)[0] or not self._kept(side, q, {**level, side: T}, body.held):
                 continue
             path = arm_motion.plan_level(body, side, T, start=self.motion.arm(side))
-            if path is None and not self.truth.volumes(held[side].name):  # what is no container may be tipped on the way
+            if path is None and not self.truth.volumes(
+                held[side].name
+            ):  # what is no container may be tipped on the way
                 path = arm_motion.plan(body, side, q, self.rng, start=self.motion.arm(side), iterations=150)
             if path is not None:
                 return T, path

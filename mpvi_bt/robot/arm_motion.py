@@ -91,7 +91,7 @@ def plan_level(body: Body, side: Side, T_base_tcp: Array, start: Array | None = 
         via = now.copy()
         via[:3, 3] = middle + detour * [1, r1.SIGN[side], 1]
         path = [begin]
-        for goal in ([T_base_tcp] if not detour.any() else [via, T_base_tcp]):
+        for goal in [T_base_tcp] if not detour.any() else [via, T_base_tcp]:
             leg = _line(body, side, path[-1], goal)
             if leg is None:
                 break
@@ -102,8 +102,8 @@ def plan_level(body: Body, side: Side, T_base_tcp: Array, start: Array | None = 
 
 
 # Of the middle of the way, y toward the arm's own side [m].
-_DETOURS = np.array([(0.0, 0, 0), (0, 0, 0.15), (0.15, 0, 0), (0.15, 0, 0.15), (0.1, 0.15, 0), (0, 0.15, 0.1), (0, 0, 0.3),
-                     (0.2, 0.15, 0.15), (0, 0, -0.15), (0.25, 0, -0.1)])  # fmt: skip
+_DETOURS = np.array([(0.0, 0, 0), (0, 0, 0.15), (0.15, 0, 0), (0.15, 0, 0.15), (0.1, 0.15, 0), (0, 0.15, 0.1),
+                     (0, 0, 0.3),                     (0.2, 0.15, 0.15), (0, 0, -0.15), (0.25, 0, -0.1)])  # fmt: skip
 
 
 def trace(torso: Array, side: Side, start: Array, T_base_tcp: Array) -> list[Array] | None:

@@ -7,6 +7,7 @@ from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
@@ -98,7 +99,9 @@ class Body:
     held: Mapping[Side, Load] = field(default_factory=dict)
     around: Surroundings = NOTHING
 
-    def clearance(self, side: Side, q: Array, grasping: bool = False, neglect_held: bool = False) -> tuple[Array, Array]:
+    def clearance(
+        self, side: Side, q: Array, grasping: bool = False, neglect_held: bool = False
+    ) -> tuple[Array, Array]:
         """How far postures q (n, 7) of arm `side` keep from things, each (n,) [m], negative within.
 
         Args:
@@ -119,7 +122,9 @@ class Body:
         for (center, half), first in zip(_CHEST, (1, 2), strict=True):  # the shoulder is inside the chest
             itself = np.minimum(itself, (_box_distance(in_chest[:, first:], center, half) - radii[first:]).min(1))
         low = p[:, 2:]
-        column = np.hypot(np.maximum(np.hypot(low[..., 0], low[..., 1]) - r1.BASE_RADIUS_M, 0), np.maximum(low[..., 2] - 0.26, 0))
+        column = np.hypot(
+            np.maximum(np.hypot(low[..., 0], low[..., 1]) - r1.BASE_RADIUS_M, 0), np.maximum(low[..., 2] - 0.26, 0)
+        )
         itself = np.minimum(itself, (column - radii[2:]).min(1))
         itself = np.minimum(itself, (_box_distance(low, (-0.10, 0, 0.40), (0.06, 0.08, 0.20)) - radii[2:]).min(1))
         fold = np.linalg.norm(p[:, 8:own, None] - p[:, None, :2], axis=-1).min((1, 2)) - 0.09
@@ -131,17 +136,21 @@ class Body:
         itself = np.minimum(itself, gap.min((1, 2)))
         if other in self.held:
             T = kin.tcp(self.torso, self.arms[other], other)
-            itself = np.minimum(itself, (self.held[other].solids.seen_from(kin.inverse(T)).distance(p[:, 2:]) - radii[2:]).min(1))
+            itself = np.minimum(
+                itself, (self.held[other].solids.seen_from(kin.inverse(T)).distance(p[:, 2:]) - radii[2:]).min(1)
+            )
         if side in self.held and not neglect_held:
             T = kin.inverse(kin.tcp(self.torso, q, side))
             in_hand = np.einsum("nij,kj->nki", T[:, :3, :3], p2[0, :own2]) + T[:, None, :3, 3]
             itself = np.minimum(itself, (self.held[side].solids.distance(in_hand) - r2[:own2]).min(1))
         return around, itself
 
-    def free(self, side: Side, q: Array, margin: float = 0.0, grasping: bool = False, neglect_held: bool = False) -> Array:
+    def free(
+        self, side: Side, q: Array, margin: float = 0.0, grasping: bool = False, neglect_held: bool = False
+    ) -> NDArray[np.bool_]:
         """(n,) bool: postures q (n, 7) that keep `margin` [m] from the surroundings and clear of the robot itself."""
         around, itself = self.clearance(side, q, grasping, neglect_held)
-        return (around > margin) & (itself > 0.0)
+        return np.asarray((around > margin) & (itself > 0.0))
 
     def trunk_free(self) -> bool:
         """Whether head and chest are clear of the surroundings: a pitched waist puts them where the furniture is."""
@@ -176,7 +185,8 @@ def covering_spheres(solids: Sequence[Solid], step: float = 0.05) -> tuple[Array
     for s in solids:
         counts = np.maximum(1, np.ceil(2 * s.half_m / step - 1e-9)).astype(int)
         cell = s.half_m / counts
-        grid = np.stack(np.meshgrid(*[(2 * np.arange(n) + 1) * c - h for n, c, h in zip(counts, cell, s.half_m, strict=True)],
+        axes = [(2 * np.arange(n) + 1) * c - h for n, c, h in zip(counts, cell, s.half_m, strict=True)]
+        grid = np.stack(np.meshgrid(*axes,
                                     indexing="ij"), -1).reshape(-1, 3)  # fmt: skip
         shell = (np.abs(grid) > s.half_m - 2.5 * cell).any(1)  # the inside of a solid need not be covered
         centers.append(grid[shell] @ s.T[:3, :3].T + s.T[:3, 3])

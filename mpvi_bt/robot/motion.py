@@ -1,12 +1,13 @@
 """Turns postures, hand lines and drives into actions, one a control step.
 
-Every motion is a generator of (23,) actions. Whoever plays it writes what the robot feels into `Motion.felt` before each
-step; the hand lines and drives are closed loops around that.
+Every motion is a generator of (23,) actions. Whoever plays it writes what the robot feels into `Motion.felt` before
+each step; the hand lines and drives are closed loops around that.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -84,14 +85,16 @@ class Motion:
         Raises:
             MotionFailure: "arm_blocked" if the arm does not arrive.
         """
-        legs = np.array([max(float(np.abs(b - a).max()), 1e-9) for a, b in zip(path, path[1:], strict=False)])
+        legs = np.array([max(float(np.abs(b - a).max()), 1e-9) for a, b in pairwise(path)])
         if len(legs):
             at = np.concatenate([[0.0], np.cumsum(legs)])
             n = max(2, round((at[-1] / speed * 1.2 + 0.2) * CONTROL_HZ))
             for k in range(1, n + 1):
                 x = smooth(k / n) * at[-1]
                 i = min(int(np.searchsorted(at, x, "right")) - 1, len(legs) - 1)
-                self.action[ActionLayout.ARM[side]] = path[i] + (path[i + 1] - path[i]) * min(1.0, (x - at[i]) / legs[i])
+                self.action[ActionLayout.ARM[side]] = path[i] + (path[i + 1] - path[i]) * min(
+                    1.0, (x - at[i]) / legs[i]
+                )
                 yield self._still()
         yield from self._arrive(side)
 
@@ -103,11 +106,16 @@ class Motion:
         """
         start = self.hand(side)
         turn = float(np.linalg.norm(Rotation.from_matrix(start[:3, :3].T @ T_base_tcp[:3, :3]).as_rotvec()))
-        n = max(2, round(max(float(np.linalg.norm(T_base_tcp[:3, 3] - start[:3, 3])) / speed, turn / 1.0) * 1.2 * CONTROL_HZ))
+        n = max(
+            2,
+            round(max(float(np.linalg.norm(T_base_tcp[:3, 3] - start[:3, 3])) / speed, turn / 1.0) * 1.2 * CONTROL_HZ),
+        )
         turning = Slerp([0, 1], Rotation.from_matrix(np.stack([start[:3, :3], T_base_tcp[:3, :3]])))
         for k in range(1, n + 1):
             u = smooth(k / n)
-            self._reach(side, kin.transform(turning(u).as_matrix(), start[:3, 3] + (T_base_tcp[:3, 3] - start[:3, 3]) * u))
+            self._reach(
+                side, kin.transform(turning(u).as_matrix(), start[:3, 3] + (T_base_tcp[:3, 3] - start[:3, 3]) * u)
+            )
             yield self._still()
         for _ in range(4):
             self._reach(side, T_base_tcp)
@@ -130,7 +138,7 @@ class Motion:
             yield from self.wait(0.15)
 
     def drive(self, goal: Array, speed: float = 0.4) -> Actions:
-        """Drive the base straight to `goal` (3,) x, y [m], yaw [rad] in the world, at `speed` [m/s] and 0.9 rad/s at most.
+        """Drive the base straight to `goal` (3,) x, y [m], yaw [rad] in the world, at most `speed` [m/s] and 0.9 rad/s.
 
         Raises:
             MotionFailure: "base_blocked" if it does not arrive within 3 cm.
@@ -152,7 +160,9 @@ class Motion:
             raise MotionFailure("base_blocked")
 
     def _reach(self, side: Side, T_base_tcp: Array) -> None:
-        torso = np.append(self.felt.torso[:3] if np.abs(self.felt.torso - self.torso).max() < 0.02 else self.torso[:3], 0)
+        torso = np.append(
+            self.felt.torso[:3] if np.abs(self.felt.torso - self.torso).max() < 0.02 else self.torso[:3], 0
+        )
         now = self.arm(side)
         q = kin.nearest_posture(kin.inverse(kin.chest(torso)) @ T_base_tcp, side, now)
         if q is None or np.abs(q - now).max() > _JUMP_RAD:

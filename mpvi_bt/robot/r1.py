@@ -53,7 +53,9 @@ def mirrored(q_left: Array, side: Side) -> Array:
 
 # Hands folded before the chest: the whole robot within a radius of 0.31 m and a half width of 0.26 m, and 2.7 cm clear
 # of itself at every lift and pitch (found by sampling postures).
-TRAVEL_ARM: Mapping[Side, Array] = {s: mirrored(np.array([0.51, 0.10, -0.28, -2.03, 0.05, -0.96, 0.0]), s) for s in SIGN}
+TRAVEL_ARM: Mapping[Side, Array] = {
+    s: mirrored(np.array([0.51, 0.10, -0.28, -2.03, 0.05, -0.96, 0.0]), s) for s in SIGN
+}
 TRAVEL_TORSO = np.array([0.30, 0.0, 0.0, 0.5])
 
 
@@ -90,7 +92,9 @@ def drive(joint: str) -> Drive:
     if joint in BASE_JOINTS:
         return Drive(0.0, 1e3, 1e3)
     if joint in TORSO_JOINTS:
-        stiffness, force = dict(zip(TORSO_JOINTS, [(5e4, 2e3), (1e4, 500.0), (1e4, 800.0), (1e3, 50.0)], strict=True))[joint]
+        stiffness, force = dict(zip(TORSO_JOINTS, [(5e4, 2e3), (1e4, 500.0), (1e4, 800.0), (1e3, 50.0)], strict=True))[
+            joint
+        ]
         return Drive(stiffness, stiffness / 10, force)
     if "finger" in joint:
         return Drive(3e3, 1e2, 250.0)

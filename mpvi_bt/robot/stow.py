@@ -1,4 +1,4 @@
-"""Brings the robot into its travel posture (Paper, Navigation appendix: arms in a fixed configuration while driving)."""
+"""Brings the robot into its travel posture (Paper, Navigation appendix: fixed arms while driving)."""
 
 from __future__ import annotations
 

@@ -13,6 +13,8 @@ from mpvi_bt.robot.protocol import SIDES, Side
 
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
+_Look = tuple[str, Sequence[float], Vector, Vector]  # kind, size, place, color
+_Hull = tuple[Vector, Vector]  # size and place of a box
 WHITE, DARK, BLUE, ORANGE, BLACK = (
     (0.92, 0.92, 0.94), (0.18, 0.19, 0.22), (0.15, 0.35, 0.75), (0.95, 0.55, 0.10), (0.02, 0.02, 0.02)
 )  # fmt: skip
@@ -77,7 +79,7 @@ def _arm(robot: ET.Element, side: Side) -> None:
     a, b = r1.UPPER_ARM_M, r1.FOREARM_M
     # Gaps at elbow and wrist keep neighbors that physics does not exempt from touching.
     shoulder = _vector(r1.SHOULDER_M * [1, r1.SIGN[side], 1])
-    links = [
+    links: list[tuple[float, Sequence[float], Vector, Vector, Vector, Vector, float, list[_Look], list[_Hull]]] = [
         (1.2, (4e-3,) * 3, ZERO, shoulder, ZERO, (0, 1, 0), 90, [("sphere", (0.06,), ZERO, DARK)], []),
         (1.0, (4e-3,) * 3, ZERO, ZERO, ZERO, (1, 0, 0), 90, [], []),
         (1.8, _box_inertia(1.8, 0.09, 0.09, a), (0, 0, -a / 2), ZERO, ZERO, (0, 0, 1), 60,

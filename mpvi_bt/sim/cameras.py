@@ -64,7 +64,8 @@ class Cameras:
             labels=position[..., 3].astype(np.int32),
             names=self.names,
             K=np.asarray(camera.get_intrinsic_matrix(), float),
-            T_world_camera=camera.get_global_pose().to_transformation_matrix().astype(float) @ transform(LINK_TO_OPTICAL, (0.0, 0.0, 0.0)),
+            T_world_camera=camera.get_global_pose().to_transformation_matrix().astype(float)
+            @ transform(LINK_TO_OPTICAL, (0.0, 0.0, 0.0)),
         )
         self.taken += 1
         self.seconds += time.perf_counter() - started

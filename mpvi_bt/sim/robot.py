@@ -21,8 +21,12 @@ from mpvi_bt.sim.cameras import Cameras
 FINGER_FRICTION = 2.0  # rubber pads
 _CLOSED_M = -0.01  # finger target beyond zero: grip force = stiffness * (half width + 1 cm)
 _BASE_ACCELERATION = np.array([1.5, 1.5, 3.0])  # [m/s^2, m/s^2, rad/s^2]: a jerk flings what is held
-_LOW = np.concatenate([-r1.BASE_SPEED, r1.TORSO_LIMITS[:, 0], r1.ARM_LIMITS["left"][:, 0], [-1], r1.ARM_LIMITS["right"][:, 0], [-1]])
-_HIGH = np.concatenate([r1.BASE_SPEED, r1.TORSO_LIMITS[:, 1], r1.ARM_LIMITS["left"][:, 1], [1], r1.ARM_LIMITS["right"][:, 1], [1]])
+_LOW = np.concatenate(
+    [-r1.BASE_SPEED, r1.TORSO_LIMITS[:, 0], r1.ARM_LIMITS["left"][:, 0], [-1], r1.ARM_LIMITS["right"][:, 0], [-1]]
+)
+_HIGH = np.concatenate(
+    [r1.BASE_SPEED, r1.TORSO_LIMITS[:, 1], r1.ARM_LIMITS["left"][:, 1], [1], r1.ARM_LIMITS["right"][:, 1], [1]]
+)
 
 
 class SimRobot:
@@ -152,7 +156,9 @@ class SimRobot:
         if not change.any() and not self._velocity.any():
             return
         self._velocity = self._velocity + change
-        yaw = self.proprioception().base_pose[2] + self._velocity[2] / CONTROL_HZ / 2  # the heading midway through the step
+        yaw = (
+            self.proprioception().base_pose[2] + self._velocity[2] / CONTROL_HZ / 2
+        )  # the heading midway through the step
         c, s = np.cos(yaw), np.sin(yaw)
         vx, vy, w = self._velocity
         for name, v in zip(r1.BASE_JOINTS, (c * vx - s * vy, s * vx + c * vy, w), strict=True):
@@ -163,7 +169,11 @@ class SimRobot:
         groups = [["base_link", "torso_lift_link", "waist_link", "chest_link", "head_link"]]
         for s in SIDES:
             hand = f"{s}_hand"
-            groups += [[f"{s}_arm_link3", f"{s}_arm_link5"], [f"{s}_arm_link5", hand], [n.removesuffix("_joint") for n in r1.FINGER_JOINTS[s]]]
+            groups += [
+                [f"{s}_arm_link3", f"{s}_arm_link5"],
+                [f"{s}_arm_link5", hand],
+                [n.removesuffix("_joint") for n in r1.FINGER_JOINTS[s]],
+            ]
         for bit, group in enumerate(groups, start=20):
             for name in group:
                 for shape in self.links[name].collision_shapes:

@@ -61,7 +61,9 @@ def scene_names(house: House, problem: Problem) -> dict[str, str]:
     return bound
 
 
-def sample(house: House, catalogue: Catalogue, problem: Problem, bindings: Mapping[str, str], rng: np.random.Generator) -> Start:
+def sample(
+    house: House, catalogue: Catalogue, problem: Problem, bindings: Mapping[str, str], rng: np.random.Generator
+) -> Start:
     """Draw one start.
 
     Floors and the upper faces of fixtures can carry things (`ontop`); whether all of :init then holds is for physics to
@@ -135,7 +137,9 @@ class _Floor:
     def on_top(self, fixture: str, radius: float, rng: np.random.Generator) -> Array:
         """(4, 4) a place on the highest broad face of a fixture."""
         solids = [s for s in self._house.fixtures[fixture].solids() if s.kind != "sphere"]
-        faces = sorted((s.aabb() for s in solids if (np.ptp(s.aabb(), axis=0)[:2] > 2 * radius).all()), key=lambda b: -b[1, 2])
+        faces = sorted(
+            (s.aabb() for s in solids if (np.ptp(s.aabb(), axis=0)[:2] > 2 * radius).all()), key=lambda b: -b[1, 2]
+        )
         for low, high in faces[:1]:
             for _ in range(_DRAWS):
                 xy = rng.uniform(low[:2] + radius, high[:2] - radius)

@@ -11,7 +11,7 @@ import numpy as np
 from mpvi_bt.perception.knowledge import Entry as Known
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage, Side
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, CameraImage, Side
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.sim.builder import Thing, build_house, build_object
 from mpvi_bt.sim.cameras import Cameras
@@ -83,11 +83,6 @@ class World:
     # --- the clock
 
     @property
-    def step_count(self) -> int:
-        """Control steps since the episode began."""
-        return self.steps
-
-    @property
     def time_s(self) -> float:
         """Simulated seconds since the episode began."""
         return self.steps / CONTROL_HZ
@@ -140,7 +135,9 @@ class World:
         mine, theirs = (set(self._things[n].entities.values()) for n in (name, other))
         for contact in self._scene.get_contacts():
             a, b = (body.entity for body in contact.bodies)
-            if ((a in mine and b in theirs) or (a in theirs and b in mine)) and any(p.separation < 2e-3 for p in contact.points):
+            if ((a in mine and b in theirs) or (a in theirs and b in mine)) and any(
+                p.separation < 2e-3 for p in contact.points
+            ):
                 return True
         return False
 
@@ -171,8 +168,8 @@ class World:
             for handle in body.handles:
                 T = thing.T_world_body(body.name)
                 R = T[:3, :3]
-                moved = {"center": R @ handle.center + T[:3, 3], "axis": R @ handle.axis, "outward": R @ handle.outward}
-                out.append(replace(handle, **moved))
+                center, axis, outward = R @ handle.center + T[:3, 3], R @ handle.axis, R @ handle.outward
+                out.append(replace(handle, center=center, axis=axis, outward=outward))
         return out
 
     def holding(self, side: Side) -> str | None:
@@ -200,7 +197,10 @@ class World:
         near = []
         for solid in out:
             low, high = solid.aabb()
-            if np.linalg.norm(np.maximum(np.maximum(low[:2] - place, place - high[:2]), 0)) < radius_m and high[2] > 0.005:
+            if (
+                np.linalg.norm(np.maximum(np.maximum(low[:2] - place, place - high[:2]), 0)) < radius_m
+                and high[2] > 0.005
+            ):
                 near.append(solid)
         return near
 
@@ -209,7 +209,7 @@ class World:
         if self._known is None or self._known[0] != self.steps:
             base = KnowledgeBase({e.name: e for e in self._prior})
             containers = {c: set(self.within(c)) for c in self._objects if self.volumes(c)}
-            carried = {h for s in ("left", "right") if (h := self.holding(s)) is not None}  # type: ignore[arg-type]
+            carried = {h for s in SIDES if (h := self.holding(s)) is not None}
             for name, thing in self._objects.items():
                 boxes = np.stack([s.aabb() for s in thing.solids()])
                 low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)

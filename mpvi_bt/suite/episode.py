@@ -15,13 +15,17 @@ from mpvi_bt.behaviors.protocols import Checker
 from mpvi_bt.completion.oracle import OracleChecker
 from mpvi_bt.completion.triggers import GraspReleaseTriggers
 from mpvi_bt.completion.visual import VisualChecker
-from mpvi_bt.errors import BackendError, UnknownName, UserError
+from mpvi_bt.errors import BackendError, UnknownName
+from mpvi_bt.executive.live import LiveTree
 from mpvi_bt.executive.loop import Outcome, Subscriber, run_episode
+from mpvi_bt.executive.pictures import PathPicture
+from mpvi_bt.executive.video import Video
 from mpvi_bt.goals.evaluate import judge, snapshot, unmet
 from mpvi_bt.goals.predicates import inside, ontop, truth_in
 from mpvi_bt.goals.problem import Problem, load_problem
 from mpvi_bt.manipulation.expert import ExpertPolicy
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
+from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.schema import load_plan
 from mpvi_bt.plan.skills import Skill, load_skills
@@ -64,6 +68,9 @@ def run(config: EpisodeConfig, subscribers: Sequence[Subscriber] = ()) -> dict[s
     task.check_instance(config.instance)
     skills = load_skills()
     tree = Tree(_tree(config, task, skills))
+    for subscriber in subscribers:
+        if isinstance(subscriber, LiveTree):
+            subscriber.show(tree.spec)  # the world takes a moment
     house, catalogue = load_house(task.house), load_catalogue()
     problem = load_problem(task.problem)
     counts = {s: len(house.fixtures_of(s, room)) for s, room in problem.wildcards.items()}
@@ -72,7 +79,8 @@ def run(config: EpisodeConfig, subscribers: Sequence[Subscriber] = ()) -> dict[s
     truth = truth_in(world, start.scene_names)
     before = snapshot(problem, truth)
     policy = ExpertPolicy(world, skills, config.seed, timer=time.perf_counter)
-    navigator = KnownPlaceNavigator(world.robot, prior_map(house), world.knowledge, ArmStow(world.robot, config.seed))
+    grid = prior_map(house)
+    navigator = KnownPlaceNavigator(world.robot, grid, world.knowledge, ArmStow(world.robot, config.seed))
     context = Context(
         clock=world,
         robot=world.robot,
@@ -83,7 +91,7 @@ def run(config: EpisodeConfig, subscribers: Sequence[Subscriber] = ()) -> dict[s
         skills=skills,
     )
     meter = Meter()
-    watchers = [meter, *_recorders(config, world, navigator), *subscribers]
+    watchers = [meter, *_recorders(config, grid, world, navigator), *subscribers]
     ready = time.perf_counter()
     try:
         outcome = run_episode(tree, world, context, watchers, max_time_s=task.budget_s)
@@ -98,8 +106,15 @@ def run(config: EpisodeConfig, subscribers: Sequence[Subscriber] = ()) -> dict[s
         goal,
         meter.measurement,
         ended=outcome.ending,
-        failures=[Failure(node=f.path, reason=f.reason, feedback=f.evidence, time_s=f.time_s) for f in outcome.log.failures],
-        wall={"total_s": total, "setup_s": ready - began, "loop": dict(outcome.wall_s), "planning_s": policy.planning_s},
+        failures=[
+            Failure(node=f.path, reason=f.reason, feedback=f.evidence, time_s=f.time_s) for f in outcome.log.failures
+        ],
+        wall={
+            "total_s": total,
+            "setup_s": ready - began,
+            "loop": dict(outcome.wall_s),
+            "planning_s": policy.planning_s,
+        },
     )
     return result.model_dump(mode="json")
 
@@ -114,7 +129,9 @@ def _tree(config: EpisodeConfig, task: Task, skills: Mapping[str, Skill]) -> Tre
     return compile_plan(plan, skills)
 
 
-def _world(config: EpisodeConfig, task: Task, house: House, catalogue: Catalogue, problem: Problem) -> tuple[World, Start]:
+def _world(
+    config: EpisodeConfig, task: Task, house: House, catalogue: Catalogue, problem: Problem
+) -> tuple[World, Start]:
     """A settled world in which :init holds and of the goal nothing but what :init says."""
     stated = {fact.literal for fact in problem.init if fact.positive}
     for draw in range(_DRAWS):
@@ -130,7 +147,9 @@ def _world(config: EpisodeConfig, task: Task, house: House, catalogue: Catalogue
         early = [k for k, true in snapshot(problem, truth).items() if true and k not in stated]
         if not unmet(problem, truth) and not early:
             return world, start
-    raise BackendError(f"{config.task}: no start of instance {config.instance} came to rest as :init has it in {_DRAWS} draws")
+    raise BackendError(
+        f"{config.task}: no start of instance {config.instance} came to rest as :init has it in {_DRAWS} draws"
+    )
 
 
 def _renders(config: EpisodeConfig) -> bool:
@@ -147,10 +166,15 @@ def _checker(config: EpisodeConfig, world: World) -> Checker:
     raise UnknownName("checker", config.checker, ["visual", "oracle"])
 
 
-def _recorders(config: EpisodeConfig, world: World, navigator: KnownPlaceNavigator) -> list[Subscriber]:
-    if config.video is None and config.picture is None:
-        return []
-    raise UserError("video and picture are not there yet")
+def _recorders(
+    config: EpisodeConfig, grid: OccupancyMap, world: World, navigator: KnownPlaceNavigator
+) -> list[Subscriber]:
+    recorders: list[Subscriber] = []
+    if config.video is not None:
+        recorders.append(Video(config.video, config.name))
+    if config.picture is not None:
+        recorders.append(PathPicture(config.picture, grid, world.knowledge, lambda: navigator.goal, config.name))
+    return recorders
 
 
 class _TrueState:
