@@ -13,8 +13,8 @@ as_root() {
     if [ "$(id -u)" = 0 ]; then "$@"
     elif command -v sudo >/dev/null; then sudo "$@"
     else
-        say "administrator rights are needed, and there is no sudo; run this as root, then try again:"
-        say "    $*"
+        say "that needs administrator rights, and there is no sudo; run this as root, then try again:"
+        say "    $(realpath "$0")"
         exit 1
     fi
 }
