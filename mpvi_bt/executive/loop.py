@@ -175,7 +175,7 @@ def run_episode(
 
 def _close(tree: Tree, world: World, subscribers: Sequence[Subscriber], outcome: Outcome) -> None:
     """Everything is ended, each whatever becomes of the others; then the first error is raised, if nothing else is."""
-    ends: list[Callable[[], None]] = [lambda s=s: s.end(outcome) for s in subscribers]  # type: ignore[misc]
+    ends: list[Callable[[], object]] = [lambda s=s: s.end(outcome) for s in subscribers]  # type: ignore[misc]
     if outcome.ending in ("time_limit", "interrupted", "error"):
         ends.insert(0, tree.interrupt)
     ends.insert(0, world.robot.hold)
