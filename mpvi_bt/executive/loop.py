@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Literal, Protocol
 
 from py_trees.common import Status
@@ -175,7 +176,7 @@ def run_episode(
 
 def _close(tree: Tree, world: World, subscribers: Sequence[Subscriber], outcome: Outcome) -> None:
     """Everything is ended, each whatever becomes of the others; then the first error is raised, if nothing else is."""
-    ends: list[Callable[[], object]] = [lambda s=s: s.end(outcome) for s in subscribers]  # type: ignore[misc]
+    ends: list[Callable[[], object]] = [partial(subscriber.end, outcome) for subscriber in subscribers]
     if outcome.ending in ("time_limit", "interrupted", "error"):
         ends.insert(0, tree.interrupt)
     ends.insert(0, world.robot.hold)
