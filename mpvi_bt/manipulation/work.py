@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from mpvi_bt.manipulation.truth import Truth
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Load, Surroundings
-from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
+from mpvi_bt.robot.motion import Actions, HandPath, Motion, MotionFailure, glide, stay
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, Solid
 
@@ -80,7 +80,7 @@ class Work:
         yield from self.motion.drive(stance.base)
         if search.other is not None and len(stance.aside) > 1:
             yield from self.motion.follow(search.other, stance.aside, speed=0.8)
-        yield from self.motion.stand(stance.torso, stance.level)
+        yield from self.motion.stand(stance.torso, {s: stay(T) for s, T in stance.level.items()})
         yield from self.motion.follow(search.side, stance.path)
 
     def lines(self, side: Side, stance: Stance, waypoints: Sequence[int], speed: float = 0.16) -> Actions:
@@ -113,16 +113,35 @@ class Work:
                 if path is None:
                     raise MotionFailure("no_fold")
                 yield from self.motion.follow(side, path)
-        level = {s: self.motion.hand(s) for s in held}
-        loads = {s: h.load for s, h in held.items()}
-        for side in held:
-            if not self._kept(side, self.motion.arm(side), {side: level[side]}, loads):
-                found = self._carry(side, level, without)
-                if found is None:
-                    raise MotionFailure("no_carry")
-                level[side], path = found
-                yield from self.motion.follow(side, path, speed=1.0)
-        yield from self.motion.stand(np.append(r1.TRAVEL_TORSO[:3], self.motion.torso[3]), level)
+        upright = np.append(r1.TRAVEL_TORSO[:3], self.motion.torso[3])
+        hands = self._homeward(upright, without)
+        if hands is None:
+            raise MotionFailure("no_carry")
+        yield from self.motion.stand(upright, hands)
+
+    def _homeward(self, torso: Array, without: Collection[str]) -> dict[Side, HandPath] | None:
+        """Paths of the hands that hold something, while the torso goes to its travel posture.
+
+        What can stay where it is stays; of two things held the one in the lower hand, just picked up, moves first.
+        """
+        body = self.body(without)
+        hands = {s: stay(self.motion.hand(s)) for s in body.held}
+        if arm_motion.sweep(body, torso, hands):
+            return hands
+        for side in sorted(body.held, key=lambda s: float(self.motion.hand(s)[2, 3])):
+            now, checked = self.motion.hand(side), 0
+            for T in self._carries(side, body):
+                q = kin.nearest_posture(kin.inverse(kin.chest(torso)) @ T, side, self.motion.arm(side))
+                if q is None or not replace(body, torso=torso[:3]).free(side, q)[0]:
+                    continue
+                for lead in (0.0, 0.4):
+                    path = glide(now, T, lead)
+                    if arm_motion.sweep(body, torso, {**hands, side: path}):
+                        return {**hands, side: path}
+                checked += 1
+                if checked >= _CHECKED_CARRIES:
+                    break
+        return None
 
     def look_at(self, name: str) -> Actions:
         """Tilt the head so that a thing is in the middle of its view, up or down."""
@@ -136,50 +155,32 @@ class Work:
 
     def tuck(self) -> Actions:
         """Bring what is held closer to the body, for driving."""
-        for side in self.held():
-            found = self._carry(side, {s: self.motion.hand(s) for s in self.held()}, ())
-            if found is not None and np.linalg.norm(found[0][:3, 3] - self.motion.hand(side)[:3, 3]) > 0.02:
-                yield from self.motion.follow(side, found[1], speed=1.0)
+        body = self.body()
+        for side in body.held:
+            arms = {s: self.motion.arm(s) for s in SIDES}
+            now, checked = self.motion.hand(side), 0
+            body = replace(body, arms=arms)
+            for T in self._carries(side, body):
+                if np.linalg.norm(T[:3, 3] - now[:3, 3]) < 0.03 or checked >= _CHECKED_CARRIES:
+                    break  # as good as home
+                q = kin.nearest_posture(kin.inverse(kin.chest(self.motion.torso)) @ T, side, arms[side])
+                if q is None or not body.free(side, q)[0]:
+                    continue
+                path = arm_motion.plan_level(body, side, T)
+                if path is not None:
+                    yield from self.motion.follow(side, path, speed=1.0)
+                    break
+                checked += 1
 
-    def _carry(
-        self, side: Side, level: dict[Side, Array], without: Collection[str]
-    ) -> tuple[Array, list[Array]] | None:
-        """T_base_tcp (4, 4) to carry what `side` holds, up to the travel posture, and a path to it."""
-        body, held = self.body(without), self.held()
-        now, load = self.motion.hand(side), held[side].load
+    def _carries(self, side: Side, body: Body) -> list[Array]:
+        """T_base_tcp (4, 4) to carry what `side` holds, tilted as now, the most compact first."""
+        now, load = self.motion.hand(side), body.held[side]
         ranked = []
         for x, y, z, yaw in _CARRIES:
             T = kin.transform(kin.rot_z(yaw * r1.SIGN[side]) @ now[:3, :3], (x, y * r1.SIGN[side], z))
             reach = np.hypot(*(load.centers @ T[:2, :3].T + T[:2, 3]).T) + load.radii
             ranked.append((float(reach.max()) + 0.05 * abs(yaw) + 0.2 * abs(z - _CARRY_HEIGHT_M), T))
-        for _, T in sorted(ranked, key=lambda r: r[0]):
-            q = kin.nearest_posture(kin.inverse(kin.chest(self.motion.torso)) @ T, side, self.motion.arm(side))
-            if q is None or not body.free(side, q)[0] or not self._kept(side, q, {**level, side: T}, body.held):
-                continue
-            path = arm_motion.plan_level(body, side, T, start=self.motion.arm(side))
-            if path is None and not self.truth.volumes(
-                held[side].name
-            ):  # what is no container may be tipped on the way
-                path = arm_motion.plan(body, side, q, self.rng, start=self.motion.arm(side), iterations=150)
-            if path is not None:
-                return T, path
-        return None
-
-    def _kept(self, side: Side, q: Array, level: Mapping[Side, Array], held: Mapping[Side, Load]) -> bool:
-        """Whether the hands in `level` can stay in the base frame while the torso goes to the travel posture."""
-        start = self.motion.torso
-        arms = {**{s: self.motion.arm(s) for s in SIDES}, side: q}
-        for u in np.linspace(0, 1, 7)[1:]:
-            torso = start + (r1.TRAVEL_TORSO - start) * u
-            for s, T in level.items():
-                near = kin.nearest_posture(kin.inverse(kin.chest(torso)) @ T, s, arms[s])
-                if near is None or np.abs(near - arms[s]).max() > 0.8:
-                    return False
-                arms[s] = near
-            body = Body(torso, dict(arms), held)
-            if not all(body.free(s, arms[s])[0] for s in SIDES):
-                return False
-        return True
+        return [T for _, T in sorted(ranked, key=lambda r: r[0])]
 
     def gripped(self, side: Side) -> bool:
         """Whether the closed hand has something between its fingers, by its width."""
@@ -187,6 +188,7 @@ class Work:
 
 
 _CARRY_HEIGHT_M = 0.80
+_CHECKED_CARRIES = 25
 # Where to carry things: x, y toward the own side, z [m] and a turn about the vertical [rad].
 _CARRIES = [
     (x, y, z, yaw)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.motion import HandPath
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
@@ -104,6 +108,35 @@ def plan_level(body: Body, side: Side, T_base_tcp: Array, start: Array | None = 
 # Of the middle of the way, y toward the arm's own side [m].
 _DETOURS = np.array([(0.0, 0, 0), (0, 0, 0.15), (0.15, 0, 0), (0.15, 0, 0.15), (0.1, 0.15, 0), (0, 0.15, 0.1),
                      (0, 0, 0.3),                     (0.2, 0.15, 0.15), (0, 0, -0.15), (0.25, 0, -0.1)])  # fmt: skip
+
+
+def sweep(body: Body, torso: Array, hands: Mapping[Side, HandPath], samples: int = 12) -> bool:
+    """Whether the torso can move to `torso` while hands follow their paths: no leap of an arm, nothing touched.
+
+    Args:
+        body: The robot as it stands. What is too near at the start may be left, not come nearer.
+        torso: (>= 3,) where the torso goes.
+        hands: Paths in the base frame; the other arms ride along.
+        samples: Postures that are checked.
+    """
+    arms, start = dict(body.arms), np.asarray(body.torso, float)
+    slack = {s: float(min(0.0, *(c[0] for c in body.clearance(s, arms[s])))) - 1e-6 for s in arms}
+    for u in np.linspace(0, 1, samples + 1)[1:]:
+        now = start[:3] + (np.asarray(torso, float)[:3] - start[:3]) * u
+        chest = kin.inverse(kin.chest(now))
+        for side, path in hands.items():
+            q = kin.nearest_posture(chest @ path(float(u)), side, arms[side])
+            if q is None or np.abs(q - arms[side]).max() > 0.7:
+                return False
+            arms[side] = q
+        moved = replace(body, torso=now, arms=dict(arms))
+        if not moved.trunk_free():
+            return False
+        for side in arms:
+            around, itself = moved.clearance(side, arms[side])
+            if min(around[0], itself[0]) <= (slack[side] if u < 0.5 else 0.0):
+                return False
+    return True
 
 
 def trace(torso: Array, side: Side, start: Array, T_base_tcp: Array) -> list[Array] | None:

@@ -6,7 +6,7 @@ each step; the hand lines and drives are closed loops around that.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -20,7 +20,28 @@ from mpvi_bt.robot.solids import Array
 Actions = Iterator[Array]
 
 _TORSO_SPEED = np.array([0.25, 0.8, 0.7, 2.0])  # [m/s, rad/s, rad/s, rad/s]
+_CARRY_SPEED = 0.3  # of a hand that moves with the torso [m/s]
 _JUMP_RAD = 0.5  # a nearest posture farther than this is another elbow, not the next step of a line
+
+
+HandPath = Callable[[float], Array]  # 0..1 to T_base_tcp (4, 4)
+
+
+def stay(T_base_tcp: Array) -> HandPath:
+    """The path of a hand that keeps its pose."""
+    return lambda u: T_base_tcp
+
+
+def glide(start: Array, goal: Array, lead: float = 0.0) -> HandPath:
+    """The path from pose to pose (4, 4); with `lead` > 0 height comes first and the rest that much later, 0..0.9."""
+    turning = Slerp([0, 1], Rotation.from_matrix(np.stack([start[:3, :3], goal[:3, :3]])))
+
+    def path(u: float) -> Array:
+        early, late = min(1.0, u / (1 - lead)), max(0.0, (u - lead) / (1 - lead))
+        p = start[:3, 3] + (goal[:3, 3] - start[:3, 3]) * np.array([late, late, early])
+        return kin.transform(turning(late).as_matrix(), p)
+
+    return path
 
 
 class MotionFailure(Exception):
@@ -121,20 +142,24 @@ class Motion:
             self._reach(side, T_base_tcp)
             yield self._still()
 
-    def stand(self, torso: Array, level: Mapping[Side, Array] | None = None) -> Actions:
-        """Move the torso (4,); the hands in `level` (side -> T_base_tcp) keep their pose in the base frame meanwhile.
+    def stand(self, torso: Array, hands: Mapping[Side, HandPath] | None = None) -> Actions:
+        """Move the torso (4,), and meanwhile the hands along paths of theirs in the base frame.
 
         Raises:
-            MotionFailure: "no_reach" if a level hand cannot be kept.
+            MotionFailure: "no_reach" if a hand cannot stay on its path.
         """
-        start = self.torso
-        n = max(2, round(float(np.max(np.abs(torso - start) / _TORSO_SPEED)) * 1.4 * CONTROL_HZ))
-        if np.abs(torso - start).max() > 1e-6:
-            for k in range(1, n + 1):
-                self.action[ActionLayout.TORSO] = start + (torso - start) * smooth(k / n)
-                for side, T in (level or {}).items():
-                    self._reach(side, T)
-                yield self._still()
+        start, hands = self.torso, hands or {}
+        seconds = float(np.max(np.abs(torso - start) / _TORSO_SPEED))
+        for path in hands.values():
+            seconds = max(seconds, float(np.linalg.norm(path(1.0)[:3, 3] - path(0.0)[:3, 3])) / _CARRY_SPEED)
+        n = round(seconds * 1.4 * CONTROL_HZ)
+        for k in range(1, n + 1):
+            u = smooth(k / n)
+            self.action[ActionLayout.TORSO] = start + (torso - start) * u
+            for side, path in hands.items():
+                self._reach(side, path(u))
+            yield self._still()
+        if n:
             yield from self.wait(0.15)
 
     def drive(self, goal: Array, speed: float = 0.4) -> Actions:

@@ -52,7 +52,7 @@ def mirrored(q_left: Array, side: Side) -> Array:
 
 
 # Hands folded before the chest: the whole robot within a radius of 0.31 m and a half width of 0.26 m, and 2.7 cm clear
-# of itself at every lift and pitch (found by sampling postures).
+# of itself at every pitch from a lift of 5 cm on, below that up to a pitch of 1 rad (found by sampling postures).
 TRAVEL_ARM: Mapping[Side, Array] = {
     s: mirrored(np.array([0.51, 0.10, -0.28, -2.03, 0.05, -0.96, 0.0]), s) for s in SIGN
 }

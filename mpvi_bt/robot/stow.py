@@ -8,7 +8,7 @@ import numpy as np
 
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot.collision import Body
-from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
+from mpvi_bt.robot.motion import Actions, Motion, MotionFailure, stay
 from mpvi_bt.robot.protocol import SIDES, Robot, Side
 from mpvi_bt.robot.solids import Array
 
@@ -59,4 +59,4 @@ class ArmStow:
             path = arm_motion.plan(body, side, r1.TRAVEL_ARM[side], rng)
             if path is not None:
                 yield from motion.follow(side, path)
-        yield from motion.stand(r1.TRAVEL_TORSO, {s: motion.hand(s) for s in held})
+        yield from motion.stand(r1.TRAVEL_TORSO, {s: stay(motion.hand(s)) for s in held})
