@@ -27,7 +27,7 @@ def posture(seed: int, side: Side, n: int = 1) -> Array:
 
 def torso(seed: int) -> Array:
     """A random torso (4,) within the limits."""
-    return np.random.default_rng(seed).uniform(*r1.TORSO_LIMITS.T)
+    return np.random.default_rng(seed).uniform(r1.TORSO_LIMITS[:, 0], r1.TORSO_LIMITS[:, 1])
 
 
 @given(angles, angles)
