@@ -134,8 +134,8 @@ class Work:
                 q = kin.nearest_posture(kin.inverse(kin.chest(torso)) @ T, side, self.motion.arm(side))
                 if q is None or not replace(body, torso=torso[:3]).free(side, q)[0]:
                     continue
-                for lead in (0.0, 0.4):
-                    path = glide(now, T, lead)
+                for detour in _DETOURS:
+                    path = glide(now, T, detour * [1, r1.SIGN[side], 1])
                     if arm_motion.sweep(body, torso, {**hands, side: path}):
                         return {**hands, side: path}
                 checked += 1
@@ -189,6 +189,8 @@ class Work:
 
 _CARRY_HEIGHT_M = 0.80
 _CHECKED_CARRIES = 25
+# Off the middle of a hand's way home, y toward its own side [m].
+_DETOURS = np.array([(0.0, 0, 0), (0, 0.12, 0), (0, 0, 0.2), (0, 0.25, 0), (0.15, 0.15, 0), (0, 0.25, -0.2)])
 # Where to carry things: x, y toward the own side, z [m] and a turn about the vertical [rad].
 _CARRIES = [
     (x, y, z, yaw)

@@ -32,14 +32,15 @@ def stay(T_base_tcp: Array) -> HandPath:
     return lambda u: T_base_tcp
 
 
-def glide(start: Array, goal: Array, lead: float = 0.0) -> HandPath:
-    """The path from pose to pose (4, 4); with `lead` > 0 height comes first and the rest that much later, 0..0.9."""
+def glide(start: Array, goal: Array, detour: Array | None = None) -> HandPath:
+    """The path from pose to pose (4, 4), over a point that lies off the middle of the way by `detour` (3,) [m]."""
     turning = Slerp([0, 1], Rotation.from_matrix(np.stack([start[:3, :3], goal[:3, :3]])))
+    first, last = start[:3, 3], goal[:3, 3]
+    via = (first + last) / 2 + (np.zeros(3) if detour is None else detour)
 
     def path(u: float) -> Array:
-        early, late = min(1.0, u / (1 - lead)), max(0.0, (u - lead) / (1 - lead))
-        p = start[:3, 3] + (goal[:3, 3] - start[:3, 3]) * np.array([late, late, early])
-        return kin.transform(turning(late).as_matrix(), p)
+        p = first + (via - first) * 2 * u if u < 0.5 else via + (last - via) * (2 * u - 1)
+        return kin.transform(turning(u).as_matrix(), p)
 
     return path
 
