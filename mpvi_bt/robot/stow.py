@@ -26,6 +26,7 @@ class ArmStow:
     def __init__(self, robot: Robot, seed: int = 0) -> None:
         """Command `robot`; the same seed folds in the same way."""
         self._robot, self._seed = robot, seed
+        self._motion = Motion(robot.proprioception())
         self._actions: Iterator[Array] = iter(())
 
     def start(self) -> None:
