@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mpvi_bt.behaviors.protocols import Progress, Report
@@ -57,6 +57,7 @@ def test_goals_are_free_facing_reachable_in_the_room_and_within_reach(
     x: float, y: float, width: float, depth: float
 ) -> None:
     """Every goal before a thing on the kitchen floor has all the properties that a handoff needs."""
+    assume(x + width / 2 < 3.2)  # else it may stand in the doorway at x = 4
     grid_map, entry = two_rooms(), thing("can", (x, y, 0.1), (width, depth, 0.2))
     start = np.array([7.0, 3.0])
     grid = traversability(grid_map, 0.33, [(entry.lowest, entry.highest)])
