@@ -91,7 +91,7 @@ def test_every_inverse_solution_reaches_the_target(seed: int, side: Side) -> Non
 @settings(deadline=None)
 @given(seeds, sides)
 def test_what_a_posture_reaches_is_found(seed: int, side: Side) -> None:
-    """A target that some posture well within the limits reaches has a solution, with its elbow next to that posture's."""
+    """A target that a posture well within the limits reaches has a solution, its elbow next to that posture's."""
     low, high = r1.ARM_LIMITS[side].T
     q = np.random.default_rng(seed).uniform(low + 0.25, high - 0.25)
     T = kin.arm(q, side)
