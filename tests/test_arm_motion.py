@@ -1,0 +1,181 @@
+"""Paths of one arm: free where they are checked more finely, level where they promise it, without leaps."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot import r1
+from mpvi_bt.robot.arm_motion import plan, plan_level, trace
+from mpvi_bt.robot.collision import Body, Surroundings
+from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.solids import Array, Solid, box
+
+seeds = st.integers(0, 2**32 - 1)
+sides = st.sampled_from(SIDES)
+TORSO = np.array([0.35, 0.0, 0.2, 0.0])
+TABLE = box((0.75, 0.0, 0.70), (0.6, 1.4, 0.04))
+POLE = box((0.55, 0.25, 1.0), (0.06, 0.06, 1.0))
+
+
+def robot(*solids: Solid) -> Body:
+    """The robot with folded hands among solids in its own frame."""
+    return Body(TORSO, dict(r1.TRAVEL_ARM), {}, Surroundings(solids))
+
+
+def level(x: float, y: float, z: float, side: Side) -> Array:
+    """A hand pose that points ahead, y toward the hand's own side."""
+    return kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (x, y * r1.SIGN[side], z))
+
+
+def anywhere(rng: np.random.Generator, side: Side) -> Array:
+    """A level hand pose somewhere in front of the body."""
+    return level(rng.uniform(0.35, 0.6), rng.uniform(0.05, 0.4), rng.uniform(0.75, 1.1), side)
+
+
+def finely(path: list[Array], step: float = 0.01) -> Array:
+    """The postures of a path, `step` [rad] apart."""
+    legs = [a + (b - a) * np.linspace(0, 1, int(np.abs(b - a).max() / step) + 2)[:, None] for a, b in pairwise(path)]
+    return np.concatenate(legs)
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds, sides)
+def test_planned_paths_are_free_between_their_checks(seed: int, side: Side) -> None:
+    """A path begins where the arm is, ends at its goal, stays in the limits, and no posture on it is deeper than 5 mm.
+
+    Edges are checked each 0.07 rad, which is 5 cm of the hand: what is between may graze, not more.
+    """
+    rng = np.random.default_rng(seed)
+    low, high = r1.ARM_LIMITS[side].T
+    goal = rng.uniform(low, high)
+    body = robot(TABLE, POLE)
+    path = plan(body, side, goal, rng, margin=0.02, iterations=60)
+    if path is None:
+        return
+    np.testing.assert_array_equal(path[0], r1.TRAVEL_ARM[side])
+    np.testing.assert_allclose(path[-1], goal)
+    q = finely(path)
+    assert ((q >= low) & (q <= high)).all()
+    around, itself = body.clearance(side, q)
+    assert around.min() > -0.005 + 0.02
+    assert itself.min() > -0.01
+
+
+@settings(deadline=None, max_examples=20)
+@given(seeds, sides)
+def test_a_goal_in_a_wall_has_no_path(seed: int, side: Side) -> None:
+    """Where the goal is not free there is no path, and that is known at once."""
+    rng = np.random.default_rng(seed)
+    low, high = r1.ARM_LIMITS[side].T
+    goal = rng.uniform(low, high)
+    at = kin.tcp(TORSO, goal, side)[:3, 3]
+    body = robot(box((float(at[0]), float(at[1]), float(at[2])), (0.1, 0.1, 0.1)))
+    assert plan(body, side, goal, rng) is None
+
+
+def test_planning_finds_a_way_around() -> None:
+    """With the straight way barred a path is found all the same, and the same one from the same randomness."""
+    side: Side = "left"
+    chest = kin.inverse(kin.chest(TORSO))
+    start = kin.nearest_posture(chest @ level(0.50, 0.02, 1.05, side), side, r1.TRAVEL_ARM[side])
+    goal = kin.nearest_posture(chest @ level(0.50, 0.50, 1.05, side), side, r1.TRAVEL_ARM[side])
+    assert start is not None
+    assert goal is not None
+    body = Body(TORSO, {**r1.TRAVEL_ARM, side: start}, {}, Surroundings([POLE]))
+    straight = np.array([start + (goal - start) * u for u in np.linspace(0, 1, 40)])
+    assert not body.free(side, straight).all()
+    first, second = (plan(body, side, goal, np.random.default_rng(3)) for _ in range(2))
+    assert first is not None
+    assert second is not None
+    np.testing.assert_array_equal(np.stack(first), np.stack(second))
+    assert body.free(side, finely(first), margin=-0.005).all()
+
+
+def test_a_start_in_touch_can_be_left() -> None:
+    """An arm that stands in slight contact still finds a way out."""
+    side: Side = "left"
+    at = kin.tcp(TORSO, r1.TRAVEL_ARM[side], side)[:3, 3]
+    body = robot(box((float(at[0]), float(at[1]), float(at[2]) - 0.07), (0.1, 0.1, 0.1)))
+    assert not body.free(side, r1.TRAVEL_ARM[side])[0]
+    goal = kin.nearest_posture(kin.inverse(kin.chest(TORSO)) @ level(0.45, 0.45, 1.1, side), side, r1.TRAVEL_ARM[side])
+    assert goal is not None
+    assert plan(body, side, goal, np.random.default_rng(0)) is not None
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds, sides)
+def test_a_traced_line_is_straight_and_without_leaps(seed: int, side: Side) -> None:
+    """From start to goal in small steps: each hand pose on the segment, no joint leaping."""
+    rng = np.random.default_rng(seed)
+    a, b = (anywhere(rng, side) for _ in range(2))
+    start = kin.nearest_posture(kin.inverse(kin.chest(TORSO)) @ a, side, r1.TRAVEL_ARM[side])
+    assume(start is not None)
+    assert start is not None
+    path = trace(TORSO, side, start, b)
+    assume(path is not None)
+    assert path is not None
+    np.testing.assert_array_equal(path[0], start)
+    hands = kin.tcp(TORSO, np.stack(path), side)
+    np.testing.assert_allclose(hands[-1], b, atol=1e-6)
+    along = (b - a)[:3, 3] / np.linalg.norm((b - a)[:3, 3])
+    off = hands[:, :3, 3] - a[:3, 3]
+    np.testing.assert_allclose(np.linalg.norm(off - np.outer(off @ along, along), axis=1), 0.0, atol=1e-6)
+    assert np.linalg.norm(np.diff(hands[:, :3, 3], axis=0), axis=1).max() < 0.026
+    assert np.abs(np.diff(np.stack(path), axis=0)).max() < 0.46
+    # between its postures too the hand stays near the line, so that following it does not sweep through things
+    between = kin.tcp(TORSO, finely(path, 0.02), side)[:, :3, 3] - a[:3, 3]
+    assert np.linalg.norm(between - np.outer(between @ along, along), axis=1).max() < 0.05
+
+
+def test_a_line_out_of_reach_is_none() -> None:
+    """A hand cannot be traced to where the arm does not reach."""
+    assert trace(TORSO, "left", r1.TRAVEL_ARM["left"], level(2.0, 0.2, 1.0, "left")) is None
+
+
+@settings(deadline=None, max_examples=25)
+@given(seeds, sides)
+def test_a_level_path_never_tips_what_is_held(seed: int, side: Side) -> None:
+    """All along a level path, detours too, the hand keeps its tilt: only its heading turns."""
+    rng = np.random.default_rng(seed)
+    chest = kin.inverse(kin.chest(TORSO))
+    a, b = (anywhere(rng, side) for _ in range(2))
+    b[:3, :3] = kin.rot_z(rng.uniform(-0.8, 0.8)) @ b[:3, :3]
+    start = kin.nearest_posture(chest @ a, side, r1.TRAVEL_ARM[side])
+    assume(start is not None)
+    assert start is not None
+    body = Body(TORSO, {**r1.TRAVEL_ARM, side: start}, {}, Surroundings([POLE]))
+    assume(bool(body.free(side, start)[0]))
+    path = plan_level(body, side, b)
+    assume(path is not None)
+    assert path is not None
+    np.testing.assert_array_equal(path[0], start)
+    np.testing.assert_allclose(kin.tcp(TORSO, path[-1], side), b, atol=1e-6)
+    up_in_hand = kin.tcp(TORSO, np.stack(path), side)[:, 2, :3]
+    np.testing.assert_allclose(up_in_hand, np.broadcast_to(a[2, :3], up_in_hand.shape), atol=1e-5)
+    between = kin.tcp(TORSO, finely(path, 0.02), side)[:, 2, :3]
+    assert np.arccos(np.clip(between @ a[2, :3], -1, 1)).max() < 0.1
+    assert (np.stack(body.clearance(side, np.stack(path))) > 0).all()
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_level_path_goes_over_a_post(side: Side) -> None:
+    """With a post in the direct line a level way over it is found, with either arm."""
+    post = box((0.50, 0.27 * r1.SIGN[side], 0.475), (0.06, 0.06, 0.95))
+    goal = level(0.48, 0.12, 0.95, side)
+    start = kin.nearest_posture(
+        kin.inverse(kin.chest(TORSO)) @ level(0.48, 0.42, 0.95, side), side, r1.TRAVEL_ARM[side]
+    )
+    assert start is not None
+    body = Body(TORSO, {**r1.TRAVEL_ARM, side: start}, {}, Surroundings([post]))
+    direct = trace(TORSO, side, start, goal)
+    assert direct is not None
+    assert not body.free(side, np.stack(direct)).all()
+    path = plan_level(body, side, goal)
+    assert path is not None
+    assert body.free(side, finely(path), margin=-0.005).all()

@@ -1,0 +1,222 @@
+"""Motions as actions: they end where they say, stay within the joints, and say why they cannot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot import r1
+from mpvi_bt.robot.motion import Actions, Motion, MotionFailure, glide, smooth, stay
+from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, Proprioception, Side
+from mpvi_bt.robot.solids import Array
+
+
+def feeling(base: Array | None = None) -> Proprioception:
+    """A robot at rest with folded, open hands."""
+    return Proprioception(
+        base_pose=np.zeros(3) if base is None else base,
+        base_velocity=np.zeros(3),
+        torso=r1.TRAVEL_TORSO.copy(),
+        arm={s: r1.TRAVEL_ARM[s].copy() for s in SIDES},
+        arm_velocity={s: np.zeros(7) for s in SIDES},
+        gripper_width=dict.fromkeys(SIDES, 0.1),
+        gripper_command=dict.fromkeys(SIDES, 1.0),
+    )
+
+
+def obey(felt: Proprioception, action: Array) -> Proprioception:
+    """What a robot feels that did exactly as it was told for one step."""
+    vx, vy, w = action[ActionLayout.BASE]
+    x, y, yaw = felt.base_pose
+    c, s = np.cos(yaw + w / CONTROL_HZ / 2), np.sin(yaw + w / CONTROL_HZ / 2)
+    moved = np.array([x + (c * vx - s * vy) / CONTROL_HZ, y + (s * vx + c * vy) / CONTROL_HZ, yaw + w / CONTROL_HZ])
+    moved[2] = kin.wrap(moved[2])
+    return replace(
+        felt,
+        base_pose=moved,
+        torso=action[ActionLayout.TORSO].copy(),
+        arm={k: action[i].copy() for k, i in ActionLayout.ARM.items()},
+        gripper_command={k: float(action[i]) for k, i in ActionLayout.GRIPPER.items()},
+    )
+
+
+Step = Callable[[Proprioception, Array], Proprioception]
+
+
+def play(motion: Motion, actions: Actions, step: Step = obey, limit: int = 3000) -> Array:
+    """Carry out a motion; (n, 23) its actions."""
+    done = []
+    for action in actions:
+        assert action.shape == (ACTION_SIZE,)
+        assert np.isfinite(action).all()
+        done.append(action)
+        motion.felt = step(motion.felt, action)
+        assert len(done) < limit
+    return np.array(done).reshape(-1, ACTION_SIZE)
+
+
+@given(st.floats(0, 1), st.floats(0, 1))
+def test_smooth_is_a_gentle_climb(a: float, b: float) -> None:
+    """From 0 to 1, never back, flat at the ends."""
+    assert smooth(0.0) == 0.0
+    assert smooth(1.0) == 1.0
+    assert (smooth(a) - smooth(b)) * (a - b) >= 0
+    assert smooth(1e-3) < 1e-5
+
+
+def test_a_motion_starts_as_the_robot_stands() -> None:
+    """Without any motion the command is what is felt, the base at rest."""
+    motion = Motion(feeling())
+    (action,) = play(motion, motion.wait(1 / CONTROL_HZ))
+    np.testing.assert_array_equal(action[ActionLayout.TORSO], r1.TRAVEL_TORSO)
+    for s in SIDES:
+        np.testing.assert_array_equal(action[ActionLayout.ARM[s]], r1.TRAVEL_ARM[s])
+        assert action[ActionLayout.GRIPPER[s]] == 1.0
+    assert not action[ActionLayout.BASE].any()
+
+
+def test_actions_are_not_shared() -> None:
+    """An action that was handed out is not changed by the next one."""
+    motion = Motion(feeling())
+    actions = motion.grip("left", -1.0)
+    first = next(actions)
+    before = first.copy()
+    next(actions)
+    np.testing.assert_array_equal(first, before)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_grip_moves_one_gripper_evenly(side: Side) -> None:
+    """The gripper gets to its value in equal steps, and nothing else moves."""
+    motion = Motion(feeling())
+    done = play(motion, motion.grip(side, -1.0, 0.5))
+    i = ActionLayout.GRIPPER[side]
+    assert len(done) == round(0.5 * CONTROL_HZ)
+    np.testing.assert_allclose(np.diff(np.append(1.0, done[:, i])), -2.0 / len(done))
+    np.testing.assert_array_equal(np.delete(done, i, axis=1), np.delete(done[:1], i, axis=1).repeat(len(done), 0))
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.3, 2.0))
+def test_following_a_path_passes_its_postures_at_its_speed(seed: int, speed: float) -> None:
+    """The arm goes through every posture, ends at the last, and no joint is faster than asked for, easing included."""
+    rng = np.random.default_rng(seed)
+    low, high = r1.ARM_LIMITS["left"].T
+    path = [r1.TRAVEL_ARM["left"], *rng.uniform(low, high, (3, 7))]
+    motion = Motion(feeling())
+    done = play(motion, motion.follow("left", path, speed))[:, ActionLayout.ARM["left"]]
+    np.testing.assert_allclose(done[-1], path[-1])
+    assert np.abs(np.diff(done, axis=0)).max() * CONTROL_HZ <= 1.5 * speed
+    step = speed * 1.5 / CONTROL_HZ
+    for posture in path:
+        assert np.abs(done - posture).max(1).min() <= step
+
+
+def test_following_nothing_moves_nothing() -> None:
+    """A path of one posture, the present one, ends at once."""
+    motion = Motion(feeling())
+    done = play(motion, motion.follow("left", [r1.TRAVEL_ARM["left"]]))
+    assert len(done) <= 2
+
+
+def test_a_blocked_arm_is_said() -> None:
+    """An arm that does not get there fails with its reason code."""
+    motion = Motion(feeling())
+
+    def stuck(felt: Proprioception, action: Array) -> Proprioception:
+        return replace(obey(felt, action), arm=felt.arm)
+
+    with pytest.raises(MotionFailure, match="arm_blocked"):
+        play(motion, motion.follow("left", [r1.TRAVEL_ARM["left"], r1.TRAVEL_ARM["left"] + 0.3]), stuck)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_line_is_straight_and_ends_at_its_goal(side: Side) -> None:
+    """The commanded hand runs along the segment at no more than its speed, and ends at the pose."""
+    motion = Motion(feeling())
+    start = motion.hand(side)
+    goal = start.copy()
+    goal[:3, 3] += [0.12, 0.05 * r1.SIGN[side], 0.10]
+    done = play(motion, motion.line(side, goal, speed=0.2))
+    hands = kin.tcp(done[:, ActionLayout.TORSO], done[:, ActionLayout.ARM[side]], side)
+    np.testing.assert_allclose(hands[-1], goal, atol=1e-6)
+    along = (goal - start)[:3, 3] / np.linalg.norm((goal - start)[:3, 3])
+    off = hands[:, :3, 3] - start[:3, 3]
+    np.testing.assert_allclose(off - np.outer(off @ along, along), 0.0, atol=1e-6)
+    assert np.linalg.norm(np.diff(hands[:, :3, 3], axis=0), axis=1).max() * CONTROL_HZ < 0.2 * 1.6
+
+
+def test_a_line_out_of_reach_is_said() -> None:
+    """A hand that cannot stay on its line fails with its reason code."""
+    motion = Motion(feeling())
+    goal = motion.hand("left")
+    goal[0, 3] += 2.0
+    with pytest.raises(MotionFailure, match="no_reach"):
+        play(motion, motion.line("left", goal))
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.floats(0.05, 0.5), st.floats(-0.5, 0.5), st.floats(-0.2, 0.5))
+def test_a_level_hand_stays_while_the_torso_moves(lift: float, yaw: float, pitch: float) -> None:
+    """What a hand holds keeps its pose in the base frame while the robot stands up or bends, or the motion fails."""
+    motion = Motion(feeling())
+    level = motion.hand("right")
+    torso = np.array([lift, yaw, pitch, 0.0])
+    try:
+        done = play(motion, motion.stand(torso, {"right": stay(level)}))
+    except MotionFailure as failure:
+        assert failure.reason == "no_reach"
+        return
+    np.testing.assert_allclose(done[-1, ActionLayout.TORSO], torso)
+    hands = kin.tcp(done[:, ActionLayout.TORSO], done[:, ActionLayout.ARM["right"]], "right")
+    # it is kept where the torso is felt to be, one step behind the command
+    assert np.linalg.norm(hands[:, :3, 3] - level[:3, 3], axis=1).max() < 0.03
+    np.testing.assert_allclose(hands[-1], level, atol=5e-3)
+
+
+@given(st.floats(0, 1), st.lists(st.floats(-0.3, 0.3), min_size=3, max_size=3))
+def test_a_glide_goes_from_pose_to_pose(u: float, detour: list[float]) -> None:
+    """It starts and ends at its poses, passes the detour half-way, and each pose on it is rigid."""
+    start, goal = np.eye(4), kin.transform(kin.rot_z(1.0), (0.3, 0.2, 0.1))
+    path = glide(start, goal, np.array(detour))
+    np.testing.assert_allclose(path(0.0), start, atol=1e-9)
+    np.testing.assert_allclose(path(1.0), goal, atol=1e-9)
+    np.testing.assert_allclose(path(0.5)[:3, 3], goal[:3, 3] / 2 + detour, atol=1e-9)
+    np.testing.assert_allclose(kin.inverse(path(u)) @ path(u), np.eye(4), atol=1e-9)
+    np.testing.assert_allclose(glide(start, goal)(u)[:3, 3], u * goal[:3, 3], atol=1e-9)
+
+
+@settings(deadline=None)
+@given(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1), st.floats(-3.1, 3.1))
+def test_a_drive_arrives_and_stands_still(x: float, y: float, yaw: float, start: float) -> None:
+    """The base gets to its goal, turning the shorter way, within its speeds, and the last command is to stand."""
+    motion = Motion(feeling(np.array([0.3, -0.2, start])))
+    goal = np.array([x, y, yaw])
+    done = play(motion, motion.drive(goal))
+    assert np.linalg.norm(motion.felt.base_pose[:2] - goal[:2]) < 0.01
+    assert abs(kin.wrap(motion.felt.base_pose[2] - yaw)) < 0.02
+    assert not done[-1, ActionLayout.BASE].any()
+    assert np.linalg.norm(done[:, :2], axis=1).max() < 0.5
+    assert np.abs(done[:, 2]).max() < 1.2
+    turned = np.sum(done[:, 2]) / CONTROL_HZ
+    assert abs(turned - kin.wrap(yaw - start)) < 0.05
+
+
+def test_a_blocked_base_is_said_and_stands() -> None:
+    """A base that does not get there fails with its reason code, after a command to stand."""
+    motion = Motion(feeling())
+    sent = []
+
+    def stuck(felt: Proprioception, action: Array) -> Proprioception:
+        sent.append(action)
+        return felt
+
+    with pytest.raises(MotionFailure, match="base_blocked"):
+        play(motion, motion.drive(np.array([1.0, 0.0, 0.0])), stuck)
+    assert not sent[-1][ActionLayout.BASE].any()

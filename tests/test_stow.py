@@ -1,0 +1,93 @@
+"""Folding the arms before a drive."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot import r1
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.stow import ArmStow
+from mpvi_bt.testing import KinematicWorld
+
+REACHING = np.array([-0.9, 0.3, 0.0, -0.9, 0.0, 0.2, 0.0])
+
+
+def world(**gripper: float) -> KinematicWorld:
+    """A robot with both arms stretched out; grippers as given, else open."""
+    world = KinematicWorld()
+    action = world.robot.action
+    action[ActionLayout.TORSO] = (0.2, 0.0, 0.3, 0.2)
+    for s in SIDES:
+        action[ActionLayout.ARM[s]] = r1.mirrored(REACHING, s)
+        action[ActionLayout.GRIPPER[s]] = gripper.get(s, 1.0)
+    for _ in range(60):
+        world.step(action)
+    world.robot.act(action)
+    return world
+
+
+def stow(world: KinematicWorld, seed: int = 0) -> Array:
+    """Stow the arms; the actions (n, 23)."""
+    stow, sent = ArmStow(world.robot, seed), []
+    stow.start()
+    while not stow.step():
+        sent.append(world.robot.action)
+        world.step(world.robot.action)
+        assert len(sent) < 30 * CONTROL_HZ
+    return np.array(sent).reshape(-1, 23)
+
+
+def test_empty_hands_are_folded_and_the_torso_straightened() -> None:
+    """From stretched arms and a bent torso the robot gets to its travel posture, and stands still there."""
+    home = world()
+    sent = stow(home)
+    felt = home.robot.proprioception()
+    np.testing.assert_allclose(felt.torso, r1.TRAVEL_TORSO, atol=1e-6)
+    for s in SIDES:
+        np.testing.assert_allclose(felt.arm[s], r1.TRAVEL_ARM[s], atol=1e-6)
+    assert not sent[-1][ActionLayout.BASE].any()
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_hand_that_holds_keeps_its_pose(side: Side) -> None:
+    """What is held stays where it is before the body, and stays held; the empty hand is folded."""
+    home = world(**{side: -1.0})
+    T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.45, 0.25 * r1.SIGN[side], 0.85))
+    q = kin.nearest_posture(kin.inverse(kin.chest(home.robot.action[3:7])) @ T, side, r1.TRAVEL_ARM[side])
+    assert q is not None
+    action = home.robot.action
+    action[ActionLayout.ARM[side]] = q
+    home.step(action)
+    home.robot.act(action)
+    before = home.robot.proprioception()
+    hand = kin.tcp(before.torso, before.arm[side], side)
+    sent = stow(home)
+    felt = home.robot.proprioception()
+    assert (sent[:, ActionLayout.GRIPPER[side]] == -1.0).all()
+    np.testing.assert_allclose(kin.tcp(felt.torso, felt.arm[side], side)[:3, 3], hand[:3, 3], atol=0.01)
+    other: Side = "left" if side == "right" else "right"
+    np.testing.assert_allclose(felt.arm[other], r1.TRAVEL_ARM[other], atol=1e-6)
+
+
+def test_a_stowed_robot_does_not_move() -> None:
+    """Once folded, stowing again is done soon and leaves arms and base in place."""
+    home = world()
+    stow(home)
+    before = home.robot.proprioception()
+    sent = stow(home)
+    assert len(sent) < CONTROL_HZ
+    assert not sent[:, ActionLayout.BASE].any() if len(sent) else True
+    np.testing.assert_allclose(home.robot.proprioception().base_pose, before.base_pose)
+
+
+def test_the_same_seed_folds_in_the_same_way() -> None:
+    """Two robots that stand alike are folded by the same actions."""
+    np.testing.assert_array_equal(stow(world(), 5), stow(world(), 5))
+
+
+def test_stepping_before_a_start_is_harmless() -> None:
+    """A stow that was never started has nothing to do."""
+    assert ArmStow(world().robot).step()
