@@ -55,7 +55,7 @@ def test_empty_hands_are_folded_and_the_torso_straightened() -> None:
 def test_a_hand_that_holds_keeps_its_pose(side: Side) -> None:
     """What is held stays where it is before the body, and stays held; the empty hand is folded."""
     home = world(**{side: -1.0})
-    T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.45, 0.25 * r1.SIGN[side], 0.85))
+    T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.58, 0.25 * r1.SIGN[side], 0.85))
     q = kin.nearest_posture(kin.inverse(kin.chest(home.robot.action[3:7])) @ T, side, r1.TRAVEL_ARM[side])
     assert q is not None
     action = home.robot.action
