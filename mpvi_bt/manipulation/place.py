@@ -152,6 +152,7 @@ def _releases(work: Work, held: Held, side: Side, volume: Solid, container: str)
     walls = [s.moved(frame).aabb() for s in work.truth.solids(container)]
     rim = float(volume.T[2, 3] + half[2])
     spanning = [b for b in walls if b[1, 2] > half[2] - 0.03 and (np.abs(b[:, :2]) < half[:2] - 1e-3).any(0).any()]
+    lying = [s.moved(frame).aabb() for n in work.truth.within(container) for s in work.truth.solids(n)]
     R_now = (work.base @ kin.tcp(work.motion.felt.torso, work.motion.felt.arm[side], side))[:3, :3]
     for turn in _TURNS:
         for tilt in _TILTS:
@@ -165,16 +166,20 @@ def _releases(work: Work, held: Held, side: Side, volume: Solid, container: str)
             low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
             radius = float((high - low)[:2].max()) / 2
             for x, y in _offsets(half[:2] - radius - _FALL_M):
-                gaps = [
-                    np.linalg.norm(np.maximum(np.maximum(b[0, :2] - [x, y], [x, y] - b[1, :2]), 0)) for b in spanning
-                ]
-                spare = min([*gaps, *(half[:2] - np.abs([x, y]))]) - radius
-                if spare < _FALL_M:
-                    continue
+                at = np.array([x, y])
+                spare = min([*(_aside(b, at) for b in spanning), *(half[:2] - np.abs(at))]) - radius
+                under = max((float(b[1, 2]) for b in lying if _aside(b, at) < radius), default=-float(half[2]))
+                if spare < _FALL_M or under + float(high[2] - low[2]) / 2 > half[2] - _FALL_M:
+                    continue  # it would catch on something, or come to lie over the rim
                 over = volume.T[:3, :3] @ [x, y, 0.0] + volume.T[:3, 3]
                 p = np.append(over[:2] - ((low + high) / 2)[:2], rim + _OVER_RIM_M - low[2])
                 cost = 10 * max(0.0, 0.025 - spare) + 0.1 * abs(float(turn)) + 2.0 * abs(tilt) + 10 * radius
-                yield kin.transform(R, p), cost + 0.5 * float(np.hypot(x, y))
+                yield kin.transform(R, p), cost + 0.5 * float(np.hypot(x, y)) + 0.5 * (under + float(half[2]))
+
+
+def _aside(box: Array, at: Array) -> float:
+    """Distance [m], seen from above, of a place (2,) to an axis-aligned box (2, 3)."""
+    return float(np.linalg.norm(np.maximum(np.maximum(box[0, :2] - at, at - box[1, :2]), 0)))
 
 
 def _offsets(room: Array) -> Iterator[tuple[float, float]]:

@@ -134,7 +134,7 @@ def sweep(body: Body, torso: Array, hands: Mapping[Side, HandPath], samples: int
             return False
         for side in arms:
             around, itself = moved.clearance(side, arms[side])
-            if min(around[0], itself[0]) <= (slack[side] if u < 0.5 else 0.0):
+            if min(around[0], itself[0]) <= slack[side]:
                 return False
     return True
 
