@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 import sapien
 
-from mpvi_bt.errors import NoRenderingDevice
+from mpvi_bt.errors import BackendError, NoRenderingDevice
 from mpvi_bt.robot.kinematics import LINK_TO_OPTICAL, transform
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.r1 import Camera
@@ -49,9 +49,11 @@ class Cameras:
         self._cameras[name] = component
 
     def look(self, name: str) -> CameraImage:
-        """Render the named camera as the world stands."""
+        """Render the named camera as the world stands. Raises BackendError if there is none of that name."""
         started = time.perf_counter()
-        camera = self._cameras[name]
+        camera = self._cameras.get(name)
+        if camera is None:
+            raise BackendError(f"no camera {name!r}; known: {', '.join(self._cameras)}")
         self._scene.update_render()
         camera.take_picture()
         # opengl camera frame [mm], and the scene id of what each pixel shows

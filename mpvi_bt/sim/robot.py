@@ -117,6 +117,10 @@ class SimRobot:
             )
         return self._felt
 
+    def forget(self) -> None:
+        """Have the next `proprioception` measure anew: physics has gone on outside of a control step."""
+        self._felt = None
+
     def look(self, camera: str) -> CameraImage:
         """Render one of the robot's cameras. Raises NoRenderingDevice in a world that was built without rendering."""
         if self._cameras is None:
@@ -148,7 +152,7 @@ class SimRobot:
             for joint in self._targets:
                 joint.set_drive_velocity_target(0.0)
             self._moving = False
-        self._felt = None
+        self.forget()
 
     def _drive_base(self, wanted: Array) -> None:
         limit = _BASE_ACCELERATION / CONTROL_HZ

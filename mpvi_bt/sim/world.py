@@ -108,6 +108,7 @@ class World:
         for thing in self._objects.values():
             thing.rigid_body.wake_up()
         self._scene.step()
+        self.robot.forget()
         self._known = None
 
     def look_from(self, T_world_camera: Array, size: tuple[int, int] = (640, 480), fov_rad: float = 1.0) -> CameraImage:
@@ -190,9 +191,9 @@ class World:
     def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> list[Solid]:
         """Solids of walls, fixtures and objects that come within `radius_m` of a place on the floor (2,)."""
         out = [w.solid for w in self.house.walls]
-        for name, thing in self._things.items():
-            if name not in without and not name.startswith("floor_") and not name.startswith("wall"):
-                out += thing.solids()
+        for name in (*self._objects, *self.house.fixtures):
+            if name not in without:
+                out += self._things[name].solids()
         place = np.asarray(xy, float)[:2]
         near = []
         for solid in out:

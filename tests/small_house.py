@@ -1,0 +1,51 @@
+"""A house of one room for tests, and worlds in it."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from mpvi_bt.robot.solids import Array, pose
+from mpvi_bt.sim.catalogue import load_catalogue
+from mpvi_bt.sim.house import House, load_house
+from mpvi_bt.sim.world import Placement, World
+
+CATALOGUE = load_catalogue()
+ROOM = """
+outside: "#efe6d6"
+rooms:
+  hall: {{rect: [-3.0, -3.0, 3.0, 3.0], floor: "#9fb0ab", walls: "#f6ecd4", fixtures: {{{fixtures}}}}}
+"""
+
+
+def small_house(**fixtures: str) -> House:
+    """One room of 6 x 6 m around the origin; fixtures by name, as flow YAML such as "{entry: table, at: [1, 0]}"."""
+    listed = ", ".join(f"{name}: {given}" for name, given in fixtures.items())
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "small.yaml"
+        path.write_text(ROOM.format(fixtures=listed))
+        return load_house(path, CATALOGUE)
+
+
+def placed(entry: str, x: float, y: float, z: float = 0.001, yaw: float = 0.0) -> Placement:
+    """A thing of the catalogue, upright."""
+    return Placement(CATALOGUE[entry], pose((x, y, z), yaw))
+
+
+def small_world(
+    objects: Mapping[str, Placement] | None = None,
+    base: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    render: bool = False,
+    **fixtures: str,
+) -> World:
+    """A world in a small house, nothing settled yet."""
+    return World(small_house(**fixtures), objects or {}, np.array(base), render=render)
+
+
+def run(world: World, action: Array, seconds: float) -> None:
+    """Step a world with one action."""
+    for _ in range(round(seconds * 30)):
+        world.step(action)
