@@ -90,7 +90,10 @@ def sample(
             if predicate not in ("inroom", "ontop") and fact.positive:
                 raise UserError(f"{problem.name}: a start with {fact.literal} cannot be sampled yet; known: ontop")
             continue
-        entry = catalogue[bindings[problem.objects[args[0]]]]
+        synset = problem.objects[args[0]]
+        if synset not in bindings:
+            raise UserError(f"{problem.name}: {args[0]} is bound to no catalogue entry; bound: {', '.join(bindings)}")
+        entry = catalogue[bindings[synset]]
         support = names.get(args[1])
         if support is None:
             raise UserError(f"{problem.name}: {fact.literal}: only floors and fixtures can carry things yet")

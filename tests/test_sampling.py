@@ -1,0 +1,210 @@
+"""Starts of instances: room enough for robot and hands, reachable, repeatable, different."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from mpvi_bt.errors import BackendError, UserError
+from mpvi_bt.goals.formula import Literal
+from mpvi_bt.goals.problem import Fact, Problem, load_problem, parse_problem
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.sim.catalogue import load_catalogue
+from mpvi_bt.sim.house import load_house
+from mpvi_bt.sim.prior_map import obstacles, prior_map
+from mpvi_bt.sim.sampling import (
+    APART_M,
+    DOORWAY_M,
+    OBJECT_CLEARANCE_M,
+    ROBOT_CLEARANCE_M,
+    Start,
+    sample,
+    scene_names,
+)
+from mpvi_bt.suite.tasks import load_task
+from tests.small_house import small_house
+
+HOUSE, CATALOGUE = load_house(), load_catalogue()
+TASK = load_task("picking_up_trash")
+PROBLEM = load_problem(TASK.problem)
+MAP = prior_map(HOUSE)
+CELL_M = MAP.resolution_m * np.sqrt(2) / 2  # from the middle of a cell to its corner
+BOXES = [solid.aabb()[:, :2] for solid in obstacles(HOUSE)]
+DRAWN: dict[str, Start] = {}
+SEEDS = [
+    *([zlib.crc32(TASK.problem.encode()), instance, 0] for instance in range(TASK.instances)),
+    *([seed] for seed in range(20)),
+]
+
+
+def start(seed: list[int]) -> Start:
+    """The start of a seed, drawn once."""
+    if str(seed) not in DRAWN:
+        DRAWN[str(seed)] = draw(seed)
+    return DRAWN[str(seed)]
+
+
+def draw(seed: list[int]) -> Start:
+    return sample(HOUSE, CATALOGUE, PROBLEM, TASK.bindings, np.random.default_rng(seed))
+
+
+def radius(name: str, begin: Start) -> float:
+    low, high = begin.objects[name].entry.description.extent()
+    return float(np.hypot(*(high - low)[:2])) / 2
+
+
+def free_floor(xy: Array) -> float:
+    """Distance [m] to the nearest wall or fixture, by boxes around them."""
+    return min(float(np.linalg.norm(np.maximum(np.maximum(low - xy, xy - high), 0))) for low, high in BOXES)
+
+
+@pytest.mark.parametrize("seed", SEEDS, ids=str)
+def test_a_start_keeps_its_distances(seed: list[int]) -> None:
+    """Robot and objects have their free floor, stand apart, leave doorways free, and are in the rooms of :init."""
+    begin = start(seed)
+    places = {name: p.T_world[:2, 3] for name, p in begin.objects.items()}
+    assert set(places) == set(PROBLEM.movables)
+    for fact in PROBLEM.init:
+        if fact.literal.predicate == "ontop" and fact.literal.args[0] in places:
+            room = PROBLEM.rooms[fact.literal.args[1]]
+            assert MAP.room_at(places[fact.literal.args[0]]) == room
+    assert MAP.room_at(begin.base_pose) == PROBLEM.agent_room
+    # what is marked on the map is a cell at most from what stands there
+    assert free_floor(begin.base_pose[:2]) > ROBOT_CLEARANCE_M - CELL_M
+    circles = {name: (xy, radius(name, begin)) for name, xy in places.items()}
+    for name, (xy, r) in circles.items():
+        assert free_floor(xy) > r + OBJECT_CLEARANCE_M - CELL_M, name
+        assert begin.objects[name].T_world[2, 3] == pytest.approx(0.0, abs=0.01)
+    circles["robot"] = (begin.base_pose[:2], 0.0)
+    for name, (xy, r) in circles.items():
+        assert min(np.linalg.norm(xy - d.at) for d in HOUSE.doorways) > DOORWAY_M, name
+        for other, (uv, s) in circles.items():
+            assert other == name or np.linalg.norm(xy - uv) > r + s + APART_M
+
+
+@pytest.mark.parametrize("seed", SEEDS[:10], ids=str)
+def test_everything_can_be_reached_from_the_robot(seed: list[int]) -> None:
+    """A base of 0.31 m can drive from the start to within half a meter of every object."""
+    begin = start(seed)
+    wide = ndimage.distance_transform_edt(~MAP.occupied) * MAP.resolution_m > 0.31 + CELL_M
+    regions, _ = ndimage.label(wide)
+    here = regions[MAP.cell(begin.base_pose)]
+    assert here > 0
+    near = ndimage.distance_transform_edt(regions != here) * MAP.resolution_m
+    for name, placement in begin.objects.items():
+        assert near[MAP.cell(placement.T_world[:2, 3])] < 0.55, name
+
+
+def flat(begin: Start) -> Array:
+    return np.concatenate([begin.base_pose, *(p.T_world.ravel() for p in begin.objects.values())])
+
+
+def test_a_draw_is_repeatable_and_others_differ() -> None:
+    """The same randomness gives the same start, number for number; no two instances begin alike."""
+    starts = [flat(start(seed)) for seed in SEEDS]
+    for seed, first in list(zip(SEEDS, starts, strict=True))[::4]:
+        np.testing.assert_array_equal(flat(draw(seed)), first)
+    for i, one in enumerate(starts):
+        for other in starts[:i]:
+            assert np.abs(one - other).max() > 0.05
+
+
+def test_scene_names_bind_each_fixture_once() -> None:
+    """Floors bind to their rooms' floors, fixtures to fixtures of their synset and room, no two to the same."""
+    bound = scene_names(HOUSE, PROBLEM)
+    assert bound == start([0]).scene_names
+    assert len(set(bound.values())) == len(bound)
+    for name, scene in bound.items():
+        assert PROBLEM.rooms[name] in (scene.removeprefix("floor_"), getattr(HOUSE.fixtures.get(scene), "room", None))
+
+
+def problem(text: str) -> Problem:
+    return parse_problem(text, "mine")
+
+
+def mine(init: str, objects: str = "can__of__soda.n.01_1 - can__of__soda.n.01", room: str = "kitchen") -> Problem:
+    """A problem of one can, a floor and the robot."""
+    return problem(
+        f"""(define (problem mine_0) (:domain omnigibson)
+        (:objects {objects} floor.n.01_1 - floor.n.01 table.n.02_1 - table.n.02 agent.n.01_1 - agent.n.01)
+        (:init {init} (inroom floor.n.01_1 {room}) (ontop agent.n.01_1 floor.n.01_1))
+        (:goal (and (ontop ?can__of__soda.n.01_1 ?floor.n.01_1))))"""
+    )
+
+
+BINDINGS: Mapping[str, str] = {"can__of__soda.n.01": "can_of_soda"}
+
+
+def test_a_table_can_carry_things() -> None:
+    """What is to be on top of a fixture is drawn on its upper face, away from the edge and from the others."""
+    house = small_house(table_1="{entry: table, at: [1.0, 1.0]}")
+    on_table = mine(
+        "(ontop can__of__soda.n.01_1 table.n.02_1) (ontop can__of__soda.n.01_2 table.n.02_1) "
+        "(inroom table.n.02_1 hall)",
+        "can__of__soda.n.01_1 can__of__soda.n.01_2 - can__of__soda.n.01",
+        "hall",
+    )
+    for seed in range(10):
+        begin = sample(house, CATALOGUE, on_table, BINDINGS, np.random.default_rng(seed))
+        low, high = house.fixtures["table_1"].extent()
+        one, other = (p.T_world[:3, 3] for p in begin.objects.values())
+        for p in (one, other):
+            assert p[2] == pytest.approx(high[2], abs=0.01)
+            assert (p[:2] > low[:2] + 0.03).all()
+            assert (p[:2] < high[:2] - 0.03).all()
+        assert np.linalg.norm(one - other) > 0.066 + 0.05
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (mine("(ontop can__of__soda.n.01_1 floor.n.01_1)", room="kitchn"), "unknown room 'kitchn'"),
+        (mine("(inside can__of__soda.n.01_1 floor.n.01_1)"), "inside.*known: ontop"),
+        (mine("(ontop can__of__soda.n.01_1 table.n.02_1) (inroom table.n.02_1 garage)"), "no table.n.02 is left"),
+        (mine("(ontop can__of__soda.n.01_1 table.n.02_1)"), "only floors and fixtures"),
+    ],
+)
+def test_what_cannot_be_sampled_is_said(wrong: Problem, said: str) -> None:
+    """Unknown rooms, missing fixtures and predicates that are not known yet are one clear error each."""
+    with pytest.raises(UserError, match=said) as caught:
+        sample(HOUSE, CATALOGUE, wrong, BINDINGS, np.random.default_rng(0))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_robot_without_a_room_is_said() -> None:
+    """Where :init does not say on which floor the robot is, that is said."""
+    lost = replace(PROBLEM, init=tuple(f for f in PROBLEM.init if f.literal.args[0] != "agent.n.01_1"))
+    with pytest.raises(UserError, match="where the robot begins"):
+        sample(HOUSE, CATALOGUE, lost, TASK.bindings, np.random.default_rng(0))
+
+
+def test_a_thing_without_a_binding_is_said() -> None:
+    """A synset that is bound to no catalogue entry is an error that names it."""
+    with pytest.raises(UserError, match=r"ashcan\.n\.01"):
+        sample(HOUSE, CATALOGUE, PROBLEM, BINDINGS, np.random.default_rng(0))
+
+
+def test_a_full_floor_is_said() -> None:
+    """Where there is no room for one thing more, the error names the room."""
+    can = Fact(Literal("ontop", ("can__of__soda.n.01_1", "floor.n.01_1")))
+    crowd = {f"can__of__soda.n.01_{k}": "can__of__soda.n.01" for k in range(1, 300)}
+    crowded = replace(
+        PROBLEM,
+        objects={**PROBLEM.objects, **crowd},
+        init=PROBLEM.init + tuple(replace(can, literal=Literal("ontop", (name, "floor.n.01_1"))) for name in crowd),
+    )
+    with pytest.raises(BackendError, match="no free place of radius"):
+        sample(HOUSE, CATALOGUE, crowded, TASK.bindings, np.random.default_rng(0))
+
+
+def test_a_thing_too_broad_for_a_table_is_said() -> None:
+    """What has no room on a fixture's faces is an error that names the fixture."""
+    house = small_house(table_1="{entry: table, at: [1.0, 1.0], shape: {size_m: [0.2, 0.2, 0.6]}}")
+    broad = mine("(ontop can__of__soda.n.01_1 table.n.02_1) (inroom table.n.02_1 hall)", room="hall")
+    with pytest.raises(BackendError, match="table_1"):
+        sample(house, CATALOGUE, broad, {"can__of__soda.n.01": "trash_can"}, np.random.default_rng(0))
