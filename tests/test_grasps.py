@@ -1,0 +1,117 @@
+"""Grasp candidates: around the thing, between its sides, above the floor."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mpvi_bt.manipulation.grasps import MAX_WIDTH_M, Grasp, grasps
+from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.solids import Array, Solid, pose
+from mpvi_bt.sim.builder import Thing
+from mpvi_bt.sim.world import World
+from tests.small_house import CATALOGUE, placed, small_world
+
+THINGS = ["can_of_soda", "bottle", "box_of_oatmeal", "carton_of_milk", "candle", "tennis_ball", "trash_can"]
+NAMES = [name for name in THINGS if name in CATALOGUE.entries]
+WORLD = small_world({name: placed(name, 0.7 * k - 2.5, 2.0) for k, name in enumerate([*NAMES, "bowl", "book"])})
+
+
+def put(name: str, yaw: float, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
+    thing(WORLD, name).place(pose(at, yaw))
+
+
+def thing(world: World, name: str) -> Thing:
+    return world._things[name]
+
+
+def box_of(solids: list[Solid]) -> Array:
+    boxes = np.stack([s.aabb() for s in solids])
+    return np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)])
+
+
+@pytest.mark.parametrize("name", NAMES)
+@settings(deadline=None, max_examples=15)
+@given(yaw=st.floats(-3.1, 3.1), bearing=st.floats(-3.1, 3.1))
+def test_candidates_are_sound(name: str, yaw: float, bearing: float) -> None:
+    """Every candidate is a rigid pose tilted as it says, closes across the thing, and keeps its tips off the floor."""
+    put(name, yaw)
+    found = grasps(WORLD, name, bearing)
+    assert found
+    solids = list(WORLD.solids(name))
+    around = Surroundings(solids)
+    low, high = box_of(solids)
+    for grasp in found:
+        R, p = grasp.T_world_tcp[:3, :3], grasp.T_world_tcp[:3, 3]
+        np.testing.assert_allclose(R.T @ R, np.eye(3), atol=1e-9)
+        assert np.linalg.det(R) == pytest.approx(1.0)
+        assert -R[2, 2] == pytest.approx(np.cos(grasp.tilt_rad), abs=1e-6)
+        assert R[2, 1] == pytest.approx(0.0, abs=1e-6)  # it closes sideways
+        assert grasp.cost >= 0
+        assert (p > low - 0.02).all()
+        assert (p < high + 0.02).all()
+        if not WORLD.handles(name):
+            assert p[2] + 0.016 * R[2, 2] > -1e-6  # the tips
+        # the open fingers stand clear of it, and between them there is something of it
+        tips = np.array([p + s * 0.05 * R[:, 1] for s in (1.0, -1.0)])
+        assert (around.distance(tips) > 1e-3).all()
+        across = np.array([p + s * R[:, 1] for s in np.linspace(-0.04, 0.04, 17)])
+        assert around.distance(across).min() < 0.012
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if n != "trash_can"])
+def test_the_palm_stays_clear(name: str) -> None:
+    """No candidate has the thing reach behind the palm, 4 cm behind the tcp."""
+    put(name, 0.3)
+    for grasp in grasps(WORLD, name, 0.0):
+        approach, p = grasp.T_world_tcp[:3, 2], grasp.T_world_tcp[:3, 3]
+        palm = p - 0.042 * approach
+        spread = np.array([palm + s * grasp.T_world_tcp[:3, 1] for s in (-0.02, 0.0, 0.02)])
+        assert (Surroundings(list(WORLD.solids(name))).distance(spread) > 0).all()
+
+
+def best(found: list[Grasp]) -> Array:
+    return min(found, key=lambda g: g.cost).T_world_tcp
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.floats(-3.1, 3.1), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
+def test_grasps_move_with_the_thing(turn: float, x: float, y: float) -> None:
+    """Thing and robot shifted and turned together, the best grasp is shifted and turned with them."""
+    put("can_of_soda", 0.0)
+    here = best(grasps(WORLD, "can_of_soda", 0.3))
+    put("can_of_soda", turn, (x, y, 0.0))
+    there = best(grasps(WORLD, "can_of_soda", 0.3 + turn))
+    np.testing.assert_allclose(there, pose((x, y, 0.0), turn) @ here, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["bowl", "book"])
+def test_what_is_too_wide_has_no_grasp(name: str) -> None:
+    """What is broader than the hand opens, without a handle, has none."""
+    assert np.ptp(CATALOGUE[name].description.extent(), axis=0)[:2].min() > MAX_WIDTH_M
+    assert grasps(WORLD, name, 0.0) == []
+
+
+@pytest.mark.parametrize("yaw", np.arange(-3.0, 3.1, 0.5))
+def test_a_bin_is_taken_by_its_bar(yaw: float) -> None:
+    """Candidates for a thing with a bar close across the bar, at its middle, from above."""
+    put("trash_can", yaw, (0.2, 0.1, 0.0))
+    (bar,) = WORLD.handles("trash_can")
+    for grasp in grasps(WORLD, "trash_can", 0.0):
+        np.testing.assert_allclose(grasp.T_world_tcp[:3, 3], bar.center, atol=1e-6)
+        assert abs(grasp.T_world_tcp[:3, 1] @ bar.axis) < 1e-6
+        assert grasp.tilt_rad == 0.0
+
+
+def test_a_lying_can_is_taken_across() -> None:
+    """A can on its side is taken from above, across its axis: the fingers clear its ends."""
+    T = pose((0.0, 0.0, 0.033))
+    T[:3, :3] = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    thing(WORLD, "can_of_soda").place(T)
+    found = grasps(WORLD, "can_of_soda", 0.4)
+    assert found
+    for grasp in found:
+        assert abs(grasp.T_world_tcp[:3, 1] @ T[:3, 2]) < 1e-6
+        assert grasp.T_world_tcp[2, 3] > 0.016 - 1e-6
