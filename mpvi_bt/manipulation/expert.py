@@ -24,6 +24,7 @@ from mpvi_bt.robot.solids import Array
 _PATIENCE_S = 2.0  # longer than a trigger takes to fire
 _ATTEMPTS = 4  # of one skill
 _ROUNDS = 3  # of a whole prompt
+_ANYWHERE = ("unknown_object", "unknown_skill", "not_a_container", "not_held", "hands_full")  # backing off mends none
 
 
 class ExpertPolicy:
@@ -113,8 +114,10 @@ class ExpertPolicy:
                 return True
             except MotionFailure as failure:
                 self.note = f"{call.skill.name}: {failure.reason}"
+                if failure.reason in _ANYWHERE:
+                    return False
                 yield from self._recover(work)
-                if failure.reason in ("missed", "not_held"):
+                if failure.reason == "missed":
                     return False
         return False
 

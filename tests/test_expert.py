@@ -1,0 +1,160 @@
+"""The expert picks, carries and places in small houses, and gives up in an orderly way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from mpvi_bt.goals.predicates import inside, ontop
+from mpvi_bt.manipulation.expert import ExpertPolicy
+from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.sim.world import World
+from mpvi_bt.testing import check_policy
+from tests.small_house import placed, small_world
+
+SKILLS = load_skills()
+TABLE = "{entry: table, at: [1.0, 0.0]}"
+OTHER: dict[Side, Side] = {"left": "right", "right": "left"}
+
+
+@dataclass
+class Played:
+    """What came of a prompt."""
+
+    note: str
+    seconds: float
+    actions: list[Array] = field(default_factory=list)
+
+
+def play(world: World, prompt: str, until: str | None = "done", limit_s: float = 60.0, seed: int = 0) -> Played:
+    """Have the expert follow a prompt until its note is `until`, or for `limit_s`."""
+    expert = ExpertPolicy(world, SKILLS, seed)
+    played = Played("", 0.0)
+    for step in range(round(limit_s * CONTROL_HZ)):
+        (action,) = expert.infer({"prompt": prompt, "proprioception": world.robot.proprioception(), "images": {}})
+        world.step(action)
+        played.actions.append(action)
+        played.seconds = (step + 1) / CONTROL_HZ
+        if expert.note == until:
+            break
+    played.note = expert.note
+    world.refresh()
+    return played
+
+
+def calm(world: World) -> World:
+    world.settle()
+    return world
+
+
+def test_it_keeps_the_policys_contract() -> None:
+    """The expert passes the check that every policy passes."""
+    world = calm(small_world({"can": placed("can_of_soda", 1.0, 0.0)}))
+    felt = world.robot.proprioception()
+    for prompt in ("pick up the can of soda", "pick up the cup", "sing a song", ""):
+        observation = {"prompt": prompt, "proprioception": felt, "images": {}}
+        check_policy(ExpertPolicy(world, SKILLS), observation)
+
+
+@pytest.mark.parametrize("prompt", ["dance", "pick up the elephant", "put the can of soda in the trash can"])
+def test_what_cannot_be_done_leaves_robot_and_things_in_place(prompt: str) -> None:
+    """An unknown skill, an unknown thing, a thing that is not in hand: a note says so, and nothing moves far."""
+    world = calm(small_world({"can": placed("can_of_soda", 1.0, 0.0), "bin": placed("trash_can", 1.0, 1.0)}))
+    before = world.pose("can")
+    played = play(world, prompt, until=None, limit_s=6.0)
+    assert played.note not in ("", "done")
+    assert np.linalg.norm(world.robot.proprioception().base_pose[:2]) < 0.2
+    np.testing.assert_allclose(world.pose("can"), before, atol=1e-3)
+
+
+def test_a_new_prompt_begins_anew() -> None:
+    """After a reset or another prompt the first action goes on from where the robot stands."""
+    world = calm(small_world({"can": placed("can_of_soda", 1.0, 0.0)}))
+    expert = ExpertPolicy(world, SKILLS)
+    for prompt in ("pick up the can of soda", "dance", "pick up the can of soda"):
+        expert.reset()
+        felt = world.robot.proprioception()
+        (action,) = expert.infer({"prompt": prompt, "proprioception": felt, "images": {}})
+        for s in SIDES:
+            assert np.abs(action[ActionLayout.ARM[s]] - felt.arm[s]).max() < 0.2
+        world.step(action)
+
+
+def test_the_same_seed_does_the_same() -> None:
+    """Two experts in worlds that are alike do alike, number for number."""
+
+    def actions() -> Array:
+        world = calm(small_world({"can": placed("can_of_soda", 0.9, 0.2)}))
+        return np.stack(play(world, "pick up the can of soda", limit_s=5.0, seed=3).actions)
+
+    np.testing.assert_array_equal(actions(), actions())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("at", [(0.9, 0.1), (0.3, -1.0), (-0.8, 0.5)])
+def test_a_can_is_picked_up_from_the_floor(side: Side, at: tuple[float, float]) -> None:
+    """With the hand that the prompt names a can is taken off the floor and held."""
+    world = calm(small_world({"can": placed("can_of_soda", *at)}))
+    played = play(world, f"pick up the can of soda with the {side} hand")
+    assert played.note == "done"
+    assert world.holding(side) == "can"
+    assert world.holding(OTHER[side]) is None
+    assert world.pose("can")[2, 3] > 0.4
+    assert played.seconds < 40
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("side", SIDES)
+def test_a_can_is_picked_up_from_a_table(side: Side) -> None:
+    """A can is taken off a table, which stays untouched by arms and trunk."""
+    world = small_world({"can": placed("can_of_soda", 0.85, -0.1, 0.8)}, table_1=TABLE)
+    top = max(s.aabb()[1, 2] for s in world.solids("table_1"))
+    T = world.pose("can")
+    T[2, 3] = top + 0.001
+    world._things["can"].place(T)
+    calm(world)
+    played = play(world, f"take the can of soda from the table with the {side} hand")
+    assert played.note == "done"
+    assert world.holding(side) == "can"
+
+
+@pytest.mark.slow
+def test_a_can_is_put_into_a_bin_on_the_floor() -> None:
+    """Pick up and put in, in one prompt: the can ends up inside, the hands empty, the bin standing."""
+    world = calm(small_world({"can": placed("can_of_soda", 0.9, 0.3), "bin": placed("trash_can", 0.9, -0.6)}))
+    played = play(world, "pick up the can of soda, then put the can of soda in the trash can", limit_s=90)
+    assert played.note == "done"
+    assert inside(world, "can", "bin")
+    assert [world.holding(s) for s in SIDES] == [None, None]
+    assert world.pose("bin")[2, 2] > 0.99
+
+
+@pytest.mark.slow
+def test_a_can_is_set_down_on_a_table() -> None:
+    """A can from the floor ends up standing on the table."""
+    world = calm(small_world({"can": placed("can_of_soda", -0.6, 0.6)}, table_1=TABLE))
+    played = play(world, "pick up the can of soda, then put the can of soda on the table", limit_s=90)
+    assert played.note == "done"
+    assert ontop(world, "can", "table_1")
+    assert abs(world.pose("can")[2, 2]) > 0.99
+    assert [world.holding(s) for s in SIDES] == [None, None]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("side", SIDES)
+def test_one_hand_holds_the_bin_while_the_other_fills_it(side: Side) -> None:
+    """With the bin in one hand the other picks a can off the floor and drops it in; the bin stays in hand."""
+    world = calm(small_world({"can": placed("can_of_soda", 1.2, 0.5), "bin": placed("trash_can", 0.8, -0.4)}))
+    assert play(world, f"pick up the trash can with the {side} hand").note == "done"
+    assert world.holding(side) == "bin"
+    other = OTHER[side]
+    prompt = f"pick up the can of soda with the {other} hand, then put the can of soda in the trash can"
+    assert play(world, prompt, limit_s=90).note == "done"
+    assert inside(world, "can", "bin")
+    assert world.holding(side) == "bin"
+    assert world.holding(other) is None
