@@ -56,7 +56,7 @@ def test_it_keeps_the_policys_contract() -> None:
     world = calm(small_world({"can": placed("can_of_soda", 1.0, 0.0)}))
     felt = world.robot.proprioception()
     for prompt in ("pick up the can of soda", "pick up the cup", "sing a song", ""):
-        observation = {"prompt": prompt, "proprioception": felt, "images": {}}
+        observation: dict[str, object] = {"prompt": prompt, "proprioception": felt, "images": {}}
         check_policy(ExpertPolicy(world, SKILLS), observation)
 
 

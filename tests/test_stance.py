@@ -1,0 +1,127 @@
+"""Stances: places to stand from which the hand really reaches, clear of everything."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from mpvi_bt.manipulation.grasps import grasps
+from mpvi_bt.manipulation.stance import Option, Search, Stance
+from mpvi_bt.manipulation.work import Work, other, upright_options
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot import r1
+from mpvi_bt.robot.collision import Body, Surroundings
+from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.sim.world import World
+from tests.small_house import placed, small_world
+
+TABLE = "{entry: table, at: [0.9, 0.6]}"
+CAN_AT = (0.9, -0.4)
+
+
+def work(world: World) -> Work:
+    return Work(world, Motion(world.robot.proprioception()), np.random.default_rng(0))
+
+
+def options(world: World, name: str = "can") -> list[Option]:
+    """Ways to take hold of a thing: 10 cm before it, then at it."""
+    out = []
+    for grasp in grasps(world, name, 0.0):
+        before = grasp.T_world_tcp.copy()
+        before[:3, 3] -= 0.1 * before[:3, 2]
+        out.append(Option(np.stack([before, grasp.T_world_tcp]), 1, grasp.cost))
+    return out
+
+
+def find(world: World, side: Side, tried: list[Array] | None = None) -> tuple[Search, list[Option], Stance | None]:
+    search = work(world).search(side, {"can"})
+    search.tried.extend(tried or [])
+    ways = options(world)
+    return search, ways, search.find(world.pose("can")[:2, 3], ways)
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    world = small_world({"can": placed("can_of_soda", *CAN_AT)}, table_1=TABLE)
+    world.settle()
+    return world
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_stance_serves_its_option(world: World, side: Side) -> None:
+    """From the stance's base and torso every waypoint of its option is in reach, and the path leads to the first."""
+    _, ways, stance = find(world, side)
+    assert stance is not None
+    to_base = kin.inverse(kin.base(stance.base))
+    for waypoint, expected in zip(stance.waypoints, ways[stance.option].waypoints, strict=True):
+        np.testing.assert_allclose(waypoint, to_base @ expected, atol=1e-9)
+        chest = kin.inverse(kin.chest(stance.torso))
+        assert kin.nearest_posture(chest @ waypoint, side, stance.path[-1]) is not None
+    np.testing.assert_allclose(stance.path[0], r1.TRAVEL_ARM[side], atol=0.01)
+    np.testing.assert_allclose(kin.tcp(stance.torso, stance.path[-1], side), stance.waypoints[0], atol=1e-6)
+    low, high = r1.TORSO_LIMITS.T
+    assert ((stance.torso >= low) & (stance.torso <= high)).all()
+    limits = r1.ARM_LIMITS[side]
+    assert all(((q >= limits[:, 0]) & (q <= limits[:, 1])).all() for q in stance.path)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_stance_and_its_path_are_free(world: World, side: Side) -> None:
+    """Base, trunk, the idle arm and, checked finely, the path of the working arm are clear of everything there."""
+    _, _, stance = find(world, side)
+    assert stance is not None
+    solids = world.obstacles(stance.base[:2], 2.0)
+    around = Surroundings(solids).seen_from(kin.base(stance.base))
+    arms = {side: stance.path[0], other(side): r1.TRAVEL_ARM[other(side)]}
+    body = Body(stance.torso, arms, {}, around)
+    assert body.all_free()
+    heights = np.array([[0.0, 0.0, z] for z in (0.04, 0.14, 0.24)])
+    assert (around.distance(heights) > r1.BASE_RADIUS_M).all()
+    for a, b in pairwise(stance.path):
+        line = a + (b - a) * np.linspace(0, 1, int(np.abs(b - a).max() / 0.01) + 2)[:, None]
+        # edges are checked each 0.07 rad; what is between may graze
+        assert (np.stack(body.clearance(side, line)) > -0.01).all()
+
+
+def test_the_same_search_finds_the_same(world: World) -> None:
+    """Nothing about a search is left to chance that its randomness does not fix."""
+    (_, _, first), (_, _, second) = find(world, "left"), find(world, "left")
+    assert first is not None
+    assert second is not None
+    np.testing.assert_array_equal(first.base, second.base)
+    np.testing.assert_array_equal(np.stack(first.path), np.stack(second.path))
+
+
+def test_what_was_tried_is_not_found_again(world: World) -> None:
+    """A base pose that did not do is not offered again, nor one next to it."""
+    tried: list[Array] = []
+    for _ in range(3):
+        _, _, stance = find(world, "right", tried)
+        assert stance is not None
+        for old in tried:
+            near = np.linalg.norm(stance.base[:2] - old[:2]) < 0.1
+            assert not (near and abs(kin.wrap(stance.base[2] - old[2])) < 0.4)
+        tried.append(stance.base)
+
+
+def test_what_is_out_of_reach_has_no_stance(world: World) -> None:
+    """A hand pose under the ceiling, or in the middle of the table's top, has none."""
+    search = work(world).search("left", set())
+    top = max(s.aabb()[1, 2] for s in world.solids("table_1"))
+    for p in ((0.9, -0.4, 2.6), (0.9, 0.6, top - 0.02)):
+        T = kin.transform(kin.hand_rotation((0, 0, -1), (0, 1, 0)), p)
+        ways = upright_options([(T, 0.0)], above_m=0.1, contact=2)
+        assert search.find(np.array(p[:2]), ways) is None
+
+
+def test_upright_options_come_down(world: World) -> None:
+    """Each option first stands above its pose, then at it, and carries its cost."""
+    T = kin.transform(kin.rot_x(0.3), (1.0, 2.0, 0.5))
+    (option,) = upright_options([(T, 0.7)], above_m=0.2)
+    np.testing.assert_allclose(option.waypoints[1], T)
+    np.testing.assert_allclose(option.waypoints[0] - T, np.array([[0] * 4, [0] * 4, [0, 0, 0, 0.2], [0] * 4]))
+    assert option.cost == 0.7
