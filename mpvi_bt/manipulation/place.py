@@ -36,6 +36,7 @@ def place_in(work: Work, side: Side, container: str, tried: list[Array]) -> Acti
     releases = list(_releases(work, held, side, max(volumes, key=lambda v: float(np.prod(v.half_m))), container))
     if work.truth.holding(other(side)) == container:
         yield from _reach_over(work, side, releases, container)
+        yield from work.look_at(container)
         yield from _let_go(work, side)
     else:
         search = work.search(side, {container})
@@ -47,11 +48,11 @@ def place_in(work: Work, side: Side, container: str, tried: list[Array]) -> Acti
         tried.append(stance.base)
         yield from work.take_up(stance, search)
         yield from work.lines(side, stance, [1])
+        yield from work.look_at(container)
         yield from _let_go(work, side)
         yield from work.rise(side)
     missed = held.name not in work.truth.within(container)
     yield from work.settle(without={held.name})
-    yield from work.look_at(container)
     if missed:
         raise MotionFailure("missed")
 
@@ -78,10 +79,10 @@ def place_on(work: Work, side: Side, surface: str, tried: list[Array]) -> Action
     tried.append(stance.base)
     yield from work.take_up(stance, search)
     yield from work.lines(side, stance, [1], speed=0.10)
+    yield from work.look_at(held.name)
     yield from _let_go(work, side)
     yield from work.lines(side, stance, [2])
     yield from work.settle(without={held.name, surface})
-    yield from work.look_at(held.name)
 
 
 def _let_go(work: Work, side: Side) -> Actions:

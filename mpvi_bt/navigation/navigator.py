@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from mpvi_bt.behaviors.protocols import Progress, Report
+from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.goals import Goal, Handoff, at_target, object_goals, room_goals
 from mpvi_bt.navigation.grid import shortest_path
 from mpvi_bt.navigation.pursuit import CARRYING, Limits, PathFollower, Tolerance
@@ -64,6 +65,9 @@ class _Trip:
     target: str
     room: str | None
     blocks: list[tuple[float, float, float]] = field(default_factory=list)  # x, y, radius of what stopped the base
+
+
+_GOALS = 40  # looked at of each target: the best where nothing carried would touch
 
 
 class _GaveUp(Exception):
@@ -199,19 +203,21 @@ class KnownPlaceNavigator:
         """The way to the best goal; around what stopped the base before, if there is such a way."""
         body = self._robot.proprioception()
         start = body.base_pose[:2]
+        footprint = Footprint.carrying(self._footprint(), body.base_pose, self._knowledge())
         for blocks in ([trip.blocks] if trip.blocks else []) + [[]]:
             grid = self._grid(blocks).escaping(start)
             goals: list[Goal] = []
             for entry in entries:
-                goals += object_goals(entry, start, grid, self.parameters.handoff, most=1)
+                goals += object_goals(entry, start, grid, self.parameters.handoff, most=_GOALS)
             if not entries and room is not None:
-                goals = room_goals(room, start, grid, most=1)
-            for goal in sorted(goals, key=lambda g: g.score):
+                goals = room_goals(room, start, grid, most=_GOALS)
+            for goal in sorted(goals, key=lambda g: (footprint.slack(grid, g.pose) < 0, g.score)):
                 found = shortest_path(grid.cost, self._map.cell(start), self._map.cell(goal.pose[:2]))
                 if found is not None:
                     self.goal = goal.pose
                     limits = self.parameters.carrying if _holding(body) else self.parameters.limits
-                    return PathFollower(grid.points(found[0]), goal.pose, grid, limits, self.parameters.tolerance)
+                    tolerance = self.parameters.tolerance
+                    return PathFollower(grid.points(found[0]), goal.pose, grid, limits, tolerance, footprint=footprint)
         return None
 
     # ------------------------------------------------------------------------------------------ motion

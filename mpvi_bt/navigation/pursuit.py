@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.grid import segment_free
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.robot.kinematics import wrap
@@ -26,6 +27,10 @@ class Limits:
 
 CARRYING = Limits(speed_m_s=0.6, turn_rad_s=1.0, acceleration_m_s2=0.5, turn_acceleration_rad_s2=1.2)
 """Limits with something in a hand: a step in velocity flings what friction holds."""
+
+
+_ROOMY_M = 0.25  # around a load: here it may turn either way
+_CREEP_M_S = 0.15
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,7 @@ class PathFollower:
         tolerance: Tolerance = Tolerance(),
         lookahead_m: float = 0.40,
         arrive_m: float = 0.45,
+        footprint: Footprint | None = None,
     ) -> None:
         """Take a path.
 
@@ -66,6 +72,7 @@ class PathFollower:
             tolerance: When the goal counts as reached.
             lookahead_m: How far along the path the base aims.
             arrive_m: Distance to go from which the base turns to the goal's yaw.
+            footprint: What is carried, which must not be swung into anything; None: nothing.
         """
         self.path = np.vstack([path[:-1], goal[:2]]) if len(path) > 1 else goal[None, :2].copy()
         self.goal, self.limits, self.tolerance = goal, limits, tolerance
@@ -77,6 +84,8 @@ class PathFollower:
         self._at = 0  # index of the path's point nearest to the base; it never runs back
         self._command = np.zeros(3)  # of the last step: vx, vy in the world, yaw rate
         self._aim_at = 0
+        self._footprint = footprint
+        self._way_round = 0.0  # sign of the long way round while the short one would hit something
 
     @property
     def aim(self) -> Array:
@@ -121,6 +130,7 @@ class PathFollower:
         rate = math.copysign(
             min(limits.turn_rad_s, _stopping_speed(abs(turn), limits.turn_acceleration_rad_s2, dt_s)), turn
         )
+        world, rate = self._with_care(pose, world, rate)
         # The velocity of the last step, which the base now has, turned with the base: limits hold in the world frame.
         before = self._command
         change = world - before[:2]
@@ -133,6 +143,42 @@ class PathFollower:
         yaw = pose[2] + 0.5 * rate * dt_s  # feed forward: the base turns while the step lasts
         c, s = math.cos(yaw), math.sin(yaw)
         return np.array([c * world[0] + s * world[1], -s * world[0] + c * world[1], rate])
+
+    def _with_care(self, pose: Array, velocity: Array, rate: float) -> tuple[Array, float]:
+        """The wanted velocity (2,) [m/s] and yaw rate, or what of them does not swing a load into something.
+
+        Where turning would, the base first moves on without turning; where nothing else helps, it turns the long way.
+        """
+        if self._footprint is None or not len(self._footprint.loads):
+            return velocity, rate
+        here = self._footprint.slack(self._grid, pose)
+        if here > _ROOMY_M or abs(rate) < 0.05:
+            self._way_round = 0.0
+        still = np.zeros(2)
+        choices = [(velocity, rate), (velocity, 0.0), (still, rate), (still, -rate)]
+        if self._way_round:
+            round_ = self._way_round * abs(rate)
+            choices = [(velocity, round_), (still, round_), (velocity, 0.0)]
+        elif np.linalg.norm(velocity) < 0.05:
+            # The base waits for a turn that cannot be made here: creep along the path, away from what is near.
+            ahead = self.aim - pose[:2]
+            creep = ahead / max(float(np.linalg.norm(ahead)), 1e-6) * min(_CREEP_M_S, float(np.linalg.norm(ahead)))
+            choices = [(velocity, rate), (creep, rate), (creep, 0.0), (still, -rate)]
+        for v, w in choices:
+            if self._is_clear(pose, v, w, here):
+                if w * rate < 0:
+                    self._way_round = math.copysign(1.0, w)
+                return v, w
+        return velocity, rate
+
+    def _is_clear(self, pose: Array, velocity: Array, rate: float, here: float) -> bool:
+        """Whether the loads keep clear, or come no nearer, over the next moments."""
+        assert self._footprint is not None
+        for seconds in (0.2, 0.5, 0.8):
+            ahead = np.array([*(pose[:2] + velocity * seconds), pose[2] + rate * seconds])
+            if self._footprint.slack(self._grid, ahead) < min(0.0, here):
+                return False
+        return True
 
     def _advance(self, xy: Array) -> None:
         window = self.path[self._at : self._at + 40]
