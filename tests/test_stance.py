@@ -118,7 +118,12 @@ def test_what_is_out_of_reach_has_no_stance(world: World) -> None:
         assert search.find(np.array(p[:2]), ways) is None
 
 
-def test_upright_options_come_down(world: World) -> None:
+def test_without_options_there_is_no_stance(world: World) -> None:
+    """A thing that can be let go of nowhere, or grasped nowhere, is no error: there is just no place to stand."""
+    assert work(world).search("left", {"can"}).find(world.pose("can")[:2, 3], []) is None
+
+
+def test_upright_options_come_down() -> None:
     """Each option first stands above its pose, then at it, and carries its cost."""
     T = kin.transform(kin.rot_x(0.3), (1.0, 2.0, 0.5))
     (option,) = upright_options([(T, 0.7)], above_m=0.2)

@@ -129,6 +129,8 @@ class Search:
 
     def find(self, focus_xy: Array, options: Sequence[Option]) -> Stance | None:
         """The nearest good stance for one of `options` about a place in the world (2,), or None."""
+        if not options:
+            return None
         here = self.motion.felt.base_pose
         failed: list[Array] = list(self.tried)
         for base in _bases(here, focus_xy, self.side):

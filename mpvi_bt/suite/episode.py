@@ -36,6 +36,7 @@ from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.prior_map import prior_map
 from mpvi_bt.sim.sampling import Start, sample
 from mpvi_bt.sim.world import World
+from mpvi_bt.suite.backends import choose
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.metrics import Meter
 from mpvi_bt.suite.result import Failure, make_result
@@ -64,6 +65,8 @@ def run(config: EpisodeConfig, subscribers: Sequence[Subscriber] = ()) -> dict[s
         NodeError: A behavior raised.
     """
     began = time.perf_counter()
+    for kind, name in config.backends.items():
+        choose(kind, name)
     task = load_task(config.task)
     task.check_instance(config.instance)
     skills = load_skills()
