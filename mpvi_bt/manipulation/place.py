@@ -11,6 +11,7 @@ from mpvi_bt.manipulation.stance import Held, Option
 from mpvi_bt.manipulation.work import Work, other, upright_options
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid
@@ -61,7 +62,7 @@ def place_on(work: Work, side: Side, surface: str, tried: list[Array]) -> Action
     """Set what `side` holds down on a surface, upright, at a free spot.
 
     Raises:
-        MotionFailure: "no_free_spot", "no_stance", "not_released", or a motion's own reason.
+        MotionFailure: "no_free_spot", "no_stance", "not_released", "missed", or a motion's own reason.
     """
     held = work.held()[side]
     spots = _free_spots(work, held, surface)
@@ -82,7 +83,10 @@ def place_on(work: Work, side: Side, surface: str, tried: list[Array]) -> Action
     yield from work.look_at(held.name)
     yield from _let_go(work, side)
     yield from work.lines(side, stance, [2])
+    missed = min(solid.aabb()[0, 2] for solid in work.truth.solids(held.name)) < spot[2] - _CLEAR_M
     yield from work.settle(without={held.name, surface})
+    if missed:
+        raise MotionFailure("missed")
 
 
 def _let_go(work: Work, side: Side) -> Actions:
@@ -239,6 +243,14 @@ def _free_spots(work: Work, held: Held, surface: str) -> list[Array]:
                 gap = [
                     np.linalg.norm(np.maximum(np.maximum(b[0, :2] - [x, y], [x, y] - b[1, :2]), 0)) for b in blocking
                 ]
-                if min(gap, default=9.0) > radius:
-                    spots.append(np.array([x, y, high[2]]))
+                spot = np.array([x, y, high[2]])
+                if min(gap, default=9.0) > radius and _carries(face, spot, radius):
+                    spots.append(spot)
     return sorted(spots, key=lambda s: float(np.linalg.norm(s[:2] - here)))
+
+
+def _carries(face: Solid, spot: Array, radius: float) -> bool:
+    """Whether a disc about a spot (3,) lies on a solid: the corners of its bounding box may not, if round or turned."""
+    angles = np.arange(8) * np.pi / 4
+    rim = spot + np.stack([np.cos(angles) * radius, np.sin(angles) * radius, np.full(8, -0.002)], -1)
+    return bool((Surroundings([face]).distance(rim) <= 0).all())
