@@ -120,7 +120,8 @@ def sweep(body: Body, torso: Array, hands: Mapping[Side, HandPath], samples: int
         samples: Postures that are checked.
     """
     arms, start = dict(body.arms), np.asarray(body.torso, float)
-    slack = {s: float(min(0.0, *(c[0] for c in body.clearance(s, arms[s])))) - 1e-6 for s in arms}
+    # What stands too near the furniture may stay so; the arms themselves have to come clear of each other.
+    near = {s: tuple(min(0.0, float(c[0])) - 1e-6 for c in body.clearance(s, arms[s])) for s in arms}
     for u in np.linspace(0, 1, samples + 1)[1:]:
         now = start[:3] + (np.asarray(torso, float)[:3] - start[:3]) * u
         chest = kin.inverse(kin.chest(now))
@@ -134,7 +135,7 @@ def sweep(body: Body, torso: Array, hands: Mapping[Side, HandPath], samples: int
             return False
         for side in arms:
             around, itself = moved.clearance(side, arms[side])
-            if min(around[0], itself[0]) <= slack[side]:
+            if around[0] <= near[side][0] or itself[0] <= (near[side][1] if u < 0.3 else 0.0):
                 return False
     return True
 
