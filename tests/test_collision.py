@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
-from mpvi_bt.robot.collision import Body, Load, Surroundings, covering_spheres
+from mpvi_bt.robot.collision import Body, Load, Surroundings, carries, covering_spheres
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array, Solid, box
 
@@ -84,6 +84,18 @@ def test_distance_does_not_depend_on_the_frame(seed: int) -> None:
 def test_nothing_is_far_away() -> None:
     """Without solids everything is out of reach of any sphere."""
     np.testing.assert_array_equal(Surroundings(()).distance(np.zeros((2, 3))), [9.0, 9.0])
+
+
+def test_a_disc_lies_on_a_face_or_not() -> None:
+    """A disc in the middle of a table's top is carried, one over its edge or beyond a round or turned corner is not."""
+    square = box((0.0, 0.0, 0.5), (1.0, 1.0, 0.04), np.pi / 4)
+    tray = Solid("cylinder", np.array([0.5, 0.5, 0.02]), kin.transform(np.eye(3), (0.0, 0.0, 0.5)))
+    top = np.array([0.0, 0.0, 0.52])
+    for face in (square, tray):
+        assert carries(face, top, 0.3)
+        assert not carries(face, top + [0.4, 0.4, 0.0], 0.05)
+        assert not carries(face, top + [0.1, 0.0, 0.0], 0.7)
+        assert not carries(face, top + [0.0, 0.0, 0.1], 0.1)
 
 
 @given(seeds)

@@ -13,6 +13,7 @@ from scipy import ndimage
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.goals.formula import Literal
 from mpvi_bt.goals.problem import Fact, Problem, load_problem, parse_problem
+from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import load_house
@@ -158,6 +159,22 @@ def test_a_table_can_carry_things() -> None:
             assert (p[:2] > low[:2] + 0.03).all()
             assert (p[:2] < high[:2] - 0.03).all()
         assert np.linalg.norm(one - other) > 0.066 + 0.05
+
+
+def test_things_on_a_crowded_or_turned_surface_stand_on_it() -> None:
+    """Nothing is drawn into what stands on a counter already, nor beside a table that stands askew."""
+    house = small_house(
+        table_1="{entry: table, at: [1.0, 1.0], yaw_deg: 30}", oven="{entry: microwave, at: [1.0, 1.0], z_m: 0.75}"
+    )
+    on_table = mine("(ontop can__of__soda.n.01_1 table.n.02_1) (inroom table.n.02_1 hall)", room="hall")
+    oven = Surroundings(list(house.fixtures["oven"].solids()))
+    table = Surroundings(list(house.fixtures["table_1"].solids()))
+    for seed in range(20):
+        begin = sample(house, CATALOGUE, on_table, BINDINGS, np.random.default_rng(seed))
+        (p,) = (placement.T_world[:3, 3] for placement in begin.objects.values())
+        ring = p + np.array([[0.033, 0, 0], [-0.033, 0, 0], [0, 0.033, 0], [0, -0.033, 0]])
+        assert table.distance(ring).max() < 0.005
+        assert oven.distance(p[None] + [0, 0, 0.05])[0] > 0.033
 
 
 @pytest.mark.parametrize(

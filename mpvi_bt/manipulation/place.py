@@ -11,7 +11,7 @@ from mpvi_bt.manipulation.stance import Held, Option
 from mpvi_bt.manipulation.work import Work, other, upright_options
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.collision import carries
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid
@@ -244,13 +244,6 @@ def _free_spots(work: Work, held: Held, surface: str) -> list[Array]:
                     np.linalg.norm(np.maximum(np.maximum(b[0, :2] - [x, y], [x, y] - b[1, :2]), 0)) for b in blocking
                 ]
                 spot = np.array([x, y, high[2]])
-                if min(gap, default=9.0) > radius and _carries(face, spot, radius):
+                if min(gap, default=9.0) > radius and carries(face, spot, radius):
                     spots.append(spot)
     return sorted(spots, key=lambda s: float(np.linalg.norm(s[:2] - here)))
-
-
-def _carries(face: Solid, spot: Array, radius: float) -> bool:
-    """Whether a disc about a spot (3,) lies on a solid: the corners of its bounding box may not, if round or turned."""
-    angles = np.arange(8) * np.pi / 4
-    rim = spot + np.stack([np.cos(angles) * radius, np.sin(angles) * radius, np.full(8, -0.002)], -1)
-    return bool((Surroundings([face]).distance(rim) <= 0).all())

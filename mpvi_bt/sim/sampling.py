@@ -11,6 +11,7 @@ from scipy import ndimage
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.goals.problem import AGENT, Problem
 from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.collision import Surroundings, carries
 from mpvi_bt.robot.solids import Array, pose
 from mpvi_bt.sim.catalogue import Catalogue, Entry
 from mpvi_bt.sim.house import House
@@ -138,17 +139,21 @@ class _Floor:
         raise BackendError(f"no free place of radius {radius:.2f} m on the floor of the {room}")
 
     def on_top(self, fixture: str, radius: float, rng: np.random.Generator) -> Array:
-        """(4, 4) a place on the highest broad face of a fixture."""
+        """(4, 4) a place on the highest broad face of a fixture, clear of what stands on it."""
         solids = [s for s in self._house.fixtures[fixture].solids() if s.kind != "sphere"]
-        faces = sorted(
-            (s.aabb() for s in solids if (np.ptp(s.aabb(), axis=0)[:2] > 2 * radius).all()), key=lambda b: -b[1, 2]
-        )
-        for low, high in faces[:1]:
+        broad = [s for s in solids if (np.ptp(s.aabb(), axis=0)[:2] > 2 * radius).all()]
+        for face in sorted(broad, key=lambda s: -s.aabb()[1, 2])[:1]:
+            low, high = face.aabb()
+            others = Surroundings([s for f in self._house.fixtures.values() for s in f.solids() if f.name != fixture])
             for _ in range(_DRAWS):
-                xy = rng.uniform(low[:2] + radius, high[:2] - radius)
-                if all(np.linalg.norm(xy - other) > radius + r + 0.05 for other, r in self._taken):
-                    self._taken.append((xy, radius))
-                    return pose((float(xy[0]), float(xy[1]), float(high[2]) + 0.001), float(rng.uniform(-np.pi, np.pi)))
+                spot = np.append(rng.uniform(low[:2] + radius, high[:2] - radius), high[2])
+                if (
+                    all(np.linalg.norm(spot[:2] - other) > radius + r + 0.05 for other, r in self._taken)
+                    and carries(face, spot, radius)
+                    and others.distance(spot + [0, 0, 0.05]) > radius
+                ):
+                    self._taken.append((spot[:2], radius))
+                    return pose(spot + [0, 0, 0.001], float(rng.uniform(-np.pi, np.pi)))
         raise BackendError(f"no free place of radius {radius:.2f} m on {fixture}")
 
     def _is_free(self, xy: Array, radius: float) -> bool:
