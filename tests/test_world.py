@@ -115,6 +115,24 @@ def test_a_world_repeats_itself_bit_for_bit() -> None:
     assert hashes() == first
 
 
+@pytest.mark.render
+def test_pictures_change_nothing() -> None:
+    """A world that is built to be seen, and looked at, moves exactly as one that is not."""
+
+    def moved(render: bool) -> str:
+        world = small_world({"can": placed("can_of_soda", 0.6, 0.1, 0.4, 0.3)}, render=render)
+        world.settle(0.3)
+        action = world.robot.action
+        action[ActionLayout.BASE] = (0.4, 0.1, 0.3)
+        for _ in range(30):
+            world.step(action)
+            if render and world.steps % 10 == 0:
+                world.robot.look("head")
+        return fingerprint(world)
+
+    assert moved(True) == moved(False)
+
+
 @pytest.mark.parametrize("side", SIDES)
 def test_a_closed_hand_holds_what_is_between_its_fingers(side: Side) -> None:
     """A can between closed fingers is held by that hand only; open, it is not; it falls, and nothing is held."""
