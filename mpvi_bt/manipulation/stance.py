@@ -75,7 +75,7 @@ class Stance:
         path: Postures (7,) of the arm from where it is to the first waypoint.
         waypoints: (K, 4, 4) T_base_tcp.
         aside: Postures (7,) that bring the other hand, with what it holds, out of the way first.
-        level: T_base_tcp (4, 4) of the other hand from then on, if it holds something.
+        level: Postures (7,) of the other arm, if its hand holds something, while the torso moves: they keep it level.
     """
 
     base: Array
@@ -84,7 +84,13 @@ class Stance:
     path: list[Array]
     waypoints: Array
     aside: list[Array]
-    level: Mapping[Side, Array]
+    level: Mapping[Side, list[Array]]
+
+
+@dataclass(frozen=True, eq=False)
+class _Standing:
+    body: Body
+    level: Mapping[Side, list[Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,9 +211,8 @@ class Search:
             arms[self.other] = hold[-1]
             if not self.body(self.motion.torso, all_around, arms).free(self.other, hold[-1])[0]:
                 return None
-        level = {} if self.other is None else {self.other: kin.tcp(self.motion.torso, hold[-1], self.other)}
         seen: dict[tuple[int, int], int] = {}
-        standing: dict[int, Body | None] = {}
+        standing: dict[int, _Standing | None] = {}
         for row in np.argsort(cost)[: 40 * _CHECKED_POSTURES]:
             where = (int(t[row]), int(g[row]))
             if seen.get(where, 0) >= 2:
@@ -217,31 +222,27 @@ class Search:
                 break
             torso = torsos[t[row]]
             if where[0] not in standing:
-                standing[where[0]] = self._stood(torso, all_around, arms, level)
-            body = standing[where[0]]
-            if body is None:
+                standing[where[0]] = self._stood(torso, all_around, arms)
+            stood = standing[where[0]]
+            if stood is None:
                 continue
-            path = self._reached(body, free_around, goals[where[1]], options[where[1]].contact, key, q[row])
+            path = self._reached(stood.body, free_around, goals[where[1]], options[where[1]].contact, key, q[row])
             if path is not None:
-                return Stance(base, torso, where[1], path, goals[where[1]], hold, level)
+                return Stance(base, torso, where[1], path, goals[where[1]], hold, stood.level)
         return None
 
-    def _stood(
-        self, torso: Array, around: Surroundings, arms: Mapping[Side, Array], level: Mapping[Side, Array]
-    ) -> Body | None:
+    def _stood(self, torso: Array, around: Surroundings, arms: Mapping[Side, Array]) -> _Standing | None:
         """The body once the torso has moved there, the other hand level if it holds something; None if it cannot."""
-        start, arms = self.motion.torso, dict(arms)
-        for u in np.linspace(0, 1, 6)[1:]:
-            now = start + (torso - start) * u
-            for s, T in level.items():
-                near = kin.nearest_posture(kin.inverse(kin.chest(now)) @ T, s, arms[s])
-                if near is None or np.abs(near - arms[s]).max() > 0.9:
-                    return None
-                arms[s] = near
-            body = self.body(now, around, dict(arms))
-            if not body.all_free():
-                return None
-        return body
+        body = self.body(self.motion.torso, around, arms)
+        hands = (
+            {}
+            if self.other is None
+            else {self.other: arm_motion.stay(kin.tcp(body.torso, arms[self.other], self.other))}
+        )
+        level = arm_motion.sweep(body, torso, hands, samples=6)
+        if level is None:
+            return None
+        return _Standing(replace(body, torso=torso, arms={**arms, **{s: q[-1] for s, q in level.items()}}), level)
 
     def _reached(
         self, body: Body, free_around: Surroundings, goals: Array, contact: int, key: int, q_key: Array

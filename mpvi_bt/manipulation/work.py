@@ -12,7 +12,7 @@ from mpvi_bt.manipulation.truth import Truth
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Load, Surroundings
-from mpvi_bt.robot.motion import Actions, HandPath, Motion, MotionFailure, glide, stay
+from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, Solid
 
@@ -80,7 +80,7 @@ class Work:
         yield from self.motion.drive(stance.base)
         if search.other is not None and len(stance.aside) > 1:
             yield from self.motion.follow(search.other, stance.aside, speed=0.8)
-        yield from self.motion.stand(stance.torso, {s: stay(T) for s, T in stance.level.items()})
+        yield from self.motion.stand(stance.torso, stance.level)
         yield from self.motion.follow(search.side, stance.path)
 
     def lines(self, side: Side, stance: Stance, waypoints: Sequence[int], speed: float = 0.16) -> Actions:
@@ -114,20 +114,20 @@ class Work:
                     raise MotionFailure("no_fold")
                 yield from self.motion.follow(side, path)
         upright = np.append(r1.TRAVEL_TORSO[:3], self.motion.torso[3])
-        hands = self._homeward(upright, without)
-        if hands is None:
+        arms = self._homeward(upright, without)
+        if arms is None:
             raise MotionFailure("no_carry")
-        yield from self.motion.stand(upright, hands)
+        yield from self.motion.stand(upright, arms)
 
-    def _homeward(self, torso: Array, without: Collection[str]) -> dict[Side, HandPath] | None:
-        """Paths of the hands that hold something, while the torso goes to its travel posture.
+    def _homeward(self, torso: Array, without: Collection[str]) -> dict[Side, list[Array]] | None:
+        """Postures of the arms that hold something, while the torso goes to its travel posture.
 
         What can stay where it is stays; of two things held the one in the lower hand, just picked up, moves first.
         """
         body = self.body(without)
-        hands = {s: stay(self.motion.hand(s)) for s in body.held}
-        if arm_motion.sweep(body, torso, hands):
-            return hands
+        hands = {s: arm_motion.stay(self.motion.hand(s)) for s in body.held}
+        if (found := arm_motion.sweep(body, torso, hands)) is not None:
+            return found
         for side in sorted(body.held, key=lambda s: float(self.motion.hand(s)[2, 3])):
             now, checked = self.motion.hand(side), 0
             for T in self._carries(side, body):
@@ -135,9 +135,9 @@ class Work:
                 if q is None or not replace(body, torso=torso[:3]).free(side, q)[0]:
                     continue
                 for detour in _DETOURS:
-                    path = glide(now, T, detour * [1, r1.SIGN[side], 1])
-                    if arm_motion.sweep(body, torso, {**hands, side: path}):
-                        return {**hands, side: path}
+                    path = arm_motion.glide(now, T, detour * [1, r1.SIGN[side], 1])
+                    if (found := arm_motion.sweep(body, torso, {**hands, side: path})) is not None:
+                        return found
                 checked += 1
                 if checked >= _CHECKED_CARRIES:
                     break

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,12 +11,12 @@ from scipy.spatial.transform import Rotation, Slerp
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Body
-from mpvi_bt.robot.motion import HandPath
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
 _STEP_RAD = 0.5  # how far a tree grows at once
 _CHECK_RAD = 0.07  # spacing of the checks along an edge
+_SWEEP_LEAP_RAD = 0.7  # likewise while the torso moves
 _LEAP_RAD = 0.45  # between neighbors of a line; more is another elbow
 
 
@@ -110,16 +110,44 @@ _DETOURS = np.array([(0.0, 0, 0), (0, 0, 0.15), (0.15, 0, 0), (0.15, 0, 0.15), (
                      (0, 0, 0.3),                     (0.2, 0.15, 0.15), (0, 0, -0.15), (0.25, 0, -0.1)])  # fmt: skip
 
 
-def sweep(body: Body, torso: Array, hands: Mapping[Side, HandPath], samples: int = 12) -> bool:
-    """Whether the torso can move to `torso` while hands follow their paths: no leap of an arm, nothing touched.
+HandPath = Callable[[float], Array]  # 0..1 to T_base_tcp (4, 4)
+
+
+def stay(T_base_tcp: Array) -> HandPath:
+    """The path of a hand that keeps its pose."""
+    return lambda u: T_base_tcp
+
+
+def glide(start: Array, goal: Array, detour: Array | None = None) -> HandPath:
+    """The path from pose to pose (4, 4), over a point that lies off the middle of the way by `detour` (3,) [m]."""
+    turning = Slerp([0, 1], Rotation.from_matrix(np.stack([start[:3, :3], goal[:3, :3]])))
+    first, last = start[:3, 3], goal[:3, 3]
+    via = (first + last) / 2 + (np.zeros(3) if detour is None else detour)
+
+    def path(u: float) -> Array:
+        p = first + (via - first) * 2 * u if u < 0.5 else via + (last - via) * (2 * u - 1)
+        return kin.transform(turning(u).as_matrix(), p)
+
+    return path
+
+
+def sweep(
+    body: Body, torso: Array, hands: Mapping[Side, HandPath], samples: int = 12
+) -> dict[Side, list[Array]] | None:
+    """Postures of the arms while the torso moves to `torso` and hands follow their paths.
 
     Args:
         body: The robot as it stands. What is too near at the start may be left, not come nearer.
         torso: (>= 3,) where the torso goes.
         hands: Paths in the base frame; the other arms ride along.
         samples: Postures that are checked.
+
+    Returns:
+        For each hand `samples` + 1 postures (7,), evenly spaced from the present one on, or None if an arm would have
+        to leap or something would touch.
     """
     arms, start = dict(body.arms), np.asarray(body.torso, float)
+    out = {side: [arms[side]] for side in hands}
     # What stands too near the furniture may stay so; the arms themselves have to come clear of each other.
     near = {s: tuple(min(0.0, float(c[0])) - 1e-6 for c in body.clearance(s, arms[s])) for s in arms}
     for u in np.linspace(0, 1, samples + 1)[1:]:
@@ -127,17 +155,18 @@ def sweep(body: Body, torso: Array, hands: Mapping[Side, HandPath], samples: int
         chest = kin.inverse(kin.chest(now))
         for side, path in hands.items():
             q = kin.nearest_posture(chest @ path(float(u)), side, arms[side])
-            if q is None or np.abs(q - arms[side]).max() > 0.7:
-                return False
+            if q is None or np.abs(q - arms[side]).max() > _SWEEP_LEAP_RAD:
+                return None
             arms[side] = q
+            out[side].append(q)
         moved = replace(body, torso=now, arms=dict(arms))
         if not moved.trunk_free():
-            return False
+            return None
         for side in arms:
             around, itself = moved.clearance(side, arms[side])
             if around[0] <= near[side][0] or itself[0] <= (near[side][1] if u < 0.3 else 0.0):
-                return False
-    return True
+                return None
+    return out
 
 
 def trace(torso: Array, side: Side, start: Array, T_base_tcp: Array) -> list[Array] | None:

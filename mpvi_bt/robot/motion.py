@@ -6,7 +6,7 @@ each step; the hand lines and drives are closed loops around that.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -20,29 +20,8 @@ from mpvi_bt.robot.solids import Array
 Actions = Iterator[Array]
 
 _TORSO_SPEED = np.array([0.25, 0.8, 0.7, 2.0])  # [m/s, rad/s, rad/s, rad/s]
-_CARRY_SPEED = 0.3  # of a hand that moves with the torso [m/s]
+_CARRY_SPEED = 1.0  # of the fastest joint of an arm that moves with the torso [rad/s]
 _JUMP_RAD = 0.5  # a nearest posture farther than this is another elbow, not the next step of a line
-
-
-HandPath = Callable[[float], Array]  # 0..1 to T_base_tcp (4, 4)
-
-
-def stay(T_base_tcp: Array) -> HandPath:
-    """The path of a hand that keeps its pose."""
-    return lambda u: T_base_tcp
-
-
-def glide(start: Array, goal: Array, detour: Array | None = None) -> HandPath:
-    """The path from pose to pose (4, 4), over a point that lies off the middle of the way by `detour` (3,) [m]."""
-    turning = Slerp([0, 1], Rotation.from_matrix(np.stack([start[:3, :3], goal[:3, :3]])))
-    first, last = start[:3, 3], goal[:3, 3]
-    via = (first + last) / 2 + (np.zeros(3) if detour is None else detour)
-
-    def path(u: float) -> Array:
-        p = first + (via - first) * 2 * u if u < 0.5 else via + (last - via) * (2 * u - 1)
-        return kin.transform(turning(u).as_matrix(), p)
-
-    return path
 
 
 class MotionFailure(Exception):
@@ -143,22 +122,21 @@ class Motion:
             self._reach(side, T_base_tcp)
             yield self._still()
 
-    def stand(self, torso: Array, hands: Mapping[Side, HandPath] | None = None) -> Actions:
-        """Move the torso (4,), and meanwhile the hands along paths of theirs in the base frame.
-
-        Raises:
-            MotionFailure: "no_reach" if a hand cannot stay on its path.
-        """
-        start, hands = self.torso, hands or {}
+    def stand(self, torso: Array, arms: Mapping[Side, Sequence[Array]] | None = None) -> Actions:
+        """Move the torso (4,) and meanwhile arms through evenly spaced postures (7,): what `arm_motion.sweep` plans."""
+        start, arms = self.torso, arms or {}
         seconds = float(np.max(np.abs(torso - start) / _TORSO_SPEED))
-        for path in hands.values():
-            seconds = max(seconds, float(np.linalg.norm(path(1.0)[:3, 3] - path(0.0)[:3, 3])) / _CARRY_SPEED)
+        for path in arms.values():
+            travel = sum(float(np.abs(b - a).max()) for a, b in pairwise(path))
+            seconds = max(seconds, travel / _CARRY_SPEED)
         n = round(seconds * 1.4 * CONTROL_HZ)
         for k in range(1, n + 1):
             u = smooth(k / n)
             self.action[ActionLayout.TORSO] = start + (torso - start) * u
-            for side, path in hands.items():
-                self._reach(side, path(u))
+            for side, path in arms.items():
+                at = u * (len(path) - 1)
+                i = min(int(at), len(path) - 2)
+                self.action[ActionLayout.ARM[side]] = path[i] + (path[i + 1] - path[i]) * (at - i)
             yield self._still()
         if n:
             yield from self.wait(0.15)

@@ -8,7 +8,7 @@ import numpy as np
 
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot.collision import Body
-from mpvi_bt.robot.motion import Actions, Motion, MotionFailure, stay
+from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Robot, Side
 from mpvi_bt.robot.solids import Array
 
@@ -60,4 +60,8 @@ class ArmStow:
             path = arm_motion.plan(body, side, r1.TRAVEL_ARM[side], rng)
             if path is not None:
                 yield from motion.follow(side, path)
-        yield from motion.stand(r1.TRAVEL_TORSO, {s: stay(motion.hand(s)) for s in held})
+        body = Body(motion.torso, {s: motion.arm(s) for s in SIDES})
+        arms = arm_motion.sweep(body, r1.TRAVEL_TORSO, {s: arm_motion.stay(motion.hand(s)) for s in held})
+        if arms is None:
+            raise MotionFailure("no_reach")
+        yield from motion.stand(r1.TRAVEL_TORSO, arms)
