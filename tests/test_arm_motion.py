@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
-from mpvi_bt.robot.arm_motion import plan, plan_level, trace
+from mpvi_bt.robot.arm_motion import glide, plan, plan_level, stay, sweep, trace
 from mpvi_bt.robot.collision import Body, Surroundings
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, Solid, box
@@ -179,3 +179,50 @@ def test_a_level_path_goes_over_a_post(side: Side) -> None:
     path = plan_level(body, side, goal)
     assert path is not None
     assert body.free(side, finely(path), margin=-0.005).all()
+
+
+@given(st.floats(0, 1), st.lists(st.floats(-0.3, 0.3), min_size=3, max_size=3))
+def test_a_glide_goes_from_pose_to_pose(u: float, detour: list[float]) -> None:
+    """It starts and ends at its poses, passes the detour half-way, and each pose on it is rigid."""
+    start, goal = np.eye(4), kin.transform(kin.rot_z(1.0), (0.3, 0.2, 0.1))
+    path = glide(start, goal, np.array(detour))
+    np.testing.assert_allclose(path(0.0), start, atol=1e-9)
+    np.testing.assert_allclose(path(1.0), goal, atol=1e-9)
+    np.testing.assert_allclose(path(0.5)[:3, 3], goal[:3, 3] / 2 + detour, atol=1e-9)
+    np.testing.assert_allclose(kin.inverse(path(u)) @ path(u), np.eye(4), atol=1e-9)
+    np.testing.assert_allclose(glide(start, goal)(u)[:3, 3], u * goal[:3, 3], atol=1e-9)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds, sides)
+def test_a_sweep_keeps_hands_on_their_paths_and_arms_free(seed: int, side: Side) -> None:
+    """While the torso moves evenly each posture has the hand on its path, no arm leaps, and nothing touches."""
+    rng = np.random.default_rng(seed)
+    start = kin.nearest_posture(kin.inverse(kin.chest(TORSO)) @ anywhere(rng, side), side, r1.TRAVEL_ARM[side])
+    if start is None:
+        return
+    body = Body(TORSO, {**r1.TRAVEL_ARM, side: start}, {}, Surroundings([POLE]))
+    torso = np.array([rng.uniform(0.1, 0.5), 0.0, rng.uniform(-0.2, 0.6), 0.0])
+    path = glide(kin.tcp(TORSO, start, side), anywhere(rng, side))
+    arms = sweep(body, torso, {side: path})
+    if arms is None or not body.all_free():
+        return
+    assert list(arms) == [side]
+    np.testing.assert_array_equal(arms[side][0], start)
+    for u, q in zip(np.linspace(0, 1, len(arms[side])), arms[side], strict=True):
+        now = TORSO[:3] + (torso - TORSO)[:3] * u
+        np.testing.assert_allclose(kin.tcp(now, q, side), path(float(u)), atol=1e-6)
+        moved = Body(now, {**r1.TRAVEL_ARM, side: q}, {}, Surroundings([POLE]))
+        assert u == 0 or moved.all_free()
+
+
+def test_a_sweep_into_something_is_none() -> None:
+    """Head, held thing or hand would meet a shelf: there is no sweep; without the shelf there is one."""
+    level_hand = {"left": stay(kin.tcp(TORSO, r1.TRAVEL_ARM["left"], "left"))}
+    bent = np.array([0.3, 0.0, 0.5, 0.0])
+    shelf = box((0.40, 0.0, 1.30), (0.2, 0.6, 0.05))
+    free, barred = (Body(TORSO, dict(r1.TRAVEL_ARM), {}, Surroundings(s)) for s in ([], [shelf]))
+    assert sweep(free, bent, {}) == {}
+    assert sweep(barred, bent, {}) is None
+    assert sweep(barred, TORSO, {}) == {}
+    assert sweep(free, TORSO, level_hand) is not None  # type: ignore[arg-type]

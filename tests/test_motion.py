@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
+from mpvi_bt.robot.arm_motion import stay, sweep
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure, smooth
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, Proprioception, Side
