@@ -102,22 +102,25 @@ class Work:
             without: Things that the hands may be in touch with at first.
 
         Raises:
-            MotionFailure: "no_carry" if no such posture can be reached.
+            MotionFailure: "no_fold" or "no_carry" if no such posture can be reached.
         """
         held = self.held()
         for side in (s for s in SIDES if s not in held):
             if np.abs(self.motion.arm(side) - r1.TRAVEL_ARM[side]).max() > 0.02:
-                path = arm_motion.plan(
-                    self.body(without), side, r1.TRAVEL_ARM[side], self.rng, start=self.motion.arm(side)
-                )
-                if path is None:
-                    raise MotionFailure("no_fold")
-                yield from self.motion.follow(side, path)
+                yield from self.motion.follow(side, self._fold(side, without))
         upright = np.append(r1.TRAVEL_TORSO[:3], self.motion.torso[3])
         arms = self._homeward(upright, without)
         if arms is None:
             raise MotionFailure("no_carry")
         yield from self.motion.stand(upright, arms)
+
+    def _fold(self, side: Side, without: Collection[str]) -> list[Array]:
+        """A path home for an empty arm, clear of the things `without` too where there is one: they stand loose."""
+        for spared in dict.fromkeys([frozenset[str](), frozenset(without)]):
+            path = arm_motion.plan(self.body(spared), side, r1.TRAVEL_ARM[side], self.rng, start=self.motion.arm(side))
+            if path is not None:
+                return path
+        raise MotionFailure("no_fold")
 
     def _homeward(self, torso: Array, without: Collection[str]) -> dict[Side, list[Array]] | None:
         """Postures of the arms that hold something, while the torso goes to its travel posture.
