@@ -135,10 +135,18 @@ def test_a_can_is_put_into_a_bin_on_the_floor() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("table", [TABLE, "{entry: table, at: [1.16, -0.28], yaw_deg: 30}"])
-def test_a_can_is_set_down_on_a_table(table: str) -> None:
-    """A can from the floor ends up standing on the table, which may stand askew."""
-    world = calm(small_world({"can": placed("can_of_soda", -0.9, 0.6)}, table_1=table))
+@pytest.mark.parametrize(
+    ("table", "at"),
+    [
+        (TABLE, (-0.9, 0.6)),
+        ("{entry: table, at: [1.16, -0.28], yaw_deg: 30}", (-0.9, 0.6)),
+        ("{entry: table, at: [0.57, 1.06], yaw_deg: 26}", (-0.43, 1.54)),
+        ("{entry: table, at: [-0.01, -1.39], yaw_deg: 101}", (-0.57, 0.55)),
+    ],
+)
+def test_a_can_is_set_down_on_a_table(table: str, at: tuple[float, float]) -> None:
+    """A can from the floor ends up standing on the table, which may stand askew, and no hand knocks it over."""
+    world = calm(small_world({"can": placed("can_of_soda", *at)}, table_1=table))
     played = play(world, "pick up the can of soda, then put the can of soda on the table", limit_s=90)
     assert played.note == "done"
     assert ontop(world, "can", "table_1")

@@ -18,6 +18,7 @@ from mpvi_bt.robot.solids import Array, Solid
 
 _NEAR_M = 1.7  # solids farther from the robot than this do not matter to a skill
 _LIFTED_M = 0.10
+_FOLD_CLEAR_M = 0.02  # what is between the checks of a path may come that much nearer
 _EMPTY_M = 0.003  # a hand that closed below this width closed on nothing
 
 
@@ -115,9 +116,10 @@ class Work:
         yield from self.motion.stand(upright, arms)
 
     def _fold(self, side: Side, without: Collection[str]) -> list[Array]:
-        """A path home for an empty arm, clear of the things `without` too where there is one: they stand loose."""
-        for spared in dict.fromkeys([frozenset[str](), frozenset(without)]):
-            path = arm_motion.plan(self.body(spared), side, r1.TRAVEL_ARM[side], self.rng, start=self.motion.arm(side))
+        """A path home for an empty arm, well clear of the things `without` too if it can be: they stand loose."""
+        now, home = self.motion.arm(side), r1.TRAVEL_ARM[side]
+        for spared, margin in (((), _FOLD_CLEAR_M), ((), 0.0), (without, 0.0)):
+            path = arm_motion.plan(self.body(spared), side, home, self.rng, margin, start=now)
             if path is not None:
                 return path
         raise MotionFailure("no_fold")
