@@ -7,6 +7,7 @@ physical (friction); what it is spared is perception.
 from __future__ import annotations
 
 import contextlib
+import itertools
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -95,12 +96,12 @@ class ExpertPolicy:
 
     def _show(self, work: Work) -> Actions:
         """Nobody has said that it is complete: hold what has been filled out to the head, and home again, for ever."""
-        while True:
+        for turn in itertools.count():
             yield from work.motion.wait(_PATIENCE_S)
             for side, held in work.held().items():
                 if work.truth.volumes(held.name):
                     with contextlib.suppress(MotionFailure):
-                        yield from present(work, side)
+                        yield from present(work, side, 3 * turn)
                         yield from work.look_at(held.name)
                         yield from work.motion.wait(_PATIENCE_S)
                         yield from work.tuck()

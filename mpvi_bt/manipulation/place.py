@@ -18,6 +18,7 @@ from mpvi_bt.robot.solids import Array, Solid
 
 _OVER_RIM_M = 0.02  # between the lowest point of the thing and the rim
 _FALL_M = 0.008  # to spare on every side of a thing that falls into a container
+_ELSEWHERE = 0.05  # between two poses, in any number of their matrices [m or the sine of a turn]
 _CLEAR_M = 0.04  # between things on a surface
 _BEST_RELEASES = 80  # tried of each pose of the container
 _TILTS = (0.0, 0.35, -0.35, 0.7)
@@ -128,10 +129,15 @@ def _reach_over(work: Work, side: Side, releases: list[tuple[Array, float]], con
     raise MotionFailure("no_release")
 
 
-def present(work: Work, side: Side) -> Actions:
-    """Hold what a hand has out in front of the body, where the head sees into it. Raises MotionFailure: "no_reach"."""
+def present(work: Work, side: Side, turn: int) -> Actions:
+    """Hold what a hand has out in front of the body, each `turn` in another pose: what one hides another may show.
+
+    Raises:
+        MotionFailure: "no_reach" if there is no other pose to go to.
+    """
     now, body = work.motion.hand(side), work.body()
-    for shown in list(_presented(now, side))[1:]:
+    poses = [T for T in list(_presented(now, side))[1:] if np.abs(T - now).max() > _ELSEWHERE]
+    for shown in poses[turn % len(poses) :] + poses[: turn % len(poses)]:
         path = arm_motion.plan_level(body, side, shown)
         if path is not None:
             yield from work.motion.follow(side, path, speed=0.8)
