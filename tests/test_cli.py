@@ -77,6 +77,32 @@ def test_every_kind_of_error_has_its_exit_code(
         assert said == f"mpvi: {error}\n"
 
 
+@pytest.mark.parametrize("args", [["run"], ["list"], ["run", "picking_up_trash", "--instance", "-1"], ["check"]])
+def test_bad_usage_is_told_in_one_line(args: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """What is wrong with the words given takes one line, which names the help to read."""
+    with pytest.raises(SystemExit) as exit_:
+        main(args)
+    said = capsys.readouterr().err
+    assert exit_.value.code == 2
+    assert said.startswith("mpvi: ")
+    assert said.endswith(f"See `mpvi {args[0]} --help`.\n")
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("option", ["--out", "--video", "--picture"])
+def test_what_cannot_be_written_is_refused_before_the_run(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A folder that cannot be made ends `mpvi run` at once, with one line, not after a minute's work."""
+    (tmp_path / "file").touch()
+    with pytest.raises(SystemExit) as exit_:
+        main(["run", "picking_up_trash", option, str(tmp_path / "file" / "below" / "name")])
+    said = capsys.readouterr().err
+    assert exit_.value.code == 2
+    assert said.count("\n") == 1
+    assert "not a directory" in said
+
+
 def test_unknown_command_names_the_nearest(mpvi: Shell) -> None:
     """A typing error is answered with the command that was meant."""
     done = mpvi("docter")

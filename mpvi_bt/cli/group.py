@@ -56,7 +56,7 @@ def run(args: Sequence[str]) -> int:
         click.echo("mpvi: interrupted", err=True)
         return INTERRUPTED
     except click.ClickException as error:
-        error.show()
+        click.echo(f"mpvi: {_usage(error)}", err=True)
         return 2
     except MpviError as error:
         click.echo(f"mpvi: {error}", err=True)
@@ -68,3 +68,10 @@ def run(args: Sequence[str]) -> int:
         click.echo("mpvi: that is a fault in mpvi_bt; please report it with the lines above", err=True)
         return MpviError.exit_code
     return result if isinstance(result, int) else 0
+
+
+def _usage(error: click.ClickException) -> str:
+    """What was wrong with the words given, and where to read on, in one line."""
+    message = " ".join(error.format_message().split())
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    return f"{message} See `{context.command_path} --help`." if context else message

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import tempfile
 import textwrap
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -14,6 +15,7 @@ from click.shell_completion import CompletionItem
 
 from mpvi_bt import paths
 from mpvi_bt.cli.group import INTERRUPTED
+from mpvi_bt.errors import UserError
 from mpvi_bt.suite.backends import BACKENDS
 from mpvi_bt.suite.config import EpisodeConfig
 
@@ -83,6 +85,8 @@ def run(out: Path, watch: bool, as_json: bool, **settings: Any) -> int:
     Exit code 0 where the goal is true at the end, 1 where it is not.
     """
     config = EpisodeConfig(**settings)
+    for folder in (out, *(file.parent for file in (config.video, config.picture) if file is not None)):
+        _check_writable(folder)  # now, not when a minute's work is lost
     click.echo(f"mpvi: {config.task}, instance {config.instance}, seed {config.seed}: setting up", err=True)
     # What follows loads the simulator.
     from mpvi_bt.executive.live import LiveTree
@@ -100,6 +104,16 @@ def run(out: Path, watch: bool, as_json: bool, **settings: Any) -> int:
     if result["ended"] == "interrupted":
         return INTERRUPTED
     return 0 if result["success"] else 1
+
+
+def _check_writable(folder: Path) -> None:
+    """Make a folder for results. Raises UserError if it cannot be made or written to."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise UserError(f"{folder}: cannot write there: {(error.strerror or str(error)).lower()}") from None
 
 
 def score(result: Mapping[str, Any]) -> str:
