@@ -55,7 +55,8 @@ class Work:
                 T_world_tcp = self.base @ kin.tcp(self.motion.felt.torso, self.motion.felt.arm[side], side)
                 frame = kin.inverse(T_world_tcp)
                 solids = tuple(s.moved(frame) for n in (name, *self.truth.within(name)) for s in self.truth.solids(n))
-                out[side] = Held(name, frame @ self.truth.pose(name), solids, Load(solids))
+                volumes = [v.moved(frame) for v in self.truth.volumes(name)]
+                out[side] = Held(name, frame @ self.truth.pose(name), solids, Load(solids, volumes))
         return out
 
     def search(self, side: Side, touched: Collection[str]) -> Search:

@@ -16,6 +16,7 @@ from mpvi_bt.robot.solids import Array
 
 _STEP_RAD = 0.5  # how far a tree grows at once
 _CHECK_RAD = 0.07  # spacing of the checks along an edge
+_SWING_M = 0.03  # what hangs from a hand swings that far while torso and arms move
 _SWEEP_LEAP_RAD = 0.7  # likewise while the torso moves
 _LEAP_RAD = 0.45  # between neighbors of a line; more is another elbow
 
@@ -164,7 +165,8 @@ def sweep(
             return None
         for side in arms:
             around, itself = moved.clearance(side, arms[side])
-            if around[0] <= near[side][0] or itself[0] <= (near[side][1] if u < 0.3 else 0.0):
+            apart = near[side][1] if u < 0.3 else _SWING_M if side in body.held else 0.0
+            if around[0] <= near[side][0] or itself[0] <= apart:
                 return None
     return out
 

@@ -84,9 +84,12 @@ def carries(face: Solid, spot: Array, radius: float) -> bool:
 class Load:
     """What a hand holds, in its tcp frame: exact for what might meet it, covered by spheres for what it might meet."""
 
-    def __init__(self, solids: Sequence[Solid]) -> None:
-        """Gather what is held; solids in the tcp frame."""
-        self.solids = Surroundings(solids)
+    def __init__(self, solids: Sequence[Solid], volumes: Sequence[Solid] = ()) -> None:
+        """Gather what is held; solids and container volumes in the tcp frame.
+
+        Volumes count as filled: between two checked postures a hand would slip through a thin wall.
+        """
+        self.solids = Surroundings([*solids, *volumes])
         self.centers, self.radii = covering_spheres(solids)
 
 
