@@ -200,14 +200,13 @@ def test_a_grasping_hand_may_touch_between_its_fingers_only() -> None:
 
 
 def test_a_held_thing_is_part_of_the_arm() -> None:
-    """What a hand holds meets the surroundings with it, unless it is to be neglected."""
+    """What a hand holds meets the surroundings with it."""
     q, torso = np.array([-0.6, 0.3, 0.0, -1.2, 0.0, -0.3, 0.0]), np.array([0.4, 0.0, 0.0, 0.0])
     stick = Solid("box", np.array([0.01, 0.01, 0.15]), kin.transform(np.eye(3), (0.0, 0.0, 0.16)))
     end = kin.tcp(torso, q, "left") @ [0.0, 0.0, 0.3, 1.0]
     wall = Surroundings([box((float(end[0]), float(end[1]), float(end[2])), (0.06, 0.06, 0.06))])
     robot = Body(torso, {"left": q, "right": r1.TRAVEL_ARM["right"]}, {"left": Load([stick])}, wall)
     assert not robot.free("left", q)[0]
-    assert robot.free("left", q, neglect_held=True)[0]
     assert Body(torso, robot.arms, {}, wall).free("left", q)[0]
 
 

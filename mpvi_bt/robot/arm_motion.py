@@ -111,6 +111,7 @@ _DETOURS = np.array([(0.0, 0, 0), (0, 0, 0.15), (0.15, 0, 0), (0.15, 0, 0.15), (
                      (0, 0, 0.3),                     (0.2, 0.15, 0.15), (0, 0, -0.15), (0.25, 0, -0.1)])  # fmt: skip
 
 
+Edge = Callable[[Array, Array], bool]  # whether the way between two postures is free
 HandPath = Callable[[float], Array]  # 0..1 to T_base_tcp (4, 4)
 
 
@@ -201,7 +202,7 @@ def _line(body: Body, side: Side, start: Array, goal: Array) -> list[Array] | No
     return path[1:] if (worst[1:] > min(0.0, float(worst[0]) - 1e-6)).all() and worst[-1] > 0 else None
 
 
-def _grow(tree: list[Array], parent: list[int], toward: Array, edge) -> Array | None:  # type: ignore[no-untyped-def]
+def _grow(tree: list[Array], parent: list[int], toward: Array, edge: Edge) -> Array | None:
     nearest = int(((np.array(tree) - toward) ** 2).sum(1).argmin())
     step = toward - tree[nearest]
     length = float(np.linalg.norm(step))
@@ -223,7 +224,7 @@ def _trace(tree: list[Array], parent: list[int]) -> list[Array]:
     return path
 
 
-def _shortened(path: list[Array], edge, rng: np.random.Generator) -> list[Array]:  # type: ignore[no-untyped-def]
+def _shortened(path: list[Array], edge: Edge, rng: np.random.Generator) -> list[Array]:
     for _ in range(25):
         if len(path) < 3:
             break

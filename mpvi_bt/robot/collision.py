@@ -109,22 +109,19 @@ class Body:
     held: Mapping[Side, Load] = field(default_factory=dict)
     around: Surroundings = NOTHING
 
-    def clearance(
-        self, side: Side, q: Array, grasping: bool = False, neglect_held: bool = False
-    ) -> tuple[Array, Array]:
+    def clearance(self, side: Side, q: Array, grasping: bool = False) -> tuple[Array, Array]:
         """How far postures q (n, 7) of arm `side` keep from things, each (n,) [m], negative within.
 
         Args:
             side: The arm that moves; the other one stays as in `arms`.
             q: (n, 7) postures.
             grasping: Leave the fingers out, which may touch what they grasp.
-            neglect_held: Leave out what this hand holds.
 
         Returns:
             Distance to the surroundings and distance to the robot itself.
         """
         q = np.atleast_2d(q)
-        p, radii, own = self._arm_points(side, q, grasping, neglect_held)
+        p, radii, own = self._arm_points(side, q, grasping)
         around = (self.around.distance(p) - radii).min(1)
         chest = kin.inverse(kin.chest(self.torso))
         in_chest = p @ chest[:3, :3].T + chest[:3, 3]
@@ -140,7 +137,7 @@ class Body:
         fold = np.linalg.norm(p[:, 8:own, None] - p[:, None, :2], axis=-1).min((1, 2)) - 0.09
         itself = np.minimum(itself, fold)
         other: Side = "left" if side == "right" else "right"
-        p2, r2, own2 = self._arm_points(other, np.atleast_2d(self.arms[other]), False, False)
+        p2, r2, own2 = self._arm_points(other, np.atleast_2d(self.arms[other]), False)
         apart = p[:, 2:own, None] - p2[0, None, None, :own2]
         gap = np.sqrt(np.einsum("nijk,nijk->nij", apart, apart)) - radii[2:own, None] - r2[:own2]
         itself = np.minimum(itself, gap.min((1, 2)))
@@ -149,17 +146,15 @@ class Body:
             itself = np.minimum(
                 itself, (self.held[other].solids.seen_from(kin.inverse(T)).distance(p[:, 2:]) - radii[2:]).min(1)
             )
-        if side in self.held and not neglect_held:
+        if side in self.held:
             T = kin.inverse(kin.tcp(self.torso, q, side))
             in_hand = np.einsum("nij,kj->nki", T[:, :3, :3], p2[0, :own2]) + T[:, None, :3, 3]
             itself = np.minimum(itself, (self.held[side].solids.distance(in_hand) - r2[:own2]).min(1))
         return around, itself
 
-    def free(
-        self, side: Side, q: Array, margin: float = 0.0, grasping: bool = False, neglect_held: bool = False
-    ) -> NDArray[np.bool_]:
+    def free(self, side: Side, q: Array, margin: float = 0.0, grasping: bool = False) -> NDArray[np.bool_]:
         """(n,) bool: postures q (n, 7) that keep `margin` [m] from the surroundings and clear of the robot itself."""
-        around, itself = self.clearance(side, q, grasping, neglect_held)
+        around, itself = self.clearance(side, q, grasping)
         return np.asarray((around > margin) & (itself > 0.0))
 
     def trunk_free(self) -> bool:
@@ -171,7 +166,7 @@ class Body:
         """Whether both arms and the trunk are free as they stand."""
         return self.trunk_free() and all(bool(self.free(s, self.arms[s])[0]) for s in SIDES)
 
-    def _arm_points(self, side: Side, q: Array, grasping: bool, neglect_held: bool) -> tuple[Array, Array, int]:
+    def _arm_points(self, side: Side, q: Array, grasping: bool) -> tuple[Array, Array, int]:
         C = kin.chest(self.torso)
         parts = []
         frames = kin.arm_frames(q, side)
@@ -180,7 +175,7 @@ class Body:
             parts.append(np.einsum("nij,kj->nki", T[:, :3, :3], centers) + T[:, None, :3, 3])
         radii = [_UPPER[1], _FORE[1], hand[1]]
         own = 8 + len(hand[0])
-        if side in self.held and not neglect_held:
+        if side in self.held:
             centers, r = self.held[side].centers, self.held[side].radii
             T = frames[2]
             parts.append(np.einsum("nij,kj->nki", T[:, :3, :3], centers) + T[:, None, :3, 3])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -208,8 +207,3 @@ def _without_visuals(text: str) -> str:
         for visual in link.findall("visual"):
             link.remove(visual)
     return ElementTree.tostring(robot, encoding="unicode")
-
-
-def link_names(robot: SimRobot) -> Mapping[int, str]:
-    """Scene id of each of the robot's links to "robot", for the label image."""
-    return {link.entity.per_scene_id: "robot" for link in robot.links.values()}
