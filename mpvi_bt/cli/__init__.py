@@ -9,6 +9,8 @@ import os
 import sys
 from collections.abc import Sequence
 
+INTERRUPTED = 130  # 128 + SIGINT, as shells count
+
 # name: (module:function, one line of help)
 COMMANDS: dict[str, tuple[str, str]] = {
     "run": ("mpvi_bt.cli.run:run", "Run one episode with the tree shown live, then its score."),
@@ -52,6 +54,10 @@ def main(args: Sequence[str] | None = None) -> None:
     if words in ([], ["-h"], ["--help"]) and "_MPVI_COMPLETE" not in os.environ:  # tab completion passes no words
         print(help_text(), end="")
         sys.exit(0 if words else 2)
-    from mpvi_bt.cli.group import run
+    try:
+        from mpvi_bt.cli.group import run
 
-    sys.exit(run(words))
+        sys.exit(run(words))
+    except KeyboardInterrupt:  # while click was loading
+        print("mpvi: interrupted", file=sys.stderr)
+        sys.exit(INTERRUPTED)

@@ -9,10 +9,8 @@ from collections.abc import Sequence
 import click
 
 from mpvi_bt import __version__
-from mpvi_bt.cli import COMMANDS, help_text
+from mpvi_bt.cli import COMMANDS, INTERRUPTED, help_text
 from mpvi_bt.errors import MpviError, UnknownName
-
-INTERRUPTED = 130  # 128 + SIGINT, as shells count
 
 
 class LazyGroup(click.Group):

@@ -14,7 +14,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from mpvi_bt import paths
-from mpvi_bt.cli.group import INTERRUPTED
+from mpvi_bt.cli import INTERRUPTED
 from mpvi_bt.errors import UserError
 from mpvi_bt.suite.backends import BACKENDS
 from mpvi_bt.suite.config import EpisodeConfig
