@@ -119,7 +119,7 @@ class Video(Watcher):
 class Follower:
     """A camera that hangs behind and above the base and swings after it, without shaking (first-order lag)."""
 
-    def __init__(self, behind_m: float = 2.2, up_m: float = 2.6, lag: float = 0.12) -> None:
+    def __init__(self, behind_m: float = 1.4, up_m: float = 3.6, lag: float = 0.12) -> None:
         self._behind_m, self._up_m, self._lag = behind_m, up_m, lag
         self._pose: Array | None = None
 

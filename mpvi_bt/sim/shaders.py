@@ -75,7 +75,8 @@ def _renderer() -> sapien.System:
     except RuntimeError as error:
         reason = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"
         raise NoRenderingDevice(
-            f"this machine can draw no pictures ({reason}); `mpvi doctor` says what is missing and how to mend it"
+            f"this machine can draw no pictures ({reason}); `mpvi doctor` says what is missing and how to mend it, "
+            "and --checker oracle needs no pictures"
         ) from None
 
 

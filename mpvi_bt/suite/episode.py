@@ -17,7 +17,7 @@ from mpvi_bt.completion.triggers import GraspReleaseTriggers
 from mpvi_bt.completion.visual import VisualChecker
 from mpvi_bt.errors import BackendError, UnknownName
 from mpvi_bt.executive.live import LiveTree
-from mpvi_bt.executive.loop import Outcome, Subscriber, run_episode
+from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, run_episode
 from mpvi_bt.executive.pictures import PathPicture
 from mpvi_bt.executive.video import Video
 from mpvi_bt.goals.evaluate import judge, snapshot, unmet
@@ -94,12 +94,13 @@ def run(config: EpisodeConfig, subscribers: Sequence[Subscriber] = ()) -> dict[s
         skills=skills,
     )
     meter = Meter()
-    watchers = [meter, *_recorders(config, grid, world, navigator), *subscribers]
+    last = _Last()
+    watchers = [meter, last, *_recorders(config, grid, world, navigator), *subscribers]
     ready = time.perf_counter()
     try:
         outcome = run_episode(tree, world, context, watchers, max_time_s=task.budget_s)
     except KeyboardInterrupt:
-        outcome = Outcome("interrupted", world.time_s, world.steps, log=context.log)
+        outcome = last.outcome
     world.refresh()
     goal = judge(problem, before, snapshot(problem, truth))
     total = time.perf_counter() - began
@@ -178,6 +179,16 @@ def _recorders(
     if config.picture is not None:
         recorders.append(PathPicture(config.picture, grid, world.knowledge, lambda: navigator.goal, config.name))
     return recorders
+
+
+class _Last(Watcher):
+    """Keeps how the episode ended, for an end by Ctrl-C, which the loop raises."""
+
+    outcome = Outcome("interrupted")
+
+    def end(self, outcome: Outcome) -> None:
+        """Keep it."""
+        self.outcome = outcome
 
 
 class _TrueState:
