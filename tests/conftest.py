@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -10,6 +11,11 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+# A shell that runs the tests in the background lets them ignore Ctrl-C, and what they start inherits that; the tests of
+# Ctrl-C need it back. A handler of ours becomes the default again in a new process.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples in every run, so that nobody's tests fail by chance; HYPOTHESIS_PROFILE=explore looks further.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
