@@ -19,7 +19,6 @@ from mpvi_bt.robot.solids import Array, Solid
 _NEAR_M = 1.7  # solids farther from the robot than this do not matter to a skill
 _LIFTED_M = 0.10
 _FOLD_CLEAR_M = 0.02  # what is between the checks of a path may come that much nearer
-_EMPTY_M = 0.003  # a hand that closed below this width closed on nothing
 
 
 def other(side: Side) -> Side:
@@ -190,7 +189,7 @@ class Work:
 
     def gripped(self, side: Side) -> bool:
         """Whether the closed hand has something between its fingers, by its width."""
-        return self.motion.felt.gripper_width[side] > _EMPTY_M
+        return self.motion.felt.holds(side)
 
 
 _CARRY_HEIGHT_M = 0.80

@@ -267,7 +267,7 @@ class KnownPlaceNavigator:
 
 def _holding(body: Proprioception) -> bool:
     """Whether a hand seems to hold something: commanded closed and not closed."""
-    return any(body.gripper_command[side] < 0 and body.gripper_width[side] > 0.003 for side in SIDES)
+    return any(body.holds(side) for side in SIDES)
 
 
 def _still(before: Array, now: Array) -> bool:

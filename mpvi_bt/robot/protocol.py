@@ -15,6 +15,7 @@ Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
 CONTROL_HZ = 30  # control steps, and ticks, a second (BEHAVIOR's rate)
 ACTION_SIZE = 23
+EMPTY_M = 0.003  # a closed hand that is no wider than this closed on nothing
 
 
 class ActionLayout:
@@ -53,6 +54,10 @@ class Proprioception:
     arm_velocity: Mapping[Side, Array]
     gripper_width: Mapping[Side, float]
     gripper_command: Mapping[Side, float]
+
+    def holds(self, side: Side) -> bool:
+        """Whether a hand that was told to close has something between its fingers (Our choice: over 3 mm)."""
+        return self.gripper_command[side] < 0 and self.gripper_width[side] > EMPTY_M
 
 
 @dataclass(frozen=True, eq=False)

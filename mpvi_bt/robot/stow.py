@@ -12,7 +12,6 @@ from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Robot, Side
 from mpvi_bt.robot.solids import Array
 
-_HOLDING_M = 0.003
 _CLOSE_RAD = 0.05
 _BACK_M = 0.25
 
@@ -48,7 +47,7 @@ class ArmStow:
 
     def _fold(self, motion: Motion) -> Actions:
         felt = motion.felt
-        held: list[Side] = [s for s in SIDES if felt.gripper_command[s] < 0 and felt.gripper_width[s] > _HOLDING_M]
+        held: list[Side] = [s for s in SIDES if felt.holds(s)]
         empty: list[Side] = [s for s in SIDES if s not in held]
         away = [s for s in empty if np.abs(motion.arm(s) - r1.TRAVEL_ARM[s]).max() > _CLOSE_RAD]
         if away:

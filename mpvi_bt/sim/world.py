@@ -24,7 +24,6 @@ from mpvi_bt.sim.shaders import new_scene
 
 PHYSICS_HZ = 120
 _HELD_M = 0.012  # a thing this near the tcp of a hand that closed on something is in that hand
-_EMPTY_M = 0.003
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +175,7 @@ class World:
     def holding(self, side: Side) -> str | None:
         """The movable thing between the fingers of one hand: nearest to the tcp of a hand that closed on something."""
         felt = self.robot.proprioception()
-        if felt.gripper_command[side] > 0 or felt.gripper_width[side] < _EMPTY_M:
+        if not felt.holds(side):
             return None
         tcp = self.robot.hand_pose_world(side)[:3, 3]
         gaps = {name: min(_gap(s, tcp) for s in self.solids(name)) for name in self._objects}
