@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from mpvi_bt import paths
 from mpvi_bt.behaviors.registry import (
-    NODE_TYPES,
     Criterion,
     Limit,
     Memory,
@@ -20,14 +19,16 @@ from mpvi_bt.behaviors.registry import (
     NoParameters,
     Prompt,
     node_type,
+    node_types,
 )
 from mpvi_bt.errors import FileProblems, UnknownName
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.schema import Manipulation, Navigation
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.tree.compile import MANIPULATION_TIMEOUT_S, compile_plan
-from mpvi_bt.tree.render import NodeState, ascii_tree
+from mpvi_bt.tree.render import ascii_tree
 from mpvi_bt.tree.spec import NodeSpec, TreeSpec
+from mpvi_bt.tree.state import NodeState
 from mpvi_bt.tree.yaml_io import dump_tree, load_tree, parse_tree
 from tests.test_plan import plans
 
@@ -119,7 +120,7 @@ def test_a_group_joins_descriptions_and_ends_as_its_last_segment() -> None:
         "pick up a can of soda with the right hand, then put the can of soda in the trash can"
     )
     assert check.parameters == Criterion(criterion="a can of soda is in the trash can", skill="place_in")
-    assert timeout.parameters == Limit(seconds=SKILLS["pick"].timeout_s + SKILLS["place_in"].timeout_s)
+    assert timeout.parameters == Limit(limit=SKILLS["pick"].timeout_s + SKILLS["place_in"].timeout_s)
     assert (attempt.segments, check.segments) == ((3, 4), (4,))
 
 
@@ -127,7 +128,7 @@ def test_without_a_skill_the_default_time_and_all_triggers_hold() -> None:
     """A manipulation that no skill covers is compiled all the same."""
     tree = compile_plan(RecordedPlanner().plan("picking_up_trash"), {})
     timeout = tree.root.children[1].children[0]
-    assert timeout.parameters == Limit(seconds=MANIPULATION_TIMEOUT_S)
+    assert timeout.parameters == Limit(limit=MANIPULATION_TIMEOUT_S)
     assert timeout.children[0].children[1].parameters == Criterion(criterion="the trash can is held in a gripper")
 
 
@@ -231,7 +232,7 @@ def test_every_node_type_is_built_from_its_registry_row() -> None:
     """The class that a row names exists, and an unknown kind is an error with the nearest one."""
     import importlib
 
-    for row in NODE_TYPES.values():
+    for row in node_types().values():
         module, _, name = row.factory.partition(":")
         assert callable(getattr(importlib.import_module(module), name))
     with pytest.raises(UnknownName, match="Did you mean 'timeout'"):

@@ -1,20 +1,57 @@
 """Every kind of node that a tree may have, with its typed parameters.
 
-One table that the YAML reader, the compiler, the renderer and the builder share. It names the classes as text, so that
-a tree is read, checked and drawn without loading py_trees or numpy.
+One table that the YAML reader, the compiler, the renderer, the checker, the schema and the builder share. It names the
+classes as text, so that a tree is read, checked and drawn without loading py_trees or numpy.
+
+Other packages add kinds of their own through the entry point group `mpvi_bt.behaviors`: each entry point is a NodeType
+or an iterable of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
+import re
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from importlib import metadata
+from types import MappingProxyType
+from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
-from mpvi_bt.errors import UnknownName
+from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.marked_yaml import Record
 from mpvi_bt.plan.schema import Paragraph, Phrase
+
+ENTRY_POINTS = "mpvi_bt.behaviors"
+
+Family = Literal["composite", "decorator", "leaf"]
+
+_STEPS = re.compile(r"([1-9][0-9]{0,8}) steps?")
+
+
+def _a_duration(text: str) -> str:
+    if not (found := _STEPS.fullmatch(text)):
+        raise ValueError(f"a duration is a number of simulated seconds, or text such as '90 steps', not {text!r}")
+    return f"{found[1]} steps"
+
+
+Seconds = Annotated[float, Field(gt=0, le=86400, allow_inf_nan=False)]
+Steps = Annotated[str, Field(json_schema_extra={"pattern": "^[1-9][0-9]{0,8} steps?$"}), AfterValidator(_a_duration)]
+Duration = Seconds | Steps
+Key = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)]
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Value = bool | int | Number | Annotated[str, Field(max_length=5000)]
+
+
+def steps_of(duration: float | str) -> int | None:
+    """Control steps of a duration such as "90 steps"; None if it is in seconds."""
+    return int(duration.split()[0]) if isinstance(duration, str) else None
+
+
+def duration_text(duration: float | str) -> str:
+    """A duration for a person: "60 s" or "90 steps"."""
+    return duration if isinstance(duration, str) else f"{duration:g} s"
 
 
 class Parameters(Record):
@@ -33,10 +70,60 @@ class Memory(Parameters):
     memory: bool
 
 
-class Limit(Parameters):
-    """Of a timeout: simulated seconds."""
+class Policy(Parameters):
+    """Of a parallel: what makes it succeed. Any failure fails it."""
 
-    seconds: float = Field(gt=0, le=86400, allow_inf_nan=False)
+    policy: Literal["success_on_all", "success_on_one"]
+
+
+class Limit(Parameters):
+    """Of timeout and cooldown: simulated seconds, or control steps such as "90 steps"."""
+
+    limit: Duration
+
+
+class Tries(Parameters):
+    """Of retry: how often the child is begun at most."""
+
+    tries: Annotated[int, Field(ge=1, le=1000)]
+
+
+class Times(Parameters):
+    """Of repeat: how often the child must succeed."""
+
+    times: Annotated[int, Field(ge=1, le=1_000_000)]
+
+
+class Comparison(Parameters):
+    """Of condition and test: a blackboard key, and what its value must be; nothing more said, it must have one."""
+
+    key: Key
+    equals: Value | None = None
+    not_equals: Value | None = None
+    at_least: Number | None = None
+    at_most: Number | None = None
+
+    @property
+    def text(self) -> str:
+        """Such as "cups at least 3"."""
+        parts = [
+            f"{word} {_shown(wanted)}"
+            for word, wanted in (
+                ("=", self.equals),
+                ("!=", self.not_equals),
+                (">=", self.at_least),
+                ("<=", self.at_most),
+            )
+            if wanted is not None
+        ]
+        return f"{self.key} " + (" and ".join(parts) if parts else "is set")
+
+
+class Call(Parameters):
+    """Of subtree: the name of a tree or the file of one beside this file, and what its parameters are."""
+
+    tree: Phrase
+    arguments: dict[str, Value] = {}
 
 
 class NavigateTo(Parameters):
@@ -59,7 +146,63 @@ class Criterion(Parameters):
     skill: str | None = None
 
 
-Family = Literal["composite", "decorator", "leaf"]
+class Pause(Parameters):
+    """Of wait: simulated seconds, or control steps such as "90 steps"."""
+
+    duration: Duration
+
+
+class Stance(Parameters):
+    """Of posture: "travel" folds empty hands and straightens up."""
+
+    posture: Literal["travel"]
+
+
+class Turn(Parameters):
+    """Of look_around: how far to turn on the spot, counter-clockwise, in degrees; 360 if nothing is said."""
+
+    degrees: Annotated[float, Field(ge=-720, le=720, allow_inf_nan=False)] | None = None
+
+
+class Message(Parameters):
+    """Of say: what to show as the node's feedback."""
+
+    text: Phrase
+
+
+class Assignment(Parameters):
+    """Of set: a blackboard key, and its new value or what to add to it (0 if it has none)."""
+
+    key: Key
+    value: Value | None = None
+    add: Number | None = None
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Assignment:
+        if (self.value is None) == (self.add is None):
+            raise ValueError("'set' needs either 'value' or 'add'")
+        return self
+
+
+class Reason(Parameters):
+    """Of fail: the reason code that the failure carries."""
+
+    reason: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)] | None = None
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _headed(node_type: NodeType, name: str, parameters: Any) -> str:
+    """The label of a kind that has no own: its word, and its name or headline."""
+    word = node_type.kind.replace("_", " ")
+    if node_type.headline == "name":
+        return f"{word}: {name}" if name and node_type.family == "decorator" else name or word
+    value = getattr(parameters, node_type.headline)
+    return word if value is None else f"{word} {_shown(value)}"
 
 
 @dataclass(frozen=True)
@@ -71,118 +214,292 @@ class NodeType:
         family: A composite has children, a decorator one child, a leaf none.
         parameters: Model of its parameters.
         headline: The parameter that the kind's key holds; "name" for the node's name.
-        label: How it is drawn, from name and parameters.
-        glyph: Before the label; what py_trees draws.
         factory: "module:Class", called with name, the parameters, and child or children.
         summary: One line.
+        label: How it is drawn, from name and parameters; None: the kind, and its name or headline.
+        glyph: Before the label, from the parameters; None: what py_trees draws.
         least: Children that a composite must have.
+        robot: Whether it needs a robot or another backend; `mpvi run --dry` stands in for such a node.
+        reads, writes: Its parameters that hold a blackboard key which it reads or writes. (A `$key` in any text
+            parameter is read without being listed here.)
     """
 
     kind: str
     family: Family
     parameters: type[Parameters]
     headline: str
-    label: Callable[[str, Any], str]
-    glyph: Callable[[Any], str]
     factory: str
     summary: str
+    label: Callable[[str, Any], str] | None = None
+    glyph: Callable[[Any], str] | None = None
     least: int = 1
+    robot: bool = False
+    reads: tuple[str, ...] = ()
+    writes: tuple[str, ...] = ()
+
+    def label_of(self, name: str, parameters: Any) -> str:
+        """One line for a person, such as "Navigate(trash can, kitchen)"."""
+        return self.label(name, parameters) if self.label else _headed(self, name, parameters)
+
+    def glyph_of(self, parameters: Any) -> str:
+        """Such as "-->"."""
+        return (
+            self.glyph(parameters)
+            if self.glyph
+            else {"composite": "{-}", "decorator": "-^-", "leaf": "-->"}[self.family]
+        )
 
 
-def _named(word: str) -> Callable[[str, Any], str]:
-    return lambda name, _: name or word
+def _call(parameters: Call) -> str:
+    arguments = ", ".join(f"{key}={_shown(value)}" for key, value in parameters.arguments.items())
+    return f"subtree {parameters.tree}" + (f"({arguments})" if arguments else "")
 
 
-NODE_TYPES: dict[str, NodeType] = {
-    node.kind: node
-    for node in (
-        NodeType(
-            "sequence",
-            "composite",
-            Memory,
-            "name",
-            _named("sequence"),
-            lambda p: "{-}" if p.memory else "[-]",
-            "mpvi_bt.behaviors.composites:Sequence",
-            "Children in order, until one fails.",
-        ),
-        NodeType(
-            "selector",
-            "composite",
-            Memory,
-            "name",
-            _named("selector"),
-            lambda p: "{o}" if p.memory else "[o]",
-            "mpvi_bt.behaviors.composites:Selector",
-            "Children in order, until one succeeds.",
-        ),
-        NodeType(
-            "until_complete",
-            "composite",
-            NoParameters,
-            "name",
-            _named("until complete"),
-            lambda p: "/_/",
-            "mpvi_bt.behaviors.composites:UntilComplete",
-            "Children side by side, until the last one succeeds.",
-            least=2,
-        ),
-        NodeType(
-            "attempt",
-            "decorator",
-            NoParameters,
-            "name",
-            lambda name, _: f"attempt: {name}" if name else "attempt",
-            lambda p: "-^-",
-            "mpvi_bt.behaviors.attempt:Attempt",
-            "Records a failure, then lets the plan go on.",
-        ),
-        NodeType(
-            "timeout",
-            "decorator",
-            Limit,
-            "seconds",
-            lambda _, p: f"timeout {p.seconds:g} s",
-            lambda p: "-^-",
-            "mpvi_bt.behaviors.timeout:Timeout",
-            "Fails a child that takes too long, in simulated time.",
-        ),
-        NodeType(
-            "navigate",
-            "leaf",
-            NavigateTo,
-            "target",
-            lambda _, p: f"Navigate({p.target}, {p.room})" if p.room else f"Navigate({p.target})",
-            lambda p: "-->",
-            "mpvi_bt.behaviors.navigate:Navigate",
-            "Drives the base to a named target.",
-        ),
-        NodeType(
-            "manipulate",
-            "leaf",
-            Prompt,
-            "prompt",
-            lambda _, p: f'Manipulate("{p.prompt}")',
-            lambda p: "-->",
-            "mpvi_bt.behaviors.manipulate:Manipulate",
-            "Lets the policy move the arms; never ends by itself.",
-        ),
-        NodeType(
-            "check_complete",
-            "leaf",
-            Criterion,
-            "criterion",
-            lambda _, p: f'CheckComplete("{p.criterion}")',
-            lambda p: "-->",
-            "mpvi_bt.behaviors.check_complete:CheckComplete",
-            "Asks the checker about a state when a trigger fires.",
-        ),
-    )
-}
+def _assignment(parameters: Assignment) -> str:
+    if parameters.add is not None:
+        return f"set {parameters.key} {'-' if parameters.add < 0 else '+'}= {_shown(abs(parameters.add))}"
+    return f"set {parameters.key} = {_shown(parameters.value)}"
+
+
+_OWN = (
+    NodeType(
+        "sequence",
+        "composite",
+        Memory,
+        "name",
+        "mpvi_bt.behaviors.composites:Sequence",
+        "Children in order, until one fails.",
+        glyph=lambda p: "{-}" if p.memory else "[-]",
+    ),
+    NodeType(
+        "selector",
+        "composite",
+        Memory,
+        "name",
+        "mpvi_bt.behaviors.composites:Selector",
+        "Children in order, until one succeeds.",
+        glyph=lambda p: "{o}" if p.memory else "[o]",
+    ),
+    NodeType(
+        "parallel",
+        "composite",
+        Policy,
+        "name",
+        "mpvi_bt.behaviors.composites:Parallel",
+        "Children side by side, until all or one of them succeeds.",
+        label=lambda name, p: f"{name or 'parallel'} ({p.policy.removeprefix('success_on_')})",
+        glyph=lambda p: "/_/",
+    ),
+    NodeType(
+        "until_complete",
+        "composite",
+        NoParameters,
+        "name",
+        "mpvi_bt.behaviors.composites:UntilComplete",
+        "Children side by side, until the last one succeeds.",
+        glyph=lambda p: "/_/",
+        least=2,
+    ),
+    NodeType(
+        "attempt",
+        "decorator",
+        NoParameters,
+        "name",
+        "mpvi_bt.behaviors.attempt:Attempt",
+        "Records a failure, then lets the plan go on.",
+    ),
+    NodeType(
+        "timeout",
+        "decorator",
+        Limit,
+        "limit",
+        "mpvi_bt.behaviors.timeout:Timeout",
+        "Fails a child that takes too long, in simulated time or in steps.",
+        label=lambda _, p: f"timeout {duration_text(p.limit)}",
+    ),
+    NodeType(
+        "retry",
+        "decorator",
+        Tries,
+        "tries",
+        "mpvi_bt.behaviors.decorators:Retry",
+        "Begins a child that failed again at the next tick, so often at most.",
+        label=lambda _, p: f"retry, {p.tries} tries",
+    ),
+    NodeType(
+        "repeat",
+        "decorator",
+        Times,
+        "times",
+        "mpvi_bt.behaviors.decorators:Repeat",
+        "Begins a child that succeeded again at the next tick, until it has so often.",
+        label=lambda _, p: f"repeat {p.times} times",
+    ),
+    NodeType(
+        "invert",
+        "decorator",
+        NoParameters,
+        "name",
+        "mpvi_bt.behaviors.decorators:Invert",
+        "Turns success into failure and failure into success.",
+    ),
+    NodeType(
+        "condition",
+        "decorator",
+        Comparison,
+        "key",
+        "mpvi_bt.behaviors.decorators:Condition",
+        "Ticks its child only while a blackboard key is as it should be; fails once it is not.",
+        label=lambda _, p: f"while {p.text}",
+        reads=("key",),
+    ),
+    NodeType(
+        "cooldown",
+        "decorator",
+        Limit,
+        "limit",
+        "mpvi_bt.behaviors.decorators:Cooldown",
+        "Fails at once if its child ended less than so long ago.",
+        label=lambda _, p: f"cooldown {duration_text(p.limit)}",
+    ),
+    NodeType(
+        "subtree",
+        "decorator",
+        Call,
+        "tree",
+        "mpvi_bt.behaviors.decorators:Subtree",
+        "The tree of another file, with its parameters filled in.",
+        label=lambda _, p: _call(p),
+    ),
+    NodeType(
+        "navigate",
+        "leaf",
+        NavigateTo,
+        "target",
+        "mpvi_bt.behaviors.navigate:Navigate",
+        "Drives the base to a named target.",
+        label=lambda _, p: f"Navigate({p.target}, {p.room})" if p.room else f"Navigate({p.target})",
+        robot=True,
+    ),
+    NodeType(
+        "manipulate",
+        "leaf",
+        Prompt,
+        "prompt",
+        "mpvi_bt.behaviors.manipulate:Manipulate",
+        "Lets the policy move the arms; never ends by itself.",
+        label=lambda _, p: f'Manipulate("{p.prompt}")',
+        robot=True,
+    ),
+    NodeType(
+        "check_complete",
+        "leaf",
+        Criterion,
+        "criterion",
+        "mpvi_bt.behaviors.check_complete:CheckComplete",
+        "Asks the checker about a state when a trigger fires.",
+        label=lambda _, p: f'CheckComplete("{p.criterion}")',
+        robot=True,
+    ),
+    NodeType(
+        "posture",
+        "leaf",
+        Stance,
+        "posture",
+        "mpvi_bt.behaviors.motions:Posture",
+        "Brings arms and torso into a named posture.",
+        robot=True,
+    ),
+    NodeType(
+        "look_around",
+        "leaf",
+        Turn,
+        "degrees",
+        "mpvi_bt.behaviors.motions:LookAround",
+        "Turns on the spot.",
+        label=lambda _, p: f"look around, {360 if p.degrees is None else p.degrees:g} degrees",
+        robot=True,
+    ),
+    NodeType(
+        "wait",
+        "leaf",
+        Pause,
+        "duration",
+        "mpvi_bt.behaviors.leaves:Wait",
+        "Lets time pass, then succeeds.",
+        label=lambda _, p: f"wait {duration_text(p.duration)}",
+    ),
+    NodeType(
+        "say",
+        "leaf",
+        Message,
+        "text",
+        "mpvi_bt.behaviors.leaves:Say",
+        "Shows a line of text, and succeeds.",
+        label=lambda _, p: f'say "{p.text}"',
+    ),
+    NodeType(
+        "set",
+        "leaf",
+        Assignment,
+        "key",
+        "mpvi_bt.behaviors.leaves:Set",
+        "Gives a blackboard key a value, or adds to it.",
+        label=lambda _, p: _assignment(p),
+        writes=("key",),
+    ),
+    NodeType(
+        "test",
+        "leaf",
+        Comparison,
+        "key",
+        "mpvi_bt.behaviors.leaves:Test",
+        "Succeeds or fails at once, by the value of a blackboard key.",
+        label=lambda _, p: f"test {p.text}",
+        reads=("key",),
+    ),
+    NodeType("succeed", "leaf", NoParameters, "name", "mpvi_bt.behaviors.leaves:Succeed", "Succeeds at once."),
+    NodeType(
+        "fail",
+        "leaf",
+        Reason,
+        "reason",
+        "mpvi_bt.behaviors.leaves:Fail",
+        "Fails at once, with a reason code.",
+        label=lambda _, p: f"fail: {p.reason}" if p.reason else "fail",
+    ),
+)
+
+
+@functools.cache
+def node_types() -> Mapping[str, NodeType]:
+    """Every kind of node by name: ours, then those of installed packages.
+
+    Raises:
+        UserError: A package's entry point does not load, or names a kind that is there already.
+    """
+    table = {node.kind: node for node in _OWN}
+    for point in sorted(metadata.entry_points(group=ENTRY_POINTS), key=lambda p: p.name):
+        try:
+            loaded = point.load()
+            added = [loaded] if isinstance(loaded, NodeType) else list(loaded)
+        except Exception as error:
+            raise UserError(f"entry point {point.name!r} of {ENTRY_POINTS}: {type(error).__name__}: {error}") from error
+        _add(table, added, f"entry point {point.name!r} ({point.value})")
+    return MappingProxyType(table)
+
+
+def _add(table: dict[str, NodeType], added: Iterable[object], whose: str) -> None:
+    for node in added:
+        if not isinstance(node, NodeType):
+            raise UserError(f"{whose}: {node!r:.60} is not a NodeType")
+        if node.kind in table or node.kind in ("children", "child", "segments"):
+            raise UserError(f"{whose}: a node type {node.kind!r} is there already")
+        table[node.kind] = node
 
 
 def node_type(kind: str) -> NodeType:
     """The type of a kind. Raises UnknownName."""
-    if kind not in NODE_TYPES:
-        raise UnknownName("node type", kind, NODE_TYPES)
-    return NODE_TYPES[kind]
+    if kind not in node_types():
+        raise UnknownName("node type", kind, node_types())
+    return node_types()[kind]

@@ -12,7 +12,7 @@ _SLACK_S = 1e-6  # a step's time is a sum of thirtieths: let rounding not cost a
 
 
 class Timeout(Node, Decorator):
-    """FAILURE with reason "timeout" if the child has run for `seconds` of simulated time.
+    """FAILURE with reason "timeout" if the child has run for `limit` seconds of simulated time.
 
     The late-success rule: at the tick in which the time is up the child is still ticked, and if that ends it, its own
     status stands; only a child that is RUNNING after it is cut off (and told, by terminate(INVALID)).
@@ -20,15 +20,15 @@ class Timeout(Node, Decorator):
     Args:
         name: In the tree.
         child: What is limited.
-        seconds: Simulated time, above 0.
+        limit: Simulated time [s], above 0.
 
     Attributes:
         elapsed_s: How long the child has run in this round.
     """
 
-    def __init__(self, name: str, child: Behaviour, seconds: float) -> None:
+    def __init__(self, name: str, child: Behaviour, limit: float) -> None:
         super().__init__(name=name, child=child)
-        self.seconds = seconds
+        self.limit_s = limit
         self.elapsed_s = 0.0
         self._started_s = 0.0
 
@@ -42,8 +42,8 @@ class Timeout(Node, Decorator):
         """The child's status, unless the time is up."""
         self.elapsed_s = self.context.clock.time_s - self._started_s
         status = self.decorated.status
-        if status == Status.RUNNING and self.elapsed_s >= self.seconds - _SLACK_S:
+        if status == Status.RUNNING and self.elapsed_s >= self.limit_s - _SLACK_S:
             tip = self.decorated.tip()
             last = tip.feedback_message if tip else ""
-            return self.fail("timeout", f"not done within {self.seconds:g} s" + (f" ({last})" if last else ""))
+            return self.fail("timeout", f"not done within {self.limit_s:g} s" + (f" ({last})" if last else ""))
         return status

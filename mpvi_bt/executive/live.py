@@ -8,8 +8,9 @@ from typing import TextIO
 
 from mpvi_bt.executive.loop import Outcome, World
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.render import LEGEND, NodeState, ascii_tree, node_line
+from mpvi_bt.tree.render import LEGEND, ascii_tree, node_line
 from mpvi_bt.tree.spec import TreeSpec
+from mpvi_bt.tree.state import NodeState
 
 _WIDTH = 80
 _REDRAWS_PER_S = 5.0  # Our choice: an eye asks for no more, and each costs about a millisecond

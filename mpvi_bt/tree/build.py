@@ -14,8 +14,8 @@ from py_trees.common import Status
 from mpvi_bt.behaviors.context import Context, Failure
 from mpvi_bt.behaviors.node import failure_of
 from mpvi_bt.errors import MpviError, NodeError
-from mpvi_bt.tree.render import NodeState
 from mpvi_bt.tree.spec import NodeSpec, TreeSpec
+from mpvi_bt.tree.state import NodeState
 
 
 class Tree:
@@ -108,7 +108,7 @@ class Tree:
                 node.status.value,
                 node.feedback_message if node.status != Status.INVALID else "",
                 getattr(node, "elapsed_s", None) if node.status != Status.INVALID else None,
-                getattr(node, "seconds", None),
+                getattr(node, "limit_s", None),
                 node.status == Status.SUCCESS and getattr(node, "failure", None) is not None,
             )
             for path, node in self.nodes.items()

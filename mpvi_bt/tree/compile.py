@@ -60,4 +60,4 @@ def _unit(segments: tuple[int, ...], plan: Plan, found: Mapping[int, Primitive])
             NodeSpec("check_complete", criterion, segments=segments[-1:]),
         )
         node = NodeSpec("until_complete", NoParameters(), "", children, segments)
-    return NodeSpec("timeout", Limit(seconds=seconds), "", (node,), segments)
+    return NodeSpec("timeout", Limit(limit=seconds), "", (node,), segments)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from mpvi_bt.tree.spec import Placed, TreeSpec
+from mpvi_bt.tree.state import NodeState
 
 MARKS = {"SUCCESS": "[o]", "FAILURE": "[x]", "RUNNING": "[*]", "INVALID": "[-]"}
 GAVE_UP = "[!]"
@@ -13,25 +13,6 @@ LEGEND = "[*] running  [o] success  [x] failure  [!] gave up, went on  [-] not r
 _INDENT = 4
 _LEAST_LABEL = 40  # columns that indentation leaves; what lies deeper is not indented further
 _LEAST_FEEDBACK = 22  # columns that feedback may take from a long label
-
-
-@dataclass(frozen=True)
-class NodeState:
-    """How a node stands.
-
-    Attributes:
-        status: "SUCCESS", "FAILURE", "RUNNING" or "INVALID" (not begun, or interrupted).
-        feedback: One line, or "".
-        elapsed_s: Simulated time in this round, of nodes that count it.
-        limit_s: What elapsed_s may reach.
-        gave_up: A SUCCESS that passes over a failure.
-    """
-
-    status: str = "INVALID"
-    feedback: str = ""
-    elapsed_s: float | None = None
-    limit_s: float | None = None
-    gave_up: bool = False
 
 
 def ascii_tree(
@@ -59,9 +40,7 @@ def ascii_tree(
 
 def node_line(node: Placed, state: NodeState | None, width: int = 80) -> str:
     """One node: indent, glyph, label, status, time, feedback; labels and feedback that are too long lose their end."""
-    start = (
-        " " * min(_INDENT * node.depth, max(width - _LEAST_LABEL, 0)) + node.spec.type.glyph(node.spec.parameters) + " "
-    )
+    start = " " * min(_INDENT * node.depth, max(width - _LEAST_LABEL, 0)) + node.spec.glyph + " "
     if state is None:
         return _cut(start + node.spec.label, width)
     end = f" {GAVE_UP if state.gave_up else MARKS[state.status]}{_time(state)}"

@@ -4,10 +4,22 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
-from mpvi_bt.behaviors.registry import NODE_TYPES, NodeType, Parameters
+from mpvi_bt.behaviors.registry import NodeType, Parameters, node_types
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a node stands in a file, 1-based."""
+
+    file: str
+    line: int
+    column: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
 
 
 @dataclass(frozen=True)
@@ -15,11 +27,12 @@ class NodeSpec:
     """A node.
 
     Attributes:
-        kind: Such as "timeout"; a key of `behaviors.registry.NODE_TYPES`.
+        kind: Such as "timeout"; a key of `behaviors.registry.node_types()`.
         parameters: Of the model that the kind prescribes.
         name: "" unless the kind is headed by its name.
-        children: In order.
+        children: In order. Of a subtree: the root of the other file's tree, its parameters filled in.
         segments: Indices of the plan's segments that it came from; () if it was written by hand.
+        place: Where it was read from, or None. Two nodes are equal wherever they were read.
     """
 
     kind: str
@@ -27,16 +40,22 @@ class NodeSpec:
     name: str = ""
     children: tuple[NodeSpec, ...] = ()
     segments: tuple[int, ...] = ()
+    place: Place | None = field(default=None, compare=False)
 
     @property
     def type(self) -> NodeType:
         """Its row of the registry."""
-        return NODE_TYPES[self.kind]
+        return node_types()[self.kind]
 
     @property
     def label(self) -> str:
         """One line for a person, such as "Navigate(trash can, kitchen)"."""
-        return self.type.label(self.name, self.parameters)
+        return self.type.label_of(self.name, self.parameters)
+
+    @property
+    def glyph(self) -> str:
+        """What is drawn before the label, such as "-->"."""
+        return self.type.glyph_of(self.parameters)
 
 
 @dataclass(frozen=True)

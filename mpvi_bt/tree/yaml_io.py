@@ -25,7 +25,7 @@ from typing import Annotated, Any
 import yaml
 from pydantic import Field, StringConstraints, ValidationError
 
-from mpvi_bt.behaviors.registry import NODE_TYPES, NodeType
+from mpvi_bt.behaviors.registry import NodeType, node_types
 from mpvi_bt.errors import FileProblems, Problem, nearest
 from mpvi_bt.marked_yaml import (
     Location,
@@ -117,12 +117,12 @@ class _Reader:
         return NodeSpec(node_type.kind, parameters, head.name or "", children, segments)
 
     def kind(self, data: dict[str, Any], at: Location) -> NodeType | None:
-        kinds = [key for key in data if key in NODE_TYPES]
+        kinds = [key for key in data if key in node_types()]
         first = next(iter(data))
         if not kinds:
-            near = nearest(first, NODE_TYPES)
+            near = nearest(first, node_types())
             hint = f" Did you mean {near!r}?" if near else ""
-            message = f"unknown node type {first!r}.{hint} Known: {', '.join(sorted(NODE_TYPES))}."
+            message = f"unknown node type {first!r}.{hint} Known: {', '.join(sorted(node_types()))}."
             self.problem((*at, first), "unknown-node", message, key=True)
             return None
         for extra in kinds[1:]:
@@ -131,7 +131,7 @@ class _Reader:
         if kinds[0] != first:
             message = f"the node type {kinds[0]!r} must be the first key of its node"
             self.problem((*at, kinds[0]), "order", message, key=True)
-        return NODE_TYPES[kinds[0]]
+        return node_types()[kinds[0]]
 
     def head(self, data: dict[str, Any], at: Location, node_type: NodeType) -> _Head:
         keys = {}
@@ -146,7 +146,7 @@ class _Reader:
             return _Head()
 
     def parameters(self, data: dict[str, Any], at: Location, node_type: NodeType) -> Any:
-        known = {"segments", "children", "child", *NODE_TYPES}
+        known = {"segments", "children", "child", *node_types()}
         given = {key: value for key, value in data.items() if key not in known}
         keys = {}
         if node_type.headline != "name":

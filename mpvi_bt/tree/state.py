@@ -1,0 +1,34 @@
+"""How a node of a tree stands: what is drawn, traced and compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Status = Literal["SUCCESS", "FAILURE", "RUNNING", "INVALID"]
+
+
+@dataclass(frozen=True)
+class NodeState:
+    """How a node stands.
+
+    Attributes:
+        status: "INVALID": not begun, or interrupted.
+        feedback: One line, or "".
+        elapsed_s: Simulated time in this round, of nodes that count it.
+        limit_s: What elapsed_s may reach.
+        gave_up: A SUCCESS that passes over a failure.
+        interrupted: It was RUNNING when it was cut off.
+        reason, evidence: Of its failure, if it has one: a stable code, and one line for a person.
+        origin: Path of the node whose failure that is, itself or one below; "" without a failure.
+    """
+
+    status: Status = "INVALID"
+    feedback: str = ""
+    elapsed_s: float | None = None
+    limit_s: float | None = None
+    gave_up: bool = False
+    interrupted: bool = False
+    reason: str = ""
+    evidence: str = ""
+    origin: str = ""
