@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Literal, Protocol
+from typing import Protocol
 
 from py_trees.common import Status
 
@@ -15,6 +15,7 @@ from mpvi_bt.errors import BackendError
 from mpvi_bt.robot.protocol import Robot
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.state import Ending
 
 
 class World(Protocol):
@@ -40,9 +41,6 @@ class World(Protocol):
         ...
 
 
-Ending = Literal["success", "failure", "time_limit", "interrupted", "error"]
-
-
 @dataclass
 class Outcome:
     """How an episode went.
@@ -52,6 +50,7 @@ class Outcome:
         time_s, steps: Simulated time and control steps.
         ticks: Updates of the tree.
         failure: Why the root failed, if it did.
+        error: What ended it, where ending is "error".
         log: Segments that were given up, and questions to the checker.
         wall_s: Wall time [s] by activity: "stepping" the world; within ticks the behaviors' "navigation", "policy",
             "rendering", "triggers", "checker", and "ticking", the rest of it, which is the tree's own; "watching", the
@@ -63,6 +62,7 @@ class Outcome:
     steps: int = 0
     ticks: int = 0
     failure: Failure | None = None
+    error: Exception | None = None
     log: Log = field(default_factory=Log)
     wall_s: dict[str, float] = field(default_factory=dict)
 
@@ -76,7 +76,7 @@ class Subscriber(Protocol):
     """Watches an episode."""
 
     def start(self, tree: Tree, world: World) -> None:
-        """Before the first tick."""
+        """Before the tree is set up, so that a setup that fails is seen too."""
         ...
 
     def step(self, tree: Tree, world: World) -> None:
@@ -132,10 +132,10 @@ def run_episode(
     began = clock()
     started: list[Subscriber] = []
     try:
-        tree.setup(context)
         for subscriber in subscribers:
             started.append(subscriber)
             subscriber.start(tree, world)
+        tree.setup(context)
         while True:
             before = clock()
             status = tree.tick()
@@ -159,6 +159,9 @@ def run_episode(
             stepping += clock() - watched
     except KeyboardInterrupt:
         outcome.ending = "interrupted"
+        raise
+    except Exception as error:
+        outcome.error = error
         raise
     finally:
         inside = dict(context.stopwatch.seconds)

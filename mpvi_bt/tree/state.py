@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Status = Literal["SUCCESS", "FAILURE", "RUNNING", "INVALID"]
+Ending = Literal["success", "failure", "time_limit", "interrupted", "error"]  # how an episode ends
 
 
 @dataclass(frozen=True)
