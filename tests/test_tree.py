@@ -14,9 +14,6 @@ from mpvi_bt import paths
 from mpvi_bt.behaviors.registry import (
     Criterion,
     Limit,
-    Memory,
-    NavigateTo,
-    NoParameters,
     Prompt,
     node_type,
     node_types,
@@ -27,44 +24,15 @@ from mpvi_bt.plan.schema import Manipulation, Navigation
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.tree.compile import MANIPULATION_TIMEOUT_S, compile_plan
 from mpvi_bt.tree.render import ascii_tree
-from mpvi_bt.tree.spec import NodeSpec, TreeSpec
-from mpvi_bt.tree.state import NodeState
+from mpvi_bt.tree.spec import TreeSpec
+from mpvi_bt.tree.state import NodeState, Status
 from mpvi_bt.tree.yaml_io import dump_tree, load_tree, parse_tree
 from tests.test_plan import plans
+from tests.tree_strategies import trees
 
 SKILLS = load_skills()
 TREES = sorted((paths.shipped() / "trees").glob("*.yaml"))
 GOLDEN = Path(__file__).parent / "golden"
-
-words = st.text(st.characters(categories=["L", "N", "P", "S", "Zs"]), min_size=1, max_size=20).map(str.strip).filter(
-    lambda t: bool(t) and t.isprintable()
-) | st.sampled_from(["1", "null", "on", "1e3", "~", "- a", "a: b", "#x", "'", '"', "timeout", "{a", "*x", "!y"])
-segments = st.lists(st.integers(0, 99), max_size=3).map(tuple)
-leaves = st.one_of(
-    st.builds(NodeSpec, st.just("navigate"), st.builds(NavigateTo, target=words, room=st.none() | words),
-              segments=segments),
-    st.builds(NodeSpec, st.just("manipulate"), st.builds(Prompt, prompt=words), segments=segments),
-    st.builds(NodeSpec, st.just("check_complete"), st.builds(Criterion, criterion=words, skill=st.none() | words),
-              segments=segments),
-)  # fmt: skip
-
-
-def _above(inner: st.SearchStrategy[NodeSpec]) -> st.SearchStrategy[NodeSpec]:
-    names = st.just("") | words
-    many = st.lists(inner, min_size=1, max_size=3).map(tuple)
-    one = st.tuples(inner)
-    return st.one_of(
-        st.builds(NodeSpec, st.sampled_from(["sequence", "selector"]), st.builds(Memory, memory=st.booleans()), names,
-                  many, segments),
-        st.builds(NodeSpec, st.just("until_complete"), st.just(NoParameters()), names, st.tuples(inner, inner),
-                  segments),
-        st.builds(NodeSpec, st.just("attempt"), st.just(NoParameters()), names, one, segments),
-        st.builds(NodeSpec, st.just("timeout"), st.builds(Limit, seconds=st.floats(1e-3, 1e4)), st.just(""), one,
-                  segments),
-    )  # fmt: skip
-
-
-trees = st.builds(TreeSpec, words, st.recursive(leaves, _above, max_leaves=10), st.just("") | words)
 
 
 @given(tree=trees)
@@ -77,7 +45,7 @@ def test_yaml_is_lossless(tree: TreeSpec) -> None:
 
 
 @given(tree=trees, width=st.integers(40, 120), status=st.sampled_from(["RUNNING", "SUCCESS", "FAILURE", "INVALID"]))
-def test_drawing_keeps_its_width(tree: TreeSpec, width: int, status: str) -> None:
+def test_drawing_keeps_its_width(tree: TreeSpec, width: int, status: Status) -> None:
     """Every node gets one line, none longer than asked, whatever the labels and the feedback."""
     state = NodeState(status, "some rather long feedback that goes on", 1.0, 60.0)
     lines = ascii_tree(tree, {n.path: state for n in tree.nodes}, width).splitlines()
@@ -185,9 +153,9 @@ root:
         ("room:", "rom:", 7, "unknown-key", "Did you mean 'room'"),
         ("memory: true", "memory: maybe", 4, "bool-type", "maybe"),
         ("  memory: true\n", "", 3, "missing-key", "'memory'"),
-        ("timeout: 5", "timeout: -5", 8, "greater-than", "greater than 0"),
-        ("timeout: 5", "timeout: '5'", 8, "float-type", "a number"),
-        ("timeout: 5", "timeout: .nan", 8, "finite-number", "finite"),
+        ("timeout: 5", "timeout: -5", 8, "invalid-value", "above 0"),
+        ("timeout: 5", "timeout: '5'", 8, "invalid-value", "seconds"),
+        ("timeout: 5", "timeout: .nan", 8, "invalid-value", "seconds"),
         ("      child:", "      children:", 9, "children", "it takes 'child'"),
         ("manipulate: pick up the cup", "{}", 10, "node", "a node is a mapping"),
         ("manipulate: pick up the cup", "manipulate:", 10, "string-type", "should be text"),

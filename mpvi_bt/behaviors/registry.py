@@ -10,6 +10,7 @@ or an iterable of them.
 from __future__ import annotations
 
 import functools
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from importlib import metadata
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, PlainValidator, WithJsonSchema, model_validator
 
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.marked_yaml import Record
@@ -30,18 +31,41 @@ Family = Literal["composite", "decorator", "leaf"]
 _STEPS = re.compile(r"([1-9][0-9]{0,8}) steps?")
 
 
-def _a_duration(text: str) -> str:
-    if not (found := _STEPS.fullmatch(text)):
-        raise ValueError(f"a duration is a number of simulated seconds, or text such as '90 steps', not {text!r}")
-    return f"{found[1]} steps"
+def _duration(given: Any) -> float | str:
+    if isinstance(given, int | float) and not isinstance(given, bool) and 0 < given <= _LONGEST_S:
+        return float(given)
+    if isinstance(given, str) and (found := _STEPS.fullmatch(given)):
+        return f"{found[1]} steps"
+    valid = f"simulated seconds, above 0 and at most {_LONGEST_S}, or steps, such as '90 steps'"
+    raise ValueError(f"a duration is {valid}, not {given!r:.40}")
 
 
-Seconds = Annotated[float, Field(gt=0, le=86400, allow_inf_nan=False)]
-Steps = Annotated[str, Field(json_schema_extra={"pattern": "^[1-9][0-9]{0,8} steps?$"}), AfterValidator(_a_duration)]
-Duration = Seconds | Steps
+def _value(given: Any) -> bool | int | float | str:
+    if isinstance(given, float) and not math.isfinite(given):
+        raise ValueError("a value must be a finite number")
+    if isinstance(given, bool | int | float) or (isinstance(given, str) and len(given) <= _LONGEST_TEXT):
+        return given
+    raise ValueError(f"a value is true or false, a number or a text, not {_what(given)}")
+
+
+def _what(given: Any) -> str:
+    return {dict: "a mapping", list: "a list", type(None): "nothing", str: "so long a text"}.get(type(given), "this")
+
+
+_LONGEST_S = 86400
+_LONGEST_TEXT = 5000
+_DURATION_SCHEMA = {
+    "anyOf": [
+        {"type": "number", "exclusiveMinimum": 0, "maximum": _LONGEST_S},
+        {"type": "string", "pattern": "^[1-9][0-9]{0,8} steps?$"},
+    ]
+}
+_VALUE_SCHEMA = {"type": ["boolean", "number", "string"]}
+
+Duration = Annotated[float | str, PlainValidator(_duration), WithJsonSchema(_DURATION_SCHEMA)]
+Value = Annotated[bool | int | float | str, PlainValidator(_value), WithJsonSchema(_VALUE_SCHEMA)]
 Key = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
-Value = bool | int | Number | Annotated[str, Field(max_length=5000)]
 
 
 def steps_of(duration: float | str) -> int | None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, Literal
 
-from mpvi_bt.behaviors.registry import NodeType, Parameters, node_types
+from mpvi_bt.behaviors.registry import NodeType, Parameters, Value, node_types
+
+ParameterType = Literal["text", "number", "integer", "boolean"]
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,9 @@ class NodeSpec:
         children: In order. Of a subtree: the root of the other file's tree, its parameters filled in.
         segments: Indices of the plan's segments that it came from; () if it was written by hand.
         place: Where it was read from, or None. Two nodes are equal wherever they were read.
+        written: Parameters as the file writes them where that is not their value: "$object", or
+            "the $object" for "the cup". Equality looks at values.
+        unbound: Those of `written` that stand-ins fill, because a parameter of the tree has no value.
     """
 
     kind: str
@@ -41,6 +47,8 @@ class NodeSpec:
     children: tuple[NodeSpec, ...] = ()
     segments: tuple[int, ...] = ()
     place: Place | None = field(default=None, compare=False)
+    written: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    unbound: frozenset[str] = field(default=frozenset(), compare=False)
 
     @property
     def type(self) -> NodeType:
@@ -50,7 +58,10 @@ class NodeSpec:
     @property
     def label(self) -> str:
         """One line for a person, such as "Navigate(trash can, kitchen)"."""
-        return self.type.label_of(self.name, self.parameters)
+        values = self.parameters
+        if unfilled := {key: value for key, value in self.written.items() if key in self.unbound}:
+            values = values.model_construct(**{**dict(values), **unfilled})
+        return self.type.label_of(self.name, values)
 
     @property
     def glyph(self) -> str:
@@ -77,18 +88,41 @@ class Placed:
 
 
 @dataclass(frozen=True)
+class TreeParameter:
+    """A parameter of a tree.
+
+    Attributes:
+        type: "text", "number", "integer" or "boolean".
+        default: Its value where the caller gives none; None: the caller must.
+        about: One line for a person.
+    """
+
+    type: ParameterType
+    default: Value | None = None
+    about: str = ""
+
+
+@dataclass(frozen=True)
 class TreeSpec:
     """A tree.
 
     Attributes:
         name: Such as "picking_up_trash".
-        root: Its first node.
+        root: Its first node, its parameters filled in.
         instruction: What it carries out, or "".
+        about: One line for a person, or "".
+        parameters: That the file declares, by name.
+        blackboard: Keys that exist from the start, with their first values.
+        unbound: Names of parameters that have no value: such a tree can be checked and drawn, but not run.
     """
 
     name: str
     root: NodeSpec
     instruction: str = ""
+    about: str = ""
+    parameters: Mapping[str, TreeParameter] = field(default_factory=dict)
+    blackboard: Mapping[str, Value] = field(default_factory=dict)
+    unbound: tuple[str, ...] = ()
 
     @cached_property
     def nodes(self) -> tuple[Placed, ...]:

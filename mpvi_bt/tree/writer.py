@@ -1,0 +1,108 @@
+"""A tree as YAML in canonical form, or as plain data with its subtrees written out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from mpvi_bt.marked_yaml import plain_scalar
+from mpvi_bt.tree.spec import NodeSpec, TreeParameter, TreeSpec
+
+
+def dump_tree(tree: TreeSpec) -> str:
+    """The tree as YAML in canonical form: kind first, then parameters that are not default, segments, children.
+
+    Parameters of the tree stand as the file wrote them; a subtree is the call of its file.
+    """
+    data = {**_head(tree), "root": _plain(tree.root, (), expand=False)}
+    return str(yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=10**6))
+
+
+def expanded(tree: TreeSpec) -> dict[str, Any]:
+    """The tree as JSON-able data that needs no other file: parameters filled in, subtrees written out."""
+    head = {key: value for key, value in _head(tree).items() if key != "parameters"}
+    return {**head, "root": _plain(tree.root, (), expand=True)}
+
+
+def _head(tree: TreeSpec) -> dict[str, Any]:
+    head = {
+        "tree": tree.name,
+        "about": tree.about,
+        "instruction": tree.instruction,
+        "parameters": {name: _parameter(p) for name, p in tree.parameters.items()},
+        "blackboard": dict(tree.blackboard),
+    }
+    return {key: value for key, value in head.items() if value}
+
+
+def _parameter(parameter: TreeParameter) -> str | _FlowMapping:
+    if parameter.default is None and not parameter.about:
+        return parameter.type
+    rest = {"default": parameter.default, "about": parameter.about or None}
+    return _FlowMapping(type=parameter.type, **{key: value for key, value in rest.items() if value is not None})
+
+
+def _plain(node: NodeSpec, inherited: tuple[int, ...], expand: bool) -> dict[str, Any]:
+    written = {} if expand else node.written
+    values = node.parameters.model_dump(exclude_defaults=True) | {k: v for k, v in written.items() if k != "name"}
+    named = node.type.headline == "name"
+    first = written.get("name", node.name) or None if named else values.pop(node.type.headline, None)
+    plain = {node.kind: _tidy(first), **{key: _tidy(value) for key, value in values.items()}}
+    if node.segments != inherited:
+        plain["segments"] = _Flow(node.segments)
+    if node.kind == "subtree" and not expand:
+        return plain
+    below = [_plain(child, node.segments, expand) for child in node.children]
+    if node.type.family == "decorator":
+        plain["child"] = below[0]
+    elif node.type.family == "composite":
+        plain["children"] = below
+    return plain
+
+
+def _tidy(value: Any) -> Any:
+    """A whole number without its ".0"; a mapping on one line."""
+    if isinstance(value, dict):
+        return _FlowMapping({key: _tidy(inner) for key, inner in value.items()})
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+class _Flow(list[int]):
+    """A list that is written on one line."""
+
+
+class _FlowMapping(dict[str, Any]):
+    """A mapping that is written on one line."""
+
+
+class _Dumper(yaml.SafeDumper):
+    def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:
+        super().increase_indent(flow, False)
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def _write_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    """Quoted where our reader would see a number, or YAML 1.1 a boolean, in it."""
+    quoted = not isinstance(plain_scalar(text), str)
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style="'" if quoted else None)
+
+
+def _write_flow(dumper: yaml.SafeDumper, items: _Flow) -> yaml.SequenceNode:
+    return dumper.represent_sequence("tag:yaml.org,2002:seq", items, flow_style=True)
+
+
+def _write_flow_mapping(dumper: yaml.SafeDumper, items: _FlowMapping) -> yaml.MappingNode:
+    return dumper.represent_mapping("tag:yaml.org,2002:map", items, flow_style=True)
+
+
+def _write_nothing(dumper: yaml.SafeDumper, _: None) -> yaml.ScalarNode:
+    return dumper.represent_scalar("tag:yaml.org,2002:null", "")
+
+
+_Dumper.add_representer(str, _write_text)
+_Dumper.add_representer(type(None), _write_nothing)
+_Dumper.add_representer(_Flow, _write_flow)
+_Dumper.add_representer(_FlowMapping, _write_flow_mapping)
