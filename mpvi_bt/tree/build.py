@@ -5,36 +5,90 @@ from __future__ import annotations
 import contextlib
 import importlib
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
+from py_trees.composites import Composite
+from py_trees.decorators import Decorator
 
 from mpvi_bt.behaviors.context import Context, Failure
 from mpvi_bt.behaviors.node import failure_of
-from mpvi_bt.errors import MpviError, NodeError
-from mpvi_bt.tree.spec import NodeSpec, TreeSpec
+from mpvi_bt.errors import MpviError, NodeError, UnknownName, UserError
+from mpvi_bt.tree.spec import NodeSpec, Placed, TreeSpec
 from mpvi_bt.tree.state import NodeState
+
+Substitute = Callable[[Placed, Callable[[], Behaviour]], Behaviour]
 
 
 class Tree:
     """A tree that can be ticked.
 
+    Args:
+        spec: What to build.
+        substitute: Called for every node with what makes the real one, its children included; what it gives stands
+            in that place. None: the real ones.
+
     Attributes:
-        spec: What it was built from.
+        spec: What it was built from; another one after `swap`.
         root: The py_trees root.
-        nodes: Every py_trees node by its path, in the order of `spec.nodes`.
+        nodes: Every py_trees node by its path, in the order of `spec.nodes`. What is below a node that another stands
+            in for is left out.
+        touched: Nodes whose status or feedback may have changed at the last tick: those reset, then those ticked.
+        context: The run's, from `setup` on.
+
+    Raises:
+        UserError: A parameter of the tree has no value.
     """
 
-    def __init__(self, spec: TreeSpec) -> None:
+    context: Context
+
+    def __init__(self, spec: TreeSpec, substitute: Substitute | None = None) -> None:
+        if spec.unbound:
+            names = ", ".join(f"{name} ({spec.parameters[name].type})" for name in spec.unbound)
+            raise UserError(f"tree {spec.name!r} needs values for its parameters: {names}.")
         self.spec = spec
-        self.root = _build(spec.root)
+        self.touched: list[Behaviour] = []
+        self._substitute = substitute
+        self._resets: list[Behaviour] = []
+        self._below: dict[Behaviour, list[Behaviour]] = {}
         self._last: dict[str, NodeState] | None = None
-        paths = [placed.path for placed in spec.nodes]
-        self.nodes: dict[str, Behaviour] = dict(zip(paths, _walk(self.root), strict=True))
-        for path, node in self.nodes.items():
+        self.root = self._build(spec.nodes[0], {placed.path: placed for placed in spec.nodes})
+        self.nodes = self._by_path()
+
+    def _build(self, placed: Placed, all_placed: dict[str, Placed]) -> Behaviour:
+        children: list[Behaviour] = []
+
+        def make() -> Behaviour:
+            children.extend(self._build(all_placed[path], all_placed) for path in placed.children)
+            node = _make(placed.spec, children)
+            self._prepare(node, placed.path)
+            return node
+
+        node = self._substitute(placed, make) if self._substitute else make()
+        self._prepare(node, placed.path)
+        self._below[node] = children
+        return node
+
+    def _prepare(self, node: Behaviour, path: str) -> None:
+        vars(node).update(path=path, resets=self._resets)
+
+    def _by_path(self) -> dict[str, Behaviour]:
+        """Every node by its path in the present spec, where it gets its path from, too."""
+        children = {placed.path: placed.children for placed in self.spec.nodes}
+        nodes: dict[str, Behaviour] = {}
+
+        def note(path: str, node: Behaviour) -> None:
             vars(node)["path"] = path
+            nodes[path] = node
+            if below := self._below[node]:
+                for child_path, child in zip(children[path], below, strict=True):
+                    note(child_path, child)
+
+        note(self.spec.nodes[0].path, self.root)
+        return nodes
 
     def setup(self, context: Context) -> None:
         """Hand every node the run's backends.
@@ -43,13 +97,17 @@ class Tree:
             UserError: A node names something that the run does not have.
             NodeError: A node's setup broke.
         """
+        self.context = context
         for path, node in self.nodes.items():
-            try:
-                node.setup(context=context)
-            except MpviError:
-                raise
-            except Exception as error:
-                raise NodeError(path, error) from error
+            self._set_up(path, node)
+
+    def _set_up(self, path: str, node: Behaviour) -> None:
+        try:
+            node.setup(context=self.context)
+        except MpviError:
+            raise
+        except Exception as error:
+            raise NodeError(path, error) from error
 
     def tick(self) -> Status:
         """Tick once; the root's status.
@@ -58,8 +116,9 @@ class Tree:
             NodeError: A behavior raised; every node has been terminated.
         """
         self._last = None
+        self._resets.clear()
         try:
-            self.root.tick_once()
+            ticked = list(self.root.tick())
         except Exception as error:
             path = self._culprit(error)
             self._last = {**self.interrupt(), path: NodeState("FAILURE", f"error: {error!r}")}
@@ -67,6 +126,7 @@ class Tree:
         except BaseException:
             self.interrupt()
             raise
+        self.touched = [*self._resets, *ticked] if self._resets else ticked
         return self.root.status
 
     def _culprit(self, error: Exception) -> str:
@@ -75,8 +135,8 @@ class Tree:
         py_trees does not say whose it was, but the traceback does: it is the innermost frame's own node.
         """
         owners = (frame.f_locals.get("self") for frame, _ in traceback.walk_tb(error.__traceback__))
-        nodes = [owner for owner in owners if isinstance(owner, Behaviour)]
-        return next((path for path, node in self.nodes.items() if nodes and node is nodes[-1]), self.spec.nodes[0].path)
+        paths = [path for owner in owners if isinstance(owner, Behaviour) and (path := getattr(owner, "path", ""))]
+        return paths[-1] if paths else self.spec.nodes[0].path
 
     def interrupt(self) -> dict[str, NodeState]:
         """Terminate every node as interrupted, leaves first, whatever state an exception may have left them in.
@@ -100,39 +160,131 @@ class Tree:
         return failure_of(self.root)
 
     def states(self) -> dict[str, NodeState]:
-        """What `render.ascii_tree` draws: status, feedback and time of every node, by path."""
+        """Status, feedback and time of every node, by path, for drawing."""
         if self._last is not None:
             return self._last
-        return {
-            path: NodeState(
-                node.status.value,
-                node.feedback_message if node.status != Status.INVALID else "",
-                getattr(node, "elapsed_s", None) if node.status != Status.INVALID else None,
-                getattr(node, "limit_s", None),
-                node.status == Status.SUCCESS and getattr(node, "failure", None) is not None,
-            )
-            for path, node in self.nodes.items()
-        }
+        return {path: self.state_of(node) for path, node in self.nodes.items()}
+
+    def state_of(self, node: Behaviour) -> NodeState:
+        """How one of `nodes` stands."""
+        interrupted = node.status == Status.INVALID and getattr(node, "interrupted", False)
+        if node.status == Status.INVALID and not interrupted:
+            return NodeState()
+        own: Failure | None = getattr(node, "failure", None)
+        failure = failure_of(node) if node.status == Status.FAILURE else own if node.status == Status.SUCCESS else None
+        return NodeState(
+            node.status.value,
+            node.feedback_message,
+            getattr(node, "elapsed_s", None),
+            getattr(node, "limit_s", None),
+            node.status == Status.SUCCESS and own is not None,
+            interrupted,
+            failure.reason if failure else "",
+            failure.evidence if failure else "",
+            failure.path if failure else "",
+        )
+
+    def swap(self, path: str, new: NodeSpec) -> None:
+        """Put another node in the place of the one at `path`, between two ticks. What ran there is interrupted.
+
+        A sequence or selector whose turn it was goes on with the new node; its other children stay as they are.
+
+        Raises:
+            UnknownName: There is no node at that path.
+            UserError: A node of the new part names something that the run does not have; nothing was changed.
+        """
+        self._splice(path, [new], rest=False)
+
+    def swap_rest(self, path: str, new: Sequence[NodeSpec]) -> None:
+        """As `swap`, with one or more nodes in the place of the one at `path` and all its later siblings: a new plan.
+
+        Raises:
+            UserError: The node is not a child of a sequence, selector or parallel.
+        """
+        self._splice(path, list(new), rest=True)
+
+    def _splice(self, path: str, new: list[NodeSpec], rest: bool) -> None:
+        if path not in self.nodes:
+            raise UnknownName("node", path, self.nodes, f"tree {self.spec.name!r}")
+        above = next((placed for placed in self.spec.nodes if path in placed.children), None)
+        if rest and (above is None or above.spec.type.family != "composite"):
+            raise UserError(f"{path} is no child of a sequence, selector or parallel; swap it alone.")
+        if not new:
+            raise UserError(f"{path}: nothing was given to put there.")
+        first = above.children.index(path) if above else 0
+        stop = len(above.children) if above and rest else first + 1
+        spec = replace(self.spec, root=_spliced(self.spec, above.path if above else None, first, stop, new))
+        placed = {p.path: p for p in spec.nodes}
+        fresh = placed[above.path].children[first : first + len(new)] if above else (spec.nodes[0].path,)
+        built = [self._build(placed[p], placed) for p in fresh]
+        if hasattr(self, "context"):
+            for node in built:
+                for inner in self._with_below(node):
+                    self._set_up(vars(inner)["path"], inner)
+        if above is None:
+            self.root.stop(Status.INVALID)
+            self.root = built[0]
+        else:
+            below = self._below[self.nodes[above.path]]
+            _put(below[first:stop], built)
+            below[first:stop] = built
+        self.spec, self.nodes = spec, self._by_path()
+
+    def _with_below(self, node: Behaviour) -> Iterator[Behaviour]:
+        yield node
+        for child in self._below[node]:
+            yield from self._with_below(child)
 
     def statuses(self) -> list[Status]:
-        """Status of every node, in the order of `spec.nodes`; cheap enough for every tick."""
+        """Status of every node, in the order of `nodes`; cheap enough for every tick."""
         return [node.status for node in self.nodes.values()]
 
 
-def _build(node: NodeSpec) -> Behaviour:
-    children = [_build(child) for child in node.children]
-    arguments: dict[str, Any] = dict(node.parameters)
-    if node.type.family == "composite":
+def _make(spec: NodeSpec, children: list[Behaviour]) -> Behaviour:
+    arguments: dict[str, Any] = dict(spec.parameters)
+    if spec.type.family == "composite":
         arguments["children"] = children
-    elif node.type.family == "decorator":
+    elif spec.type.family == "decorator":
         arguments["child"] = children[0]
-    module, _, name = node.type.factory.partition(":")
+    module, _, name = spec.type.factory.partition(":")
     factory: Callable[..., Behaviour] = getattr(importlib.import_module(module), name)
-    return factory(name=node.name or node.kind, **arguments)
+    return factory(name=spec.name or spec.kind, **arguments)
 
 
-def _walk(node: Behaviour) -> Iterator[Behaviour]:
-    """Parents before children."""
-    yield node
-    for child in node.children:
-        yield from _walk(child)
+def _spliced(spec: TreeSpec, parent: str | None, first: int, stop: int, new: list[NodeSpec]) -> NodeSpec:
+    """The root with `new` in the place of the children first to stop of the node at path `parent`."""
+
+    def copy(placed: Placed) -> NodeSpec:
+        children = [
+            copy(at[path]) if parent is not None and parent.startswith(path) else at[path].spec
+            for path in placed.children
+        ]
+        if placed.path == parent:
+            children[first:stop] = new
+        return replace(placed.spec, children=tuple(children))
+
+    at = {placed.path: placed for placed in spec.nodes}
+    return new[0] if parent is None else copy(spec.nodes[0])
+
+
+def _put(old: list[Behaviour], new: list[Behaviour]) -> None:
+    """Put nodes in the place of neighboring siblings, which are stopped; a cursor that was on one is on the first."""
+    parent = old[0].parent
+    for node in old:
+        if node.status != Status.INVALID:
+            node.stop(Status.INVALID)
+    if isinstance(parent, Decorator):
+        parent.decorated, parent.children = new[0], list(new)
+    else:
+        assert isinstance(parent, Composite)
+        first = parent.children.index(old[0])
+        if parent.current_child in old:
+            parent.current_child = new[0]
+        parent.children[first : first + len(old)] = new
+        selected = getattr(getattr(parent, "policy", None), "children", None)
+        if selected and selected[0] in old:  # what `until_complete` waits for
+            selected[:] = [new[-1]]
+    for node in old:
+        node.parent = None
+    for node in new:
+        node.parent = parent

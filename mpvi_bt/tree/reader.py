@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, StringConstraints, ValidationError, field_validator
+from pydantic import Field, StringConstraints, ValidationError, field_validator, model_validator
 
 from mpvi_bt import paths
 from mpvi_bt.behaviors import references
@@ -29,6 +29,12 @@ class _Parameter(Record):
     type: ParameterType
     default: Value | None = None
     about: Annotated[str, StringConstraints(strip_whitespace=True, max_length=300)] = ""
+
+    @model_validator(mode="after")
+    def _default_fits(self) -> _Parameter:
+        if self.default is not None and not _fits(self.default, self.type):
+            raise ValueError(f"the default of a parameter of type {self.type!r} can't be {self.default!r:.40}")
+        return self
 
 
 class _File(Record):
@@ -118,10 +124,7 @@ def _file(data: Any, marks: Marks, reading: Reading) -> _File:
         names = data.get("parameters") if isinstance(data, dict) else None
         known = {str(name): _Parameter(type="text") for name in names} if isinstance(names, dict) else {}
         return _File.model_construct(tree="", parameters=known, blackboard={}, about="", instruction="", root={})
-    for name, parameter in file.parameters.items():
-        if parameter.default is not None and not _fits(parameter.default, parameter.type):
-            message = f"the default of a parameter of type {parameter.type!r} can't be {parameter.default!r:.40}"
-            reading.problems.append(marks.problem(("parameters", name, "default"), "parameter-type", message))
+    for name in file.parameters:
         if name in file.blackboard:
             message = f"{name!r} is a parameter of the tree already; name the key otherwise"
             reading.problems.append(marks.problem(("blackboard", name), "shadowed-key", message, key=True))
