@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
-import pty
-import re
 
 import numpy as np
 import pytest
@@ -21,7 +18,7 @@ from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import compile_plan
-from mpvi_bt.tree.render import LEGEND, ascii_tree
+from mpvi_bt.tree.render import ascii_tree
 
 SKILLS = load_skills()
 SPEC = compile_plan(RecordedPlanner().plan("picking_up_trash"), SKILLS)
@@ -167,74 +164,3 @@ def test_ticking_is_cheap() -> None:
     """The tree's own part of a step stays below a twentieth of a 4 ms control step, with room for a busy machine."""
     best = min((o.wall_s["ticking"] / o.ticks for o in (run_episode(*scene()) for _ in range(3))), default=1.0)
     assert best < 0.2e-3
-
-
-def test_piped_it_prints_changes_only() -> None:
-    """The whole tree stands at the start and the end, and each line between tells of a node whose status changed."""
-    stream = io.StringIO()
-    tree, world, context = scene()
-    outcome = run_episode(tree, world, context, [LiveTree(stream, "picking_up_trash, instance 0")])
-    text = stream.getvalue()
-    lines = text.splitlines()
-    assert "\x1b" not in text
-    assert max(map(len, lines)) <= 80
-    assert text.startswith("picking_up_trash, instance 0\n" + ascii_tree(SPEC))
-    assert text.endswith(ascii_tree(SPEC, tree.states()) + f"\nsuccess after {outcome.time_s:.1f} s\n")
-    changes = [line for line in lines if re.match(r" *\d+\.\d s  ", line)]
-    assert len(lines) == len(changes) + 2 * len(SPEC.nodes) + 2
-    assert len(changes) < 4 * len(SPEC.nodes)
-
-
-def screen(data: str, height: int) -> list[str]:
-    """What a terminal that scrolls shows after the text, for the few escapes that are used."""
-    rows, at = [""], 0
-    for part in re.findall(r"\x1b\[\d*[FKJ]|\n|[^\x1b\n]+", data.replace("\r\n", "\n")):
-        if part == "\n":
-            at += 1
-            rows += [""] * (at + 1 - len(rows))
-        elif part.endswith("F") and part.startswith("\x1b"):
-            up = int(part[2:-1])
-            assert up < height, "goes up beyond what is on screen"
-            at -= up
-        elif part == "\x1b[K":
-            pass
-        elif part == "\x1b[J":
-            del rows[at + 1 :]
-            rows[at] = ""
-        else:
-            rows[at] = part
-    return rows
-
-
-def test_on_a_terminal_it_redraws_in_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each drawing lands on the one before and fits the screen; the last, the whole tree, is all that stays."""
-    monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.setenv("LINES", "24")
-    monkeypatch.setattr("mpvi_bt.executive.live._REDRAWS_PER_S", 400.0)
-    parent, child = pty.openpty()
-    os.set_blocking(parent, False)
-    received = b""
-
-    class Drain(Watcher):
-        def step(self, tree: Tree, world: World) -> None:
-            nonlocal received
-            try:
-                received += os.read(parent, 1 << 20)
-            except BlockingIOError:
-                return
-
-    with os.fdopen(child, "w") as stream:
-        live = LiveTree(stream, "demo")
-        live.show(SPEC)
-        tree, world, context = scene()
-        outcome = run_episode(tree, world, context, [live, Drain()])
-        Drain().step(tree, world)
-    os.close(parent)
-    text = received.decode()
-    assert text.count("\x1b[J") > 3
-    assert screen(text, 24) == [
-        f"demo  success after {outcome.time_s:.1f} s",
-        *ascii_tree(SPEC, tree.states()).splitlines(),
-        LEGEND,
-        "",
-    ]

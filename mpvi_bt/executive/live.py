@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import time
+from collections.abc import Iterable
 from typing import TextIO
+
+import click
 
 from mpvi_bt.executive.loop import Outcome, World
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.render import LEGEND, ascii_tree, node_line
+from mpvi_bt.tree.cells import cut
+from mpvi_bt.tree.marks import MARKS, legend
+from mpvi_bt.tree.render import Line, node_line, tree_lines, where, window
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
 
@@ -19,21 +25,23 @@ _REDRAWS_PER_S = 5.0  # Our choice: an eye asks for no more, and each costs abou
 class LiveTree:
     """Subscriber that shows the tree.
 
-    On a terminal nodes that neither run nor failed are folded while it runs, and what still does not fit is cut. Piped,
-    the whole tree is printed at the start, and then a line for every node whose status changed. Both end with the
-    whole tree.
+    On a terminal nodes that neither run nor failed are folded while it runs, and of what still does not fit, the part
+    about the running node is shown. Piped, the whole tree is printed at the start, and then a line for every node whose
+    status changed. Both end with the whole tree and the node that failed it.
 
     Args:
         stream: Where to write.
         title: Above the tree.
+        unicode: Draw with lines and signs beyond ASCII.
     """
 
-    def __init__(self, stream: TextIO, title: str = "") -> None:
-        self._stream, self._title = stream, title
+    def __init__(self, stream: TextIO, title: str = "", unicode: bool = False) -> None:
+        self._stream, self._title, self._unicode = stream, title, unicode
         self._terminal = stream.isatty()
+        self._colored = self._terminal and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
         self._height = 0  # lines drawn, to go up before the next drawing
         self._drawn = float("-inf")
-        self._seen: list[object] = []
+        self._seen: dict[str, str] = {}  # statuses as last printed
         self._tree: Tree | None = None
         self._shown: TreeSpec | None = None
 
@@ -43,14 +51,15 @@ class LiveTree:
         if self._terminal:
             self._redraw(spec, {}, "waiting for the world")
         else:
-            self._write(([self._title] if self._title else []) + [ascii_tree(spec, width=_WIDTH)])
+            lines = [line.text for line in tree_lines(spec, None, _WIDTH, unicode=self._unicode)]
+            self._write([cut(self._title, _WIDTH), *lines] if self._title else lines)
 
     def start(self, tree: Tree, world: World) -> None:
         """Draw the tree, unless `show` has."""
         self._tree = tree
-        self._seen = list(tree.statuses())
         if self._shown != tree.spec:
             self.show(tree.spec)
+        self._shown = tree.spec
 
     def step(self, tree: Tree, world: World) -> None:
         """Redraw if it is time to, or print what changed."""
@@ -60,41 +69,58 @@ class LiveTree:
                 self._drawn = now
                 self._redraw(tree.spec, tree.states(), f"{world.time_s:.1f} s")
             return
-        statuses = tree.statuses()
-        if statuses != self._seen:
-            states = tree.states()
-            changed = [
-                f"{world.time_s:7.1f} s  " + node_line(node, states[node.path], _WIDTH - 11)
-                for node, old, new in zip(tree.spec.nodes, self._seen, statuses, strict=True)
-                if old != new
-            ]
-            self._seen = list(statuses)
-            self._write(changed)
+        if self._shown is not tree.spec:  # a part was swapped
+            self.show(tree.spec)
+        changed: dict[str, NodeState] = {}
+        for node in tree.touched:
+            path, status = str(vars(node)["path"]), node.status.value
+            if status != self._seen.get(path, "INVALID"):
+                self._seen[path] = status
+                changed[path] = tree.state_of(node)
+        if changed:
+            self._write(
+                f"{world.time_s:7.1f} s  "
+                + node_line(placed, changed[placed.path], _WIDTH - 11, unicode=self._unicode).text
+                for placed in tree.spec.nodes
+                if placed.path in changed
+            )
 
     def end(self, outcome: Outcome) -> None:
         """Draw the last state, which stays."""
         if self._tree is None:
             return
-        states = self._tree.states()
+        spec, states = self._tree.spec, self._tree.states()
         how = f"{outcome.ending.replace('_', ' ')} after {outcome.time_s:.1f} s"
         if self._terminal:
-            self._redraw(self._tree.spec, states, how, whole=True)
+            self._redraw(spec, states, how, whole=True)
         else:
-            self._write([ascii_tree(self._tree.spec, states, _WIDTH), how])
+            lines = [line.text for line in tree_lines(spec, states, _WIDTH, unicode=self._unicode)]
+            self._write([*lines, *filter(None, [where(spec, states, _WIDTH)]), how])
 
     def _redraw(self, spec: TreeSpec, states: dict[str, NodeState], status: str, whole: bool = False) -> None:
         size = shutil.get_terminal_size((_WIDTH, 24))
         width = min(size.columns, _WIDTH)
         head = f"{self._title}  {status}" if self._title else status
-        lines = [head[:width], *ascii_tree(spec, states, width, fold=not whole).splitlines(), LEGEND[:width]]
-        room = max(size.lines - 1, 3)
-        if len(lines) > room and not whole:
-            lines = [*lines[: room - 1], f"... {len(lines) - room + 1} more lines"]
+        below = [*filter(None, [where(spec, states, width)]), cut(legend(self._unicode), width)]
+        lines = tree_lines(spec, states, width, fold=not whole, unicode=self._unicode)
+        first, last = 0, len(lines)
+        if not whole and len(lines) > (room := max(size.lines - 2 - len(below), 2)):
+            first, last = window(lines, room - 1)
+            below.insert(0, cut(f"... {first} lines above, {len(lines) - last} below", width))
+        drawn = [cut(head, width), *map(self._painted, lines[first:last]), *below]
         up = f"\x1b[{self._height}F" if self._height else ""
-        self._stream.write(up + "".join(line + "\x1b[K\n" for line in lines) + "\x1b[J")
+        self._stream.write(up + "".join(line + "\x1b[K\n" for line in drawn) + "\x1b[J")
         self._stream.flush()
-        self._height = len(lines)
+        self._height = len(drawn)
 
-    def _write(self, lines: list[str]) -> None:
+    def _painted(self, line: Line) -> str:
+        if not self._colored or line.standing is None:
+            return line.text
+        color = MARKS[line.standing].terminal
+        if color is None:
+            return click.style(line.text, dim=True)
+        return line.before + click.style(line.mark, fg=color, bold=True) + line.after
+
+    def _write(self, lines: Iterable[str]) -> None:
         self._stream.write("".join(line + "\n" for line in lines))
         self._stream.flush()

@@ -2,23 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
+from mpvi_bt.tree.cells import columns, cut, one_line
+from mpvi_bt.tree.marks import MARKS, Standing, legend, standing
 from mpvi_bt.tree.spec import Placed, TreeSpec
 from mpvi_bt.tree.state import NodeState
 
-MARKS = {"SUCCESS": "[o]", "FAILURE": "[x]", "RUNNING": "[*]", "INVALID": "[-]"}
-GAVE_UP = "[!]"
-LEGEND = "[*] running  [o] success  [x] failure  [!] gave up, went on  [-] not running"
-_INDENT = 4
+LEGEND = legend()
 _LEAST_LABEL = 40  # columns that indentation leaves; what lies deeper is not indented further
 _LEAST_FEEDBACK = 22  # columns that feedback may take from a long label
+
+# The signs of Colledanchise and Ögren, "Behavior Trees in Robotics and AI" (2018), for what py_trees draws; the star
+# says memory. A leaf needs none: its branch is enough.
+_SIGNS = {"{-}": "→*", "[-]": "→", "{o}": "?*", "[o]": "?", "/_/": "⇉", "-^-": "◇", "-->": ""}
+
+
+@dataclass(frozen=True)
+class Line:
+    """The line of one node, in the parts that a terminal colors.
+
+    Attributes:
+        path: The node's.
+        standing: None where no states are drawn.
+        before: Indent, glyph, label.
+        mark: "" where no states are drawn.
+        after: Time and feedback.
+    """
+
+    path: str
+    standing: Standing | None
+    before: str
+    mark: str
+    after: str
+
+    @property
+    def text(self) -> str:
+        """The whole line."""
+        return self.before + self.mark + self.after
 
 
 def ascii_tree(
     tree: TreeSpec, states: Mapping[str, NodeState] | None = None, width: int = 80, fold: bool = False
 ) -> str:
-    """The tree, one line a node, no line longer than `width`.
+    """The tree, one line a node, no line wider than `width`.
+
+    Labels are as the tree writes them; what is drawn around them is ASCII.
 
     Args:
         tree: What to draw.
@@ -26,31 +56,101 @@ def ascii_tree(
         width: Columns.
         fold: Leave out what is below a node (not the root) that neither runs nor failed: a long tree fits a screen.
     """
+    return "\n".join(line.text for line in tree_lines(tree, states, width, fold))
+
+
+def unicode_tree(
+    tree: TreeSpec, states: Mapping[str, NodeState] | None = None, width: int = 80, fold: bool = False
+) -> str:
+    """As `ascii_tree`, with lines from parent to child and the signs of the field's textbook."""
+    return "\n".join(line.text for line in tree_lines(tree, states, width, fold, unicode=True))
+
+
+def tree_lines(
+    tree: TreeSpec,
+    states: Mapping[str, NodeState] | None = None,
+    width: int = 80,
+    fold: bool = False,
+    unicode: bool = False,
+) -> list[Line]:
+    """The lines of `ascii_tree` or `unicode_tree`."""
     lines = []
     hidden: tuple[str, ...] = ()
-    for node in tree.nodes:
+    for node, indent in _indented(tree, max(width - _LEAST_LABEL, 0), unicode):
         if hidden and node.path.startswith(hidden):
             continue
         state = states.get(node.path, NodeState()) if states is not None else None
-        lines.append(node_line(node, state, width))
+        lines.append(node_line(node, state, width, indent, unicode))
         if fold and node.depth and state and state.status not in ("RUNNING", "FAILURE"):
             hidden = (node.path + "/",)
-    return "\n".join(lines)
+    return lines
 
 
-def node_line(node: Placed, state: NodeState | None, width: int = 80) -> str:
-    """One node: indent, glyph, label, status, time, feedback; labels and feedback that are too long lose their end."""
-    start = " " * min(_INDENT * node.depth, max(width - _LEAST_LABEL, 0)) + node.spec.glyph + " "
+def node_line(
+    node: Placed, state: NodeState | None, width: int = 80, indent: str | None = None, unicode: bool = False
+) -> Line:
+    """One node: indent, glyph, label, mark, time, feedback; labels and feedback that are too wide lose their end."""
+    if indent is None:
+        indent = (" " * 4 * node.depth)[: max(width - _LEAST_LABEL, 0)]
+    glyph = _SIGNS.get(node.spec.glyph, node.spec.glyph) if unicode else node.spec.glyph
+    start = indent + (glyph + " " if glyph else "")
+    label = one_line(node.spec.label)
     if state is None:
-        return _cut(start + node.spec.label, width)
-    end = f" {GAVE_UP if state.gave_up else MARKS[state.status]}{_time(state)}"
-    room = width - len(start) - len(end)
-    feedback = f"  {state.feedback}" if state.feedback else ""
-    news = state.status != "SUCCESS" or state.gave_up  # a success needs no words, if that would cost its label
-    least = min(len(feedback), _LEAST_FEEDBACK) if news and room >= 2 * _LEAST_FEEDBACK else 0
-    label = _cut(node.spec.label, room - least)
-    left = room - len(label)
-    return start + label + end + (_cut(feedback, left) if left >= min(len(feedback), _LEAST_FEEDBACK) else "")
+        return Line(node.path, None, cut(start + label, width), "", "")
+    stands = standing(state)
+    mark = MARKS[stands].unicode if unicode else MARKS[stands].ascii
+    room = width - columns(start) - columns(mark) - 1
+    time = cut(_time(state), max(room - _LEAST_FEEDBACK, 0))
+    room -= len(time)
+    feedback = f"  {one_line(state.feedback)}" if state.feedback else ""
+    least = min(columns(feedback), _LEAST_FEEDBACK)
+    news = stands != "success"  # a success needs no words, if that would cost its label
+    label = cut(label, room - least if news and room >= 2 * _LEAST_FEEDBACK else room)
+    left = room - columns(label)
+    return Line(node.path, stands, f"{start}{label} ", mark, time + (cut(feedback, left) if left >= least else ""))
+
+
+def where(tree: TreeSpec, states: Mapping[str, NodeState], width: int = 80) -> str:
+    """One line about the node that matters most, or "" if there is none.
+
+    The deepest running leaf (of several equally deep the first); once the root has failed, the node whose failure that
+    is, with its reason.
+    """
+    root = states.get(tree.nodes[0].path, NodeState())
+    if root.status == "FAILURE":
+        why = ": ".join(filter(None, (root.reason, root.evidence))) or root.feedback
+        head = f"failed: {_short_path(root.origin or tree.nodes[0].path, width // 2)}"
+        return cut(head + (f": {one_line(why)}" if why else ""), width)
+    running = [node for node in tree.nodes if states.get(node.path, NodeState()).status == "RUNNING"]
+    if not running:
+        return ""
+    return cut(f"running: {_short_path(max(running, key=lambda n: n.depth).path, width - 9)}", width)
+
+
+def window(lines: Sequence[Line], room: int) -> tuple[int, int]:
+    """First and one past the last of `room` lines, so chosen that the deepest running node is among them."""
+    if len(lines) <= room:
+        return 0, len(lines)
+    running = [i for i, line in enumerate(lines) if line.standing == "running"]
+    middle = max(running, key=lambda i: lines[i].path.count("/"), default=0)
+    first = min(max(middle - room // 2, 0), len(lines) - room)
+    return first, first + room
+
+
+def _indented(tree: TreeSpec, limit: int, unicode: bool) -> Iterator[tuple[Placed, str]]:
+    """Every node with what stands before its glyph, which takes at most `limit` columns."""
+    step, last, fork, through = ("   ", "└─ ", "├─ ", "│  ") if unicode else (" " * 4,) * 4
+    own = {tree.nodes[0].path: ("", "")}  # indent of the node, and of what is below it
+    for node in tree.nodes:
+        indent, below = own.pop(node.path)
+        for child in node.children:
+            is_last = child == node.children[-1]
+            elbow = last if is_last else fork
+            room = limit - limit % len(step) if unicode else limit
+            own[child] = ((below + elbow)[:room], (below + (step if is_last else through))[:room])
+            if unicode and len(below) == room > 0:
+                own[child] = (below[: -len(step)] + elbow, own[child][1])
+        yield node, indent
 
 
 def _time(state: NodeState) -> str:
@@ -59,10 +159,19 @@ def _time(state: NodeState) -> str:
         return ""
     if state.status != "RUNNING":
         return f" {state.elapsed_s:.1f} s"
-    return f" {int(state.elapsed_s + 1e-6)} s, {max(0, round(state.limit_s - int(state.elapsed_s + 1e-6)))} s left"
+    passed = int(state.elapsed_s + 1e-6)
+    return f" {passed} s, {max(0, round(state.limit_s - passed))} s left"
 
 
-def _cut(text: str, width: int) -> str:
-    if len(text) <= width:
-        return text
-    return text[: width - 3].rstrip() + "..." if width > 3 else text[: max(width, 0)]
+def _short_path(path: str, width: int) -> str:
+    """A path without its root; its long names lose their ends first, then it loses its first names."""
+    names = [one_line(name) for name in path.split("/")]
+    names = names[1:] or names
+    for longest in (60, 40, 30, 24, 18, 12):
+        short = "/".join(cut(name, longest) for name in names)
+        if columns(short) <= width:
+            return short
+    while len(names) > 1 and columns(short) > width:
+        names = names[1:]
+        short = "/".join(["...", *(cut(name, 12) for name in names)])
+    return cut(short, width)

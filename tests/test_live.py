@@ -1,0 +1,171 @@
+"""The live view of a tree, on a terminal and piped."""
+
+from __future__ import annotations
+
+import io
+import os
+import pty
+import re
+
+import pytest
+
+from mpvi_bt.executive.live import LiveTree
+from mpvi_bt.executive.loop import Watcher, World, run_episode
+from mpvi_bt.testing import KinematicWorld
+from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.marks import MARKS, legend
+from mpvi_bt.tree.render import LEGEND, ascii_tree, unicode_tree
+from mpvi_bt.tree.state import NodeState
+from mpvi_bt.tree.yaml_io import parse_tree
+from tests.test_executive import SPEC, scene
+
+
+def test_piped_it_prints_changes_only() -> None:
+    """The whole tree stands at the start and the end, and each line between tells of a node whose status changed."""
+    stream = io.StringIO()
+    tree, world, context = scene()
+    outcome = run_episode(tree, world, context, [LiveTree(stream, "picking_up_trash, instance 0")])
+    text = stream.getvalue()
+    lines = text.splitlines()
+    assert "\x1b" not in text
+    assert max(map(len, lines)) <= 80
+    assert text.startswith("picking_up_trash, instance 0\n" + ascii_tree(SPEC))
+    assert text.endswith(ascii_tree(SPEC, tree.states()) + f"\nsuccess after {outcome.time_s:.1f} s\n")
+    changes = [line for line in lines if re.match(r" *\d+\.\d s  ", line)]
+    assert len(lines) == len(changes) + 2 * len(SPEC.nodes) + 2
+    assert len(changes) < 4 * len(SPEC.nodes)
+
+
+def screen(data: str, height: int) -> list[str]:
+    """What a terminal that scrolls shows after the text, for the few escapes that are used."""
+    rows, at = [""], 0
+    data = re.sub(r"\x1b\[[\d;]*m", "", data.replace("\r\n", "\n"))  # colors
+    for part in re.findall(r"\x1b\[\d*[FKJ]|\n|[^\x1b\n]+", data):
+        if part == "\n":
+            at += 1
+            rows += [""] * (at + 1 - len(rows))
+        elif part.endswith("F") and part.startswith("\x1b"):
+            up = int(part[2:-1])
+            assert up < height, "goes up beyond what is on screen"
+            at -= up
+        elif part == "\x1b[K":
+            pass
+        elif part == "\x1b[J":
+            del rows[at + 1 :]
+            rows[at] = ""
+        else:
+            rows[at] = part
+    return rows
+
+
+def test_on_a_terminal_it_redraws_in_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each drawing lands on the one before and fits the screen; the last, the whole tree, is all that stays."""
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("LINES", "24")
+    monkeypatch.setattr("mpvi_bt.executive.live._REDRAWS_PER_S", 400.0)
+    parent, child = pty.openpty()
+    os.set_blocking(parent, False)
+    received = b""
+
+    class Drain(Watcher):
+        def step(self, tree: Tree, world: World) -> None:
+            nonlocal received
+            try:
+                received += os.read(parent, 1 << 20)
+            except BlockingIOError:
+                return
+
+    with os.fdopen(child, "w") as stream:
+        live = LiveTree(stream, "demo")
+        live.show(SPEC)
+        tree, world, context = scene()
+        outcome = run_episode(tree, world, context, [live, Drain()])
+        Drain().step(tree, world)
+    os.close(parent)
+    text = received.decode()
+    assert text.count("\x1b[J") > 3
+    assert screen(text, 24) == [
+        f"demo  success after {outcome.time_s:.1f} s",
+        *ascii_tree(SPEC, tree.states()).splitlines(),
+        LEGEND,
+        "",
+    ]
+
+
+class Terminal(io.StringIO):
+    """A stream that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+LONG = parse_tree(
+    "tree: long\nroot:\n  sequence: long\n  memory: true\n  children:\n"
+    + "".join(f"    - {{timeout: {n}, child: {{wait: {n}}}}}\n" for n in range(10, 90))
+)
+
+
+@pytest.mark.parametrize("at", [0, 1, 20, 60, 79])
+@pytest.mark.parametrize("height", [6, 24])
+def test_the_running_node_is_on_screen(at: int, height: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However long the tree and wherever it runs, the running node and the line that names it are on screen."""
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("LINES", str(height))
+    tree, world, stream = Tree(LONG), KinematicWorld(), Terminal()
+    states = {placed.path: NodeState() for placed in LONG.nodes}
+    timeout = LONG.nodes[0].children[at]
+    leaf = next(placed for placed in LONG.nodes if placed.path.startswith(timeout + "/"))
+    for path in (LONG.nodes[0].path, timeout, leaf.path):
+        states[path] = NodeState("RUNNING", elapsed_s=3.0, limit_s=10.0 + at)
+    monkeypatch.setattr(tree, "states", lambda: states)
+    LiveTree(stream, "demo").step(tree, world)
+    rows = screen(stream.getvalue(), height)
+    assert len(rows) <= height
+    assert sum(f"wait {10 + at} s [*] 3 s, {7 + at} s left" in row for row in rows) == 1
+    assert rows[-3] == "running: " + leaf.path.partition("/")[2]
+    assert rows[-2] == LEGEND
+    assert re.fullmatch(r"\.\.\. \d+ lines above, \d+ below", rows[-4])
+
+
+def test_the_end_tells_what_failed() -> None:
+    """After a failure the last lines name the leaf, its reason and its evidence, and when it was over."""
+    spec = parse_tree("tree: t\nroot:\n  sequence: s\n  memory: true\n  children:\n    - fail: no_luck\n")
+    stream = io.StringIO()
+    _, world, context = scene()
+    run_episode(Tree(spec), world, context, [LiveTree(stream)])
+    assert re.fullmatch(r"failed: fail: no_luck.*", stream.getvalue().splitlines()[-2])
+    assert stream.getvalue().splitlines()[-1] == "failure after 0.0 s"
+
+
+@pytest.mark.parametrize(("settings", "colored"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)])
+def test_colors_only_where_they_are_wanted(
+    settings: dict[str, str], colored: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A terminal gets colors, unless NO_COLOR is set or it can show none; what is piped never does."""
+    for name in ("NO_COLOR", "TERM"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in settings.items():
+        monkeypatch.setenv(name, value)
+    terminal, piped = Terminal(), io.StringIO()
+    run_episode(*scene(), subscribers=[LiveTree(terminal), LiveTree(piped)])
+    assert ("\x1b[33m" in terminal.getvalue()) == colored
+    assert "\x1b" not in piped.getvalue()
+
+
+def test_unicode_is_a_choice() -> None:
+    """The same run is shown with the other signs."""
+    stream = io.StringIO()
+    tree, world, context = scene()
+    run_episode(tree, world, context, [LiveTree(stream, unicode=True)])
+    text = stream.getvalue()
+    assert text.startswith(unicode_tree(SPEC))
+    assert unicode_tree(SPEC, tree.states()) in text
+    assert not any(mark.ascii in text for mark in MARKS.values())
+
+
+def test_legends_fit() -> None:
+    """Both legends name every mark within 80 columns."""
+    for unicode in (False, True):
+        text = legend(unicode)
+        assert len(text) <= 80
+        assert all((mark.unicode if unicode else mark.ascii) in text for mark in MARKS.values())
