@@ -1,0 +1,192 @@
+"""Writes the trace of a run as it happens. `docs/trace.md` is the contract of the format."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import json
+import math
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TextIO
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+import mpvi_bt
+from mpvi_bt.behaviors.context import Context, Query
+from mpvi_bt.errors import MpviError, NodeError, UserError
+from mpvi_bt.executive.loop import Outcome, Watcher, World
+from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.spec import TreeSpec
+from mpvi_bt.tree.state import NodeState
+from mpvi_bt.tree.trace import VERSION
+from mpvi_bt.tree.yaml_io import expanded
+
+_NOT_BEGUN = NodeState()
+
+
+class Recorder(Watcher):
+    """Subscriber that writes a line for each tick at which something changed.
+
+    Every line is handed to the operating system at once, so that a kill costs the line being written at most. It writes
+    none where nothing changed: what it then costs is one comparison for each node that was ticked.
+
+    Args:
+        file: Where to write.
+        config: Of the run, for the first line. What JSON does not have (infinity, paths) is written as text.
+        seed: Of the run.
+    """
+
+    def __init__(self, file: str | Path, config: Mapping[str, Any] | None = None, seed: int | None = None) -> None:
+        self._path, self._config, self._seed = Path(file), dict(config or {}), seed
+        self._file: TextIO | None = None
+
+    def start(self, tree: Tree, world: World) -> None:
+        """Open the file and write the first line. Raises UserError if it cannot be written."""
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = self._path.open("w", encoding="utf-8", errors="replace", newline="\n", buffering=1)
+        except OSError as error:
+            raise UserError(f"{self._path}: cannot write the trace: {error.strerror}") from error
+        self._tree, self._world, self._began = tree, world, time.perf_counter()
+        self._tick = self._queries = 0
+        self._states: dict[str, NodeState] = {}
+        self._seen: dict[Behaviour, tuple[Status, str]] = {}
+        self._spec: TreeSpec | None = tree.spec
+        self._blackboard: dict[str, Any] = {}
+        self._write(
+            {
+                "trace": VERSION,
+                "mpvi_bt": mpvi_bt.__version__,
+                "tree": expanded(tree.spec),
+                "config": self._config,
+                "seed": self._seed,
+                "started": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+            }
+        )
+
+    def step(self, tree: Tree, world: World) -> None:
+        """Write what this tick changed, if anything."""
+        self._tick += 1
+        if tree.spec is not self._spec or not self._seen:
+            self._record(tree.states())
+            self._seen = {node: (node.status, node.feedback_message) for node in tree.nodes.values()}
+            return
+        seen, context = self._seen, tree.context
+        changed = [node for node in tree.touched if seen.get(node) != (node.status, node.feedback_message)]
+        if not changed and context.blackboard == self._blackboard and len(context.log.queries) == self._queries:
+            return
+        for node in changed:
+            if node in seen:  # not one inside a node that another package made
+                seen[node] = (node.status, node.feedback_message)
+        self._record({vars(node)["path"]: tree.state_of(node) for node in _affected(changed) if node in seen})
+
+    def end(self, outcome: Outcome) -> None:
+        """Write how it ended and close the file."""
+        if self._file is None:
+            return
+        self._tick += 1  # the tick that an exception cut short, if it changed anything
+        if not self._record(self._tree.states()):
+            self._tick -= 1
+        last: dict[str, Any] = {"end": outcome.ending, **self._now()}
+        if outcome.failure is not None:
+            last["failure"] = dataclasses.asdict(outcome.failure)
+        if outcome.error is not None:
+            last["error"] = _described(outcome.error)
+        self._write(last)
+        self._file.close()
+
+    def _record(self, states: Mapping[str, NodeState]) -> bool:
+        """Write what differs from what was written before; whether anything did."""
+        line: dict[str, Any] = {}
+        if self._tree.spec is not self._spec:
+            self._spec = self._tree.spec
+            line["tree"] = expanded(self._spec)
+            self._states = {path: state for path, state in self._states.items() if path in states}
+        before = self._states
+        new = {path: state for path, state in states.items() if not _same(state, before.get(path, _NOT_BEGUN))}
+        if new:
+            before.update(new)
+            line["nodes"] = {path: _short(state) for path, state in new.items()}
+        context: Context | None = getattr(self._tree, "context", None)  # none where setup failed
+        if context is not None:
+            if context.blackboard != self._blackboard:
+                line["blackboard"] = _difference(self._blackboard, context.blackboard)
+                self._blackboard = dict(context.blackboard)
+            if len(context.log.queries) > self._queries:
+                line["queries"] = [_answer(query) for query in context.log.queries[self._queries :]]
+                self._queries = len(context.log.queries)
+        if not line:
+            return False
+        self._write(self._now() | line)
+        return True
+
+    def _now(self) -> dict[str, Any]:
+        wall_s = round(time.perf_counter() - self._began, 4)
+        return {"tick": self._tick, "time_s": self._world.time_s, "wall_s": wall_s}
+
+    def _write(self, line: dict[str, Any]) -> None:
+        assert self._file is not None
+        try:
+            text = json.dumps(line, ensure_ascii=False, allow_nan=False)
+        except (TypeError, ValueError):
+            text = json.dumps(_plain(line), ensure_ascii=False)
+        self._file.write(text + "\n")
+
+
+def _affected(changed: list[Behaviour]) -> list[Behaviour]:
+    """Nodes that changed, and those above them that have ended: their failure may have another origin now."""
+    found: dict[Behaviour, None] = {}  # a set that keeps its order: equal runs write equal traces
+    passed: set[Behaviour] = set()
+    for node in changed:
+        found[node] = None
+        above = node.parent
+        while above is not None and above not in passed:
+            passed.add(above)
+            if above.status is not Status.RUNNING:
+                found[above] = None
+            above = above.parent
+    return list(found)
+
+
+def _same(new: NodeState, old: NodeState) -> bool:
+    """Whether nothing changed but the time of a node that runs on."""
+    if new.status == old.status == "RUNNING" and new.elapsed_s is not None and old.elapsed_s is not None:
+        return dataclasses.replace(new, elapsed_s=old.elapsed_s) == old
+    return new == old
+
+
+def _short(state: NodeState) -> dict[str, Any]:
+    """A state as JSON data without what is at its default."""
+    values = {name: value for name, value in vars(state).items() if value != getattr(_NOT_BEGUN, name)}
+    return {"status": state.status, **values}
+
+
+def _difference(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+    """New values, and None for keys that are gone."""
+    gone = dict.fromkeys(old.keys() - new.keys())
+    return {key: value for key, value in new.items() if key not in old or old[key] != value} | gone
+
+
+def _answer(query: Query) -> dict[str, Any]:
+    return {key: value for key, value in vars(query).items() if key != "time_s" and value is not None}
+
+
+def _described(error: Exception) -> dict[str, str]:
+    """The exception that ended the run, and whose it was if it was a node's."""
+    if not isinstance(error, NodeError):
+        return {"message": str(error) if isinstance(error, MpviError) else f"{type(error).__name__}: {error}"}
+    return {"path": error.path, "message": str(error).removeprefix(f"{error.path}: ")}
+
+
+def _plain(value: Any) -> Any:
+    """JSON data of anything: what JSON does not have becomes text."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [_plain(inner) for inner in value]
+    if isinstance(value, bool | int | str | None) or (isinstance(value, float) and math.isfinite(value)):
+        return value
+    return str(value)

@@ -1,0 +1,308 @@
+"""Why a run ended as it did: from the root down to the leaf, each node with its evidence, read from a trace."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeVar
+
+from mpvi_bt.tree.cells import columns, cut, one_line
+from mpvi_bt.tree.spec import Placed, TreeSpec
+from mpvi_bt.tree.state import Ending, NodeState, Status
+from mpvi_bt.tree.trace import Answer, Broken, Moment, Tick, Trace
+
+_NEVER = NodeState()
+_Item = TypeVar("_Item")
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A question to the completion checker, and when it was asked in simulated time."""
+
+    time_s: float
+    answer: Answer
+
+
+@dataclass(frozen=True)
+class Link:
+    """A node in a chain of causes.
+
+    Attributes:
+        path, glyph, label: The node.
+        status: What it came to.
+        began_s, time_s: When it began, and when it came to that status, in simulated time.
+        reason, evidence: Of a failure that is its own; "" where what is below explains it.
+        feedback: Its last words.
+        below: The nodes right below it that brought it there: of a selector every child that failed.
+        interrupted: Where nothing below failed: what was still running there when it was cut off, deepest nodes only.
+        earlier: Likewise: failures below that did not end it, such as those of earlier tries, in order.
+        asked: Likewise: what the checker was asked there in the meantime.
+    """
+
+    path: str
+    glyph: str
+    label: str
+    status: Status
+    began_s: float
+    time_s: float
+    reason: str = ""
+    evidence: str = ""
+    feedback: str = ""
+    below: tuple[Link, ...] = ()
+    interrupted: tuple[Link, ...] = ()
+    earlier: tuple[Link, ...] = ()
+    asked: tuple[Asked, ...] = ()
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Why a run ended as it did.
+
+    Attributes:
+        tree: Its name.
+        ending: As the run says; "cut" where the trace ends before it does.
+        tick, time_s: The last recorded.
+        cause: The failed root; None if it did not fail.
+        gave_up: Nodes that passed over a failure and went on (attempt), each as it stood when it did, in order.
+        running: Deepest nodes that ran at the end, of a run that its tree did not end.
+        error: The exception that ended it.
+    """
+
+    tree: str
+    ending: Ending | Literal["cut"]
+    tick: int
+    time_s: float
+    cause: Link | None = None
+    gave_up: tuple[Link, ...] = ()
+    running: tuple[Link, ...] = ()
+    error: Broken | None = None
+
+
+def explain(trace: Trace) -> Explanation:
+    """Why the run ended as it did."""
+    history = _History(trace.tree)
+    gave_up: list[Link] = []
+    tick = 0
+    for change in trace.ticks:
+        history.add(change)
+        gave_up += [history.link(path) for path, state in change.nodes.items() if state.gave_up]
+        tick = change.tick
+    end = trace.end
+    root = history.moment.tree.nodes[0].path
+    return Explanation(
+        tree=trace.tree.name,
+        ending=end.ending if end else "cut",
+        tick=end.tick if end else tick,
+        time_s=end.time_s if end else history.moment.time_s,
+        cause=history.link(root) if end and end.ending == "failure" else None,
+        gave_up=tuple(gave_up),
+        running=history.running() if not end or end.ending not in ("success", "failure") else (),
+        error=end.error if end else None,
+    )
+
+
+class _History:
+    """How everything stands, and what a single moment does not say: when rounds began, failures since passed over."""
+
+    def __init__(self, tree: TreeSpec) -> None:
+        self.moment = Moment(tree)
+        self.placed: dict[str, Placed] = {placed.path: placed for placed in tree.nodes}
+        self.began: dict[str, float] = {}
+        self.since: dict[str, float] = {}
+        self.failures: defaultdict[str, list[tuple[float, NodeState]]] = defaultdict(list)
+        self.asked: list[Asked] = []
+
+    def add(self, tick: Tick) -> None:
+        """Take in the next tick."""
+        for path, new in tick.nodes.items():
+            old = self.moment.nodes.get(path, _NEVER)
+            if new.status != old.status:
+                self.since[path] = tick.time_s
+            if old.status != "RUNNING" and (new.status != "INVALID" or new.interrupted):
+                self.began[path] = tick.time_s
+            if new.status == "FAILURE":
+                self.failures[path].append((tick.time_s, new))
+        self.asked += [Asked(tick.time_s, answer) for answer in tick.queries]
+        self.moment.apply(tick)
+        if tick.tree is not None:
+            self.placed = {placed.path: placed for placed in self.moment.tree.nodes}
+
+    def link(self, path: str, failed: tuple[float, NodeState] | None = None) -> Link:
+        """A node and what brought it there.
+
+        Args:
+            path: The node.
+            failed: When it failed and how, if it has been reset since.
+        """
+        bare = self._bare(path, failed)
+        origin = (failed[1] if failed else self.moment.nodes.get(path, _NEVER)).origin
+        below = self._failed_below(bare)
+        if bare.status == "SUCCESS":  # it gave up: the failure is that of what is below
+            return replace(bare, reason="", evidence="", below=below)
+        if below:
+            return bare if origin == path else replace(bare, reason="", evidence="", below=below)
+        return replace(
+            bare,
+            interrupted=tuple(self._deepest(path, "INVALID", bare.time_s)),
+            earlier=self._earlier(bare),
+            asked=self._asked(bare),
+        )
+
+    def running(self) -> tuple[Link, ...]:
+        """The deepest nodes that run, with what was asked there since they began."""
+        links = self._deepest(self.moment.tree.nodes[0].path, "RUNNING")
+        return tuple(replace(link, asked=self._asked(replace(link, time_s=self.moment.time_s))) for link in links)
+
+    def _bare(self, path: str, failed: tuple[float, NodeState] | None = None) -> Link:
+        """A node without what is below it."""
+        since = self.since.get(path, self.moment.time_s)
+        time_s, state = failed or (since, self.moment.nodes.get(path, _NEVER))
+        began_s = min(self.began.get(path, time_s), time_s)
+        spec = self.placed[path].spec
+        return Link(
+            path, spec.glyph, spec.label, state.status, began_s, time_s, state.reason, state.evidence, state.feedback
+        )
+
+    def _failed_below(self, link: Link) -> tuple[Link, ...]:
+        """The children that failed in this round of a node, those that were reset since too (by a selector)."""
+        found = []
+        for child in self.placed[link.path].children:
+            state = self.moment.nodes.get(child, _NEVER)
+            last = self.failures[child][-1] if self.failures[child] else None
+            if state.status == "FAILURE":
+                found.append(self.link(child))
+            elif last and state == _NEVER and link.began_s <= last[0] <= link.time_s:
+                found.append(self.link(child, last))
+        return tuple(found)
+
+    def _deepest(self, path: str, status: Status, since_s: float | None = None) -> Iterator[Link]:
+        """The deepest nodes at or below `path` that run, or that were interrupted at a time."""
+        inner = [found for child in self.placed[path].children for found in self._deepest(child, status, since_s)]
+        yield from inner
+        state = self.moment.nodes.get(path, _NEVER)
+        cut_off = state.interrupted and self.since.get(path) == since_s
+        if not inner and state.status == status and (status == "RUNNING" or cut_off):
+            yield self._bare(path)
+
+    def _earlier(self, link: Link) -> tuple[Link, ...]:
+        """Failures below a node, in its round, that did not end it; each at the node where it began."""
+        found = [
+            self._bare(path, (time_s, state))
+            for path, failures in self.failures.items()
+            if path.startswith(f"{link.path}/")
+            for time_s, state in failures
+            if state.origin in ("", path) and link.began_s <= time_s <= link.time_s
+        ]
+        return tuple(sorted(found, key=lambda earlier: earlier.time_s))
+
+    def _asked(self, link: Link) -> tuple[Asked, ...]:
+        return tuple(
+            asked
+            for asked in self.asked
+            if f"{asked.answer.path}/".startswith(f"{link.path}/") and link.began_s <= asked.time_s <= link.time_s
+        )
+
+
+_TITLES = {
+    "success": "success",
+    "failure": "FAILURE",
+    "time_limit": "out of time",
+    "interrupted": "interrupted",
+    "error": "ERROR",
+    "cut": "the trace was cut off",
+}
+_SHOWN = 5  # of earlier failures and of answers, the last; --json has them all
+_INDENT = 2
+_LEAST = 40  # columns that indentation leaves
+
+
+def explanation_text(explanation: Explanation, width: int = 80) -> str:
+    """The explanation for a person, no line wider than `width`."""
+    e = explanation
+    text = _Text(width)
+    text.add(f"{e.tree}: {_TITLES[e.ending]} at {e.time_s:.1f} s, tick {e.tick}")
+    if e.error is not None:
+        text.add(e.error.message, 1)
+        if e.error.path:
+            text.add(f"in {e.error.path}", 1)
+    if e.cause is not None:
+        text.gap()
+        text.chain(e.cause, 0)
+    if e.running:
+        text.gap("Running then:")
+        for link in e.running:
+            text.leaf(link, 1)
+    if e.gave_up:
+        units = "1 unit was given up" if len(e.gave_up) == 1 else f"{len(e.gave_up)} units were given up"
+        text.gap(f"{units} on the way:")
+        for link in e.gave_up:
+            text.chain(link, 1)
+    return text.text
+
+
+class _Text:
+    """Lines that are wrapped and indented, up to a width."""
+
+    def __init__(self, width: int) -> None:
+        self.width = width
+        self.lines: list[str] = []
+
+    @property
+    def text(self) -> str:
+        return "\n".join(self.lines)
+
+    def gap(self, title: str = "") -> None:
+        self.lines += ["", title] if title else [""]
+
+    def add(self, text: str, depth: int = 0) -> None:
+        import wcwidth  # loads tables
+
+        indent = self._indent(depth)
+        self.lines += wcwidth.wrap(
+            one_line(text), self.width, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False
+        )
+
+    def chain(self, link: Link, depth: int) -> None:
+        """A node, why it failed, and what is below it."""
+        when = f"{link.began_s:.1f} s to {link.time_s:.1f} s"
+        head = self._indent(depth) + f"{link.glyph} {one_line(link.label)}"
+        head = cut(head, self.width - len(when) - 2)
+        self.lines.append(head + " " * (self.width - columns(head) - len(when)) + when)
+        if link.reason:
+            self.add(f"{link.reason}: {link.evidence}" if link.evidence else link.reason, depth + 2)
+        for below in link.below:
+            self.chain(below, depth + 1)
+        if link.below or link.status == "SUCCESS":
+            return
+        self.add(f"node: {link.path}", depth + 2)
+        for inner in link.interrupted:
+            self.add("still running:", depth + 2)
+            self.leaf(inner, depth + 3)
+        self.asked(link, depth + 2)
+        for earlier in self.last(link.earlier, "earlier failures", depth + 2):
+            why = f"{earlier.reason}: {earlier.evidence}" if earlier.evidence else earlier.reason
+            self.add(f"before, at {earlier.time_s:.1f} s: {earlier.label}: {why}", depth + 2)
+
+    def leaf(self, link: Link, depth: int) -> None:
+        """A node that was running, and its last words."""
+        self.add(f"{link.glyph} {link.label}, since {link.began_s:.1f} s", depth)
+        if link.feedback:
+            self.add(link.feedback, depth + 2)
+        self.asked(link, depth + 2)
+
+    def asked(self, link: Link, depth: int) -> None:
+        for asked in self.last(link.asked, "earlier questions", depth):
+            answer = asked.answer
+            said = f"{'yes' if answer.complete else 'no'}, {answer.reason}" if answer.reason else answer.complete
+            by = f"after a {answer.event}" + (f", {answer.camera} camera" if answer.camera else "")
+            self.add(f'asked at {asked.time_s:.1f} s ({by}): "{answer.criterion}"? {said}', depth)
+
+    def last(self, items: Sequence[_Item], what: str, depth: int) -> Sequence[_Item]:
+        """The last few, after a line that counts the others."""
+        if len(items) > _SHOWN:
+            self.add(f"{len(items) - _SHOWN} {what}, then", depth)
+        return items[-_SHOWN:]
+
+    def _indent(self, depth: int) -> str:
+        return " " * min(_INDENT * depth, max(self.width - _LEAST, 0))

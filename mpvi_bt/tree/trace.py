@@ -1,0 +1,364 @@
+"""A trace: what became of every node, tick by tick, as JSONL that holds only what changed.
+
+`docs/trace.md` is the contract of the format; `executive/recorder.py` writes it. A trace may come from elsewhere, or be
+cut off by a kill, so reading bounds and checks everything, and drops a last line that is not whole.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, overload
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+
+from mpvi_bt.behaviors.registry import Value
+from mpvi_bt.errors import FileProblems, Problem, UserError
+from mpvi_bt.tree.spec import TreeSpec
+from mpvi_bt.tree.state import Ending, NodeState
+from mpvi_bt.tree.yaml_io import from_expanded
+
+VERSION = 1
+MAX_BYTES = 2**30
+_MAX_PROBLEMS = 20
+_SNAPSHOT_EVERY = 256  # ticks read again at most by a step back; Our choice: a few milliseconds
+_SAME_S = 1e-6
+
+_FIRST_KEY = re.compile(rb'\s*\{\s*"(\w+)"')
+_Count = Annotated[int, Field(ge=0)]
+_Time = Annotated[float, Field(ge=0)]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the completion checker said.
+
+    Attributes:
+        criterion: What was asked.
+        event: Kind of the event that prompted it.
+        complete: The answer.
+        reason: What made it think so.
+        path: Of the node that asked.
+        camera: Whose picture it was handed, or None.
+    """
+
+    criterion: str
+    event: str
+    complete: bool
+    reason: str
+    path: str
+    camera: str | None = None
+
+
+@dataclass(frozen=True)
+class Tick:
+    """What changed at a tick.
+
+    Attributes:
+        tick: Counted from 1.
+        time_s, wall_s: Simulated time, and wall time since recording began.
+        nodes: New states, by path.
+        blackboard: New values, None for a key that is gone.
+        queries: The completion checker's answers.
+        tree: The tree from this tick on, as `yaml_io.expanded` gives it, if a part of it was swapped.
+    """
+
+    __pydantic_config__ = ConfigDict(allow_inf_nan=False)
+
+    tick: Annotated[int, Field(ge=1)]
+    time_s: _Time
+    wall_s: _Time = 0.0
+    nodes: Mapping[str, NodeState] = field(default_factory=dict)
+    blackboard: Mapping[str, Value | None] = field(default_factory=dict)
+    queries: tuple[Answer, ...] = ()
+    tree: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class RootFailure:
+    """Why the root failed: a reason code, its evidence, and the node whose failure it was."""
+
+    reason: str
+    path: str
+    time_s: float
+    evidence: str = ""
+
+
+@dataclass(frozen=True)
+class Broken:
+    """The exception that ended a run: its message, and the path of the node that raised it, if one did."""
+
+    message: str
+    path: str = ""
+
+
+@dataclass(frozen=True)
+class End:
+    """How a run ended, and when: the last tick, simulated time, wall time since recording began."""
+
+    __pydantic_config__ = ConfigDict(allow_inf_nan=False)
+
+    ending: Annotated[Ending, Field(alias="end")]
+    tick: _Count
+    time_s: _Time
+    wall_s: _Time = 0.0
+    failure: RootFailure | None = None
+    error: Broken | None = None
+
+
+@dataclass(frozen=True)
+class _Header:
+    __pydantic_config__ = ConfigDict(allow_inf_nan=False)
+
+    trace: int
+    mpvi_bt: str
+    tree: dict[str, Any]
+    config: dict[str, Any] = field(default_factory=dict)
+    seed: int | None = None
+    started: str = ""
+
+
+_HEADER, _TICK, _END = TypeAdapter(_Header), TypeAdapter(Tick), TypeAdapter(End)
+
+
+class Ticks(Sequence[Tick]):
+    """The ticks of a trace, each parsed when it is asked for: a long trace need not fit in memory as objects."""
+
+    def __init__(self, lines: Sequence[bytes]) -> None:
+        self._lines = lines
+
+    def __len__(self) -> int:
+        return len(self._lines)
+
+    @overload
+    def __getitem__(self, i: int) -> Tick: ...
+
+    @overload
+    def __getitem__(self, i: slice) -> Sequence[Tick]: ...
+
+    def __getitem__(self, i: int | slice) -> Tick | Sequence[Tick]:
+        return Ticks(self._lines[i]) if isinstance(i, slice) else _TICK.validate_json(self._lines[i], strict=True)
+
+
+@dataclass
+class Moment:
+    """How everything stands after a tick; `apply` takes it to the next.
+
+    Attributes:
+        tree: In force.
+        time_s: Simulated time.
+        nodes: States by path as last recorded: times of running nodes are those of that record.
+        blackboard: By key.
+    """
+
+    tree: TreeSpec
+    time_s: float = 0.0
+    nodes: dict[str, NodeState] = field(default_factory=dict)
+    blackboard: dict[str, Value] = field(default_factory=dict)
+    _began: dict[str, float] = field(default_factory=dict)  # of running nodes that count time
+
+    def apply(self, tick: Tick) -> None:
+        """Take in the next tick."""
+        self.time_s = tick.time_s
+        if tick.tree is not None:
+            self.tree = from_expanded(tick.tree)
+            kept = {placed.path for placed in self.tree.nodes}
+            self.nodes = {path: state for path, state in self.nodes.items() if path in kept}
+            self._began = {path: began for path, began in self._began.items() if path in kept}
+        for path, state in tick.nodes.items():
+            if state.status == "RUNNING" and state.elapsed_s is not None:
+                began = tick.time_s - state.elapsed_s
+                if abs(began - self._began.get(path, -1.0)) > _SAME_S:
+                    self._began[path] = began
+            else:
+                self._began.pop(path, None)
+        self.nodes.update(tick.nodes)
+        for key, value in tick.blackboard.items():
+            if value is None:
+                self.blackboard.pop(key, None)
+            else:
+                self.blackboard[key] = value
+
+    def states(self) -> dict[str, NodeState]:
+        """Every node's state; the time of those that run goes on since the record."""
+        states = {placed.path: self.nodes.get(placed.path, _UNKNOWN) for placed in self.tree.nodes}
+        for path, began in self._began.items():
+            states[path] = dataclasses.replace(states[path], elapsed_s=self.time_s - began)
+        return states
+
+    def copy(self) -> Moment:
+        """Independent of this one."""
+        return Moment(self.tree, self.time_s, dict(self.nodes), dict(self.blackboard), dict(self._began))
+
+
+_UNKNOWN = NodeState()
+
+
+class Trace:
+    """A run that was recorded.
+
+    Attributes:
+        file: Path as the user gave it.
+        tree: As it was at the start.
+        mpvi_bt: The version that wrote it.
+        config: Of the run.
+        seed: Of the run, or None.
+        started: Date and time, ISO 8601, or "".
+        ticks: Those at which something changed.
+        end: How it ended; None where the trace was cut off.
+    """
+
+    def __init__(self, file: str, header: _Header, tree: TreeSpec, ticks: Ticks, end: End | None) -> None:
+        self.file, self.tree, self.ticks, self.end = file, tree, ticks, end
+        self.mpvi_bt, self.config = header.mpvi_bt, header.config
+        self.seed, self.started = header.seed, header.started
+        self._every = max(_SNAPSHOT_EVERY, len(tree.nodes))  # so that snapshots take no more memory than the trace
+        self._snapshots = [Moment(tree)]  # before tick 0, every, 2 every, ...
+        self._at, self._moment = 0, Moment(tree)  # before tick _at
+
+    @property
+    def cut(self) -> bool:
+        """Nothing says how the run ended: it was killed, or still goes on."""
+        return self.end is None
+
+    def states(self, i: int) -> dict[str, NodeState]:
+        """Every node's state after `ticks[i]`, by path, in the order of drawing."""
+        return self._after(i).states()
+
+    def blackboard(self, i: int) -> dict[str, Value]:
+        """The blackboard after `ticks[i]`."""
+        return dict(self._after(i).blackboard)
+
+    def tree_at(self, i: int) -> TreeSpec:
+        """The tree that was ticked at `ticks[i]`."""
+        return self._after(i).tree
+
+    def moments(self) -> Iterator[tuple[Tick, Moment]]:
+        """Each tick with how everything stands after it. The moment is the same object all the way."""
+        moment = Moment(self.tree)
+        for tick in self.ticks:
+            moment.apply(tick)
+            yield tick, moment
+
+    def _after(self, i: int) -> Moment:
+        if not -len(self.ticks) <= i < len(self.ticks):
+            raise IndexError(f"tick {i} of {len(self.ticks)}")
+        goal = i % len(self.ticks) + 1
+        nearest = min(goal // self._every, len(self._snapshots) - 1)
+        if not nearest * self._every <= self._at <= goal:
+            self._at, self._moment = nearest * self._every, self._snapshots[nearest].copy()
+        while self._at < goal:
+            self._moment.apply(self.ticks[self._at])
+            self._at += 1
+            if self._at == len(self._snapshots) * self._every:
+                self._snapshots.append(self._moment.copy())
+        return self._moment
+
+
+def read_trace(path: str | Path) -> Trace:
+    """The trace in a file, up to its last whole line.
+
+    Raises:
+        UserError: There is no such file, or it cannot be read.
+        FileProblems: It is no trace, of another version, too large, or broken before its last line.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            lines = file.readlines(MAX_BYTES)
+            if file.read(1):
+                raise FileProblems([Problem(str(path), 0, 0, "too-large", f"larger than {MAX_BYTES >> 20} MiB")])
+    except OSError as error:
+        raise UserError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from None
+    return _Lines(str(path), lines).read()
+
+
+class _Lines:
+    """Checks the lines of a trace, collecting problems."""
+
+    def __init__(self, file: str, lines: list[bytes]) -> None:
+        self.file, self.lines = file, lines
+        self.problems: list[Problem] = []
+        self.number = 1
+
+    def read(self) -> Trace:
+        header, tree = self._header()
+        end: End | None = None
+        paths = {placed.path for placed in tree.nodes}
+        last = 0
+        kept: list[bytes] = []
+        for line in self.lines[1:]:
+            self.number += 1
+            torn = self.number == len(self.lines) and not line.endswith(b"\n")
+            if end is not None and not torn:
+                self._problem("after-end", "a line after the one that ends the trace")
+            first = _FIRST_KEY.match(line)
+            read = self._parse(_END if first and first[1] == b"end" else _TICK, line, torn)
+            if isinstance(read, End):
+                end = read
+            elif read is not None:
+                if read.tree is not None and (swapped := self._tree(read.tree)):
+                    paths = {placed.path for placed in swapped.nodes}
+                if read.tick <= last:
+                    self._problem("order", f"tick {read.tick} after tick {last}")
+                if not read.nodes.keys() <= paths:
+                    stranger = next(iter(read.nodes.keys() - paths))
+                    self._problem("unknown-path", f"the tree has no node {stranger!r}")
+                last = read.tick
+                kept.append(line)
+            if len(self.problems) >= _MAX_PROBLEMS:
+                break
+        if self.problems:
+            raise FileProblems(self.problems)
+        return Trace(self.file, header, tree, Ticks(kept), end)
+
+    def _header(self) -> tuple[_Header, TreeSpec]:
+        line = self.lines[0] if self.lines else b""
+        first = _FIRST_KEY.match(line)
+        if first is None or first[1] != b"trace":
+            what = 'no trace of a run: its first line would begin with {"trace": 1'
+            raise FileProblems([Problem(self.file, 1, 1, "no-trace", what if line else "the file is empty")])
+        if not line.endswith(b"\n") and len(self.lines) == 1 and not _is_json(line):
+            raise FileProblems([Problem(self.file, 1, 1, "no-trace", "cut off within its first line")])
+        header = self._parse(_HEADER, line)
+        if header is not None and header.trace != VERSION:
+            self._problem("version", f"version {header.trace} of the format; this mpvi_bt reads version {VERSION}")
+        tree = self._tree(header.tree) if header is not None and not self.problems else None
+        if header is None or tree is None:
+            raise FileProblems(self.problems)
+        return header, tree
+
+    def _tree(self, data: dict[str, Any]) -> TreeSpec | None:
+        try:
+            return from_expanded(data)
+        except FileProblems as error:
+            for problem in error.problems[:_MAX_PROBLEMS]:
+                self._problem(problem.code, f"tree: {problem.message}")
+            return None
+
+    def _parse(self, adapter: TypeAdapter[Any], line: bytes, torn: bool = False) -> Any:
+        try:
+            return adapter.validate_json(line, strict=True)
+        except ValidationError as error:
+            if torn and not _is_json(line):
+                return None
+            for item in error.errors(include_url=False, include_input=False)[:_MAX_PROBLEMS]:
+                where = ".".join(map(str, item["loc"]))
+                column = re.search(r"at line 1 column (\d+)", item["msg"])
+                message = item["msg"].removesuffix(column[0]).strip() if column else item["msg"]
+                code = "syntax" if item["type"] == "json_invalid" else "invalid-value"
+                self._problem(code, f"{where}: {message}" if where else message, int(column[1]) if column else 1)
+            return None
+
+    def _problem(self, code: str, message: str, column: int = 1) -> None:
+        self.problems.append(Problem(self.file, self.number, column, code, message))
+
+
+def _is_json(line: bytes) -> bool:
+    try:
+        TypeAdapter(Any).validate_json(line)
+    except ValidationError:
+        return False
+    return True
