@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Query
@@ -31,6 +33,7 @@ class CheckComplete(Leaf):
         self.criterion, self.skill = criterion, skill
         self._cameras: dict[str, str] = {"grasp": "hand"}
         self._kinds: tuple[str, ...] | None = None
+        self._asked_about = criterion
         self._asked = 0
 
     def setup(self, **kwargs: object) -> None:
@@ -47,7 +50,7 @@ class CheckComplete(Leaf):
     def initialise(self) -> None:
         """Watch anew."""
         super().initialise()
-        self._asked = 0
+        self._asked_about = self.resolve(self.criterion)
         self.context.triggers.reset(self._kinds)
 
     def update(self) -> Status:
@@ -58,6 +61,20 @@ class CheckComplete(Leaf):
             return Status.RUNNING
         return Status.SUCCESS if self._ask(event) else Status.RUNNING
 
+    def terminate(self, new_status: Status) -> None:
+        """Forget how often it asked; not when it begins, so that a resumed run counts on."""
+        super().terminate(new_status)
+        self._asked = 0
+
+    def state(self) -> dict[str, Any]:
+        """How often it has asked."""
+        return super().state() | ({"asked": self._asked} if self._asked else {})
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Count on from there."""
+        super().restore(state)
+        self._asked = state.get("asked", 0)
+
     def _ask(self, event: TriggerEvent) -> bool:
         context = self.context
         camera: str | None = None
@@ -67,10 +84,10 @@ class CheckComplete(Leaf):
             with context.stopwatch("rendering"):
                 image = context.robot.look(camera)
         with context.stopwatch("checker"):
-            judgement = context.checker.check(self.criterion, image)
+            judgement = context.checker.check(self._asked_about, image)
         context.log.queries.append(
             Query(
-                self.criterion,
+                self._asked_about,
                 event.kind,
                 camera,
                 judgement.complete,

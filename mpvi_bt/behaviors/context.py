@@ -1,4 +1,4 @@
-"""What behaviors are handed at setup: the backends of one run, its clock, its log. No global blackboard."""
+"""What behaviors are handed at setup: the backends of one run, its clock, log and blackboard. Nothing is global."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import TracebackType
+from typing import Any
 
 from mpvi_bt.behaviors.protocols import Checker, Clock, Navigator, Policy, Triggers
+from mpvi_bt.behaviors.registry import Value
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.robot.protocol import Robot
 
@@ -22,12 +24,20 @@ class Failure:
         evidence: What was seen, one line for a person.
         path: Of the node that failed, names from the root joined by "/".
         time_s: When, in simulated time.
+        cause: The failure that led to this one, such as that of the last try; None if this is where it began.
     """
 
     reason: str
     evidence: str
     path: str
     time_s: float
+    cause: Failure | None = None
+
+    @staticmethod
+    def of(data: Mapping[str, Any]) -> Failure:
+        """The failure that `dataclasses.asdict` made `data` of."""
+        cause = data.get("cause")
+        return Failure(**{**data, "cause": Failure.of(cause) if cause else None})
 
 
 @dataclass(frozen=True)
@@ -112,6 +122,7 @@ class Context:
         skills: By name.
         log: Failures and queries so far.
         stopwatch: Where the wall time goes.
+        blackboard: Values that nodes leave for each other, by key; of this run alone.
     """
 
     clock: Clock
@@ -123,3 +134,4 @@ class Context:
     skills: Mapping[str, Skill] = field(default_factory=dict)
     log: Log = field(default_factory=Log)
     stopwatch: Stopwatch = field(default_factory=Stopwatch)
+    blackboard: dict[str, Value] = field(default_factory=dict)

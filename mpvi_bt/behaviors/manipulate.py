@@ -27,12 +27,14 @@ class Manipulate(Leaf):
     def __init__(self, name: str, prompt: str) -> None:
         super().__init__(name)
         self.prompt = prompt
+        self._said = prompt
         self._chunk: deque[Array] = deque()
 
     def initialise(self) -> None:
         """Hand over to the policy."""
         super().initialise()
         self._chunk.clear()
+        self._said = self.resolve(self.prompt)
         with self.context.stopwatch("policy"):
             self.context.policy.reset()
 
@@ -55,7 +57,7 @@ class Manipulate(Leaf):
             images = {camera: context.robot.look(camera) for camera in context.policy.cameras}
         with context.stopwatch("policy"):
             observation = {
-                "prompt": self.prompt,
+                "prompt": self._said,
                 "proprioception": context.robot.proprioception(),
                 "images": images,
             }

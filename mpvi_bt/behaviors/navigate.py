@@ -24,8 +24,9 @@ class Navigate(Leaf):
     def initialise(self) -> None:
         """Start driving."""
         super().initialise()
+        target, room = self.resolve(self.target), self.room and self.resolve(self.room)
         with self.context.stopwatch("navigation"):
-            self.context.navigator.start(self.target, self.room)
+            self.context.navigator.start(target, room)
 
     def update(self) -> Status:
         """Drive one step."""

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
-from py_trees.decorators import Decorator
 
-from mpvi_bt.behaviors.node import Node
+from mpvi_bt.behaviors.node import Decorator
+from mpvi_bt.behaviors.registry import duration_text
+from mpvi_bt.behaviors.timer import Timer
 
-_SLACK_S = 1e-6  # a step's time is a sum of thirtieths: let rounding not cost a step
 
-
-class Timeout(Node, Decorator):
-    """FAILURE with reason "timeout" if the child has run for `limit` seconds of simulated time.
+class Timeout(Decorator):
+    """FAILURE with reason "timeout" if the child has run for `limit` of simulated time.
 
     The late-success rule: at the tick in which the time is up the child is still ticked, and if that ends it, its own
     status stands; only a child that is RUNNING after it is cut off (and told, by terminate(INVALID)).
@@ -20,30 +21,55 @@ class Timeout(Node, Decorator):
     Args:
         name: In the tree.
         child: What is limited.
-        limit: Simulated time [s], above 0.
+        limit: Simulated time [s], above 0, or control steps such as "90 steps".
 
     Attributes:
         elapsed_s: How long the child has run in this round.
+        limit_s: What that may reach; of steps, what they take at the control rate.
     """
 
-    def __init__(self, name: str, child: Behaviour, limit: float) -> None:
-        super().__init__(name=name, child=child)
-        self.limit_s = limit
+    def __init__(self, name: str, child: Behaviour, limit: float | str) -> None:
+        super().__init__(name, child)
+        self._text = duration_text(limit)
+        self._timer = Timer(limit)
+        self.limit_s = self._timer.limit_s
         self.elapsed_s = 0.0
-        self._started_s = 0.0
 
     def initialise(self) -> None:
         """Start counting."""
         super().initialise()
-        self._started_s = self.context.clock.time_s
+        self._timer.start(self.context.clock)
         self.elapsed_s = 0.0
 
     def update(self) -> Status:
         """The child's status, unless the time is up."""
-        self.elapsed_s = self.context.clock.time_s - self._started_s
+        clock = self.context.clock
+        self.elapsed_s = self._timer.elapsed_s(clock)
         status = self.decorated.status
-        if status == Status.RUNNING and self.elapsed_s >= self.limit_s - _SLACK_S:
-            tip = self.decorated.tip()
-            last = tip.feedback_message if tip else ""
-            return self.fail("timeout", f"not done within {self.limit_s:g} s" + (f" ({last})" if last else ""))
+        if status is Status.RUNNING and self._timer.is_up(clock):
+            tip = _still_running(self.decorated)
+            said = f" ({tip.feedback_message})" if tip.feedback_message else ""
+            return self.fail(
+                "timeout", f"not done within {self._text}: still at {getattr(tip, 'path', tip.name)}{said}"
+            )
         return status
+
+    def state(self) -> dict[str, Any]:
+        """How long the child has run."""
+        if self.status is Status.INVALID:
+            return super().state()
+        running = self.status is Status.RUNNING
+        elapsed_s = self._timer.elapsed_s(self.context.clock) if running else self.elapsed_s
+        return {**super().state(), "elapsed_s": elapsed_s}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Count on from there."""
+        super().restore(state)
+        self.elapsed_s = state.get("elapsed_s", 0.0)
+        self._timer.start(self.context.clock, self.elapsed_s)
+
+
+def _still_running(node: Behaviour) -> Behaviour:
+    """The deepest node below that is RUNNING; where several are side by side, the last."""
+    running = [child for child in node.children if child.status is Status.RUNNING]
+    return _still_running(running[-1]) if running else node
