@@ -16,6 +16,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any, Literal
 
 
 class MpviError(Exception):
@@ -43,9 +44,8 @@ class UnknownName(UserError):
     def __init__(self, kind: str, given: str, known: Iterable[str], where: str = "") -> None:
         self.kind, self.given, self.known = kind, given, sorted(known)
         self.nearest = nearest(given, self.known)
-        hint = f" Did you mean {self.nearest!r}?" if self.nearest else ""
-        choices = ", ".join(self.known[:12]) + (f", ... ({len(self.known)} in all)" if len(self.known) > 12 else "")
-        super().__init__(f"{where + ': ' if where else ''}unknown {kind} {given!r}.{hint} Known: {choices or 'none'}.")
+        hint = did_you_mean(self.nearest, self.known)
+        super().__init__(f"{where + ': ' if where else ''}unknown {kind} {shown(given)}.{hint}")
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,12 @@ class Problem:
         file: Path as the user gave it.
         line: 1-based line, 0 if the problem has no place in the file.
         column: 1-based column, 0 likewise.
-        code: Stable, such as "unknown-key".
+        code: Stable, such as "unknown-key"; docs/codes.md says how each is mended.
         message: What was given and what would be valid.
+        severity: "error", or "warning": the file can be used, but hardly does what was meant.
+        nearest: The valid name closest to what was given, if a name was.
+        known: Every valid name, if a name was given.
+        pointer: Where in the file's data it is, as a JSON pointer such as "/root/children/0/navigate"; "" is all of it.
     """
 
     file: str
@@ -65,10 +69,15 @@ class Problem:
     column: int
     code: str
     message: str
+    severity: Literal["error", "warning"] = "error"
+    nearest: str | None = None
+    known: tuple[str, ...] = ()
+    pointer: str = ""
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
-        return f"{place}: {self.message} [{self.code}]"
+        kind = "warning: " if self.severity == "warning" else ""
+        return f"{place}: {kind}{self.message} [{self.code}]"
 
 
 class FileProblems(UserError):
@@ -106,5 +115,22 @@ class NodeError(MpviError):
 
 def nearest(given: str, known: Iterable[str]) -> str | None:
     """The known name closest to `given`, or None if none is near."""
+    if len(given) > 300:  # no name is; comparing would take long
+        return None
     matches = difflib.get_close_matches(given, list(known), n=1, cutoff=0.55)
     return matches[0] if matches else None
+
+
+def did_you_mean(near: str | None, known: Sequence[str], most: int = 12) -> str:
+    """The end of a message about a name that is not known: the nearest one, and the first `most` of all."""
+    hint = f" Did you mean {near!r}?" if near else ""
+    more = f", ... ({len(known)} in all)" if len(known) > most else ""
+    return f"{hint} Known: {', '.join(known[:most]) or 'none'}{more}."
+
+
+def shown(value: Any) -> str:
+    """A value as a message quotes it: on one line, and no longer than 60 characters."""
+    if isinstance(value, dict | list):
+        return "a mapping" if isinstance(value, dict) else "a list"
+    text = repr(value[:60] if isinstance(value, str) else value)
+    return text if len(text) <= 60 else text[:57] + "..."

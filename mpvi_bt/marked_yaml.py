@@ -22,11 +22,12 @@ from typing import Any, TypeVar, Union
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from mpvi_bt.errors import FileProblems, Problem, UserError, nearest
+from mpvi_bt.errors import FileProblems, Problem, UserError, did_you_mean, nearest, shown
 
-MAX_BYTES = 8 * 2**20
-MAX_NODES = 200_000
+MAX_BYTES = 2 * 2**20
+MAX_NODES = 60_000
 MAX_DEPTH = 200
+MAX_PROBLEMS = 200  # of one file; who wants to mend more begins with these
 
 Location = tuple[str | int, ...]
 Model = TypeVar("Model", bound=BaseModel)
@@ -74,10 +75,28 @@ class Marks:
                 found = (*found, part)
         return found
 
-    def problem(self, location: Iterable[str | int], code: str, message: str, key: bool = False) -> Problem:
-        """A problem at that location, for checks that a model cannot express."""
+    def problem(
+        self, location: Iterable[str | int], code: str, message: str, key: bool = False, **more: Any
+    ) -> Problem:
+        """A problem at that location, for checks that a model cannot express. `more`: further fields of it."""
+        location = tuple(location)
         line, column = self.at(location, key)
-        return Problem(self.file, line, column, code, message)
+        return Problem(self.file, line, column, code, message, pointer=pointer(self.known(location)), **more)
+
+    def unknown(
+        self, location: Iterable[str | int], kind: str, given: str, known: Iterable[str], key: bool = False
+    ) -> Problem:
+        """The problem of a name that is not known, such as a room that the house does not have."""
+        names = sorted(known)
+        near = nearest(given, names)
+        message = f"unknown {kind} {shown(given)}.{did_you_mean(near, names)}"
+        code = f"unknown-{kind.replace(' ', '-')}"
+        return self.problem(location, code, message, key, nearest=near, known=tuple(names))
+
+
+def pointer(location: Location) -> str:
+    """A location as a JSON pointer (RFC 6901)."""
+    return "".join(f"/{str(part).replace('~', '~0').replace('/', '~1')}" for part in location)
 
 
 def load_marked(path: str | Path) -> tuple[Any, Marks]:
@@ -85,25 +104,49 @@ def load_marked(path: str | Path) -> tuple[Any, Marks]:
 
     Raises:
         UserError: There is no such file, or it cannot be read.
-        FileProblems: It is not valid YAML, has duplicate keys or is too large.
+        FileProblems: It is not valid YAML (or JSON, if that is its name), has duplicate keys or is too large.
     """
-    file = Path(path)
+    return parse_marked(read_text(path), str(path))
+
+
+def read_text(path: str | Path) -> str:
+    """The text of a file, whatever ends its lines there. Raises as `load_marked`."""
     try:
-        if file.is_file() and file.stat().st_size > MAX_BYTES:
-            raise FileProblems([Problem(str(path), 0, 0, "too-large", f"larger than {MAX_BYTES >> 20} MiB")])
-        text = file.read_text(encoding="utf-8-sig")
+        with Path(path).open("rb") as file:
+            content = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:  # ValueError: NUL in the name
+        reason = getattr(error, "strerror", None) or "cannot be read"
+        raise UserError(f"{path}: {reason.lower()}") from None
+    if len(content) > MAX_BYTES:
+        raise FileProblems([Problem(str(path), 0, 0, "too-large", f"larger than {MAX_BYTES >> 20} MiB")])
+    try:
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise FileProblems([Problem(str(path), 0, 0, "encoding", f"not UTF-8 text ({error.reason})")]) from None
-    except OSError as error:
-        raise UserError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from None
-    return parse_marked(text, str(path))
+        before = content[: error.start].decode("utf-8", "replace")
+        message = f"not UTF-8 text ({error.reason}: byte {content[error.start]:#04x})"
+        raise FileProblems([Problem(str(path), *_place(before, len(before)), "encoding", message)]) from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def parse_marked(text: str, name: str) -> tuple[Any, Marks]:
     """As `load_marked`, of a text that `name` stands for in problems."""
-    if name.endswith(".json"):  # YAML knows no surrogate pairs
-        text = _SURROGATES.sub(lambda pair: json.loads(f'"{pair.group()}"'), text)
+    if name.endswith(".json"):
+        _check_json(text, name)
+        text = _SURROGATES.sub(lambda pair: json.loads(f'"{pair.group()}"'), text)  # YAML knows no surrogate pairs
     return _Reader(text, name).read()
+
+
+def _check_json(text: str, name: str) -> None:
+    """Raise FileProblems if a text is YAML perhaps, but not JSON."""
+    if not text.strip():
+        return  # "empty" is said elsewhere
+    try:
+        json.loads(text, parse_int=float)
+    except json.JSONDecodeError as error:
+        message = f"not valid JSON: {error.msg[:1].lower()}{error.msg[1:]}"
+        raise FileProblems([Problem(name, error.lineno, error.colno, "syntax", message)]) from None
+    except RecursionError:
+        return  # "too-deep" is said elsewhere
 
 
 def validate(path: str | Path, model: type[Model]) -> Model:
@@ -116,8 +159,8 @@ def validate(path: str | Path, model: type[Model]) -> Model:
     return validate_data(*load_marked(path), model)
 
 
-def validate_data(data: Any, marks: Marks, model: type[Model]) -> Model:
-    """As `validate`, of data that is already loaded.
+def validate_data(data: Any, marks: Marks, model: type[Model], at: Location = ()) -> Model:
+    """As `validate`, of data that is already loaded, or of the part of a file's data that stands `at` a location.
 
     Raises:
         FileProblems: Everything that is wrong with it.
@@ -125,7 +168,7 @@ def validate_data(data: Any, marks: Marks, model: type[Model]) -> Model:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise FileProblems(problems_of(error, marks, model)) from None
+        raise FileProblems(problems_of(error, marks, model, at)) from None
 
 
 class _Reader:
@@ -136,71 +179,106 @@ class _Reader:
         self.problems: list[Problem] = []
         self.count = 0
         self.anchors: dict[str, list[Any]] = {}
-        self.recording: list[list[Any]] = []
         self.text = text
+        self.events: Iterator[Any] = iter(())
+        self.record: list[Any] = []  # events within an anchored node, so that its aliases can be read again
+        self.recording = 0
+        self.long_quote: tuple[Any, Any] | None = None  # marks of the last quoted text of more than one line
 
     def read(self) -> tuple[Any, Marks]:
-        name = self.marks.file
+        data: Any = None
         try:
             loader = _Loader(self.text)
             try:
-                data = self._document(iter(loader.get_event, None))
+                self.events = iter(loader.get_event, None)
+                data = self._document()
             finally:
                 loader.dispose()
         except yaml.MarkedYAMLError as error:
-            mark = error.problem_mark or error.context_mark
-            # At the end of a text without a last newline libyaml points at a line that is not there.
-            line, column = _place(self.text, min(mark.index, len(self.text.rstrip()))) if mark else (0, 0)
-            what = " ".join(filter(None, (error.context, error.problem)))
-            self.problems.append(Problem(name, line, column, "syntax", f"not valid YAML: {what}"))
+            self._syntax(error)
         except yaml.reader.ReaderError as error:
-            line, column = _place(self.text, error.position)
-            self.problems.append(Problem(name, line, column, "syntax", f"not valid YAML: {error.reason}"))
+            self.problems.append(self._problem(*_place(self.text, error.position), "syntax", error.reason))
         if self.problems:
             raise FileProblems(self.problems)
         return data, self.marks
 
-    def _document(self, events: Iterator[Any]) -> Any:
+    def _syntax(self, error: yaml.MarkedYAMLError) -> None:
+        """The parser's words where it stopped; and where the cause may be, if that is elsewhere."""
+        mark, start = error.problem_mark or error.context_mark, error.context_mark
+        what = " ".join(filter(None, (error.context, error.problem)))
+        # At the end of a text without a last newline libyaml points at a line that is not there.
+        end = len(self.text.rstrip())
+        place = _place(self.text, min(mark.index, end)) if mark else (0, 0)
+        self.problems.append(self._problem(*place, "syntax", f"not valid YAML: {what}"))
+        scanning = (error.context or "").startswith("while scanning")
+        if start and (scanning or mark.index >= end) and start.line + 1 < place[0]:
+            message = f"what begins here is not closed; line {place[0]} no longer fits"
+            self.problems.append(self._problem(start.line + 1, start.column + 1, "syntax", message))
+        if self.long_quote:
+            first, last = self.long_quote
+            message = f"this quoted text goes on to line {last.line + 1}; is its closing quote missing?"
+            self.problems.append(self._problem(first.line + 1, first.column + 1, "syntax", message))
+
+    def _problem(self, line: int, column: int, code: str, message: str) -> Problem:
+        return Problem(self.marks.file, line, column, code, message)
+
+    def _next(self) -> Any:
+        event = next(self.events)
+        if self.recording:
+            self.record.append(event)
+        return event
+
+    def _document(self) -> Any:
         data: Any = None
         seen = False
-        for event in events:
+        for event in self.events:
             if isinstance(event, yaml.DocumentStartEvent):
                 if seen:
                     self._refuse(event, "syntax", "a second document; one file holds one")
+                    break
                 seen = True
-                data = self._node(next(events), events, (), 0)
+                data = self._node(self._next(), (), 0)
         if not seen:
             self._stop(1, 1, "empty", "the file is empty")
         return data
 
-    def _node(self, event: Any, events: Iterator[Any], location: Location, depth: int) -> Any:
-        line, column = event.start_mark.line + 1, event.start_mark.column + 1
+    def _node(self, event: Any, location: Location, depth: int) -> Any:
+        mark = event.start_mark
+        line, column = mark.line + 1, mark.column + 1
         self.count += 1
         if self.count > MAX_NODES:
             self._stop(line, column, "too-large", f"more than {MAX_NODES} values")
         if depth > MAX_DEPTH:
             self._stop(line, column, "too-deep", f"nested more than {MAX_DEPTH} deep")
         self.marks.values[location] = (line, column)
-        if isinstance(event, yaml.AliasEvent):
+        kind = type(event)
+        if kind is yaml.AliasEvent:
             return self._alias(event, location, depth)
-        if event.tag is not None and not (event.tag == "!" and isinstance(event, yaml.ScalarEvent)):
-            self._refuse(event, "tag", f"tags such as {event.tag!r} are not supported")
+        if event.tag is not None and not (event.tag == "!" and kind is yaml.ScalarEvent):
+            self._refuse(event, "tag", f"tags such as {event.tag!r:.60} are not supported")
         if event.anchor is not None:
-            return self._anchored(event, events, location, depth)
-        if isinstance(event, yaml.ScalarEvent):
-            return plain_scalar(event.value) if not event.style and event.tag is None else event.value
-        if isinstance(event, yaml.SequenceStartEvent):
+            return self._anchored(event, location, depth)
+        if kind is yaml.ScalarEvent:
+            return self._scalar(event)
+        if kind is yaml.SequenceStartEvent:
             items: list[Any] = []
-            while not isinstance(child := next(events), yaml.SequenceEndEvent):
-                items.append(self._node(child, events, (*location, len(items)), depth + 1))
+            while type(child := self._next()) is not yaml.SequenceEndEvent:
+                items.append(self._node(child, (*location, len(items)), depth + 1))
             return items
-        return self._mapping(events, location, depth)
+        return self._mapping(location, depth)
 
-    def _mapping(self, events: Iterator[Any], location: Location, depth: int) -> dict[str, Any]:
+    def _scalar(self, event: Any) -> Any:
+        if not event.style:
+            return plain_scalar(event.value) if event.tag is None else event.value
+        if event.style in "'\"" and event.end_mark.line > event.start_mark.line:
+            self.long_quote = event.start_mark, event.end_mark
+        return event.value
+
+    def _mapping(self, location: Location, depth: int) -> dict[str, Any]:
         mapping: dict[str, Any] = {}
-        while not isinstance(key := next(events), yaml.MappingEndEvent):
+        while type(key := self._next()) is not yaml.MappingEndEvent:
             place = (key.start_mark.line + 1, key.start_mark.column + 1)
-            if not isinstance(key, yaml.ScalarEvent):
+            if type(key) is not yaml.ScalarEvent:
                 self._stop(*place, "syntax", "a key must be plain text")
             name = str(key.value)
             if name in mapping:
@@ -209,36 +287,39 @@ class _Reader:
                 name += " (again)"  # keeps the first one's marks; the file is refused anyway
             here = (*location, name)
             self.marks.keys[here] = place
-            mapping[name] = self._node(next(events), events, here, depth + 1)
+            mapping[name] = self._node(self._next(), here, depth + 1)
         return mapping
 
-    def _anchored(self, event: Any, events: Iterator[Any], location: Location, depth: int) -> Any:
+    def _anchored(self, event: Any, location: Location, depth: int) -> Any:
         """Remember the events of a node, so that its aliases are read again, each counted against the limit."""
         anchor, event.anchor = event.anchor, None
-        record: list[Any] = [event]
-        data = self._node(event, _tee(events, record), location, depth)
-        self.anchors[anchor] = record
+        if not self.recording:
+            self.record = [event]
+        begin = len(self.record) - 1
+        self.recording += 1
+        data = self._node(event, location, depth)
+        self.recording -= 1
+        self.anchors[anchor] = self.record[begin:]
         return data
 
     def _alias(self, event: Any, location: Location, depth: int) -> Any:
         if event.anchor not in self.anchors:
             self._refuse(event, "alias", f"*{event.anchor} is not defined above, or contains itself")
             return None
-        again = iter(self.anchors[event.anchor])
-        return self._node(next(again), again, location, depth + 1)
+        events, recording = self.events, self.recording
+        self.events, self.recording = iter(self.anchors[event.anchor]), 0
+        data = self._node(self._next(), location, depth + 1)
+        self.events, self.recording = events, recording
+        return data
 
     def _refuse(self, event: Any, code: str, message: str) -> None:
         mark = event.start_mark
-        self.problems.append(Problem(self.marks.file, mark.line + 1, mark.column + 1, code, message))
+        self.problems.append(self._problem(mark.line + 1, mark.column + 1, code, message))
+        if len(self.problems) >= MAX_PROBLEMS:
+            raise FileProblems(self.problems)
 
     def _stop(self, line: int, column: int, code: str, message: str) -> typing.NoReturn:
-        raise FileProblems([*self.problems, Problem(self.marks.file, line, column, code, message)])
-
-
-def _tee(events: Iterator[Any], record: list[Any]) -> Iterator[Any]:
-    for event in events:
-        record.append(event)
-        yield event
+        raise FileProblems([*self.problems, self._problem(line, column, code, message)])
 
 
 def plain_scalar(text: str) -> Any:
@@ -278,6 +359,12 @@ _SHAPES = {
     "string_type": "should be text",
     "float_type": "should be a number",
     "float_parsing": "should be a number",
+    "int_type": "should be a whole number",
+    "int_parsing": "should be a whole number",
+    "int_from_float": "should be a whole number",
+    "bool_type": "should be true or false",
+    "bool_parsing": "should be true or false",
+    "finite_number": "should be a finite number",
 }
 
 
@@ -288,7 +375,7 @@ def problems_of(
     at: Location = (),
     keys: Mapping[str, str] | None = None,
 ) -> list[Problem]:
-    """A validation error as problems, each once.
+    """A validation error as problems, each once; `MAX_PROBLEMS` at most.
 
     Args:
         error: What pydantic says.
@@ -297,7 +384,11 @@ def problems_of(
         at: Where in the file the model's data stands.
         keys: Names of fields that the file writes otherwise, to what it writes.
     """
-    found = {(p.line, p.column, p.message): p for p in _problems(error, marks, model, at, keys or {})}
+    found = {}
+    for problem in _problems(error, marks, model, at, keys or {}):
+        found[problem.line, problem.column, problem.message] = problem
+        if len(found) >= MAX_PROBLEMS:
+            break
     return list(found.values())
 
 
@@ -312,36 +403,29 @@ def _problems(
         location: Location = (*at, *(keys.get(str(part), part) for part in inner[:1]), *inner[1:])
         last = str(location[-1]) if location else ""
         message = item["msg"].removeprefix("Value error, ").removeprefix("Input ")
+        known: list[str] = []
+        near = None
         if kind == "missing":
             message = f"missing key {last!r}"
         elif kind == "extra_forbidden":
-            message = f"unknown key {last!r}." + _hint(last, fields_at(model, inner[:-1]))
+            known = sorted(fields_at(model, inner[:-1]))
+            near = nearest(last, known)
+            message = f"unknown key {shown(last)}.{did_you_mean(near, known, 99)}"
         elif kind == "union_tag_not_found":
             message = f"missing key {str(context.get('discriminator', '')).strip(chr(39))!r}"
         elif kind in ("literal_error", "enum", "union_tag_invalid"):
             given = context.get("tag", item["input"])
-            choices = re.findall(r"'([^']*)'", str(context.get("expected", context.get("expected_tags", ""))))
-            message = f"{given!r} is not valid." + _hint(str(given), choices)
+            known = sorted(re.findall(r"'([^']*)'", str(context.get("expected", context.get("expected_tags", "")))))
+            near = nearest(str(given), known)
+            message = f"{shown(given)} is not valid.{did_you_mean(near, known, 99)}"
             if kind == "union_tag_invalid":
                 location = (*location, str(context["discriminator"]).strip("'"))
         elif kind == "value_error" or marks.known(location) != location:
             pass  # the validator's own words; or a part of a union that the file does not name
         else:
-            message = f"{_SHAPES.get(kind, message)}, not {_short(item['input'])}"
-        yield marks.problem(location, _CODES.get(kind, kind.replace("_", "-")), message, kind == "extra_forbidden")
-
-
-def _hint(given: str, known: Iterable[str]) -> str:
-    names = sorted(known)
-    near = nearest(given, names)
-    return (f" Did you mean {near!r}?" if near else "") + (f" Known: {', '.join(names)}." if names else "")
-
-
-def _short(value: Any) -> str:
-    if isinstance(value, dict | list):
-        return "a mapping" if isinstance(value, dict) else "a list"
-    text = repr(value)
-    return text if len(text) <= 40 else text[:37] + "..."
+            message = f"{_SHAPES.get(kind, message)}, not {shown(item['input'])}"
+        code, key = _CODES.get(kind, kind.replace("_", "-")), kind == "extra_forbidden"
+        yield marks.problem(location, code, message, key, nearest=near, known=tuple(known))
 
 
 def fields_at(model: type[BaseModel], location: Iterable[str | int]) -> set[str]:

@@ -173,6 +173,7 @@ def test_small_house_is_valid(tmp_path: Path) -> None:
             ('    floor: "#aaaaaa"\n    walls: "#eeeeee"\n    fix', "    floor: gray\n    walls: tan\n    fix"),
         ),
         ("fixture-overlap", 11, ("yaw_deg: 90}\n", f"yaw_deg: 90}}\n      other: {SOFA}\n")),
+        ("cut-off", 9, ("doorways:\n  - {between: [hall, den], at: [4.0, 2.0], width_m: 1.0}\n", "")),
         ("duplicate-fixture", 16, (DEN, f"{DEN}    fixtures:\n      sofa: {SOFA}\n")),
     ],
 )

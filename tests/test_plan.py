@@ -149,7 +149,14 @@ def test_clauses_split_what_the_compiler_joined() -> None:
 
 
 @pytest.mark.parametrize(
-    ("phrase", "what"), [("a {objekt}", "Did you mean 'object'"), ("a {hand} {hand}", "twice"), ("(a|b", "brackets")]
+    ("phrase", "what"),
+    [
+        ("a {objekt}", "Did you mean 'object'"),
+        ("a {hand} {hand}", "twice"),
+        ("(a|b", "brackets"),
+        ("pick up {object[ with the {hand} hand]", "other half"),
+        ("pick up object}", "other half"),
+    ],
 )
 def test_a_bad_phrase_is_refused(phrase: str, what: str) -> None:
     """Unknown slots, slots given twice and open brackets are told apart."""

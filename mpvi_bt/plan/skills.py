@@ -31,7 +31,7 @@ def pattern(phrase: str) -> re.Pattern[str]:
     """The regular expression of a phrase.
 
     Raises:
-        ValueError: An unknown slot, one slot twice, or brackets that do not close.
+        ValueError: An unknown slot, one slot twice, or brackets or braces that do not close.
     """
     source = ""
     seen: set[str] = set()
@@ -44,6 +44,8 @@ def pattern(phrase: str) -> re.Pattern[str]:
                 raise ValueError(f"slot {slot!r} twice in one phrase")
             seen.add(slot)
             source += f"(?P<{slot}>{_HANDS})" if slot == "hand" else rf"(?P<{slot}>\S(?:.*?\S)?)"
+        elif text in "{}":
+            raise ValueError(f"a {text!r} without its other half; a slot is written {{object}}")
         else:
             source += _BRACKETS.get(text) or re.escape(text)
     try:

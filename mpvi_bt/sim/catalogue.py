@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from pydantic import Field, StringConstraints
 
 from mpvi_bt import paths
-from mpvi_bt.errors import FileProblems, Problem, UnknownName, nearest
+from mpvi_bt.errors import FileProblems, Problem, UnknownName
 from mpvi_bt.marked_yaml import Location, Marks, Record, load_marked, validate_data
 from mpvi_bt.perception.knowledge import normalize
 from mpvi_bt.sim.description import Description
@@ -121,7 +121,7 @@ def load_catalogue(path: str | Path | None = None) -> Catalogue:
     for name, given in file.entries.items():
         place: Location = ("entries", name)
         if given.family not in FAMILIES:
-            problems.append(unknown(marks, (*place, "family"), "family", given.family, FAMILIES))
+            problems.append(marks.unknown((*place, "family"), "family", given.family, FAMILIES))
             continue
         problems += shape_problems(marks, (*place, "shape"), given.family, given.shape)
         words = re.sub(r"[_\W]+", " ", given.synset.rsplit(".", 2)[0])
@@ -135,15 +135,8 @@ def load_catalogue(path: str | Path | None = None) -> Catalogue:
 
 def shape_problems(marks: Marks, place: Location, family: str, shape: Mapping[str, Any]) -> list[Problem]:
     """What is wrong with the parameters of a family that stand at `place` of a file."""
-    depth = len(place)
-    inner = Marks(
-        marks.file,
-        {at[depth:]: mark for at, mark in marks.values.items() if at[:depth] == place},
-        {at[depth:]: mark for at, mark in marks.keys.items() if at[:depth] == place and len(at) > depth},
-    )
-    inner.values.setdefault((), marks.at(place))
     try:
-        validate_data(dict(shape), inner, parameters(family))
+        validate_data(dict(shape), marks, parameters(family), place)
     except FileProblems as found:
         return list(found.problems)
     solids = (part.solid for body in describe(family, shape).bodies for part in body.parts)
@@ -152,13 +145,3 @@ def shape_problems(marks: Marks, place: Location, family: str, shape: Mapping[st
             marks.problem(place, "impossible-shape", f"a {family} of these dimensions would have parts without size")
         ]
     return []
-
-
-def unknown(marks: Marks, place: Location, kind: str, given: str, known: Mapping[str, Any]) -> Problem:
-    """The problem of a name that is not known, with the nearest one."""
-    near = nearest(given, known)
-    hint = f" Did you mean {near!r}?" if near else ""
-    names = sorted(known)
-    others = f", ... ({len(names)} in all)" if len(names) > 12 else ""
-    message = f"unknown {kind} {given!r}.{hint} Known: {', '.join(names[:12])}{others}."
-    return marks.problem(place, f"unknown-{kind.replace(' ', '-')}", message)

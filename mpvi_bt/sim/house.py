@@ -14,7 +14,7 @@ from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, Problem, UnknownName
 from mpvi_bt.marked_yaml import Location, Marks, Record, load_marked, validate_data
 from mpvi_bt.robot.solids import Array, Solid, pose
-from mpvi_bt.sim.catalogue import Catalogue, Entry, load_catalogue, shape_problems, unknown
+from mpvi_bt.sim.catalogue import Catalogue, Entry, load_catalogue, shape_problems
 from mpvi_bt.sim.dimensions import Coordinate, Length, Rgb
 from mpvi_bt.sim.overlap import penetration
 from mpvi_bt.sim.rooms import PANEL_M, Doorway, Rect, Room, Wall, shared_wall, walls
@@ -135,7 +135,8 @@ def load_house(house: str | Path = "family_house", catalogue: Catalogue | None =
     problems += _room_problems(rooms, marks)
     doorways, doorway_problems = _doorways(file, rooms, marks)
     fixtures, fixture_problems = _fixtures(file, rooms, catalogue, marks)
-    problems += doorway_problems + fixture_problems
+    problems += doorway_problems or _cut_off(rooms, doorways, marks)
+    problems += fixture_problems
     if problems:
         raise FileProblems(problems)
     panels = walls(rooms.values(), doorways, file.outside, file.wall_height_m, file.hedge_height_m)
@@ -171,7 +172,7 @@ def _doorways(file: HouseFile, rooms: Mapping[str, Room], marks: Marks) -> tuple
         place: Location = ("doorways", k)
         strange = [(j, name) for j, name in enumerate(given.between) if name not in rooms]
         if strange:
-            problems += [unknown(marks, (*place, "between", j), "room", name, rooms) for j, name in strange]
+            problems += [marks.unknown((*place, "between", j), "room", name, rooms) for j, name in strange]
             continue
         a, b = (rooms[name] for name in given.between)
         shared = shared_wall(a, b)
@@ -194,6 +195,20 @@ def _doorways(file: HouseFile, rooms: Mapping[str, Room], marks: Marks) -> tuple
     return doorways, problems
 
 
+def _cut_off(rooms: Mapping[str, Room], doorways: Iterable[Doorway], marks: Marks) -> list[Problem]:
+    """Rooms that no way leads to from the first one."""
+    doors = [set(doorway.rooms) for doorway in doorways]
+    first = next(iter(rooms))
+    reached = {first}
+    while new := [door for door in doors if door & reached and door - reached]:
+        reached = reached.union(*new)
+    return [
+        marks.problem(("rooms", name), "cut-off", f"no doorways lead from {first!r} to {name!r}", key=True)
+        for name in rooms
+        if name not in reached
+    ]
+
+
 def _fixtures(
     file: HouseFile, rooms: Mapping[str, Room], catalogue: Catalogue, marks: Marks
 ) -> tuple[dict[str, Fixture], list[Problem]]:
@@ -208,7 +223,7 @@ def _fixtures(
                 problems.append(marks.problem(place, "duplicate-fixture", message, key=True))
                 continue
             if given.entry not in catalogue.entries:
-                problems.append(unknown(marks, (*place, "entry"), "catalogue entry", given.entry, catalogue.entries))
+                problems.append(marks.unknown((*place, "entry"), "catalogue entry", given.entry, catalogue.entries))
                 continue
             entry = catalogue[given.entry].reshaped(given.shape)
             if given.shape and (wrong := shape_problems(marks, (*place, "shape"), entry.family, entry.shape)):

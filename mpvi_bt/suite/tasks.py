@@ -130,7 +130,7 @@ def load_suite(name: str) -> Suite:
         try:
             loaded = load_task(task)
         except UnknownName as error:
-            problems.append(marks.problem(("tasks", i), "unknown-task", str(error)))
+            problems.append(marks.unknown(("tasks", i), "task", task, error.known))
             continue
         for j, instance in enumerate(suite.instances):
             try:
@@ -151,7 +151,7 @@ def _check_names(task: Task, marks: Marks) -> list[FileProblem]:
         "tree": paths.names("trees"),
     }
     problems = [
-        marks.problem((key,), f"unknown-{key}", str(UnknownName(key, getattr(task, key), names)))
+        marks.unknown((key,), key, getattr(task, key), names)
         for key, names in known.items()
         if getattr(task, key) not in names
     ]
@@ -169,11 +169,10 @@ def _check_bindings(task: Task, problem: Problem, catalogue: Catalogue, marks: M
         place = ("bindings", synset)
         entry = catalogue.entries.get(name)
         if synset not in wanted:
-            message = str(UnknownName("movable synset", synset, wanted))
-            problems.append(marks.problem(place, "unknown-synset", message, key=True))
+            problems.append(marks.unknown(place, "movable synset", synset, wanted, key=True))
         elif entry is None:
             fitting = [e.name for e in catalogue if e.synset == synset] or catalogue.entries
-            problems.append(marks.problem(place, "unknown-entry", str(UnknownName("catalogue entry", name, fitting))))
+            problems.append(marks.unknown(place, "catalogue entry", name, fitting))
         elif entry.synset != synset:
             problems.append(marks.problem(place, "wrong-entry", f"{name} is {entry.synset}, not {synset}"))
     missing = sorted(wanted - task.bindings.keys())
