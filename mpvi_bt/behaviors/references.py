@@ -33,7 +33,7 @@ def fill(value: Any, values: Mapping[str, Value]) -> Any:
         return [fill(inner, values) for inner in value]
     if not isinstance(value, str) or "$" not in value:
         return value
-    if (name := whole(value)) in values:
+    if (name := whole(value)) is not None and name in values:
         return values[name]
     return _REFERENCE.sub(lambda m: as_text(values[n]) if (n := m[1] or m[2]) in values else m.group(), value)
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Protocol
+from typing import Any, Literal, Protocol
 
 from py_trees.common import Status
 
@@ -15,6 +15,7 @@ from mpvi_bt.errors import BackendError
 from mpvi_bt.robot.protocol import Robot
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.saving import SavedTree, restore
 from mpvi_bt.tree.state import Ending
 
 
@@ -38,6 +39,18 @@ class World(Protocol):
 
     def step(self, action: Array) -> None:
         """One control step (1/30 s) of the (23,) command."""
+        ...
+
+    def save(self) -> dict[str, Any]:
+        """How everything in it stands, as JSON values."""
+        ...
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Bring a world that was just made as the saved one was to how that stood.
+
+        Raises:
+            UserError: It was saved of another world.
+        """
         ...
 
 
@@ -108,6 +121,8 @@ def run_episode(
     subscribers: Sequence[Subscriber] = (),
     max_time_s: float = 3600.0,
     wall_limit_s: float = float("inf"),
+    stop: Callable[[], bool] = lambda: False,
+    saved: SavedTree | None = None,
 ) -> Outcome:
     """Tick the tree and step the world until the tree ends or the time is up.
 
@@ -120,8 +135,11 @@ def run_episode(
         subscribers: Who watches.
         max_time_s: Simulated time after which the episode is over.
         wall_limit_s: A guard against a hung backend, in wall time.
+        stop: Asked before every tick; where it says so the run is interrupted, between two ticks.
+        saved: How the tree stood when this run was interrupted before; world and context stand so already.
 
     Raises:
+        UserError: `saved` is of another tree.
         NodeError: A behavior raised.
         BackendError: The wall limit was passed.
         KeyboardInterrupt: Ctrl-C.
@@ -136,10 +154,14 @@ def run_episode(
             started.append(subscriber)
             subscriber.start(tree, world)
         tree.setup(context)
+        if saved is not None:
+            restore(tree, saved)
         while True:
+            if stop():
+                outcome.ending = "interrupted"
+                break
             before = clock()
             status = tree.tick()
-            outcome.ticks += 1
             ticked = clock()
             for subscriber in subscribers:
                 subscriber.step(tree, world)
@@ -172,7 +194,7 @@ def run_episode(
             "watching": watching,
             "total": clock() - began,
         }
-        outcome.time_s, outcome.steps = world.time_s, world.steps
+        outcome.ticks, outcome.time_s, outcome.steps = tree.ticks, world.time_s, world.steps
         _close(tree, world, started, outcome)
     return outcome
 

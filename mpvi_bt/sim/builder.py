@@ -64,6 +64,28 @@ class Thing:
         self.rigid_body.set_angular_velocity([0, 0, 0])
         self.rigid_body.wake_up()
 
+    def motion(self) -> dict[str, list[float]]:
+        """How a thing that can move stands and moves: a free body's pose (xyz, wxyz) and velocities, or its joints'."""
+        if self.articulation is not None:
+            return {"q": self.articulation.get_qpos().tolist(), "v": self.articulation.get_qvel().tolist()}
+        pose, body = self.entity.pose, self.rigid_body
+        return {
+            "pose": [*pose.p.tolist(), *pose.q.tolist()],
+            "v": [*body.linear_velocity.tolist(), *body.angular_velocity.tolist()],
+        }
+
+    def set_motion(self, motion: Mapping[str, list[float]]) -> None:
+        """Have it stand and move as `motion` told. Raises KeyError or ValueError if that is of another thing."""
+        if self.articulation is not None:
+            self.articulation.set_qpos(_finite(motion["q"], len(self.articulation.get_qpos())))
+            self.articulation.set_qvel(_finite(motion["v"], len(self.articulation.get_qpos())))
+            return
+        pose, v = _finite(motion["pose"], 7), _finite(motion["v"], 6)
+        self.entity.set_pose(sapien.Pose(pose[:3], pose[3:]))
+        self.rigid_body.set_linear_velocity(v[:3])
+        self.rigid_body.set_angular_velocity(v[3:])
+        self.rigid_body.wake_up()
+
     def solids(self) -> list[Solid]:
         """What collides, posed in the world as it stands now."""
         return list(self._posed_solids if self._fixed else self._posed(_colliding))
@@ -110,6 +132,13 @@ class Thing:
             T = self.T_world_body(body.name)
             for solid in pick(body):
                 yield solid.moved(T)
+
+
+def _finite(values: list[float], count: int) -> Array:
+    array = np.array(values, float)
+    if array.shape != (count,) or not np.isfinite(array).all():
+        raise ValueError(f"{count} finite numbers are due, not {array.shape}")
+    return array
 
 
 def _colliding(body: Body) -> Iterable[Solid]:

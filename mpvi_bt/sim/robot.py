@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -130,6 +131,30 @@ class SimRobot:
         """T_world_tcp (4, 4) as the joints have it."""
         felt = self.proprioception()
         return kin.base(felt.base_pose) @ kin.tcp(felt.torso, felt.arm[side], side)
+
+    def save(self) -> dict[str, list[float]]:
+        """How it stands and moves, and its command."""
+        return {
+            "q": self._articulation.get_qpos().tolist(),
+            "v": self._articulation.get_qvel().tolist(),
+            "action": self._action.tolist(),
+            "base": self._velocity.tolist(),
+        }
+
+    def restore(self, saved: Mapping[str, list[float]]) -> None:
+        """Have it stand and move so. Raises KeyError or ValueError if that is of another robot."""
+        joints = len(self._articulation.get_qpos())
+        sizes = {"q": joints, "v": joints, "action": ACTION_SIZE, "base": 3}
+        values = {key: np.array(saved[key], float) for key in sizes}
+        for key, size in sizes.items():
+            if values[key].shape != (size,) or not np.isfinite(values[key]).all():
+                raise ValueError(f"robot {key!r}: {size} finite numbers are due")
+        self._articulation.set_qpos(values["q"])
+        self._articulation.set_qvel(values["v"])
+        self._velocity = values["base"]
+        self._sent = None
+        self.act(values["action"])
+        self.apply()
 
     def apply(self) -> None:
         """Send the command to the drives. The world calls it once a control step."""

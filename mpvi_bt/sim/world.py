@@ -5,9 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from mpvi_bt.errors import UserError
 from mpvi_bt.perception.knowledge import Entry as Known
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.robot import kinematics as kin
@@ -109,6 +111,27 @@ class World:
         self._scene.step()
         self.robot.forget()
         self._known = None
+
+    def save(self) -> dict[str, Any]:
+        """How everything stands, as JSON values: the robot, and every thing that can move."""
+        things = {name: thing.motion() for name, thing in self._things.items() if thing.movable or thing.articulation}
+        return {"steps": self.steps, "robot": self.robot.save(), "things": things}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Bring everything to how it stood. Contacts are found anew, so what follows is close to, not the same as,
+        what would have followed.
+
+        Raises:
+            UserError: Other things were saved than there are here.
+        """
+        movable = {name for name, thing in self._things.items() if thing.movable or thing.articulation}
+        if set(saved["things"]) != movable:
+            odd = sorted(movable.symmetric_difference(saved["things"]))
+            raise UserError(f"the saved world has not the same things as this one: {', '.join(odd[:5])}")
+        for name, motion in saved["things"].items():
+            self._things[name].set_motion(motion)
+        self.robot.restore(saved["robot"])
+        self.steps, self._known = int(saved["steps"]), None
 
     def look_from(self, T_world_camera: Array, size: tuple[int, int] = (640, 480), fov_rad: float = 1.0) -> CameraImage:
         """A picture from anywhere, (4, 4) optical frame to world. Raises NoRenderingDevice without rendering."""

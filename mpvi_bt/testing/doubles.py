@@ -82,6 +82,20 @@ class KinematicRobot:
         K = np.array([[8.0, 0, 4], [0, 8, 4], [0, 0, 1]])
         return CameraImage(camera, np.zeros((8, 8, 3), np.uint8), np.zeros((8, 8), np.float32), None, {}, K, np.eye(4))
 
+    def save(self) -> dict[str, Any]:
+        """How it stands."""
+        return {
+            "pose": self._pose.tolist(),
+            "targets": self._targets.tolist(),
+            "action": self._action.tolist(),
+            "width": dict(self._width),
+        }
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Stand so."""
+        self._pose, self._targets = np.array(saved["pose"]), np.array(saved["targets"])
+        self._action, self._width = np.array(saved["action"]), dict(saved["width"])
+
     def advance(self, action: Array) -> None:
         """Move for one control step."""
         dt = 1 / CONTROL_HZ
@@ -123,6 +137,15 @@ class KinematicWorld:
         """One control step."""
         self.robot.advance(action)
         self._steps += 1
+
+    def save(self) -> dict[str, Any]:
+        """How everything stands."""
+        return {"steps": self._steps, **self.robot.save()}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Have everything stand so."""
+        self._steps = int(saved["steps"])
+        self.robot.restore(saved)
 
 
 class StraightNavigator:

@@ -36,6 +36,7 @@ class Tree:
         root: The py_trees root.
         nodes: Every py_trees node by its path, in the order of `spec.nodes`. What is below a node that another stands
             in for is left out.
+        ticks: How often it was ticked.
         touched: Nodes whose status or feedback may have changed at the last tick: those reset, then those ticked.
         context: The run's, from `setup` on.
 
@@ -50,6 +51,7 @@ class Tree:
             names = ", ".join(f"{name} ({spec.parameters[name].type})" for name in spec.unbound)
             raise UserError(f"tree {spec.name!r} needs values for its parameters: {names}.")
         self.spec = spec
+        self.ticks = 0
         self.touched: list[Behaviour] = []
         self._substitute = substitute
         self._resets: list[Behaviour] = []
@@ -117,6 +119,7 @@ class Tree:
         """
         self._last = None
         self._resets.clear()
+        self.ticks += 1
         try:
             ticked = list(self.root.tick())
         except Exception as error:
@@ -228,7 +231,8 @@ class Tree:
             below = self._below[self.nodes[above.path]]
             _put(below[first:stop], built)
             below[first:stop] = built
-        self.spec, self.nodes = spec, self._by_path()
+        self.spec = spec
+        self.nodes = self._by_path()
 
     def _with_below(self, node: Behaviour) -> Iterator[Behaviour]:
         yield node

@@ -1,0 +1,63 @@
+"""A run that was stopped between two ticks, as JSON values, and going on from there."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from pydantic import JsonValue
+
+from mpvi_bt.behaviors.context import Context, Failure, Query
+from mpvi_bt.behaviors.registry import Value
+from mpvi_bt.errors import UserError
+from mpvi_bt.executive.loop import World
+from mpvi_bt.marked_yaml import Record
+from mpvi_bt.tree import saving
+from mpvi_bt.tree.build import Tree
+
+
+class SavedRun(Record):
+    """How a run stands.
+
+    Attributes:
+        tree: Statuses, the cursor of every sequence, and what each node declares.
+        blackboard: Of the run.
+        failures: Segments that were given up so far.
+        queries: Questions to the checker so far.
+        world: What the world says of itself.
+    """
+
+    tree: saving.SavedTree
+    blackboard: dict[str, Value] = {}
+    failures: list[dict[str, JsonValue]] = []
+    queries: list[dict[str, JsonValue]] = []
+    world: dict[str, JsonValue] = {}
+
+
+def save_run(tree: Tree, world: World) -> SavedRun:
+    """How a run stands between two ticks."""
+    log = tree.context.log
+    return SavedRun(
+        tree=saving.save(tree),
+        blackboard=dict(tree.context.blackboard),
+        failures=[asdict(failure) for failure in log.failures],
+        queries=[asdict(query) for query in log.queries],
+        world=world.save(),
+    )
+
+
+def restore_world(saved: SavedRun, world: World, context: Context) -> None:
+    """Bring a fresh world and context to where the run was saved; the tree follows in `run_episode`.
+
+    Raises:
+        UserError: What was saved is of another world, or not as this version writes it.
+    """
+    try:
+        world.restore(saved.world)
+        failures: list[Any] = [Failure.of(failure) for failure in saved.failures]
+        queries: list[Any] = [Query(**query) for query in saved.queries]  # type: ignore[arg-type]
+    except (KeyError, TypeError, ValueError) as error:
+        raise UserError(f"the saved run cannot be continued here: {error!r:.200}") from None
+    context.blackboard.clear()
+    context.blackboard.update(saved.blackboard)
+    context.log.failures[:], context.log.queries[:] = failures, queries

@@ -1,0 +1,103 @@
+"""How every node of a tree stands, as JSON values, so that another process can go on from there. No pickles.
+
+A node says itself what it needs (`Node.state`). What drives a backend is begun anew where it was cut off, since the
+backends' own state is not kept: a navigator plans again from where the base stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Literal
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from pydantic import Field, JsonValue
+
+from mpvi_bt.behaviors.node import Node
+from mpvi_bt.errors import UserError, nearest
+from mpvi_bt.marked_yaml import Record
+from mpvi_bt.tree.build import Tree
+
+
+class SavedNode(Record):
+    """How one node stands.
+
+    Attributes:
+        status: As in `NodeState`.
+        feedback: Its line.
+        interrupted: As in `NodeState`.
+        state: What the node declares.
+    """
+
+    status: Literal["SUCCESS", "FAILURE", "RUNNING", "INVALID"]
+    feedback: str = ""
+    interrupted: bool = False
+    state: dict[str, JsonValue] = {}
+
+
+class SavedTree(Record):
+    """How a tree stands between two ticks.
+
+    Attributes:
+        ticks: How often it was ticked.
+        nodes: By path, those that do not stand as they do before the first tick.
+    """
+
+    ticks: Annotated[int, Field(ge=0)]
+    nodes: dict[str, SavedNode]
+
+
+def save(tree: Tree) -> SavedTree:
+    """How a tree stands now."""
+    nodes = {path: _saved(node) for path, node in tree.nodes.items()}
+    return SavedTree(ticks=tree.ticks, nodes={path: node for path, node in nodes.items() if node != _FRESH})
+
+
+_FRESH = SavedNode(status="INVALID")
+
+
+def _saved(node: Behaviour) -> SavedNode:
+    state = node.state() if isinstance(node, Node) else {}
+    return SavedNode(
+        status=node.status.value,
+        feedback=node.feedback_message,
+        interrupted=bool(getattr(node, "interrupted", False)),
+        state=state,
+    )
+
+
+def restore(tree: Tree, saved: SavedTree) -> None:
+    """Bring a tree that is set up to where another one of the same spec was saved.
+
+    Raises:
+        UserError: The saved nodes are not those of this tree, or one's state is not what it can use.
+    """
+    for path in saved.nodes:
+        if path not in tree.nodes:
+            hint = f" Nearest: {near!r}." if (near := nearest(path, tree.nodes)) else ""
+            raise UserError(f"what was saved is of another tree: {tree.spec.name!r} has no node {path!r}.{hint}")
+    begun_anew = set(_begun_anew(tree, saved.nodes))
+    tree.ticks = saved.ticks
+    for path, node in tree.nodes.items():
+        stood = saved.nodes.get(path, _FRESH)
+        if path in begun_anew:
+            node.status = Status.INVALID
+            continue
+        node.status = Status(stood.status)
+        node.feedback_message = stood.feedback
+        if isinstance(node, Node):
+            node.interrupted = stood.interrupted
+            try:
+                node.restore(dict(stood.state))
+            except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
+                raise UserError(
+                    f"{path}: its saved state {dict(stood.state)!r:.80} cannot be used: {error!r}"
+                ) from None
+
+
+def _begun_anew(tree: Tree, saved: Mapping[str, SavedNode]) -> Iterator[str]:
+    """Paths of running nodes that drive a backend."""
+    for placed in tree.spec.nodes:
+        stood = saved.get(placed.path)
+        if stood and stood.status == "RUNNING" and placed.spec.type.robot:
+            yield placed.path
