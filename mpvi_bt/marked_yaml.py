@@ -208,10 +208,10 @@ class _Reader:
         what = " ".join(filter(None, (error.context, error.problem)))
         # At the end of a text without a last newline libyaml points at a line that is not there.
         end = len(self.text.rstrip())
-        place = _place(self.text, min(mark.index, end)) if mark else (0, 0)
+        place = _place(self.text, min(mark.index, end)) if mark else (1, 1)
         self.problems.append(self._problem(*place, "syntax", f"not valid YAML: {what}"))
         scanning = (error.context or "").startswith("while scanning")
-        if start and (scanning or mark.index >= end) and start.line + 1 < place[0]:
+        if start and mark and (scanning or mark.index >= end) and start.line + 1 < place[0]:
             message = f"what begins here is not closed; line {place[0]} no longer fits"
             self.problems.append(self._problem(start.line + 1, start.column + 1, "syntax", message))
         if self.long_quote:

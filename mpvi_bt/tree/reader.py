@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,8 +12,17 @@ from pydantic import Field, StringConstraints, ValidationError, field_validator,
 from mpvi_bt import paths
 from mpvi_bt.behaviors import references
 from mpvi_bt.behaviors.registry import Call, Key, NodeType, Value, node_types
-from mpvi_bt.errors import FileProblems, MpviError, Problem, UnknownName, UserError, nearest
-from mpvi_bt.marked_yaml import Location, Marks, Record, load_marked, plain_scalar, problems_of, validate_data
+from mpvi_bt.errors import FileProblems, MpviError, Problem, UnknownName, UserError, shown
+from mpvi_bt.marked_yaml import (
+    MAX_PROBLEMS,
+    Location,
+    Marks,
+    Record,
+    load_marked,
+    plain_scalar,
+    problems_of,
+    validate_data,
+)
 from mpvi_bt.plan.schema import Phrase
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.tree.spec import NodeSpec, ParameterType, Place, TreeParameter, TreeSpec
@@ -33,7 +42,7 @@ class _Parameter(Record):
     @model_validator(mode="after")
     def _default_fits(self) -> _Parameter:
         if self.default is not None and not _fits(self.default, self.type):
-            raise ValueError(f"the default of a parameter of type {self.type!r} can't be {self.default!r:.40}")
+            raise ValueError(f"the default of a parameter of type {self.type!r} can't be {shown(self.default)}")
         return self
 
 
@@ -196,7 +205,7 @@ class _Reader:
             self.problem(at, "too-large", f"more than {MAX_NODES} nodes, subtrees written out")
             raise FileProblems(self.problems)
         if not isinstance(data, dict) or not data:
-            self.problem(at, "node", f"a node is a mapping such as 'navigate: kitchen', not {data!r:.40}")
+            self.problem(at, "node", f"a node is a mapping such as 'navigate: kitchen', not {shown(data)}")
             return None
         node_type = self.kind(data, at)
         if node_type is None:
@@ -231,10 +240,7 @@ class _Reader:
         kinds = [key for key in data if key in node_types()]
         first = next(iter(data))
         if not kinds:
-            near = nearest(first, node_types())
-            hint = f" Did you mean {near!r}?" if near else ""
-            message = f"unknown node type {first!r}.{hint} Known: {', '.join(sorted(node_types()))}."
-            self.problem((*at, first), "unknown-node", message, key=True)
+            self.add(self.marks.unknown((*at, first), "node", first, node_types(), key=True))
             return None
         for extra in kinds[1:]:
             message = f"a second node type {extra!r} in a node that is a {kinds[0]!r} already"
@@ -275,7 +281,7 @@ class _Reader:
                 if (name := references.whole(raw.get(key))) and name not in self.values
             }
             for location, name in unknown.items():
-                self.unknown(location, "parameter", name, self.values, " Only text can come from the blackboard.")
+                self.add(self.marks.unknown(location, "parameter", name, self.values))
             told = {self.marks.at(location) for location in unknown}
             found = problems_of(error, self.marks, node_type.parameters, at, keys)
             self.problems += [p for p in found if (p.line, p.column) not in told]
@@ -287,15 +293,8 @@ class _Reader:
             and skill not in skills
             and skill != references.whole(raw.get("skill"))
         ):
-            self.unknown((*at, "skill"), "skill", skill, skills)
+            self.add(self.marks.unknown((*at, "skill"), "skill", skill, skills))
         return parameters
-
-    def unknown(self, at: Location, what: str, given: str, known: Iterable[str], more: str = "") -> None:
-        names = sorted(known)
-        near = nearest(given, names)
-        hint = f" Did you mean {near!r}?" if near else ""
-        message = f"unknown {what} {given!r}.{hint} Known: {', '.join(names) or 'none'}.{more}"
-        self.problem(at, f"unknown-{what}", message)
 
     def children(
         self, data: dict[str, Any], at: Location, node_type: NodeType, segments: tuple[int, ...]
@@ -363,7 +362,7 @@ class _Reader:
             return paths.find("trees", name)
         except UnknownName:
             beside = {file.stem for file in folder.glob("*.yaml")} if Path(self.marks.file).is_file() else set()
-            self.unknown(at, "tree", name, beside | set(paths.names("trees")))
+            self.add(self.marks.unknown(at, "tree", name, beside | set(paths.names("trees"))))
         except MpviError as error:
             self.problem(at, "unknown-tree", str(error))
         return None
@@ -392,13 +391,9 @@ class _Reader:
         for name, value in call.arguments.items():
             where = (*at, "arguments", name)
             if name not in file.parameters:
-                near = nearest(name, file.parameters)
-                hint = f" Did you mean {near!r}?" if near else ""
-                known = f" Known: {', '.join(sorted(file.parameters)) or 'none'}."
-                message = f"tree {call.tree!r} has no parameter {name!r}.{hint}{known}"
-                self.problem(where, "unknown-parameter", message, key=True)
+                self.add(self.marks.unknown(where, "parameter", name, file.parameters, key=True))
             elif not _fits(value, kind := file.parameters[name].type):
-                message = f"parameter {name!r} of {call.tree!r} is of type {kind!r}, which {value!r:.40} is not"
+                message = f"parameter {name!r} of {call.tree!r} is of type {kind!r}, which {shown(value)} is not"
                 self.problem(where, "parameter-type", message)
         for name, parameter in file.parameters.items():
             if parameter.default is None and name not in call.arguments:
@@ -407,7 +402,13 @@ class _Reader:
         return len(self.problems) == before
 
     def problem(self, at: Location, code: str, message: str, key: bool = False) -> None:
-        self.problems.append(self.marks.problem(at, code, message, key))
+        self.add(self.marks.problem(at, code, message, key))
+
+    def add(self, problem: Problem) -> None:
+        """Note a problem. Raises FileProblems where there are so many that more are no help."""
+        self.problems.append(problem)
+        if len(self.problems) >= MAX_PROBLEMS:
+            raise FileProblems(self.problems)
 
 
 def _names(value: Any) -> Iterator[str]:
