@@ -9,63 +9,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Context, Stopwatch
 from mpvi_bt.behaviors.protocols import Progress, Report, TriggerEvent
 from mpvi_bt.errors import NodeError, UnknownName
-from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, CameraImage
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.testing import KinematicRobot, KinematicWorld, scripted_context
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.yaml_io import parse_tree
-
-SKILLS = load_skills()
-HELD = "the cup is held in a gripper"
-PLACES = {"cup": (1.0, 0.0), "sink": (0.0, 2.0)}
-PICK = f"until_complete:\nchildren: [{{manipulate: pick up the cup}}, {{check_complete: {HELD}, skill: pick}}]"
-
-
-def tree(root: str) -> Tree:
-    """The tree of a root node's YAML."""
-    indented = "".join(f"  {line}\n" for line in root.splitlines())
-    return Tree(parse_tree(f"tree: t\nroot:\n{indented}", "t.yaml", SKILLS))
-
-
-class Bench:
-    """A tree on a kinematic robot, ticked by hand."""
-
-    def __init__(self, root: str, answers: Mapping[str, tuple[bool, ...]] | None = None) -> None:
-        self.world = KinematicWorld()
-        self.context = scripted_context(self.world, SKILLS, PLACES, answers or {HELD: (True,)})
-        self.tree = tree(root)
-
-    def run(self, ticks: int = 10_000) -> Status:
-        """Tick and step until the root ends, or so often."""
-        for _ in range(ticks):
-            if self.tick() != Status.RUNNING:
-                break
-        return self.tree.status
-
-    def tick(self) -> Status:
-        """Tick once and step the world."""
-        if not hasattr(self.tree.root, "context"):
-            self.tree.setup(self.context)
-        status = self.tree.tick()
-        self.world.step(self.world.robot.action)
-        return status
-
-    def node(self, end: str) -> Behaviour:
-        """The one node whose path ends so."""
-        (found,) = [node for path, node in self.tree.nodes.items() if path.endswith(end)]
-        return found
-
-    @property
-    def base(self) -> Array:
-        """The base's part of the present command."""
-        return self.world.robot.action[ActionLayout.BASE]
+from mpvi_bt.testing import KinematicRobot
+from tests.bench import HELD, PICK, PLACES, Bench, tree
 
 
 def test_navigate_gets_there_and_stands_still() -> None:
@@ -80,8 +32,7 @@ def test_navigate_passes_on_why_it_failed() -> None:
     """The navigator's reason and words become the node's failure, and the tree's."""
     bench = Bench("sequence: s\nmemory: true\nchildren: [{navigate: moon}]")
     assert bench.run() == Status.FAILURE
-    failure = bench.tree.failure
-    assert failure is not None
+    failure = bench.failure
     assert (failure.reason, failure.path) == ("unknown_target", "s/navigate")
     assert "moon" in failure.evidence
 
@@ -262,10 +213,10 @@ def test_a_timeout_says_what_was_still_going_on() -> None:
     """The failure of a timeout carries its code and the last word of what it cut off."""
     bench = Bench(f"timeout: 3\nchild:\n  {PICK.replace(chr(10), chr(10) + '  ')}", {HELD: (False,)})
     assert bench.run() == Status.FAILURE
-    failure = bench.tree.failure
-    assert failure is not None
-    assert failure.reason == "timeout"
-    assert failure.evidence == "not done within 3 s (asked 1: no, as scripted)"
+    failure = bench.failure
+    assert (failure.reason, failure.path) == ("timeout", "timeout")
+    still = "timeout/until_complete/check_complete"
+    assert failure.evidence == f"not done within 3 s: still at {still} (asked 1: no, as scripted)"
     assert failure.time_s == pytest.approx(3.0)
 
 

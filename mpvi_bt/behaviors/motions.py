@@ -80,21 +80,36 @@ class LookAround(Leaf):
         self._turned_rad = 0.0
         self._yaw: float | None = None
         self._speed = 0.0
-        self._best_rad, self._best_s = 0.0, 0.0
+        self._best_rad, self._best_s = math.inf, 0.0  # when it was last nearer
 
     def initialise(self) -> None:
         """Start from where it stands; a resumed turn goes on."""
         super().initialise()
-        self._yaw, self._speed = None, 0.0
-        self._best_rad = abs(self._goal_rad - self._turned_rad)
+        self._yaw, self._speed, self._best_rad = None, 0.0, math.inf
 
     def update(self) -> Status:
         """Turn for one step."""
+        with self.context.stopwatch("motion"):
+            return self._turn()
+
+    def terminate(self, new_status: Status) -> None:
+        """Hold, and forget how far it has turned; not when it begins, so that a resumed run turns only the rest."""
+        super().terminate(new_status)
+        self._turned_rad = 0.0
+
+    def state(self) -> dict[str, Any]:
+        """How far it has turned."""
+        return super().state() | ({"turned_rad": self._turned_rad} if self._turned_rad else {})
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Turn the rest."""
+        super().restore(state)
+        self._turned_rad = state.get("turned_rad", 0.0)
+
+    def _turn(self) -> Status:
         robot, now = self.context.robot, self.context.clock.time_s
         yaw = float(robot.proprioception().base_pose[2])
-        if self._yaw is None:
-            self._best_s = now
-        else:
+        if self._yaw is not None:
             self._turned_rad += math.remainder(yaw - self._yaw, math.tau)
         self._yaw = yaw
         left = self._goal_rad - self._turned_rad
@@ -113,17 +128,3 @@ class LookAround(Leaf):
         action[ActionLayout.BASE] = 0.0, 0.0, math.copysign(self._speed, left)
         robot.act(action)
         return Status.RUNNING
-
-    def terminate(self, new_status: Status) -> None:
-        """Hold, and forget how far it has turned; not when it begins, so that a resumed run turns only the rest."""
-        super().terminate(new_status)
-        self._turned_rad = 0.0
-
-    def state(self) -> dict[str, Any]:
-        """How far it has turned."""
-        return super().state() | ({"turned_rad": self._turned_rad} if self._turned_rad else {})
-
-    def restore(self, state: dict[str, Any]) -> None:
-        """Turn the rest."""
-        super().restore(state)
-        self._turned_rad = state.get("turned_rad", 0.0)
