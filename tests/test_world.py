@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import json
 
 import numpy as np
 import pytest
 
+from mpvi_bt.errors import UserError
 from mpvi_bt.goals.predicates import inside, ontop
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
@@ -277,3 +279,40 @@ def test_gaps_to_solids() -> None:
         assert _gap(solid, np.array([1.05, 0.0, 0.0])) == pytest.approx(-0.05)
     assert _gap(rod, np.array([1.0, 0.3, 0.9])) == pytest.approx(np.hypot(0.2, 0.4))
     assert _gap(square, np.array([0.6, 0.5, 0.0])) == pytest.approx(np.hypot(0.3, 0.4))
+
+
+def test_a_saved_world_is_restored_in_a_fresh_one() -> None:
+    """Robot, things, doors, clock and what a hand holds are as they were, through JSON, and stay so."""
+    objects = {"can": placed("can_of_soda", 1.0, 1.0), "bin": placed("trash_can", -1.0, 0.5)}
+    fridge = "{entry: refrigerator, at: [0.0, 2.5], yaw_deg: 270}"
+    one = small_world(objects, fridge_1=fridge)
+    place_in_hand(one, "can", "right")
+    action = one.robot.action
+    action[ActionLayout.BASE] = (0.4, 0.1, 0.5)
+    run(one, action, 1.0)
+    thing(one, "fridge_1").set_joint_fraction(
+        next(b.name for b in thing(one, "fridge_1").description.bodies if b.joint), 0.5
+    )
+    assert one.holding("right") == "can"
+    saved = json.loads(json.dumps(one.save()))
+
+    other = small_world(objects, fridge_1=fridge)
+    other.restore(saved)
+    assert (other.steps, other.holding("right")) == (one.steps, "can")
+    assert other.joint_fractions("fridge_1") == pytest.approx(one.joint_fractions("fridge_1"), abs=1e-5)
+    felt, before = other.robot.proprioception(), one.robot.proprioception()
+    for key in ("base_pose", "base_velocity", "torso"):
+        np.testing.assert_allclose(getattr(felt, key), getattr(before, key), atol=1e-5)
+    for name, T in bodies(other).items():
+        np.testing.assert_allclose(T, one.pose(name), atol=1e-5)
+    for world in (one, other):
+        run(world, action, 2.0)
+    assert other.holding("right") == "can"
+    np.testing.assert_allclose(other.pose("can"), one.pose("can"), atol=0.02)
+
+
+def test_a_saved_world_of_other_things_is_refused() -> None:
+    """What is there here but not in the file is named."""
+    saved = small_world({"can": placed("can_of_soda", 1.0, 1.0)}).save()
+    with pytest.raises(UserError, match="bin"):
+        small_world({"bin": placed("trash_can", 1.0, 1.0)}).restore(saved)
