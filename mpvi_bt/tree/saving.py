@@ -14,6 +14,7 @@ from py_trees.common import Status
 from pydantic import Field, JsonValue
 
 from mpvi_bt.behaviors.node import Node
+from mpvi_bt.behaviors.stand_ins import StandIn
 from mpvi_bt.errors import UserError, nearest
 from mpvi_bt.marked_yaml import Record
 from mpvi_bt.tree.build import Tree
@@ -80,10 +81,7 @@ def restore(tree: Tree, saved: SavedTree) -> None:
     tree.ticks = saved.ticks
     for path, node in tree.nodes.items():
         stood = saved.nodes.get(path, _FRESH)
-        if path in begun_anew:
-            node.status = Status.INVALID
-            continue
-        node.status = Status(stood.status)
+        node.status = Status.INVALID if path in begun_anew else Status(stood.status)
         node.feedback_message = stood.feedback
         if isinstance(node, Node):
             node.interrupted = stood.interrupted
@@ -99,5 +97,6 @@ def _begun_anew(tree: Tree, saved: Mapping[str, SavedNode]) -> Iterator[str]:
     """Paths of running nodes that drive a backend."""
     for placed in tree.spec.nodes:
         stood = saved.get(placed.path)
-        if stood and stood.status == "RUNNING" and placed.spec.type.robot:
+        drives = placed.spec.type.robot and not isinstance(tree.nodes.get(placed.path), StandIn)
+        if stood and stood.status == "RUNNING" and drives:
             yield placed.path
