@@ -8,8 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from mpvi_bt.behaviors.registry import node_types
+from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, CameraImage, Proprioception
+from mpvi_bt.tree.yaml_io import load_tree
 
 ROOT = Path(__file__).parent.parent
 OBSERVATIONS = (ROOT / "docs" / "observations.md").read_text(encoding="utf-8")
@@ -43,3 +46,24 @@ def test_camera_sizes_are_documented(camera: r1.Camera) -> None:
 def test_base_speed_is_documented() -> None:
     """The document names the base's greatest speeds."""
     assert "{}, {} and {}".format(*r1.BASE_SPEED) in OBSERVATIONS
+
+
+TREES = (ROOT / "docs" / "trees.md").read_text(encoding="utf-8")
+
+
+def test_every_kind_of_node_is_documented() -> None:
+    """The table of nodes has each kind once, with its other parameters and its summary."""
+    rows = re.findall(r"^\| `(\w+)` \| [^|]* \| ([^|]*)\| ([^|]*) \|$", TREES, flags=re.MULTILINE)
+    kinds = {kind: node for kind, node in node_types().items() if node.factory.startswith("mpvi_bt.")}
+    assert [kind for kind, _, _ in rows] == list(kinds)
+    for kind, keys, summary in rows:
+        node = kinds[kind]
+        assert set(re.findall(r"`(\w+)`", keys)) == set(node.parameters.model_fields) - {node.headline}
+        assert summary == node.summary
+
+
+def test_the_tree_of_the_reference_is_valid(tmp_path: Path) -> None:
+    """Its first example is a tree without problems."""
+    (example,) = re.findall(r"^```yaml\n(.*?)^```$", TREES, flags=re.MULTILINE | re.DOTALL)
+    (tmp_path / "example.yaml").write_text(example)
+    load_tree(tmp_path / "example.yaml", load_skills())
