@@ -16,7 +16,8 @@ from mpvi_bt.robot.stow import ArmStow
 # All our choice: slow enough that what a hand holds by friction stays there.
 _TURN_RAD_S = 0.8
 _TURN_RAD_S2 = 1.2
-_DONE_RAD = 0.02
+_LAST_PER_S = 6.0  # rate by what is left, at the end
+_DONE_RAD = 0.01
 _STALL_S = 3.0
 _ARM_RAD = 0.1
 _TORSO = 0.05  # [m], [rad]
@@ -122,7 +123,7 @@ class LookAround(Leaf):
             return self.fail("blocked", f"the base stopped turning {abs(math.degrees(left)):.0f} degrees short")
         self.feedback_message = "turning"
         braking = math.sqrt(2 * _TURN_RAD_S2 * abs(left))
-        self._speed = min(self._speed + _TURN_RAD_S2 / CONTROL_HZ, _TURN_RAD_S, braking, abs(left) * CONTROL_HZ / 2)
+        self._speed = min(self._speed + _TURN_RAD_S2 / CONTROL_HZ, _TURN_RAD_S, braking, _LAST_PER_S * abs(left))
         robot.hold()
         action = robot.action
         action[ActionLayout.BASE] = 0.0, 0.0, math.copysign(self._speed, left)
