@@ -1,0 +1,144 @@
+"""The dry run: the very tree without robot or simulator. Time passes, and stand-ins do the work."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NoReturn
+
+import numpy as np
+
+from mpvi_bt.behaviors.context import Context
+from mpvi_bt.errors import BackendError
+from mpvi_bt.executive.loop import Outcome, Subscriber, run_episode
+from mpvi_bt.plan.skills import Skill
+from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, CameraImage, Proprioception
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.spec import TreeSpec
+from mpvi_bt.tree.substitute import Rules, stand_ins
+
+
+def dry_tree(spec: TreeSpec, rules: Rules | None = None) -> Tree:
+    """The tree with a stand-in for every node that needs a robot.
+
+    Raises:
+        FileProblems: A rule fits no node.
+        UserError: A parameter of the tree has no value.
+    """
+    if rules is not None:
+        rules.check(spec)
+    return Tree(spec, stand_ins(rules, dry=True))
+
+
+def run_dry(
+    tree: Tree,
+    skills: Mapping[str, Skill] | None = None,
+    subscribers: Sequence[Subscriber] = (),
+    max_time_s: float = 3600.0,
+) -> Outcome:
+    """Tick a tree that needs no robot, as fast as it goes.
+
+    Args:
+        tree: Such as `dry_tree` makes.
+        skills: By name, for nodes that look them up.
+        subscribers: Who watches.
+        max_time_s: Simulated time after which it is over.
+
+    Raises:
+        NodeError: A behavior raised; also one that asked for a robot though its node type does not say that it does.
+        KeyboardInterrupt: Ctrl-C.
+    """
+    world = EmptyWorld()
+    return run_episode(tree, world, dry_context(world, tree, skills), subscribers, max_time_s)
+
+
+def dry_context(world: EmptyWorld, tree: Tree, skills: Mapping[str, Skill] | None = None) -> Context:
+    """A run's context without a backend."""
+    return Context(
+        clock=world,
+        robot=world.robot,
+        navigator=_absent("navigator"),
+        policy=_absent("policy"),
+        checker=_absent("checker"),
+        triggers=_absent("triggers"),
+        skills=skills or {},
+        blackboard=dict(tree.spec.blackboard),
+    )
+
+
+class EmptyWorld:
+    """A world in which time passes and nothing else is.
+
+    Attributes:
+        robot: One that only stands still.
+    """
+
+    def __init__(self) -> None:
+        self.robot = AbsentRobot()
+        self._steps = 0
+
+    @property
+    def time_s(self) -> float:
+        """Simulated seconds."""
+        return self._steps / CONTROL_HZ
+
+    @property
+    def steps(self) -> int:
+        """Control steps."""
+        return self._steps
+
+    def step(self, action: Array) -> None:
+        """Let one control step pass."""
+        self._steps += 1
+
+    def save(self) -> dict[str, Any]:
+        """Its time."""
+        return {"steps": self._steps}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Take the time of `save`."""
+        self._steps = int(saved["steps"])
+
+
+class AbsentRobot:
+    """No robot: it can be told to hold still, and nothing else."""
+
+    _action = np.zeros(ACTION_SIZE)
+
+    @property
+    def action(self) -> Array:
+        """(23,) zeros."""
+        return self._action
+
+    def hold(self) -> None:
+        """Nothing moves anyway."""
+
+    def act(self, action: Array) -> None:
+        """Raises BackendError."""
+        _refuse("robot")
+
+    def proprioception(self) -> Proprioception:
+        """Raises BackendError."""
+        _refuse("robot")
+
+    def look(self, camera: str) -> CameraImage:
+        """Raises BackendError."""
+        _refuse("robot")
+
+
+class _Absent:
+    """A backend that is not there."""
+
+    def __init__(self, what: str) -> None:
+        self._what = what
+
+    def __getattr__(self, name: str) -> NoReturn:
+        _refuse(self._what)
+
+
+def _absent(what: str) -> Any:
+    return _Absent(what)
+
+
+def _refuse(what: str) -> NoReturn:
+    raise BackendError(f"a dry run has no {what}; a node type that needs one says so by robot=True")
