@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, StringConstraints
 
-from mpvi_bt.marked_yaml import Record, validate
+from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
 
 
 def _one_line(text: str) -> str:
@@ -86,4 +86,9 @@ def load_plan(path: str | Path) -> Plan:
         UserError: There is no such file.
         FileProblems: Everything that is wrong with it.
     """
-    return validate(path, Plan)
+    return check_plan(*load_marked(path))
+
+
+def check_plan(data: Any, marks: Marks) -> Plan:
+    """As `load_plan`, of data that is already loaded."""
+    return validate_data(data, marks, Plan)

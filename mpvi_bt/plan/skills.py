@@ -54,6 +54,14 @@ def pattern(phrase: str) -> re.Pattern[str]:
         raise ValueError("brackets that do not match; known: (a|b), [may be left out], {slot}") from None
 
 
+def example(phrase: str) -> str:
+    """What a phrase reads like, such as "pick up {object}": first alternatives, and nothing that may be left out."""
+    text = phrase
+    while (shorter := re.sub(r"\[[^\[\]]*\]|\(([^()|\[\]]*)(?:\|[^()\[\]]*)?\)", r"\1", text)) != text:
+        text = shorter
+    return " ".join(text.split())
+
+
 def _is_phrase(phrase: str) -> str:
     if pattern(phrase).fullmatch(""):
         raise ValueError("a phrase must not match an empty text")

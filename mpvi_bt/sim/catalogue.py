@@ -114,7 +114,11 @@ def load_catalogue(path: str | Path | None = None) -> Catalogue:
         UserError: There is no such file.
         FileProblems: Everything that is wrong with it.
     """
-    data, marks = load_marked(path or paths.find("tasks/catalogues", "objects", "catalogue"))
+    return check_catalogue(*load_marked(path or paths.find("tasks/catalogues", "objects", "catalogue")))
+
+
+def check_catalogue(data: Any, marks: Marks) -> Catalogue:
+    """As `load_catalogue`, of data that is already loaded."""
     file = validate_data(data, marks, CatalogueFile)
     problems: list[Problem] = []
     entries: dict[str, Entry] = {}

@@ -123,9 +123,12 @@ def load_house(house: str | Path = "family_house", catalogue: Catalogue | None =
         UserError: There is no such house.
         FileProblems: Everything that is wrong with the file.
     """
-    path = paths.find_or_file("tasks/houses", str(house), "house")
+    return check_house(*load_marked(paths.find_or_file("tasks/houses", str(house), "house")), catalogue)
+
+
+def check_house(data: Any, marks: Marks, catalogue: Catalogue | None = None) -> House:
+    """As `load_house`, of data that is already loaded."""
     catalogue = catalogue or load_catalogue()
-    data, marks = load_marked(path)
     file = validate_data(data, marks, HouseFile)
     problems: list[Problem] = []
     rooms = {
@@ -140,7 +143,7 @@ def load_house(house: str | Path = "family_house", catalogue: Catalogue | None =
     if problems:
         raise FileProblems(problems)
     panels = walls(rooms.values(), doorways, file.outside, file.wall_height_m, file.hedge_height_m)
-    return House(path.stem, rooms, tuple(doorways), fixtures, tuple(panels))
+    return House(Path(marks.file).stem, rooms, tuple(doorways), fixtures, tuple(panels))
 
 
 def _phrases(name: str, given: RoomFile) -> tuple[str, ...]:

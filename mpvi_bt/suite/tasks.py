@@ -100,7 +100,11 @@ def load_task(name: str) -> Task:
 
 def read_task(path: Path) -> Task:
     """As `load_task`, of a file."""
-    data, marks = load_marked(path)
+    return check_task(*load_marked(path))
+
+
+def check_task(data: Any, marks: Marks) -> Task:
+    """As `load_task`, of data that is already loaded."""
     task = validate_data(data, marks, Task)
     problems = _check_names(task, marks)
     if not problems:
@@ -118,7 +122,11 @@ def load_suite(name: str) -> Suite:
         UserError: There is no such file.
         FileProblems: Everything that is wrong with the file, or with its tasks' files.
     """
-    data, marks = load_marked(paths.find_or_file("tasks/suites", name, "suite"))
+    return check_suite(*load_marked(paths.find_or_file("tasks/suites", name, "suite")))
+
+
+def check_suite(data: Any, marks: Marks) -> Suite:
+    """As `load_suite`, of data that is already loaded."""
     suite = validate_data(data, marks, Suite)
     problems = []
     for key in ("tasks", "instances", "seeds"):

@@ -1,0 +1,227 @@
+"""What can be told from a tree alone though every node of it is valid: it will hardly do what was meant."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from typing import Any
+
+from mpvi_bt.behaviors.references import names_in
+from mpvi_bt.behaviors.registry import duration_text, steps_of
+from mpvi_bt.errors import Problem, did_you_mean, nearest, shown
+from mpvi_bt.marked_yaml import Location, Marks
+from mpvi_bt.plan.skills import Skill, clauses, example, match
+from mpvi_bt.tree.outcomes import Outcomes, outcomes
+from mpvi_bt.tree.spec import NodeSpec, TreeSpec
+
+CONTROL_HZ = 30  # of robot.protocol, which loads numpy
+
+_ENDS_A_CHILD = {"timeout", "condition", "until_complete", "parallel"}
+_NO_MARKS = Marks("")
+
+
+def lint(spec: TreeSpec, skills: Mapping[str, Skill] | None = None, marks: Marks = _NO_MARKS) -> list[Problem]:
+    """Blackboard keys, parameters, order, times and prompts that cannot be meant.
+
+    Args:
+        spec: A valid tree, subtrees expanded.
+        skills: What prompts may name; None: anything.
+        marks: Of the tree's file, for exact places.
+    """
+    linter = _Linter(spec, skills, marks)
+    return [*linter.keys(), *linter.unused(), *linter.node(spec.root, ())]
+
+
+def check_rooms(spec: TreeSpec, rooms: Collection[str], marks: Marks = _NO_MARKS) -> list[Problem]:
+    """The rooms that nodes name and the house does not have.
+
+    Args:
+        spec: A valid tree.
+        rooms: Names of the house's rooms, such as "living_room".
+        marks: As for `lint`.
+    """
+    from mpvi_bt.perception.knowledge import normalize  # loads numpy
+
+    known = sorted(normalize(room) for room in rooms)
+    linter = _Linter(spec, None, marks)
+    found = []
+    for placed in spec.nodes:
+        room = getattr(placed.spec.parameters, "room", None)
+        if isinstance(room, str) and not names_in(room) and normalize(room) not in known:
+            near = nearest(normalize(room), known)
+            message = f"unknown room {shown(room)}.{did_you_mean(near, known)}"
+            more = {"severity": "error", "nearest": near, "known": tuple(known)}
+            found.append(linter.problem(placed.spec, "room", "unknown-room", message, **more))
+    return found
+
+
+class _Linter:
+    """Walks one tree.
+
+    Args:
+        spec, skills, marks: As for `lint`.
+    """
+
+    def __init__(self, spec: TreeSpec, skills: Mapping[str, Skill] | None, marks: Marks) -> None:
+        self.spec, self.skills, self.marks = spec, skills, marks
+        self.examples = [example(phrase) for skill in (skills or {}).values() for phrase in skill.phrases]
+        self.known_ends: dict[int, Outcomes] = {}
+        self.locations = {place: at[:-1] for at, place in marks.keys.items()}
+
+    def problem(self, node: NodeSpec, parameter: str, code: str, message: str, **more: Any) -> Problem:
+        """A warning, if nothing else is said, about a parameter of a node; "" stands for the node."""
+        more = {"severity": "warning", **more}
+        place = node.place
+        if place is None:
+            return Problem(self.spec.name, 0, 0, code, message, **more)
+        at = self.locations.get((place.line, place.column)) if place.file == self.marks.file else None
+        if at is None:
+            return Problem(place.file, place.line, place.column, code, message, **more)
+        key = node.kind if parameter in ("", node.type.headline) else parameter
+        return self.marks.problem((*at, key), code, message, key=not parameter, **more)
+
+    def head(self, at: Location, code: str, message: str) -> Iterator[Problem]:
+        """A warning about a key at the top of the file, unless another file holds it."""
+        if at in self.marks.keys:
+            yield self.marks.problem(at, code, message, key=True, severity="warning")
+
+    # Blackboard keys and parameters
+
+    def keys(self) -> Iterator[Problem]:
+        """Keys that are read and never written, and those that are written and never read."""
+        nodes = [placed.spec for placed in self.spec.nodes]
+        written: dict[str, NodeSpec] = {}
+        for node in nodes:
+            for field in node.type.writes:
+                written.setdefault(str(getattr(node.parameters, field)), node)
+        reads = list(self.reads(self.spec.root, frozenset(self.spec.parameters)))
+        names = sorted({*written, *self.spec.blackboard, *self.spec.parameters})
+        for node, parameter, key in reads:
+            if key not in written and key not in self.spec.blackboard:
+                near = nearest(key, names)
+                message = f"nothing writes the blackboard key {shown(key)}.{did_you_mean(near, names)}"
+                more = {"severity": "error", "nearest": near, "known": tuple(names)}
+                yield self.problem(node, parameter, "unwritten-key", message, **more)
+        read = {key for _, _, key in reads}
+        for key, node in written.items():
+            if key not in read:
+                message = f"nothing reads the blackboard key {shown(key)}"
+                yield self.problem(node, node.type.writes[0], "unread-key", message)
+        for key in self.spec.blackboard:
+            if key not in read and key not in written:
+                message = f"nothing reads the blackboard key {shown(key)}"
+                yield from self.head(("blackboard", key), "unread-key", message)
+
+    def reads(self, node: NodeSpec, told: frozenset[str]) -> Iterator[tuple[NodeSpec, str, str]]:
+        """(node, parameter, key) of what is read in and below a node; `told`: names that were seen to already.
+
+        What a subtree gets by its arguments is read where they stand, and not once more in the other file.
+        """
+        for field, value in dict(node.parameters).items():
+            if field in node.type.reads:
+                yield node, field, str(value)
+            else:
+                yield from ((node, field, name) for name in sorted(_names(value)) if name not in told)
+        if node.kind == "subtree":
+            told = told.union(_names(dict(node.parameters)))
+        for child in node.children:
+            yield from self.reads(child, told)
+
+    def unused(self) -> Iterator[Problem]:
+        """Parameters of the tree that its file does not refer to."""
+        own = [p.spec for p in self.spec.nodes if p.spec.place is None or p.spec.place.file == self.marks.file]
+        used = {name for n in own for name in _names([n.name, dict(n.parameters), dict(n.written)])}
+        for name in self.spec.parameters:
+            if name not in used:
+                message = f"the parameter {shown(name)} is not used; a reference is written ${name}"
+                yield from self.head(("parameters", name), "unused-parameter", message)
+
+    # Order, times and prompts
+
+    def node(self, node: NodeSpec, above: tuple[tuple[NodeSpec, int], ...]) -> Iterator[Problem]:
+        """What is wrong with a node and those below it; `above`: its parents, and which child of theirs comes next."""
+        ends = self.ends(node)
+        if node.kind in ("sequence", "selector"):
+            yield from self.unreachable(node)
+        elif node.kind == "retry" and "failure" not in self.ends(node.children[0]):
+            yield self.problem(node, "", "pointless-retry", "what is tried again here can't fail")
+        elif node.kind == "repeat" and "success" not in self.ends(node.children[0]):
+            yield self.problem(node, "", "pointless-repeat", "what is repeated here can't succeed")
+        elif node.kind == "timeout":
+            yield from self.timeout(node, above)
+        elif not node.children and not ends and not any(_can_end(parent, i) for parent, i in above):
+            message = (
+                f"{node.kind!r} never ends by itself, and nothing above it ends it; try 'until_complete' or 'timeout'"
+            )
+            yield self.problem(node, "", "never-ends", message)
+        if node.kind == "manipulate":
+            yield from self.prompt(node)
+        for i, child in enumerate(node.children):
+            yield from self.node(child, (*above, (node, i)))
+
+    def ends(self, node: NodeSpec) -> Outcomes:
+        return outcomes(node, self.known_ends)
+
+    def unreachable(self, node: NodeSpec) -> Iterator[Problem]:
+        goes_on, never = ("success", "succeeds") if node.kind == "sequence" else ("failure", "fails")
+        for child, after in zip(node.children, node.children[1:], strict=False):
+            ends = self.ends(child)
+            if goes_on not in ends:
+                how = f"never {never}" if ends else "never ends"
+                message = f"never begun: {shown(child.label)} before it {how}"
+                yield self.problem(after, "", "unreachable", message)
+                return
+
+    def timeout(self, node: NodeSpec, above: tuple[tuple[NodeSpec, int], ...]) -> Iterator[Problem]:
+        for i, (parent, _) in reversed(list(enumerate(above))):
+            if parent.kind != "timeout" or "limit" in node.unbound | parent.unbound:
+                continue
+            inner, outer = _limit(node), _limit(parent)
+            if _seconds(inner) >= _seconds(outer):
+                # In another file it is the call that can be mended.
+                files = [n for n, _ in above[i + 1 :] if n.place and parent.place and n.place.file == parent.place.file]
+                same = node.place is None or parent.place is None or node.place.file == parent.place.file
+                where, what = (node, "this timeout") if same else (files[-1], f"a timeout at {node.place}")
+                message = f"{what} of {duration_text(inner)} can't be reached within {duration_text(outer)} around it"
+                yield self.problem(where, node.type.headline if same else "", "timeout-too-long", message)
+            return
+
+    def meant(self, clause: str) -> str | None:
+        """The skill's phrase that begins most like a clause."""
+        verbs = {" ".join(text.partition("{")[0].split()): text for text in self.examples}
+        words = clause.lower().split()
+        near = nearest(" ".join(words[:2]), verbs) or nearest(" ".join(words[:1]), verbs)
+        return verbs[near] if near else None
+
+    def prompt(self, node: NodeSpec) -> Iterator[Problem]:
+        if self.skills is None:
+            return
+        for clause in clauses(node.parameters.prompt):  # type: ignore[attr-defined]
+            if "$" not in clause and match(clause, self.skills) is None:
+                near = self.meant(clause)
+                message = f"no skill is named by {shown(clause)}.{did_you_mean(near, self.examples)}"
+                yield self.problem(node, "prompt", "no-skill", message, nearest=near, known=tuple(self.examples))
+
+
+def _names(value: Any) -> set[str]:
+    """The names that the texts of a value refer to, at any depth."""
+    if isinstance(value, str):
+        return set(names_in(value))
+    inner = value.values() if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else ()
+    return {name for part in inner for name in _names(part)}
+
+
+def _can_end(parent: NodeSpec, child: int) -> bool:
+    """Whether a node may cut off its running child of that index."""
+    reactive = getattr(parent.parameters, "memory", None) is False
+    return parent.kind in _ENDS_A_CHILD or (reactive and child > 0)
+
+
+def _limit(timeout: NodeSpec) -> float | str:
+    limit = timeout.parameters.limit  # type: ignore[attr-defined]
+    assert isinstance(limit, float | str)
+    return limit
+
+
+def _seconds(duration: float | str) -> float:
+    steps = steps_of(duration)
+    return float(duration) if steps is None else steps / CONTROL_HZ
