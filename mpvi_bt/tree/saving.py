@@ -13,7 +13,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from pydantic import Field, JsonValue
 
-from mpvi_bt.behaviors.node import Leaf, Node
+from mpvi_bt.behaviors.node import Node
 from mpvi_bt.behaviors.stand_ins import StandIn
 from mpvi_bt.errors import UserError, nearest
 from mpvi_bt.marked_yaml import Record
