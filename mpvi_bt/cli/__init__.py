@@ -15,8 +15,11 @@ INTERRUPTED = 130  # 128 + SIGINT, as shells count
 COMMANDS: dict[str, tuple[str, str]] = {
     "run": ("mpvi_bt.cli.run:run", "Run one episode with the tree shown live, then its score."),
     "compile": ("mpvi_bt.cli.trees:compile_", "Write the tree of a plan, as YAML."),
-    "render": ("mpvi_bt.cli.trees:render", "Draw a tree."),
-    "check": ("mpvi_bt.cli.trees:check", "List every problem in YAML files, with line and column."),
+    "render": ("mpvi_bt.cli.render:render", "Draw a tree, or where a run stands, as text, picture or page."),
+    "check": ("mpvi_bt.cli.check:check", "List every problem in YAML files, with line and column."),
+    "replay": ("mpvi_bt.cli.replay:replay", "Show a recorded run, tick by tick, forward and back."),
+    "explain": ("mpvi_bt.cli.trace:explain_", "Say why a recorded run ended as it did."),
+    "diff": ("mpvi_bt.cli.trace:diff_", "Show the first tick at which two recorded runs part."),
     "suite": ("mpvi_bt.cli.suite:suite", "Run many episodes, resume them, tabulate the scores."),
     "list": ("mpvi_bt.cli.listing:list_", "List tasks, suites, skills, trees or backends."),
     "doctor": ("mpvi_bt.cli.doctor:doctor", "Say what this machine can do, and how to mend the rest."),

@@ -92,7 +92,7 @@ class Recorder(Watcher):
             self._tick -= 1
         last: dict[str, Any] = {"end": outcome.ending, **self._now()}
         if outcome.failure is not None:
-            last["failure"] = dataclasses.asdict(outcome.failure)
+            last["failure"] = {key: value for key, value in vars(outcome.failure).items() if key != "cause"}
         if outcome.error is not None:
             last["error"] = _described(outcome.error)
         self._write(last)

@@ -138,10 +138,10 @@ class _History:
         bare = self._bare(path, failed)
         origin = (failed[1] if failed else self.moment.nodes.get(path, _NEVER)).origin
         below = self._failed_below(bare)
-        if bare.status == "SUCCESS":  # it gave up: the failure is that of what is below
+        if below and origin != path:
             return replace(bare, reason="", evidence="", below=below)
-        if below:
-            return bare if origin == path else replace(bare, reason="", evidence="", below=below)
+        if below or bare.status == "SUCCESS":
+            return replace(bare, below=below)
         return replace(
             bare,
             interrupted=tuple(self._deepest(path, "INVALID", bare.time_s)),
@@ -265,7 +265,8 @@ class _Text:
 
     def chain(self, link: Link, depth: int) -> None:
         """A node, why it failed, and what is below it."""
-        when = f"{link.began_s:.1f} s to {link.time_s:.1f} s"
+        began, ended = f"{link.began_s:.1f} s", f"{link.time_s:.1f} s"
+        when = f"at {ended}" if began == ended else f"{began} to {ended}"
         head = self._indent(depth) + f"{link.glyph} {one_line(link.label)}"
         head = cut(head, self.width - len(when) - 2)
         self.lines.append(head + " " * (self.width - columns(head) - len(when)) + when)
@@ -276,8 +277,9 @@ class _Text:
         if link.below or link.status == "SUCCESS":
             return
         self.add(f"node: {link.path}", depth + 2)
-        for inner in link.interrupted:
+        if link.interrupted:
             self.add("still running:", depth + 2)
+        for inner in link.interrupted:
             self.leaf(inner, depth + 3)
         self.asked(link, depth + 2)
         for earlier in self.last(link.earlier, "earlier failures", depth + 2):

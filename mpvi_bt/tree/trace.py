@@ -6,6 +6,7 @@ cut off by a kill, so reading bounds and checks everything, and drops a last lin
 
 from __future__ import annotations
 
+import bisect
 import dataclasses
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -235,6 +236,10 @@ class Trace:
     def tree_at(self, i: int) -> TreeSpec:
         """The tree that was ticked at `ticks[i]`."""
         return self._after(i).tree
+
+    def index_at(self, tick: int) -> int:
+        """Index of the last of `ticks` at or before a tick's number; -1 if there is none."""
+        return bisect.bisect_right(self.ticks, tick, key=lambda change: change.tick) - 1
 
     def moments(self) -> Iterator[tuple[Tick, Moment]]:
         """Each tick with how everything stands after it. The moment is the same object all the way."""

@@ -1,0 +1,205 @@
+"""`mpvi replay`: a recorded run, tick by tick, forward and back."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import sys
+from collections.abc import Container, Iterator, Mapping
+from typing import Any
+
+import click
+
+from mpvi_bt.tree.cells import cut, one_line
+from mpvi_bt.tree.marks import MARKS, legend
+from mpvi_bt.tree.render import Line, node_line, tree_lines, where, window
+from mpvi_bt.tree.spec import TreeSpec
+from mpvi_bt.tree.state import NodeState
+from mpvi_bt.tree.trace import Tick, Trace, read_trace
+
+_WIDTH = 80
+_WIDEST = 120
+_PAGE = 10
+_KEY = re.compile(r"\x1b[\[O][0-9;]*[A-Za-z~]|.", re.DOTALL)
+_ESCAPES = {
+    **dict.fromkeys(("\x1b[C", "\x1bOC", "\x1b[B", "\x1bOB", " ", "\r"), "n"),
+    **dict.fromkeys(("\x1b[D", "\x1bOD", "\x1b[A", "\x1bOA", "\x7f"), "p"),
+    "\x1b[6~": "page down",
+    "\x1b[5~": "page up",
+    **dict.fromkeys(("\x1b[H", "\x1bOH", "\x1b[1~", "\x1b[7~"), "home"),
+    **dict.fromkeys(("\x1b[F", "\x1bOF", "\x1b[4~", "\x1b[8~"), "end"),
+}
+_HELP = "n next  p back  PgDn/PgUp by 10  Home/End  f next failure  q quit"
+
+
+@click.command()
+@click.argument("trace", metavar="TRACE")
+@click.option("--tick", type=click.IntRange(min=0), metavar="N", help="Print the whole tree as it stood after tick N.")
+@click.option("--unicode", is_flag=True, help="Draw with lines and signs beyond ASCII.")
+@click.option("--json", "as_json", is_flag=True, help="For programs: every tick's changes, or all that held at --tick.")
+def replay(trace: str, tick: int | None, unicode: bool, as_json: bool) -> None:
+    """Show a recorded run, tick by tick, forward and back.
+
+    TRACE is the file that `mpvi run --trace` wrote. On a terminal, keys go through it; piped, every change is a line.
+    """
+    run = read_trace(trace)
+    if as_json:
+        _print_json(run, tick)
+    elif tick is not None:
+        for line in _at(run, tick, unicode):
+            click.echo(line)
+    elif sys.stdin.isatty() and sys.stdout.isatty():
+        Player(run, unicode).play()
+    else:
+        for line in _changes(run, unicode):
+            click.echo(line)
+
+
+def _print_json(trace: Trace, tick: int | None) -> None:
+    if tick is not None:
+        click.echo(json.dumps(_held(trace, tick), indent=2))
+        return
+    click.echo("[", nl=False)
+    for i, change in enumerate(trace.ticks):
+        shown = {name: value for name, value in vars(change).items() if name != "queries"}
+        shown["nodes"] = {path: vars(state) for path, state in change.nodes.items()}
+        shown["queries"] = [vars(answer) for answer in change.queries]
+        click.echo((",\n " if i else "\n ") + json.dumps(shown), nl=False)
+    click.echo("\n]")
+
+
+def _held(trace: Trace, tick: int) -> dict[str, Any]:
+    i = trace.index_at(tick)
+    states = trace.states(i) if i >= 0 else {node.path: NodeState() for node in trace.tree.nodes}
+    return {
+        "tick": trace.ticks[i].tick if i >= 0 else 0,
+        "time_s": trace.ticks[i].time_s if i >= 0 else 0.0,
+        "nodes": {path: vars(state) for path, state in states.items()},
+        "blackboard": trace.blackboard(i) if i >= 0 else {},
+    }
+
+
+def _at(trace: Trace, tick: int, unicode: bool) -> Iterator[str]:
+    """The whole tree after a tick."""
+    i = trace.index_at(tick)
+    tree = trace.tree_at(i) if i >= 0 else trace.tree
+    states = trace.states(i) if i >= 0 else {}
+    yield _title(trace, i, _WIDTH)
+    yield from (line.text for line in tree_lines(tree, states, _WIDTH, unicode=unicode))
+    yield from filter(None, [where(tree, states, _WIDTH), _values(trace.blackboard(i) if i >= 0 else {}, {}, _WIDTH)])
+    yield cut(legend(unicode), _WIDTH)
+
+
+def _changes(trace: Trace, unicode: bool) -> Iterator[str]:
+    """A line for every change."""
+    yield from (line.text for line in tree_lines(trace.tree, None, _WIDTH, unicode=unicode))
+    placed = {node.path: node for node in trace.tree.nodes}
+    for change, moment in trace.moments():
+        when = f"{change.time_s:7.1f} s  "
+        if change.tree is not None:
+            yield cut(f"{when}the tree from now on:", _WIDTH)
+            yield from (line.text for line in tree_lines(moment.tree, None, _WIDTH, unicode=unicode))
+            placed = {node.path: node for node in moment.tree.nodes}
+        for path in filter(change.nodes.__contains__, placed):
+            yield when + node_line(placed[path], change.nodes[path], _WIDTH - len(when), unicode=unicode).text
+        if change.blackboard:
+            yield cut(when + _values(change.blackboard, {}, _WIDTH), _WIDTH)
+    yield cut(_ending(trace), _WIDTH)
+
+
+def _ending(trace: Trace) -> str:
+    if trace.end is None:
+        return "the trace was cut off here: nothing says how the run ended"
+    error = f": {one_line(trace.end.error.message)}" if trace.end.error else ""
+    return f"{trace.end.ending.replace('_', ' ')} after {trace.end.time_s:.1f} s{error}"
+
+
+def _title(trace: Trace, i: int, width: int) -> str:
+    """Where in the trace this is."""
+    last = len(trace.ticks) - 1
+    at = f"tick {trace.ticks[i].tick}, {trace.ticks[i].time_s:.1f} s" if i >= 0 else "before the first tick"
+    ending = f"  {_ending(trace)}" if i == last else ""
+    return cut(f"{one_line(trace.tree.name)}  change {i + 1} of {last + 1}: {at}{ending}", width)
+
+
+def _values(values: Mapping[str, Any], changed: Container[str], width: int) -> str:
+    """The blackboard on a line, or "" if it is empty; what changed is marked by a star."""
+    shown = ", ".join(
+        f"{'*' if key in changed else ''}{key} = {'-' if value is None else one_line(str(value))}"
+        for key, value in values.items()
+    )
+    return cut(f"blackboard: {shown}", width) if shown else ""
+
+
+class Player:
+    """A trace on a terminal, moved through by keys.
+
+    Args:
+        trace: What to show.
+        unicode: Draw with lines and signs beyond ASCII.
+    """
+
+    def __init__(self, trace: Trace, unicode: bool = False) -> None:
+        self._trace, self._unicode = trace, unicode
+        self._colored = not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+        self.i = min(0, len(trace.ticks) - 1)
+
+    def play(self) -> None:
+        """Draw and obey keys until q. The screen is left as it was."""
+        write = sys.stdout.write
+        write("\x1b[?1049h\x1b[?25l")  # another screen, no cursor
+        try:
+            while True:
+                write("\x1b[H" + "\x1b[K\n".join(self.screen(shutil.get_terminal_size())) + "\x1b[K\x1b[J")
+                sys.stdout.flush()
+                for key in _KEY.findall(click.getchar()):
+                    if key == "q":
+                        return
+                    self.press(key)
+        except EOFError:
+            return
+        finally:
+            write("\x1b[?25h\x1b[?1049l")
+            sys.stdout.flush()
+
+    def press(self, key: str) -> None:
+        """Move as a key says: a letter, or the escape sequence that a terminal sends."""
+        last = len(self._trace.ticks) - 1
+        step = _ESCAPES.get(key, key)
+        moves = {"n": 1, "p": -1, "page down": _PAGE, "page up": -_PAGE, "end": last - self.i, "home": -self.i}
+        goal = self._next_failure() if step == "f" else self.i + moves.get(step, 0)
+        self.i = max(min(goal, last), min(0, last))
+
+    def _next_failure(self) -> int:
+        for i in range(self.i + 1, len(self._trace.ticks)):
+            if any(state.status == "FAILURE" or state.gave_up for state in self._trace.ticks[i].nodes.values()):
+                return i
+        return self.i
+
+    def screen(self, size: os.terminal_size) -> list[str]:
+        """The lines of the present tick, which fit a terminal of that size."""
+        width = min(size.columns, _WIDEST)
+        trace, i = self._trace, self.i
+        change = trace.ticks[i] if i >= 0 else Tick(1, 0.0)
+        tree: TreeSpec = trace.tree_at(i) if i >= 0 else trace.tree
+        states = trace.states(i) if i >= 0 else {}
+        blackboard = {**dict.fromkeys(change.blackboard), **trace.blackboard(i)} if i >= 0 else {}
+        below = [where(tree, states, width), _values(blackboard, change.blackboard, width)]
+        below = [*filter(None, below), cut(legend(self._unicode), width), cut(_HELP, width)]
+        lines = tree_lines(tree, states, width - 2, fold=True, unicode=self._unicode)
+        first, last = 0, len(lines)
+        if len(lines) > (room := max(size.lines - 1 - len(below), 2)):
+            first, last = window(lines, room - 1)
+            below.insert(0, cut(f"... {first} lines above, {len(lines) - last} below", width))
+        shown = [(">" if line.path in change.nodes else " ") + " " + self._painted(line) for line in lines[first:last]]
+        return [_title(trace, i, width), *shown, *below][: size.lines]
+
+    def _painted(self, line: Line) -> str:
+        if not self._colored or line.standing is None:
+            return line.text
+        color = MARKS[line.standing].terminal
+        if color is None:
+            return click.style(line.text, dim=True)
+        return line.before + click.style(line.mark, fg=color, bold=True) + line.after
