@@ -49,15 +49,28 @@ class Measurement:
         """Simulated time."""
         return self.steps / CONTROL_HZ
 
+    def after(self, earlier: Measurement) -> Measurement:
+        """This one, of an episode that goes on where `earlier` was taken."""
+        return Measurement(
+            steps=self.steps,  # the world's clock has gone on
+            base_m=earlier.base_m + self.base_m,
+            hand_world_m={side: earlier.hand_world_m[side] + self.hand_world_m[side] for side in SIDES},
+            hand_base_m={side: earlier.hand_base_m[side] + self.hand_base_m[side] for side in SIDES},
+        )
+
 
 class Meter(Watcher):
     """Notes what the robot feels at every step, and adds distances up when asked.
 
     Hands come from the joint angles by forward kinematics, all steps at once: one by one it would cost more than the
     physics.
+
+    Args:
+        earlier: What was measured before the episode was stopped, if it is one that goes on.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, earlier: Measurement | None = None) -> None:
+        self._earlier = earlier
         self._steps = 0
         self._felt: list[Array] = []
 
@@ -80,12 +93,13 @@ class Meter(Watcher):
         arms: dict[Side, Array] = {"left": rows[:, 7:14], "right": rows[:, 14:]}
         T_world_base = kinematics.transform(kinematics.rot_z(base[:, 2]), np.pad(base[:, :2], ((0, 0), (0, 1))))
         T_base_hand = {side: kinematics.tcp(torso, arms[side], side) for side in SIDES}
-        return Measurement(
+        measured = Measurement(
             steps=self._steps,
             base_m=_way(base[:, :2]),
             hand_world_m={side: _way((T_world_base @ T_base_hand[side])[:, :3, 3]) for side in SIDES},
             hand_base_m={side: _way(T_base_hand[side][:, :3, 3]) for side in SIDES},
         )
+        return measured.after(self._earlier) if self._earlier else measured
 
 
 def ratio(human: float, robot: float) -> float | None:
