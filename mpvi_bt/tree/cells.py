@@ -36,6 +36,26 @@ def cut(text: str, width: int) -> str:
     return _first(text, width - 3).rstrip() + "..."
 
 
+def wrapped(text: str, width: int, most: int = 1000) -> list[str]:
+    """The text in lines of at most `width` columns (two at least), `most` of them, the last cut if there is more."""
+    lines: list[str] = []
+    line = ""
+    for word in text.split(" "):
+        if columns(f"{line} {word}" if line else word) <= width:
+            line = f"{line} {word}" if line else word
+            continue
+        if line:
+            lines.append(line)
+        while columns(word) > width:
+            lines.append(_first(word, width) or word[0])
+            word = word[len(lines[-1]) :]
+        line = word
+    lines.append(line)
+    if len(lines) > most:
+        lines[most - 1 :] = [cut(" ".join(lines[most - 1 :]), width)]
+    return lines
+
+
 def _first(text: str, width: int) -> str:
     if text.isascii():
         return text[:width]

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from mpvi_bt.tree.spec import NodeSpec
 from mpvi_bt.tree.state import NodeState
 
 Standing = Literal["running", "success", "failure", "gave_up", "interrupted", "idle"]
@@ -40,6 +41,15 @@ MARKS: Mapping[Standing, Mark] = {
     "interrupted": Mark("interrupted", "[/]", "⊘", "cyan", "#dfe5f5", "#36477a"),
     "idle": Mark("idle", "[-]", "○", None, "#f2f3f5", "#5f6672"),
 }
+
+# The signs of Colledanchise and Ögren, "Behavior Trees in Robotics and AI" (2018), for what py_trees draws; the star
+# says memory. A leaf needs none: its branch is enough.
+_SIGNS = {"{-}": "→*", "[-]": "→", "{o}": "?*", "[o]": "?", "/_/": "⇉", "-^-": "◇", "-->": ""}
+
+
+def sign(node: NodeSpec) -> str:
+    """What is drawn before a label where more than ASCII can be, or ""."""
+    return _SIGNS.get(node.glyph, node.glyph)
 
 
 def standing(state: NodeState) -> Standing:

@@ -6,17 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from mpvi_bt.tree.cells import columns, cut, one_line
-from mpvi_bt.tree.marks import MARKS, Standing, legend, standing
+from mpvi_bt.tree.marks import MARKS, Standing, legend, sign, standing
 from mpvi_bt.tree.spec import Placed, TreeSpec
 from mpvi_bt.tree.state import NodeState
 
 LEGEND = legend()
 _LEAST_LABEL = 40  # columns that indentation leaves; what lies deeper is not indented further
 _LEAST_FEEDBACK = 22  # columns that feedback may take from a long label
-
-# The signs of Colledanchise and Ögren, "Behavior Trees in Robotics and AI" (2018), for what py_trees draws; the star
-# says memory. A leaf needs none: its branch is enough.
-_SIGNS = {"{-}": "→*", "[-]": "→", "{o}": "?*", "[o]": "?", "/_/": "⇉", "-^-": "◇", "-->": ""}
 
 
 @dataclass(frozen=True)
@@ -92,7 +88,7 @@ def node_line(
     """One node: indent, glyph, label, mark, time, feedback; labels and feedback that are too wide lose their end."""
     if indent is None:
         indent = (" " * 4 * node.depth)[: max(width - _LEAST_LABEL, 0)]
-    glyph = _SIGNS.get(node.spec.glyph, node.spec.glyph) if unicode else node.spec.glyph
+    glyph = sign(node.spec) if unicode else node.spec.glyph
     start = indent + (glyph + " " if glyph else "")
     label = one_line(node.spec.label)
     if state is None:
@@ -100,7 +96,7 @@ def node_line(
     stands = standing(state)
     mark = MARKS[stands].unicode if unicode else MARKS[stands].ascii
     room = width - columns(start) - columns(mark) - 1
-    time = cut(_time(state), max(room - _LEAST_FEEDBACK, 0))
+    time = cut(f" {words}" if (words := time_text(state)) else "", max(room - _LEAST_FEEDBACK, 0))
     room -= len(time)
     feedback = f"  {one_line(state.feedback)}" if state.feedback else ""
     least = min(columns(feedback), _LEAST_FEEDBACK)
@@ -153,14 +149,14 @@ def _indented(tree: TreeSpec, limit: int, unicode: bool) -> Iterator[tuple[Place
         yield node, indent
 
 
-def _time(state: NodeState) -> str:
-    """Whole seconds, so that the picture stays still between them."""
+def time_text(state: NodeState) -> str:
+    """Time taken and left, or "": whole seconds while it runs, so that the picture stays still between them."""
     if state.elapsed_s is None or state.limit_s is None or state.status == "INVALID":
         return ""
     if state.status != "RUNNING":
-        return f" {state.elapsed_s:.1f} s"
+        return f"{state.elapsed_s:.1f} s"
     passed = int(state.elapsed_s + 1e-6)
-    return f" {passed} s, {max(0, round(state.limit_s - passed))} s left"
+    return f"{passed} s, {max(0, round(state.limit_s - passed))} s left"
 
 
 def _short_path(path: str, width: int) -> str:

@@ -1,0 +1,145 @@
+"""`mpvi render`: a tree, or the tree of a trace at one of its ticks, drawn from its file alone."""
+
+from __future__ import annotations
+
+import bisect
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import click
+
+from mpvi_bt import paths
+from mpvi_bt.errors import UserError
+
+if TYPE_CHECKING:  # what they load is slower than the help of this command should be
+    from mpvi_bt.tree.spec import TreeSpec
+    from mpvi_bt.tree.state import NodeState
+    from mpvi_bt.tree.trace import Trace
+
+Format = Literal["ascii", "unicode", "dot", "svg", "html"]
+_SUFFIXES: dict[str, Format] = {
+    ".txt": "ascii", ".dot": "dot", ".gv": "dot", ".svg": "svg", ".html": "html", ".htm": "html",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Picture:
+    """What is drawn.
+
+    Attributes:
+        tree: The tree, of a trace the one that was ticked.
+        states: By path; None: nothing has run.
+        when: One line: when in the run this is, and how it ended if it did; "" of a tree.
+        tick: Of the run.
+        trace: The whole of it.
+    """
+
+    tree: TreeSpec
+    states: dict[str, NodeState] | None = None
+    when: str = ""
+    tick: int | None = None
+    trace: Trace | None = None
+
+
+@click.command()
+@click.argument("tree", metavar="TREE|TRACE")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["ascii", "unicode", "dot", "svg", "html"]),
+    help="Text (ascii, the default, or unicode), Graphviz, a picture, or a page to fold and play. "
+    "Left out, it is told by the suffix of --out.",
+)
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="Write here instead of to the terminal.")
+@click.option("--width", default=80, show_default=True, type=click.IntRange(20, 1000), help="Columns of text.")
+@click.option("--tick", type=click.IntRange(min=0), help="Of a trace: as it stood after this tick, not at its end.")
+@click.option("--json", "as_json", is_flag=True, help="For programs: every node with its path, depth and state.")
+def render(tree: str, form: Format | None, out: Path | None, width: int, tick: int | None, as_json: bool) -> None:
+    """Draw a tree, or where the run of a trace stands.
+
+    TREE is a file, or the name of one of the trees that come with mpvi_bt. TRACE is a .jsonl file that a run left.
+    """
+    if as_json and form:
+        raise click.UsageError("--json and --format exclude each other.")
+    form = form or (_guessed(out) if out and not as_json else "ascii")
+    picture = _picture(tree, tick)
+    text = json.dumps(_described(picture), indent=2) if as_json else _drawn(picture, form, width)
+    if out is None:
+        click.echo(text)
+        return
+    try:
+        out.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"{out}: {(error.strerror or 'cannot be written').lower()}") from None
+
+
+def _guessed(out: Path) -> Format:
+    if out.suffix.lower() not in _SUFFIXES:
+        raise UserError(f"{out}: its suffix tells no format. Known: {', '.join(_SUFFIXES)}; or give --format.")
+    return _SUFFIXES[out.suffix.lower()]
+
+
+def _picture(given: str, tick: int | None) -> _Picture:
+    """Raises UserError, FileProblems."""
+    if not given.endswith(".jsonl"):
+        from mpvi_bt.tree.yaml_io import load_tree
+
+        if tick is not None:
+            raise UserError(f"{given}: --tick needs the trace of a run, a .jsonl file, not a tree.")
+        return _Picture(load_tree(paths.find_or_file("trees", given, "tree")))
+
+    from mpvi_bt.tree.trace import read_trace
+
+    trace = read_trace(given)
+    last = trace.end.tick if trace.end else trace.ticks[-1].tick if trace.ticks else 0
+    if tick is not None and tick > last:
+        raise UserError(f"{given}: there is no tick {tick}; the last is {last}.")
+    found = bisect.bisect_right(trace.ticks, last if tick is None else tick, key=lambda t: t.tick)
+    time_s = trace.ticks[found - 1].time_s if found else 0.0
+    when = f"tick {tick}, {time_s:.1f} s"
+    if tick is None:
+        how = trace.end.ending.replace("_", " ") if trace.end else "the trace breaks off"
+        when = f"{how} after {trace.end.time_s if trace.end else time_s:.1f} s"
+    spec = trace.tree_at(found - 1) if found else trace.tree
+    return _Picture(spec, trace.states(found - 1) if found else {}, when, last if tick is None else tick, trace)
+
+
+def _drawn(picture: _Picture, form: Format, width: int) -> str:
+    if form == "dot":
+        from mpvi_bt.tree.dot import dot_tree
+
+        return dot_tree(picture.tree, picture.states)
+    if form == "svg":
+        from mpvi_bt.tree.svg import svg_tree
+
+        return svg_tree(picture.tree, picture.states)
+    if form == "html":
+        from mpvi_bt.tree.html import trace_page, tree_page
+
+        return trace_page(picture.trace, picture.tick) if picture.trace else tree_page(picture.tree)
+
+    from mpvi_bt.tree.render import ascii_tree, unicode_tree, where
+
+    lines = [(ascii_tree if form == "ascii" else unicode_tree)(picture.tree, picture.states, width)]
+    if picture.states is not None:
+        lines += filter(None, [where(picture.tree, picture.states, width), picture.when])
+    return "\n".join(lines)
+
+
+def _described(picture: _Picture) -> dict[str, Any]:
+    nodes = [
+        {
+            "path": n.path,
+            "depth": n.depth,
+            "kind": n.spec.kind,
+            "label": n.spec.label,
+            "segments": n.spec.segments,
+            **n.spec.parameters.model_dump(),
+            **({"state": vars(picture.states[n.path])} if picture.states and n.path in picture.states else {}),
+        }
+        for n in picture.tree.nodes
+    ]
+    tree = {"tree": picture.tree.name, "instruction": picture.tree.instruction, "nodes": nodes}
+    return tree if picture.tick is None else {"tick": picture.tick, "when": picture.when, **tree}
