@@ -15,7 +15,11 @@ def dump_tree(tree: TreeSpec) -> str:
 
     Parameters of the tree stand as the file wrote them; a subtree is the call of its file.
     """
-    data = {**_head(tree), "root": _plain(tree.root, (), expand=False)}
+    return to_yaml({**_head(tree), "root": _plain(tree.root, (), expand=False)})
+
+
+def to_yaml(data: dict[str, Any]) -> str:
+    """Data as YAML in our style; only texts of several lines take more than one."""
     return str(yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=10**6))
 
 
@@ -36,11 +40,11 @@ def _head(tree: TreeSpec) -> dict[str, Any]:
     return {key: value for key, value in head.items() if value}
 
 
-def _parameter(parameter: TreeParameter) -> str | _FlowMapping:
+def _parameter(parameter: TreeParameter) -> str | FlowMapping:
     if parameter.default is None and not parameter.about:
         return parameter.type
     rest = {"default": parameter.default, "about": parameter.about or None}
-    return _FlowMapping(type=parameter.type, **{key: value for key, value in rest.items() if value is not None})
+    return FlowMapping(type=parameter.type, **{key: value for key, value in rest.items() if value is not None})
 
 
 def _plain(node: NodeSpec, inherited: tuple[int, ...], expand: bool) -> dict[str, Any]:
@@ -48,9 +52,9 @@ def _plain(node: NodeSpec, inherited: tuple[int, ...], expand: bool) -> dict[str
     values = node.parameters.model_dump(exclude_defaults=True) | {k: v for k, v in written.items() if k != "name"}
     named = node.type.headline == "name"
     first = written.get("name", node.name) or None if named else values.pop(node.type.headline, None)
-    plain = {node.kind: _tidy(first), **{key: _tidy(value) for key, value in values.items()}}
+    plain = {node.kind: tidy(first), **{key: tidy(value) for key, value in values.items()}}
     if node.segments != inherited:
-        plain["segments"] = _Flow(node.segments)
+        plain["segments"] = Flow(node.segments)
     if node.kind == "subtree" and not expand:
         return plain
     below = [_plain(child, node.segments, expand) for child in node.children]
@@ -61,18 +65,20 @@ def _plain(node: NodeSpec, inherited: tuple[int, ...], expand: bool) -> dict[str
     return plain
 
 
-def _tidy(value: Any) -> Any:
-    """A whole number without its ".0"; a mapping on one line."""
+def tidy(value: Any) -> Any:
+    """A whole number without its ".0"; a mapping or a list on one line."""
     if isinstance(value, dict):
-        return _FlowMapping({key: _tidy(inner) for key, inner in value.items()})
+        return FlowMapping({key: tidy(inner) for key, inner in value.items()})
+    if isinstance(value, list | tuple):
+        return Flow(map(tidy, value))
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-class _Flow(list[int]):
+class Flow(list[Any]):
     """A list that is written on one line."""
 
 
-class _FlowMapping(dict[str, Any]):
+class FlowMapping(dict[str, Any]):
     """A mapping that is written on one line."""
 
 
@@ -85,16 +91,16 @@ class _Dumper(yaml.SafeDumper):
 
 
 def _write_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    """Quoted where our reader would see a number, or YAML 1.1 a boolean, in it."""
-    quoted = not isinstance(plain_scalar(text), str)
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style="'" if quoted else None)
+    """Quoted where our reader would see a number, or YAML 1.1 a boolean, in it; lines as they are."""
+    style = "|" if "\n" in text else None if isinstance(plain_scalar(text), str) else "'"
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
 
 
-def _write_flow(dumper: yaml.SafeDumper, items: _Flow) -> yaml.SequenceNode:
+def _write_flow(dumper: yaml.SafeDumper, items: Flow) -> yaml.SequenceNode:
     return dumper.represent_sequence("tag:yaml.org,2002:seq", items, flow_style=True)
 
 
-def _write_flow_mapping(dumper: yaml.SafeDumper, items: _FlowMapping) -> yaml.MappingNode:
+def _write_flow_mapping(dumper: yaml.SafeDumper, items: FlowMapping) -> yaml.MappingNode:
     return dumper.represent_mapping("tag:yaml.org,2002:map", items, flow_style=True)
 
 
@@ -104,5 +110,5 @@ def _write_nothing(dumper: yaml.SafeDumper, _: None) -> yaml.ScalarNode:
 
 _Dumper.add_representer(str, _write_text)
 _Dumper.add_representer(type(None), _write_nothing)
-_Dumper.add_representer(_Flow, _write_flow)
-_Dumper.add_representer(_FlowMapping, _write_flow_mapping)
+_Dumper.add_representer(Flow, _write_flow)
+_Dumper.add_representer(FlowMapping, _write_flow_mapping)
