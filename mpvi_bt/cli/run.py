@@ -6,18 +6,23 @@ import json
 import sys
 import tempfile
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.shell_completion import CompletionItem
 
 from mpvi_bt import paths
 from mpvi_bt.cli import INTERRUPTED
-from mpvi_bt.errors import UserError
+from mpvi_bt.errors import NodeError, UserError
 from mpvi_bt.suite.backends import BACKENDS
 from mpvi_bt.suite.config import EpisodeConfig
+
+if TYPE_CHECKING:
+    from mpvi_bt.executive.loop import Subscriber
+    from mpvi_bt.suite.prepare import Prepared
 
 
 class Name(click.ParamType[str]):
@@ -57,7 +62,7 @@ _OUTPUT = click.Path(dir_okay=False, path_type=Path)
 
 
 @click.command()
-@click.argument("task", type=Name("tasks"))
+@click.argument("task", type=Name("tasks"), required=False)
 @click.option("--instance", type=click.IntRange(min=0), default=0, show_default=True, help="Start state of the task.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of everything random.")
 @_backend("planner")
@@ -66,7 +71,12 @@ _OUTPUT = click.Path(dir_okay=False, path_type=Path)
 @_backend("policy")
 @_backend("checker")
 @click.option("--tree", type=Name("trees", file=True), help="Run this tree, by name or file, instead of a plan's.")
+@click.option("--param", "params", multiple=True, metavar="NAME=VALUE", help="Fill in a parameter of that tree.")
 @click.option("--plan", type=Name("tasks/plans", file=True), help="Compile this plan, by name or file.")
+@click.option("--dry", is_flag=True, help="No robot, no simulator: stand-ins do the work. Needs no TASK with --tree.")
+@click.option("--substitute", metavar="FILE", help="Put stand-ins in the place of nodes, by the rules of this file.")
+@click.option("--break", "breaks", multiple=True, metavar="PATH", help="Pause where such a node begins; * is any text.")
+@click.option("--step", is_flag=True, help="Pause wherever something changes.")
 @click.option("--video", type=_OUTPUT, metavar="FILE", help="Film the episode, as mp4.")
 @click.option("--picture", type=_OUTPUT, metavar="FILE", help="Draw the way taken, from above, as png.")
 @click.option(
@@ -75,35 +85,128 @@ _OUTPUT = click.Path(dir_okay=False, path_type=Path)
     default="runs",
     show_default=True,
     metavar="DIR",
-    help="Where the result file goes.",
+    help="Where result and trace go.",
 )
+@click.option("--trace/--no-trace", default=True, show_default=True, help="Write what happened tick by tick.")
 @click.option("--watch/--no-watch", default=True, show_default=True, help="Show the tree while it runs.")
+@click.option("--unicode", is_flag=True, help="Draw it with lines and signs beyond ASCII.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON; what is watched goes to stderr.")
-def run(out: Path, watch: bool, as_json: bool, **settings: Any) -> int:
+def run(
+    task: str | None,
+    params: tuple[str, ...],
+    dry: bool,
+    breaks: tuple[str, ...],
+    step: bool,
+    out: Path,
+    trace: bool,
+    watch: bool,
+    unicode: bool,
+    as_json: bool,
+    **settings: Any,
+) -> int:
     """Run one episode of TASK with the tree shown live, then print its score.
 
-    Exit code 0 where the goal is true at the end, 1 where it is not.
+    Exit code 0 where the goal is true at the end, 1 where it is not; of a dry run, where the tree succeeds or not.
     """
-    config = EpisodeConfig(**settings)
+    if task is None and not dry:
+        raise click.UsageError("Missing argument 'TASK'; only with --dry a tree runs without one.")
+    if dry and (settings["video"] or settings["picture"]):
+        raise click.UsageError("A dry run has nothing to film or to draw.")
+    arguments = tuple(_arguments(params).items())
+    config = EpisodeConfig(task or "", arguments=arguments, **settings)
+    stem = config.name if not dry else f"{Path(config.tree or config.plan or task or '').stem}_dry"
+    config = replace(config, trace=out / f"{stem}.trace.jsonl" if trace else None)
     for folder in (out, *(file.parent for file in (config.video, config.picture) if file is not None)):
         _check_writable(folder)  # now, not when a minute's work is lost
-    click.echo(f"mpvi: {config.task}, instance {config.instance}, seed {config.seed}: setting up", err=True)
-    # What follows loads the simulator.
+    from mpvi_bt.suite.prepare import prepare, prepare_episode
+
+    if dry:
+        prepared = prepare(task, config.tree, config.plan, dict(arguments), config.substitute)
+    else:
+        prepared = prepare_episode(config)
+    if prepared.doubt:
+        click.echo(f"mpvi: {prepared.doubt}", err=True)
+    from mpvi_bt.executive.debugger import Debugger
     from mpvi_bt.executive.live import LiveTree
+    from mpvi_bt.tree.globs import require_match
+
+    for glob in breaks:
+        require_match(glob, prepared.spec, "--break")
+    debugs = bool(breaks or step)
+    watchers: list[Subscriber] = []
+    if watch:
+        live = LiveTree(sys.stderr if as_json else sys.stdout, stem, unicode, redraw=not debugs)
+        live.show(prepared.spec)  # the world takes a moment
+        watchers.append(live)
+    if debugs:
+        watchers.append(Debugger(sys.stdin, sys.stderr, breaks, step))
+    try:
+        if dry:
+            return _dry(config, prepared, watchers, as_json)
+        return _episode(config, prepared, watchers, out / f"{stem}.json", as_json)
+    except NodeError:
+        if config.trace:
+            click.echo(f"mpvi: why: mpvi explain {config.trace}", err=True)
+        raise
+
+
+def _episode(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], path: Path, as_json: bool) -> int:
+    """Run in the simulator; print and write the result."""
+    click.echo(f"mpvi: {config.task}, instance {config.instance}, seed {config.seed}: setting up", err=True)
     from mpvi_bt.suite.episode import run as run_episode
     from mpvi_bt.suite.result import write_result
 
-    watchers = [LiveTree(sys.stderr if as_json else sys.stdout, config.name)] if watch else []
-    result = run_episode(config, subscribers=watchers)
-    path = out / f"{config.name}.json"
+    result = run_episode(config, watchers, prepared)
     write_result(path, result)
     if as_json:
         click.echo(json.dumps(result, indent=2))
     else:
-        click.echo(f"{score(result)}\n  result    {path}")
+        click.echo(f"{score(result, config.trace)}\n  result    {path}")
     if result["ended"] == "interrupted":
         return INTERRUPTED
     return 0 if result["success"] else 1
+
+
+def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], as_json: bool) -> int:
+    """Run without robot and simulator, and print how it went."""
+    from mpvi_bt.executive.dry import dry_tree, run_dry
+    from mpvi_bt.executive.recorder import Recorder
+
+    tree = dry_tree(prepared.spec, prepared.rules)
+    if config.trace is not None:
+        watchers = [Recorder(config.trace, {"dry": True, **config.record()}, config.seed), *watchers]
+    budget_s = prepared.task.budget_s if prepared.task else 3600.0
+    outcome = run_dry(tree, prepared.skills, watchers, budget_s)
+    failures = [*outcome.log.failures, *filter(None, [outcome.failure])]
+    result = {
+        "tree": prepared.spec.name,
+        "success": outcome.ending == "success",
+        "ended": outcome.ending,
+        "ticks": outcome.ticks,
+        "time": {"simulator_time": outcome.time_s},
+        "failures": [
+            {"node": f.path, "reason": f.reason, "feedback": f.evidence, "time_s": f.time_s} for f in failures
+        ],
+        "trace": str(config.trace) if config.trace else None,
+    }
+    if as_json:
+        click.echo(json.dumps(result, indent=2))
+    else:
+        click.echo(dry_score(result))
+    return INTERRUPTED if outcome.ending == "interrupted" else 0 if result["success"] else 1
+
+
+def _arguments(params: Iterable[str]) -> dict[str, str]:
+    """Names and values of `--param name=value`. Raises UsageError."""
+    arguments: dict[str, str] = {}
+    for param in params:
+        name, equals, value = param.partition("=")
+        if not equals or not name:
+            raise click.UsageError(f"--param wants NAME=VALUE, not {param!r}.")
+        if name in arguments:
+            raise click.UsageError(f"--param {name} is given twice.")
+        arguments[name] = value
+    return arguments
 
 
 def _check_writable(folder: Path) -> None:
@@ -116,8 +219,8 @@ def _check_writable(folder: Path) -> None:
         raise UserError(f"{folder}: cannot write there: {(error.strerror or str(error)).lower()}") from None
 
 
-def score(result: Mapping[str, Any]) -> str:
-    """What a person wants to know of a result, in lines of at most 80 columns."""
+def score(result: Mapping[str, Any], trace: Path | None = None) -> str:
+    """What a person wants to know of a result, in lines of at most 80 columns; `trace` says where to read why."""
     normalized = result["time"]["normalized_time"]
     human = f", {normalized:.2f} of human speed" if result["success"] and normalized is not None else ""
     moved = result["agent_distance"]
@@ -128,15 +231,33 @@ def score(result: Mapping[str, Any]) -> str:
         *(("", f"[{'x' if c['satisfied'] else ' '}] {c['condition']}") for c in result["goal"]),
         ("time", f"{result['time']['simulator_time']:.1f} s simulated{human}"),
         ("distance", f"base {moved['base']:.1f} m, left hand {moved['left']:.1f} m, right hand {moved['right']:.1f} m"),
-        *(
-            ("failed", f"{f['time_s']:.1f} s: {_part(f['node'])}: {f['feedback'] or f['reason']}")
-            for f in result["failures"]
-        ),
+        *_failed(result),
         ("wall", _wall(result["wall"])),
         ("truth", f"read by {', '.join(result['privileged']) or 'none'}"),
     ]
     head = f"{'SUCCESS' if result['success'] else 'FAILURE'}  q = {result['q_score']['final']:.3f}, tree: {ended}"
-    return "\n".join([head, *(_entry(name, text) for name, text in entries)])
+    return "\n".join([head, *(_entry(name, text) for name, text in entries), *_why(result, trace)])
+
+
+def dry_score(result: Mapping[str, Any]) -> str:
+    """The same of a dry run."""
+    ended = result["ended"].replace("_", " ")
+    head = f"{'SUCCESS' if result['success'] else 'FAILURE'}  dry run, tree: {ended}"
+    time = f"{result['time']['simulator_time']:.1f} s simulated, {result['ticks']} ticks"
+    entries = [("time", time), *_failed(result)]
+    return "\n".join([head, *(_entry(name, text) for name, text in entries), *_why(result, result["trace"])])
+
+
+def _failed(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    for failure in result["failures"]:
+        said = failure["feedback"] or failure["reason"]
+        yield "failed", f"{failure['time_s']:.1f} s: {_part(failure['node'])}: {said}"
+
+
+def _why(result: Mapping[str, Any], trace: object) -> list[str]:
+    """The command that says why, after a failure; a line to copy, whatever its length."""
+    failed = not result["success"] or result["failures"]
+    return [f"  why       mpvi explain {trace}"] if failed and trace else []
 
 
 def _part(path: str) -> str:

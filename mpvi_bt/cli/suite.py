@@ -62,15 +62,18 @@ def run(
     picture: bool,
     **options: Any,
 ) -> int:
-    """Run every episode of SUITE that has no result yet, then print the report.
+    """Run the episodes of SUITE that have no result.
 
-    Ends with 3 if an episode could not be finished for a fault of the machine; it is tried again by the next run.
+    Prints the report at the end. Ends with 3 if an episode could not be finished for a fault of the machine; it is tried again by the next run.
     """
+    from mpvi_bt.suite.prepare import prepare_episode
     from mpvi_bt.suite.progress import Progress
     from mpvi_bt.suite.report import report_data, report_text
     from mpvi_bt.suite.runner import run_suite
 
     title, store, episodes = _open(name, out, options)
+    for config in {c.task: c for c in episodes}.values():
+        prepare_episode(config)  # what is wrong with a tree or a plan is said once, and before workers start
     if video:
         episodes = [replace(c, video=store.out / "videos" / f"{c.name}.mp4") for c in episodes]
     if picture:
@@ -87,7 +90,7 @@ def run(
 @suite.command()
 @_shared
 def status(name: str, out: Path | None, as_json: bool, **options: Any) -> None:
-    """How far SUITE is: what is done, what broke, what is to do."""
+    """Say how far SUITE is: what is done, broken, to do."""
     title, store, episodes = _open(name, out, options)
     results = {c: r for c in episodes if (r := store.result(c)) is not None}
     faults = [c for c in episodes if c not in results and store.fault(c)]
@@ -119,7 +122,10 @@ def status(name: str, out: Path | None, as_json: bool, **options: Any) -> None:
 @suite.command()
 @_shared
 def report(name: str, out: Path | None, as_json: bool, **options: Any) -> None:
-    """The table of SUITE's results so far: q, time, distances and failures of every episode, and their means."""
+    """Tabulate the results of SUITE so far.
+
+    One line an episode with its q, time, distances and failures, then their means.
+    """
     from mpvi_bt.suite.report import report_data, report_text
 
     title, store, episodes = _open(name, out, options)

@@ -33,11 +33,12 @@ class LiveTree:
         stream: Where to write.
         title: Above the tree.
         unicode: Draw with lines and signs beyond ASCII.
+        redraw: False: on a terminal too, as piped; for one on which others write as well.
     """
 
-    def __init__(self, stream: TextIO, title: str = "", unicode: bool = False) -> None:
+    def __init__(self, stream: TextIO, title: str = "", unicode: bool = False, redraw: bool = True) -> None:
         self._stream, self._title, self._unicode = stream, title, unicode
-        self._terminal = stream.isatty()
+        self._terminal = redraw and stream.isatty()
         self._colored = self._terminal and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
         self._height = 0  # lines drawn, to go up before the next drawing
         self._drawn = float("-inf")

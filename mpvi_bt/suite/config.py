@@ -20,7 +20,9 @@ class EpisodeConfig:
         policy, detector, checker, planner, map: Backends, by name.
         tree: Name or file of a tree to run instead of compiling a plan, or None.
         plan: Name or file of a plan instead of the task's own, or None.
-        video, picture: Where to write the episode's film and its picture from above, or None.
+        arguments: Names and values of that tree's parameters.
+        substitute: File of rules that put stand-ins in the place of nodes, or None.
+        video, picture, trace: Where to write the episode's film, its picture from above and its trace, or None.
     """
 
     task: str
@@ -33,8 +35,11 @@ class EpisodeConfig:
     map: str = "prior"
     tree: str | None = None
     plan: str | None = None
+    arguments: tuple[tuple[str, str], ...] = ()
+    substitute: str | None = None
     video: Path | None = None
     picture: Path | None = None
+    trace: Path | None = None
 
     @property
     def task_name(self) -> str:
@@ -53,7 +58,10 @@ class EpisodeConfig:
 
     def record(self) -> dict[str, Any]:
         """What a result says of it: everything that can change the outcome, so not where pictures go."""
-        return {key: value for key, value in asdict(self).items() if key not in _OUTPUTS}
+        entries = {key: value for key, value in asdict(self).items() if key not in _OUTPUTS}
+        entries["arguments"] = dict(self.arguments)
+        return {key: value for key, value in entries.items() if value or key not in _RARE}
 
 
-_OUTPUTS = {"video", "picture"}
+_OUTPUTS = {"video", "picture", "trace"}
+_RARE = {"arguments", "substitute"}  # left out where they are not used

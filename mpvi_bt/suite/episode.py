@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import time
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from mpvi_bt import paths
 from mpvi_bt.behaviors.context import Context
 from mpvi_bt.behaviors.protocols import Checker
 from mpvi_bt.completion.oracle import OracleChecker
 from mpvi_bt.completion.triggers import GraspReleaseTriggers
 from mpvi_bt.completion.visual import VisualChecker
 from mpvi_bt.errors import BackendError, UnknownName
-from mpvi_bt.executive.live import LiveTree
 from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, run_episode
 from mpvi_bt.executive.pictures import PathPicture
+from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.executive.video import Video
 from mpvi_bt.goals.evaluate import judge, snapshot, unmet
 from mpvi_bt.goals.predicates import inside, ontop, truth_in
@@ -26,9 +25,6 @@ from mpvi_bt.goals.problem import Problem, load_problem
 from mpvi_bt.manipulation.expert import ExpertPolicy
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.perception.map import OccupancyMap
-from mpvi_bt.plan.planners import RecordedPlanner
-from mpvi_bt.plan.schema import load_plan
-from mpvi_bt.plan.skills import Skill, load_skills
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.stow import ArmStow
 from mpvi_bt.sim.catalogue import Catalogue, load_catalogue
@@ -36,25 +32,26 @@ from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.prior_map import prior_map
 from mpvi_bt.sim.sampling import Start, sample
 from mpvi_bt.sim.world import World
-from mpvi_bt.suite.backends import choose
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.metrics import Meter
+from mpvi_bt.suite.prepare import Prepared, prepare_episode
 from mpvi_bt.suite.result import Failure, make_result
-from mpvi_bt.suite.tasks import Task, load_task
+from mpvi_bt.suite.tasks import Task
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.compile import compile_plan
-from mpvi_bt.tree.spec import TreeSpec
-from mpvi_bt.tree.yaml_io import load_tree
+from mpvi_bt.tree.substitute import stand_ins
 
 _DRAWS = 20  # of a start, until :init holds in physics
 
 
-def run(config: EpisodeConfig, subscribers: Sequence[Subscriber] = ()) -> dict[str, Any]:
+def run(
+    config: EpisodeConfig, subscribers: Sequence[Subscriber] = (), prepared: Prepared | None = None
+) -> dict[str, Any]:
     """Run one episode.
 
     Args:
         config: What to run. The same config gives the same result, wall times apart.
         subscribers: Who watches besides the meter and what `config` asks for.
+        prepared: What `prepare_episode` made of `config`, if that was called before.
 
     Returns:
         The result, ready for JSON. Ctrl-C gives one too, its "ended" being "interrupted".
@@ -65,15 +62,10 @@ def run(config: EpisodeConfig, subscribers: Sequence[Subscriber] = ()) -> dict[s
         NodeError: A behavior raised.
     """
     began = time.perf_counter()
-    for kind, name in config.backends.items():
-        choose(kind, name)
-    task = load_task(config.task)
-    task.check_instance(config.instance)
-    skills = load_skills()
-    tree = Tree(_tree(config, task, skills))
-    for subscriber in subscribers:
-        if isinstance(subscriber, LiveTree):
-            subscriber.show(tree.spec)  # the world takes a moment
+    prepared = prepared or prepare_episode(config)
+    task, skills = prepared.task, prepared.skills
+    assert task is not None
+    tree = Tree(prepared.spec, stand_ins(prepared.rules))
     house, catalogue = load_house(task.house), load_catalogue()
     problem = load_problem(task.problem)
     counts = {s: len(house.fixtures_of(s, room)) for s, room in problem.wildcards.items()}
@@ -92,6 +84,7 @@ def run(config: EpisodeConfig, subscribers: Sequence[Subscriber] = ()) -> dict[s
         checker=_checker(config, world),
         triggers=GraspReleaseTriggers(world.robot),
         skills=skills,
+        blackboard=dict(tree.spec.blackboard),
     )
     meter = Meter()
     last = _Last()
@@ -111,7 +104,8 @@ def run(config: EpisodeConfig, subscribers: Sequence[Subscriber] = ()) -> dict[s
         meter.measurement,
         ended=outcome.ending,
         failures=[
-            Failure(node=f.path, reason=f.reason, feedback=f.evidence, time_s=f.time_s) for f in outcome.log.failures
+            Failure(node=f.path, reason=f.reason, feedback=f.evidence, time_s=f.time_s)
+            for f in (*outcome.log.failures, *filter(None, [outcome.failure]))
         ],
         wall={
             "total_s": total,
@@ -121,16 +115,6 @@ def run(config: EpisodeConfig, subscribers: Sequence[Subscriber] = ()) -> dict[s
         },
     )
     return result.model_dump(mode="json")
-
-
-def _tree(config: EpisodeConfig, task: Task, skills: Mapping[str, Skill]) -> TreeSpec:
-    if config.tree is not None:
-        return load_tree(paths.find_or_file("trees", config.tree), skills)
-    if config.plan is not None:
-        plan = load_plan(paths.find_or_file("tasks/plans", config.plan))
-    else:
-        plan = RecordedPlanner().plan(task.plan, task.instruction)
-    return compile_plan(plan, skills)
 
 
 def _world(
@@ -174,6 +158,8 @@ def _recorders(
     config: EpisodeConfig, grid: OccupancyMap, world: World, navigator: KnownPlaceNavigator
 ) -> list[Subscriber]:
     recorders: list[Subscriber] = []
+    if config.trace is not None:
+        recorders.append(Recorder(config.trace, config.record(), config.seed))
     if config.video is not None:
         recorders.append(Video(config.video, config.name))
     if config.picture is not None:
