@@ -68,6 +68,7 @@ KINDS = (
     Kind("suite", frozenset({"tasks", "instances", "seeds"}), "suites", "mpvi_bt.suite.tasks:check_suite"),
     Kind("task", frozenset({"problem", "bindings"}), "tasks", "mpvi_bt.suite.tasks:check_task"),
     Kind("catalogue", frozenset({"entries"}), "catalogues", "mpvi_bt.sim.catalogue:check_catalogue"),
+    Kind("rules", frozenset({"substitute"}), "rules", "mpvi_bt.tree.substitute:check_rules"),
     Kind("JSON schema", frozenset({"$schema", "$defs"}), "schema", None),
 )
 

@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -127,7 +127,11 @@ def load_rules(path: str | Path) -> Rules:
         UserError: There is no such file.
         FileProblems: Everything that is wrong with it.
     """
-    data, marks = load_marked(path)
+    return check_rules(*load_marked(path))
+
+
+def check_rules(data: Any, marks: Marks) -> Rules:
+    """As `load_rules`, of data that is already loaded."""
     return Rules(validate_data(data, marks, _File).substitute, marks)
 
 
