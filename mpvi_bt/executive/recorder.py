@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
+import itertools
 import json
 import math
+import operator
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -25,6 +27,7 @@ from mpvi_bt.tree.trace import VERSION
 from mpvi_bt.tree.yaml_io import expanded
 
 _NOT_BEGUN = NodeState()
+_JSON = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
 
 
 class Recorder(Watcher):
@@ -54,6 +57,7 @@ class Recorder(Watcher):
         self._tick = self._queries = 0
         self._states: dict[str, NodeState] = {}
         self._seen: dict[Behaviour, tuple[Status, str]] = {}
+        self._last: tuple[list[Behaviour], list[Status], list[str]] = ([], [], [])
         self._spec: TreeSpec | None = tree.spec
         self._blackboard: dict[str, Any] = {}
         self._write(
@@ -74,14 +78,30 @@ class Recorder(Watcher):
             self._record(tree.states())
             self._seen = {node: (node.status, node.feedback_message) for node in tree.nodes.values()}
             return
-        seen, context = self._seen, tree.context
-        changed = [node for node in tree.touched if seen.get(node) != (node.status, node.feedback_message)]
+        context, changed = tree.context, self._changed(tree.touched)
         if not changed and context.blackboard == self._blackboard and len(context.log.queries) == self._queries:
             return
+        self._record({vars(node)["path"]: tree.state_of(node) for node in _affected(changed) if node in self._seen})
+
+    def _changed(self, touched: list[Behaviour]) -> list[Behaviour]:
+        """Those whose status or feedback is another than when they were last touched."""
+        statuses, words = [node.status for node in touched], [node.feedback_message for node in touched]
+        before, was, said = self._last
+        self._last = touched, statuses, words
+        seen = self._seen
+        if touched != before:
+            changed = [node for node in touched if seen.get(node) != (node.status, node.feedback_message)]
+        elif statuses == was and words == said:  # most ticks; no other way to look at every node takes less time
+            return []
+        else:
+            changed = [
+                *itertools.compress(touched, map(operator.is_not, statuses, was)),
+                *itertools.compress(touched, map(operator.ne, words, said)),
+            ]
         for node in changed:
             if node in seen:  # not one inside a node that another package made
                 seen[node] = (node.status, node.feedback_message)
-        self._record({vars(node)["path"]: tree.state_of(node) for node in _affected(changed) if node in seen})
+        return changed
 
     def end(self, outcome: Outcome) -> None:
         """Write how it ended and close the file."""
@@ -130,9 +150,9 @@ class Recorder(Watcher):
     def _write(self, line: dict[str, Any]) -> None:
         assert self._file is not None
         try:
-            text = json.dumps(line, ensure_ascii=False, allow_nan=False)
+            text = _JSON.encode(line)
         except (TypeError, ValueError):
-            text = json.dumps(_plain(line), ensure_ascii=False)
+            text = _JSON.encode(_plain(line))
         self._file.write(text + "\n")
 
 

@@ -159,7 +159,7 @@ def _nodes(paths: Iterable[str], a: Moment, b: Moment) -> Iterator[NodeDifferenc
     """The deepest first, as what is above follows from it."""
     for path in sorted(paths, key=lambda path: -path.count("/")):
         one, other = a.nodes.get(path, _NEVER), b.nodes.get(path, _NEVER)
-        if replace(one, elapsed_s=None) != replace(other, elapsed_s=None):
+        if one != other and replace(one, elapsed_s=None) != replace(other, elapsed_s=None):
             yield NodeDifference(path, one, other)
 
 

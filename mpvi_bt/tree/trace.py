@@ -23,7 +23,7 @@ from mpvi_bt.tree.state import Ending, NodeState
 from mpvi_bt.tree.yaml_io import from_expanded
 
 VERSION = 1
-MAX_BYTES = 2**30
+MAX_BYTES = 2**29
 _MAX_PROBLEMS = 20
 _SNAPSHOT_EVERY = 256  # ticks read again at most by a step back; Our choice: a few milliseconds
 _SAME_S = 1e-6
@@ -270,11 +270,21 @@ def read_trace(path: str | Path) -> Trace:
         UserError: There is no such file, or it cannot be read.
         FileProblems: It is no trace, of another version, too large, or broken before its last line.
     """
+    lines: list[bytes] = []
+    room = MAX_BYTES
     try:
         with Path(path).open("rb") as file:
-            lines = file.readlines(MAX_BYTES)
-            if file.read(1):
-                raise FileProblems([Problem(str(path), 0, 0, "too-large", f"larger than {MAX_BYTES >> 20} MiB")])
+            first = _FIRST_KEY.match(file.peek(200))
+            if first is None or first[1] != b"trace":
+                what = 'no trace of a run: its first line would begin with {"trace": 1'
+                what = what if file.peek(1) else "the file is empty"
+                raise FileProblems([Problem(str(path), 1, 1, "no-trace", what)])
+            while line := file.readline(room + 1):
+                room -= len(line)
+                if room < 0:
+                    what = f"larger than {MAX_BYTES >> 20} MiB"
+                    raise FileProblems([Problem(str(path), 0, 0, "too-large", what)])
+                lines.append(line)
     except OSError as error:
         raise UserError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from None
     return _Lines(str(path), lines).read()
@@ -320,12 +330,8 @@ class _Lines:
         return Trace(self.file, header, tree, Ticks(kept), end)
 
     def _header(self) -> tuple[_Header, TreeSpec]:
-        line = self.lines[0] if self.lines else b""
-        first = _FIRST_KEY.match(line)
-        if first is None or first[1] != b"trace":
-            what = 'no trace of a run: its first line would begin with {"trace": 1'
-            raise FileProblems([Problem(self.file, 1, 1, "no-trace", what if line else "the file is empty")])
-        if not line.endswith(b"\n") and len(self.lines) == 1 and not _is_json(line):
+        line = self.lines[0]
+        if len(self.lines) == 1 and not line.endswith(b"\n") and not _is_json(line):
             raise FileProblems([Problem(self.file, 1, 1, "no-trace", "cut off within its first line")])
         header = self._parse(_HEADER, line)
         if header is not None and header.trace != VERSION:
