@@ -17,6 +17,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "compile": ("mpvi_bt.cli.trees:compile_", "Write the tree of a plan, as YAML."),
     "render": ("mpvi_bt.cli.render:render", "Draw a tree, or where a run stands, as text, picture or page."),
     "check": ("mpvi_bt.cli.check:check", "List every problem in YAML files, with line and column."),
+    "convert": ("mpvi_bt.cli.convert:convert", "Turn a tree into BehaviorTree.CPP 4 XML, or back."),
     "replay": ("mpvi_bt.cli.replay:replay", "Show a recorded run, tick by tick, forward and back."),
     "explain": ("mpvi_bt.cli.trace:explain_", "Say why a recorded run ended as it did."),
     "diff": ("mpvi_bt.cli.trace:diff_", "Show the first tick at which two recorded runs part."),

@@ -1,0 +1,337 @@
+"""XML of BehaviorTree.CPP 4 as our trees: the subset that has an equal here.
+
+The elements become the data that a YAML file of ours would hold, with the places of the XML, and the reader of trees
+does the rest; so values are checked and problems are told as they are of our own files.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from mpvi_bt.behaviors.registry import Comparison, node_types
+from mpvi_bt.errors import FileProblems, Problem, shown
+from mpvi_bt.marked_yaml import Location, Marks, parse_marked
+from mpvi_bt.tree import btcpp
+from mpvi_bt.tree.btcpp_file import TreeFile, place_of
+from mpvi_bt.tree.btcpp_script import escaped, read_assignments, read_comparison
+from mpvi_bt.tree.marked_xml import Element, parse_xml
+from mpvi_bt.tree.reader import MAX_NODES, Reading, read
+from mpvi_bt.tree.spec import TreeSpec
+
+_SCRIPTED = frozenset({"_skipIf", "_failureIf", "_successIf", "_while"}) | frozenset(
+    {"_onSuccess", "_onFailure", "_onHalted", "_post"}
+)
+_EXPLICIT = frozenset({"Action", "Condition", "Control", "Decorator"})
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What came of a file.
+
+    Attributes:
+        main: The tree to execute; its calls of the others are subtree nodes.
+        subtrees: The other trees, by the names that the calls use.
+        warnings: What BehaviorTree.CPP does otherwise, or what was left out, each with its place.
+    """
+
+    main: TreeSpec
+    subtrees: Mapping[str, TreeSpec]
+    warnings: tuple[Problem, ...]
+
+
+def from_xml(text: str, name: str = "<xml>") -> Imported:
+    """The trees of a file's text. `name` stands for it in problems.
+
+    Raises:
+        FileProblems: Everything in it that has no equal here.
+    """
+    root = parse_xml(text, name)
+    file = TreeFile(name)
+    main = file.trees_of(root)
+    if main is None or file.problems:
+        raise FileProblems(file.problems)
+    trees = {own: _Tree(file, own) for own in file.trees}
+    specs = {own: tree.read(main=own == main) for own, tree in trees.items()}
+    read_specs = {own: spec for own, spec in specs.items() if spec is not None}
+    if file.problems:
+        raise FileProblems(list({(p.line, p.column, p.message): p for p in file.problems}.values()))
+    warnings = tuple({(p.line, p.column, p.message): p for p in file.warnings}.values())
+    return Imported(read_specs.pop(main), read_specs, warnings)
+
+
+class _Tree:
+    """One <BehaviorTree> on its way to a TreeSpec, those that it calls written out below their calls."""
+
+    def __init__(self, file: TreeFile, name: str) -> None:
+        self.file, self.name = file, name
+        self.marks = Marks(file.name)
+        self.count = 0
+        self.calls = [name]
+
+    def read(self, main: bool) -> TreeSpec | None:
+        behavior = self.file.trees[self.name]
+        told = self._description(behavior)
+        data: dict[str, Any] = {"tree": self.name, **{k: v for k, v in told.items() if k != "segments"}}
+        self.marks.values[()] = behavior.place
+        for key in data:
+            self._mark((key,), behavior, "_description" if key in told else "ID")
+        root = behavior.children[0]
+        if main and (first := self._first_values(root)) is not None:
+            data["blackboard"], root = first, root.children[-1]
+        data["root"] = self._node(root, ("root",))
+        told_places = {(p.line, p.column) for p in self.file.problems}
+        try:
+            return read(data, self.marks, Reading(expanded=True), {})
+        except FileProblems as error:
+            self.file.problems += [p for p in error.problems if (p.line, p.column) not in told_places]
+            return None
+
+    def _first_values(self, element: Element) -> dict[str, Any] | None:
+        """Keys that exist from the start, if an element is the Sequence that our export sets them in."""
+        if element.tag != "Sequence" or element.attributes.get("name") != btcpp.FIRST_VALUES:
+            return None
+        values: dict[str, Any] = {}
+        for child in element.children[:-1]:
+            if child.tag == "SetBlackboard":
+                given: list[dict[str, Any]] | None = [
+                    {"key": child.attributes.get("output_key"), "value": child.attributes.get("value", "")}
+                ]
+            else:
+                given = read_assignments(child.attributes.get("code", "")) if child.tag == "Script" else None
+            for one in given or [{}]:
+                if not isinstance(one.get("key"), str) or "value" not in one:
+                    return None
+                values[one["key"]] = one["value"]
+                self._mark(("blackboard", one["key"]), child)
+        self._mark(("blackboard",), element)
+        return values if values and element.children else None
+
+    def _node(self, element: Element, at: Location) -> dict[str, Any]:
+        """The data of a node; of one that has no equal here, a stand-in, so that what is below is looked at too."""
+        self.count += 1
+        if self.count > MAX_NODES:
+            self.file.problem(element, "too-large", f"more than {MAX_NODES} nodes, subtrees written out")
+            raise FileProblems(self.file.problems)
+        for name in element.attributes:
+            if name in _SCRIPTED:
+                self.file.problem(element, "unmapped-attribute", f"{name} has no equal here", name)
+        tag = element.tag
+        if tag in _EXPLICIT:
+            tag = element.attributes.get("ID", "")
+        if tag == "SubTree":
+            return self._call(element, at)
+        if tag in ("Script", "SetBlackboard"):
+            return self._assignments(element, at)
+        if tag == "ScriptCondition":
+            return self._comparison(element, at, "test", element)
+        if tag == "ReactiveSequence" and (guarded := self._condition(element, at)):
+            return guarded
+        if tag in btcpp.own_kinds():
+            return self._own(element, at, btcpp.own_kinds()[tag])
+        if any(row.tag == tag for row in btcpp.BUILTINS):
+            return self._builtin(element, at, tag)
+        if tag in btcpp.THEIRS:
+            self.file.problem(element, "unmapped-node", f"{tag} has no equal here; docs/btcpp.md lists what has")
+        else:
+            known = {row.tag for row in btcpp.BUILTINS} | set(btcpp.own_kinds()) | {"Script", "SetBlackboard"}
+            self.file.unknown(element, "node", tag, sorted(known | {"ScriptCondition", "SubTree"}))
+        for child in element.children:
+            self._node(child, at)
+        return {"succeed": None}
+
+    def _builtin(self, element: Element, at: Location, tag: str) -> dict[str, Any]:
+        rows = [row for row in btcpp.BUILTINS if row.tag == tag]
+        row = rows[0] if tag != "Parallel" else self._parallel(element, rows)
+        known = {row.port, *row.constant} - {"", "name"}
+        self._check_attributes(element, known, needed=known - set(row.constant))
+        given: dict[str, Any] = dict(row.fixed)
+        attributes = element.attributes
+        if row.port and row.port in attributes and (row.port != "name" or btcpp.KEY.fullmatch(attributes["name"])):
+            text = attributes[row.port]
+            given[row.parameter] = self._decoded(
+                element, row.port, lambda: btcpp.from_msec(text) if row.port == "msec" else _port_value(row, text)
+            )
+        if row.differs:
+            self.file.warn(element, tag.lower(), f"{tag}: {row.differs}")
+        return self._data(element, at, row.kind, given, {row.parameter: row.port})
+
+    def _parallel(self, element: Element, rows: list[btcpp.Builtin]) -> btcpp.Builtin:
+        defaults = {"success_count": "-1", "failure_count": "1"}
+        counts = {name: element.attributes.get(name, default).strip() for name, default in defaults.items()}
+        whole = {**counts, "success_count": "-1"} if counts["success_count"] == str(len(element.children)) else counts
+        for wanted in (counts, whole):
+            for row in rows:
+                if row.constant == wanted:
+                    return row
+        message = "of a Parallel, success_count -1 (all) or 1 and failure_count 1 have an equal here, not "
+        given = ", ".join(f"{name} {value!r:.20}" for name, value in counts.items())
+        attribute = next((name for name in ("success_count", "failure_count") if name in element.attributes), "")
+        self.file.problem(element, "unmapped-parallel", message + given, attribute)
+        return rows[0]
+
+    def _own(self, element: Element, at: Location, kind: str) -> dict[str, Any]:
+        ports = btcpp.ports_of(kind)
+        self._check_attributes(element, set(ports), needed=set())  # the reader says what is missing
+        given = {}
+        for name, port in ports.items():
+            if name in element.attributes and not (port.optional and element.attributes[name] == ""):
+                text = element.attributes[name]
+                given[name] = self._decoded(element, name, lambda t=text, p=port: btcpp.from_port(t, p.text))
+        return self._data(element, at, kind, given, {})
+
+    def _call(self, element: Element, at: Location) -> dict[str, Any]:
+        name = element.attributes.get("ID", "")
+        if element.children:
+            self.file.problem(element, "children", "a SubTree has no children here; its tree is a <BehaviorTree>")
+        for attribute in element.attributes:
+            if attribute not in ("ID", "name") and not attribute.startswith("_"):
+                message = f"port {attribute!r}: blackboard keys are of the run here, so subtrees have no ports"
+                self.file.problem(element, "subtree-port", message, attribute)
+        if element.attributes.get("_autoremap", "").lower() not in ("true", "1"):
+            message = "without _autoremap this subtree has keys of its own; here they are those of the run"
+            self.file.warn(element, "subtree", message)
+        data = self._data(element, at, "subtree", {"tree": name}, {"tree": "ID"})
+        if name not in self.file.trees:
+            self.file.unknown(element, "tree", name, list(self.file.trees), "ID")
+        elif name in self.calls:
+            chain = " -> ".join([*self.calls[self.calls.index(name) :], name])
+            self.file.problem(element, "recursion", f"a tree can't contain itself: {chain}", "ID")
+        else:
+            self.calls.append(name)
+            data["child"] = {**self._node(self.file.trees[name].children[0], (*at, "child"))}
+            data["child"].setdefault("segments", [])  # else it would have the caller's
+            self.calls.pop()
+        return data
+
+    def _assignments(self, element: Element, at: Location) -> dict[str, Any]:
+        """A node that sets keys; of a script that sets several, a sequence of them."""
+        attributes = element.attributes
+        if element.tag == "SetBlackboard":
+            self._check_attributes(element, {"value", "output_key"}, needed={"value", "output_key"})
+            text = attributes.get("value", "")
+            value = self._decoded(element, "value", lambda: btcpp.from_port(text, as_text=True))
+            value = escaped(value) if value == text else value
+            given = {"key": attributes.get("output_key", ""), "value": value}
+            return self._data(element, at, "set", given, {"key": "output_key", "value": "value"})
+        self._check_attributes(element, {"code"}, needed={"code"})
+        found = read_assignments(attributes.get("code", ""))
+        if found is None:
+            message = f"this script has no equal here: {shown(attributes.get('code', ''))}. One such as "
+            self.file.problem(
+                element, "unmapped-script", message + "\"cups := 0; cups += 1; room := 'hall'\" has", "code"
+            )
+            found = []
+        if len(found) == 1:
+            return self._data(element, at, "set", found[0], dict.fromkeys(found[0], "code"))
+        data = self._data(element, at, "sequence", {"memory": True}, {})
+        data["children"] = [
+            self._data(element, (*at, "children", i), "set", one, dict.fromkeys(one, "code"))
+            for i, one in enumerate(found)
+        ]
+        return data
+
+    def _comparison(self, element: Element, at: Location, kind: str, script: Element) -> dict[str, Any]:
+        self._check_attributes(script, {"code"}, needed={"code"})
+        code = script.attributes.get("code", "")
+        found = read_comparison(code)
+        if found is None:
+            message = f"this script has no equal here: {shown(code)}. One such as "
+            self.file.problem(script, "unmapped-script", message + '"cups >= 3 && cups != 5", of one key, has', "code")
+            return {"succeed": None}
+        return self._data(element, at, kind, found, dict.fromkeys(found, "code"))
+
+    def _condition(self, element: Element, at: Location) -> dict[str, Any] | None:
+        """The condition that a ReactiveSequence is, if our export named it so."""
+        if len(element.children) != 2 or element.children[0].tag != "ScriptCondition":
+            return None
+        found = read_comparison(element.children[0].attributes.get("code", ""))
+        if found is None:
+            return None
+        try:
+            label = node_types()["condition"].label_of("", Comparison.model_validate(found))
+        except ValueError:
+            return None
+        if element.attributes.get("name") != label:
+            return None
+        inner = Element(element.tag, {**element.attributes, "name": element.tag}, element.place, element.places)
+        inner.children = element.children[1:]
+        return self._data(inner, at, "condition", found, {})
+
+    def _data(
+        self, element: Element, at: Location, kind: str, given: dict[str, Any], ports: Mapping[str, str]
+    ) -> dict[str, Any]:
+        """A node as a YAML file of ours would hold it, with its places; what is below an element, too.
+
+        Args:
+            element: Of the XML.
+            at: Where in the data it goes.
+            kind, given: Its kind and parameters.
+            ports: The attributes that hold them, where they are named otherwise.
+        """
+        node_type = node_types()[kind]
+        name = element.attributes.get("name")
+        headline = name if node_type.headline == "name" else given.get(node_type.headline)
+        if name is not None and node_type.headline != "name" and name not in (element.tag, headline):
+            self.file.warn(element, "name", f"{kind!r} has no name here; {name!r:.60} is left out", "name")
+        data = {kind: headline, **{key: value for key, value in given.items() if key != node_type.headline}}
+        self.marks.values[at] = element.place
+        for key in data:
+            attribute = ports.get(node_type.headline if key == kind else key, key)
+            self._mark((*at, key), element, "name" if key == kind and node_type.headline == "name" else attribute)
+        self.marks.keys[(*at, kind)] = element.place
+        told = self._description(element)
+        if "segments" in told:
+            data["segments"] = told["segments"]
+            self._mark((*at, "segments"), element, "_description")
+        if kind != "subtree":
+            self._below(element, at, node_type.family, data)
+        return data
+
+    def _below(self, element: Element, at: Location, family: str, data: dict[str, Any]) -> None:
+        if family == "composite" and element.tag != "Script":
+            self._mark((*at, "children"), element)
+            data["children"] = [self._node(child, (*at, "children", i)) for i, child in enumerate(element.children)]
+        elif family == "decorator" and len(element.children) == 1:
+            self._mark((*at, "child"), element)
+            data["child"] = self._node(element.children[0], (*at, "child"))
+        elif element.children or family == "decorator":
+            wanted = "one child" if family == "decorator" else "no children"
+            self.file.problem(element, "children", f"a {element.tag} has {wanted}, not {len(element.children)}")
+            data["child"] = {"succeed": None}
+
+    def _check_attributes(self, element: Element, known: set[str], needed: set[str]) -> None:
+        allowed = known | {"name"} | ({"ID"} if element.tag in _EXPLICIT else set())
+        for name in element.attributes:
+            if name not in allowed and not name.startswith("_"):
+                self.file.unknown(element, "port", name, sorted(known | {"name"}), name)
+        for name in sorted(needed - element.attributes.keys()):
+            self.file.problem(element, "missing-port", f"{element.tag} needs the port {name!r}")
+
+    def _decoded(self, element: Element, port: str, decode: Any) -> Any:
+        try:
+            return decode()
+        except ValueError as error:
+            what = "not a text in quotes" if isinstance(error, json.JSONDecodeError) else str(error)
+            self.file.problem(element, "port-value", f"{port}: {what}", port)
+            return None
+
+    def _description(self, element: Element) -> dict[str, Any]:
+        """What our export wrote into a description; of anyone else's, the text as the line about a tree."""
+        text = element.attributes.get("_description", "")
+        try:
+            found = parse_marked(text, self.file.name)[0] if text else {}
+        except FileProblems:
+            found = text
+        if isinstance(found, dict) and found.keys() <= {"tree", "about", "instruction", "segments", "call"}:
+            return {key: value for key, value in found.items() if key != "call"}
+        return {"about": text} if element.tag == "BehaviorTree" else {}
+
+    def _mark(self, at: Location, element: Element, attribute: str = "") -> None:
+        self.marks.values[at] = self.marks.keys[at] = place_of(element, attribute)
+
+
+def _port_value(row: btcpp.Builtin, text: str) -> Any:
+    return text if row.port == "name" else btcpp.from_port(text.strip(), as_text=False)

@@ -1,0 +1,177 @@
+"""BehaviorTree.CPP's scripts, as far as `set`, `test` and `condition` need them, both ways.
+
+Their script throws where a key has no value or holds another type, and takes 1 and 1.0000001 for equal. So a script is
+written only for keys that have a value from the start (the tree's `blackboard:`) and keep its type, and equality only
+of texts, truth values and whole numbers; otherwise the node is one of ours, and does what it does here.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from mpvi_bt.behaviors import references
+from mpvi_bt.behaviors.registry import Assignment, Comparison, Value
+from mpvi_bt.tree.btcpp import is_pointer, number_text
+from mpvi_bt.tree.spec import TreeSpec
+
+Type = str  # "boolean", "integer", "number" or "text"
+
+_KEYWORDS = ("true", "false")
+_SIGNS = {"equals": "==", "not_equals": "!=", "at_least": ">=", "at_most": "<="}
+_LITERAL = r"-?\s*[0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?|'[^']*'|[a-z][a-z0-9_]*"
+_COMPARISON = re.compile(rf"\s*([a-z][a-z0-9_]*)\s*(==|!=|>=|<=)\s*({_LITERAL})\s*(?:&&|$)")
+_STATEMENT = re.compile(rf"\s*([a-z][a-z0-9_]*)\s*(:=|=|\+=|-=)\s*({_LITERAL})\s*(?:;\s*|$)")
+
+
+class Board:
+    """What the keys hold, as far as the tree tells.
+
+    Attributes:
+        types: Of keys that have a value from the start and never one of another type.
+    """
+
+    def __init__(self, tree: TreeSpec) -> None:
+        self.types: dict[str, Type] = {
+            key: _type(value) for key, value in tree.blackboard.items() if key not in _KEYWORDS
+        }
+        writers = [placed.spec for placed in tree.nodes if placed.spec.type.writes]
+        before: dict[str, Type] = {}
+        while before != self.types:  # a key may be set from one that turns out to change its type
+            before = dict(self.types)
+            for spec in writers:
+                given = spec.parameters if isinstance(spec.parameters, Assignment) else None
+                for name in spec.type.writes:
+                    self._write(getattr(spec.parameters, name), self._type_set(given) if given else None)
+
+    def type(self, value: Value) -> Type | None:
+        """Of a value; of the key's, if it is a reference."""
+        if isinstance(value, str) and "$" in value:
+            return self.types.get(references.whole(value) or "")
+        return _type(value)
+
+    def _type_set(self, given: Assignment) -> Type | None:
+        if given.add is None:
+            return None if given.value is None else self.type(given.value)
+        return _type(given.add)
+
+    def _write(self, key: str, kind: Type | None) -> None:
+        joined = _joined(self.types[key], kind) if key in self.types else None
+        if joined is None:
+            self.types.pop(key, None)
+        else:
+            self.types[key] = joined
+
+
+def comparison_code(given: Comparison, board: Board) -> str | None:
+    """The script of a comparison, such as "cups >= 3"; None if none does the same."""
+    held = board.types.get(given.key)
+    parts = []
+    for name, sign in _SIGNS.items():
+        wanted = getattr(given, name)
+        if wanted is None:
+            continue
+        ordered = name in ("at_least", "at_most")
+        if (ordered and held not in ("integer", "number")) or (not ordered and held in (None, "number")):
+            return None
+        if not ordered and board.type(wanted) != held:
+            return None
+        literal = _literal(wanted)
+        if literal is None:
+            return None
+        parts.append(f"{given.key} {sign} {literal}")
+    return " && ".join(parts) or None
+
+
+def assignment(given: Assignment, board: Board) -> tuple[str, dict[str, str]] | None:
+    """Their node that does an assignment, and its ports; None if none does the same."""
+    held = board.types.get(given.key)
+    if held is None:
+        return None
+    if given.add is not None:
+        sign = "-" if given.add < 0 else "+"
+        return "Script", {"code": f"{given.key} {sign}= {number_text(abs(given.add))}"}
+    if isinstance(given.value, str) and "$" in given.value:
+        name = references.whole(given.value)
+        return ("SetBlackboard", {"value": f"{{{name}}}", "output_key": given.key}) if name else None
+    assert given.value is not None  # the model sees to that
+    return first_value(given.key, given.value, held)
+
+
+def first_value(key: str, value: Value, held: Type | None) -> tuple[str, dict[str, str]] | None:
+    """Their node that gives a key a value as it stands, a dollar sign too; None if there is none."""
+    if isinstance(value, str):
+        return None if is_pointer(value) else ("SetBlackboard", {"value": value, "output_key": key})
+    # 0.0, not 0: else the entry would be one of whole numbers for good
+    literal = repr(float(value)) if held == "number" else number_text(value)
+    return "Script", {"code": f"{key} := {literal}"}
+
+
+def read_comparison(code: str) -> dict[str, Any] | None:
+    """The parameters of a comparison that a script makes; None if it is not one of ours."""
+    found: dict[str, Any] = {}
+    at = 0
+    names = {sign: name for name, sign in _SIGNS.items()}
+    while match := _COMPARISON.match(code, at):
+        key, sign, literal = match.groups()
+        if found.setdefault("key", key) != key or names[sign] in found or key in _KEYWORDS:
+            return None
+        found[names[sign]] = _value(literal)
+        at = match.end()
+    return found if found and at == len(code) and not code.rstrip().endswith("&&") else None
+
+
+def read_assignments(code: str) -> list[dict[str, Any]] | None:
+    """The parameters of the assignments that a script makes; None if it does anything else."""
+    found: list[dict[str, Any]] = []
+    at = 0
+    while match := _STATEMENT.match(code, at):
+        key, sign, literal = match.groups()
+        value = _value(literal)
+        if sign in (":=", "="):
+            found.append({"key": key, "value": value})
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            found.append({"key": key, "add": -value if sign == "-=" else value})
+        else:
+            return None
+        at = match.end()
+    return found if found and at == len(code) else None
+
+
+def escaped(text: str) -> str:
+    """A text of theirs, in which a dollar sign means nothing, as one of ours."""
+    return text.replace("$", "$$") if references.names_in(text) or "$$" in text else text
+
+
+def _literal(value: Value) -> str | None:
+    if not isinstance(value, str):
+        return number_text(value)
+    if name := references.whole(value):
+        return name
+    return None if "'" in value or "$" in value else f"'{value}'"
+
+
+def _value(literal: str) -> Value:
+    if literal in _KEYWORDS:
+        return literal == "true"
+    if literal[0] == "'":
+        return escaped(literal[1:-1])
+    if literal[0].isalpha():
+        return f"${literal}"
+    number = literal.replace(" ", "")
+    return int(number) if number.lstrip("-").isdigit() else float(number)
+
+
+def _type(value: Value) -> Type:
+    if isinstance(value, bool):
+        return "boolean"
+    if isinstance(value, str):
+        return "text"
+    return "integer" if float(value).is_integer() and abs(value) < 2**53 else "number"
+
+
+def _joined(one: Type, other: Type | None) -> Type | None:
+    """The type of what may be of either."""
+    if one == other:
+        return one
+    return "number" if {one, other} == {"integer", "number"} else None

@@ -1,0 +1,98 @@
+"""XML read with the place of every element and attribute in it, bounded and without entities."""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from dataclasses import dataclass, field
+from xml.parsers import expat
+
+from mpvi_bt.errors import FileProblems, Problem
+from mpvi_bt.marked_yaml import MAX_NODES
+
+MAX_DEPTH = 256  # as deep as BehaviorTree.CPP reads
+
+_ATTRIBUTE = re.compile(rb"""([^\s=/>"']+)\s*=\s*(?:"[^"]*"|'[^']*')""")
+
+
+@dataclass
+class Element:
+    """An element.
+
+    Attributes:
+        tag: Its name.
+        attributes: By name, in the order of the file.
+        place: 1-based (line, column) of its "<".
+        places: The same of its attributes.
+        children: Elements below; text between them is passed over, as BehaviorTree.CPP does.
+    """
+
+    tag: str
+    attributes: dict[str, str]
+    place: tuple[int, int]
+    places: dict[str, tuple[int, int]]
+    children: list[Element] = field(default_factory=list)
+
+
+def parse_xml(text: str, name: str) -> Element:
+    """The root element of a text that `name` stands for in problems.
+
+    Raises:
+        FileProblems: It is not well-formed, declares a DOCTYPE (and with it entities), is nested too deep or too large.
+    """
+    return _Parser(text, name).parse()
+
+
+class _Parser:
+    def __init__(self, text: str, name: str) -> None:
+        self.name = name
+        self.bytes = text.encode()
+        self.lines = [0, *(found.end() for found in re.finditer(b"\n", self.bytes))]
+        self.open: list[Element] = []
+        self.root: Element | None = None
+        self.count = 0
+        self.expat = expat.ParserCreate("utf-8")
+        self.expat.StartElementHandler = self._start
+        self.expat.EndElementHandler = lambda _: self.open.pop()
+        self.expat.StartDoctypeDeclHandler = self._doctype
+
+    def parse(self) -> Element:
+        try:
+            self.expat.Parse(self.bytes, True)
+        except expat.ExpatError as error:
+            self._stop(self.expat.ErrorByteIndex, "syntax", f"not valid XML: {expat.ErrorString(error.code)}")
+        assert self.root is not None  # else expat finds no element
+        return self.root
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        at = self.expat.CurrentByteIndex
+        self.count += 1
+        if self.count > MAX_NODES:
+            self._stop(at, "too-large", f"more than {MAX_NODES} elements")
+        if len(self.open) > MAX_DEPTH:
+            self._stop(at, "too-deep", f"nested more than {MAX_DEPTH} deep")
+        element = Element(tag, attributes, self._place(at), self._places(at, len(attributes)))
+        if self.open:
+            self.open[-1].children.append(element)
+        else:
+            self.root = element
+        self.open.append(element)
+
+    def _doctype(self, *_: object) -> None:
+        self._stop(self.expat.CurrentByteIndex, "doctype", "a DOCTYPE is not allowed: trees need no entities")
+
+    def _places(self, at: int, count: int) -> dict[str, tuple[int, int]]:
+        """Of the attributes of the tag that begins at a byte."""
+        places: dict[str, tuple[int, int]] = {}
+        at = re.compile(rb"<[^\s/>]+").match(self.bytes, at).end()  # type: ignore[union-attr]
+        while len(places) < count and (found := _ATTRIBUTE.search(self.bytes, at)):
+            places[found[1].decode()] = self._place(found.start())
+            at = found.end()
+        return places
+
+    def _place(self, at: int) -> tuple[int, int]:
+        line = bisect_right(self.lines, at)
+        return line, len(self.bytes[self.lines[line - 1] : at].decode(errors="replace")) + 1
+
+    def _stop(self, at: int, code: str, message: str) -> None:
+        raise FileProblems([Problem(self.name, *self._place(at), code, message)])
