@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import bisect
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -96,14 +95,14 @@ def _picture(given: str, tick: int | None) -> _Picture:
     last = trace.end.tick if trace.end else trace.ticks[-1].tick if trace.ticks else 0
     if tick is not None and tick > last:
         raise UserError(f"{given}: there is no tick {tick}; the last is {last}.")
-    found = bisect.bisect_right(trace.ticks, last if tick is None else tick, key=lambda t: t.tick)
-    time_s = trace.ticks[found - 1].time_s if found else 0.0
+    i = trace.index_at(last if tick is None else tick)
+    time_s = trace.ticks[i].time_s if i >= 0 else 0.0
     when = f"tick {tick}, {time_s:.1f} s"
     if tick is None:
         how = trace.end.ending.replace("_", " ") if trace.end else "the trace breaks off"
         when = f"{how} after {trace.end.time_s if trace.end else time_s:.1f} s"
-    spec = trace.tree_at(found - 1) if found else trace.tree
-    return _Picture(spec, trace.states(found - 1) if found else {}, when, last if tick is None else tick, trace)
+    spec = trace.tree_at(i) if i >= 0 else trace.tree
+    return _Picture(spec, trace.states(i) if i >= 0 else {}, when, last if tick is None else tick, trace)
 
 
 def _drawn(picture: _Picture, form: Format, width: int) -> str:

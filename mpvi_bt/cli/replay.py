@@ -13,8 +13,9 @@ from typing import Any
 import click
 
 from mpvi_bt.tree.cells import cut, one_line
-from mpvi_bt.tree.marks import MARKS, legend
-from mpvi_bt.tree.render import Line, node_line, tree_lines, where, window
+from mpvi_bt.tree.colors import painted, wants_color
+from mpvi_bt.tree.marks import legend
+from mpvi_bt.tree.render import node_line, tree_lines, where, window
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
 from mpvi_bt.tree.trace import Tick, Trace, read_trace
@@ -143,7 +144,7 @@ class Player:
 
     def __init__(self, trace: Trace, unicode: bool = False) -> None:
         self._trace, self._unicode = trace, unicode
-        self._colored = not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+        self._colored = wants_color(sys.stdout)
         self.i = min(0, len(trace.ticks) - 1)
 
     def play(self) -> None:
@@ -193,13 +194,8 @@ class Player:
         if len(lines) > (room := max(size.lines - 1 - len(below), 2)):
             first, last = window(lines, room - 1)
             below.insert(0, cut(f"... {first} lines above, {len(lines) - last} below", width))
-        shown = [(">" if line.path in change.nodes else " ") + " " + self._painted(line) for line in lines[first:last]]
+        shown = [
+            ("> " if line.path in change.nodes else "  ") + (painted(line) if self._colored else line.text)
+            for line in lines[first:last]
+        ]
         return [_title(trace, i, width), *shown, *below][: size.lines]
-
-    def _painted(self, line: Line) -> str:
-        if not self._colored or line.standing is None:
-            return line.text
-        color = MARKS[line.standing].terminal
-        if color is None:
-            return click.style(line.text, dim=True)
-        return line.before + click.style(line.mark, fg=color, bold=True) + line.after

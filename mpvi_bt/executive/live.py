@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import time
 from collections.abc import Iterable
 from typing import TextIO
 
-import click
-
 from mpvi_bt.executive.loop import Outcome, World
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.cells import cut
-from mpvi_bt.tree.marks import MARKS, legend
-from mpvi_bt.tree.render import Line, node_line, tree_lines, where, window
+from mpvi_bt.tree.colors import painted, wants_color
+from mpvi_bt.tree.marks import legend
+from mpvi_bt.tree.render import node_line, tree_lines, where, window
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
 
@@ -39,7 +37,7 @@ class LiveTree:
     def __init__(self, stream: TextIO, title: str = "", unicode: bool = False, redraw: bool = True) -> None:
         self._stream, self._title, self._unicode = stream, title, unicode
         self._terminal = redraw and stream.isatty()
-        self._colored = self._terminal and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+        self._colored = wants_color(stream)
         self._height = 0  # lines drawn, to go up before the next drawing
         self._drawn = float("-inf")
         self._seen: dict[str, str] = {}  # statuses as last printed
@@ -108,19 +106,15 @@ class LiveTree:
         if not whole and len(lines) > (room := max(size.lines - 2 - len(below), 2)):
             first, last = window(lines, room - 1)
             below.insert(0, cut(f"... {first} lines above, {len(lines) - last} below", width))
-        drawn = [cut(head, width), *map(self._painted, lines[first:last]), *below]
+        drawn = [
+            cut(head, width),
+            *(painted(line) if self._colored else line.text for line in lines[first:last]),
+            *below,
+        ]
         up = f"\x1b[{self._height}F" if self._height else ""
         self._stream.write(up + "".join(line + "\x1b[K\n" for line in drawn) + "\x1b[J")
         self._stream.flush()
         self._height = len(drawn)
-
-    def _painted(self, line: Line) -> str:
-        if not self._colored or line.standing is None:
-            return line.text
-        color = MARKS[line.standing].terminal
-        if color is None:
-            return click.style(line.text, dim=True)
-        return line.before + click.style(line.mark, fg=color, bold=True) + line.after
 
     def _write(self, lines: Iterable[str]) -> None:
         self._stream.write("".join(line + "\n" for line in lines))

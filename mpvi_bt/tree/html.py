@@ -45,7 +45,7 @@ def trace_page(trace: Trace, tick: int | None = None) -> str:
         if line.nodes:
             frame["nodes"] = {numbers[path]: _state(state, line.time_s) for path, state in line.nodes.items()}
         if line.blackboard:
-            frame["board"] = {key: _shown(value) for key, value in line.blackboard.items()}
+            frame["board"] = {one_line(key): _shown(value) for key, value in line.blackboard.items()}
         frames.append(frame)
     return _page(
         trace.tree,
@@ -84,7 +84,7 @@ def _state(state: NodeState, time_s: float) -> dict[str, Any]:
         shown["began" if running else "elapsed"] = time_s - state.elapsed_s if running else state.elapsed_s
     if state.limit_s is not None and math.isfinite(state.limit_s):
         shown["limit"] = state.limit_s
-    return shown | {word: text for word in _WORDS if (text := str(getattr(state, word)))}
+    return shown | {word: one_line(text) for word in _WORDS if (text := str(getattr(state, word)))}
 
 
 def _end(trace: Trace) -> dict[str, Any]:
@@ -99,9 +99,10 @@ def _end(trace: Trace) -> dict[str, Any]:
     text = end.ending.replace("_", " ")
     shown = {"text": text, "is": stands, "tick": end.tick, "time": end.time_s}
     if end.failure is not None:
-        shown |= {"path": end.failure.path, "why": ": ".join(filter(None, (end.failure.reason, end.failure.evidence)))}
+        why = ": ".join(filter(None, (end.failure.reason, end.failure.evidence)))
+        shown |= {"path": end.failure.path, "why": one_line(why)}
     if end.error is not None:
-        shown |= {"is": "failure", "path": end.error.path, "why": end.error.message}
+        shown |= {"is": "failure", "path": end.error.path, "why": one_line(end.error.message)}
     return shown
 
 
@@ -112,16 +113,16 @@ def _facts(trace: Trace) -> Iterable[tuple[str, str]]:
     }  # fmt: skip
     for name, value in known.items():
         if value is not None and value not in ("", [], {}):
-            yield name, value if isinstance(value, str) else json.dumps(value)
+            yield one_line(name), one_line(value if isinstance(value, str) else json.dumps(value))
 
 
 def _shown(value: object) -> str | None:
     """A value of the blackboard as JSON writes it, so that the text "1" is not the number 1; None where it is gone."""
-    return None if value is None else json.dumps(value, ensure_ascii=False)
+    return None if value is None else one_line(json.dumps(value, ensure_ascii=False))
 
 
 def _page(tree: TreeSpec, data: dict[str, Any]) -> str:
-    data = {"name": tree.name, "about": tree.about, "instruction": tree.instruction, **data}
+    data = {word: one_line(getattr(tree, word)) for word in ("name", "about", "instruction")} | data
     data["marks"] = {name: {"unicode": mark.unicode, "word": mark.word} for name, mark in MARKS.items()}
     style, script = _file("page.css"), _file("playback.js") + _file("page.js")
     parts = {

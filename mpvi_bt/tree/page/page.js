@@ -103,7 +103,8 @@ const outline = {
 
   showTime(row, state, time) {
     const passed = state.is === "idle" || state.is === "interrupted" ? undefined : elapsed(state, time);
-    const text = passed === undefined ? "" : `${passed.toFixed(1)} s${state.limit ? ` of ${+state.limit.toFixed(2)} s` : ""}`;
+    const left = state.limit && state.is === "running" ? `, ${Math.max(state.limit - passed, 0).toFixed(1)} s left` : "";
+    const text = passed === undefined ? "" : `${passed.toFixed(1)} s${left}`;
     if (row.timed === text) return;
     row.timed = text;
     row.time.textContent = text;
@@ -207,7 +208,10 @@ function showNode() {
     const list = make("dl");
     const entry = (name, ...shown) => list.append(make("dt", { text: name }), make("dd", {}, shown));
     entry("status", pill(state?.is ?? "idle"));
-    for (const word of ["reason", "evidence", "feedback"]) if (state?.[word]) entry(word, state[word]);
+    const { reason, evidence, feedback } = state ?? {};
+    if (reason) entry("reason", reason);
+    if (evidence) entry("evidence", evidence);
+    if (feedback && feedback !== `${reason}: ${evidence}`) entry("feedback", feedback);
     if (state?.origin && state.origin !== node.path) {
       entry("came from", make("button", { cls: "link", text: state.origin, on: () => outline.pick(state.origin) }));
     }
@@ -328,8 +332,10 @@ const player = {
 
 // What every leaf that ever ran did over time, as a strip a leaf.
 const strip = {
-  left: 200,
   row: 15,
+  get left() {
+    return Math.min(200, Math.round($("strip").clientWidth / 3));
+  },
   width: () => Math.max($("strip").clientWidth - strip.left - 10, 50),
 
   draw() {
@@ -361,13 +367,17 @@ const strip = {
         if (is === "idle") return;
         const from = this.x(play.frames[frame].tick);
         const until = this.x(k + 1 < spans.length ? play.frames[spans[k + 1][0]].tick : play.lastTick);
+        const middle = (i + 0.5) * this.row;
         pen.fillStyle = colors[is];
-        pen.globalAlpha = is === "running" ? 1 : k + 1 < spans.length || is !== "success" ? 0.85 : 0.55;
-        const thin = is === "running" ? 0 : 4;
-        pen.fillRect(from, i * this.row + 2 + thin / 2, Math.max(until - from, 1.5), this.row - 4 - thin);
+        if (is === "running") return pen.fillRect(from, middle - 5, Math.max(until - from, 1.5), 10);
+        pen.fillRect(from, middle - 5, 3, 10); // how it ended, and, thinly, that it stayed so
+        pen.globalAlpha = 0.35;
+        pen.fillRect(from, middle - 1, Math.max(until - from, 1.5), 2);
+        pen.globalAlpha = 1;
       });
-      pen.globalAlpha = 1;
     });
+    $("slider").style.marginLeft = `${this.left - 8}px`; // half a thumb
+    $("slider").style.width = `${this.width() + 16}px`;
   },
 
   x: (tick) => strip.left + (tick / Math.max(play.lastTick, 1)) * strip.width(),
@@ -432,6 +442,7 @@ function startPlayer() {
   $("speed").value = play.end.time > 240 ? "16" : play.end.time > 20 ? "4" : "1";
   $("follow").addEventListener("change", () => $("follow").checked && outline.follow(play.at(still.frame)));
   $("legend").lastElementChild.append(...Object.keys(marks).map((is) => make("li", {}, [pill(is)])));
+  if (play.end.path) outline.pick(play.end.path, false);
   if (play.end.why) {
     const where = play.end.path ? [make("button", { cls: "link", text: play.end.path, on: () => outline.pick(play.end.path) })] : [];
     $("why").append(...where, make("span", { text: `${where.length ? ": " : ""}${play.end.why}` }));
