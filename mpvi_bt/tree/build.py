@@ -55,6 +55,8 @@ class Tree:
         self.touched: list[Behaviour] = []
         self._substitute = substitute
         self._resets: list[Behaviour] = []
+        self._ticked: list[Behaviour] = []
+        self._reset_before: list[Behaviour] = []
         self._below: dict[Behaviour, list[Behaviour]] = {}
         self._last: dict[str, NodeState] | None = None
         self.root = self._build(spec.nodes[0], {placed.path: placed for placed in spec.nodes})
@@ -129,7 +131,9 @@ class Tree:
         except BaseException:
             self.interrupt()
             raise
-        self.touched = [*self._resets, *ticked] if self._resets else ticked
+        if ticked != self._ticked or self._resets != self._reset_before:  # most ticks touch what the last one touched
+            self._ticked, self._reset_before = ticked, self._resets.copy()
+            self.touched = list(dict.fromkeys([*self._resets, *ticked]))
         return self.root.status
 
     def _culprit(self, error: Exception) -> str:
