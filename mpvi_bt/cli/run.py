@@ -116,8 +116,6 @@ def run(
     config = EpisodeConfig(task or "", arguments=arguments, **settings)
     stem = config.name if not dry else f"{Path(config.tree or config.plan or task or '').stem}_dry"
     config = replace(config, trace=out / f"{stem}.trace.jsonl" if trace else None)
-    for folder in (out, *(file.parent for file in (config.video, config.picture) if file is not None)):
-        _check_writable(folder)  # now, not when a minute's work is lost
     from mpvi_bt.suite.prepare import prepare, prepare_episode
 
     if dry:
@@ -132,6 +130,8 @@ def run(
 
     for glob in breaks:
         require_match(glob, prepared.spec, "--break")
+    for folder in (out, *(file.parent for file in (config.video, config.picture) if file is not None)):
+        _check_writable(folder)  # now, not when a minute's work is lost
     debugs = bool(breaks or step)
     watchers: list[Subscriber] = []
     if watch:
@@ -174,7 +174,9 @@ def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], 
 
     tree = dry_tree(prepared.spec, prepared.rules)
     if config.trace is not None:
-        watchers = [Recorder(config.trace, {"dry": True, **config.record()}, config.seed), *watchers]
+        used = {key: config.record().get(key) for key in ("task", "tree", "plan", "arguments", "substitute")}
+        told = {"dry": True, **{key: value for key, value in used.items() if value}}
+        watchers = [Recorder(config.trace, told, config.seed), *watchers]
     budget_s = prepared.task.budget_s if prepared.task else 3600.0
     outcome = run_dry(tree, prepared.skills, watchers, budget_s)
     failures = [*outcome.log.failures, *filter(None, [outcome.failure])]
