@@ -101,7 +101,11 @@ def diff(a: Trace, b: Trace) -> Difference:
                 blackboard=values,
                 before=tuple(before),
             )
-        before += [Shared(change.tick, change.time_s, path, state) for path, state in change.nodes.items()]
+        before += [
+            Shared(change.tick, change.time_s, path, state)
+            for path, state in change.nodes.items()
+            if state.status != "INVALID"  # what was reset tells little
+        ]
         del before[:-_CONTEXT]
     ends = _ending(a), _ending(b)
     end = ValueDifference("end", *ends) if ends[0] != ends[1] else None
@@ -157,7 +161,8 @@ def _values(a: Mapping[str, Any], b: Mapping[str, Any], keys: Iterable[str] | No
 
 def _nodes(paths: Iterable[str], a: Moment, b: Moment) -> Iterator[NodeDifference]:
     """The deepest first, as what is above follows from it."""
-    for path in sorted(paths, key=lambda path: -path.count("/")):
+    order = {node.path: (-node.depth, i) for i, node in enumerate((*b.tree.nodes, *a.tree.nodes))}
+    for path in sorted(paths, key=order.__getitem__):
         one, other = a.nodes.get(path, _NEVER), b.nodes.get(path, _NEVER)
         if one != other and replace(one, elapsed_s=None) != replace(other, elapsed_s=None):
             yield NodeDifference(path, one, other)
