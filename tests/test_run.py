@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from mpvi_bt import paths
 from mpvi_bt.cli.run import score
 from tests.conftest import Shell
 
@@ -68,6 +69,71 @@ def test_a_broken_tree_file_is_said_with_its_place(mpvi: Shell, tmp_path: Path) 
     assert done.returncode == 2
     assert "mine.yaml:3:3:" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+ROOM = "tree: mine\ninstruction: Go to the kitchen.\nroot:\n  navigate: trash can\n  room: {}\n"
+
+
+def test_a_room_that_the_house_does_not_have_is_refused(mpvi: Shell, tmp_path: Path) -> None:
+    """Before a world is built, in a dry run too, with its place and the nearest."""
+    (tmp_path / "mine.yaml").write_text(ROOM.format("kitchn"))
+    for dry in ([], ["--dry"]):
+        done = mpvi("run", "picking_up_trash", "--tree", "mine.yaml", *dry)
+        assert done.returncode == 2
+        assert "mine.yaml:5:9: unknown room 'kitchn'. Did you mean 'kitchen'?" in done.stderr
+        assert "setting up" not in done.stderr
+
+
+def test_a_tree_of_another_task_is_doubted(mpvi: Shell, tmp_path: Path) -> None:
+    """In one line on stderr, and it runs; none where the instruction is the task's or the tree has none."""
+    (tmp_path / "mine.yaml").write_text(ROOM.format("kitchen"))
+    doubted = mpvi("run", "picking_up_trash", "--dry", "--no-watch", "--tree", "mine.yaml")
+    assert doubted.stderr == (
+        "mpvi: tree 'mine' was made for another instruction than the task's: 'Go to the kitchen.'\n"
+    )
+    for tree in ("picking_up_trash", "patrol"):
+        assert mpvi("run", "picking_up_trash", "--dry", "--no-watch", "--tree", tree).stderr == ""
+
+
+@pytest.mark.parametrize("word", ["success", "failures"])
+def test_the_score_ends_with_the_command_that_says_why(word: str) -> None:
+    """After a failure, and after a success in which a part was given up; not after a clean success."""
+    told = result(success=True, failures=[])
+    assert "why" not in score(told, Path("runs/x.trace.jsonl"))
+    worse = told | {word: result()[word]}
+    assert score(worse, Path("runs/x.trace.jsonl")).endswith("\n  why       mpvi explain runs/x.trace.jsonl")
+    assert "why" not in score(worse)
+
+
+def test_a_task_is_needed_without_dry(mpvi: Shell) -> None:
+    """A tree alone has no house to run in."""
+    done = mpvi("run", "--tree", "hello")
+    assert done.returncode == 2
+    assert "Missing argument 'TASK'; only with --dry" in done.stderr
+
+
+@pytest.mark.slow
+def test_single_nodes_are_replaced_in_the_simulator(mpvi: Shell, tmp_path: Path) -> None:
+    """A rule fails every drive: the tree goes on as it would, the result says so, and the trace explains it."""
+    (tmp_path / "rules.yaml").write_text("substitute:\n  - nodes: '*/navigate'\n    fail: no_path\n")
+    words = ["--checker", "oracle", "--tree", "throw_away_cans", "--substitute", "rules.yaml", "--json"]
+    done = mpvi("run", "picking_up_trash", *words, timeout=600, VK_DRIVER_FILES="/nowhere")
+    assert done.returncode == 1, done.stderr
+    told = json.loads(done.stdout)
+    assert told["config"]["substitute"] == "rules.yaml"
+    assert told["ended"] == "failure"
+    explained = mpvi("explain", "runs/picking_up_trash_0_0.trace.jsonl")
+    assert "substituted by rules.yaml:2" in " ".join(explained.stdout.split())
+
+
+def test_a_suite_with_a_tree_that_is_not_there_fails_before_workers_start(mpvi: Shell, tmp_path: Path) -> None:
+    """Once, not once an episode; parameters without a value and rooms likewise."""
+    (tmp_path / "mine.yaml").write_text(ROOM.format("kitchn"))
+    for tree, said in {"nope": "unknown tree 'nope'", "pick_up": "object", "mine.yaml": "mine.yaml:5:9"}.items():
+        done = mpvi("suite", "run", paths.names("tasks/suites")[0], "--tree", tree)
+        assert done.returncode == 2
+        assert done.stderr.count(said) == 1
+    assert not (tmp_path / "runs").exists()
 
 
 def test_the_score_says_what_matters_within_80_columns() -> None:

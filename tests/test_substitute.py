@@ -9,11 +9,14 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from py_trees.common import Status
 
 from mpvi_bt.errors import FileProblems, NodeError
 from mpvi_bt.executive.dry import EmptyWorld, dry_context, dry_tree, run_dry
 from mpvi_bt.executive.loop import Outcome, run_episode
 from mpvi_bt.executive.saved import SavedRun, restore_world, save_run
+from mpvi_bt.robot.protocol import ActionLayout
+from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.globs import fits
 from mpvi_bt.tree.spec import TreeSpec
@@ -261,6 +264,22 @@ def test_an_exception_names_the_node_and_its_rule(tmp_path: Path) -> None:
         dry(SPEC, one("*/set", "raise: the driver went away"), tmp_path)
     assert caught.value.path == "fetch/set"
     assert "the driver went away (substituted by" in str(caught.value)
+
+
+def test_after_an_exception_the_robot_holds(tmp_path: Path) -> None:
+    """A node that breaks while the robot drives leaves it standing still, and every node is terminated."""
+    spec = parse_tree(
+        "tree: t\nroot:\n  parallel:\n  policy: success_on_all\n  children:\n    - navigate: cup\n    - wait: 9\n"
+    )
+    world = KinematicWorld()
+    tree = Tree(spec, stand_ins(rules(one("*/wait", "raise: gone\n    after: 9 steps"), tmp_path)))
+    context = scripted_context(world, {}, {"cup": (5.0, 0.0)}, {})
+    with pytest.raises(NodeError) as caught:
+        run_episode(tree, world, context)
+    assert caught.value.path == "parallel/wait"
+    assert world.robot.proprioception().base_velocity.any()  # it was driving
+    assert not world.robot.action[ActionLayout.BASE].any()
+    assert all(node.status == Status.INVALID for node in tree.nodes.values())
 
 
 def test_a_stand_in_is_seen_as_one(tmp_path: Path) -> None:

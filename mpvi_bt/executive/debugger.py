@@ -20,6 +20,12 @@ from mpvi_bt.tree.globs import require_match
 from mpvi_bt.tree.render import ascii_tree
 
 _WIDTH = 80
+_WORDS = {
+    Status.SUCCESS: "success",
+    Status.FAILURE: "failure",
+    Status.RUNNING: "running",
+    Status.INVALID: "reset",
+}
 _HELP = """\
   Enter, n  go on to the next change     s  show the tree
   t         go on to the next tick       k  show the blackboard
@@ -95,7 +101,8 @@ class Debugger(Watcher):
                 begun.append(path)
             if now != before:
                 self._seen[node] = now
-                changed.append(f"{path.rpartition('/')[2]} {now.value.lower()}")
+                cut_off = now == Status.INVALID and getattr(node, "interrupted", False)
+                changed.append(f"{path.rpartition('/')[2]} {'interrupted' if cut_off else _WORDS[now]}")
         if tree.context.blackboard != self._blackboard:
             self._blackboard = dict(tree.context.blackboard)
             changed.append("blackboard")

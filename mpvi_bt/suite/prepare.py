@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, UserError
+from mpvi_bt.marked_yaml import Marks, load_marked
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.schema import load_plan
 from mpvi_bt.plan.skills import Skill, load_skills
@@ -18,7 +19,7 @@ from mpvi_bt.tree.compile import compile_plan
 from mpvi_bt.tree.lint import check_rooms
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.substitute import Rules, load_rules
-from mpvi_bt.tree.yaml_io import load_tree
+from mpvi_bt.tree.yaml_io import check_tree
 
 
 @dataclass(frozen=True)
@@ -67,11 +68,13 @@ def prepare(
         FileProblems: All that is wrong with a file, rooms that the task's house lacks, or rules that fit no node.
     """
     loaded = load_task(task) if task else None
+    marks = Marks("")
     skills = load_skills()
     if arguments and tree is None:
         raise UserError("only a tree of a file has parameters; name one with --tree.")
     if tree is not None:
-        spec = load_tree(paths.find_or_file("trees", tree), skills, arguments)
+        data, marks = load_marked(paths.find_or_file("trees", tree))
+        spec = check_tree(data, marks, skills, arguments)
         if spec.unbound:
             wanted = " ".join(f"--param {name}={spec.parameters[name].type.upper()}" for name in spec.unbound)
             raise UserError(f"tree {spec.name!r} needs values for its parameters: {wanted}")
@@ -81,7 +84,7 @@ def prepare(
         spec = compile_plan(RecordedPlanner().plan(loaded.plan, loaded.instruction), skills)
     else:
         raise UserError("there is nothing to run: name a task, a tree or a plan.")
-    if loaded is not None and (problems := check_rooms(spec, load_house(loaded.house).rooms)):
+    if loaded is not None and (problems := check_rooms(spec, load_house(loaded.house).rooms, marks)):
         raise FileProblems(problems)
     rules = None
     if substitute is not None:
