@@ -375,7 +375,9 @@ episode(spec, Path({str(tmp_path / "t.jsonl")!r}), Tell(), max_time_s=1e9)
         os.kill(process.pid, signal.SIGKILL)
     trace = read_trace(tmp_path / "t.jsonl")
     assert trace.cut
-    assert trace.blackboard(-1)["k"] >= told == 500
+    last = trace.blackboard(-1)["k"]
+    assert isinstance(last, int)
+    assert last >= told == 500
 
 
 def test_what_json_does_not_have_is_written_as_text(tmp_path: Path) -> None:
@@ -434,6 +436,15 @@ def test_what_is_no_trace_is_refused_with_its_line(tmp_path: Path, lines: list[s
     problem = caught.value.problems[0]
     assert problem.line == line
     assert message in problem.message
+
+
+def test_a_trace_that_is_too_large_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before it fills the memory."""
+    (tmp_path / "t.jsonl").write_text("\n".join([HEAD, ONE, END]))
+    read_trace(tmp_path / "t.jsonl")
+    monkeypatch.setattr("mpvi_bt.tree.trace.MAX_BYTES", len(HEAD) + 10)
+    with pytest.raises(FileProblems, match="larger than"):
+        read_trace(tmp_path / "t.jsonl")
 
 
 def test_keys_that_a_reader_does_not_know_are_passed_over(tmp_path: Path) -> None:

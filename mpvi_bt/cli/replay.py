@@ -7,6 +7,8 @@ import os
 import re
 import shutil
 import sys
+import termios
+import tty
 from collections.abc import Container, Iterator, Mapping
 from typing import Any
 
@@ -128,7 +130,7 @@ def _title(trace: Trace, i: int, width: int) -> str:
 def _values(values: Mapping[str, Any], changed: Container[str], width: int) -> str:
     """The blackboard on a line, or "" if it is empty; what changed is marked by a star."""
     shown = ", ".join(
-        f"{'*' if key in changed else ''}{key} = {'-' if value is None else one_line(str(value))}"
+        f"{'*' if key in changed else ''}{one_line(key)} = {'-' if value is None else one_line(str(value))}"
         for key, value in values.items()
     )
     return cut(f"blackboard: {shown}", width) if shown else ""
@@ -149,21 +151,22 @@ class Player:
 
     def play(self) -> None:
         """Draw and obey keys until q. The screen is left as it was."""
-        write = sys.stdout.write
+        write, keyboard = sys.stdout.write, sys.stdin.fileno()
+        before = termios.tcgetattr(keyboard)
+        tty.setcbreak(keyboard)  # all the time, unlike click.getchar: keys typed while it draws are not lost
         write("\x1b[?1049h\x1b[?25l")  # another screen, no cursor
         try:
             while True:
                 write("\x1b[H" + "\x1b[K\n".join(self.screen(shutil.get_terminal_size())) + "\x1b[K\x1b[J")
                 sys.stdout.flush()
-                for key in _KEY.findall(click.getchar()):
+                for key in _KEY.findall(os.read(keyboard, 64).decode(errors="replace")) or ["q"]:  # nothing: hung up
                     if key == "q":
                         return
                     self.press(key)
-        except EOFError:
-            return
         finally:
             write("\x1b[?25h\x1b[?1049l")
             sys.stdout.flush()
+            termios.tcsetattr(keyboard, termios.TCSADRAIN, before)
 
     def press(self, key: str) -> None:
         """Move as a key says: a letter, or the escape sequence that a terminal sends."""
