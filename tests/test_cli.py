@@ -135,5 +135,5 @@ def test_help_takes_at_most_five_times_a_bare_python() -> None:
 
 def test_completion_knows_the_commands(mpvi: Shell) -> None:
     """Tab completion of bash offers the commands."""
-    done = mpvi(_MPVI_COMPLETE="bash_complete", COMP_WORDS="mpvi d", COMP_CWORD="1")
+    done = mpvi(_MPVI_COMPLETE="bash_complete", COMP_WORDS="mpvi do", COMP_CWORD="1")
     assert done.stdout.split() == ["plain,doctor"]

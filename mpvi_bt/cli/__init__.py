@@ -17,12 +17,14 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "compile": ("mpvi_bt.cli.trees:compile_", "Write the tree of a plan, as YAML."),
     "render": ("mpvi_bt.cli.render:render", "Draw a tree, or where a run stands, as text, picture or page."),
     "check": ("mpvi_bt.cli.check:check", "List every problem in YAML files, with line and column."),
+    "fmt": ("mpvi_bt.cli.fmt:fmt", "Bring trees into canonical form, with their comments."),
+    "schema": ("mpvi_bt.cli.schema:schema", "Print what editors need to complete and check trees."),
     "convert": ("mpvi_bt.cli.convert:convert", "Turn a tree into BehaviorTree.CPP 4 XML, or back."),
     "replay": ("mpvi_bt.cli.replay:replay", "Show a recorded run, tick by tick, forward and back."),
     "explain": ("mpvi_bt.cli.trace:explain_", "Say why a recorded run ended as it did."),
     "diff": ("mpvi_bt.cli.trace:diff_", "Show the first tick at which two recorded runs part."),
     "suite": ("mpvi_bt.cli.suite:suite", "Run many episodes, resume them, tabulate the scores."),
-    "list": ("mpvi_bt.cli.listing:list_", "List tasks, suites, skills, trees or backends."),
+    "list": ("mpvi_bt.cli.listing:list_", "List tasks, suites, skills, trees, behaviors, backends."),
     "doctor": ("mpvi_bt.cli.doctor:doctor", "Say what this machine can do, and how to mend the rest."),
 }
 

@@ -100,7 +100,7 @@ def problems_in(file: str, rooms: frozenset[str] | None = None) -> list[Problem]
 
     try:
         data, marks = load_marked(file)
-        kind = _kind(data, marks)
+        kind = kind_of(data, marks)
         if kind.name == "tree":
             return _tree_problems(data, marks, rooms)
         if kind.check is not None:
@@ -113,7 +113,7 @@ def problems_in(file: str, rooms: frozenset[str] | None = None) -> list[Problem]
     return []
 
 
-def _kind(data: Any, marks: Marks) -> Kind:
+def kind_of(data: Any, marks: Marks) -> Kind:
     """What a file is, its own keys tell: the kind that shares most of them. Raises FileProblems."""
     keys = set(data) if isinstance(data, dict) else set()
     folder = Path(marks.file).resolve().parent.name

@@ -1,30 +1,69 @@
-"""`mpvi list`: what tasks, skills, trees and backends there are, with one line each."""
+"""`mpvi list`: what tasks, skills, trees, behaviors and backends there are, with one line each."""
 
 from __future__ import annotations
 
 import json
+import textwrap
 from pathlib import Path
+from typing import Any
 
 import click
 
 from mpvi_bt import paths
-from mpvi_bt.suite.backends import BACKENDS
+from mpvi_bt.errors import UserError
 
 FOLDERS = ("tasks", "suites", "skills", "trees")
 
 
 @click.command(name="list")
-@click.argument("what", type=click.Choice([*FOLDERS, "backends"]))
-@click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object, name to line.")
+@click.argument("what", type=click.Choice([*FOLDERS, "behaviors", "backends"]))
+@click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object by name.")
 def list_(what: str, as_json: bool) -> None:
-    """What tasks, suites, skills, trees or backends there are, with one line each."""
+    """What tasks, suites, skills, trees, behaviors or backends there are, with one line each.
+
+    Behaviors are the nodes that a tree may have, those of installed packages too, with their parameters.
+    """
+    if what == "behaviors":
+        _print_behaviors(as_json)
+        return
     lines = _backends() if what == "backends" else _files("tasks/suites" if what == "suites" else what)
     if as_json:
         click.echo(json.dumps(lines, indent=2))
         return
+    _print(lines)
+
+
+def _print(lines: dict[str, str]) -> None:
     width = max(map(len, lines), default=0)
     for name, line in lines.items():
-        click.echo(f"{name:{width}}  {line}".rstrip())
+        first, rest = f"{name:{width}}  ", " " * (width + 2)
+        wrapped = textwrap.wrap(line, 80, initial_indent=first, subsequent_indent=rest, break_on_hyphens=False)
+        click.echo("\n".join(wrapped) or name)
+
+
+def _print_behaviors(as_json: bool) -> None:
+    behaviors = _behaviors()
+    if as_json:
+        click.echo(json.dumps(behaviors, indent=2))
+        return
+    lines = {}
+    for kind, about in behaviors.items():
+        given = [name if needed else f"[{name}]" for name, needed in about["parameters"].items()]
+        lines[kind] = f"{about['summary']} ({', '.join([about['family'], *given])})"
+    _print(lines)
+
+
+def _behaviors() -> dict[str, dict[str, Any]]:
+    """Every kind of node: its family, its parameters (the headline first) and whether each is needed, its summary."""
+    from mpvi_bt.behaviors.registry import node_types
+
+    found: dict[str, dict[str, Any]] = {}
+    for kind, node in node_types().items():
+        fields = node.parameters.model_fields
+        order = sorted(fields, key=lambda name: name != node.headline)
+        needed = {name: fields[name].is_required() for name in order}
+        found[kind] = {"family": node.family, "headline": node.headline, "parameters": needed, "summary": node.summary}
+    return found
 
 
 def _files(folder: str) -> dict[str, str]:
@@ -33,22 +72,24 @@ def _files(folder: str) -> dict[str, str]:
 
 def _about(path: Path) -> str:
     """The line that a file says of itself: its `about`, `description` or `instruction`, or its first comment."""
-    import yaml
+    from mpvi_bt.marked_yaml import parse_marked, read_text
 
-    text = path.read_text(encoding="utf-8")
     try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError:
+        text = read_text(path)
+        content = parse_marked(text, str(path))[0]
+    except UserError:
         return f"(broken; see `mpvi check {path}`)"
     if isinstance(content, dict):
         for key in ("about", "description", "instruction"):
             if isinstance(content.get(key), str):
                 return " ".join(content[key].split())
-    first = text.partition("\n")[0]
-    return first.removeprefix("#").strip() if first.startswith("#") else ""
+    comments = (line.removeprefix("#").strip() for line in text.splitlines() if line.startswith("#"))
+    return next((comment for comment in comments if not comment.startswith("yaml-language-server:")), "")
 
 
 def _backends() -> dict[str, str]:
+    from mpvi_bt.suite.backends import BACKENDS
+
     return {
         f"--{kind} {name}": backend.about + (" (reads simulator truth)" if backend.privileged else "")
         for kind, choices in BACKENDS.items()

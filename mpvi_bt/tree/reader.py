@@ -32,7 +32,7 @@ _STAND_INS: Mapping[str, Value] = {"number": 1.0, "integer": 1, "boolean": True}
 _TYPES: Mapping[str, type | tuple[type, ...]] = {"text": str, "number": (int, float), "integer": int, "boolean": bool}
 
 
-class _Parameter(Record):
+class FullParameter(Record):
     """A parameter, written out."""
 
     type: ParameterType
@@ -40,19 +40,19 @@ class _Parameter(Record):
     about: Annotated[str, StringConstraints(strip_whitespace=True, max_length=300)] = ""
 
     @model_validator(mode="after")
-    def _default_fits(self) -> _Parameter:
+    def _default_fits(self) -> FullParameter:
         if self.default is not None and not _fits(self.default, self.type):
             raise ValueError(f"the default of a parameter of type {self.type!r} can't be {shown(self.default)}")
         return self
 
 
-class _File(Record):
+class TreeFile(Record):
     """The keys at the top of a tree file."""
 
     tree: Phrase
     about: Annotated[str, StringConstraints(strip_whitespace=True, max_length=300)] = ""
     instruction: Annotated[str, StringConstraints(strip_whitespace=True, max_length=2000)] = ""
-    parameters: dict[Key, _Parameter] = {}
+    parameters: dict[Key, FullParameter] = {}
     blackboard: dict[Key, Value] = {}
     root: dict[str, Any]
 
@@ -65,7 +65,7 @@ class _File(Record):
         return {name: {"type": value} if isinstance(value, str) else value for name, value in given.items()}
 
 
-class _Head(Record):
+class NodeHead(Record):
     """The keys that every node may have."""
 
     name: Phrase | None = None
@@ -78,7 +78,7 @@ class _Source:
 
     data: Any
     marks: Marks
-    file: _File
+    file: TreeFile
 
 
 @dataclass
@@ -124,15 +124,15 @@ def read(data: Any, marks: Marks, reading: Reading, arguments: Mapping[str, Valu
     return tree
 
 
-def _file(data: Any, marks: Marks, reading: Reading) -> _File:
+def _file(data: Any, marks: Marks, reading: Reading) -> TreeFile:
     """The keys at the top. Problems are noted, and then something that does as well for what comes next is given."""
     try:
-        file = validate_data(data, marks, _File)
+        file = validate_data(data, marks, TreeFile)
     except FileProblems as error:
         reading.problems += error.problems
         names = data.get("parameters") if isinstance(data, dict) else None
-        known = {str(name): _Parameter(type="text") for name in names} if isinstance(names, dict) else {}
-        return _File.model_construct(tree="", parameters=known, blackboard={}, about="", instruction="", root={})
+        known = {str(name): FullParameter(type="text") for name in names} if isinstance(names, dict) else {}
+        return TreeFile.model_construct(tree="", parameters=known, blackboard={}, about="", instruction="", root={})
     for name in file.parameters:
         if name in file.blackboard:
             message = f"{name!r} is a parameter of the tree already; name the key otherwise"
@@ -144,7 +144,7 @@ def _fits(value: Any, kind: str) -> bool:
     return isinstance(value, _TYPES[kind]) and (kind == "boolean" or not isinstance(value, bool))
 
 
-def _typed(given: Mapping[str, Value], file: _File) -> dict[str, Value]:
+def _typed(given: Mapping[str, Value], file: TreeFile) -> dict[str, Value]:
     """Arguments from Python or the command line. Raises UserError."""
     values: dict[str, Value] = {}
     for name, value in given.items():
@@ -250,17 +250,17 @@ class _Reader:
             self.problem((*at, kinds[0]), "order", message, key=True)
         return node_types()[kinds[0]]
 
-    def head(self, data: dict[str, Any], at: Location, node_type: NodeType) -> _Head:
+    def head(self, data: dict[str, Any], at: Location, node_type: NodeType) -> NodeHead:
         keys = {}
         given = {"segments": data["segments"]} if "segments" in data else {}
         if node_type.headline == "name":
             keys["name"] = node_type.kind
             given["name"] = references.fill(data[node_type.kind], self.values)
         try:
-            return _Head.model_validate(given)
+            return NodeHead.model_validate(given)
         except ValidationError as error:
-            self.problems += problems_of(error, self.marks, _Head, at, keys)
-            return _Head()
+            self.problems += problems_of(error, self.marks, NodeHead, at, keys)
+            return NodeHead()
 
     def parameters(self, data: dict[str, Any], at: Location, node_type: NodeType) -> Any:
         """The node's parameters, filled in and checked, or None."""
@@ -385,7 +385,7 @@ class _Reader:
                 self.problem(at, "unreadable", str(error))
         return self.reading.sources[own]
 
-    def fit(self, call: Call, file: _File, at: Location) -> bool:
+    def fit(self, call: Call, file: TreeFile, at: Location) -> bool:
         """Whether the arguments are those that the called tree takes."""
         before = len(self.problems)
         for name, value in call.arguments.items():
