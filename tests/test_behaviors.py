@@ -17,6 +17,7 @@ from mpvi_bt.errors import NodeError, UnknownName
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, CameraImage
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.testing import KinematicRobot
+from mpvi_bt.tree.saving import restore, save
 from tests.bench import HELD, PICK, PLACES, Bench, tree
 
 
@@ -135,6 +136,21 @@ def test_a_no_lets_the_policy_go_on() -> None:
     asked = [(q.complete, q.camera, q.time_s) for q in bench.context.log.queries]
     assert asked == [(False, "left", 1 / CONTROL_HZ), (True, "right", 4 / CONTROL_HZ)]
     assert bench.node("manipulate").status == Status.INVALID
+
+
+def test_questions_are_counted_on_after_a_stop() -> None:
+    """A resumed check begins anew, but goes on with the number of its questions; one that ended starts from one."""
+    first, second = (Bench(f"check_complete: {HELD}", {HELD: (False, True)}) for _ in range(2))
+    for bench in (first, second):
+        bench.tree.setup(bench.context)
+        bench.context.triggers.update = lambda: TriggerEvent("grasp", None)  # type: ignore[method-assign]
+    first.tick()
+    restore(second.tree, save(first.tree))
+    second.tick()
+    assert second.tree.root.feedback_message == "asked 2: no, as scripted"
+    assert second.tick() == Status.SUCCESS
+    second.tick()
+    assert second.tree.root.feedback_message == "asked 1: yes, as scripted"
 
 
 @pytest.mark.parametrize(

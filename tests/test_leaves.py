@@ -103,6 +103,33 @@ def test_a_comparison_holds_exactly_when_all_of_it_does(value: Value, wanted: Va
     assert Expectation("other", not_equals=wanted).unmet(board) is not None
 
 
+@pytest.mark.parametrize(("value", "shown"), [("many", '"many"'), (True, "true")])
+def test_only_numbers_can_be_added_to(value: Value, shown: str) -> None:
+    """Text and truth are no numbers; the value stays."""
+    bench = Bench("set: k\nadd: 1", k=value)
+    assert bench.run() == Status.FAILURE
+    assert (bench.failure.reason, bench.failure.evidence) == ("wrong_type", f"k is {shown}, not a number to add to")
+    assert bench.context.blackboard["k"] is value
+
+
+def test_steps_are_counted_and_seconds_are_read() -> None:
+    """A clock whose steps take a tenth of a second shows which of the two a duration is."""
+
+    class SlowClock:
+        steps = 0
+
+        @property
+        def time_s(self) -> float:
+            return self.steps / 10
+
+    for duration, last in (("30 steps", 30), ("1.0", 10)):
+        bench = Bench(f"wait: {duration}")
+        clock = bench.context.clock = SlowClock()
+        while bench.tick() == Status.RUNNING:
+            clock.steps += 1
+        assert clock.steps == last
+
+
 def test_say_shows_its_text_with_the_values_filled_in() -> None:
     """References are filled in each time it begins; two dollar signs are one."""
     bench = Bench('say: "found $cups of ${all} cups in $place, for $$1: $ok"', cups=1, all=2.5, place="sofa", ok=True)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
+import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
@@ -16,6 +18,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 
 from mpvi_bt.behaviors.composites import Parallel, Selector, Sequence, UntilComplete
+from mpvi_bt.behaviors.context import Failure
 from mpvi_bt.behaviors.decorators import Invert, Repeat, Retry, Subtree
 from mpvi_bt.behaviors.guards import Condition
 from mpvi_bt.behaviors.node import Leaf, failure_of
@@ -202,6 +205,7 @@ def test_statuses_are_those_of_py_trees(plan: Plan, cuts: list[bool]) -> None:
             failure = node.failure  # type: ignore[attr-defined]
             assert node.status != FAILURE or (failure is not None and failure == failure_of(node))
             assert node.status != SUCCESS or failure is None
+            assert not (node in ticked and node.status != INVALID and node.interrupted)  # type: ignore[attr-defined]
             if isinstance(node, Scripted):
                 calls = [call for call in node.log if call != "terminate INVALID -> INVALID"]
                 assert node.interrupted == (calls[-1:] == ["terminate RUNNING -> INVALID"])
@@ -372,6 +376,27 @@ def test_an_update_that_returns_nothing_is_an_error_of_its_node() -> None:
         bench.node("succeed").update = lambda: None  # type: ignore[method-assign, assignment, return-value]
         with pytest.raises(NodeError, match=r"s/succeed: TypeError: update\(\) of Succeed returned None, not a Status"):
             bench.run()
+
+
+@pytest.mark.parametrize("leaf", LEAVES)
+def test_a_leaf_that_begins_again_forgets_the_last_round(leaf: str) -> None:
+    """That it was cut off is told until it begins again; a failure likewise."""
+    bench = Bench(LEAVES[leaf], place="sofa")
+    ran = bench.tick() == RUNNING
+    bench.tree.root.stop(INVALID)
+    assert bench.tree.states()[leaf].interrupted == ran
+    bench.tree.root.failure = Failure("old", "", "", 0.0)  # type: ignore[attr-defined]
+    bench.tick()
+    assert not bench.tree.root.interrupted  # type: ignore[attr-defined]
+    assert leaf == "fail" or bench.tree.root.failure is None  # type: ignore[attr-defined]
+
+
+def test_a_failure_survives_json_with_what_caused_it() -> None:
+    """A saved failure is the same one when it is read, causes included."""
+    failure = Failure(
+        "out_of_tries", "2 failed", "a", 1.5, Failure("all_failed", "", "a/b", 1.0, Failure("x", "y", "z", 0))
+    )
+    assert Failure.of(json.loads(json.dumps(dataclasses.asdict(failure)))) == failure
 
 
 # ------------------------------------------------------------------------------------------ speed

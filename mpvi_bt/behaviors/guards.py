@@ -80,7 +80,7 @@ class Cooldown(Guard):
 
     def refusal(self) -> tuple[str, str] | None:
         """It would begin too early."""
-        if self.status is Status.RUNNING or not self._ended or self._timer.is_up(self.context.clock):
+        if not self._ended or self._timer.is_up(self.context.clock):
             return None
         return "cooling_down", f"ended less than {self._text} ago"
 
