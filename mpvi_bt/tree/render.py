@@ -12,6 +12,7 @@ from mpvi_bt.tree.state import NodeState
 
 LEGEND = legend()
 _LEAST_LABEL = 40  # columns that indentation leaves; what lies deeper is not indented further
+_LEAST_TIMED = 8  # columns of a label, below which the time is left out
 _LEAST_FEEDBACK = 22  # columns that feedback may take from a long label
 
 
@@ -96,7 +97,9 @@ def node_line(
     stands = standing(state)
     mark = MARKS[stands].unicode if unicode else MARKS[stands].ascii
     room = width - columns(start) - columns(mark) - 1
-    time = cut(f" {words}" if (words := time_text(state)) else "", max(room - _LEAST_FEEDBACK, 0))
+    time = f" {words}" if (words := time_text(state)) else ""
+    if len(time) > room - _LEAST_TIMED:
+        time = ""
     room -= len(time)
     feedback = f"  {one_line(state.feedback)}" if state.feedback else ""
     least = min(columns(feedback), _LEAST_FEEDBACK)
