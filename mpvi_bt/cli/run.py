@@ -22,6 +22,7 @@ from mpvi_bt.suite.config import EpisodeConfig
 
 if TYPE_CHECKING:
     from mpvi_bt.executive.loop import Subscriber
+    from mpvi_bt.executive.stop import Stop
     from mpvi_bt.suite.prepare import Prepared
 
 
@@ -126,12 +127,14 @@ def run(
         click.echo(f"mpvi: {prepared.doubt}", err=True)
     from mpvi_bt.executive.debugger import Debugger
     from mpvi_bt.executive.live import LiveTree
+    from mpvi_bt.executive.stop import Stop
     from mpvi_bt.tree.globs import require_match
 
     for glob in breaks:
         require_match(glob, prepared.spec, "--break")
     for folder in (out, *(file.parent for file in (config.video, config.picture) if file is not None)):
         _check_writable(folder)  # now, not when a minute's work is lost
+    stop = Stop()
     debugs = bool(breaks or step)
     watchers: list[Subscriber] = []
     if watch:
@@ -139,24 +142,26 @@ def run(
         live.show(prepared.spec)  # the world takes a moment
         watchers.append(live)
     if debugs:
-        watchers.append(Debugger(sys.stdin, sys.stderr, breaks, step))
+        watchers.append(Debugger(sys.stdin, sys.stderr, breaks, step, stop.request))
     try:
         if dry:
-            return _dry(config, prepared, watchers, as_json)
-        return _episode(config, prepared, watchers, out / f"{stem}.json", as_json)
+            return _dry(config, prepared, watchers, stop, as_json)
+        return _episode(config, prepared, watchers, stop, out / f"{stem}.json", as_json)
     except NodeError:
         if config.trace:
             click.echo(f"mpvi: why: mpvi explain {config.trace}", err=True)
         raise
 
 
-def _episode(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], path: Path, as_json: bool) -> int:
+def _episode(
+    config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], stop: Stop, path: Path, as_json: bool
+) -> int:
     """Run in the simulator; print and write the result."""
     click.echo(f"mpvi: {config.task}, instance {config.instance}, seed {config.seed}: setting up", err=True)
     from mpvi_bt.suite.episode import run as run_episode
     from mpvi_bt.suite.result import write_result
 
-    result = run_episode(config, watchers, prepared)
+    result = run_episode(config, watchers, prepared, stop)
     write_result(path, result)
     if as_json:
         click.echo(json.dumps(result, indent=2))
@@ -167,7 +172,7 @@ def _episode(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscribe
     return 0 if result["success"] else 1
 
 
-def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], as_json: bool) -> int:
+def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], stop: Stop, as_json: bool) -> int:
     """Run without robot and simulator, and print how it went."""
     from mpvi_bt.executive.dry import dry_tree, run_dry
     from mpvi_bt.executive.recorder import Recorder
@@ -178,7 +183,8 @@ def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], 
         told = {"dry": True, **{key: value for key, value in used.items() if value}}
         watchers = [Recorder(config.trace, told, config.seed), *watchers]
     budget_s = prepared.task.budget_s if prepared.task else 3600.0
-    outcome = run_dry(tree, prepared.skills, watchers, budget_s)
+    with stop:
+        outcome = run_dry(tree, prepared.skills, watchers, budget_s, stop)
     failures = [*outcome.log.failures, *filter(None, [outcome.failure])]
     result = {
         "tree": prepared.spec.name,
@@ -245,7 +251,8 @@ def dry_score(result: Mapping[str, Any]) -> str:
     """The same of a dry run."""
     ended = result["ended"].replace("_", " ")
     head = f"{'SUCCESS' if result['success'] else 'FAILURE'}  dry run, tree: {ended}"
-    time = f"{result['time']['simulator_time']:.1f} s simulated, {result['ticks']} ticks"
+    ticks = "1 tick" if result["ticks"] == 1 else f"{result['ticks']} ticks"
+    time = f"{result['time']['simulator_time']:.1f} s simulated, {ticks}"
     entries = [("time", time), *_failed(result)]
     return "\n".join([head, *(_entry(name, text) for name, text in entries), *_why(result, result["trace"])])
 

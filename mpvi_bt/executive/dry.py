@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NoReturn
 
 import numpy as np
@@ -35,6 +35,7 @@ def run_dry(
     skills: Mapping[str, Skill] | None = None,
     subscribers: Sequence[Subscriber] = (),
     max_time_s: float = 3600.0,
+    stop: Callable[[], bool] = lambda: False,
 ) -> Outcome:
     """Tick a tree that needs no robot, as fast as it goes.
 
@@ -43,13 +44,14 @@ def run_dry(
         skills: By name, for nodes that look them up.
         subscribers: Who watches.
         max_time_s: Simulated time after which it is over.
+        stop: Asked before every tick; where it says so the run is interrupted.
 
     Raises:
         NodeError: A behavior raised; also one that asked for a robot though its node type does not say that it does.
         KeyboardInterrupt: Ctrl-C.
     """
     world = EmptyWorld()
-    return run_episode(tree, world, dry_context(world, tree, skills), subscribers, max_time_s)
+    return run_episode(tree, world, dry_context(world, tree, skills), subscribers, max_time_s, stop=stop)
 
 
 def dry_context(world: EmptyWorld, tree: Tree, skills: Mapping[str, Skill] | None = None) -> Context:

@@ -14,7 +14,7 @@ class Stop:
     The first Ctrl-C asks, so that nothing is cut off in the middle; a second one raises KeyboardInterrupt at once.
 
     Attributes:
-        requested: Set it from anywhere.
+        requested: Whether that was asked.
     """
 
     requested = False
@@ -34,6 +34,10 @@ class Stop:
     def __call__(self) -> bool:
         """Whether to end now; the loop asks before every tick."""
         return self.requested
+
+    def request(self) -> None:
+        """Ask for it, as the first Ctrl-C does."""
+        self.requested = True
 
     def _ask(self, number: int, frame: FrameType | None) -> None:
         if self.requested:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import zlib
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from mpvi_bt.errors import BackendError, UnknownName
 from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, run_episode
 from mpvi_bt.executive.pictures import PathPicture
 from mpvi_bt.executive.recorder import Recorder
+from mpvi_bt.executive.stop import Stop
 from mpvi_bt.executive.video import Video
 from mpvi_bt.goals.evaluate import judge, snapshot, unmet
 from mpvi_bt.goals.predicates import inside, ontop, truth_in
@@ -44,7 +46,10 @@ _DRAWS = 20  # of a start, until :init holds in physics
 
 
 def run(
-    config: EpisodeConfig, subscribers: Sequence[Subscriber] = (), prepared: Prepared | None = None
+    config: EpisodeConfig,
+    subscribers: Sequence[Subscriber] = (),
+    prepared: Prepared | None = None,
+    stop: Stop | None = None,
 ) -> dict[str, Any]:
     """Run one episode.
 
@@ -52,6 +57,7 @@ def run(
         config: What to run. The same config gives the same result, wall times apart.
         subscribers: Who watches besides the meter and what `config` asks for.
         prepared: What `prepare_episode` made of `config`, if that was called before.
+        stop: Ends the episode between two ticks; it takes Ctrl-C over meanwhile.
 
     Returns:
         The result, ready for JSON. Ctrl-C gives one too, its "ended" being "interrupted".
@@ -91,7 +97,8 @@ def run(
     watchers = [meter, last, *_recorders(config, grid, world, navigator), *subscribers]
     ready = time.perf_counter()
     try:
-        outcome = run_episode(tree, world, context, watchers, max_time_s=task.budget_s)
+        with stop or nullcontext(lambda: False) as asked:
+            outcome = run_episode(tree, world, context, watchers, max_time_s=task.budget_s, stop=asked)
     except KeyboardInterrupt:
         outcome = last.outcome
     world.refresh()
