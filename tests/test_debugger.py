@@ -23,6 +23,7 @@ from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.tree.yaml_io import parse_tree
 from tests.conftest import Shell
 from tests.test_dry import lasting
+from tests.test_tutorial import ROOT, play
 
 FETCH = """
 tree: fetch
@@ -220,3 +221,9 @@ def test_on_a_terminal_nothing_is_drawn_over(tmp_path: Path) -> None:
     assert answers == 2
     assert b"\x1b[" not in seen
     os.close(parent)
+
+
+def test_the_page_about_it_is_true(tmp_path: Path) -> None:
+    """Every command of docs/debugging.md prints what stands there."""
+    text = (ROOT / "docs" / "debugging.md").read_text(encoding="utf-8")
+    assert play(text, tmp_path) == text

@@ -1,6 +1,6 @@
 """The tutorial is what a reader gets: its files are written, its commands run, and they print what stands there.
 
-`python -m tests.test_tutorial` runs it and writes what the commands print into it.
+`python -m tests.test_tutorial` runs it, or the pages that are named, and writes what the commands print into it.
 """
 
 from __future__ import annotations
@@ -66,5 +66,6 @@ def test_the_tutorial_is_true_in_the_house(tmp_path: Path) -> None:
 
 
 if __name__ == "__main__":
-    with tempfile.TemporaryDirectory() as empty:
-        FILE.write_text(play(FILE.read_text(encoding="utf-8"), Path(empty)), encoding="utf-8")
+    for page in map(Path, sys.argv[1:] or [FILE]):
+        with tempfile.TemporaryDirectory() as empty:
+            page.write_text(play(page.read_text(encoding="utf-8"), Path(empty)), encoding="utf-8")
