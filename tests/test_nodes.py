@@ -423,3 +423,12 @@ def test_a_tick_takes_no_longer_than_py_trees_own(ticking: ModuleType) -> None:
     assert ticking.ratio(mine, theirs) <= 1.15
     twins = list(walk(twin))
     assert [n.status for n in tree.nodes.values()] == [n.status for n in twins]
+
+
+def test_tracing_adds_little_to_a_tick(ticking: ModuleType, tmp_path: Path) -> None:
+    """What the recorder looks at where nothing changes is a few hundredths of a tick, with room for a busy machine."""
+    root = ticking.reactive(23)
+    plain, traced = ticking.ticker(root, 0), ticking.ticker(root, 0, trace=tmp_path / "trace.jsonl")
+    bare, written = ticking.alternating([plain, traced], rounds=15, ticks=4)
+    assert ticking.ratio(written, bare) <= 1.15
+    assert (tmp_path / "trace.jsonl").stat().st_size > 0
