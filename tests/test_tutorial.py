@@ -66,6 +66,6 @@ def test_the_tutorial_is_true_in_the_house(tmp_path: Path) -> None:
 
 
 if __name__ == "__main__":
-    for page in map(Path, sys.argv[1:] or [FILE]):
+    for page in [Path(given) for given in sys.argv[1:]] or [FILE]:
         with tempfile.TemporaryDirectory() as empty:
             page.write_text(play(page.read_text(encoding="utf-8"), Path(empty)), encoding="utf-8")
