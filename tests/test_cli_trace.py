@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from mpvi_bt.cli.replay import Player, replay
 from mpvi_bt.cli.trace import diff_, explain_
@@ -233,6 +235,35 @@ def test_text_from_elsewhere_does_not_reach_the_terminal(tmp_path: Path) -> None
         assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f]", done.output)
     for line in Player(read_trace(one)).screen(os.terminal_size((80, 24))):
         assert not re.search(r"[\x00-\x1a\x1c-\x1f]|\x1b\[2J", line)
+
+
+@given(data=st.data())
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150)
+def test_a_damaged_trace_is_shown_or_refused(tmp_path: Path, data: st.DataObject) -> None:
+    """Whatever bytes are changed, lines lost or values replaced: every command works, or names problems of the file."""
+    whole = tmp_path / "whole.jsonl"
+    if not whole.exists():
+        episode(FETCH, whole, answers=(False,), seed=3)
+    lines = whole.read_bytes().splitlines(keepends=True)
+    at = data.draw(st.integers(0, len(lines) - 1))
+    match data.draw(st.sampled_from(["byte", "value", "line", "swap"])):
+        case "byte":
+            i = data.draw(st.integers(0, len(lines[at]) - 1))
+            lines[at] = lines[at][:i] + data.draw(st.binary(max_size=2)) + lines[at][i + 1 :]
+        case "value":
+            words = re.split(rb'("[^"]*"|[0-9.]+)', lines[at])
+            i = data.draw(st.integers(0, len(words) // 2 - 1)) * 2 + 1
+            words[i] = data.draw(st.sampled_from([b"null", b"-1", b"1e999", b'"FAILURE"', b'"fetch"', b"{}", b"true"]))
+            lines[at] = b"".join(words)
+        case "line":
+            del lines[at]
+        case "swap":
+            lines[at - 1], lines[at] = lines[at], lines[at - 1]
+    damaged = tmp_path / "damaged.jsonl"
+    damaged.write_bytes(b"".join(lines))
+    for command, words in ((replay, []), (replay, ["--tick", "70"]), (explain_, []), (diff_, [str(whole)])):
+        done = RUN.invoke(command, [str(damaged), *words], standalone_mode=False)
+        assert done.exception is None or isinstance(done.exception, FileProblems), done.exc_info
 
 
 def test_a_broken_middle_line_is_named(trace: Path) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from mpvi_bt.errors import FileProblems, NodeError, UnknownName, UserError
@@ -174,6 +174,25 @@ def above(inner: st.SearchStrategy[dict[str, Any]]) -> st.SearchStrategy[dict[st
 roots = st.recursive(leaves, above, max_leaves=8)
 
 
+@example(
+    root={
+        "sequence": None,
+        "memory": True,
+        "children": [
+            {"navigate": "cup"},
+            {"parallel": None, "policy": "success_on_one", "children": [{"navigate": "cup"}, {"wait": 0.1}]},
+        ],
+    },
+    again=1,
+)  # `wait` begins and is interrupted within one tick
+@example(
+    root={
+        "selector": None,
+        "memory": False,
+        "children": [{"timeout": 0.2, "child": {"navigate": "cup"}}, {"wait": 0.1}],
+    },
+    again=2,
+)  # `timeout` ends twice in the same way, after different times
 @given(root=roots, again=st.integers(1, 4))
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
 def test_a_trace_tells_of_every_tick_what_the_tree_said(tmp_path: Path, root: dict[str, Any], again: int) -> None:

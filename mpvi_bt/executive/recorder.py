@@ -9,7 +9,7 @@ import json
 import math
 import operator
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -56,8 +56,7 @@ class Recorder(Watcher):
         self._tree, self._world, self._began = tree, world, time.perf_counter()
         self._tick = self._queries = 0
         self._states: dict[str, NodeState] = {}
-        self._seen: dict[Behaviour, tuple[Status, str]] = {}
-        self._last: tuple[list[Behaviour], list[Status], list[str]] = ([], [], [])
+        self._changes: _Changes | None = None
         self._spec: TreeSpec | None = tree.spec
         self._blackboard: dict[str, Any] = {}
         self._write(
@@ -74,34 +73,14 @@ class Recorder(Watcher):
     def step(self, tree: Tree, world: World) -> None:
         """Write what this tick changed, if anything."""
         self._tick += 1
-        if tree.spec is not self._spec or not self._seen:
+        if tree.spec is not self._spec or self._changes is None:
             self._record(tree.states())
-            self._seen = {node: (node.status, node.feedback_message) for node in tree.nodes.values()}
+            self._changes = _Changes(tree)
             return
-        context, changed = tree.context, self._changed(tree.touched)
+        context, changed = tree.context, self._changes.of(tree.touched)
         if not changed and context.blackboard == self._blackboard and len(context.log.queries) == self._queries:
             return
-        self._record({vars(node)["path"]: tree.state_of(node) for node in _affected(changed) if node in self._seen})
-
-    def _changed(self, touched: list[Behaviour]) -> list[Behaviour]:
-        """Those whose status or feedback is another than when they were last touched."""
-        statuses, words = [node.status for node in touched], [node.feedback_message for node in touched]
-        before, was, said = self._last
-        self._last = touched, statuses, words
-        seen = self._seen
-        if touched != before:
-            changed = [node for node in touched if seen.get(node) != (node.status, node.feedback_message)]
-        elif statuses == was and words == said:  # most ticks; no other way to look at every node takes less time
-            return []
-        else:
-            changed = [
-                *itertools.compress(touched, map(operator.is_not, statuses, was)),
-                *itertools.compress(touched, map(operator.ne, words, said)),
-            ]
-        for node in changed:
-            if node in seen:  # not one inside a node that another package made
-                seen[node] = (node.status, node.feedback_message)
-        return changed
+        self._record({vars(node)["path"]: tree.state_of(node) for node in changed})
 
     def end(self, outcome: Outcome) -> None:
         """Write how it ended and close the file."""
@@ -156,19 +135,54 @@ class Recorder(Watcher):
         self._file.write(text + "\n")
 
 
-def _affected(changed: list[Behaviour]) -> list[Behaviour]:
-    """Nodes that changed, and those above them that have ended: their failure may have another origin now."""
-    found: dict[Behaviour, None] = {}  # a set that keeps its order: equal runs write equal traces
+class _Changes:
+    """Finds the nodes that may stand differently than after the tick before, looking at each as briefly as can be."""
+
+    def __init__(self, tree: Tree) -> None:
+        self._seen = {node: (node.status, node.feedback_message) for node in tree.nodes.values()}
+        self._last: tuple[list[Behaviour], list[Status], list[str]] = ([], [], [])
+        self._timed: list[Any] = [node for node in self._seen if getattr(node, "limit_s", None) is not None]
+        self._times = self._ended()
+
+    def of(self, touched: list[Behaviour]) -> list[Behaviour]:
+        """Those that may, of those touched at a tick and those above them."""
+        statuses, words = [node.status for node in touched], [node.feedback_message for node in touched]
+        before, was, said = self._last
+        self._last = touched, statuses, words
+        seen, times = self._seen, self._ended()
+        if touched != before:
+            found = [node for node in touched if seen.get(node) != (node.status, node.feedback_message)]
+        else:  # most ticks: whole lists compare in a tenth of the time
+            found = [] if statuses == was else [*itertools.compress(touched, map(operator.is_not, statuses, was))]
+            found += [] if words == said else itertools.compress(touched, map(operator.ne, words, said))
+        if touched != before and Status.INVALID in statuses:
+            # One that began and was interrupted within the tick has the status that it had.
+            found += [node for node, status in zip(touched, statuses, strict=True) if status is Status.INVALID]
+        if times != self._times:  # one that ended as it did before, but after another time
+            found += itertools.compress(self._timed, map(operator.ne, times, self._times))
+            self._times = times
+        for node in found:
+            if node in seen:  # not one inside a node that another package made
+                seen[node] = (node.status, node.feedback_message)
+        return [node for node in _with_ended_above(found) if node in seen]
+
+    def _ended(self) -> list[float | None]:
+        """Times that no longer go on."""
+        return [None if node.status is Status.RUNNING else node.elapsed_s for node in self._timed]
+
+
+def _with_ended_above(nodes: list[Behaviour]) -> Iterable[Behaviour]:
+    """The nodes, and those above them that have ended: their failure may have another origin now."""
+    found = dict.fromkeys(nodes)  # a set that keeps its order: equal runs write equal traces
     passed: set[Behaviour] = set()
-    for node in changed:
-        found[node] = None
+    for node in nodes:
         above = node.parent
         while above is not None and above not in passed:
             passed.add(above)
             if above.status is not Status.RUNNING:
                 found[above] = None
             above = above.parent
-    return list(found)
+    return found
 
 
 def _same(new: NodeState, old: NodeState) -> bool:
