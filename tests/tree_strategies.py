@@ -103,7 +103,7 @@ def _nodes(kind: str, parameters: st.SearchStrategy, children: st.SearchStrategy
 leaves = st.one_of([_nodes(kind, parameters, st.just(())) for kind, parameters in _leaf_parameters.items()])
 
 
-def _above(inner: st.SearchStrategy[NodeSpec]) -> st.SearchStrategy[NodeSpec]:
+def above(inner: st.SearchStrategy[NodeSpec]) -> st.SearchStrategy[NodeSpec]:
     many = st.lists(inner, min_size=2, max_size=3).map(tuple)
     return st.one_of(
         *(_nodes(kind, parameters, st.tuples(inner)) for kind, parameters in _one_child.items()),
@@ -114,7 +114,7 @@ def _above(inner: st.SearchStrategy[NodeSpec]) -> st.SearchStrategy[NodeSpec]:
 trees = st.builds(
     TreeSpec,
     words,
-    st.recursive(leaves, _above, max_leaves=10),
+    st.recursive(leaves, above, max_leaves=10),
     instruction=st.just("") | words,
     about=st.just("") | words,
     blackboard=st.dictionaries(keys, values, max_size=3),

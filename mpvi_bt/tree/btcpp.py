@@ -137,8 +137,9 @@ def own_id(kind: str) -> str:
 
 
 def own_kinds() -> Mapping[str, str]:
-    """The kinds by their IDs."""
-    return {own_id(kind): kind for kind in node_types() if kind != "subtree"}
+    """The kinds that may be nodes of ours, by their IDs: all but those that one of theirs always does for."""
+    always = {row.kind for row in BUILTINS if row.port != "msec"} | {"subtree"}
+    return {own_id(kind): kind for kind in node_types() if kind not in always}
 
 
 def model_of(node_type: NodeType) -> str:

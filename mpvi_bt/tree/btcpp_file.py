@@ -61,6 +61,10 @@ class TreeFile:
             elif element.tag != "TreeNodesModel":
                 self.unknown(element, "element", element.tag, ["BehaviorTree", "TreeNodesModel"])
         main = root.attributes.get("main_tree_to_execute")
+        if not self.trees:
+            if not self.problems:
+                self.problem(root, "main-tree", "there is no <BehaviorTree>")
+            return None
         if main is None and len(self.trees) == 1:
             return next(iter(self.trees))
         if main is None:

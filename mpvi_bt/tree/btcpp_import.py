@@ -24,6 +24,7 @@ from mpvi_bt.tree.spec import TreeSpec
 _SCRIPTED = frozenset({"_skipIf", "_failureIf", "_successIf", "_while"}) | frozenset(
     {"_onSuccess", "_onFailure", "_onHalted", "_post"}
 )
+_STAND_IN: dict[str, Any] = {"succeed": None}  # for what has no equal, so that the reader goes on
 _EXPLICIT = frozenset({"Action", "Condition", "Control", "Decorator"})
 
 
@@ -51,15 +52,10 @@ def from_xml(text: str, name: str = "<xml>") -> Imported:
     root = parse_xml(text, name)
     file = TreeFile(name)
     main = file.trees_of(root)
+    specs = {own: spec for own in file.trees if (spec := _Tree(file, own).read(main=own == main)) is not None}
     if main is None or file.problems:
-        raise FileProblems(file.problems)
-    trees = {own: _Tree(file, own) for own in file.trees}
-    specs = {own: tree.read(main=own == main) for own, tree in trees.items()}
-    read_specs = {own: spec for own, spec in specs.items() if spec is not None}
-    if file.problems:
-        raise FileProblems(list({(p.line, p.column, p.message): p for p in file.problems}.values()))
-    warnings = tuple({(p.line, p.column, p.message): p for p in file.warnings}.values())
-    return Imported(read_specs.pop(main), read_specs, warnings)
+        raise FileProblems(_once(file.problems))
+    return Imported(specs.pop(main), specs, tuple(_once(file.warnings)))
 
 
 class _Tree:
@@ -140,7 +136,7 @@ class _Tree:
             self.file.unknown(element, "node", tag, sorted(known | {"ScriptCondition", "SubTree"}))
         for child in element.children:
             self._node(child, at)
-        return {"succeed": None}
+        return _STAND_IN
 
     def _builtin(self, element: Element, at: Location, tag: str) -> dict[str, Any]:
         rows = [row for row in btcpp.BUILTINS if row.tag == tag]
@@ -174,7 +170,7 @@ class _Tree:
 
     def _own(self, element: Element, at: Location, kind: str) -> dict[str, Any]:
         ports = btcpp.ports_of(kind)
-        self._check_attributes(element, set(ports), needed=set())  # the reader says what is missing
+        self._check_attributes(element, set(ports), needed={name for name, port in ports.items() if not port.optional})
         given = {}
         for name, port in ports.items():
             if name in element.attributes and not (port.optional and element.attributes[name] == ""):
@@ -193,7 +189,7 @@ class _Tree:
         if element.attributes.get("_autoremap", "").lower() not in ("true", "1"):
             message = "without _autoremap this subtree has keys of its own; here they are those of the run"
             self.file.warn(element, "subtree", message)
-        data = self._data(element, at, "subtree", {"tree": name}, {"tree": "ID"})
+        data = {**self._data(element, at, "subtree", {"tree": name}, {"tree": "ID"}), "child": _STAND_IN}
         if name not in self.file.trees:
             self.file.unknown(element, "tree", name, list(self.file.trees), "ID")
         elif name in self.calls:
@@ -223,7 +219,7 @@ class _Tree:
             self.file.problem(
                 element, "unmapped-script", message + "\"cups := 0; cups += 1; room := 'hall'\" has", "code"
             )
-            found = []
+            return _STAND_IN
         if len(found) == 1:
             return self._data(element, at, "set", found[0], dict.fromkeys(found[0], "code"))
         data = self._data(element, at, "sequence", {"memory": True}, {})
@@ -240,7 +236,7 @@ class _Tree:
         if found is None:
             message = f"this script has no equal here: {shown(code)}. One such as "
             self.file.problem(script, "unmapped-script", message + '"cups >= 3 && cups != 5", of one key, has', "code")
-            return {"succeed": None}
+            return _STAND_IN
         return self._data(element, at, kind, found, dict.fromkeys(found, "code"))
 
     def _condition(self, element: Element, at: Location) -> dict[str, Any] | None:
@@ -272,15 +268,15 @@ class _Tree:
             ports: The attributes that hold them, where they are named otherwise.
         """
         node_type = node_types()[kind]
-        name = element.attributes.get("name")
+        name = element.attributes.get("name") or None
         headline = name if node_type.headline == "name" else given.get(node_type.headline)
         if name is not None and node_type.headline != "name" and name not in (element.tag, headline):
             self.file.warn(element, "name", f"{kind!r} has no name here; {name!r:.60} is left out", "name")
         data = {kind: headline, **{key: value for key, value in given.items() if key != node_type.headline}}
         self.marks.values[at] = element.place
         for key in data:
-            attribute = ports.get(node_type.headline if key == kind else key, key)
-            self._mark((*at, key), element, "name" if key == kind and node_type.headline == "name" else attribute)
+            parameter = node_type.headline if key == kind else key
+            self._mark((*at, key), element, ports.get(parameter, parameter))
         self.marks.keys[(*at, kind)] = element.place
         told = self._description(element)
         if "segments" in told:
@@ -299,8 +295,8 @@ class _Tree:
             data["child"] = self._node(element.children[0], (*at, "child"))
         elif element.children or family == "decorator":
             wanted = "one child" if family == "decorator" else "no children"
-            self.file.problem(element, "children", f"a {element.tag} has {wanted}, not {len(element.children)}")
-            data["child"] = {"succeed": None}
+            self.file.problem(element, "children", f"<{element.tag}> takes {wanted}, not {len(element.children)}")
+            data |= {"child": _STAND_IN} if family == "decorator" else {}
 
     def _check_attributes(self, element: Element, known: set[str], needed: set[str]) -> None:
         allowed = known | {"name"} | ({"ID"} if element.tag in _EXPLICIT else set())
@@ -335,3 +331,8 @@ class _Tree:
 
 def _port_value(row: btcpp.Builtin, text: str) -> Any:
     return text if row.port == "name" else btcpp.from_port(text.strip(), as_text=False)
+
+
+def _once(problems: list[Problem]) -> list[Problem]:
+    """Without those that were found again where a tree is called."""
+    return list({(p.line, p.column, p.message): p for p in problems}.values())

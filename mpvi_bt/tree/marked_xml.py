@@ -60,7 +60,7 @@ class _Parser:
         try:
             self.expat.Parse(self.bytes, True)
         except expat.ExpatError as error:
-            self._stop(self.expat.ErrorByteIndex, "syntax", f"not valid XML: {expat.ErrorString(error.code)}")
+            self._stop(max(self.expat.ErrorByteIndex, 0), "syntax", f"not valid XML: {expat.ErrorString(error.code)}")
         assert self.root is not None  # else expat finds no element
         return self.root
 

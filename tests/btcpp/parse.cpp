@@ -217,8 +217,10 @@ int main(int argc, char** argv)
       for(int tick = 1; tick <= std::stoi(words[2]); tick++)
       {
         std::cout << "tick " << tick << "\n";
-        std::cout << "-> " << BT::toStr(tree.tickExactlyOnce()) << "\n";
+        const auto status = BT::toStr(tree.tickExactlyOnce());
+        std::cout << "-> " << status << "\n";
       }
+      std::cout << "end\n";  // what still runs is halted when the tree goes
       return 0;
     }
     BT::printTreeRecursively(tree.rootNode(), std::cout);
