@@ -224,9 +224,7 @@ class KnownPlaceNavigator:
 
     def _step_stow(self, stow: Stow) -> bool:
         self._robot.hold()
-        done = stow.step()
-        self._write_base(np.zeros(3))
-        return done
+        return stow.step()
 
     def _follow(self, follower: PathFollower, feedback: str) -> Generator[Report, None, bool]:
         """Follow to the end; its value is whether the base came to a halt on the way."""

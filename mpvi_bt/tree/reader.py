@@ -28,6 +28,7 @@ from mpvi_bt.plan.skills import Skill
 from mpvi_bt.tree.spec import NodeSpec, ParameterType, Place, TreeParameter, TreeSpec
 
 MAX_NODES = 20_000  # of a tree with its subtrees written out: a few files could ask for millions
+MAX_DEPTH = 100  # likewise; a deeper tree is slow to tick, and no person reads it
 _STAND_INS: Mapping[str, Value] = {"number": 1.0, "integer": 1, "boolean": True}  # of parameters without a value
 _TYPES: Mapping[str, type | tuple[type, ...]] = {"text": str, "number": (int, float), "integer": int, "boolean": bool}
 
@@ -92,6 +93,7 @@ class Reading:
         sources: Files of subtrees, by resolved path, so that each is parsed once; None: it has problems.
         blackboard: First values of keys that subtrees declare.
         count: Nodes so far.
+        depth: Of the node that is being read, 1 for the root.
     """
 
     skills: Mapping[str, Skill] | None = None
@@ -100,6 +102,7 @@ class Reading:
     sources: dict[Path, _Source | None] = field(default_factory=dict)
     blackboard: dict[str, Value] = field(default_factory=dict)
     count: int = 0
+    depth: int = 0
 
 
 def read(data: Any, marks: Marks, reading: Reading, arguments: Mapping[str, Value]) -> TreeSpec:
@@ -200,10 +203,20 @@ class _Reader:
 
     def node(self, data: Any, at: Location, inherited: tuple[int, ...]) -> NodeSpec | None:
         """The node at a location, or None if anything about it is wrong."""
-        self.reading.count += 1
-        if self.reading.count > MAX_NODES:
+        reading = self.reading
+        reading.count += 1
+        if reading.count > MAX_NODES:
             self.problem(at, "too-large", f"more than {MAX_NODES} nodes, subtrees written out")
             raise FileProblems(self.problems)
+        if reading.depth >= MAX_DEPTH:
+            self.problem(at, "too-deep", f"more than {MAX_DEPTH} nodes one below the other, subtrees written out")
+            return None
+        reading.depth += 1
+        node = self._node(data, at, inherited)
+        reading.depth -= 1
+        return node
+
+    def _node(self, data: Any, at: Location, inherited: tuple[int, ...]) -> NodeSpec | None:
         if not isinstance(data, dict) or not data:
             self.problem(at, "node", f"a node is a mapping such as 'navigate: kitchen', not {shown(data)}")
             return None
