@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 import tempfile
 import textwrap
@@ -75,7 +76,12 @@ _OUTPUT = click.Path(dir_okay=False, path_type=Path)
 @click.option("--param", "params", multiple=True, metavar="NAME=VALUE", help="Fill in a parameter of that tree.")
 @click.option("--plan", type=Name("tasks/plans", file=True), help="Compile this plan, by name or file.")
 @click.option("--dry", is_flag=True, help="No robot, no simulator: stand-ins do the work. Needs no TASK with --tree.")
-@click.option("--substitute", metavar="FILE", help="Put stand-ins in the place of nodes, by the rules of this file.")
+@click.option(
+    "--substitute",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="Put stand-ins in the place of nodes, by the rules of this file.",
+)
 @click.option("--break", "breaks", multiple=True, metavar="PATH", help="Pause where such a node begins; * is any text.")
 @click.option("--step", is_flag=True, help="Pause wherever something changes.")
 @click.option("--video", type=_OUTPUT, metavar="FILE", help="Film the episode, as mp4.")
@@ -149,7 +155,7 @@ def run(
         return _episode(config, prepared, watchers, stop, out / f"{stem}.json", as_json)
     except NodeError:
         if config.trace:
-            click.echo(f"mpvi: why: mpvi explain {config.trace}", err=True)
+            click.echo(f"mpvi: why: mpvi explain {shlex.quote(str(config.trace))}", err=True)
         raise
 
 
@@ -266,7 +272,7 @@ def _failed(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def _why(result: Mapping[str, Any], trace: object) -> list[str]:
     """The command that says why, after a failure; a line to copy, whatever its length."""
     failed = not result["success"] or result["failures"]
-    return [f"  why       mpvi explain {trace}"] if failed and trace else []
+    return [f"  why       mpvi explain {shlex.quote(str(trace))}"] if failed and trace else []
 
 
 def _part(path: str) -> str:

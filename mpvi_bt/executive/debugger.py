@@ -71,7 +71,6 @@ class Debugger(Watcher):
         self._paths: set[str] = set()  # of the breaks
         self._seen: dict[Behaviour, Status] = {}
         self._blackboard: dict[str, object] = {}
-        self._tick = 0
         self._greeted = False
 
     def start(self, tree: Tree, world: World) -> None:
@@ -81,7 +80,8 @@ class Debugger(Watcher):
 
     def step(self, tree: Tree, world: World) -> None:
         """Pause if it is time to."""
-        self._tick += 1
+        if not self._seen and tree.ticks > 1:  # it goes on from where it was saved: nothing of that begins now
+            self._seen = {node: node.status for node in tree.nodes.values()}
         if self._until == "end":
             return
         begun, changed = self._look(tree)
@@ -89,7 +89,7 @@ class Debugger(Watcher):
         if not (here or self._until == "tick" or (self._until == "change" and changed)):
             return
         news = [f"break at {path}" for path in here] or [", ".join(changed) or "nothing changed"]
-        self._say(f"tick {self._tick}, {world.time_s:.1f} s: {news[0]}", *news[1:])
+        self._say(f"tick {tree.ticks}, {world.time_s:.1f} s: {news[0]}", *news[1:])
         self._ask(tree)
 
     def _look(self, tree: Tree) -> tuple[list[str], list[str]]:
