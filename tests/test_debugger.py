@@ -17,9 +17,10 @@ from hypothesis import strategies as st
 
 from mpvi_bt.errors import UserError
 from mpvi_bt.executive.debugger import Debugger
-from mpvi_bt.executive.dry import dry_tree, run_dry
-from mpvi_bt.executive.loop import Outcome, Watcher
+from mpvi_bt.executive.dry import EmptyWorld, dry_context, dry_tree, run_dry
+from mpvi_bt.executive.loop import Outcome, Watcher, run_episode
 from mpvi_bt.executive.recorder import Recorder
+from mpvi_bt.executive.saved import SavedRun, restore_world, save_run
 from mpvi_bt.tree.yaml_io import parse_tree
 from tests.conftest import Shell
 from tests.test_dry import lasting
@@ -105,6 +106,25 @@ def test_a_counter_that_changes_is_a_change() -> None:
     """Also where no status does, as under a repeat."""
     counting = "  repeat: 3\n  child:\n    set: n\n    add: 1\n"
     assert [tick for tick, _ in pauses(said("\n" * 9, step=True, root=counting))] == [1, 2, 3]
+
+
+def test_a_run_that_goes_on_begins_nothing_anew() -> None:
+    """Restored in the middle of a drive, it pauses where the next node begins, with the number of that tick."""
+    tree, world = dry_tree(SPEC), EmptyWorld()
+    kept: list[SavedRun] = []
+
+    def stop() -> bool:
+        if tree.ticks == 30:
+            kept.append(save_run(tree, world))
+        return bool(kept)
+
+    run_episode(tree, world, dry_context(world, tree), stop=stop)
+    again, fresh, stream = dry_tree(SPEC), EmptyWorld(), io.StringIO()
+    context = dry_context(fresh, again)
+    restore_world(kept[0], fresh, context)
+    debugger = Debugger(io.StringIO("c\n" * 9), stream, ["*/navigate", "*/take it"])
+    run_episode(again, fresh, context, [debugger], saved=kept[0].tree)
+    assert [tick for tick, _ in pauses(stream.getvalue())] == [61, 91]
 
 
 def test_it_pauses_before_the_world_moves() -> None:

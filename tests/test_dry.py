@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -224,3 +226,19 @@ def test_bad_input_is_one_clear_error(words: list[str], said: str, mpvi: Shell, 
     assert said in done.stderr
     assert "Traceback" not in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_a_robot_node_of_another_package_has_a_stand_in_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It need not be known here: a second passes, and it has succeeded."""
+    ours = node_types()["navigate"]
+    other = replace(ours, kind="dance", factory="another.package:Dance")
+    monkeypatch.setattr(
+        "mpvi_bt.behaviors.registry.metadata.entry_points",
+        lambda group: [SimpleNamespace(name="dance", value="another.package:ROW", load=lambda: other)],
+    )
+    node_types.cache_clear()
+    try:
+        outcome = run_dry(dry_tree(parse_tree("tree: t\nroot:\n  dance: waltz\n")))
+    finally:
+        node_types.cache_clear()
+    assert (outcome.ending, outcome.steps) == ("success", 30)
