@@ -20,12 +20,14 @@ class TreeFile:
         trees: By their IDs.
         problems: What has no equal here.
         warnings: What BehaviorTree.CPP does otherwise, or what was left out.
+        count: Nodes of all trees so far, subtrees written out below their calls.
     """
 
     name: str
     trees: dict[str, Element] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
     warnings: list[Problem] = field(default_factory=list)
+    count: int = 0
 
     def problem(self, element: Element, code: str, message: str, attribute: str = "", **more: Any) -> None:
         """Note a problem of an element, or of one of its attributes."""

@@ -64,7 +64,6 @@ class _Tree:
     def __init__(self, file: TreeFile, name: str) -> None:
         self.file, self.name = file, name
         self.marks = Marks(file.name)
-        self.count = 0
         self.calls = [name]
 
     def read(self, main: bool) -> TreeSpec | None:
@@ -107,8 +106,8 @@ class _Tree:
 
     def _node(self, element: Element, at: Location) -> dict[str, Any]:
         """The data of a node; of one that has no equal here, a stand-in, so that what is below is looked at too."""
-        self.count += 1
-        if self.count > MAX_NODES:
+        self.file.count += 1
+        if self.file.count > MAX_NODES:
             self.file.problem(element, "too-large", f"more than {MAX_NODES} nodes, subtrees written out")
             raise FileProblems(self.file.problems)
         for name in element.attributes:
