@@ -34,6 +34,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _SURROGATES = re.compile(r"\\u[dD][89abAB][0-9a-fA-F]{2}\\u[dD][c-fC-F][0-9a-fA-F]{2}")
+_QUOTED = re.compile(r"""(?<=[\s\[{,])(?:"[^"]*"|'[^']*')""")
 _NULL = {"", "~", "null", "Null", "NULL"}
 _BOOL = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
 _INT = re.compile(r"[-+]?[0-9]{1,18}")
@@ -183,7 +184,6 @@ class _Reader:
         self.events: Iterator[Any] = iter(())
         self.record: list[Any] = []  # events within an anchored node, so that its aliases can be read again
         self.recording = 0
-        self.long_quote: tuple[Any, Any] | None = None  # marks of the last quoted text of more than one line
 
     def read(self) -> tuple[Any, Marks]:
         data: Any = None
@@ -214,10 +214,11 @@ class _Reader:
         if start and mark and (scanning or mark.index >= end) and start.line + 1 < place[0]:
             message = f"what begins here is not closed; line {place[0]} no longer fits"
             self.problems.append(self._problem(start.line + 1, start.column + 1, "syntax", message))
-        if self.long_quote:
-            first, last = self.long_quote
-            message = f"this quoted text goes on to line {last.line + 1}; is its closing quote missing?"
-            self.problems.append(self._problem(first.line + 1, first.column + 1, "syntax", message))
+        if quote := _long_quote(self.text, mark.index if mark else end):
+            message = (
+                f"this quoted text goes on to line {_place(self.text, quote[1])[0]}; is its closing quote missing?"
+            )
+            self.problems.append(self._problem(*_place(self.text, quote[0]), "syntax", message))
 
     def _problem(self, line: int, column: int, code: str, message: str) -> Problem:
         return Problem(self.marks.file, line, column, code, message)
@@ -259,20 +260,13 @@ class _Reader:
         if event.anchor is not None:
             return self._anchored(event, location, depth)
         if kind is yaml.ScalarEvent:
-            return self._scalar(event)
+            return plain_scalar(event.value) if not event.style and event.tag is None else event.value
         if kind is yaml.SequenceStartEvent:
             items: list[Any] = []
             while type(child := self._next()) is not yaml.SequenceEndEvent:
                 items.append(self._node(child, (*location, len(items)), depth + 1))
             return items
         return self._mapping(location, depth)
-
-    def _scalar(self, event: Any) -> Any:
-        if not event.style:
-            return plain_scalar(event.value) if event.tag is None else event.value
-        if event.style in "'\"" and event.end_mark.line > event.start_mark.line:
-            self.long_quote = event.start_mark, event.end_mark
-        return event.value
 
     def _mapping(self, location: Location, depth: int) -> dict[str, Any]:
         mapping: dict[str, Any] = {}
@@ -320,6 +314,22 @@ class _Reader:
 
     def _stop(self, line: int, column: int, code: str, message: str) -> typing.NoReturn:
         raise FileProblems([*self.problems, self._problem(line, column, code, message)])
+
+
+def _long_quote(text: str, stop: int) -> tuple[int, int] | None:
+    """Where the last quoted text of more than one line begins and ends, of those before a syntax error."""
+    found = None
+    last = 0
+    try:
+        events: Iterator[Any] = yaml.parse(text, Loader=_Loader)
+        for event in events:
+            start, last = event.start_mark.index, event.end_mark.index
+            if isinstance(event, yaml.ScalarEvent) and event.style in ("'", '"') and "\n" in text[start:last]:
+                found = start, last
+    except yaml.YAMLError:  # the parser reads ahead: what it stumbled over is no event yet
+        for quote in _QUOTED.finditer(text, last, stop):
+            found = quote.span() if "\n" in quote.group() else found
+    return found
 
 
 def plain_scalar(text: str) -> Any:

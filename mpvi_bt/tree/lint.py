@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any
 
 from mpvi_bt.behaviors.references import names_in
@@ -28,7 +28,7 @@ def lint(spec: TreeSpec, skills: Mapping[str, Skill] | None = None, marks: Marks
         marks: Of the tree's file, for exact places.
     """
     linter = _Linter(spec, skills, marks)
-    return [*linter.keys(), *linter.unused(), *linter.node(spec.root, ())]
+    return [*linter.names(), *linter.keys(), *linter.unused(), *linter.node(spec.root, ())]
 
 
 def check_rooms(spec: TreeSpec, rooms: Collection[str], marks: Marks = _NO_MARKS) -> list[Problem]:
@@ -86,6 +86,15 @@ class _Linter:
 
     # Blackboard keys and parameters
 
+    def names(self) -> Iterator[Problem]:
+        """References in the names of nodes to what is no parameter: names are never filled in from the blackboard."""
+        known = sorted(self.spec.parameters)
+        for node, _, name in self.references(self.spec.root, frozenset(known), lambda node: {"name": node.name}):
+            near = nearest(name, known)
+            message = f"unknown parameter {shown(name)} in a name.{did_you_mean(near, known)}"
+            more = {"severity": "error", "nearest": near, "known": tuple(known)}
+            yield self.problem(node, node.type.headline, "unknown-parameter", message, **more)
+
     def keys(self) -> Iterator[Problem]:
         """Keys that are read and never written, and those that are written and never read."""
         nodes = [placed.spec for placed in self.spec.nodes]
@@ -93,7 +102,8 @@ class _Linter:
         for node in nodes:
             for field in node.type.writes:
                 written.setdefault(str(getattr(node.parameters, field)), node)
-        reads = list(self.reads(self.spec.root, frozenset(self.spec.parameters)))
+        reads = list(self.references(self.spec.root, frozenset(self.spec.parameters), _parameters))
+        reads += [(n, field, str(getattr(n.parameters, field))) for n in nodes for field in n.type.reads]
         names = sorted({*written, *self.spec.blackboard, *self.spec.parameters})
         for node, parameter, key in reads:
             if key not in written and key not in self.spec.blackboard:
@@ -111,20 +121,19 @@ class _Linter:
                 message = f"nothing reads the blackboard key {shown(key)}"
                 yield from self.head(("blackboard", key), "unread-key", message)
 
-    def reads(self, node: NodeSpec, told: frozenset[str]) -> Iterator[tuple[NodeSpec, str, str]]:
-        """(node, parameter, key) of what is read in and below a node; `told`: names that were seen to already.
+    def references(
+        self, node: NodeSpec, told: frozenset[str], texts: Callable[[NodeSpec], Mapping[str, Any]]
+    ) -> Iterator[tuple[NodeSpec, str, str]]:
+        """(node, parameter, name) of the references in and below a node; `told`: names that were seen to already.
 
-        What a subtree gets by its arguments is read where they stand, and not once more in the other file.
+        What a subtree gets by its arguments is referred to where they stand, and not once more in the other file.
         """
-        for field, value in dict(node.parameters).items():
-            if field in node.type.reads:
-                yield node, field, str(value)
-            else:
-                yield from ((node, field, name) for name in sorted(_names(value)) if name not in told)
+        for field, value in texts(node).items():
+            yield from ((node, field, name) for name in sorted(_names(value)) if name not in told)
         if node.kind == "subtree":
-            told = told.union(_names(dict(node.parameters)))
+            told = told.union(_names(_parameters(node)))
         for child in node.children:
-            yield from self.reads(child, told)
+            yield from self.references(child, told, texts)
 
     def unused(self) -> Iterator[Problem]:
         """Parameters of the tree that its file does not refer to."""
@@ -200,6 +209,11 @@ class _Linter:
                 near = self.meant(clause)
                 message = f"no skill is named by {shown(clause)}.{did_you_mean(near, self.examples)}"
                 yield self.problem(node, "prompt", "no-skill", message, nearest=near, known=tuple(self.examples))
+
+
+def _parameters(node: NodeSpec) -> dict[str, Any]:
+    """Those that may hold references to the blackboard."""
+    return {name: value for name, value in dict(node.parameters).items() if name not in node.type.reads}
 
 
 def _names(value: Any) -> set[str]:
