@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import pty
 import signal
 import subprocess
 import sys
@@ -198,3 +201,23 @@ def test_without_a_rendering_device_one_line_says_so(mpvi: Shell) -> None:
     (line,) = [line for line in done.stderr.splitlines() if "pictures" in line]
     assert "`mpvi doctor`" in line
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.slow
+def test_on_a_terminal_nothing_is_written_into_the_drawing(tmp_path: Path) -> None:
+    """What is said on stderr comes before the tree is first drawn, so that each drawing covers the one before."""
+    parent, child = pty.openpty()
+    command = [sys.executable, "-c", "from mpvi_bt.cli import main; main()"]
+    command += ["run", "picking_up_trash", "--checker", "oracle", "--tree", "hello"]
+    process = subprocess.Popen(command, cwd=tmp_path, stdin=child, stdout=child, stderr=child)
+    os.close(child)
+    shown = b""
+    with contextlib.suppress(OSError):  # the other end was closed
+        while data := os.read(parent, 65536):
+            shown += data
+    os.close(parent)
+    assert process.wait(timeout=60) == 1
+    before, _, drawn = shown.decode().partition("\x1b[K")
+    assert before.splitlines()[0].endswith("setting up")
+    assert drawn.count("\x1b[3F") == drawn.count("\x1b[J") - 1
+    assert "mpvi:" not in drawn

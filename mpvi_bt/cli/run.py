@@ -140,6 +140,8 @@ def run(
         require_match(glob, prepared.spec, "--break")
     for folder in (out, *(file.parent for file in (config.video, config.picture) if file is not None)):
         _check_writable(folder)  # now, not when a minute's work is lost
+    if not dry:
+        click.echo(f"mpvi: {config.task}, instance {config.instance}, seed {config.seed}: setting up", err=True)
     stop = Stop()
     debugs = bool(breaks or step)
     watchers: list[Subscriber] = []
@@ -163,7 +165,6 @@ def _episode(
     config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], stop: Stop, path: Path, as_json: bool
 ) -> int:
     """Run in the simulator; print and write the result."""
-    click.echo(f"mpvi: {config.task}, instance {config.instance}, seed {config.seed}: setting up", err=True)
     from mpvi_bt.suite.episode import run as run_episode
     from mpvi_bt.suite.result import write_result
 
