@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import MISSING, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +24,12 @@ from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_epis
 from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.testing import KinematicWorld, scripted_context
+from mpvi_bt.tree import trace as trace_module
 from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.explain import explain, explanation_text
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
-from mpvi_bt.tree.trace import Trace, read_trace
+from mpvi_bt.tree.trace import Answer, End, Tick, Trace, read_trace
 from mpvi_bt.tree.yaml_io import from_expanded, parse_tree
 
 SKILLS = load_skills()
@@ -493,3 +496,40 @@ def test_a_trace_that_cannot_be_written_is_a_users_error(tmp_path: Path) -> None
         episode(FETCH, tmp_path / "file" / "t.jsonl")
     episode(FETCH, tmp_path / "new" / "folder" / "t.jsonl", max_time_s=0.1)
     assert read_trace(tmp_path / "new" / "folder" / "t.jsonl").end is not None
+
+
+DOCUMENT = (Path(__file__).parent.parent / "docs" / "trace.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("heading", "kind"),
+    [
+        ("The first line", trace_module._Header),
+        ("A tick", Tick),
+        ("A node's state", NodeState),
+        ("A query", Answer),
+        ("The last line", End),
+    ],
+)
+def test_every_key_is_documented(heading: str, kind: type) -> None:
+    """The document's tables name each key that is read, in order, and those that are never absent as such."""
+    section = DOCUMENT.split(f"### {heading}\n")[1].split("\n#")[0]
+    rows = re.findall(r"^\| `(\w+)` \| [^|]+ \| ([^|]+) \|", section, flags=re.MULTILINE)
+    required = {field.name for field in fields(kind) if field.default is MISSING and field.default_factory is MISSING}
+    named = ["ending" if key == "end" else key for key, _ in rows]
+    assert sorted(named) == sorted(field.name for field in fields(kind))
+    never = {key for key, (_, absent) in zip(named, rows, strict=True) if absent == "never"}
+    assert never == required | ({"status"} if kind is NodeState else set())
+
+
+def test_the_documents_example_is_what_is_written(tmp_path: Path) -> None:
+    """The tree in the document leaves the trace in the document, and explain says what the document says."""
+    tree, written, explained = re.findall(r"^```\w+\n(.*?)^```", DOCUMENT, flags=re.MULTILINE | re.DOTALL)
+    world = KinematicWorld()
+    run_episode(Tree(parse_tree(tree)), world, scripted_context(world, {}, {}, {}), [Recorder(tmp_path / "t", seed=0)])
+
+    def timeless(text: str) -> str:
+        return re.sub(r'"(wall_s|started|mpvi_bt)": [^,}]+', "", text)
+
+    assert timeless((tmp_path / "t").read_text()) == timeless(written)
+    assert explanation_text(explain(read_trace(tmp_path / "t"))) + "\n" == explained

@@ -18,7 +18,7 @@ from mpvi_bt.tree.trace import read_trace
 def explain_(trace: str, as_json: bool) -> None:
     """Say why a recorded run ended as it did, from the root down to the leaf.
 
-    TRACE is the file that `mpvi run --trace` wrote.
+    TRACE is a file that `mpvi run` wrote beside its result, NAME.trace.jsonl.
     """
     explanation = explain(read_trace(trace))
     click.echo(json.dumps(dataclasses.asdict(explanation), indent=2) if as_json else explanation_text(explanation))

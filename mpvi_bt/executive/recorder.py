@@ -59,16 +59,15 @@ class Recorder(Watcher):
         self._changes: _Changes | None = None
         self._spec: TreeSpec | None = tree.spec
         self._blackboard: dict[str, Any] = {}
-        self._write(
-            {
-                "trace": VERSION,
-                "mpvi_bt": mpvi_bt.__version__,
-                "tree": expanded(tree.spec),
-                "config": self._config,
-                "seed": self._seed,
-                "started": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-            }
-        )
+        header = {
+            "trace": VERSION,
+            "mpvi_bt": mpvi_bt.__version__,
+            "tree": expanded(tree.spec),
+            "config": self._config or None,
+            "seed": self._seed,
+            "started": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        }
+        self._write({key: value for key, value in header.items() if value is not None})
 
     def step(self, tree: Tree, world: World) -> None:
         """Write what this tick changed, if anything."""

@@ -171,8 +171,8 @@ class Moment:
             self._began = {path: began for path, began in self._began.items() if path in kept}
         for path, state in tick.nodes.items():
             if state.status == "RUNNING" and state.elapsed_s is not None:
-                began = tick.time_s - state.elapsed_s
-                if abs(began - self._began.get(path, -1.0)) > _SAME_S:
+                began, before = tick.time_s - state.elapsed_s, self._began.get(path)
+                if before is None or abs(began - before) > _SAME_S:
                     self._began[path] = began
             else:
                 self._began.pop(path, None)
