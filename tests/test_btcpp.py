@@ -512,6 +512,13 @@ def test_a_text_that_btcpp_would_take_for_a_reference_is_refused() -> None:
     assert [(p.line, p.column, p.code) for p in caught.value.problems] == [(3, 3, "btcpp-reference")]
 
 
+def test_what_is_told_about_a_tree_comes_back_whatever_it_is() -> None:
+    """Names that are no IDs, and texts with any character, stand in the description."""
+    for name, told in (("Sequence", "a: b"), ("to go", "segments: x\n\x7f\x01\x85 \N{RIGHT-TO-LEFT MARK}'\"<&")):
+        tree = TreeSpec(name, node("succeed"), told, "tree: y", blackboard={"k": " x\n$y "})
+        assert from_xml(to_xml(tree).xml).main == tree
+
+
 def test_parameters_are_filled_in_or_become_entries_of_the_blackboard() -> None:
     """A default is filled in; a text without one is a reference; anything else must have a value. All is told."""
     head = "tree: t\nparameters: {object: text, room: {type: text, default: hall}%s}\n"

@@ -17,7 +17,7 @@ from mpvi_bt.tree.btcpp_script import Board, assignment, comparison_code, first_
 from mpvi_bt.tree.marked_xml import MAX_DEPTH
 from mpvi_bt.tree.spec import NodeSpec, TreeSpec
 
-_NOT_IN_XML = re.compile("[^\t\n\r\x20-\x7e\x80-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_NOT_PLAIN = re.compile("[^\t\n\r\x20-\x7e\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # nor in YAML
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class _Exporter:
         told = {"tree": "" if self.tree.name == main else self.tree.name}
         told |= {"about": self.tree.about, "instruction": self.tree.instruction}
         behavior = ElementTree.SubElement(root, "BehaviorTree", ID=main)
-        _describe(behavior, told)
+        self._describe(behavior, told)
         self._node(self._with_first_values(behavior), self.tree.root, (), 1)
         done = 0
         while done < len(self.subtrees):  # a subtree may call others
@@ -78,8 +78,8 @@ class _Exporter:
 
     def _parameters(self) -> None:
         for name, parameter in self.tree.parameters.items():
-            if parameter.default is not None:
-                message = f"parameter {name!r} is filled in: {parameter.default!r:.60}"
+            if name not in self.tree.unbound:
+                message = f"parameter {name!r} is filled in: its value stands in its place"
             elif parameter.type == "text":
                 message = f"parameter {name!r} becomes an entry of the blackboard, which the program must set"
             else:
@@ -111,7 +111,8 @@ class _Exporter:
         if element is None:
             element = self._own(above, spec)
         call = spec.label if isinstance(spec.parameters, Call) and spec.parameters.arguments else ""
-        _describe(element, {"segments": spec.segments if spec.segments != inherited else None, "call": call})
+        segments = {} if spec.segments == inherited else {"segments": spec.segments}
+        self._describe(element, {**segments, "call": call})
         if spec.kind != "subtree":
             for child in spec.children:
                 self._node(element, child, spec.segments, depth + 1)
@@ -211,19 +212,18 @@ class _Exporter:
 
     def _set(self, element: ElementTree.Element, spec: NodeSpec, attributes: Mapping[str, str]) -> None:
         for name, value in attributes.items():
-            if bad := _NOT_IN_XML.search(value):
+            if bad := _NOT_PLAIN.search(value):
                 self._note(spec, "character", f"{name}: the character {bad.group()!r} cannot stand in XML", "error")
             element.set(name, value)
+
+    def _describe(self, element: ElementTree.Element, told: Mapping[str, Any]) -> None:
+        """Write what BehaviorTree.CPP has no place for into the description, which Groot2 shows."""
+        kept = [f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in told.items() if value != ""]
+        if kept:
+            element.set("_description", _NOT_PLAIN.sub(lambda c: f"\\U{ord(c.group()):08x}", "\n".join(kept)))
 
     def _note(self, spec: NodeSpec, code: str, message: str, severity: Literal["warning", "error"] = "warning") -> None:
         place = spec.place
         where = (place.file, place.line, place.column) if place else (self.tree.name, 0, 0)
         notes = self.warnings if severity == "warning" else self.problems
         notes.append(Problem(*where, f"btcpp-{code.lower()}", message, severity))
-
-
-def _describe(element: ElementTree.Element, told: Mapping[str, Any]) -> None:
-    """What BehaviorTree.CPP has no place for, as the description that Groot2 shows."""
-    kept = (f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in told.items() if value not in (None, ""))
-    if text := "\n".join(kept):
-        element.set("_description", text)

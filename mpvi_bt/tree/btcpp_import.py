@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from mpvi_bt.behaviors.registry import Comparison, node_types
+from mpvi_bt.behaviors.registry import Comparison, Value, node_types
 from mpvi_bt.errors import FileProblems, Problem, shown
 from mpvi_bt.marked_yaml import Location, Marks, parse_marked
 from mpvi_bt.tree import btcpp
@@ -90,19 +90,13 @@ class _Tree:
             return None
         values: dict[str, Any] = {}
         for child in element.children[:-1]:
-            if child.tag == "SetBlackboard":
-                given: list[dict[str, Any]] | None = [
-                    {"key": child.attributes.get("output_key"), "value": child.attributes.get("value", "")}
-                ]
-            else:
-                given = read_assignments(child.attributes.get("code", "")) if child.tag == "Script" else None
-            for one in given or [{}]:
-                if not isinstance(one.get("key"), str) or "value" not in one:
-                    return None
-                values[one["key"]] = one["value"]
-                self._mark(("blackboard", one["key"]), child)
+            given = _constant(child)
+            if given is None:
+                return None
+            values[given[0]] = given[1]
+            self._mark(("blackboard", given[0]), child)
         self._mark(("blackboard",), element)
-        return values if values and element.children else None
+        return values or None
 
     def _node(self, element: Element, at: Location) -> dict[str, Any]:
         """The data of a node; of one that has no equal here, a stand-in, so that what is below is looked at too."""
@@ -144,11 +138,8 @@ class _Tree:
         self._check_attributes(element, known, needed=known - set(row.constant))
         given: dict[str, Any] = dict(row.fixed)
         attributes = element.attributes
-        if row.port and row.port in attributes and (row.port != "name" or btcpp.KEY.fullmatch(attributes["name"])):
-            text = attributes[row.port]
-            given[row.parameter] = self._decoded(
-                element, row.port, lambda: btcpp.from_msec(text) if row.port == "msec" else _port_value(row, text)
-            )
+        if row.port in attributes and (row.port != "name" or btcpp.KEY.fullmatch(attributes["name"])):
+            given[row.parameter] = self._decoded(element, row.port, lambda: _port_value(row.port, attributes[row.port]))
         if row.differs:
             self.file.warn(element, tag.lower(), f"{tag}: {row.differs}")
         return self._data(element, at, row.kind, given, {row.parameter: row.port})
@@ -269,7 +260,7 @@ class _Tree:
         node_type = node_types()[kind]
         name = element.attributes.get("name") or None
         headline = name if node_type.headline == "name" else given.get(node_type.headline)
-        if name is not None and node_type.headline != "name" and name not in (element.tag, headline):
+        if name not in (None, element.tag, element.attributes.get("ID"), headline):
             self.file.warn(element, "name", f"{kind!r} has no name here; {name!r:.60} is left out", "name")
         data = {kind: headline, **{key: value for key, value in given.items() if key != node_type.headline}}
         self.marks.values[at] = element.place
@@ -328,8 +319,22 @@ class _Tree:
         self.marks.values[at] = self.marks.keys[at] = place_of(element, attribute)
 
 
-def _port_value(row: btcpp.Builtin, text: str) -> Any:
-    return text if row.port == "name" else btcpp.from_port(text.strip(), as_text=False)
+def _port_value(port: str, text: str) -> Any:
+    """What a port of theirs says. Raises ValueError if that is nothing."""
+    if port == "name":
+        return text
+    return btcpp.from_msec(text) if port == "msec" else btcpp.from_port(text.strip(), as_text=False)
+
+
+def _constant(element: Element) -> tuple[str, Value] | None:
+    """Key and value of a node that gives a key a value, as our export does it; None if it is any other."""
+    if element.tag == "SetBlackboard":
+        text = element.attributes.get("value", "")
+        return None if btcpp.is_pointer(text) else (element.attributes.get("output_key", ""), text)
+    found = read_assignments(element.attributes.get("code", "")) if element.tag == "Script" else None
+    if found is None or len(found) != 1 or isinstance(found[0].get("value", ""), str):
+        return None
+    return found[0]["key"], found[0]["value"]
 
 
 def _once(problems: list[Problem]) -> list[Problem]:
