@@ -27,6 +27,7 @@ from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.tree import trace as trace_module
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.explain import explain, explanation_text
+from mpvi_bt.tree.saving import SavedTree, save
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
 from mpvi_bt.tree.trace import Answer, End, Tick, Trace, read_trace
@@ -284,7 +285,7 @@ def test_a_behavior_that_raises_is_named(tmp_path: Path) -> None:
     assert (trace.end.error.path, trace.end.error.message) == (navigate, "ZeroDivisionError: no map")
     assert trace.states(-1)[navigate].status == "FAILURE"
     assert trace.states(-1)["fetch/get the cup/timeout"].status == "SUCCESS"
-    assert trace.ticks[-1].tick == trace.end.tick + 0
+    assert trace.ticks[-1].tick == trace.end.tick
 
 
 def test_a_setup_that_fails_is_recorded(tmp_path: Path) -> None:
@@ -312,6 +313,44 @@ def test_a_swapped_part_is_recorded(tmp_path: Path) -> None:
     assert "fetch/better/wait" in {node.path for node in trace.tree_at(i).nodes}
     assert trace.states(i).keys() == {node.path for node in trace.tree_at(i).nodes}
     assert trace.tree == FETCH
+
+
+def test_what_changes_after_a_tick_is_recorded_with_it(tmp_path: Path) -> None:
+    """A tick has a second line where its end finds more changed; the last one holds."""
+
+    def spoil(tree: Tree) -> None:
+        tree.context.blackboard["extra"] = 1
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        episode(FETCH, tmp_path / "t.jsonl", At(1, spoil))
+    trace = read_trace(tmp_path / "t.jsonl")
+    assert [change.tick for change in trace.ticks] == [1, 1]
+    assert trace.blackboard(trace.index_at(1)) == {"cups": 0, "extra": 1}
+
+
+def test_a_resumed_run_is_recorded_from_where_it_goes_on(tmp_path: Path) -> None:
+    """Its trace begins with how everything stands: ticks, times and values go on, old questions are not asked again."""
+    world = KinematicWorld()
+    context = scripted_context(world, SKILLS, {"cup": (0.5, 0.2)}, {"the cup is held": (False,)})
+    stood: list[SavedTree] = []
+    run_episode(Tree(FETCH), world, context, [At(91, lambda tree: stood.append(save(tree)))], max_time_s=3)
+    (saved,) = stood
+    assert len(context.log.queries) == 1
+    capture = Capture()
+    for _ in range(90):
+        world.step(world.robot.action)
+    run_episode(Tree(FETCH), world, context, [Recorder(tmp_path / "t"), capture], saved=saved)
+    trace = read_trace(tmp_path / "t")
+    assert trace.ticks[0].tick == saved.ticks + 1
+    assert trace.blackboard(0) == {"cups": 0}
+    timeout = "fetch/get the cup/timeout"
+    assert trace.states(0)[timeout].elapsed_s == pytest.approx(capture.states[0][timeout].elapsed_s)
+    assert 0.9 < (capture.states[0][timeout].elapsed_s or 0) < 1.1
+    assert trace.ticks[0].queries == ()
+    end = trace.states(-1)[timeout]
+    assert end.status == "FAILURE"
+    assert end.elapsed_s == pytest.approx(3.0)
 
 
 def test_equal_runs_write_equal_traces(tmp_path: Path) -> None:
@@ -442,7 +481,7 @@ END = '{"end": "success", "tick": 3, "time_s": 0.1}'
         ([HEAD, ONE.replace('{"status"', '{"elapsed_s": Infinity, "status"')], 2, "nodes.say.elapsed_s"),
         ([HEAD, ONE.replace("0.0", '"0.0"')], 2, "time_s"),
         ([HEAD, ONE.replace('"say"', '"sing"')], 2, "the tree has no node 'sing'"),
-        ([HEAD, ONE, ONE], 3, "tick 1 after tick 1"),
+        ([HEAD, ONE.replace("1,", "2,"), ONE], 3, "tick 1 after tick 2"),
         ([HEAD, ONE, END, ONE.replace("1,", "9,")], 4, "after the one that ends"),
         ([HEAD, END.replace("success", "glory")], 2, "end"),
         ([HEAD, '{"tick": 1, "time_s": 0, "blackboard": {"k": [1]}}'], 2, "blackboard.k"),

@@ -54,7 +54,7 @@ class Recorder(Watcher):
         except OSError as error:
             raise UserError(f"{self._path}: cannot write the trace: {error.strerror}") from error
         self._tree, self._world, self._began = tree, world, time.perf_counter()
-        self._tick = self._queries = 0
+        self._resumed_s, self._queries = world.time_s, 0
         self._states: dict[str, NodeState] = {}
         self._changes: _Changes | None = None
         self._spec: TreeSpec | None = tree.spec
@@ -71,7 +71,6 @@ class Recorder(Watcher):
 
     def step(self, tree: Tree, world: World) -> None:
         """Write what this tick changed, if anything."""
-        self._tick += 1
         if tree.spec is not self._spec or self._changes is None:
             self._record(tree.states())
             self._changes = _Changes(tree)
@@ -85,9 +84,7 @@ class Recorder(Watcher):
         """Write how it ended and close the file."""
         if self._file is None:
             return
-        self._tick += 1  # the tick that an exception cut short, if it changed anything
-        if not self._record(self._tree.states()):
-            self._tick -= 1
+        self._record(self._tree.states())  # what changed at a tick that an exception cut short
         last: dict[str, Any] = {"end": outcome.ending, **self._now()}
         if outcome.failure is not None:
             last["failure"] = {key: value for key, value in vars(outcome.failure).items() if key != "cause"}
@@ -96,8 +93,8 @@ class Recorder(Watcher):
         self._write(last)
         self._file.close()
 
-    def _record(self, states: Mapping[str, NodeState]) -> bool:
-        """Write what differs from what was written before; whether anything did."""
+    def _record(self, states: Mapping[str, NodeState]) -> None:
+        """Write what differs from what was written before, if anything does."""
         line: dict[str, Any] = {}
         if self._tree.spec is not self._spec:
             self._spec = self._tree.spec
@@ -114,16 +111,15 @@ class Recorder(Watcher):
                 line["blackboard"] = _difference(self._blackboard, context.blackboard)
                 self._blackboard = dict(context.blackboard)
             if len(context.log.queries) > self._queries:
-                line["queries"] = [_answer(query) for query in context.log.queries[self._queries :]]
+                asked = context.log.queries[self._queries :]
+                line["queries"] = [_answer(query) for query in asked if query.time_s >= self._resumed_s]
                 self._queries = len(context.log.queries)
-        if not line:
-            return False
-        self._write(self._now() | line)
-        return True
+        if line:
+            self._write(self._now() | line)
 
     def _now(self) -> dict[str, Any]:
         wall_s = round(time.perf_counter() - self._began, 4)
-        return {"tick": self._tick, "time_s": self._world.time_s, "wall_s": wall_s}
+        return {"tick": self._tree.ticks, "time_s": self._world.time_s, "wall_s": wall_s}
 
     def _write(self, line: dict[str, Any]) -> None:
         assert self._file is not None

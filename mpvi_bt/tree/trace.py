@@ -316,7 +316,7 @@ class _Lines:
             elif read is not None:
                 if read.tree is not None and (swapped := self._tree(read.tree)):
                     paths = {placed.path for placed in swapped.nodes}
-                if read.tick <= last:
+                if read.tick < last:
                     self._problem("order", f"tick {read.tick} after tick {last}")
                 if not read.nodes.keys() <= paths:
                     stranger = next(iter(read.nodes.keys() - paths))
