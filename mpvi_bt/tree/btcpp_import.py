@@ -338,5 +338,6 @@ def _constant(element: Element) -> tuple[str, Value] | None:
 
 
 def _once(problems: list[Problem]) -> list[Problem]:
-    """Without those that were found again where a tree is called."""
-    return list({(p.line, p.column, p.message): p for p in problems}.values())
+    """In the order of the file, without those that were found again where a tree is called."""
+    found = {(p.line, p.column, p.message): p for p in problems}
+    return [found[key] for key in sorted(found)]
