@@ -14,7 +14,8 @@ from hypothesis import HealthCheck, given, settings
 from mpvi_bt.errors import NodeError
 from mpvi_bt.tree.cells import columns
 from mpvi_bt.tree.diff import Difference, diff, difference_text
-from mpvi_bt.tree.explain import Explanation, Link, explain, explanation_text
+from mpvi_bt.tree.explain import Explanation, Link, explain
+from mpvi_bt.tree.explain_text import explanation_text
 from mpvi_bt.tree.trace import Trace, read_trace
 from mpvi_bt.tree.yaml_io import from_expanded, parse_tree
 from tests.test_trace import FETCH, At, Capture, episode, roots
@@ -114,6 +115,18 @@ def test_a_success_lists_what_was_given_up(tmp_path: Path) -> None:
     again = from_expanded({"tree": "t", "root": {"repeat": 3, "child": {"attempt": None, "child": unit}}})
     gave_up = explain(recorded(again, tmp_path)).gave_up
     assert [link.time_s - link.began_s for link in gave_up] == pytest.approx([0.5] * 3)
+
+
+def test_many_units_given_up_are_told_briefly(tmp_path: Path) -> None:
+    """Of more than a few only the reasons are shown, of very many only the last."""
+    unit = {"sequence": None, "memory": True, "children": [{"wait": 0.1}, {"fail": "no"}]}
+    spec = from_expanded({"tree": "t", "root": {"repeat": 20, "child": {"attempt": None, "child": unit}}})
+    explanation = explain(recorded(spec, tmp_path))
+    assert len(explanation.gave_up) == 20
+    lines = explanation_text(explanation).splitlines()
+    assert lines[2:4] == ["20 units were given up on the way:", "  8 before, then"]
+    assert sum(line.startswith("  -^- attempt") for line in lines) == 12
+    assert lines[-1] == "      fail: no: no"
 
 
 def test_a_cut_trace_tells_what_was_running(tmp_path: Path) -> None:

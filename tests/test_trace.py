@@ -26,7 +26,8 @@ from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.tree import trace as trace_module
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.explain import explain, explanation_text
+from mpvi_bt.tree.explain import explain
+from mpvi_bt.tree.explain_text import explanation_text
 from mpvi_bt.tree.saving import SavedTree, save
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState

@@ -8,7 +8,8 @@ import json
 import click
 
 from mpvi_bt.tree.diff import diff, difference_text
-from mpvi_bt.tree.explain import explain, explanation_text
+from mpvi_bt.tree.explain import explain
+from mpvi_bt.tree.explain_text import explanation_text
 from mpvi_bt.tree.trace import read_trace
 
 

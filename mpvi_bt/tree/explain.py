@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal, TypeVar
+from typing import Literal
 
-from mpvi_bt.tree.cells import columns, cut, one_line
 from mpvi_bt.tree.spec import Placed, TreeSpec
 from mpvi_bt.tree.state import Ending, NodeState, Status
 from mpvi_bt.tree.trace import Answer, Broken, Moment, Tick, Trace
 
 _NEVER = NodeState()
-_Item = TypeVar("_Item")
 
 
 @dataclass(frozen=True)
@@ -202,109 +200,3 @@ class _History:
             for asked in self.asked
             if f"{asked.answer.path}/".startswith(f"{link.path}/") and link.began_s <= asked.time_s <= link.time_s
         )
-
-
-_TITLES = {
-    "success": "success",
-    "failure": "FAILURE",
-    "time_limit": "out of time",
-    "interrupted": "interrupted",
-    "error": "ERROR",
-    "cut": "the trace was cut off",
-}
-_SHOWN = 5  # of earlier failures and of answers, the last; --json has them all
-_INDENT = 2
-_LEAST = 40  # columns that indentation leaves
-
-
-def explanation_text(explanation: Explanation, width: int = 80) -> str:
-    """The explanation for a person, no line wider than `width`."""
-    e = explanation
-    text = _Text(width)
-    text.add(f"{e.tree}: {_TITLES[e.ending]} at {e.time_s:.1f} s, tick {e.tick}")
-    if e.error is not None:
-        text.add(e.error.message, 1)
-        if e.error.path:
-            text.add(f"in {e.error.path}", 1)
-    if e.cause is not None:
-        text.gap()
-        text.chain(e.cause, 0)
-    if e.running:
-        text.gap("Running then:")
-        for link in e.running:
-            text.leaf(link, 1)
-    if e.gave_up:
-        units = "1 unit was given up" if len(e.gave_up) == 1 else f"{len(e.gave_up)} units were given up"
-        text.gap(f"{units} on the way:")
-        for link in e.gave_up:
-            text.chain(link, 1)
-    return text.text
-
-
-class _Text:
-    """Lines that are wrapped and indented, up to a width."""
-
-    def __init__(self, width: int) -> None:
-        self.width = width
-        self.lines: list[str] = []
-
-    @property
-    def text(self) -> str:
-        return "\n".join(self.lines)
-
-    def gap(self, title: str = "") -> None:
-        self.lines += ["", title] if title else [""]
-
-    def add(self, text: str, depth: int = 0) -> None:
-        import wcwidth  # loads tables
-
-        indent = self._indent(depth)
-        self.lines += wcwidth.wrap(
-            one_line(text), self.width, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False
-        )
-
-    def chain(self, link: Link, depth: int) -> None:
-        """A node, why it failed, and what is below it."""
-        began, ended = f"{link.began_s:.1f} s", f"{link.time_s:.1f} s"
-        when = f"at {ended}" if began == ended else f"{began} to {ended}"
-        head = self._indent(depth) + f"{link.glyph} {one_line(link.label)}"
-        head = cut(head, self.width - len(when) - 2)
-        self.lines.append(head + " " * (self.width - columns(head) - len(when)) + when)
-        if link.reason:
-            self.add(f"{link.reason}: {link.evidence}" if link.evidence else link.reason, depth + 2)
-        for below in link.below:
-            self.chain(below, depth + 1)
-        if link.below or link.status == "SUCCESS":
-            return
-        self.add(f"node: {link.path}", depth + 2)
-        if link.interrupted:
-            self.add("still running:", depth + 2)
-        for inner in link.interrupted:
-            self.leaf(inner, depth + 3)
-        self.asked(link, depth + 2)
-        for earlier in self.last(link.earlier, "earlier failures", depth + 2):
-            why = f"{earlier.reason}: {earlier.evidence}" if earlier.evidence else earlier.reason
-            self.add(f"before, at {earlier.time_s:.1f} s: {earlier.label}: {why}", depth + 2)
-
-    def leaf(self, link: Link, depth: int) -> None:
-        """A node that was running, and its last words."""
-        self.add(f"{link.glyph} {link.label}, since {link.began_s:.1f} s", depth)
-        if link.feedback:
-            self.add(link.feedback, depth + 2)
-        self.asked(link, depth + 2)
-
-    def asked(self, link: Link, depth: int) -> None:
-        for asked in self.last(link.asked, "earlier questions", depth):
-            answer = asked.answer
-            said = f"{'yes' if answer.complete else 'no'}, {answer.reason}" if answer.reason else answer.complete
-            by = f"after a {answer.event}" + (f", {answer.camera} camera" if answer.camera else "")
-            self.add(f'asked at {asked.time_s:.1f} s ({by}): "{answer.criterion}"? {said}', depth)
-
-    def last(self, items: Sequence[_Item], what: str, depth: int) -> Sequence[_Item]:
-        """The last few, after a line that counts the others."""
-        if len(items) > _SHOWN:
-            self.add(f"{len(items) - _SHOWN} {what}, then", depth)
-        return items[-_SHOWN:]
-
-    def _indent(self, depth: int) -> str:
-        return " " * min(_INDENT * depth, max(self.width - _LEAST, 0))

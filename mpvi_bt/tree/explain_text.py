@@ -1,0 +1,137 @@
+"""An explanation as text, for people: an outline from the root down, each node's evidence under it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+from mpvi_bt.tree.cells import columns, cut, one_line
+from mpvi_bt.tree.explain import Explanation, Link
+
+_Item = TypeVar("_Item")
+
+_TITLES = {
+    "success": "success",
+    "failure": "FAILURE",
+    "time_limit": "out of time",
+    "interrupted": "interrupted",
+    "error": "ERROR",
+    "cut": "the trace was cut off",
+}
+_WHOLE = 2  # chains of units given up; of more only the reasons are shown; --json has all of everything
+_UNITS = 12  # given up, the last
+_SHOWN = 5  # earlier failures and answers, the last
+_INDENT = 2
+_LEAST = 40  # columns that indentation leaves
+
+
+def explanation_text(explanation: Explanation, width: int = 80) -> str:
+    """The explanation for a person, no line wider than `width`."""
+    e = explanation
+    text = _Text(width)
+    text.add(f"{e.tree}: {_TITLES[e.ending]} at {e.time_s:.1f} s, tick {e.tick}")
+    if e.error is not None:
+        text.add(e.error.message, 1)
+        if e.error.path:
+            text.add(f"in {e.error.path}", 1)
+    if e.cause is not None:
+        text.gap()
+        text.chain(e.cause, 0)
+    if e.running:
+        text.gap("Running then:")
+        for link in e.running:
+            text.leaf(link, 1)
+    if e.gave_up:
+        units = "1 unit was given up" if len(e.gave_up) == 1 else f"{len(e.gave_up)} units were given up"
+        text.gap(f"{units} on the way:")
+        whole = len(e.gave_up) <= _WHOLE
+        for link in e.gave_up if whole else text.last(e.gave_up, "before", 1, _UNITS):
+            if whole:
+                text.chain(link, 1)
+            else:
+                text.head(link, 1)
+                text.reasons(link, 3)
+    return text.text
+
+
+class _Text:
+    """Lines that are wrapped and indented, up to a width."""
+
+    def __init__(self, width: int) -> None:
+        self.width = width
+        self.lines: list[str] = []
+
+    @property
+    def text(self) -> str:
+        return "\n".join(self.lines)
+
+    def gap(self, title: str = "") -> None:
+        self.lines += ["", title] if title else [""]
+
+    def add(self, text: str, depth: int = 0) -> None:
+        import wcwidth  # loads tables
+
+        indent = self._indent(depth)
+        self.lines += wcwidth.wrap(
+            one_line(text), self.width, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False
+        )
+
+    def chain(self, link: Link, depth: int) -> None:
+        """A node, why it failed, and what is below it."""
+        self.head(link, depth)
+        if link.reason:
+            self.add(_why(link), depth + 2)
+        for below in link.below:
+            self.chain(below, depth + 1)
+        if link.below or link.status == "SUCCESS":
+            return
+        self.add(f"node: {link.path}", depth + 2)
+        if link.interrupted:
+            self.add("still running:", depth + 2)
+        for inner in link.interrupted:
+            self.leaf(inner, depth + 3)
+        self.asked(link, depth + 2)
+        for earlier in self.last(link.earlier, "earlier failures", depth + 2):
+            self.add(f"before, at {earlier.time_s:.1f} s: {earlier.label}: {_why(earlier)}", depth + 2)
+
+    def head(self, link: Link, depth: int) -> None:
+        """A node, with its times at the right."""
+        began, ended = f"{link.began_s:.1f} s", f"{link.time_s:.1f} s"
+        when = f"at {ended}" if began == ended else f"{began} to {ended}"
+        head = self._indent(depth) + f"{link.glyph} {one_line(link.label)}"
+        head = cut(head, self.width - len(when) - 2)
+        self.lines.append(head + " " * (self.width - columns(head) - len(when)) + when)
+
+    def reasons(self, link: Link, depth: int) -> None:
+        """Each failure of its own in a chain, in order."""
+        if link.reason:
+            self.add(f"{link.label}: {_why(link)}", depth)
+        for below in link.below:
+            self.reasons(below, depth)
+
+    def leaf(self, link: Link, depth: int) -> None:
+        """A node that was running, and its last words."""
+        self.add(f"{link.glyph} {link.label}, since {link.began_s:.1f} s", depth)
+        if link.feedback:
+            self.add(link.feedback, depth + 2)
+        self.asked(link, depth + 2)
+
+    def asked(self, link: Link, depth: int) -> None:
+        for asked in self.last(link.asked, "earlier questions", depth):
+            answer = asked.answer
+            said = ", ".join(filter(None, ("yes" if answer.complete else "no", answer.reason)))
+            by = f"after a {answer.event}" + (f", {answer.camera} camera" if answer.camera else "")
+            self.add(f'asked at {asked.time_s:.1f} s ({by}): "{answer.criterion}"? {said}', depth)
+
+    def last(self, items: Sequence[_Item], what: str, depth: int, shown: int = _SHOWN) -> Sequence[_Item]:
+        """The last few, after a line that counts the others."""
+        if len(items) > shown:
+            self.add(f"{len(items) - shown} {what}, then", depth)
+        return items[-shown:]
+
+    def _indent(self, depth: int) -> str:
+        return " " * min(_INDENT * depth, max(self.width - _LEAST, 0))
+
+
+def _why(link: Link) -> str:
+    return f"{link.reason}: {link.evidence}" if link.evidence else link.reason
