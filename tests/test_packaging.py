@@ -35,6 +35,14 @@ def test_the_wheel_holds_every_data_file(installed: Path) -> None:
     assert (installed / "mpvi_bt" / "py.typed").is_file()
 
 
+def test_the_wheel_holds_every_file_of_the_package(installed: Path) -> None:
+    """What lies beside the modules, such as the parts of the page, ships with them."""
+    package = ROOT / "mpvi_bt"
+    ours = {p.relative_to(package) for p in package.rglob("*") if p.is_file() and "__pycache__" not in p.parts}
+    shipped = {p.relative_to(installed / "mpvi_bt") for p in (installed / "mpvi_bt").rglob("*") if p.is_file()}
+    assert {Path("tree/page/page.html"), Path("tree/page/page.js")} <= ours <= shipped
+
+
 def test_data_is_found_in_an_installed_wheel(installed: Path, tmp_path: Path) -> None:
     """An installed package lists the tasks that it holds itself, not the checkout's."""
     code = "from mpvi_bt import paths; print(paths.shipped()); from mpvi_bt.cli import main; main(['list', 'tasks'])"
