@@ -45,7 +45,8 @@ _HELP = "n next  p back  PgDn/PgUp by 10  Home/End  f next failure  q quit"
 def replay(trace: str, tick: int | None, unicode: bool, as_json: bool) -> None:
     """Show a recorded run, tick by tick, forward and back.
 
-    TRACE is a file that `mpvi run` wrote beside its result, NAME.trace.jsonl. On a terminal, keys go through it; piped, every change is a line.
+    TRACE is a file that `mpvi run` wrote beside its result, NAME.trace.jsonl. On a terminal, keys go through
+    it; piped, every change is a line.
     """
     run = read_trace(trace)
     if as_json:
