@@ -1,40 +1,26 @@
-"""Trees as XML of BehaviorTree.CPP 4, and back.
-
-With BTCPP_CHECKER set to the program built from tests/btcpp, the real BehaviorTree.CPP reads what is exported and ticks
-it beside ours; docs/btcpp.md says how to build it.
-"""
+"""Trees as XML of BehaviorTree.CPP 4, and back; its published rules are checked here in Python."""
 
 from __future__ import annotations
 
 import contextlib
-import dataclasses
-import itertools
 import json
-import os
 import re
-import subprocess
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import pytest
 from click.testing import CliRunner
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
-from py_trees.behaviour import Behaviour
-from py_trees.common import Status
 
 from mpvi_bt import paths
-from mpvi_bt.behaviors.registry import Assignment, Comparison, NavigateTo, node_types
+from mpvi_bt.behaviors.registry import Assignment, Comparison, node_types
 from mpvi_bt.cli.convert import convert
 from mpvi_bt.errors import FileProblems, UserError
-from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.tree import btcpp
 from mpvi_bt.tree.btcpp_export import to_xml
 from mpvi_bt.tree.btcpp_import import from_xml
-from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.spec import NodeSpec, Placed, TreeSpec
+from mpvi_bt.tree.spec import NodeSpec, TreeSpec
 from mpvi_bt.tree.yaml_io import dump_tree, load_tree, parse_tree
 from tests.tree_strategies import above, leaves, numbers, trees, words
 
@@ -43,9 +29,8 @@ def node(kind: str, *children: NodeSpec, **parameters: Any) -> NodeSpec:
     return NodeSpec(kind, node_types()[kind].parameters.model_validate(parameters), children=children)
 
 
-CHECKER = os.environ.get("BTCPP_CHECKER", "")
+DEEPEST = 253  # nodes, one below the other, that BehaviorTree.CPP reads
 SHIPPED = sorted((paths.shipped() / "trees").rglob("*.yaml"))
-real = pytest.mark.skipif(not CHECKER, reason="BTCPP_CHECKER names no checker built from tests/btcpp")
 
 
 def exported(tree: TreeSpec) -> str:
@@ -162,6 +147,20 @@ def broken_rules(xml: str) -> set[str]:
     return {name for name, holds in rules.items() if not holds}
 
 
+BROKEN = [
+    ('BTCPP_format="4"', 'BTCPP_format="3"', "root"),
+    ('execute="hello"', 'execute="hallo"', "main"),
+    ("<Say text=", "<Shout text=", "known"),
+    ("<Say text=", "<Say loud=", "ports"),
+    (' text="hello, world"', "", "needed"),
+    ('<Say text="hello, world" />', "<Inverter />", "children"),
+    ('<Say text="hello, world" />', "", "one child"),
+    ('<Say text="hello, world" />', '<SubTree ID="other" />', "called"),
+    ('BehaviorTree ID="hello"', 'BehaviorTree ID="Say"', "unique"),
+    ('BehaviorTree ID="hello"', 'BehaviorTree ID="hel.lo"', "id"),
+]
+
+
 @given(trees | scripted_trees)
 def test_what_is_exported_keeps_the_published_rules(tree: TreeSpec) -> None:
     """Names, children, ports and models are as BehaviorTree.CPP's documentation demands."""
@@ -174,227 +173,12 @@ def test_trees_that_come_with_the_package_keep_the_published_rules(path: Path) -
     assert broken_rules(to_xml(load_tree(path)).xml) == set()
 
 
-@pytest.mark.parametrize(
-    ("before", "after", "rule"),
-    [
-        ('BTCPP_format="4"', 'BTCPP_format="3"', "root"),
-        ('execute="hello"', 'execute="hallo"', "main"),
-        ("<Say text=", "<Shout text=", "known"),
-        ("<Say text=", "<Say loud=", "ports"),
-        (' text="hello, world"', "", "needed"),
-        ('<Say text="hello, world" />', "<Inverter />", "children"),
-        ('<Say text="hello, world" />', "", "one child"),
-        ('<Say text="hello, world" />', '<SubTree ID="other" />', "called"),
-        ('BehaviorTree ID="hello"', 'BehaviorTree ID="Say"', "unique"),
-        ('BehaviorTree ID="hello"', 'BehaviorTree ID="hel.lo"', "id"),
-    ],
-)
-def test_the_rules_notice_what_breaks_them(before: str, after: str, rule: str, tmp_path: Path) -> None:
-    """A file that was good and is broken in one place breaks that rule; the real parser refuses it, too."""
+@pytest.mark.parametrize(("before", "after", "rule"), BROKEN)
+def test_the_rules_notice_what_breaks_them(before: str, after: str, rule: str) -> None:
+    """A file that was good and is broken in one place breaks that rule."""
     good = to_xml(load_tree(paths.shipped() / "trees/hello.yaml")).xml
     assert before in good
     assert rule in broken_rules(good.replace(before, after))
-    if CHECKER and rule not in ("root", "needed"):  # which it passes over
-        assert theirs(good.replace(before, after), tmp_path, 0)
-
-
-class Scripted(Behaviour):
-    """A leaf that plays what its text says, as the stubs of tests/btcpp/parse.cpp do, and logs it as they do."""
-
-    def __init__(self, text: str, log: list[str]) -> None:
-        self.label, _, letters = text.partition(":")
-        super().__init__(self.label)
-        self.rounds, self.log = letters.split("|"), log
-        self.round = self.at = 0
-
-    def initialise(self) -> None:
-        self.round, self.at = self.round + 1, 0
-
-    def update(self) -> Status:
-        letters = self.rounds[min(self.round, len(self.rounds)) - 1]
-        letter = letters[min(self.at, len(letters) - 1)]
-        self.at += 1
-        self.log.append(f"  {self.label} {letter}")
-        return {"S": Status.SUCCESS, "F": Status.FAILURE, "R": Status.RUNNING}[letter]
-
-    def terminate(self, new_status: Status) -> None:
-        if new_status is Status.INVALID and self.status is Status.RUNNING:
-            self.log.append(f"  {self.label} halted")
-
-
-def ours(spec: TreeSpec, ticks: int) -> list[str]:
-    """What every leaf did and the root returned, tick by tick."""
-    log: list[str] = []
-
-    def scripted(placed: Placed, make: Callable[[], Behaviour]) -> Behaviour:
-        parameters = placed.spec.parameters
-        return Scripted(parameters.target, log) if isinstance(parameters, NavigateTo) else make()
-
-    context = scripted_context(KinematicWorld(), {}, {}, {})
-    context.blackboard.update(spec.blackboard)
-    tree = Tree(spec, scripted)
-    tree.setup(context)
-    for number in range(1, ticks + 1):
-        log.append(f"tick {number}")
-        log.append(f"-> {tree.tick().name}")
-    return log
-
-
-def theirs(xml: str, tmp_path: Path, ticks: int) -> list[str]:
-    """The same of BehaviorTree.CPP."""
-    (tmp_path / "tree.xml").write_text(xml, encoding="utf-8")
-    done = subprocess.run(
-        [CHECKER, str(tmp_path / "tree.xml"), "--ticks", str(ticks)], capture_output=True, text=True, check=False
-    )
-    return [*done.stdout.partition("end\n")[0].splitlines(), *done.stderr.splitlines()]
-
-
-def first_round(log: list[str]) -> list[str]:
-    """Up to where the root ends, with what happens within a tick in a fixed order."""
-    ticks: list[list[str]] = []
-    for line in log:
-        if line.startswith("tick"):
-            ticks.append([])
-        ticks[-1].append(line)
-    ended = next((i for i, lines in enumerate(ticks) if lines[-1] != "-> RUNNING"), len(ticks))
-    return [line for lines in ticks[: ended + 1] for line in [*lines[:1], *sorted(lines[1:-1]), lines[-1]]]
-
-
-def numbered(spec: NodeSpec, count: Iterator[int]) -> NodeSpec:
-    """The same with leaves told apart."""
-    parameters = spec.parameters
-    if isinstance(parameters, NavigateTo):
-        parameters = NavigateTo(target=f"leaf{next(count)}:{parameters.target}")
-    children = tuple(numbered(child, count) for child in spec.children)
-    return dataclasses.replace(spec, parameters=parameters, children=children)
-
-
-_letters = st.text("SFR", min_size=1, max_size=3)
-_leaf = st.lists(_letters, min_size=1, max_size=2).map("|".join).map(lambda t: node("navigate", target=t))
-_written = st.integers(0, 2).map(lambda n: node("set", key="cups", value=n)) | st.just(node("set", key="cups", add=1.0))
-_asked: st.SearchStrategy[dict[str, Any]] = st.integers(0, 2).flatmap(
-    lambda n: st.sampled_from(
-        [{"equals": n}, {"not_equals": n}, {"at_least": float(n)}, {"at_most": float(n)}, {"at_least": n - 0.5}]
-    )
-)
-
-
-def _grown(inner: st.SearchStrategy[NodeSpec]) -> st.SearchStrategy[NodeSpec]:
-    many = st.lists(inner, min_size=1, max_size=3).map(tuple)
-    kinds = st.sampled_from([("sequence", True), ("sequence", False), ("selector", True), ("selector", False)])
-    return st.one_of(
-        st.builds(lambda kind, below: node(kind[0], *below, memory=kind[1]), kinds, many),
-        st.builds(node, st.sampled_from(["invert", "attempt"]), inner),
-        st.builds(lambda asked, below: node("condition", below, key="cups", **asked), _asked, inner),
-    )
-
-
-_ticked = st.recursive(
-    _leaf | _written | _asked.map(lambda asked: node("test", key="cups", **asked)) | st.just(node("succeed")),
-    _grown,
-    max_leaves=8,
-)
-
-
-@real
-@settings(deadline=None, max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(_ticked)
-def test_btcpp_ticks_a_tree_as_we_do(tmp_path: Path, root: NodeSpec) -> None:
-    """Tick by tick the same leaves are ticked, halted and answer the same, and so does the root, until it ends.
-
-    Sequences and selectors with and without memory, invert, attempt, condition, test, set, succeed.
-    """
-    spec = TreeSpec("t", numbered(root, itertools.count()), blackboard={"cups": 0})
-    xml = to_xml(spec).xml
-    assert not set(btcpp.own_kinds()).intersection(e.tag for e in ElementTree.fromstring(xml).iter()) - {"Navigate"}
-    assert first_round(theirs(xml, tmp_path, 8)) == first_round(ours(spec, 8))
-
-
-DIFFERENT = {
-    "a child that ran begins again at once, there": (
-        node("retry", node("navigate", target="a:RF|S"), tries=2),
-        ["a R", "-> RUNNING", "a F", "a S", "-> SUCCESS"],
-        ["a R", "-> RUNNING", "a F", "-> RUNNING", "a S", "-> SUCCESS"],
-    ),
-    "one that did not, at the next tick": (
-        node("retry", node("navigate", target="a:F|S"), tries=2),
-        ["a F", "-> RUNNING", "a S", "-> SUCCESS"],
-        ["a F", "-> RUNNING", "a S", "-> SUCCESS"],
-    ),
-    "of repeat the same": (
-        node("repeat", node("navigate", target="a:RS"), times=2),
-        ["a R", "-> RUNNING", "a S", "a R", "-> RUNNING", "a S", "-> SUCCESS"],
-        ["a R", "-> RUNNING", "a S", "-> RUNNING", "a R", "-> RUNNING", "a S", "-> SUCCESS"],
-    ),
-    "after a failure the others are not ticked": (
-        node("parallel", *(node("navigate", target=t) for t in ("a:F", "b:S")), policy="success_on_all"),
-        ["a F", "-> FAILURE"],
-        ["a F", "b S", "-> FAILURE"],
-    ),
-    "all must succeed": (
-        node("parallel", *(node("navigate", target=t) for t in ("a:RS", "b:S")), policy="success_on_all"),
-        ["a R", "b S", "-> RUNNING", "a S", "-> SUCCESS"],
-        ["a R", "b S", "-> RUNNING", "a S", "-> SUCCESS"],
-    ),
-    "the first to end settles it, there": (
-        node("parallel", *(node("navigate", target=t) for t in ("a:S", "b:F")), policy="success_on_one"),
-        ["a S", "-> SUCCESS"],
-        ["a S", "b F", "-> FAILURE"],
-    ),
-}
-
-
-@real
-@pytest.mark.parametrize("case", DIFFERENT)
-def test_where_btcpp_differs_it_does_as_the_warnings_say(case: str, tmp_path: Path) -> None:
-    """What a tick of retry, repeat and parallel does there and here."""
-    root, there, here = DIFFERENT[case]
-    spec = TreeSpec("t", root)
-    for log, expected in ((theirs(to_xml(spec).xml, tmp_path, 4), there), (ours(spec, 4), here)):
-        lines = [line.strip() for line in log if not line.startswith("tick")]
-        assert lines[: len(expected)] == expected
-
-
-@real
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
-def test_btcpp_reads_every_tree_that_comes_with_the_package(path: Path, tmp_path: Path) -> None:
-    """The real parser takes it, and sees as many nodes as the file holds with its subtrees written out."""
-    file = tmp_path / "tree.xml"
-    file.write_text(to_xml(load_tree(path)).xml, encoding="utf-8")
-    trees = {tree.get("ID"): tree[0] for tree in ElementTree.parse(file).iter("BehaviorTree")}
-
-    def size(element: ElementTree.Element) -> int:
-        below = [trees[element.get("ID")]] if element.tag == "SubTree" else list(element)
-        return 1 + sum(map(size, below))
-
-    done = subprocess.run([CHECKER, str(file)], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert len(done.stdout.splitlines()) - 2 == size(trees[path.stem])
-
-
-@real
-@settings(deadline=None, max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(trees | scripted_trees)
-def test_btcpp_reads_any_tree(tmp_path: Path, tree: TreeSpec) -> None:
-    """The real parser takes whatever is exported, and the rules that these tests check without it agree."""
-    (tmp_path / "tree.xml").write_text(exported(tree), encoding="utf-8")
-    done = subprocess.run([CHECKER, str(tmp_path / "tree.xml")], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-
-
-@real
-@settings(deadline=None, max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(trees | scripted_trees)
-def test_what_is_exported_fits_the_schema_that_btcpp_writes(tmp_path: Path, tree: TreeSpec) -> None:
-    """It is valid by the XSD of their nodes and ours, descriptions aside, which that schema forgets."""
-    etree = pytest.importorskip("lxml.etree")
-    file = tmp_path / "tree.xml"
-    file.write_text(exported(tree), encoding="utf-8")
-    schema = subprocess.run([CHECKER, str(file), "--xsd"], capture_output=True, check=True).stdout
-    document = etree.fromstring(file.read_bytes())
-    for element in document.iter():
-        element.attrib.pop("_description", None)
-    etree.XMLSchema(etree.fromstring(schema)).assertValid(document)
 
 
 def main_tree(nodes: str) -> str:
@@ -517,6 +301,23 @@ def test_what_is_told_about_a_tree_comes_back_whatever_it_is() -> None:
     for name, told in (("Sequence", "a: b"), ("to go", "segments: x\n\x7f\x01\x85 \N{RIGHT-TO-LEFT MARK}'\"<&")):
         tree = TreeSpec(name, node("succeed"), told, "tree: y", blackboard={"k": " x\n$y "})
         assert from_xml(to_xml(tree).xml).main == tree
+
+
+def test_depth_is_bounded_both_ways() -> None:
+    """As deep as BehaviorTree.CPP reads is written, half as deep is read back, and what is deeper is refused."""
+
+    def inverted(depth: int) -> TreeSpec:
+        root = node("succeed")
+        for _ in range(depth - 1):
+            root = node("invert", root)
+        return TreeSpec("t", root)
+
+    assert from_xml(to_xml(inverted(100)).xml).main == inverted(100)
+    with pytest.raises(FileProblems, match="too-deep"):
+        from_xml(to_xml(inverted(101)).xml)
+    assert to_xml(inverted(DEEPEST)).xml.count("<Inverter>") == DEEPEST - 1
+    with pytest.raises(FileProblems, match="btcpp-too-deep"):
+        to_xml(inverted(DEEPEST + 1))
 
 
 def test_parameters_are_filled_in_or_become_entries_of_the_blackboard() -> None:

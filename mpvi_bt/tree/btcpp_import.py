@@ -18,7 +18,7 @@ from mpvi_bt.tree import btcpp
 from mpvi_bt.tree.btcpp_file import TreeFile, place_of
 from mpvi_bt.tree.btcpp_script import escaped, read_assignments, read_comparison
 from mpvi_bt.tree.marked_xml import Element, parse_xml
-from mpvi_bt.tree.reader import MAX_NODES, Reading, read
+from mpvi_bt.tree.reader import MAX_DEPTH, MAX_NODES, Reading, read
 from mpvi_bt.tree.spec import TreeSpec
 
 _SCRIPTED = frozenset({"_skipIf", "_failureIf", "_successIf", "_while"}) | frozenset(
@@ -104,6 +104,9 @@ class _Tree:
         if self.file.count > MAX_NODES:
             self.file.problem(element, "too-large", f"more than {MAX_NODES} nodes, subtrees written out")
             raise FileProblems(self.file.problems)
+        self.marks.values[at] = element.place
+        if sum(part in ("child", "children") for part in at) >= MAX_DEPTH:
+            return _STAND_IN  # the reader says that it is too deep
         for name in element.attributes:
             if name in _SCRIPTED:
                 self.file.problem(element, "unmapped-attribute", f"{name} has no equal here", name)
