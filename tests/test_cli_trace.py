@@ -124,6 +124,19 @@ def test_a_screen_fits_the_terminal(trace: Path, size: tuple[int, int]) -> None:
             assert ("*cups" in "".join(lines)) == ("cups" in tick.blackboard)
 
 
+def test_a_trace_without_a_tick_is_shown(trace: Path) -> None:
+    """One that was cut right after its first line has the tree, before the first tick."""
+    trace.write_bytes(trace.read_bytes().splitlines(keepends=True)[0])
+    player = Player(read_trace(trace))
+    for key in ("n", "p", "f", "\x1b[F", "\x1b[H", "\x1b[6~"):
+        player.press(key)
+        assert "change 0 of 0: before the first tick" in player.screen(os.terminal_size((80, 24)))[0]
+    assert "cut off" in RUN.invoke(replay, [str(trace)]).output
+    assert json.loads(RUN.invoke(replay, [str(trace), "--json"]).output) == []
+    assert RUN.invoke(explain_, [str(trace)]).output == "fetch: the trace was cut off at 0.0 s, tick 0\n"
+    assert RUN.invoke(diff_, [str(trace), str(trace)]).output.endswith("they went the same way\n")
+
+
 def test_replay_on_a_terminal(trace: Path) -> None:
     """A person steps through it, and gets the screen back on q."""
     ours, theirs = pty.openpty()
@@ -261,8 +274,9 @@ def test_a_damaged_trace_is_shown_or_refused(tmp_path: Path, data: st.DataObject
             lines[at - 1], lines[at] = lines[at], lines[at - 1]
     damaged = tmp_path / "damaged.jsonl"
     damaged.write_bytes(b"".join(lines))
-    for command, words in ((replay, []), (replay, ["--tick", "70"]), (explain_, []), (diff_, [str(whole)])):
-        done = RUN.invoke(command, [str(damaged), *words], standalone_mode=False)
+    more: list[str]
+    for command, more in ((replay, []), (replay, ["--tick", "70"]), (explain_, []), (diff_, [str(whole)])):
+        done = RUN.invoke(command, [str(damaged), *more], standalone_mode=False)
         assert done.exception is None or isinstance(done.exception, FileProblems), done.exc_info
 
 

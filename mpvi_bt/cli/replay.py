@@ -76,23 +76,27 @@ def _print_json(trace: Trace, tick: int | None) -> None:
 
 def _held(trace: Trace, tick: int) -> dict[str, Any]:
     i = trace.index_at(tick)
-    states = trace.states(i) if i >= 0 else {node.path: NodeState() for node in trace.tree.nodes}
+    tree, states, blackboard = _standing(trace, i)
     return {
         "tick": trace.ticks[i].tick if i >= 0 else 0,
         "time_s": trace.ticks[i].time_s if i >= 0 else 0.0,
-        "nodes": {path: vars(state) for path, state in states.items()},
-        "blackboard": trace.blackboard(i) if i >= 0 else {},
+        "nodes": {node.path: vars(states.get(node.path, NodeState())) for node in tree.nodes},
+        "blackboard": blackboard,
     }
+
+
+def _standing(trace: Trace, i: int) -> tuple[TreeSpec, Mapping[str, NodeState], Mapping[str, Any]]:
+    """Tree, states and blackboard after change i; -1: before the first."""
+    return (trace.tree_at(i), trace.states(i), trace.blackboard(i)) if i >= 0 else (trace.tree, {}, {})
 
 
 def _at(trace: Trace, tick: int, unicode: bool) -> Iterator[str]:
     """The whole tree after a tick."""
     i = trace.index_at(tick)
-    tree = trace.tree_at(i) if i >= 0 else trace.tree
-    states = trace.states(i) if i >= 0 else {}
+    tree, states, blackboard = _standing(trace, i)
     yield _title(trace, i, _WIDTH)
     yield from (line.text for line in tree_lines(tree, states, _WIDTH, unicode=unicode))
-    yield from filter(None, [where(tree, states, _WIDTH), _values(trace.blackboard(i) if i >= 0 else {}, {}, _WIDTH)])
+    yield from filter(None, [where(tree, states, _WIDTH), _values(blackboard, (), _WIDTH)])
     yield cut(legend(unicode), _WIDTH)
 
 
@@ -109,7 +113,7 @@ def _changes(trace: Trace, unicode: bool) -> Iterator[str]:
         for path in filter(change.nodes.__contains__, placed):
             yield when + node_line(placed[path], change.nodes[path], _WIDTH - len(when), unicode=unicode).text
         if change.blackboard:
-            yield cut(when + _values(change.blackboard, {}, _WIDTH), _WIDTH)
+            yield cut(when + _values(change.blackboard, (), _WIDTH), _WIDTH)
     yield cut(_ending(trace), _WIDTH)
 
 
@@ -187,11 +191,10 @@ class Player:
         """The lines of the present tick, which fit a terminal of that size."""
         width = min(size.columns, _WIDEST)
         trace, i = self._trace, self.i
+        tree, states, blackboard = _standing(trace, i)
         change = trace.ticks[i] if i >= 0 else Tick(1, 0.0)
-        tree: TreeSpec = trace.tree_at(i) if i >= 0 else trace.tree
-        states = trace.states(i) if i >= 0 else {}
-        blackboard = {**dict.fromkeys(change.blackboard), **trace.blackboard(i)} if i >= 0 else {}
-        below = [where(tree, states, width), _values(blackboard, change.blackboard, width)]
+        values = {**dict.fromkeys(change.blackboard), **blackboard}
+        below = [where(tree, states, width), _values(values, change.blackboard, width)]
         below = [*filter(None, below), cut(legend(self._unicode), width), cut(_HELP, width)]
         lines = tree_lines(tree, states, width - 2, fold=True, unicode=self._unicode)
         first, last = 0, len(lines)
