@@ -302,7 +302,9 @@ class _Reader:
             return None
         events, recording = self.events, self.recording
         self.events, self.recording = iter(self.anchors[event.anchor]), 0
+        place = self.marks.values[location]
         data = self._node(self._next(), location, depth + 1)
+        self.marks.values[location] = place
         self.events, self.recording = events, recording
         return data
 

@@ -51,8 +51,6 @@ def _canonical(data: dict[str, Any]) -> dict[str, Any]:
             head[key] = head[key].strip()
     if "parameters" in head:
         head["parameters"] = {name: _parameter(given) for name, given in head["parameters"].items()}
-    if "blackboard" in head:
-        head["blackboard"] = {key: tidy(value) for key, value in head["blackboard"].items()}
     return {**{key: value for key, value in head.items() if value}, "root": _node(data["root"])}
 
 
@@ -61,7 +59,7 @@ def _parameter(given: str | dict[str, Any]) -> str | FlowMapping:
         return given
     if given.keys() == {"type"}:
         return str(given["type"])
-    return FlowMapping({key: tidy(given[key]) for key in ("type", "default", "about") if key in given})
+    return FlowMapping({key: given[key] for key in ("type", "default", "about") if key in given})
 
 
 def _node(data: dict[str, Any]) -> dict[str, Any]:
