@@ -24,14 +24,14 @@ from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_epis
 from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.tree import trace as trace_module
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.explain import explain
 from mpvi_bt.tree.explain_text import explanation_text
 from mpvi_bt.tree.saving import SavedTree, save
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
-from mpvi_bt.tree.trace import Answer, End, Tick, Trace, read_trace
+from mpvi_bt.tree.trace import Trace, read_trace
+from mpvi_bt.tree.trace_lines import Answer, End, Header, Tick
 from mpvi_bt.tree.yaml_io import from_expanded, parse_tree
 
 SKILLS = load_skills()
@@ -544,7 +544,7 @@ DOCUMENT = (Path(__file__).parent.parent / "docs" / "trace.md").read_text(encodi
 @pytest.mark.parametrize(
     ("heading", "kind"),
     [
-        ("The first line", trace_module._Header),
+        ("The first line", Header),
         ("A tick", Tick),
         ("A node's state", NodeState),
         ("A query", Answer),

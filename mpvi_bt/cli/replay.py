@@ -20,7 +20,8 @@ from mpvi_bt.tree.marks import legend
 from mpvi_bt.tree.render import node_line, tree_lines, where, window
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
-from mpvi_bt.tree.trace import Tick, Trace, read_trace
+from mpvi_bt.tree.trace import Trace, read_trace
+from mpvi_bt.tree.trace_lines import Tick
 
 _WIDTH = 80
 _WIDEST = 120

@@ -11,7 +11,8 @@ from mpvi_bt.tree.cells import columns, cut, one_line
 from mpvi_bt.tree.marks import MARKS, standing
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
-from mpvi_bt.tree.trace import Moment, Tick, Trace
+from mpvi_bt.tree.trace import Moment, Trace
+from mpvi_bt.tree.trace_lines import Tick
 
 _NEVER = NodeState()
 _SHOWN = 8  # of anything; --json has all

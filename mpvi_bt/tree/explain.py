@@ -9,7 +9,8 @@ from typing import Literal
 
 from mpvi_bt.tree.spec import Placed, TreeSpec
 from mpvi_bt.tree.state import Ending, NodeState, Status
-from mpvi_bt.tree.trace import Answer, Broken, Moment, Tick, Trace
+from mpvi_bt.tree.trace import Moment, Trace
+from mpvi_bt.tree.trace_lines import Answer, Broken, Tick
 
 _NEVER = NodeState()
 

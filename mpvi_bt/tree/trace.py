@@ -9,17 +9,18 @@ from __future__ import annotations
 import bisect
 import dataclasses
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, overload
+from typing import Any, overload
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from mpvi_bt.behaviors.registry import Value
 from mpvi_bt.errors import FileProblems, Problem, UserError
 from mpvi_bt.tree.spec import TreeSpec
-from mpvi_bt.tree.state import Ending, NodeState
+from mpvi_bt.tree.state import NodeState
+from mpvi_bt.tree.trace_lines import END, HEADER, TICK, End, Header, Tick
 from mpvi_bt.tree.yaml_io import from_expanded
 
 VERSION = 1
@@ -29,100 +30,6 @@ _SNAPSHOT_EVERY = 256  # ticks read again at most by a step back; Our choice: a 
 _SAME_S = 1e-6
 
 _FIRST_KEY = re.compile(rb'\s*\{\s*"(\w+)"')
-_Count = Annotated[int, Field(ge=0)]
-_Time = Annotated[float, Field(ge=0)]
-
-
-@dataclass(frozen=True)
-class Answer:
-    """What the completion checker said.
-
-    Attributes:
-        criterion: What was asked.
-        event: Kind of the event that prompted it.
-        complete: The answer.
-        reason: What made it think so.
-        path: Of the node that asked.
-        camera: Whose picture it was handed, or None.
-    """
-
-    criterion: str
-    event: str
-    complete: bool
-    reason: str
-    path: str
-    camera: str | None = None
-
-
-@dataclass(frozen=True)
-class Tick:
-    """What changed at a tick.
-
-    Attributes:
-        tick: Counted from 1.
-        time_s, wall_s: Simulated time, and wall time since recording began.
-        nodes: New states, by path.
-        blackboard: New values, None for a key that is gone.
-        queries: The completion checker's answers.
-        tree: The tree from this tick on, as `yaml_io.expanded` gives it, if a part of it was swapped.
-    """
-
-    __pydantic_config__ = ConfigDict(allow_inf_nan=False)
-
-    tick: Annotated[int, Field(ge=1)]
-    time_s: _Time
-    wall_s: _Time = 0.0
-    nodes: Mapping[str, NodeState] = field(default_factory=dict)
-    blackboard: Mapping[str, Value | None] = field(default_factory=dict)
-    queries: tuple[Answer, ...] = ()
-    tree: dict[str, Any] | None = None
-
-
-@dataclass(frozen=True)
-class RootFailure:
-    """Why the root failed: a reason code, its evidence, and the node whose failure it was."""
-
-    reason: str
-    path: str
-    time_s: float
-    evidence: str = ""
-
-
-@dataclass(frozen=True)
-class Broken:
-    """The exception that ended a run: its message, and the path of the node that raised it, if one did."""
-
-    message: str
-    path: str = ""
-
-
-@dataclass(frozen=True)
-class End:
-    """How a run ended, and when: the last tick, simulated time, wall time since recording began."""
-
-    __pydantic_config__ = ConfigDict(allow_inf_nan=False)
-
-    ending: Annotated[Ending, Field(alias="end")]
-    tick: _Count
-    time_s: _Time
-    wall_s: _Time = 0.0
-    failure: RootFailure | None = None
-    error: Broken | None = None
-
-
-@dataclass(frozen=True)
-class _Header:
-    __pydantic_config__ = ConfigDict(allow_inf_nan=False)
-
-    trace: int
-    mpvi_bt: str
-    tree: dict[str, Any]
-    config: dict[str, Any] = field(default_factory=dict)
-    seed: int | None = None
-    started: str = ""
-
-
-_HEADER, _TICK, _END = TypeAdapter(_Header), TypeAdapter(Tick), TypeAdapter(End)
 
 
 class Ticks(Sequence[Tick]):
@@ -141,7 +48,7 @@ class Ticks(Sequence[Tick]):
     def __getitem__(self, i: slice) -> Sequence[Tick]: ...
 
     def __getitem__(self, i: int | slice) -> Tick | Sequence[Tick]:
-        return Ticks(self._lines[i]) if isinstance(i, slice) else _TICK.validate_json(self._lines[i], strict=True)
+        return Ticks(self._lines[i]) if isinstance(i, slice) else TICK.validate_json(self._lines[i], strict=True)
 
 
 @dataclass
@@ -212,7 +119,7 @@ class Trace:
         end: How it ended; None where the trace was cut off.
     """
 
-    def __init__(self, file: str, header: _Header, tree: TreeSpec, ticks: Ticks, end: End | None) -> None:
+    def __init__(self, file: str, header: Header, tree: TreeSpec, ticks: Ticks, end: End | None) -> None:
         self.file, self.tree, self.ticks, self.end = file, tree, ticks, end
         self.mpvi_bt, self.config = header.mpvi_bt, header.config
         self.seed, self.started = header.seed, header.started
@@ -310,7 +217,7 @@ class _Lines:
             if end is not None and not torn:
                 self._problem("after-end", "a line after the one that ends the trace")
             first = _FIRST_KEY.match(line)
-            read = self._parse(_END if first and first[1] == b"end" else _TICK, line, torn)
+            read = self._parse(END if first and first[1] == b"end" else TICK, line, torn)
             if isinstance(read, End):
                 end = read
             elif read is not None:
@@ -329,11 +236,11 @@ class _Lines:
             raise FileProblems(self.problems)
         return Trace(self.file, header, tree, Ticks(kept), end)
 
-    def _header(self) -> tuple[_Header, TreeSpec]:
+    def _header(self) -> tuple[Header, TreeSpec]:
         line = self.lines[0]
         if len(self.lines) == 1 and not line.endswith(b"\n") and not _is_json(line):
             raise FileProblems([Problem(self.file, 1, 1, "no-trace", "cut off within its first line")])
-        header = self._parse(_HEADER, line)
+        header = self._parse(HEADER, line)
         if header is not None and header.trace != VERSION:
             self._problem("version", f"version {header.trace} of the format; this mpvi_bt reads version {VERSION}")
         tree = self._tree(header.tree) if header is not None and not self.problems else None

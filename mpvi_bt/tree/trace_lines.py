@@ -1,0 +1,109 @@
+"""The lines of a trace, as what they are read into. `docs/trace.md` is the contract."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from pydantic import ConfigDict, Field, TypeAdapter
+
+from mpvi_bt.behaviors.registry import Value
+from mpvi_bt.tree.state import Ending, NodeState
+
+_Count = Annotated[int, Field(ge=0)]
+_Time = Annotated[float, Field(ge=0)]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the completion checker said.
+
+    Attributes:
+        criterion: What was asked.
+        event: Kind of the event that prompted it.
+        complete: The answer.
+        reason: What made it think so.
+        path: Of the node that asked.
+        camera: Whose picture it was handed, or None.
+    """
+
+    criterion: str
+    event: str
+    complete: bool
+    reason: str
+    path: str
+    camera: str | None = None
+
+
+@dataclass(frozen=True)
+class Tick:
+    """What changed at a tick.
+
+    Attributes:
+        tick: Counted from 1.
+        time_s, wall_s: Simulated time, and wall time since recording began.
+        nodes: New states, by path.
+        blackboard: New values, None for a key that is gone.
+        queries: The completion checker's answers.
+        tree: The tree from this tick on, as `yaml_io.expanded` gives it, if a part of it was swapped.
+    """
+
+    __pydantic_config__ = ConfigDict(allow_inf_nan=False)
+
+    tick: Annotated[int, Field(ge=1)]
+    time_s: _Time
+    wall_s: _Time = 0.0
+    nodes: Mapping[str, NodeState] = field(default_factory=dict)
+    blackboard: Mapping[str, Value | None] = field(default_factory=dict)
+    queries: tuple[Answer, ...] = ()
+    tree: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class RootFailure:
+    """Why the root failed: a reason code, its evidence, and the node whose failure it was."""
+
+    reason: str
+    path: str
+    time_s: float
+    evidence: str = ""
+
+
+@dataclass(frozen=True)
+class Broken:
+    """The exception that ended a run: its message, and the path of the node that raised it, if one did."""
+
+    message: str
+    path: str = ""
+
+
+@dataclass(frozen=True)
+class End:
+    """How a run ended, and when: the last tick, simulated time, wall time since recording began."""
+
+    __pydantic_config__ = ConfigDict(allow_inf_nan=False)
+
+    ending: Annotated[Ending, Field(alias="end")]
+    tick: _Count
+    time_s: _Time
+    wall_s: _Time = 0.0
+    failure: RootFailure | None = None
+    error: Broken | None = None
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a trace begins with: version of the format, version of mpvi_bt, the tree, and what the run was given."""
+
+    __pydantic_config__ = ConfigDict(allow_inf_nan=False)
+
+    trace: int
+    mpvi_bt: str
+    tree: dict[str, Any]
+    config: dict[str, Any] = field(default_factory=dict)
+    seed: int | None = None
+    started: str = ""
+
+
+HEADER, TICK, END = TypeAdapter(Header), TypeAdapter(Tick), TypeAdapter(End)
