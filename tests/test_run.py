@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from mpvi_bt import paths
-from mpvi_bt.cli.run import score
+from mpvi_bt.cli.score import score
 from tests.conftest import Shell
 
 

@@ -6,8 +6,7 @@ import json
 import shlex
 import sys
 import tempfile
-import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +16,7 @@ from click.shell_completion import CompletionItem
 
 from mpvi_bt import paths
 from mpvi_bt.cli import INTERRUPTED
+from mpvi_bt.cli.score import dry_score, score
 from mpvi_bt.errors import NodeError, UserError
 from mpvi_bt.suite.backends import BACKENDS
 from mpvi_bt.suite.config import EpisodeConfig
@@ -82,6 +82,7 @@ _OUTPUT = click.Path(dir_okay=False, path_type=Path)
     metavar="FILE",
     help="Put stand-ins in the place of nodes, by the rules of this file.",
 )
+@click.option("--resume", metavar="FILE", help="Go on with an episode that was stopped, from the file it left.")
 @click.option("--break", "breaks", multiple=True, metavar="PATH", help="Pause where such a node begins; * is any text.")
 @click.option("--step", is_flag=True, help="Pause wherever something changes.")
 @click.option("--video", type=_OUTPUT, metavar="FILE", help="Film the episode, as mp4.")
@@ -102,6 +103,7 @@ def run(
     task: str | None,
     params: tuple[str, ...],
     dry: bool,
+    resume: str | None,
     breaks: tuple[str, ...],
     step: bool,
     out: Path,
@@ -115,20 +117,27 @@ def run(
 
     Exit code 0 where the goal is true at the end, 1 where it is not; of a dry run, where the tree succeeds or not.
     """
-    if task is None and not dry:
-        raise click.UsageError("Missing argument 'TASK'; only with --dry a tree runs without one.")
-    if dry and (settings["video"] or settings["picture"]):
-        raise click.UsageError("A dry run has nothing to film or to draw.")
-    arguments = tuple(_arguments(params).items())
-    config = EpisodeConfig(task or "", arguments=arguments, **settings)
-    stem = config.name if not dry else f"{Path(config.tree or config.plan or task or '').stem}_dry"
-    config = replace(config, trace=out / f"{stem}.trace.jsonl" if trace else None)
-    from mpvi_bt.suite.prepare import prepare, prepare_episode
+    from mpvi_bt.suite.prepare import prepare, prepare_episode, prepare_saved
 
-    if dry:
-        prepared = prepare(task, config.tree, config.plan, dict(arguments), config.substitute)
+    if resume is not None:
+        _refuse_beside_resume()
+        from mpvi_bt.suite.saved import load_saved
+
+        prepared = prepare_saved(saved := load_saved(resume))
+        dry, config = saved.dry, replace(saved.episode, video=settings["video"], picture=settings["picture"])
     else:
-        prepared = prepare_episode(config)
+        if task is None and not dry:
+            raise click.UsageError("Missing argument 'TASK'; only with --dry a tree runs without one.")
+        arguments = tuple(_arguments(params).items())
+        config = EpisodeConfig(task or "", arguments=arguments, **settings)
+        if dry:
+            prepared = prepare(task, config.tree, config.plan, dict(arguments), config.substitute)
+        else:
+            prepared = prepare_episode(config)
+    if dry and (config.video or config.picture):
+        raise click.UsageError("A dry run has nothing to film or to draw.")
+    stem = config.name if not dry else f"{Path(config.tree or config.plan or config.task).stem}_dry"
+    config = replace(config, trace=out / f"{stem}.trace.jsonl" if trace else None, saved=out / f"{stem}.saved.json")
     if prepared.doubt:
         click.echo(f"mpvi: {prepared.doubt}", err=True)
     from mpvi_bt.executive.debugger import Debugger
@@ -140,6 +149,8 @@ def run(
         require_match(glob, prepared.spec, "--break")
     for folder in (out, *(file.parent for file in (config.video, config.picture) if file is not None)):
         _check_writable(folder)  # now, not when a minute's work is lost
+    if resume is None and config.saved is not None:
+        config.saved.unlink(missing_ok=True)  # of an earlier run: what it would go on with is overwritten now
     if not dry:
         click.echo(f"mpvi: {config.task}, instance {config.instance}, seed {config.seed}: setting up", err=True)
     stop = Stop()
@@ -173,7 +184,7 @@ def _episode(
     if as_json:
         click.echo(json.dumps(result, indent=2))
     else:
-        click.echo(f"{score(result, config.trace)}\n  result    {path}")
+        click.echo(f"{score(result, config.trace, _left(config))}\n  result    {path}")
     if result["ended"] == "interrupted":
         return INTERRUPTED
     return 0 if result["success"] else 1
@@ -181,17 +192,20 @@ def _episode(
 
 def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], stop: Stop, as_json: bool) -> int:
     """Run without robot and simulator, and print how it went."""
-    from mpvi_bt.executive.dry import dry_tree, run_dry
+    from mpvi_bt.executive.dry import EmptyWorld, dry_tree, run_dry
     from mpvi_bt.executive.recorder import Recorder
+    from mpvi_bt.suite.saved import Keeper
 
     tree = dry_tree(prepared.spec, prepared.rules)
     if config.trace is not None:
         used = {key: config.record().get(key) for key in ("task", "tree", "plan", "arguments", "substitute")}
         told = {"dry": True, **{key: value for key, value in used.items() if value}}
-        watchers = [Recorder(config.trace, told, config.seed), *watchers]
+        watchers = [Recorder(config.trace, told, config.seed, prepared.ticks), *watchers]
     budget_s = prepared.task.budget_s if prepared.task else 3600.0
+    world, saved = EmptyWorld(), prepared.saved
     with stop:
-        outcome = run_dry(tree, prepared.skills, watchers, budget_s, stop)
+        keeper = Keeper(stop, config, tree, world)
+        outcome = run_dry(tree, prepared.skills, watchers, budget_s, keeper, world, saved.run if saved else None)
     failures = [*outcome.log.failures, *filter(None, [outcome.failure])]
     result = {
         "tree": prepared.spec.name,
@@ -207,8 +221,24 @@ def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], 
     if as_json:
         click.echo(json.dumps(result, indent=2))
     else:
-        click.echo(dry_score(result))
+        click.echo(dry_score(result, config.trace, _left(config)))
     return INTERRUPTED if outcome.ending == "interrupted" else 0 if result["success"] else 1
+
+
+def _left(config: EpisodeConfig) -> Path | None:
+    """What a stopped episode has left to go on from."""
+    return config.saved if config.saved and config.saved.is_file() else None
+
+
+def _refuse_beside_resume() -> None:
+    """Raises UsageError if anything was given that the saved episode says itself."""
+    context = click.get_current_context()
+    own = {"resume", "breaks", "step", "video", "picture", "out", "trace", "watch", "unicode", "as_json"}
+    for parameter in context.command.params:
+        name = str(parameter.name)
+        if name not in own and context.get_parameter_source(name) == click.core.ParameterSource.COMMANDLINE:
+            given = parameter.opts[0] if parameter.param_type_name == "option" else "TASK"
+            raise click.UsageError(f"--resume goes on with what FILE says; {given} can't be given beside it.")
 
 
 def _arguments(params: Iterable[str]) -> dict[str, str]:
@@ -232,64 +262,3 @@ def _check_writable(folder: Path) -> None:
             pass
     except OSError as error:
         raise UserError(f"{folder}: cannot write there: {(error.strerror or str(error)).lower()}") from None
-
-
-def score(result: Mapping[str, Any], trace: Path | None = None) -> str:
-    """What a person wants to know of a result, in lines of at most 80 columns; `trace` says where to read why."""
-    normalized = result["time"]["normalized_time"]
-    human = f", {normalized:.2f} of human speed" if result["success"] and normalized is not None else ""
-    moved = result["agent_distance"]
-    met = sum(condition["satisfied"] for condition in result["goal"])
-    ended = result["ended"].replace("_", " ")
-    entries = [
-        ("goal", f"{met} of {len(result['goal'])} conditions"),
-        *(("", f"[{'x' if c['satisfied'] else ' '}] {c['condition']}") for c in result["goal"]),
-        ("time", f"{result['time']['simulator_time']:.1f} s simulated{human}"),
-        ("distance", f"base {moved['base']:.1f} m, left hand {moved['left']:.1f} m, right hand {moved['right']:.1f} m"),
-        *_failed(result),
-        ("wall", _wall(result["wall"])),
-        ("truth", f"read by {', '.join(result['privileged']) or 'none'}"),
-    ]
-    head = f"{'SUCCESS' if result['success'] else 'FAILURE'}  q = {result['q_score']['final']:.3f}, tree: {ended}"
-    return "\n".join([head, *(_entry(name, text) for name, text in entries), *_why(result, trace)])
-
-
-def dry_score(result: Mapping[str, Any]) -> str:
-    """The same of a dry run."""
-    ended = result["ended"].replace("_", " ")
-    head = f"{'SUCCESS' if result['success'] else 'FAILURE'}  dry run, tree: {ended}"
-    ticks = "1 tick" if result["ticks"] == 1 else f"{result['ticks']} ticks"
-    time = f"{result['time']['simulator_time']:.1f} s simulated, {ticks}"
-    entries = [("time", time), *_failed(result)]
-    return "\n".join([head, *(_entry(name, text) for name, text in entries), *_why(result, result["trace"])])
-
-
-def _failed(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    for failure in result["failures"]:
-        said = failure["feedback"] or failure["reason"]
-        yield "failed", f"{failure['time_s']:.1f} s: {_part(failure['node'])}: {said}"
-
-
-def _why(result: Mapping[str, Any], trace: object) -> list[str]:
-    """The command that says why, after a failure; a line to copy, whatever its length."""
-    failed = not result["success"] or result["failures"]
-    return [f"  why       mpvi explain {shlex.quote(str(trace))}"] if failed and trace else []
-
-
-def _part(path: str) -> str:
-    """The part of the plan that a node belongs to: the child of the root that it is below."""
-    below_root = path.split("/")[1:]
-    return below_root[0] if below_root else path
-
-
-def _entry(name: str, text: str) -> str:
-    return textwrap.fill(text, 80, initial_indent=f"  {name:10}", subsequent_indent=" " * 12, break_on_hyphens=False)
-
-
-def _wall(wall: Mapping[str, Any]) -> str:
-    """Where the wall time went, the largest part first; what took less than a hundredth of it is left out."""
-    total = wall["total_s"]
-    parts = {"setting up": wall["setup_s"], **wall["loop"]}
-    parts.pop("total", None)
-    shares = sorted(((seconds / total, name) for name, seconds in parts.items()), reverse=True)
-    return f"{total:.1f} s: " + ", ".join(f"{name} {share:.0%}" for share, name in shares if share >= 0.01)

@@ -10,6 +10,7 @@ import numpy as np
 from mpvi_bt.behaviors.context import Context
 from mpvi_bt.errors import BackendError
 from mpvi_bt.executive.loop import Outcome, Subscriber, run_episode
+from mpvi_bt.executive.saved import SavedRun, restore_world
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, CameraImage, Proprioception
 from mpvi_bt.robot.solids import Array
@@ -36,6 +37,8 @@ def run_dry(
     subscribers: Sequence[Subscriber] = (),
     max_time_s: float = 3600.0,
     stop: Callable[[], bool] = lambda: False,
+    world: EmptyWorld | None = None,
+    saved: SavedRun | None = None,
 ) -> Outcome:
     """Tick a tree that needs no robot, as fast as it goes.
 
@@ -45,13 +48,18 @@ def run_dry(
         subscribers: Who watches.
         max_time_s: Simulated time after which it is over.
         stop: Asked before every tick; where it says so the run is interrupted.
+        world: Whose time passes; a new one by default.
+        saved: Where the run was stopped before, to go on from there.
 
     Raises:
         NodeError: A behavior raised; also one that asked for a robot though its node type does not say that it does.
         KeyboardInterrupt: Ctrl-C.
     """
-    world = EmptyWorld()
-    return run_episode(tree, world, dry_context(world, tree, skills), subscribers, max_time_s, stop=stop)
+    world = world or EmptyWorld()
+    context = dry_context(world, tree, skills)
+    if saved is not None:
+        restore_world(saved, world, context)
+    return run_episode(tree, world, context, subscribers, max_time_s, stop=stop, saved=saved.tree if saved else None)
 
 
 def dry_context(world: EmptyWorld, tree: Tree, skills: Mapping[str, Skill] | None = None) -> Context:

@@ -23,7 +23,7 @@ from mpvi_bt.executive.loop import Outcome, Watcher, World
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
-from mpvi_bt.tree.trace import VERSION
+from mpvi_bt.tree.trace import VERSION, Trace, read_trace
 from mpvi_bt.tree.yaml_io import expanded
 
 _NOT_BEGUN = NodeState()
@@ -40,17 +40,28 @@ class Recorder(Watcher):
         file: Where to write.
         config: Of the run, for the first line. What JSON does not have (infinity, paths) is written as text.
         seed: Of the run.
+        after: The run goes on after so many ticks: if the file tells them, it is continued.
     """
 
-    def __init__(self, file: str | Path, config: Mapping[str, Any] | None = None, seed: int | None = None) -> None:
+    def __init__(
+        self,
+        file: str | Path,
+        config: Mapping[str, Any] | None = None,
+        seed: int | None = None,
+        after: int = 0,
+    ) -> None:
         self._path, self._config, self._seed = Path(file), dict(config or {}), seed
+        self._after = after
         self._file: TextIO | None = None
 
     def start(self, tree: Tree, world: World) -> None:
         """Open the file and write the first line. Raises UserError if it cannot be written."""
+        earlier = self._earlier(tree) if self._after else None
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = self._path.open("w", encoding="utf-8", errors="replace", newline="\n", buffering=1)
+            self._file = self._path.open(
+                "a" if earlier else "w", encoding="utf-8", errors="replace", newline="\n", buffering=1
+            )
         except OSError as error:
             raise UserError(f"{self._path}: cannot write the trace: {error.strerror}") from error
         self._tree, self._world, self._began = tree, world, time.perf_counter()
@@ -59,6 +70,10 @@ class Recorder(Watcher):
         self._changes: _Changes | None = None
         self._spec: TreeSpec | None = tree.spec
         self._blackboard: dict[str, Any] = {}
+        if earlier is not None:
+            self._states, self._blackboard = earlier.states(-1), earlier.blackboard(-1)
+            self._began -= earlier.ticks[-1].wall_s
+            return
         header = {
             "trace": VERSION,
             "mpvi_bt": mpvi_bt.__version__,
@@ -68,6 +83,19 @@ class Recorder(Watcher):
             "started": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         }
         self._write({key: value for key, value in header.items() if value is not None})
+
+    def _earlier(self, tree: Tree) -> Trace | None:
+        """What the file tells of the ticks before, all else taken off; None if it does not tell them."""
+        try:
+            trace = read_trace(self._path)
+        except UserError:
+            return None
+        last = trace.index_at(self._after)
+        if last < 0 or expanded(trace.tree_at(last)) != expanded(tree.spec):
+            return None
+        lines = self._path.read_bytes().splitlines(keepends=True)
+        self._path.write_bytes(b"".join(lines[: last + 2]))  # the first line, and one for each tick
+        return read_trace(self._path)
 
     def step(self, tree: Tree, world: World) -> None:
         """Write what this tick changed, if anything."""

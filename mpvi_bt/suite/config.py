@@ -23,6 +23,7 @@ class EpisodeConfig:
         arguments: Names and values of that tree's parameters.
         substitute: File of rules that put stand-ins in the place of nodes, or None.
         video, picture, trace: Where to write the episode's film, its picture from above and its trace, or None.
+        saved: Where to write how it stands if it is stopped, or None.
     """
 
     task: str
@@ -40,6 +41,7 @@ class EpisodeConfig:
     video: Path | None = None
     picture: Path | None = None
     trace: Path | None = None
+    saved: Path | None = None
 
     @property
     def task_name(self) -> str:
@@ -63,5 +65,5 @@ class EpisodeConfig:
         return {key: value for key, value in entries.items() if value or key not in _RARE}
 
 
-_OUTPUTS = {"video", "picture", "trace"}
+_OUTPUTS = {"video", "picture", "trace", "saved"}
 _RARE = {"arguments", "substitute"}  # left out where they are not used

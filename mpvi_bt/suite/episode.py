@@ -19,6 +19,7 @@ from mpvi_bt.errors import BackendError, UnknownName
 from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, run_episode
 from mpvi_bt.executive.pictures import PathPicture
 from mpvi_bt.executive.recorder import Recorder
+from mpvi_bt.executive.saved import restore_world
 from mpvi_bt.executive.stop import Stop
 from mpvi_bt.executive.video import Video
 from mpvi_bt.goals.evaluate import judge, snapshot, unmet
@@ -38,6 +39,7 @@ from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.metrics import Meter
 from mpvi_bt.suite.prepare import Prepared, prepare_episode
 from mpvi_bt.suite.result import Failure, make_result
+from mpvi_bt.suite.saved import Keeper
 from mpvi_bt.suite.tasks import Task
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.substitute import stand_ins
@@ -92,13 +94,19 @@ def run(
         skills=skills,
         blackboard=dict(tree.spec.blackboard),
     )
-    meter = Meter()
+    saved = prepared.saved
+    if saved is not None:
+        restore_world(saved.run, world, context)
+    meter = Meter(saved.measurement if saved else None)
     last = _Last()
-    watchers = [meter, last, *_recorders(config, grid, world, navigator), *subscribers]
+    watchers = [meter, last, *_recorders(config, grid, world, navigator, prepared.ticks), *subscribers]
     ready = time.perf_counter()
     try:
         with stop or nullcontext(lambda: False) as asked:
-            outcome = run_episode(tree, world, context, watchers, max_time_s=task.budget_s, stop=asked)
+            keeper = Keeper(asked, config, tree, world, meter)
+            outcome = run_episode(
+                tree, world, context, watchers, task.budget_s, stop=keeper, saved=saved.run.tree if saved else None
+            )
     except KeyboardInterrupt:
         outcome = last.outcome
     world.refresh()
@@ -162,11 +170,11 @@ def _checker(config: EpisodeConfig, world: World) -> Checker:
 
 
 def _recorders(
-    config: EpisodeConfig, grid: OccupancyMap, world: World, navigator: KnownPlaceNavigator
+    config: EpisodeConfig, grid: OccupancyMap, world: World, navigator: KnownPlaceNavigator, ticks: int
 ) -> list[Subscriber]:
     recorders: list[Subscriber] = []
     if config.trace is not None:
-        recorders.append(Recorder(config.trace, config.record(), config.seed))
+        recorders.append(Recorder(config.trace, config.record(), config.seed, ticks))
     if config.video is not None:
         recorders.append(Video(config.video, config.name))
     if config.picture is not None:

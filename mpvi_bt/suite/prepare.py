@@ -14,6 +14,7 @@ from mpvi_bt.plan.skills import Skill, load_skills
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.suite.backends import choose
 from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.saved import SavedEpisode
 from mpvi_bt.suite.tasks import Task, load_task
 from mpvi_bt.tree.compile import compile_plan
 from mpvi_bt.tree.lint import check_rooms
@@ -31,12 +32,19 @@ class Prepared:
         skills: By name.
         spec: The tree, its parameters filled in.
         rules: Of stand-ins, or None.
+        saved: Where it was stopped, if it goes on from there.
     """
 
     task: Task | None
     skills: Mapping[str, Skill]
     spec: TreeSpec
     rules: Rules | None
+    saved: SavedEpisode | None = None
+
+    @property
+    def ticks(self) -> int:
+        """How often the tree was ticked already."""
+        return self.saved.run.tree.ticks if self.saved else 0
 
     @property
     def doubt(self) -> str:
@@ -105,3 +113,21 @@ def prepare_episode(config: EpisodeConfig) -> Prepared:
     assert ready.task is not None
     ready.task.check_instance(config.instance)
     return ready
+
+
+def prepare_saved(saved: SavedEpisode) -> Prepared:
+    """What goes on from where it was stopped: the task and the rules of its settings, and the very tree.
+
+    Raises:
+        UserError: Its task is not there any more, or the like.
+        FileProblems: Its tree is none, or its rules do not fit it.
+    """
+    config = saved.episode
+    task = load_task(config.task) if config.task else None
+    if task is None and not saved.dry:
+        raise UserError("the saved episode names no task.")
+    spec = saved.spec
+    rules = load_rules(config.substitute) if config.substitute else None
+    if rules is not None:
+        rules.check(spec)
+    return Prepared(task, load_skills(), spec, rules, saved)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import JsonValue
 
 from mpvi_bt import __version__
+from mpvi_bt.errors import UserError
 from mpvi_bt.executive.loop import World
 from mpvi_bt.executive.saved import SavedRun, save_run
 from mpvi_bt.marked_yaml import Record, validate
-from mpvi_bt.suite.metrics import Measurement
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.metrics import Measurement, Meter
 from mpvi_bt.suite.result import write_json
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.spec import TreeSpec
@@ -24,18 +27,29 @@ class SavedEpisode(Record):
     Attributes:
         saved: Version of this layout.
         version: Of mpvi_bt.
-        config: Of the episode.
+        config: Of the episode, as `EpisodeConfig.record` tells it.
+        dry: Whether it runs without a robot.
         tree: That is run, its subtrees written out: the files may have changed since.
-        measurement: Of the meter so far.
+        measurement: Of the meter so far; None in a dry run.
         run: Tree, blackboard, log and world.
     """
 
     saved: Literal[1] = 1
     version: str
-    config: dict[str, JsonValue]
+    config: dict[str, Any]
+    dry: bool = False
     tree: dict[str, JsonValue]
-    measurement: Measurement
+    measurement: Measurement | None = None
     run: SavedRun
+
+    @property
+    def episode(self) -> EpisodeConfig:
+        """What is run. Raises UserError if this version has no such settings."""
+        try:
+            arguments = tuple(self.config.get("arguments", {}).items())
+            return EpisodeConfig(**{**self.config, "arguments": arguments})
+        except (TypeError, AttributeError) as error:
+            raise UserError(f"the saved settings are not those of an episode: {error}") from None
 
     @property
     def spec(self) -> TreeSpec:
@@ -43,20 +57,38 @@ class SavedEpisode(Record):
         return from_expanded(self.tree, "the saved tree")
 
 
-def save_episode(config: dict[str, Any], tree: Tree, world: World, measurement: Measurement) -> SavedEpisode:
-    """How an episode stands between two ticks."""
-    return SavedEpisode(
-        version=__version__,
-        config=config,
-        tree=expanded(tree.spec),
-        measurement=measurement,
-        run=save_run(tree, world),
-    )
+class Keeper:
+    """Asks `stop` whether a run is to end before its next tick, and if so first writes it to a file.
 
+    Args:
+        stop: Such as `executive.stop.Stop`.
+        config: Of the episode; its `saved` names the file, or is None: nothing is written.
+        tree, world: That are run.
+        meter: Of the episode; None in a dry run.
+    """
 
-def write_saved(path: Path, saved: SavedEpisode) -> None:
-    """Write it so that the file is whole or not there, whatever happens."""
-    write_json(path, saved.model_dump(mode="json"))
+    def __init__(
+        self, stop: Callable[[], bool], config: EpisodeConfig, tree: Tree, world: World, meter: Meter | None = None
+    ) -> None:
+        self._stop, self._config, self._tree, self._world, self._meter = stop, config, tree, world, meter
+
+    def __call__(self) -> bool:
+        """Whether to end now."""
+        if not self._stop():
+            return False
+        if self._config.saved is not None and self._tree.ticks:
+            if self._meter is not None:
+                self._meter.step(self._tree, self._world)  # the step that was taken since the last tick
+            saved = SavedEpisode(
+                version=__version__,
+                config=self._config.record(),
+                dry=self._meter is None,
+                tree=expanded(self._tree.spec),
+                measurement=self._meter.measurement if self._meter else None,
+                run=save_run(self._tree, self._world),
+            )
+            write_json(self._config.saved, saved.model_dump(mode="json"))
+        return True
 
 
 def load_saved(path: str | Path) -> SavedEpisode:

@@ -1,0 +1,83 @@
+"""What a person wants to know of a run that has ended, in lines of at most 80 columns."""
+
+from __future__ import annotations
+
+import shlex
+import textwrap
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+
+def score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | None = None) -> str:
+    """Of an episode.
+
+    Args:
+        result: Of the episode.
+        trace: Where to read why it failed.
+        saved: What an interrupted one can go on from.
+    """
+    normalized = result["time"]["normalized_time"]
+    human = f", {normalized:.2f} of human speed" if result["success"] and normalized is not None else ""
+    moved = result["agent_distance"]
+    met = sum(condition["satisfied"] for condition in result["goal"])
+    ended = result["ended"].replace("_", " ")
+    entries = [
+        ("goal", f"{met} of {len(result['goal'])} conditions"),
+        *(("", f"[{'x' if c['satisfied'] else ' '}] {c['condition']}") for c in result["goal"]),
+        ("time", f"{result['time']['simulator_time']:.1f} s simulated{human}"),
+        ("distance", f"base {moved['base']:.1f} m, left hand {moved['left']:.1f} m, right hand {moved['right']:.1f} m"),
+        *_failed(result),
+        ("wall", _wall(result["wall"])),
+        ("truth", f"read by {', '.join(result['privileged']) or 'none'}"),
+    ]
+    head = f"{_verdict(result)}  q = {result['q_score']['final']:.3f}, tree: {ended}"
+    return "\n".join([head, *(_entry(name, text) for name, text in entries), *_next(result, trace, saved)])
+
+
+def dry_score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | None = None) -> str:
+    """The same of a dry run."""
+    ended = result["ended"].replace("_", " ")
+    head = f"{_verdict(result)}  dry run, tree: {ended}"
+    ticks = "1 tick" if result["ticks"] == 1 else f"{result['ticks']} ticks"
+    time = f"{result['time']['simulator_time']:.1f} s simulated, {ticks}"
+    entries = [("time", time), *_failed(result)]
+    return "\n".join([head, *(_entry(name, text) for name, text in entries), *_next(result, trace, saved)])
+
+
+def _verdict(result: Mapping[str, Any]) -> str:
+    stopped = "STOPPED" if result["ended"] == "interrupted" else "FAILURE"
+    return "SUCCESS" if result["success"] else stopped
+
+
+def _failed(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    for failure in result["failures"]:
+        said = failure["feedback"] or failure["reason"]
+        yield "failed", f"{failure['time_s']:.1f} s: {_part(failure['node'])}: {said}"
+
+
+def _next(result: Mapping[str, Any], trace: Path | None, saved: Path | None) -> list[str]:
+    """Commands that say why it failed or that go on with it; lines to copy, whatever their length."""
+    interrupted = result["ended"] == "interrupted"
+    failed = result["failures"] or not (result["success"] or interrupted)
+    why = [f"  why       mpvi explain {shlex.quote(str(trace))}"] if failed and trace else []
+    return why + ([f"  go on     mpvi run --resume {shlex.quote(str(saved))}"] if interrupted and saved else [])
+
+
+def _part(path: str) -> str:
+    """The part of the plan that a node belongs to: the child of the root that it is below."""
+    below_root = path.split("/")[1:]
+    return below_root[0] if below_root else path
+
+
+def _entry(name: str, text: str) -> str:
+    return textwrap.fill(text, 80, initial_indent=f"  {name:10}", subsequent_indent=" " * 12, break_on_hyphens=False)
+
+
+def _wall(wall: Mapping[str, Any]) -> str:
+    """Where the wall time went, the largest part first; what took less than a hundredth of it is left out."""
+    total = wall["total_s"]
+    parts = {"setting up": wall["setup_s"], **wall["loop"]}
+    parts.pop("total", None)
+    shares = sorted(((seconds / total, name) for name, seconds in parts.items()), reverse=True)
+    return f"{total:.1f} s: " + ", ".join(f"{name} {share:.0%}" for share, name in shares if share >= 0.01)
