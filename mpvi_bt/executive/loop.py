@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 from py_trees.common import Status
 
@@ -65,9 +65,9 @@ class Outcome:
         failure: Why the root failed, if it did.
         error: What ended it, where ending is "error".
         log: Segments that were given up, and questions to the checker.
-        wall_s: Wall time [s] by activity: "stepping" the world; within ticks the behaviors' "navigation", "policy",
-            "rendering", "triggers", "checker", and "ticking", the rest of it, which is the tree's own; "watching", the
-            subscribers'; "total".
+        wall_s: Wall time [s] by activity: "stepping" the world; within ticks the behaviors' "navigation", "motion",
+            "policy", "rendering", "triggers", "checker", and "ticking", the rest of it, which is the tree's own;
+            "watching", the subscribers'; "total".
     """
 
     ending: Ending
