@@ -160,13 +160,18 @@ def _values(a: Mapping[str, Any], b: Mapping[str, Any], keys: Iterable[str] | No
             yield ValueDifference(key, a.get(key), b.get(key))
 
 
-def _nodes(paths: Iterable[str], a: Moment, b: Moment) -> Iterator[NodeDifference]:
+def _nodes(paths: Iterable[str], a: Moment, b: Moment) -> list[NodeDifference]:
     """The deepest first, as what is above follows from it."""
-    order = {node.path: (-node.depth, i) for i, node in enumerate((*b.tree.nodes, *a.tree.nodes))}
-    for path in sorted(paths, key=order.__getitem__):
-        one, other = a.nodes.get(path, _NEVER), b.nodes.get(path, _NEVER)
-        if one != other and replace(one, elapsed_s=None) != replace(other, elapsed_s=None):
-            yield NodeDifference(path, one, other)
+    states = ((path, a.nodes.get(path, _NEVER), b.nodes.get(path, _NEVER)) for path in paths)
+    found = [
+        NodeDifference(path, one, other)
+        for path, one, other in states
+        if one != other and replace(one, elapsed_s=None) != replace(other, elapsed_s=None)
+    ]
+    if len(found) > 1:
+        order = {node.path: (-node.depth, i) for i, node in enumerate((*b.tree.nodes, *a.tree.nodes))}
+        found.sort(key=lambda node: order[node.path])
+    return found
 
 
 def difference_text(difference: Difference, names: tuple[str, str] = ("first", "second"), width: int = 80) -> str:
