@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -67,3 +70,27 @@ def test_the_tree_of_the_reference_is_valid(tmp_path: Path) -> None:
     (example,) = re.findall(r"^```yaml\n(.*?)^```$", TREES, flags=re.MULTILINE | re.DOTALL)
     (tmp_path / "example.yaml").write_text(example)
     load_tree(tmp_path / "example.yaml", load_skills())
+
+
+EXECUTIVE = (ROOT / "docs" / "executive.md").read_text(encoding="utf-8")
+SHOWN = [c for c in re.findall(r"`((?:mpvi|python) [^`]*)`", EXECUTIVE) if "FILE" not in c]
+FAILS = {"mpvi run --dry --tree fetch --substitute examples/blocked.yaml --no-watch"}
+
+
+def test_every_wish_is_shown_by_its_command(tmp_path: Path) -> None:
+    """The commands of the table run in their order, and only the one that shows a failure ends with 1."""
+    for entry in ("trees", "skills", "tasks", "examples", "benchmarks"):
+        (tmp_path / entry).symlink_to(ROOT / entry)
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    script = "\n".join(f"{command} </dev/null; echo exit $?" for command in SHOWN)
+    done = subprocess.run(
+        ["bash", "-c", script],
+        cwd=tmp_path,
+        env={**os.environ, "PATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    codes = [int(code) for code in re.findall(r"^exit (\d+)$", done.stdout, flags=re.MULTILINE)]
+    assert len(SHOWN) >= 18
+    assert dict(zip(SHOWN, codes, strict=True)) == {command: int(command in FAILS) for command in SHOWN}, done.stderr
