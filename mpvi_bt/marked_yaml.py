@@ -353,30 +353,37 @@ def _place(text: str, position: int) -> tuple[int, int]:
     return before.count("\n") + 1, position - (before.rfind("\n") + 1) + 1
 
 
-_CODES = {
+_CODES = {  # of pydantic to ours, which stay the same whatever pydantic does
     "missing": "missing-key",
     "extra_forbidden": "unknown-key",
     "literal_error": "unknown-value",
     "enum": "unknown-value",
     "union_tag_invalid": "unknown-value",
     "union_tag_not_found": "missing-key",
-    "value_error": "invalid-value",
+    "finite_number": "out-of-range",
+    "greater_than": "out-of-range",
+    "greater_than_equal": "out-of-range",
+    "less_than": "out-of-range",
+    "less_than_equal": "out-of-range",
+    "too_long": "wrong-length",
+    "too_short": "wrong-length",
+    "string_too_long": "wrong-length",
+    "string_too_short": "wrong-length",
 }
 _SHAPES = {
-    "model_attributes_type": "should be a mapping",
-    "model_type": "should be a mapping",
-    "dict_type": "should be a mapping",
-    "list_type": "should be a list",
-    "tuple_type": "should be a list",
-    "string_type": "should be text",
-    "float_type": "should be a number",
-    "float_parsing": "should be a number",
-    "int_type": "should be a whole number",
-    "int_parsing": "should be a whole number",
-    "int_from_float": "should be a whole number",
-    "bool_type": "should be true or false",
-    "bool_parsing": "should be true or false",
-    "finite_number": "should be a finite number",
+    "model_attributes_type": "a mapping",
+    "model_type": "a mapping",
+    "dict_type": "a mapping",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "string_type": "text",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
 }
 
 
@@ -435,9 +442,27 @@ def _problems(
         elif kind == "value_error" or marks.known(location) != location:
             pass  # the validator's own words; or a part of a union that the file does not name
         else:
-            message = f"{_SHAPES.get(kind, message)}, not {shown(item['input'])}"
-        code, key = _CODES.get(kind, kind.replace("_", "-")), kind == "extra_forbidden"
-        yield marks.problem(location, code, message, key, nearest=near, known=tuple(known))
+            message = f"{_words(kind, context, message)}, not {_given(kind, context, item['input'])}"
+        code = "wrong-type" if kind in _SHAPES else _CODES.get(kind, "invalid-value")
+        yield marks.problem(location, code, message, kind == "extra_forbidden", nearest=near, known=tuple(known))
+
+
+def _words(kind: str, context: Mapping[str, Any], message: str) -> str:
+    """What a value should be."""
+    if kind in _SHAPES:
+        return f"should be {_SHAPES[kind]}"
+    if kind in ("too_long", "too_short", "string_too_long", "string_too_short"):
+        number = context["max_length" if kind.endswith("long") else "min_length"]
+        part = ("character" if kind.startswith("string") else "item") + "s" * (number != 1)
+        return f"should have {number} {part} {'at most' if kind.endswith('long') else 'or more'}"
+    if kind == "string_pattern_mismatch":
+        name = context["pattern"] == "^[a-z][a-z0-9_]*$"
+        return "should be a name such as my_name" if name else f"should match the pattern {context['pattern']}"
+    return message
+
+
+def _given(kind: str, context: Mapping[str, Any], value: Any) -> str:
+    return str(context["actual_length"]) if kind in ("too_long", "too_short") else shown(value)
 
 
 def fields_at(model: type[BaseModel], location: Iterable[str | int]) -> set[str]:

@@ -221,7 +221,7 @@ def test_what_others_wrote_becomes_what_it_means_here(xml: str, root: str) -> No
         ("<Navigate\n  traget='x' target='y'/>", 4, 3, "unknown-port", "target"),
         ("<Navigate room='hall'/>", 3, 1, "missing-port", None),
         ("<Navigate target='{Place}'/>", 3, 11, "port-value", None),
-        ("<RetryUntilSuccessful num_attempts='-1'><Fail/></RetryUntilSuccessful>", 3, 23, "greater-than-equal", None),
+        ("<RetryUntilSuccessful num_attempts='-1'><Fail/></RetryUntilSuccessful>", 3, 23, "out-of-range", None),
         ("<Repeat num_cycles='{n}'><AlwaysSuccess/></Repeat>", 3, 9, "unknown-parameter", None),
         ("<Timeout msec='soon'><AlwaysSuccess/></Timeout>", 3, 10, "invalid-value", None),
         ("<Sequence _skipIf='a == 1'><AlwaysSuccess/></Sequence>", 3, 11, "unmapped-attribute", None),

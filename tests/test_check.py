@@ -102,7 +102,7 @@ def test_problems_of_all_files_come_at_once(tmp_path: Path) -> None:
     shown = [line.removeprefix(str(tmp_path)).split(": ")[0] for line in output.splitlines() if line[0] == "/"]
     assert (code, shown) == (1, ["/a.yaml:3:3", "/b.json:1:32", "/c.yaml:1:1", "/d.yaml"])
     assert [p["code"] for p in json.loads(run(*files, "--json")[1])["problems"]] == [
-        *("unknown-node", "too-short", "unknown-file", "unreadable")
+        *("unknown-node", "wrong-length", "unknown-file", "unreadable")
     ]
 
 
@@ -202,8 +202,8 @@ def test_wide_characters_do_not_move_the_marks() -> None:
         ("tree: t\nroot: {say: hi}\n".encode("utf-16"), "encoding"),
         (b"tree: caf\xe9\n", "encoding"),
         (b"tree: t\nroot: &a\n  attempt:\n  child: *a\n", "alias"),
-        (b"tree: t\nroot:\n  retry: " + b"9" * 5000 + b"\n  child: {succeed: x}\n", "int-type"),
-        (b"tree: t\nroot:\n  retry: 0x10\n  child: {succeed: x}\n", "int-type"),
+        (b"tree: t\nroot:\n  retry: " + b"9" * 5000 + b"\n  child: {succeed: x}\n", "wrong-type"),
+        (b"tree: t\nroot:\n  retry: 0x10\n  child: {succeed: x}\n", "wrong-type"),
         (b"[" * 5000, "too-deep"),
         (b"- " * 5000, "too-deep"),
         (b"{a: " * 5000, "too-deep"),

@@ -166,7 +166,7 @@ def test_small_house_is_valid(tmp_path: Path) -> None:
         ("unknown-catalogue-entry", 10, ("entry: sofa", "entry: sofe")),
         ("unknown-key", 10, ("yaw_deg", "yaw_dge")),
         ("unknown-key", 10, ("yaw_deg: 90", "yaw_deg: 90, shape: {seets: 2}")),
-        ("greater-than-equal", 3, ("width_m: 1.0", "width_m: 0.7")),
+        ("out-of-range", 3, ("width_m: 1.0", "width_m: 0.7")),
         (
             "invalid-value",
             7,

@@ -114,12 +114,12 @@ by_name:
     assert problems(text) == [
         (1, 1, "missing-key"),
         (1, 1, "unknown-key"),
-        (4, 13, "greater-than"),
+        (4, 13, "out-of-range"),
         (5, 12, "unknown-value"),
         (6, 5, "missing-key"),
         (7, 5, "unknown-key"),
-        (8, 5, "model-attributes-type"),
-        (10, 30, "float-parsing"),
+        (8, 5, "wrong-type"),
+        (10, 30, "wrong-type"),
     ]
 
 

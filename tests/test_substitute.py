@@ -106,7 +106,7 @@ def test_a_glob_of_many_stars_is_quick() -> None:
     ("text", "place", "said"),
     [
         ("about: x\n", "1:1", "substitute"),
-        ("substitute: []\n", "1:13", "at least 1"),
+        ("substitute: []\n", "1:13", "1 item or more"),
         ("substitute:\n  - nodes: a\n", "2:5", "not none"),
         ("substitute:\n  - nodes: a\n    succeed:\n    fail: x\n", "2:5", "not succeed, fail"),
         ("substitute:\n  - nodes: a\n    fial: x\n", "3:5", "Did you mean 'fail'?"),

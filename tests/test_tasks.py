@@ -60,7 +60,7 @@ def test_the_budget_is_twice_the_human_time_unless_given(tmp_path: Path) -> None
         (": trash_can", ": can_of_soda", "6:16", "can_of_soda is can__of__soda.n.01, not ashcan.n.01"),
         ("plan: picking_up_trash", "plan: picking", "7:7", "unknown plan 'picking'"),
         ("tree: picking_up_trash", "tree: picking", "8:7", "unknown tree 'picking'"),
-        ("tree: picking_up_trash\n", "tree: ../etc\n", "8:7", "should match pattern"),
+        ("tree: picking_up_trash\n", "tree: ../etc\n", "8:7", "should match the pattern"),
         ("tree: picking_up_trash\n", "tree: picking_up_trash\ninstances: 0\n", "9:12", "greater than or equal to 1"),
         ("tree: picking_up_trash\n", "tree: picking_up_trash\ntime_budget_s: .inf\n", "9:16", "finite"),
     ],
@@ -97,7 +97,7 @@ def test_an_instance_out_of_range_says_the_range(instance: int) -> None:
         ("tasks: [nonsense]\ninstances: [0]\n", "1:9", "unknown task 'nonsense'"),
         ("tasks: [picking_up_trash]\ninstances: [0, 10]\n", "2:16", "instance 10 is out of range"),
         ("tasks: [picking_up_trash]\ninstances: [1, 2, 1]\n", "2:19", "1 is in instances twice"),
-        ("tasks: [picking_up_trash]\ninstances: []\n", "2:12", "at least 1 item"),
+        ("tasks: [picking_up_trash]\ninstances: []\n", "2:12", "1 item or more"),
         ("tasks: [picking_up_trash]\n", "1:1", "missing key 'instances'"),
     ],
 )

@@ -151,14 +151,14 @@ root:
     [
         ("navigate:", "navigat:", 6, "unknown-node", "Did you mean 'navigate'"),
         ("room:", "rom:", 7, "unknown-key", "Did you mean 'room'"),
-        ("memory: true", "memory: maybe", 4, "bool-type", "maybe"),
+        ("memory: true", "memory: maybe", 4, "wrong-type", "maybe"),
         ("  memory: true\n", "", 3, "missing-key", "'memory'"),
         ("timeout: 5", "timeout: -5", 8, "invalid-value", "above 0"),
         ("timeout: 5", "timeout: '5'", 8, "invalid-value", "seconds"),
         ("timeout: 5", "timeout: .nan", 8, "invalid-value", "seconds"),
         ("      child:", "      children:", 9, "children", "it takes 'child'"),
         ("manipulate: pick up the cup", "{}", 10, "node", "a node is a mapping"),
-        ("manipulate: pick up the cup", "manipulate:", 10, "string-type", "should be text"),
+        ("manipulate: pick up the cup", "manipulate:", 10, "wrong-type", "should be text"),
         ("      room: kitchen", "      room: kitchen\n      child:\n        navigate: x", 8, "children", "takes none"),
         ("      room: kitchen", "      target: cup", 7, "duplicate-key", "already given"),
         ("      room: kitchen", "      timeout: 3", 7, "two-nodes", "second node type"),
@@ -166,7 +166,7 @@ root:
         ("tree: t", "treee: t", 1, "unknown-key", "Did you mean 'tree'"),
         ("root:", "rot:", 2, "unknown-key", "Did you mean 'root'"),
         ("manipulate: pick", "check_complete: x\n        skill: pik\n        # pick", 11, "unknown-skill", "'pick'"),
-        ("      room: kitchen", "      segments: [-1]", 7, "greater-than-equal", "-1"),
+        ("      room: kitchen", "      segments: [-1]", 7, "out-of-range", "-1"),
     ],
 )  # fmt: skip
 def test_a_defect_is_named_in_its_place(old: str, new: str, line: int, code: str, says: str) -> None:
