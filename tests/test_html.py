@@ -219,6 +219,14 @@ def test_the_script_plays_the_run(trace: Trace, picks: list[int]) -> None:
         assert dict(told["board"]) == board_then
 
 
+@pytest.mark.skipif(NODE is None, reason="needs node")
+def test_the_script_parses(tmp_path: Path) -> None:
+    """All of the page's script together is JavaScript."""
+    file = tmp_path / "script.js"
+    file.write_text(Tags(trace_page(hostile_run())).inside["script"][1], encoding="utf-8")
+    subprocess.run([str(NODE), "--check", str(file)], check=True)
+
+
 @given(texts=st.lists(st.text(max_size=20) | st.sampled_from([EVIL, "</script", "<!--", "]]>", "\u2028"])))
 def test_embedded_data_is_only_data(texts: list[str]) -> None:
     """Any texts survive, and none of them holds anything that HTML could see."""

@@ -24,6 +24,7 @@ from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
 from mpvi_bt.tree.trace import Trace
 
+_SCRIPTS = ("playback.js", "outline.js", "player.js", "page.js")
 _WORDS = ("feedback", "reason", "evidence", "origin")
 
 
@@ -124,7 +125,7 @@ def _shown(value: object) -> str | None:
 def _page(tree: TreeSpec, data: dict[str, Any]) -> str:
     data = {word: one_line(getattr(tree, word)) for word in ("name", "about", "instruction")} | data
     data["marks"] = {name: {"unicode": mark.unicode, "word": mark.word} for name, mark in MARKS.items()}
-    style, script = _file("page.css"), _file("playback.js") + _file("page.js")
+    style, script = _file("page.css"), "\n".join(map(_file, _SCRIPTS))
     parts = {
         "title": html.escape(one_line(tree.name)),
         "policy": f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; base-uri 'none'",
