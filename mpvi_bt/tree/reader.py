@@ -28,7 +28,7 @@ from mpvi_bt.plan.skills import Skill
 from mpvi_bt.tree.spec import NodeSpec, ParameterType, Place, TreeParameter, TreeSpec
 
 MAX_NODES = 20_000  # of a tree with its subtrees written out: a few files could ask for millions
-MAX_DEPTH = 100  # likewise; a deeper tree is slow to tick, and no person reads it
+MAX_DEPTH = 90  # likewise; a deeper tree is slow to tick, no person reads it, and a trace nests two levels a node
 _STAND_INS: Mapping[str, Value] = {"number": 1.0, "integer": 1, "boolean": True}  # of parameters without a value
 _TYPES: Mapping[str, type | tuple[type, ...]] = {"text": str, "number": (int, float), "integer": int, "boolean": bool}
 
