@@ -13,7 +13,17 @@ from hypothesis import strategies as st
 from pydantic import Field
 
 from mpvi_bt.errors import FileProblems, UserError
-from mpvi_bt.marked_yaml import MAX_DEPTH, MAX_NODES, Record, load_marked, parse_marked, validate, validate_data
+from mpvi_bt.marked_yaml import (
+    MAX_DEPTH,
+    MAX_NODES,
+    MAX_PROBLEMS,
+    Record,
+    load_marked,
+    parse_marked,
+    pointer,
+    validate,
+    validate_data,
+)
 
 
 class Box(Record):
@@ -202,3 +212,79 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "latin.yaml").write_bytes(b"name: caf\xe9")
     with pytest.raises(FileProblems, match="not UTF-8"):
         validate(tmp_path / "latin.yaml", House)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ('{"a": 1,}', 1),
+        ("{'a': 1}", 1),
+        ('{"a": 1\n "b": 2}', 2),
+        ('{"a": 1}\n// why', 2),
+        ("a: 1\n", 1),
+        ('{"a": [1,\n 2}', 2),
+    ],
+)
+def test_a_json_file_holds_json(text: str, line: int) -> None:
+    """What YAML would let pass is a problem in a file named .json, called by its name."""
+    with pytest.raises(FileProblems, match="not valid JSON") as caught:
+        parse_marked(text, "plan.json")
+    assert [p.line for p in caught.value.problems] == [line]
+
+
+def test_a_key_twice_in_json_is_a_problem() -> None:
+    """Python's own reader would take the last one."""
+    with pytest.raises(FileProblems, match="already on line 1"):
+        parse_marked('{"a": 1,\n "a": 2}', "plan.json")
+
+
+def test_a_missing_quote_is_told_where_it_is_missing() -> None:
+    """The parser stumbles at the next quote; the problem that helps is at the first one."""
+    text = 'a: "one\nb: 2\nc: 3\nd: 4\ne: "five"\n'
+    with pytest.raises(FileProblems) as caught:
+        parse_marked(text, "x.yaml")
+    found = {p.line: p.message for p in caught.value.problems}
+    assert found[1] == "this quoted text goes on to line 5; is its closing quote missing?"
+    with pytest.raises(FileProblems, match="what begins here is not closed") as caught:
+        parse_marked('a: 1\nb: "two\nc: 3\nd: 4\n', "x.yaml")
+    assert 2 in [p.line for p in caught.value.problems]
+
+
+@given(JSON, st.text("/~ab", min_size=1, max_size=4))
+def test_pointers_find_what_locations_find(data: Any, key: str) -> None:
+    """A JSON pointer, read by its standard, leads to the same value as the location."""
+    read, marks = parse_marked(json.dumps({key: data}), "x.json")
+    for location in marks.values:
+        value = pointed = read
+        for part in location:
+            value = value[part]
+        for part in pointer(location).split("/")[1:]:
+            name = part.replace("~1", "/").replace("~0", "~")
+            pointed = pointed[int(name) if isinstance(pointed, list) else name]
+        assert pointed is value
+
+
+def test_anchors_within_anchors_are_read_again() -> None:
+    """An alias within an anchored value stands for its own value wherever that is read again."""
+    text = "a: &a [1, &b {x: 2}, *b]\nc: &c [*a, *b]\nd: *c\n"
+    inner = [1, {"x": 2}, {"x": 2}]
+    data, marks = parse_marked(text, "x.yaml")
+    assert data == {"a": inner, "c": [inner, {"x": 2}], "d": [inner, {"x": 2}]}
+    assert marks.values[("d",)] == (3, 4)
+    assert marks.values[("d", 1, "x")] == (1, 18)
+
+
+def test_problems_are_bounded() -> None:
+    """A file that is wrong all over gives a list that can still be read."""
+    many = "".join(f"k{i}: 1\n" for i in range(20_000))
+    assert len(problems(many)) == MAX_PROBLEMS
+    assert len(problems("a: 1\n" * 20_000)) == MAX_PROBLEMS
+
+
+def test_the_place_of_a_bad_byte_is_told(tmp_path: Path) -> None:
+    """Line and column of what is not UTF-8."""
+    path = tmp_path / "latin.yaml"
+    path.write_bytes(b"a: 1\nname: caf\xe9\n")
+    with pytest.raises(FileProblems, match="byte 0xe9") as caught:
+        load_marked(path)
+    assert [(p.line, p.column) for p in caught.value.problems] == [(2, 10)]
