@@ -19,13 +19,12 @@ from hypothesis import strategies as st
 from mpvi_bt import paths
 from mpvi_bt.cli.check import check, problems_in
 from mpvi_bt.cli.problems import WIDTH, excerpt
-from mpvi_bt.marked_yaml import load_marked
+from mpvi_bt.marked_yaml import MAX_PROBLEMS, load_marked
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import protocol
 from mpvi_bt.tree import lint
 from mpvi_bt.tree.cells import columns
 from mpvi_bt.tree.yaml_io import load_tree, parse_tree
-from tests.conftest import Shell
 
 ROOT = paths.shipped()
 
@@ -374,14 +373,29 @@ def test_shipped_trees_have_nothing_hard_to_mean(path: Path) -> None:
     assert lint.lint(load_tree(path), load_skills()) == []
 
 
-def test_checking_a_tree_loads_no_numpy_and_no_simulator(mpvi: Shell) -> None:
+@pytest.mark.parametrize(
+    "words", [["check", "TREE"], ["fmt", "--check", "TREE"], ["schema"], ["list", "behaviors"], ["list", "trees"]]
+)
+def test_what_reads_trees_loads_no_numpy_and_no_simulator(words: list[str]) -> None:
     """Nor py_trees: that a tree is fine is known without them."""
-    tree = ROOT / "trees" / "fetch.yaml"
-    words = "import sys; from mpvi_bt.cli.check import problems_in; problems_in(sys.argv[1])"
     heavy = ("numpy", "py_trees", "sapien", "torch", "scipy", "numba")
-    code = f"{words}; print([m for m in {heavy} if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code, str(tree)], capture_output=True, text=True, check=True)
-    assert done.stdout == "[]\n"
+    args = [str(ROOT / "trees" / "fetch.yaml") if word == "TREE" else word for word in words]
+    code = (
+        "import sys\nfrom mpvi_bt.cli import main\n"
+        f"try: main({args!r})\nfinally: print([m for m in {heavy} if m in sys.modules], file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.splitlines()[-1] == "[]"
+
+
+def test_a_file_that_is_wrong_all_over_gives_a_list_that_can_be_read(tmp_path: Path) -> None:
+    """The first problems of each file, and a word that there may be more."""
+    path = tmp_path / "t.yaml"
+    nodes = "".join(f"    - navigate: x\n      rom{i}: x\n" for i in range(9000))
+    path.write_text(f"tree: x\nroot:\n  sequence:\n  memory: true\n  children:\n{nodes}")
+    done = CliRunner().invoke(check, [str(path)], standalone_mode=False)
+    assert done.stdout.count("[unknown-key]") == MAX_PROBLEMS
+    assert f"only the first {MAX_PROBLEMS} problems" in done.stderr
 
 
 def long_tree() -> str:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import importlib
 import os
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+from mpvi_bt.cli import problems as show
 from mpvi_bt.errors import FileProblems, Problem, UserError
-
-if TYPE_CHECKING:
-    from mpvi_bt.marked_yaml import Marks
+from mpvi_bt.marked_yaml import MAX_PROBLEMS, Marks, load_marked
 
 
 @click.command()
@@ -27,8 +27,6 @@ def check(files: tuple[str, ...], task: str | None, as_json: bool) -> int:
     FILE may be a folder: then every .yaml, .yml and .json below it is checked. The exit code is 1 if there is any
     problem, a warning too.
     """
-    from mpvi_bt.cli import problems as show
-
     rooms = None if task is None else rooms_of(task)
     named = [found for given in files for found in below(given)]
     problems = [problem for file in named for problem in problems_in(file, rooms)]
@@ -39,6 +37,8 @@ def check(files: tuple[str, ...], task: str | None, as_json: bool) -> int:
         for line in show.as_text(problems):
             click.echo(line)
         click.echo(_summary(len(named), len(problems)), err=True)
+        if max(Counter(p.file for p in problems).values(), default=0) >= MAX_PROBLEMS:
+            click.echo(f"of one file only the first {MAX_PROBLEMS} problems are told", err=True)
     return 1 if problems else 0
 
 
@@ -96,8 +96,6 @@ def problems_in(file: str, rooms: frozenset[str] | None = None) -> list[Problem]
         file: Of any kind that we know.
         rooms: If given, the rooms of a tree must be among them.
     """
-    from mpvi_bt.marked_yaml import load_marked
-
     try:
         data, marks = load_marked(file)
         kind = kind_of(data, marks)
@@ -132,7 +130,7 @@ def _tree_problems(data: Any, marks: Marks, rooms: frozenset[str] | None) -> lis
     skills = load_skills()
     spec = check_tree(data, marks, skills)
     found = lint(spec, skills, marks) + ([] if rooms is None else check_rooms(spec, rooms, marks))
-    return sorted(found, key=lambda p: (p.file != marks.file, p.file, p.line, p.column))
+    return sorted(found, key=lambda p: (p.file != marks.file, p.file, p.line, p.column))[:MAX_PROBLEMS]
 
 
 def rooms_of(task: str) -> frozenset[str]:

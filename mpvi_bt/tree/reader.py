@@ -297,7 +297,9 @@ class _Reader:
                 self.add(self.marks.unknown(location, "parameter", name, self.values))
             told = {self.marks.at(location) for location in unknown}
             found = problems_of(error, self.marks, node_type.parameters, at, keys)
-            self.problems += [p for p in found if (p.line, p.column) not in told]
+            for problem in found:
+                if (problem.line, problem.column) not in told:
+                    self.add(problem)
             return None
         skill, skills = getattr(parameters, "skill", None), self.reading.skills
         if (
