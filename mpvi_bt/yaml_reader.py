@@ -55,6 +55,9 @@ class Marks:
 
     def known(self, location: Iterable[str | int]) -> Location:
         """`location` without the parts that are not in the file (missing keys, pydantic's union tags)."""
+        location = tuple(location)
+        if location in self.values:
+            return location
         found: Location = ()
         for part in location:
             if (*found, part) in self.values:

@@ -449,6 +449,13 @@ HUGE = {
         "tree: x\nroot:\n  sequence:\n  memory: true\n  children:\n"
         + "".join(f"    - navigat{i}: x\n" for i in range(29_000))
     ),
+    "many unwritten keys, deep down": lambda: (
+        "tree: x\nroot:\n"
+        + "".join(f"{' ' * i}  attempt:\n{' ' * i}  child:\n" for i in range(80))
+        + "".join(
+            f"{' ' * 80}  {line}\n" for line in ("sequence:", "memory: true", "children:", *["- say: $k"] * 17_000)
+        )
+    ),
     "thousand deep": lambda: "".join(" " * i + "a:\n" for i in range(1000)),
     "thousand deep, flow": lambda: "[" * 1000 + "]" * 1000,
     "million deep": lambda: "[" * 10**6,

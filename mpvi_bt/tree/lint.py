@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
+from itertools import chain, islice
 from typing import Any
 
 from mpvi_bt.behaviors.references import names_in
 from mpvi_bt.behaviors.registry import duration_text, steps_of
 from mpvi_bt.errors import Problem, did_you_mean, nearest, shown
-from mpvi_bt.marked_yaml import Location, Marks
+from mpvi_bt.marked_yaml import MAX_PROBLEMS, Location, Marks
 from mpvi_bt.plan.skills import Skill, clauses, example, match
 from mpvi_bt.tree.outcomes import Outcomes, outcomes
 from mpvi_bt.tree.spec import NodeSpec, TreeSpec
@@ -20,7 +21,7 @@ _NO_MARKS = Marks("")
 
 
 def lint(spec: TreeSpec, skills: Mapping[str, Skill] | None = None, marks: Marks = _NO_MARKS) -> list[Problem]:
-    """Blackboard keys, parameters, order, times and prompts that cannot be meant.
+    """Blackboard keys, parameters, order, times and prompts that cannot be meant; `MAX_PROBLEMS` at most.
 
     Args:
         spec: A valid tree, subtrees expanded.
@@ -28,7 +29,8 @@ def lint(spec: TreeSpec, skills: Mapping[str, Skill] | None = None, marks: Marks
         marks: Of the tree's file, for exact places.
     """
     linter = _Linter(spec, skills, marks)
-    return [*linter.names(), *linter.keys(), *linter.unused(), *linter.node(spec.root, ())]
+    found = chain(linter.names(), linter.keys(), linter.unused(), linter.node(spec.root, ()))
+    return list(islice(found, MAX_PROBLEMS))
 
 
 def check_rooms(spec: TreeSpec, rooms: Collection[str], marks: Marks = _NO_MARKS) -> list[Problem]:
