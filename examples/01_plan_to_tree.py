@@ -3,10 +3,10 @@
 Consecutive manipulation segments become one unit, with the criterion of the last.
 """
 
+from mpvi_bt.drawing.text import ascii_tree
 from mpvi_bt.plan.schema import Manipulation, Navigation, Plan
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.tree.compile import compile_plan
-from mpvi_bt.tree.render import ascii_tree
 from mpvi_bt.tree.yaml_io import dump_tree, parse_tree
 
 plan = Plan(

@@ -16,10 +16,11 @@ from hypothesis import strategies as st
 
 from mpvi_bt import paths
 from mpvi_bt.behaviors.registry import Assignment, Comparison, node_types
+from mpvi_bt.btcpp.export import to_xml
+from mpvi_bt.btcpp.importing import from_xml
 from mpvi_bt.cli.convert import convert
 from mpvi_bt.errors import FileProblems, UserError
-from mpvi_bt.tree.btcpp_export import to_xml
-from mpvi_bt.tree.btcpp_import import from_xml
+from mpvi_bt.tree.reader import MAX_DEPTH
 from mpvi_bt.tree.spec import NodeSpec, TreeSpec
 from mpvi_bt.tree.yaml_io import dump_tree, load_tree, parse_tree
 from tests.tree_strategies import above, leaves, numbers, trees, words
@@ -304,7 +305,7 @@ def test_what_is_told_about_a_tree_comes_back_whatever_it_is() -> None:
 
 
 def test_depth_is_bounded_both_ways() -> None:
-    """As deep as BehaviorTree.CPP reads is written, half as deep is read back, and what is deeper is refused."""
+    """As deep as BehaviorTree.CPP reads is written, as deep as our trees may be is read back, and what is deeper is refused."""
 
     def inverted(depth: int) -> TreeSpec:
         root = node("succeed")
@@ -312,9 +313,9 @@ def test_depth_is_bounded_both_ways() -> None:
             root = node("invert", root)
         return TreeSpec("t", root)
 
-    assert from_xml(to_xml(inverted(100)).xml).main == inverted(100)
+    assert from_xml(to_xml(inverted(MAX_DEPTH)).xml).main == inverted(MAX_DEPTH)
     with pytest.raises(FileProblems, match="too-deep"):
-        from_xml(to_xml(inverted(101)).xml)
+        from_xml(to_xml(inverted(MAX_DEPTH + 1)).xml)
     assert to_xml(inverted(DEEPEST)).xml.count("<Inverter>") == DEEPEST - 1
     with pytest.raises(FileProblems, match="btcpp-too-deep"):
         to_xml(inverted(DEEPEST + 1))

@@ -21,9 +21,9 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.registry import NavigateTo
+from mpvi_bt.btcpp import mapping
+from mpvi_bt.btcpp.export import to_xml
 from mpvi_bt.testing import KinematicWorld, scripted_context
-from mpvi_bt.tree import btcpp
-from mpvi_bt.tree.btcpp_export import to_xml
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.spec import NodeSpec, Placed, TreeSpec
 from mpvi_bt.tree.yaml_io import load_tree
@@ -141,7 +141,7 @@ def test_btcpp_ticks_a_tree_as_we_do(tmp_path: Path, root: NodeSpec) -> None:
     """
     spec = TreeSpec("t", numbered(root, itertools.count()), blackboard={"cups": 0})
     xml = to_xml(spec).xml
-    assert not set(btcpp.own_kinds()).intersection(e.tag for e in ElementTree.fromstring(xml).iter()) - {"Navigate"}
+    assert not set(mapping.own_kinds()).intersection(e.tag for e in ElementTree.fromstring(xml).iter()) - {"Navigate"}
     assert first_round(theirs(xml, tmp_path, 8)) == first_round(ours(spec, 8))
 
 

@@ -19,11 +19,11 @@ from hypothesis import strategies as st
 from mpvi_bt import paths
 from mpvi_bt.cli.check import check, problems_in
 from mpvi_bt.cli.problems import WIDTH, excerpt
+from mpvi_bt.drawing.cells import columns
 from mpvi_bt.marked_yaml import MAX_PROBLEMS, load_marked
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import protocol
 from mpvi_bt.tree import lint
-from mpvi_bt.tree.cells import columns
 from mpvi_bt.tree.yaml_io import load_tree, parse_tree
 
 ROOT = paths.shipped()

@@ -19,10 +19,10 @@ from hypothesis import strategies as st
 
 from mpvi_bt.cli.replay import Player, replay
 from mpvi_bt.cli.trace import diff_, explain_
+from mpvi_bt.drawing.cells import columns
+from mpvi_bt.drawing.text import ascii_tree
 from mpvi_bt.errors import FileProblems
-from mpvi_bt.tree.cells import columns
-from mpvi_bt.tree.render import ascii_tree
-from mpvi_bt.tree.trace import read_trace
+from mpvi_bt.trace.read import read_trace
 from tests.conftest import Shell
 from tests.test_trace import FETCH, episode
 

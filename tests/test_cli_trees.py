@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from mpvi_bt.cli.check import check
+from mpvi_bt.cli.compile import compile_
 from mpvi_bt.cli.render import render
-from mpvi_bt.cli.trees import compile_
 from mpvi_bt.errors import MpviError
 from mpvi_bt.tree.yaml_io import load_tree
 

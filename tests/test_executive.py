@@ -9,6 +9,7 @@ import pytest
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Context
+from mpvi_bt.drawing.text import ascii_tree
 from mpvi_bt.errors import BackendError, NodeError
 from mpvi_bt.executive.live import LiveTree
 from mpvi_bt.executive.loop import Outcome, Watcher, World, run_episode
@@ -18,7 +19,6 @@ from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import compile_plan
-from mpvi_bt.tree.render import ascii_tree
 
 SKILLS = load_skills()
 SPEC = compile_plan(RecordedPlanner().plan("picking_up_trash"), SKILLS)

@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 
+from mpvi_bt.drawing.cells import columns
 from mpvi_bt.errors import NodeError
-from mpvi_bt.tree.cells import columns
-from mpvi_bt.tree.diff import Difference, diff, difference_text
-from mpvi_bt.tree.explain import Explanation, Link, explain
-from mpvi_bt.tree.explain_text import explanation_text
-from mpvi_bt.tree.trace import Trace, read_trace
+from mpvi_bt.trace.diff import Difference, diff, difference_text
+from mpvi_bt.trace.explain import Explanation, Link, explain
+from mpvi_bt.trace.explain_text import explanation_text
+from mpvi_bt.trace.read import Trace, read_trace
 from mpvi_bt.tree.yaml_io import from_expanded, parse_tree
 from tests.test_trace import FETCH, At, Capture, episode, roots
 

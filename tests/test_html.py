@@ -18,12 +18,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.tree import html
-from mpvi_bt.tree.cells import one_line
-from mpvi_bt.tree.html import embedded, trace_page, tree_page
-from mpvi_bt.tree.marks import standing
+from mpvi_bt.drawing.cells import one_line
+from mpvi_bt.drawing.marks import standing
+from mpvi_bt.trace import html
+from mpvi_bt.trace.html import embedded, trace_page, tree_page
+from mpvi_bt.trace.read import Trace, read_trace
 from mpvi_bt.tree.spec import TreeSpec
-from mpvi_bt.tree.trace import Trace, read_trace
 from mpvi_bt.tree.yaml_io import expanded, parse_tree
 from tests.test_render import SMALL
 

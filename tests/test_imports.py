@@ -26,6 +26,8 @@ RANKS = [
     {"navigation", "manipulation", "completion", "sim"},
     {"behaviors"},
     {"tree", "testing"},
+    {"drawing", "btcpp"},
+    {"trace"},
     {"executive", "testing"},
     {"suite"},
     {"cli"},

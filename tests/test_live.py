@@ -11,12 +11,12 @@ import threading
 
 import pytest
 
+from mpvi_bt.drawing.marks import MARKS, legend
+from mpvi_bt.drawing.text import LEGEND, ascii_tree, unicode_tree
 from mpvi_bt.executive.live import LiveTree
 from mpvi_bt.executive.loop import run_episode
 from mpvi_bt.testing import KinematicWorld
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.marks import MARKS, legend
-from mpvi_bt.tree.render import LEGEND, ascii_tree, unicode_tree
 from mpvi_bt.tree.state import NodeState
 from mpvi_bt.tree.yaml_io import parse_tree
 from tests.test_executive import SPEC, scene

@@ -40,7 +40,7 @@ def test_the_wheel_holds_every_file_of_the_package(installed: Path) -> None:
     package = ROOT / "mpvi_bt"
     ours = {p.relative_to(package) for p in package.rglob("*") if p.is_file() and "__pycache__" not in p.parts}
     shipped = {p.relative_to(installed / "mpvi_bt") for p in (installed / "mpvi_bt").rglob("*") if p.is_file()}
-    assert {Path("tree/page/page.html"), Path("tree/page/page.js")} <= ours <= shipped
+    assert {Path("trace/page/page.html"), Path("trace/page/page.js")} <= ours <= shipped
 
 
 def test_data_is_found_in_an_installed_wheel(installed: Path, tmp_path: Path) -> None:

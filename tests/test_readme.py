@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from mpvi_bt.drawing.text import ascii_tree
 from mpvi_bt.paths import find
-from mpvi_bt.tree.render import ascii_tree
 from mpvi_bt.tree.yaml_io import load_tree
 
 ROOT = Path(__file__).parent.parent

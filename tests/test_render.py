@@ -17,14 +17,14 @@ from wcwidth import wcswidth
 
 from mpvi_bt.behaviors.registry import Limit, Memory, NavigateTo, NoParameters
 from mpvi_bt.cli.render import render
+from mpvi_bt.drawing.cells import columns, cut, one_line, wrapped
+from mpvi_bt.drawing.dot import dot_tree
+from mpvi_bt.drawing.marks import MARKS, standing
+from mpvi_bt.drawing.svg import svg_tree
+from mpvi_bt.drawing.text import ascii_tree, time_text, tree_lines, unicode_tree, where
 from mpvi_bt.errors import UserError
-from mpvi_bt.tree.cells import columns, cut, one_line, wrapped
-from mpvi_bt.tree.dot import dot_tree
-from mpvi_bt.tree.marks import MARKS, standing
-from mpvi_bt.tree.render import ascii_tree, time_text, tree_lines, unicode_tree, where
 from mpvi_bt.tree.spec import NodeSpec, TreeSpec
 from mpvi_bt.tree.state import NodeState
-from mpvi_bt.tree.svg import svg_tree
 from mpvi_bt.tree.yaml_io import expanded, parse_tree
 from tests.tree_strategies import trees
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.tree.trace import read_trace
+from mpvi_bt.trace.read import read_trace
 from tests.conftest import Shell
 
 TREE = """\

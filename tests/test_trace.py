@@ -24,14 +24,14 @@ from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_epis
 from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.testing import KinematicWorld, scripted_context
+from mpvi_bt.trace.explain import explain
+from mpvi_bt.trace.explain_text import explanation_text
+from mpvi_bt.trace.lines import Answer, End, Header, Tick
+from mpvi_bt.trace.read import Trace, read_trace
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.explain import explain
-from mpvi_bt.tree.explain_text import explanation_text
 from mpvi_bt.tree.saving import SavedTree, save
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
-from mpvi_bt.tree.trace import Trace, read_trace
-from mpvi_bt.tree.trace_lines import Answer, End, Header, Tick
 from mpvi_bt.tree.yaml_io import from_expanded, parse_tree
 
 SKILLS = load_skills()
@@ -504,7 +504,7 @@ def test_a_trace_that_is_too_large_is_refused(tmp_path: Path, monkeypatch: pytes
     """Before it fills the memory."""
     (tmp_path / "t.jsonl").write_text("\n".join([HEAD, ONE, END]))
     read_trace(tmp_path / "t.jsonl")
-    monkeypatch.setattr("mpvi_bt.tree.trace.MAX_BYTES", len(HEAD) + 10)
+    monkeypatch.setattr("mpvi_bt.trace.read.MAX_BYTES", len(HEAD) + 10)
     with pytest.raises(FileProblems, match="larger than"):
         read_trace(tmp_path / "t.jsonl")
 

@@ -18,12 +18,12 @@ from mpvi_bt.behaviors.registry import (
     node_type,
     node_types,
 )
+from mpvi_bt.drawing.text import ascii_tree
 from mpvi_bt.errors import FileProblems, UnknownName
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.schema import Manipulation, Navigation
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.tree.compile import MANIPULATION_TIMEOUT_S, compile_plan
-from mpvi_bt.tree.render import ascii_tree
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState, Status
 from mpvi_bt.tree.yaml_io import dump_tree, load_tree, parse_tree

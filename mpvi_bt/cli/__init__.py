@@ -14,7 +14,7 @@ INTERRUPTED = 130  # 128 + SIGINT, as shells count
 # name: (module:function, one line of help)
 COMMANDS: dict[str, tuple[str, str]] = {
     "run": ("mpvi_bt.cli.run:run", "Run one episode with the tree shown live, then its score."),
-    "compile": ("mpvi_bt.cli.trees:compile_", "Write the tree of a plan, as YAML."),
+    "compile": ("mpvi_bt.cli.compile:compile_", "Write the tree of a plan, as YAML."),
     "render": ("mpvi_bt.cli.render:render", "Draw a tree, or where a run stands, as text, picture or page."),
     "check": ("mpvi_bt.cli.check:check", "List every problem in YAML files, with line and column."),
     "fmt": ("mpvi_bt.cli.fmt:fmt", "Bring trees into canonical form, with their comments."),

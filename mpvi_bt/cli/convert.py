@@ -56,7 +56,7 @@ def _target(tree: str, out: str | None, to: str | None) -> str:
 
 
 def _to_xml(tree: str) -> tuple[dict[str, str], Sequence[Problem]]:
-    from mpvi_bt.tree.btcpp_export import to_xml
+    from mpvi_bt.btcpp.export import to_xml
     from mpvi_bt.tree.yaml_io import load_tree
 
     made = to_xml(load_tree(paths.find_or_file("trees", tree, "tree")))
@@ -64,8 +64,8 @@ def _to_xml(tree: str) -> tuple[dict[str, str], Sequence[Problem]]:
 
 
 def _to_yaml(tree: str) -> tuple[dict[str, str], Sequence[Problem]]:
+    from mpvi_bt.btcpp.importing import from_xml
     from mpvi_bt.marked_yaml import read_text
-    from mpvi_bt.tree.btcpp_import import from_xml
     from mpvi_bt.tree.yaml_io import dump_tree
 
     made = from_xml(read_text(tree), tree)

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from mpvi_bt.drawing.cells import columns
 from mpvi_bt.errors import Problem
 from mpvi_bt.marked_yaml import MAX_BYTES
-from mpvi_bt.tree.cells import columns
 
 WIDTH = 80
 _LINE_ENDS = re.compile("\r\n|[\r\n\x85\u2028\u2029]")  # as YAML counts lines

@@ -13,9 +13,9 @@ from mpvi_bt import paths
 from mpvi_bt.errors import UserError
 
 if TYPE_CHECKING:  # what they load is slower than the help of this command should be
+    from mpvi_bt.trace.read import Trace
     from mpvi_bt.tree.spec import TreeSpec
     from mpvi_bt.tree.state import NodeState
-    from mpvi_bt.tree.trace import Trace
 
 Format = Literal["ascii", "unicode", "dot", "svg", "html"]
 _SUFFIXES: dict[str, Format] = {
@@ -89,7 +89,7 @@ def _picture(given: str, tick: int | None) -> _Picture:
             raise UserError(f"{given}: --tick needs the trace of a run, a .jsonl file, not a tree.")
         return _Picture(load_tree(paths.find_or_file("trees", given, "tree")))
 
-    from mpvi_bt.tree.trace import read_trace
+    from mpvi_bt.trace.read import read_trace
 
     trace = read_trace(given)
     last = trace.end.tick if trace.end else trace.ticks[-1].tick if trace.ticks else 0
@@ -107,19 +107,19 @@ def _picture(given: str, tick: int | None) -> _Picture:
 
 def _drawn(picture: _Picture, form: Format, width: int) -> str:
     if form == "dot":
-        from mpvi_bt.tree.dot import dot_tree
+        from mpvi_bt.drawing.dot import dot_tree
 
         return dot_tree(picture.tree, picture.states)
     if form == "svg":
-        from mpvi_bt.tree.svg import svg_tree
+        from mpvi_bt.drawing.svg import svg_tree
 
         return svg_tree(picture.tree, picture.states)
     if form == "html":
-        from mpvi_bt.tree.html import trace_page, tree_page
+        from mpvi_bt.trace.html import trace_page, tree_page
 
         return trace_page(picture.trace, picture.tick) if picture.trace else tree_page(picture.tree)
 
-    from mpvi_bt.tree.render import ascii_tree, unicode_tree, where
+    from mpvi_bt.drawing.text import ascii_tree, unicode_tree, where
 
     lines = [(ascii_tree if form == "ascii" else unicode_tree)(picture.tree, picture.states, width)]
     if picture.states is not None:

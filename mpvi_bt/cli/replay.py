@@ -14,14 +14,14 @@ from typing import Any
 
 import click
 
-from mpvi_bt.tree.cells import cut, one_line
-from mpvi_bt.tree.colors import painted, wants_color
-from mpvi_bt.tree.marks import legend
-from mpvi_bt.tree.render import node_line, tree_lines, where, window
+from mpvi_bt.drawing.cells import cut, one_line
+from mpvi_bt.drawing.colors import painted, wants_color
+from mpvi_bt.drawing.marks import legend
+from mpvi_bt.drawing.text import node_line, tree_lines, where, window
+from mpvi_bt.trace.lines import Tick
+from mpvi_bt.trace.read import Trace, read_trace
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
-from mpvi_bt.tree.trace import Trace, read_trace
-from mpvi_bt.tree.trace_lines import Tick
 
 _WIDTH = 80
 _WIDEST = 120

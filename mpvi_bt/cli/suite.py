@@ -64,7 +64,8 @@ def run(
 ) -> int:
     """Run the episodes of SUITE that have no result.
 
-    Prints the report at the end. Ends with 3 if an episode could not be finished for a fault of the machine; it is tried again by the next run.
+    Prints the report at the end. Ends with 3 if an episode could not be finished for a fault of the machine; it is
+    tried again by the next run.
     """
     from mpvi_bt.suite.prepare import prepare_episode
     from mpvi_bt.suite.progress import Progress

@@ -7,10 +7,10 @@ import json
 
 import click
 
-from mpvi_bt.tree.diff import diff, difference_text
-from mpvi_bt.tree.explain import explain
-from mpvi_bt.tree.explain_text import explanation_text
-from mpvi_bt.tree.trace import read_trace
+from mpvi_bt.trace.diff import diff, difference_text
+from mpvi_bt.trace.explain import explain
+from mpvi_bt.trace.explain_text import explanation_text
+from mpvi_bt.trace.read import read_trace
 
 
 @click.command(name="explain")

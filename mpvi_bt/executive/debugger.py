@@ -12,12 +12,12 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Failure
+from mpvi_bt.drawing.cells import wrapped
+from mpvi_bt.drawing.text import ascii_tree
 from mpvi_bt.errors import UserError
 from mpvi_bt.executive.loop import Watcher, World
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.cells import wrapped
 from mpvi_bt.tree.globs import require_match
-from mpvi_bt.tree.render import ascii_tree
 
 _WIDTH = 80
 _WORDS = {

@@ -7,12 +7,12 @@ import time
 from collections.abc import Iterable
 from typing import TextIO
 
+from mpvi_bt.drawing.cells import cut
+from mpvi_bt.drawing.colors import painted, wants_color
+from mpvi_bt.drawing.marks import legend
+from mpvi_bt.drawing.text import node_line, tree_lines, where, window
 from mpvi_bt.executive.loop import Outcome, World
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.cells import cut
-from mpvi_bt.tree.colors import painted, wants_color
-from mpvi_bt.tree.marks import legend
-from mpvi_bt.tree.render import node_line, tree_lines, where, window
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
 

@@ -20,10 +20,10 @@ import mpvi_bt
 from mpvi_bt.behaviors.context import Context, Query
 from mpvi_bt.errors import MpviError, NodeError, UserError
 from mpvi_bt.executive.loop import Outcome, Watcher, World
+from mpvi_bt.trace.read import VERSION, Trace, read_trace
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
-from mpvi_bt.tree.trace import VERSION, Trace, read_trace
 from mpvi_bt.tree.yaml_io import expanded
 
 _NOT_BEGUN = NodeState()

@@ -9,12 +9,12 @@ from typing import Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.drawing.text import LEGEND, ascii_tree
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.executive.loop import Outcome, Watcher, World
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.render import LEGEND, ascii_tree
 
 Picture = NDArray[np.uint8]
 SIZE = (1280, 720)

@@ -17,12 +17,12 @@ from collections.abc import Iterable, Mapping
 from importlib import resources
 from typing import Any
 
-from mpvi_bt.tree.cells import one_line
-from mpvi_bt.tree.marks import MARKS, sign, standing
-from mpvi_bt.tree.render import ascii_tree
+from mpvi_bt.drawing.cells import one_line
+from mpvi_bt.drawing.marks import MARKS, sign, standing
+from mpvi_bt.drawing.text import ascii_tree
+from mpvi_bt.trace.read import Trace
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
-from mpvi_bt.tree.trace import Trace
 
 _SCRIPTS = ("playback.js", "outline.js", "player.js", "page.js")
 _WORDS = ("feedback", "reason", "evidence", "origin")
@@ -144,7 +144,7 @@ def embedded(data: Any) -> str:
 
 
 def _file(name: str) -> str:
-    return (resources.files("mpvi_bt.tree") / "page" / name).read_text(encoding="utf-8")
+    return (resources.files("mpvi_bt.trace") / "page" / name).read_text(encoding="utf-8")
 
 
 def _hash(text: str) -> str:

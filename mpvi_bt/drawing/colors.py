@@ -7,8 +7,8 @@ from typing import TextIO
 
 import click
 
-from mpvi_bt.tree.marks import MARKS
-from mpvi_bt.tree.render import Line
+from mpvi_bt.drawing.marks import MARKS
+from mpvi_bt.drawing.text import Line
 
 
 def wants_color(stream: TextIO) -> bool:

@@ -11,9 +11,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from xml.sax.saxutils import escape
 
-from mpvi_bt.tree.cells import columns, cut, one_line, wrapped
-from mpvi_bt.tree.marks import MARKS, sign, standing
-from mpvi_bt.tree.render import time_text
+from mpvi_bt.drawing.cells import columns, cut, one_line, wrapped
+from mpvi_bt.drawing.marks import MARKS, sign, standing
+from mpvi_bt.drawing.text import time_text
 from mpvi_bt.tree.spec import Placed, TreeSpec
 from mpvi_bt.tree.state import NodeState
 

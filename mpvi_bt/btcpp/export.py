@@ -11,10 +11,10 @@ from typing import Any, Literal
 from xml.etree import ElementTree
 
 from mpvi_bt.behaviors.registry import Call, node_types
+from mpvi_bt.btcpp import mapping
+from mpvi_bt.btcpp.marked_xml import MAX_DEPTH
+from mpvi_bt.btcpp.script import Board, assignment, comparison_code, first_value
 from mpvi_bt.errors import FileProblems, Problem
-from mpvi_bt.tree import btcpp
-from mpvi_bt.tree.btcpp_script import Board, assignment, comparison_code, first_value
-from mpvi_bt.tree.marked_xml import MAX_DEPTH
 from mpvi_bt.tree.spec import NodeSpec, TreeSpec
 
 _NOT_PLAIN = re.compile("[^\t\n\r\x20-\x7e\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # nor in YAML
@@ -92,7 +92,7 @@ class _Exporter:
         """The element that takes the tree's root: below nodes that set the keys which exist from the start."""
         if not self.tree.blackboard:
             return behavior
-        sequence = ElementTree.SubElement(behavior, "Sequence", name=btcpp.FIRST_VALUES)
+        sequence = ElementTree.SubElement(behavior, "Sequence", name=mapping.FIRST_VALUES)
         for key, value in self.tree.blackboard.items():
             made = first_value(key, value, self.board.types.get(key))
             if made is None:
@@ -136,11 +136,11 @@ class _Exporter:
         return element
 
     def _by_table(self, spec: NodeSpec) -> tuple[str, dict[str, str]] | None:
-        for row in btcpp.BUILTINS:
+        for row in mapping.BUILTINS:
             if row.kind != spec.kind or any(getattr(spec.parameters, k) != v for k, v in row.fixed.items()):
                 continue
             value = getattr(spec.parameters, row.parameter) if row.parameter else None
-            text = None if value is None else btcpp.to_msec(value) if row.port == "msec" else str(value)
+            text = None if value is None else mapping.to_msec(value) if row.port == "msec" else str(value)
             if text is None and row.port not in ("", "name"):
                 return None
             if row.differs:
@@ -163,14 +163,14 @@ class _Exporter:
     def _own(self, above: ElementTree.Element, spec: NodeSpec) -> ElementTree.Element:
         """The node as one of ours."""
         self.used.add(spec.kind)
-        element = ElementTree.SubElement(above, btcpp.own_id(spec.kind))
+        element = ElementTree.SubElement(above, mapping.own_id(spec.kind))
         attributes = {"name": spec.name} if spec.type.headline == "name" and spec.name else {}
-        for name, port in btcpp.ports_of(spec.kind).items():
+        for name, port in mapping.ports_of(spec.kind).items():
             value = getattr(spec.parameters, name)
             if value is None:
                 continue
             try:
-                attributes[name] = btcpp.to_port(value, port.text)
+                attributes[name] = mapping.to_port(value, port.text)
             except ValueError as error:
                 self._note(spec, "reference", f"{name}: {error}", "error")
         self._set(element, spec, attributes)
@@ -189,7 +189,7 @@ class _Exporter:
     def _new_id(self, name: str) -> str:
         """One that is valid, and neither a node's nor another tree's."""
         wanted = re.sub(r"[^A-Za-z0-9_-]", "_", name)
-        taken = self.ids | btcpp.THEIRS | btcpp.KEPT | set(btcpp.own_kinds())
+        taken = self.ids | mapping.THEIRS | mapping.KEPT | set(mapping.own_kinds())
         number = 2
         found = wanted
         while found in taken:
@@ -199,12 +199,12 @@ class _Exporter:
 
     def _models(self, above: ElementTree.Element) -> None:
         """What our nodes look like: those used, and those that BehaviorTree.CPP has nothing like."""
-        theirs = {row.kind for row in btcpp.BUILTINS} | {"subtree", "set", "test", "condition"}
-        for kind, node_type in sorted(node_types().items(), key=lambda item: btcpp.own_id(item[0])):
+        theirs = {row.kind for row in mapping.BUILTINS} | {"subtree", "set", "test", "condition"}
+        for kind, node_type in sorted(node_types().items(), key=lambda item: mapping.own_id(item[0])):
             if kind in theirs - self.used:
                 continue
-            model = ElementTree.SubElement(above, btcpp.model_of(node_type), ID=btcpp.own_id(kind))
-            for name, port in btcpp.ports_of(kind).items():
+            model = ElementTree.SubElement(above, mapping.model_of(node_type), ID=mapping.own_id(kind))
+            for name, port in mapping.ports_of(kind).items():
                 made = ElementTree.SubElement(model, "input_port", name=name, type=port.type)
                 if port.optional:
                     made.set("default", "")

@@ -12,7 +12,7 @@ from typing import Any
 
 from mpvi_bt.behaviors import references
 from mpvi_bt.behaviors.registry import Assignment, Comparison, Value
-from mpvi_bt.tree.btcpp import is_pointer, number_text
+from mpvi_bt.btcpp.mapping import is_pointer, number_text
 from mpvi_bt.tree.spec import TreeSpec
 
 Type = str  # "boolean", "integer", "number" or "text"

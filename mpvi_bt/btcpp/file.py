@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from mpvi_bt.btcpp.marked_xml import Element
 from mpvi_bt.errors import Problem, did_you_mean, nearest, shown
-from mpvi_bt.tree.marked_xml import Element
 
 _TREE_ID = "letters, digits, '_' and '-'"
 

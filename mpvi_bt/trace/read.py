@@ -18,9 +18,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from mpvi_bt.behaviors.registry import Value
 from mpvi_bt.errors import FileProblems, Problem, UserError
+from mpvi_bt.trace.lines import END, HEADER, TICK, End, Header, Tick
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
-from mpvi_bt.tree.trace_lines import END, HEADER, TICK, End, Header, Tick
 from mpvi_bt.tree.yaml_io import from_expanded
 
 VERSION = 1

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from mpvi_bt.behaviors.registry import Comparison, Value, node_types
+from mpvi_bt.btcpp import mapping
+from mpvi_bt.btcpp.file import TreeFile, place_of
+from mpvi_bt.btcpp.marked_xml import Element, parse_xml
+from mpvi_bt.btcpp.script import escaped, read_assignments, read_comparison
 from mpvi_bt.errors import FileProblems, Problem, shown
 from mpvi_bt.marked_yaml import Location, Marks, parse_marked
-from mpvi_bt.tree import btcpp
-from mpvi_bt.tree.btcpp_file import TreeFile, place_of
-from mpvi_bt.tree.btcpp_script import escaped, read_assignments, read_comparison
-from mpvi_bt.tree.marked_xml import Element, parse_xml
 from mpvi_bt.tree.reader import MAX_DEPTH, MAX_NODES, Reading, read
 from mpvi_bt.tree.spec import TreeSpec
 
@@ -86,7 +86,7 @@ class _Tree:
 
     def _first_values(self, element: Element) -> dict[str, Any] | None:
         """Keys that exist from the start, if an element is the Sequence that our export sets them in."""
-        if element.tag != "Sequence" or element.attributes.get("name") != btcpp.FIRST_VALUES:
+        if element.tag != "Sequence" or element.attributes.get("name") != mapping.FIRST_VALUES:
             return None
         values: dict[str, Any] = {}
         for child in element.children[:-1]:
@@ -121,33 +121,33 @@ class _Tree:
             return self._comparison(element, at, "test", element)
         if tag == "ReactiveSequence" and (guarded := self._condition(element, at)):
             return guarded
-        if tag in btcpp.own_kinds():
-            return self._own(element, at, btcpp.own_kinds()[tag])
-        if any(row.tag == tag for row in btcpp.BUILTINS):
+        if tag in mapping.own_kinds():
+            return self._own(element, at, mapping.own_kinds()[tag])
+        if any(row.tag == tag for row in mapping.BUILTINS):
             return self._builtin(element, at, tag)
-        if tag in btcpp.THEIRS:
+        if tag in mapping.THEIRS:
             self.file.problem(element, "unmapped-node", f"{tag} has no equal here; docs/btcpp.md lists what has")
         else:
-            known = {row.tag for row in btcpp.BUILTINS} | set(btcpp.own_kinds()) | {"Script", "SetBlackboard"}
+            known = {row.tag for row in mapping.BUILTINS} | set(mapping.own_kinds()) | {"Script", "SetBlackboard"}
             self.file.unknown(element, "node", tag, sorted(known | {"ScriptCondition", "SubTree"}))
         for child in element.children:
             self._node(child, at)
         return _STAND_IN
 
     def _builtin(self, element: Element, at: Location, tag: str) -> dict[str, Any]:
-        rows = [row for row in btcpp.BUILTINS if row.tag == tag]
+        rows = [row for row in mapping.BUILTINS if row.tag == tag]
         row = rows[0] if tag != "Parallel" else self._parallel(element, rows)
         known = {row.port, *row.constant} - {"", "name"}
         self._check_attributes(element, known, needed=known - set(row.constant))
         given: dict[str, Any] = dict(row.fixed)
         attributes = element.attributes
-        if row.port in attributes and (row.port != "name" or btcpp.KEY.fullmatch(attributes["name"])):
+        if row.port in attributes and (row.port != "name" or mapping.KEY.fullmatch(attributes["name"])):
             given[row.parameter] = self._decoded(element, row.port, lambda: _port_value(row.port, attributes[row.port]))
         if row.differs:
             self.file.warn(element, tag.lower(), f"{tag}: {row.differs}")
         return self._data(element, at, row.kind, given, {row.parameter: row.port})
 
-    def _parallel(self, element: Element, rows: list[btcpp.Builtin]) -> btcpp.Builtin:
+    def _parallel(self, element: Element, rows: list[mapping.Builtin]) -> mapping.Builtin:
         defaults = {"success_count": "-1", "failure_count": "1"}
         counts = {name: element.attributes.get(name, default).strip() for name, default in defaults.items()}
         whole = {**counts, "success_count": "-1"} if counts["success_count"] == str(len(element.children)) else counts
@@ -162,13 +162,13 @@ class _Tree:
         return rows[0]
 
     def _own(self, element: Element, at: Location, kind: str) -> dict[str, Any]:
-        ports = btcpp.ports_of(kind)
+        ports = mapping.ports_of(kind)
         self._check_attributes(element, set(ports), needed={name for name, port in ports.items() if not port.optional})
         given = {}
         for name, port in ports.items():
             if name in element.attributes and not (port.optional and element.attributes[name] == ""):
                 text = element.attributes[name]
-                given[name] = self._decoded(element, name, lambda t=text, p=port: btcpp.from_port(t, p.text))
+                given[name] = self._decoded(element, name, lambda t=text, p=port: mapping.from_port(t, p.text))
         return self._data(element, at, kind, given, {})
 
     def _call(self, element: Element, at: Location) -> dict[str, Any]:
@@ -201,7 +201,7 @@ class _Tree:
         if element.tag == "SetBlackboard":
             self._check_attributes(element, {"value", "output_key"}, needed={"value", "output_key"})
             text = attributes.get("value", "")
-            value = self._decoded(element, "value", lambda: btcpp.from_port(text, as_text=True))
+            value = self._decoded(element, "value", lambda: mapping.from_port(text, as_text=True))
             value = escaped(value) if value == text else value
             given = {"key": attributes.get("output_key", ""), "value": value}
             return self._data(element, at, "set", given, {"key": "output_key", "value": "value"})
@@ -326,14 +326,14 @@ def _port_value(port: str, text: str) -> Any:
     """What a port of theirs says. Raises ValueError if that is nothing."""
     if port == "name":
         return text
-    return btcpp.from_msec(text) if port == "msec" else btcpp.from_port(text.strip(), as_text=False)
+    return mapping.from_msec(text) if port == "msec" else mapping.from_port(text.strip(), as_text=False)
 
 
 def _constant(element: Element) -> tuple[str, Value] | None:
     """Key and value of a node that gives a key a value, as our export does it; None if it is any other."""
     if element.tag == "SetBlackboard":
         text = element.attributes.get("value", "")
-        return None if btcpp.is_pointer(text) else (element.attributes.get("output_key", ""), text)
+        return None if mapping.is_pointer(text) else (element.attributes.get("output_key", ""), text)
     found = read_assignments(element.attributes.get("code", "")) if element.tag == "Script" else None
     if found is None or len(found) != 1 or isinstance(found[0].get("value", ""), str):
         return None

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from mpvi_bt.trace.lines import Answer, Broken, Tick
+from mpvi_bt.trace.read import Moment, Trace
 from mpvi_bt.tree.spec import Placed, TreeSpec
 from mpvi_bt.tree.state import Ending, NodeState, Status
-from mpvi_bt.tree.trace import Moment, Trace
-from mpvi_bt.tree.trace_lines import Answer, Broken, Tick
 
 _NEVER = NodeState()
 

@@ -7,12 +7,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from mpvi_bt.tree.cells import columns, cut, one_line
-from mpvi_bt.tree.marks import MARKS, standing
+from mpvi_bt.drawing.cells import columns, cut, one_line
+from mpvi_bt.drawing.marks import MARKS, standing
+from mpvi_bt.trace.lines import Tick
+from mpvi_bt.trace.read import Moment, Trace
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
-from mpvi_bt.tree.trace import Moment, Trace
-from mpvi_bt.tree.trace_lines import Tick
 
 _NEVER = NodeState()
 _SHOWN = 8  # of anything; --json has all

@@ -1,4 +1,4 @@
-"""`mpvi compile`, `mpvi check`: trees without a robot."""
+"""`mpvi compile`: the tree of a plan."""
 
 from __future__ import annotations
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeVar
 
-from mpvi_bt.tree.cells import columns, cut, one_line
-from mpvi_bt.tree.explain import Explanation, Link
+from mpvi_bt.drawing.cells import columns, cut, one_line
+from mpvi_bt.trace.explain import Explanation, Link
 
 _Item = TypeVar("_Item")
 
