@@ -305,7 +305,7 @@ def test_what_is_told_about_a_tree_comes_back_whatever_it_is() -> None:
 
 
 def test_depth_is_bounded_both_ways() -> None:
-    """As deep as BehaviorTree.CPP reads is written, as deep as our trees may be is read back, and what is deeper is refused."""
+    """What BehaviorTree.CPP could not read for its depth is not written; what our trees may not be is not read."""
 
     def inverted(depth: int) -> TreeSpec:
         root = node("succeed")

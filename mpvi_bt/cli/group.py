@@ -10,7 +10,7 @@ import click
 
 from mpvi_bt import __version__
 from mpvi_bt.cli import COMMANDS, INTERRUPTED, help_text
-from mpvi_bt.errors import MpviError, UnknownName
+from mpvi_bt.errors import FileProblems, MpviError, UnknownName
 
 
 class LazyGroup(click.Group):
@@ -56,6 +56,12 @@ def run(args: Sequence[str]) -> int:
     except click.ClickException as error:
         click.echo(f"mpvi: {_usage(error)}", err=True)
         return 2
+    except FileProblems as error:
+        from mpvi_bt.cli.problems import as_text
+
+        for line in as_text(error.problems):
+            click.echo(line, err=True)
+        return error.exit_code
     except MpviError as error:
         click.echo(f"mpvi: {error}", err=True)
         return error.exit_code

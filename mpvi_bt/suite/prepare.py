@@ -17,7 +17,7 @@ from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.saved import SavedEpisode
 from mpvi_bt.suite.tasks import Task, load_task
 from mpvi_bt.tree.compile import compile_plan
-from mpvi_bt.tree.lint import check_rooms
+from mpvi_bt.tree.lint import check_rooms, lint
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.substitute import Rules, load_rules
 from mpvi_bt.tree.yaml_io import check_tree
@@ -83,6 +83,8 @@ def prepare(
     if tree is not None:
         data, marks = load_marked(paths.find_or_file("trees", tree))
         spec = check_tree(data, marks, skills, arguments)
+        if wrong := [problem for problem in lint(spec, skills, marks) if problem.severity == "error"]:
+            raise FileProblems(wrong)
         if spec.unbound:
             wanted = " ".join(f"--param {name}={spec.parameters[name].type.upper()}" for name in spec.unbound)
             raise UserError(f"tree {spec.name!r} needs values for its parameters: {wanted}")
