@@ -49,6 +49,7 @@ def _shared(command: Any) -> Any:
     help="Wall time after which an episode counts as hung.",
 )
 @click.option("--episode", default=EPISODE, hidden=True, help="module:function that runs one episode, for tests.")
+@click.option("--trace/--no-trace", default=True, show_default=True, help="Write what happened in every episode.")
 @click.option("--video/--no-video", default=False, help="Film every episode.")
 @click.option("--picture/--no-picture", default=False, help="Draw every episode's path from above.")
 def run(
@@ -58,6 +59,7 @@ def run(
     workers: int | None,
     wall_limit: float,
     episode: str,
+    trace: bool,
     video: bool,
     picture: bool,
     **options: Any,
@@ -75,6 +77,8 @@ def run(
     title, store, episodes = _open(name, out, options)
     for config in {c.task: c for c in episodes}.values():
         prepare_episode(config)  # what is wrong with a tree or a plan is said once, and before workers start
+    if trace:
+        episodes = [replace(c, trace=store.out / "traces" / f"{c.name}.jsonl") for c in episodes]
     if video:
         episodes = [replace(c, video=store.out / "videos" / f"{c.name}.mp4") for c in episodes]
     if picture:

@@ -2,7 +2,7 @@
 
 - json/{task}_{instance}_{seed}.json: the result, written whole or not at all
 - faults/{task}_{instance}_{seed}.json: what broke, for episodes that the machine could not finish
-- videos/ and pictures/, if asked for
+- traces/, for `mpvi explain` and its like, unless they were not wanted; videos/ and pictures/, if asked for
 """
 
 from __future__ import annotations
