@@ -29,6 +29,17 @@ def test_navigate_gets_there_and_stands_still() -> None:
     assert not bench.base.any()
 
 
+def test_a_reset_does_not_stop_what_another_node_has_begun() -> None:
+    """A drive that has ended and is reset, as a selector does with what failed, leaves the one that runs now alone."""
+    bench = Bench(
+        "selector: s\nmemory: true\nchildren:\n"
+        "  - {sequence: first, memory: true, children: [{navigate: cup}, {fail: no_cup}]}\n"
+        "  - {navigate: sink}"
+    )
+    assert bench.run(600) == Status.SUCCESS
+    assert np.linalg.norm(bench.world.robot.proprioception().base_pose[:2] - PLACES["sink"]) < 0.03
+
+
 def test_navigate_passes_on_why_it_failed() -> None:
     """The navigator's reason and words become the node's failure, and the tree's."""
     bench = Bench("sequence: s\nmemory: true\nchildren: [{navigate: moon}]")

@@ -12,13 +12,17 @@ import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from mpvi_bt.behaviors import registry
 from mpvi_bt.behaviors.composites import Selector, Sequence
 from mpvi_bt.behaviors.context import Failure
 from mpvi_bt.behaviors.decorators import Retry, Subtree
 from mpvi_bt.behaviors.node import failure_of
-from mpvi_bt.behaviors.registry import node_types
-from mpvi_bt.errors import NodeError
+from mpvi_bt.behaviors.registry import NodeType, node_type, node_types
+from mpvi_bt.errors import NodeError, UserError
 from mpvi_bt.testing import KinematicWorld, scripted_context
+from mpvi_bt.tree import reader, spec
+from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.yaml_io import parse_tree
 from tests.bench import Bench
 
 RUNNING, SUCCESS, FAILURE, INVALID = Status.RUNNING, Status.SUCCESS, Status.FAILURE, Status.INVALID
@@ -207,3 +211,23 @@ def test_a_failure_survives_json_with_what_caused_it() -> None:
         "out_of_tries", "2 failed", "a", 1.5, Failure("all_failed", "", "a/b", 1.0, Failure("x", "y", "z", 0))
     )
     assert Failure.of(json.loads(json.dumps(dataclasses.asdict(failure)))) == failure
+
+
+@pytest.mark.parametrize(
+    ("factory", "said"),
+    [
+        ("no_such_module:Wave", "No module named 'no_such_module'"),
+        ("mpvi_bt.behaviors.leaves:Wavin", "has no attribute 'Wavin'"),
+        ("mpvi_bt.behaviors.leaves:Succeed", "unexpected keyword argument 'text'"),
+    ],
+)
+def test_a_class_that_does_not_fit_its_row_is_named(factory: str, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A kind whose class is missing, or takes other parameters, is a user's error with the place in the tree."""
+    wave = NodeType("wave", "leaf", node_type("say").parameters, "text", factory, "Waves.")
+    monkeypatch.setattr(registry, "node_types", lambda: {"wave": wave})
+    monkeypatch.setattr(spec, "node_types", registry.node_types)
+    monkeypatch.setattr(reader, "node_types", registry.node_types)
+    with pytest.raises(UserError) as caught:
+        Tree(parse_tree("tree: t\nroot:\n  wave: at her\n", "t.yaml"))
+    assert "t.yaml:3:3: node type 'wave' cannot be made by" in str(caught.value)
+    assert said in str(caught.value)

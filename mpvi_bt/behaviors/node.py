@@ -83,6 +83,7 @@ class Leaf(Node):
     """
 
     stops_robot: ClassVar[bool] = True
+    _beginning: bool = False  # in its first tick, when the status does not say yet that it is at work
 
     def tick(self) -> Iterator[Behaviour]:
         """As py_trees, without its log lines: formatting them takes most of a small leaf's time.
@@ -92,6 +93,7 @@ class Leaf(Node):
         """
         try:
             if self.status is not _RUNNING:
+                self._beginning = True
                 self.initialise()
             status = self.update()
         except NoValue as missing:
@@ -99,13 +101,20 @@ class Leaf(Node):
         if status is not _RUNNING:
             self.stop(_checked(status, self))
         self.status = status
+        self._beginning = False
         yield self
 
     def stop(self, new_status: Status = _INVALID) -> None:
-        """As py_trees, likewise."""
+        """As py_trees, likewise, but `terminate` is called once a round.
+
+        py_trees calls it again when a node that has ended is reset; one that drives the robot would then stop what
+        another node has begun since.
+        """
+        if new_status is not _INVALID or self._beginning or self.status is _RUNNING:
+            self.terminate(new_status)
         if new_status is _INVALID and self.status is not _INVALID:
             self._note_reset()
-        self.terminate(new_status)
+        self._beginning = False
         self.status = new_status
 
     def terminate(self, new_status: Status) -> None:

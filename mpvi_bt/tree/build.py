@@ -255,8 +255,13 @@ def _make(spec: NodeSpec, children: list[Behaviour]) -> Behaviour:
     elif spec.type.family == "decorator":
         arguments["child"] = children[0]
     module, _, name = spec.type.factory.partition(":")
-    factory: Callable[..., Behaviour] = getattr(importlib.import_module(module), name)
-    return factory(name=spec.name or spec.kind, **arguments)
+    try:
+        factory: Callable[..., Behaviour] = getattr(importlib.import_module(module), name)
+        return factory(name=spec.name or spec.kind, **arguments)
+    except (ImportError, AttributeError, TypeError) as error:
+        where = f"{spec.place}: " if spec.place else ""
+        made = f"{spec.type.factory}(name=..., {', '.join(f'{key}=...' for key in arguments)})"
+        raise UserError(f"{where}node type {spec.kind!r} cannot be made by {made}: {error}") from error
 
 
 def _spliced(spec: TreeSpec, parent: str | None, first: int, stop: int, new: list[NodeSpec]) -> NodeSpec:
