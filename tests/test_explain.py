@@ -84,6 +84,27 @@ def test_a_timeout_tells_the_failures_before_it(tmp_path: Path) -> None:
     assert [link.path for link in cause.interrupted] == ["timeout/retry/try/wait"]
 
 
+def test_what_failed_before_a_swap_is_told_as_what_it_was(tmp_path: Path) -> None:
+    """Failures of nodes that the tree has no longer, or whose path is another's now, with their own labels."""
+    spec = parse_tree(
+        "tree: t\nroot:\n  timeout: 0.5\n  child:\n    retry: 100\n    child:\n      sequence: s\n      memory: true\n"
+        "      children:\n        - fail: early\n"
+    )
+    new = parse_tree(
+        "tree: t\nroot:\n  selector: s\n  memory: true\n  children:\n    - fail: late\n    - wait: 9\n"
+    ).root
+    for swapped, labels in (
+        (parse_tree("tree: t\nroot:\n  wait: 9\n").root, ["fail: early"]),
+        (new, ["fail: early", "fail: late"]),
+    ):
+        swap = At(5, lambda tree, new=swapped: tree.swap("timeout/retry/s", new))  # type: ignore[misc]
+        (cause,) = links(explain(recorded(spec, tmp_path, swap)).cause)
+        assert [link.label for link in cause.earlier] == labels
+        assert {link.path for link in cause.earlier} == {"timeout/retry/s/fail"}
+        assert [link.label for link in cause.interrupted] == ["wait 9 s"]
+        assert cause.interrupted[0].began_s == pytest.approx(5 / 30)
+
+
 @given(root=roots)
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=80)
 def test_the_chain_has_the_leaf_that_failed_the_root(tmp_path: Path, root: dict[str, Any]) -> None:

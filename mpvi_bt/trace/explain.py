@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from mpvi_bt.trace.lines import Answer, Broken, Tick
 from mpvi_bt.trace.read import Moment, Trace
-from mpvi_bt.tree.spec import Placed, TreeSpec
+from mpvi_bt.tree.spec import NodeSpec, Placed, TreeSpec
 from mpvi_bt.tree.state import Ending, NodeState, Status
+from mpvi_bt.tree.yaml_io import from_expanded
 
 _NEVER = NodeState()
 
@@ -101,6 +102,14 @@ def explain(trace: Trace) -> Explanation:
     )
 
 
+class _Failed(NamedTuple):
+    """When a node failed, how it stood then, and what it was: another may stand at its path since."""
+
+    time_s: float
+    state: NodeState
+    spec: NodeSpec
+
+
 class _History:
     """How everything stands, and what a single moment does not say: when rounds began, failures since passed over."""
 
@@ -109,11 +118,13 @@ class _History:
         self.placed: dict[str, Placed] = {placed.path: placed for placed in tree.nodes}
         self.began: dict[str, float] = {}
         self.since: dict[str, float] = {}
-        self.failures: defaultdict[str, list[tuple[float, NodeState]]] = defaultdict(list)
+        self.failures: defaultdict[str, list[_Failed]] = defaultdict(list)
         self.asked: list[Asked] = []
 
     def add(self, tick: Tick) -> None:
         """Take in the next tick."""
+        if tick.tree is not None:
+            self._swap(from_expanded(tick.tree))
         for path, new in tick.nodes.items():
             old = self.moment.nodes.get(path, _NEVER)
             if new.status != old.status:
@@ -121,13 +132,20 @@ class _History:
             if old.status != "RUNNING" and (new.status != "INVALID" or new.interrupted):
                 self.began[path] = tick.time_s
             if new.status == "FAILURE":
-                self.failures[path].append((tick.time_s, new))
+                self.failures[path].append(_Failed(tick.time_s, new, self.placed[path].spec))
         self.asked += [Asked(tick.time_s, answer) for answer in tick.queries]
         self.moment.apply(tick)
-        if tick.tree is not None:
-            self.placed = {placed.path: placed for placed in self.moment.tree.nodes}
 
-    def link(self, path: str, failed: tuple[float, NodeState] | None = None) -> Link:
+    def _swap(self, tree: TreeSpec) -> None:
+        """Forget how nodes stood that are others now. Their failures stay: they are part of what happened."""
+        before, self.placed = self.placed, {placed.path: placed for placed in tree.nodes}
+        for path, placed in before.items():
+            now = self.placed.get(path)
+            if now is None or (now.spec.kind, now.spec.label) != (placed.spec.kind, placed.spec.label):
+                for kept in (self.moment.nodes, self.began, self.since):
+                    kept.pop(path, None)
+
+    def link(self, path: str, failed: _Failed | None = None) -> Link:
         """A node and what brought it there.
 
         Args:
@@ -135,7 +153,7 @@ class _History:
             failed: When it failed and how, if it has been reset since.
         """
         bare = self._bare(path, failed)
-        origin = (failed[1] if failed else self.moment.nodes.get(path, _NEVER)).origin
+        origin = (failed.state if failed else self.moment.nodes.get(path, _NEVER)).origin
         below = self._failed_below(bare)
         if below and origin != path:
             return replace(bare, reason="", evidence="", below=below)
@@ -153,12 +171,13 @@ class _History:
         links = self._deepest(self.moment.tree.nodes[0].path, "RUNNING")
         return tuple(replace(link, asked=self._asked(replace(link, time_s=self.moment.time_s))) for link in links)
 
-    def _bare(self, path: str, failed: tuple[float, NodeState] | None = None) -> Link:
+    def _bare(self, path: str, failed: _Failed | None = None) -> Link:
         """A node without what is below it."""
-        since = self.since.get(path, self.moment.time_s)
-        time_s, state = failed or (since, self.moment.nodes.get(path, _NEVER))
+        if failed is None:
+            since = self.since.get(path, self.moment.time_s)
+            failed = _Failed(since, self.moment.nodes.get(path, _NEVER), self.placed[path].spec)
+        time_s, state, spec = failed
         began_s = min(self.began.get(path, time_s), time_s)
-        spec = self.placed[path].spec
         return Link(
             path, spec.glyph, spec.label, state.status, began_s, time_s, state.reason, state.evidence, state.feedback
         )
@@ -171,7 +190,7 @@ class _History:
             last = self.failures[child][-1] if self.failures[child] else None
             if state.status == "FAILURE":
                 found.append(self.link(child))
-            elif last and state == _NEVER and link.began_s <= last[0] <= link.time_s:
+            elif last and state == _NEVER and link.began_s <= last.time_s <= link.time_s:
                 found.append(self.link(child, last))
         return tuple(found)
 
@@ -187,11 +206,11 @@ class _History:
     def _earlier(self, link: Link) -> tuple[Link, ...]:
         """Failures below a node, in its round, that did not end it; each at the node where it began."""
         found = [
-            self._bare(path, (time_s, state))
+            self._bare(path, failed)
             for path, failures in self.failures.items()
             if path.startswith(f"{link.path}/")
-            for time_s, state in failures
-            if state.origin in ("", path) and link.began_s <= time_s <= link.time_s
+            for failed in failures
+            if failed.state.origin in ("", path) and link.began_s <= failed.time_s <= link.time_s
         ]
         return tuple(sorted(found, key=lambda earlier: earlier.time_s))
 
