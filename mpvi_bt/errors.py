@@ -16,7 +16,10 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
+
+_OURS = Path(__file__).absolute().parent
 
 
 class MpviError(Exception):
@@ -105,12 +108,31 @@ class NodeError(MpviError):
 
     Attributes:
         path: Names from the root to the node, joined by "/".
+        message: What was raised, such as "ValueError: no such cup".
+        place: Where in the code of the behavior's author, such as "waving.py:12"; "" if none of it was at work.
     """
 
     def __init__(self, path: str, cause: BaseException) -> None:
-        self.path = path
-        super().__init__(f"{path}: {type(cause).__name__}: {cause}")
+        self.path, self.message, self.place = path, f"{type(cause).__name__}: {cause}", _place(cause)
+        super().__init__(f"{path}: {self.message}" + (f", at {self.place}" if self.place else ""))
         self.__cause__ = cause
+
+
+def _place(error: BaseException) -> str:
+    """The innermost line of the author's code: below the folder of the first that is neither ours nor py_trees'."""
+    frames = []
+    trace = error.__traceback__
+    while trace is not None:
+        file = Path(trace.tb_frame.f_code.co_filename).absolute()
+        if _OURS not in file.parents and "py_trees" not in file.parts:
+            frames.append((file, trace.tb_lineno))
+        trace = trace.tb_next
+    if not frames:
+        return ""
+    home = frames[0][0].parent
+    file, line = [frame for frame in frames if home in frame[0].parents][-1]
+    here = Path.cwd()
+    return f"{file.relative_to(here) if here in file.parents else file}:{line}"
 
 
 def nearest(given: str, known: Iterable[str]) -> str | None:
@@ -121,9 +143,17 @@ def nearest(given: str, known: Iterable[str]) -> str | None:
     return matches[0] if matches else None
 
 
+_BESIDE = 40  # characters
+
+
 def did_you_mean(near: str | None, known: Sequence[str], most: int = 12) -> str:
-    """The end of a message about a name that is not known: the nearest one, and the first `most` of all."""
+    """The end of a message about a name that is not known: the nearest one, and the first `most` of all.
+
+    A long list is left out beside the nearest one, so that the message fits a line.
+    """
     hint = f" Did you mean {near!r}?" if near else ""
+    if near and len(", ".join(known)) > _BESIDE:
+        return hint
     more = f", ... ({len(known)} in all)" if len(known) > most else ""
     return f"{hint} Known: {', '.join(known[:most]) or 'none'}{more}."
 
@@ -132,5 +162,7 @@ def shown(value: Any) -> str:
     """A value as a message quotes it: on one line, and no longer than 60 characters."""
     if isinstance(value, dict | list):
         return "a mapping" if isinstance(value, dict) else "a list"
+    if value is None or isinstance(value, bool):
+        return "nothing" if value is None else str(value).lower()
     text = repr(value[:60] if isinstance(value, str) else value)
     return text if len(text) <= 60 else text[:57] + "..."

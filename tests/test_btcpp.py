@@ -375,6 +375,23 @@ def test_convert_goes_by_the_suffixes(tmp_path: Path) -> None:
     assert (tmp_path / "go_to.yaml").read_text() == "mine"
 
 
+def test_what_was_edited_is_written_over_only_by_force(tmp_path: Path) -> None:
+    """The file that was named too; and each file that was not named is told."""
+    run = CliRunner()
+    there, back = str(tmp_path / "fetch.xml"), str(tmp_path / "fetch.yaml")
+    for named in (["fetch", there], [there, back]):
+        run.invoke(convert, named)
+        before = Path(named[1]).read_text()
+        Path(named[1]).write_text("edited")
+        refused = str(run.invoke(convert, named).exception)
+        assert refused == f"{named[1]}: is there already with another text. Write elsewhere, or give --force."
+        assert Path(named[1]).read_text() == "edited"
+        forced = run.invoke(convert, [*named, "--force", "--json"])
+        assert Path(named[1]).read_text() == before
+        assert named[1] == json.loads(forced.stdout)["files"][0]
+    assert f"wrote {tmp_path / 'go_to.yaml'} too" in run.invoke(convert, [there, back]).stderr
+
+
 def test_convert_for_programs(tmp_path: Path) -> None:
     """The JSON holds the text, those of the subtrees, and the warnings."""
     run = CliRunner()

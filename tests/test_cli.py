@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import time
@@ -118,6 +119,48 @@ def test_output_that_nobody_reads_is_no_fault(tmp_path: Path) -> None:
         ["/bin/sh", "-c", f'"{sys.executable}" -c "{code}" | head -c 0'], capture_output=True, text=True, check=True
     )
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize("words", ["list trees", "check .", "run --dry --tree hello", "render hello", "run --help"])
+def test_a_full_disk_is_one_line(words: str, tmp_path: Path) -> None:
+    """Where nothing can be printed any more the command says so, and ends as for a fault of the machine."""
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-c", "from mpvi_bt.cli import main; main()", *words.split()],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            cwd=tmp_path,
+        )
+    assert done.returncode == 3
+    assert done.stderr.splitlines()[-1] == "mpvi: what is printed: cannot be written: no space left on device"
+    assert "Traceback" not in done.stderr
+
+
+def test_a_reader_that_has_had_enough_is_no_failed_task(tmp_path: Path) -> None:
+    """`mpvi run | head` goes on to its end, trace and all, and does not end with 1."""
+    code = "from mpvi_bt.cli import main; main(['run', '--dry', '--tree', 'evening_round'])"
+    done = subprocess.run(
+        ["/bin/bash", "-c", f'"{sys.executable}" -c "{code}" | head -1 >/dev/null; echo "${{PIPESTATUS[0]}}"'],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tmp_path,
+    )
+    assert (done.stdout, done.stderr) == ("141\n", "")
+    assert '{"end": "success"' in (tmp_path / "runs" / "evening_round_dry.trace.jsonl").read_text()
+
+
+def test_errors_are_json_too(mpvi: Shell, tmp_path: Path) -> None:
+    """With --json a program finds what went wrong on stdout, a person on stderr; the exit code is the same."""
+    (tmp_path / "bad.yaml").write_text("tree: t\nroot:\n  wiat: 1\n")
+    for words in ("run --dry --tree nope", "render bad.yaml", "explain none", "suite run"):
+        done = mpvi(*words.split(), "--json")
+        told = json.loads(done.stdout)["error"]
+        assert (done.returncode, told["exit_code"]) == (2, 2)
+        assert told["message"].splitlines()[0] in done.stderr
+        assert ("problems" in told) == (words == "render bad.yaml")
 
 
 def test_help_takes_at_most_five_times_a_bare_python() -> None:

@@ -21,7 +21,8 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 RANKS = [
     {"errors"},
     {"yaml_reader"},
-    {"robot", "paths", "marked_yaml"},
+    {"file_kinds"},
+    {"robot", "paths", "marked_yaml", "writing"},
     {"goals", "plan", "perception"},
     {"navigation", "manipulation", "completion", "sim"},
     {"behaviors"},

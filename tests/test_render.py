@@ -312,10 +312,10 @@ def test_a_trace_is_drawn_at_its_end_or_at_a_tick(run: Path) -> None:
         "failed: fail: no_luck\nfailure after 5.0 s\n"
     )
     assert invoke(run, "--tick", 100).splitlines()[1:] == [
-        "    --> wait 5 s [*] 0 s, 5 s left",
+        "    --> wait 5 s [*] 3 s, 2 s left",
         "    --> fail: no_luck [-]",
         "running: wait",
-        "tick 100, 0.0 s",
+        "tick 100, 3.3 s",
     ]
     assert "[*]" not in invoke(run, "--tick", 0)
     with pytest.raises(UserError, match="there is no tick 152; the last is 151"):

@@ -19,7 +19,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.errors import FileProblems, NodeError, UnknownName, UserError
+from mpvi_bt.errors import BackendError, FileProblems, NodeError, UnknownName, UserError
 from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_episode
 from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.plan.skills import load_skills
@@ -120,14 +120,12 @@ def untimed(states: dict[str, NodeState]) -> dict[str, NodeState]:
 
 def check_against(trace: Trace, capture: Capture) -> None:
     """The trace tells of every tick what the tree itself said then."""
-    recorded = {change.tick: i for i, change in enumerate(trace.ticks)}
     for tick, (states, blackboard) in enumerate(zip(capture.states, capture.blackboards, strict=True), 1):
-        i = trace.index_at(tick)
-        assert untimed(trace.states(i)) == untimed(states), tick
-        assert trace.blackboard(i) == blackboard
-        if tick in recorded:
-            for path, state in trace.states(i).items():
-                assert state.elapsed_s == pytest.approx(states[path].elapsed_s, abs=1e-9)
+        told = trace.states_at(tick)
+        assert untimed(told) == untimed(states), tick
+        assert trace.blackboard(trace.index_at(tick)) == blackboard
+        for path, state in told.items():
+            assert state.elapsed_s == pytest.approx(states[path].elapsed_s, abs=1e-9), (tick, path)
 
 
 leaves = st.sampled_from(
@@ -529,10 +527,16 @@ def test_an_empty_or_missing_file_is_a_users_error(tmp_path: Path) -> None:
         read_trace(tmp_path)
 
 
+def test_a_full_disk_ends_the_run_with_one_line() -> None:
+    """It is a fault of the machine, which names the file."""
+    with pytest.raises(BackendError, match="/dev/full: cannot be written: no space left on device"):
+        episode(FETCH, Path("/dev/full"))
+
+
 def test_a_trace_that_cannot_be_written_is_a_users_error(tmp_path: Path) -> None:
     """The file and the reason are named; folders that are missing are made."""
     (tmp_path / "file").touch()
-    with pytest.raises(UserError, match="cannot write the trace"):
+    with pytest.raises(UserError, match=r"t\.jsonl: cannot be written: file exists"):
         episode(FETCH, tmp_path / "file" / "t.jsonl")
     episode(FETCH, tmp_path / "new" / "folder" / "t.jsonl", max_time_s=0.1)
     assert read_trace(tmp_path / "new" / "folder" / "t.jsonl").end is not None

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 
 INTERRUPTED = 130  # 128 + SIGINT, as shells count
+NOBODY_READS = 141  # 128 + SIGPIPE: what read our output, such as `head`, went away
 
 # name: (module:function, one line of help)
 COMMANDS: dict[str, tuple[str, str]] = {

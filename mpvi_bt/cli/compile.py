@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from mpvi_bt.errors import UserError
+from mpvi_bt.writing import write_whole
 
 
 @click.command(name="compile")
@@ -25,10 +25,7 @@ def compile_(plan: str, out: str | None, as_json: bool) -> None:
     is_file = Path(plan).suffix in (".json", ".yaml", ".yml") or "/" in plan
     text = dump_tree(compile_plan(load_plan(plan) if is_file else RecordedPlanner().plan(plan), load_skills()))
     if out is not None:
-        try:
-            Path(out).write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise UserError(f"{out}: {(error.strerror or 'cannot be written').lower()}") from None
+        write_whole(out, text)
     if as_json:
         click.echo(json.dumps({"yaml": text, "out": out}))
     elif out is None:

@@ -11,6 +11,7 @@ import click
 
 from mpvi_bt import paths
 from mpvi_bt.errors import Problem, UserError
+from mpvi_bt.writing import write_whole
 
 FORMATS = {".xml": "xml", ".yaml": "yaml", ".yml": "yaml"}
 
@@ -19,27 +20,33 @@ FORMATS = {".xml": "xml", ".yaml": "yaml", ".yml": "yaml"}
 @click.argument("tree")
 @click.argument("out", required=False)
 @click.option("--to", type=click.Choice(["xml", "yaml"]), help="What to write. [default: by OUT, or what TREE is not]")
+@click.option("--force", is_flag=True, help="Write over files that are there already with another text.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object with the text and the warnings.")
-def convert(tree: str, out: str | None, to: str | None, as_json: bool) -> None:
+def convert(tree: str, out: str | None, to: str | None, force: bool, as_json: bool) -> None:
     """Turn a tree into XML of BehaviorTree.CPP 4, which Groot2 opens, or such XML into a tree.
 
     TREE is a file, or the name of a tree. Without OUT the text is shown. From XML, the trees of its SubTrees are
-    written beside OUT, a file each. What the other side does otherwise is told as warnings.
+    written beside OUT, a file each. What the other side does otherwise is told as warnings. A file that is there
+    already with another text is written over only with --force.
     """
     target = _target(tree, out, to)
     texts, warnings = _to_xml(tree) if target == "xml" else _to_yaml(tree)
     main, beside = texts[""], {name: text for name, text in texts.items() if name}
+    files: list[str] = []
     if out is not None:
-        _write(Path(out), main, beside)
+        files = _write(Path(out), main, beside, force)
     elif beside and not as_json:
         message = f"{tree}: it holds {len(texts)} trees, which become a file each: name one to write to"
         raise UserError(f"{message}, such as trees/{Path(tree).stem}.yaml.")
     if as_json:
-        told = {target: main, **({"subtrees": beside} if target == "yaml" else {})}
-        click.echo(json.dumps({**told, "out": out, "warnings": [vars(p) for p in warnings]}, indent=2))
+        told: dict[str, Any] = {target: main, **({"subtrees": beside} if target == "yaml" else {})}
+        told |= {"out": out, "files": files, "warnings": [vars(p) for p in warnings]}
+        click.echo(json.dumps(told, indent=2))
         return
     if out is None:
         click.echo(main, nl=False)
+    for file in files[1:]:
+        click.echo(f"wrote {file} too: a subtree", err=True)
     for line in grouped(warnings):
         click.echo(line, err=True)
 
@@ -73,17 +80,21 @@ def _to_yaml(tree: str) -> tuple[dict[str, str], Sequence[Problem]]:
     return {name: dump_tree(spec) for name, spec in trees.items()}, made.warnings
 
 
-def _write(out: Path, main: str, beside: Mapping[str, str]) -> None:
-    """Write all files, or none if one that OUT does not name would be written over."""
-    files = {out.with_name(f"{name}.yaml"): text for name, text in beside.items()}
+def _write(out: Path, main: str, beside: Mapping[str, str], force: bool) -> list[str]:
+    """Write all files, or none if one would be written over; their paths, OUT first. Raises UserError, BackendError."""
+    files = {out: main}
+    for name, text in beside.items():
+        file = out.with_name(f"{name}.yaml")
+        if file == out:
+            raise UserError(f"{file}: a subtree needs that name. Write to another file.")
+        files[file] = text
     for file, text in files.items():
-        if file == out or (file.exists() and file.read_text(encoding="utf-8") != text):
-            raise UserError(f"{file}: is there already, and a subtree needs that name. Write to another folder.")
-    for file, text in {**files, out: main}.items():
-        try:
-            file.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise UserError(f"{file}: {(error.strerror or 'cannot be written').lower()}") from None
+        if not force and file.is_file() and file.read_bytes() != text.encode():
+            why = "" if file == out else ", and a subtree needs that name"
+            raise UserError(f"{file}: is there already with another text{why}. Write elsewhere, or give --force.")
+    for file, text in files.items():
+        write_whole(file, text)
+    return [str(file) for file in files]
 
 
 def grouped(warnings: Sequence[Problem]) -> list[str]:

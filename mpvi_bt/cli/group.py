@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import json
+import os
+import sys
 import traceback
 from collections.abc import Sequence
+from typing import Any
 
 import click
 
 from mpvi_bt import __version__
-from mpvi_bt.cli import COMMANDS, INTERRUPTED, help_text
-from mpvi_bt.errors import FileProblems, MpviError, UnknownName
+from mpvi_bt.cli import COMMANDS, INTERRUPTED, NOBODY_READS, help_text
+from mpvi_bt.errors import FileProblems, MpviError, NodeError, UnknownName, UserError
+from mpvi_bt.writing import unwritable
+
+
+class _NobodyReads(Exception):
+    """Whoever read our output, such as `head`, has had enough; click takes a BrokenPipeError for a failed task."""
 
 
 class LazyGroup(click.Group):
@@ -35,6 +45,13 @@ class LazyGroup(click.Group):
         assert isinstance(command, click.Command)
         return command
 
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command. Raises what it raises, a broken pipe by a name that click does not know."""
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError as error:
+            raise _NobodyReads from error
+
     def get_help(self, ctx: click.Context) -> str:
         """The same text that `mpvi --help` prints without click."""
         return help_text()
@@ -48,34 +65,65 @@ def cli() -> None:
 
 def run(args: Sequence[str]) -> int:
     """Run one command and say how it ended; a command returns its exit code, or None for 0."""
+    code = _run(list(args))
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except (OSError, ValueError):  # Python would try again at exit, and end with a code of its own
+            with contextlib.suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    return code
+
+
+def _run(args: list[str]) -> int:
     try:
-        result = cli.main(list(args), prog_name="mpvi", standalone_mode=False)
+        result = cli.main(args, prog_name="mpvi", standalone_mode=False)
+        sys.stdout.flush()
     except click.exceptions.Abort:  # what click makes of Ctrl-C
-        click.echo("mpvi: interrupted", err=True)
+        _say("mpvi: interrupted")
         return INTERRUPTED
     except click.ClickException as error:
-        click.echo(f"mpvi: {_usage(error)}", err=True)
-        return 2
-    except FileProblems as error:
-        from mpvi_bt.cli.problems import as_text
-
-        for line in as_text(error.problems):
-            click.echo(line, err=True)
-        return error.exit_code
+        return _failed(args, UserError(_usage(error)))
     except MpviError as error:
-        click.echo(f"mpvi: {error}", err=True)
-        return error.exit_code
-    except BrokenPipeError:  # the reader of our output, such as `head`, has had enough
-        return 0
+        return _failed(args, error)
+    except (_NobodyReads, BrokenPipeError):
+        return NOBODY_READS
+    except OSError as error:
+        _say(f"mpvi: {unwritable(error.filename or 'what is printed', error)}")
+        return MpviError.exit_code
     except Exception:  # a fault of ours, which must not pass for exit code 1, "the task failed"
-        traceback.print_exc()
-        click.echo("mpvi: that is a fault in mpvi_bt; please report it with the lines above", err=True)
+        _say(traceback.format_exc() + "mpvi: that is a fault in mpvi_bt; please report it with the lines above")
         return MpviError.exit_code
     return result if isinstance(result, int) else 0
+
+
+def _failed(args: list[str], error: MpviError) -> int:
+    """Tell an error: to people on stderr, to programs that asked for JSON on stdout too."""
+    if isinstance(error, FileProblems):
+        from mpvi_bt.cli.problems import as_text
+
+        _say("\n".join(as_text(error.problems)))
+    else:
+        _say(f"mpvi: {error}")
+    if "--json" in args:
+        told = {"exit_code": error.exit_code, "message": str(error)}
+        if isinstance(error, NodeError):
+            told |= {"node": error.path, "place": error.place}
+        if isinstance(error, FileProblems):
+            told |= {"problems": [vars(problem) for problem in error.problems]}
+        with contextlib.suppress(OSError):
+            click.echo(json.dumps({"error": told}, indent=2))
+    return error.exit_code
+
+
+def _say(text: str) -> None:
+    with contextlib.suppress(OSError):  # stderr is full or closed too: the exit code says it
+        click.echo(text, err=True)
 
 
 def _usage(error: click.ClickException) -> str:
     """What was wrong with the words given, and where to read on, in one line."""
     message = " ".join(error.format_message().split())
     context = error.ctx if isinstance(error, click.UsageError) else None
+    message = message if message.endswith((".", "?", "!")) else f"{message}."
     return f"{message} See `{context.command_path} --help`." if context else message

@@ -11,6 +11,7 @@ import click
 
 from mpvi_bt import paths
 from mpvi_bt.errors import UserError
+from mpvi_bt.writing import write_whole
 
 if TYPE_CHECKING:  # what they load is slower than the help of this command should be
     from mpvi_bt.trace.read import Trace
@@ -68,10 +69,7 @@ def render(tree: str, form: Format | None, out: Path | None, width: int, tick: i
     if out is None:
         click.echo(text)
         return
-    try:
-        out.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"{out}: {(error.strerror or 'cannot be written').lower()}") from None
+    write_whole(out, text + "\n")
 
 
 def _guessed(out: Path) -> Format:
@@ -92,17 +90,14 @@ def _picture(given: str, tick: int | None) -> _Picture:
     from mpvi_bt.trace.read import read_trace
 
     trace = read_trace(given)
-    last = trace.end.tick if trace.end else trace.ticks[-1].tick if trace.ticks else 0
-    if tick is not None and tick > last:
-        raise UserError(f"{given}: there is no tick {tick}; the last is {last}.")
-    i = trace.index_at(last if tick is None else tick)
-    time_s = trace.ticks[i].time_s if i >= 0 else 0.0
-    when = f"tick {tick}, {time_s:.1f} s"
+    at = trace.last_tick if tick is None else tick
+    trace.require_tick(at)
+    i = trace.index_at(at)
+    when = f"tick {tick}, {trace.time_at(at):.1f} s"
     if tick is None:
         how = trace.end.ending.replace("_", " ") if trace.end else "the trace breaks off"
-        when = f"{how} after {trace.end.time_s if trace.end else time_s:.1f} s"
-    spec = trace.tree_at(i) if i >= 0 else trace.tree
-    return _Picture(spec, trace.states(i) if i >= 0 else {}, when, last if tick is None else tick, trace)
+        when = f"{how} after {trace.end.time_s if trace.end else trace.time_at(at):.1f} s"
+    return _Picture(trace.tree_at(i) if i >= 0 else trace.tree, trace.states_at(at), when, at, trace)
 
 
 def _drawn(picture: _Picture, form: Format, width: int) -> str:

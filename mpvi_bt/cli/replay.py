@@ -50,6 +50,8 @@ def replay(trace: str, tick: int | None, unicode: bool, as_json: bool) -> None:
     it; piped, every change is a line.
     """
     run = read_trace(trace)
+    if tick is not None:
+        run.require_tick(tick)
     if as_json:
         _print_json(run, tick)
     elif tick is not None:
@@ -76,11 +78,11 @@ def _print_json(trace: Trace, tick: int | None) -> None:
 
 
 def _held(trace: Trace, tick: int) -> dict[str, Any]:
-    i = trace.index_at(tick)
-    tree, states, blackboard = _standing(trace, i)
+    tree, _, blackboard = _standing(trace, trace.index_at(tick))
+    states = trace.states_at(tick)
     return {
-        "tick": trace.ticks[i].tick if i >= 0 else 0,
-        "time_s": trace.ticks[i].time_s if i >= 0 else 0.0,
+        "tick": tick,
+        "time_s": trace.time_at(tick),
         "nodes": {node.path: vars(states.get(node.path, NodeState())) for node in tree.nodes},
         "blackboard": blackboard,
     }
@@ -94,8 +96,9 @@ def _standing(trace: Trace, i: int) -> tuple[TreeSpec, Mapping[str, NodeState], 
 def _at(trace: Trace, tick: int, unicode: bool) -> Iterator[str]:
     """The whole tree after a tick."""
     i = trace.index_at(tick)
-    tree, states, blackboard = _standing(trace, i)
-    yield _title(trace, i, _WIDTH)
+    tree, _, blackboard = _standing(trace, i)
+    states = trace.states_at(tick)
+    yield _title(trace, i, _WIDTH, tick)
     yield from (line.text for line in tree_lines(tree, states, _WIDTH, unicode=unicode))
     yield from filter(None, [where(tree, states, _WIDTH), _values(blackboard, (), _WIDTH)])
     yield cut(legend(unicode), _WIDTH)
@@ -125,11 +128,15 @@ def _ending(trace: Trace) -> str:
     return f"{trace.end.ending.replace('_', ' ')} after {trace.end.time_s:.1f} s{error}"
 
 
-def _title(trace: Trace, i: int, width: int) -> str:
-    """Where in the trace this is."""
+def _title(trace: Trace, i: int, width: int, tick: int | None = None) -> str:
+    """Where in the trace this is: at its change i, or at a tick from then on."""
     last = len(trace.ticks) - 1
-    at = f"tick {trace.ticks[i].tick}, {trace.ticks[i].time_s:.1f} s" if i >= 0 else "before the first tick"
-    ending = f"  {_ending(trace)}" if i == last else ""
+    at = "before the first tick"
+    here = trace.ticks[i].tick if i >= 0 else 0
+    if i >= 0:
+        tick = here if tick is None else tick
+        at = f"tick {tick}, {trace.time_at(tick):.1f} s"
+    ending = f"  {_ending(trace)}" if i == last and tick in (None, here, trace.last_tick) else ""
     return cut(f"{one_line(trace.tree.name)}  change {i + 1} of {last + 1}: {at}{ending}", width)
 
 

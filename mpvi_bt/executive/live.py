@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 import time
 from collections.abc import Iterable
@@ -112,10 +113,13 @@ class LiveTree:
             *below,
         ]
         up = f"\x1b[{self._height}F" if self._height else ""
-        self._stream.write(up + "".join(line + "\x1b[K\n" for line in drawn) + "\x1b[J")
-        self._stream.flush()
+        self._print(up + "".join(line + "\x1b[K\n" for line in drawn) + "\x1b[J")
         self._height = len(drawn)
 
     def _write(self, lines: Iterable[str]) -> None:
-        self._stream.write("".join(line + "\n" for line in lines))
-        self._stream.flush()
+        self._print("".join(line + "\n" for line in lines))
+
+    def _print(self, text: str) -> None:
+        with contextlib.suppress(OSError):  # full, or nobody reads it any more: that is no reason to end a run
+            self._stream.write(text)
+            self._stream.flush()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import datetime
 import itertools
@@ -20,11 +21,13 @@ import mpvi_bt
 from mpvi_bt.behaviors.context import Context, Query
 from mpvi_bt.errors import MpviError, NodeError, UserError
 from mpvi_bt.executive.loop import Outcome, Watcher, World
+from mpvi_bt.executive.saved import SavedRun
 from mpvi_bt.trace.read import VERSION, Trace, read_trace
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.spec import TreeSpec
+from mpvi_bt.tree.saving import SavedNode
 from mpvi_bt.tree.state import NodeState
 from mpvi_bt.tree.yaml_io import expanded
+from mpvi_bt.writing import unwritable
 
 _NOT_BEGUN = NodeState()
 _JSON = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
@@ -40,7 +43,7 @@ class Recorder(Watcher):
         file: Where to write.
         config: Of the run, for the first line. What JSON does not have (infinity, paths) is written as text.
         seed: Of the run.
-        after: The run goes on after so many ticks: if the file tells them, it is continued.
+        saved: Where the run goes on from. If the file tells of the same run up to there, it is continued.
     """
 
     def __init__(
@@ -48,27 +51,27 @@ class Recorder(Watcher):
         file: str | Path,
         config: Mapping[str, Any] | None = None,
         seed: int | None = None,
-        after: int = 0,
+        saved: SavedRun | None = None,
     ) -> None:
         self._path, self._config, self._seed = Path(file), dict(config or {}), seed
-        self._after = after
+        self._saved = saved
         self._file: TextIO | None = None
 
     def start(self, tree: Tree, world: World) -> None:
         """Open the file and write the first line. Raises UserError if it cannot be written."""
-        earlier = self._earlier(tree) if self._after else None
+        earlier = self._earlier(tree, self._saved) if self._saved else None
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._file = self._path.open(
                 "a" if earlier else "w", encoding="utf-8", errors="replace", newline="\n", buffering=1
             )
         except OSError as error:
-            raise UserError(f"{self._path}: cannot write the trace: {error.strerror}") from error
+            raise unwritable(self._path, error) from None
         self._tree, self._world, self._began = tree, world, time.perf_counter()
         self._resumed_s, self._queries = world.time_s, 0
         self._states: dict[str, NodeState] = {}
         self._changes: _Changes | None = None
-        self._spec: TreeSpec | None = tree.spec
+        self._spec, self._nodes = tree.spec, tree.nodes
         self._blackboard: dict[str, Any] = {}
         if earlier is not None:
             self._states, self._blackboard = earlier.states(-1), earlier.blackboard(-1)
@@ -84,17 +87,19 @@ class Recorder(Watcher):
         }
         self._write({key: value for key, value in header.items() if value is not None})
 
-    def _earlier(self, tree: Tree) -> Trace | None:
-        """What the file tells of the ticks before, all else taken off; None if it does not tell them."""
+    def _earlier(self, tree: Tree, saved: SavedRun) -> Trace | None:
+        """What the file tells of the ticks before, all else taken off; None if it does not tell of this run."""
         try:
             trace = read_trace(self._path)
         except UserError:
             return None
-        last = trace.index_at(self._after)
-        if last < 0 or expanded(trace.tree_at(last)) != expanded(tree.spec):
+        last = trace.index_at(saved.tree.ticks)
+        if last < 0 or (trace.config, trace.seed) != (_plain(self._config), self._seed):
             return None
-        lines = self._path.read_bytes().splitlines(keepends=True)
-        self._path.write_bytes(b"".join(lines[: last + 2]))  # the first line, and one for each tick
+        if expanded(trace.tree_at(last)) != expanded(tree.spec) or not _is_where(saved, trace, last):
+            return None
+        lines = self._path.read_bytes().splitlines()
+        self._path.write_bytes(b"".join(line + b"\n" for line in lines[: last + 2]))  # the first, and one for each tick
         return read_trace(self._path)
 
     def step(self, tree: Tree, world: World) -> None:
@@ -109,9 +114,16 @@ class Recorder(Watcher):
         self._record({vars(node)["path"]: tree.state_of(node) for node in changed})
 
     def end(self, outcome: Outcome) -> None:
-        """Write how it ended and close the file."""
+        """Write how it ended and close the file. Raises BackendError if it cannot be written."""
         if self._file is None:
             return
+        try:
+            self._end(outcome)
+        finally:
+            with contextlib.suppress(OSError):  # what was not written before is not now
+                self._file.close()
+
+    def _end(self, outcome: Outcome) -> None:
         self._record(self._tree.states())  # what changed at a tick that an exception cut short
         last: dict[str, Any] = {"end": outcome.ending, **self._now()}
         if outcome.failure is not None:
@@ -119,17 +131,22 @@ class Recorder(Watcher):
         if outcome.error is not None:
             last["error"] = _described(outcome.error)
         self._write(last)
-        self._file.close()
 
     def _record(self, states: Mapping[str, NodeState]) -> None:
         """Write what differs from what was written before, if anything does."""
         line: dict[str, Any] = {}
+        others: set[str] = set()  # paths at which another node stands than before
         if self._tree.spec is not self._spec:
             self._spec = self._tree.spec
             line["tree"] = expanded(self._spec)
-            self._states = {path: state for path, state in self._states.items() if path in states}
+            others = {path for path, node in self._tree.nodes.items() if node is not self._nodes.get(path)}
+            self._nodes = self._tree.nodes
         before = self._states
-        new = {path: state for path, state in states.items() if not _same(state, before.get(path, _NOT_BEGUN))}
+        new = {
+            path: state
+            for path, state in states.items()
+            if not _same(state, before.get(path, _NOT_BEGUN)) or (path in others and path in before)
+        }
         if new:
             before.update(new)
             line["nodes"] = {path: _short(state) for path, state in new.items()}
@@ -155,7 +172,10 @@ class Recorder(Watcher):
             text = _JSON.encode(line)
         except (TypeError, ValueError):
             text = _JSON.encode(_plain(line))
-        self._file.write(text + "\n")
+        try:
+            self._file.write(text + "\n")
+        except OSError as error:
+            raise unwritable(self._path, error) from None
 
 
 class _Changes:
@@ -208,6 +228,18 @@ def _with_ended_above(nodes: list[Behaviour]) -> Iterable[Behaviour]:
     return found
 
 
+def _is_where(saved: SavedRun, trace: Trace, i: int) -> bool:
+    """Whether nodes and blackboard stood after a tick of the trace as they were saved."""
+
+    def stood(state: NodeState | SavedNode) -> tuple[object, ...]:
+        unseen = state.status == "INVALID" and not state.interrupted
+        return state.status, state.interrupted, "" if unseen else state.feedback
+
+    fresh, nodes = SavedNode(status="INVALID"), saved.tree.nodes
+    same = all(stood(state) == stood(nodes.get(path, fresh)) for path, state in trace.states(i).items())
+    return same and trace.blackboard(i) == _plain(saved.blackboard)
+
+
 def _same(new: NodeState, old: NodeState) -> bool:
     """Whether nothing changed but the time of a node that runs on."""
     if new.status == old.status == "RUNNING" and new.elapsed_s is not None and old.elapsed_s is not None:
@@ -235,7 +267,8 @@ def _described(error: Exception) -> dict[str, str]:
     """The exception that ended the run, and whose it was if it was a node's."""
     if not isinstance(error, NodeError):
         return {"message": str(error) if isinstance(error, MpviError) else f"{type(error).__name__}: {error}"}
-    return {"path": error.path, "message": str(error).removeprefix(f"{error.path}: ")}
+    place = {"place": error.place} if error.place else {}
+    return {"path": error.path, "message": error.message, **place}
 
 
 def _plain(value: Any) -> Any:

@@ -5,10 +5,7 @@ Every wall-clock figure is under "wall": without that key the same config gives 
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
-import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -23,6 +20,7 @@ from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.human import human_stats
 from mpvi_bt.suite.metrics import DIRECTIONS, Measurement, ratio
 from mpvi_bt.suite.tasks import Task
+from mpvi_bt.writing import unwritable, write_whole
 
 Amount = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
@@ -207,22 +205,10 @@ def read_result(path: Path) -> Result | None:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write strict JSON atomically: to a temporary file beside it, synced, then renamed."""
+    """Write strict JSON, whole or not at all. Raises as `write_whole`."""
     text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(temporary).replace(path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            Path(temporary).unlink()
-        raise
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)  # the rename itself
-    finally:
-        os.close(folder)
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(path, error) from None
+    write_whole(path, text)

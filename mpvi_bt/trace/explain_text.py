@@ -34,6 +34,8 @@ def explanation_text(explanation: Explanation, width: int = 80) -> str:
         text.add(e.error.message, 1)
         if e.error.path:
             text.add(f"in {e.error.path}", 1)
+        if e.error.place:
+            text.add(f"at {e.error.place}", 1)
     if e.cause is not None:
         text.gap()
         text.chain(e.cause, 0)

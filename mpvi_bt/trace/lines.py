@@ -72,10 +72,17 @@ class RootFailure:
 
 @dataclass(frozen=True)
 class Broken:
-    """The exception that ended a run: its message, and the path of the node that raised it, if one did."""
+    """The exception that ended a run.
+
+    Attributes:
+        message: Its type and text.
+        path: Of the node that raised it, if one did.
+        place: File and line of the behavior's own code, if any was at work.
+    """
 
     message: str
     path: str = ""
+    place: str = ""
 
 
 @dataclass(frozen=True)

@@ -90,11 +90,12 @@ class Moment:
             else:
                 self.blackboard[key] = value
 
-    def states(self) -> dict[str, NodeState]:
-        """Every node's state; the time of those that run goes on since the record."""
+    def states(self, time_s: float | None = None) -> dict[str, NodeState]:
+        """Every node's state; the time of those that run goes on since the record, up to `time_s` if it is given."""
+        now = self.time_s if time_s is None else time_s
         states = {placed.path: self.nodes.get(placed.path, _UNKNOWN) for placed in self.tree.nodes}
         for path, began in self._began.items():
-            states[path] = dataclasses.replace(states[path], elapsed_s=self.time_s - began)
+            states[path] = dataclasses.replace(states[path], elapsed_s=now - began)
         return states
 
     def copy(self) -> Moment:
@@ -131,6 +132,32 @@ class Trace:
     def cut(self) -> bool:
         """Nothing says how the run ended: it was killed, or still goes on."""
         return self.end is None
+
+    @property
+    def last_tick(self) -> int:
+        """Number of the last tick that is told of; 0 if none is."""
+        return max(self.ticks[-1].tick if self.ticks else 0, self.end.tick if self.end else 0)
+
+    def require_tick(self, tick: int) -> None:
+        """Raise UserError if the trace does not tell of a tick of that number; 0 is before the first."""
+        if tick > self.last_tick:
+            raise UserError(f"{self.file}: there is no tick {tick}; the last is {self.last_tick}.")
+
+    def time_at(self, tick: int) -> float:
+        """Simulated time of a tick, by the changes before and after it."""
+        i = self.index_at(tick)
+        if i < 0:
+            return 0.0
+        here, after = self.ticks[i], self.ticks[i + 1] if i + 1 < len(self.ticks) else self.end
+        if after is None or after.tick <= here.tick:
+            return here.time_s
+        share = min((tick - here.tick) / (after.tick - here.tick), 1.0)
+        return here.time_s + share * (after.time_s - here.time_s)
+
+    def states_at(self, tick: int) -> dict[str, NodeState]:
+        """Every node's state at a tick of that number, of those that run with the time that passed up to it."""
+        i = self.index_at(tick)
+        return self._after(i).states(self.time_at(tick)) if i >= 0 else {}
 
     def states(self, i: int) -> dict[str, NodeState]:
         """Every node's state after `ticks[i]`, by path, in the order of drawing."""
