@@ -217,3 +217,20 @@ def test_leaves_without_a_robot_leave_its_command_alone(root: str) -> None:
     bench.tree.tick()
     bench.tree.interrupt()
     assert bench.world.robot.action[0] == 0.25
+
+
+def test_a_number_does_not_grow_beyond_all_numbers() -> None:
+    """Adding up to infinity fails instead, and the key keeps its value."""
+    bench = Bench("sequence: s\nmemory: true\nchildren: [{set: x, value: 1.0e+308}, {set: x, add: 1.0e+308}]")
+    assert bench.run() == Status.FAILURE
+    failure = bench.tree.failure
+    assert failure is not None
+    assert failure.reason == "out_of_range"
+    assert bench.context.blackboard == {"x": 1e308}
+
+
+def test_numbers_in_texts_keep_their_digits() -> None:
+    """What is said is what the key holds."""
+    bench = Bench("sequence: s\nmemory: true\nchildren: [{set: x, value: 16777217.5}, {say: it is $x}]")
+    assert bench.run() == Status.SUCCESS
+    assert bench.node("say").feedback_message == "it is 16777217.5"

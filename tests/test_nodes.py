@@ -188,7 +188,10 @@ def test_an_update_that_returns_nothing_is_an_error_of_its_node() -> None:
     for root in ("{sequence: s, memory: true, children: [{succeed: }]}", "{invert: s, child: {succeed: }}"):
         bench = Bench(root)
         bench.node("succeed").update = lambda: None  # type: ignore[method-assign, assignment, return-value]
-        with pytest.raises(NodeError, match=r"s/succeed: TypeError: update\(\) of Succeed returned None, not a Status"):
+        with pytest.raises(
+            NodeError,
+            match=r"s/succeed: TypeError: update\(\) of Succeed returned None, not SUCCESS, FAILURE or RUNNING",
+        ):
             bench.run()
 
 
@@ -231,3 +234,25 @@ def test_a_class_that_does_not_fit_its_row_is_named(factory: str, said: str, mon
         Tree(parse_tree("tree: t\nroot:\n  wave: at her\n", "t.yaml"))
     assert "t.yaml:3:3: node type 'wave' cannot be made by" in str(caught.value)
     assert said in str(caught.value)
+
+
+def test_stop_iteration_is_blamed_on_the_node_that_raised_it() -> None:
+    """Python turns it into another error on the way up through the generators; the path is still the right one."""
+    bench = Bench("sequence: s\nmemory: true\nchildren: [{timeout: 9, child: {say: hi}}]")
+    bench.node("say").update = lambda: next(iter(()))  # type: ignore[method-assign]
+    with pytest.raises(NodeError) as caught:
+        bench.run()
+    assert caught.value.path == "s/timeout/say"
+
+
+def test_one_that_cannot_stop_does_not_keep_those_above_it_from_it() -> None:
+    """After an interruption every node is INVALID, also above a leaf whose terminate always raises."""
+    bench = Bench("sequence: s\nmemory: true\nchildren: [{timeout: 9, child: {wait: 5}}]")
+    bench.run(2)
+
+    def broken(new_status: Status) -> None:
+        raise RuntimeError
+
+    bench.node("wait").terminate = broken  # type: ignore[method-assign]
+    bench.tree.interrupt()
+    assert set(bench.tree.statuses()) == {INVALID}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from mpvi_bt.behaviors.registry import NavigateTo
+from mpvi_bt.behaviors.registry import Message, NavigateTo
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.executive.loop import Outcome, Watcher, World, run_episode
 from mpvi_bt.executive.saved import SavedRun, restore_world, save_run
@@ -260,3 +261,38 @@ def test_what_until_complete_waits_for_can_be_swapped() -> None:
     run(tree, world, 3)
     tree.swap("until_complete/wait", NodeSpec("navigate", NavigateTo(target="cup")))
     assert run(tree, world) == Status.SUCCESS
+
+
+@pytest.mark.parametrize(
+    ("new", "rest", "said"),
+    [
+        (
+            "tree: n\nparameters: {x: number}\nroot:\n  timeout: $x\n  child: {say: hi}\n",
+            False,
+            "without a value: limit",
+        ),
+        ("tree: n\nroot: {say: hi}\n", True, "'until_complete' needs 2 children"),
+        ("tree: n\nroot: " + "{attempt: , child: " * 89 + "{say: hi}" + "}" * 89, False, "one below the other"),
+    ],
+)
+def test_what_could_not_be_read_from_a_file_is_not_swapped_in(new: str, rest: bool, said: str) -> None:
+    """Stand-ins for parameters, too few children, too deep: refused, and the tree stays as it was."""
+    tree, world = bench(
+        "tree: t\nroot:\n  until_complete:\n  children:\n    - {manipulate: pick up the cup}\n    - {wait: 900}\n"
+    )
+    run(tree, world, 3)
+    before = tree.spec, tree.statuses()
+    node = parse_tree(new, "n.yaml").root
+    swap = partial(tree.swap_rest, new=[node]) if rest else partial(tree.swap, new=node)
+    with pytest.raises(UserError, match=said):
+        swap("until_complete/manipulate")
+    assert (tree.spec, tree.statuses()) == before
+
+
+def test_states_are_those_of_the_new_tree_also_after_an_interruption() -> None:
+    """What was drawn before the swap is not drawn any more."""
+    tree, world = bench(TRIP)
+    run(tree, world, 10)
+    tree.interrupt()
+    tree.swap("trip/navigate", NodeSpec("say", Message(text="hi"), ""))
+    assert list(tree.states()) == list(tree.nodes)

@@ -11,22 +11,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt import paths
-from mpvi_bt.behaviors.registry import (
-    Criterion,
-    Limit,
-    Prompt,
-    node_type,
-    node_types,
-)
+from mpvi_bt.behaviors.references import fill, resolve
+from mpvi_bt.behaviors.registry import Criterion, Limit, Memory, NoParameters, Prompt, Value, node_type, node_types
 from mpvi_bt.drawing.text import ascii_tree
 from mpvi_bt.errors import FileProblems, UnknownName
 from mpvi_bt.plan.planners import RecordedPlanner
-from mpvi_bt.plan.schema import Manipulation, Navigation
+from mpvi_bt.plan.schema import Manipulation, Navigation, Plan
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.tree.compile import MANIPULATION_TIMEOUT_S, compile_plan
-from mpvi_bt.tree.spec import TreeSpec
+from mpvi_bt.tree.lint import lint
+from mpvi_bt.tree.spec import NodeSpec, TreeSpec
 from mpvi_bt.tree.state import NodeState, Status
-from mpvi_bt.tree.yaml_io import dump_tree, load_tree, parse_tree
+from mpvi_bt.tree.yaml_io import dump_tree, expanded, from_expanded, load_tree, parse_tree
 from tests.test_plan import plans
 from tests.tree_strategies import trees
 
@@ -61,11 +57,75 @@ def test_paths_are_unique(tree: TreeSpec) -> None:
     assert all(child.startswith(n.path + "/") for n in tree.nodes for child in n.children)
 
 
+def test_names_with_a_number_do_not_take_another_path() -> None:
+    """Siblings called step, step and step#2 have three paths."""
+    names = ["step", "step", "step#2", "step"]
+    root = NodeSpec("sequence", Memory(memory=True), "s", tuple(NodeSpec("succeed", NoParameters(), n) for n in names))
+    assert TreeSpec("t", root).nodes[0].children == ("s/step", "s/step#2", "s/step#2#2", "s/step#3")
+
+
+class Board(dict[str, Value]):
+    """A blackboard that has every key."""
+
+    def __missing__(self, key: str) -> str:
+        return f"<{key} $object>"
+
+
+pieces = st.sampled_from(["$", "$$", "$cup", "${cup}", "$object", "${object}", "s", " ", "5$", "the "])
+
+
+@given(text=st.lists(pieces, max_size=6).map("".join), value=st.lists(pieces, max_size=4).map("".join))
+def test_filling_in_reads_nothing_twice(text: str, value: str) -> None:
+    """A parameter's text says beside other text what it says alone: its references, and its own dollar signs."""
+    filled = str(fill(text, {"object": value}))
+    assert resolve(filled, Board()) == resolve(text, Board(object=resolve(value, Board())))
+
+
+def test_a_plan_refers_to_nothing() -> None:
+    """A dollar sign in a plan stays one, in prompts, targets, criteria and names, also through YAML."""
+    text = "pick up the $five ${bill} for $$"
+    parts = {"description": text, "completion_criterion": text}
+    plan = Plan.model_validate(
+        {
+            "task_name": "t",
+            "segments": [
+                {"type": "navigation", **parts, "target": text},
+                {"type": "manipulation", **parts},
+            ],
+        }
+    )
+    tree = compile_plan(plan, SKILLS)
+    assert [unit.name for unit in tree.root.children] == [f"1 {text}", f"2 {text}"]
+    assert parse_tree(dump_tree(tree)) == tree
+    assert not lint(parse_tree(dump_tree(tree)), None)
+    manipulate, check = tree.root.children[1].children[0].children[0].children
+    for said in (manipulate.parameters.prompt, check.parameters.criterion):  # type: ignore[attr-defined]
+        assert resolve(said, {}) == text
+
+
+def test_the_longest_plan_compiles_and_is_written() -> None:
+    """200 segments with the longest phrases, all dollar signs, give a tree that is read back."""
+    long = {"type": "manipulation", "description": "$" * 300, "completion_criterion": "$" * 300}
+    tree = compile_plan(Plan.model_validate({"task_name": "t", "segments": [long] * 200}), SKILLS)
+    assert parse_tree(dump_tree(tree)) == tree
+    assert from_expanded(expanded(tree)) == tree
+
+
+def test_keys_of_a_subtree_stay_in_its_file(tmp_path: Path) -> None:
+    """A tree has the keys that its subtrees declare, and writing it leaves them to their files."""
+    (tmp_path / "inner.yaml").write_text("tree: inner\nblackboard: {cups: 1}\nroot: {say: $cups}\n")
+    (tmp_path / "outer.yaml").write_text(
+        "tree: outer\nparameters: {drinks: {type: text, default: a}}\nroot: {subtree: inner}\n"
+    )
+    tree = load_tree(tmp_path / "outer.yaml")
+    assert tree.blackboard == {"cups": 1}
+    assert "cups" not in dump_tree(tree)
+    assert from_expanded(expanded(tree)).blackboard == {"cups": 1}
+
+
 @given(plan=plans)
 def test_every_segment_is_in_one_unit_in_order(plan: object) -> None:
     """The units of a compiled tree cover the plan's segments once each, navigation alone, manipulation in groups."""
-    from mpvi_bt.plan.schema import Plan
-
     assert isinstance(plan, Plan)
     units = compile_plan(plan, SKILLS).root.children
     assert [i for unit in units for i in unit.segments] == list(range(len(plan.segments)))

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.blackboard import Expectation, value_of
 from mpvi_bt.behaviors.node import Leaf
-from mpvi_bt.behaviors.references import as_text
-from mpvi_bt.behaviors.registry import Value
+from mpvi_bt.behaviors.registry import Value, as_text
 from mpvi_bt.behaviors.timer import Timer
 
 
@@ -104,7 +104,10 @@ class Set(Leaf):
                 shown = f'"{before}"' if isinstance(before, str) else as_text(before)
                 return self.fail("wrong_type", f"{self.key} is {shown}, not a number to add to")
             whole = isinstance(before, int) and self.add.is_integer()
-            board[self.key] = before + (int(self.add) if whole else self.add)
+            total = before + (int(self.add) if whole else self.add)
+            if abs(total) > sys.float_info.max:
+                return self.fail("out_of_range", f"{self.key} would be {total:g}")
+            board[self.key] = total
         elif self.value is not None:
             board[self.key] = value_of(self.value, board)
         self.feedback_message = f"{self.key} = {as_text(board[self.key])}"

@@ -89,7 +89,7 @@ class Leaf(Node):
         """As py_trees, without its log lines: formatting them takes most of a small leaf's time.
 
         Raises:
-            TypeError: `update` returned no Status. (py_trees prints a line and makes it INVALID.)
+            TypeError: `update` returned no Status, or INVALID. (py_trees prints a line and goes on.)
         """
         try:
             if self.status is not _RUNNING:
@@ -182,6 +182,6 @@ def failure_of(node: Behaviour, time_s: float = 0.0) -> Failure | None:
 
 
 def _checked(status: object, node: Behaviour) -> Status:
-    if not isinstance(status, Status):
-        raise TypeError(f"update() of {type(node).__name__} returned {status!r}, not a Status")
+    if not isinstance(status, Status) or status is _INVALID:
+        raise TypeError(f"update() of {type(node).__name__} returned {status!r}, not SUCCESS, FAILURE or RUNNING")
     return status

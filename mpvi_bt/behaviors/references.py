@@ -6,9 +6,10 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from mpvi_bt.behaviors.registry import Value
+from mpvi_bt.behaviors.registry import Value, as_text
 
 _REFERENCE = re.compile(r"\$(?:\$|([a-z][a-z0-9_]*)|\{([a-z][a-z0-9_]*)\})")
+_DOLLAR = re.compile(rf"{_REFERENCE.pattern}|\$")
 
 
 def whole(value: object) -> str | None:
@@ -25,7 +26,8 @@ def names_in(text: str) -> list[str]:
 def fill(value: Any, values: Mapping[str, Value]) -> Any:
     """`value` with the references to `values` in its texts, at any depth, filled in; others stay as they are.
 
-    A text that is one reference becomes the value itself, a number too.
+    A text that is one reference becomes the value itself, a number too. What is filled in may itself refer to the
+    blackboard; it says the same beside any other text.
     """
     if isinstance(value, dict):
         return {key: fill(inner, values) for key, inner in value.items()}
@@ -35,7 +37,12 @@ def fill(value: Any, values: Mapping[str, Value]) -> Any:
         return value
     if (name := whole(value)) is not None and name in values:
         return values[name]
-    return _REFERENCE.sub(lambda m: as_text(values[n]) if (n := m[1] or m[2]) in values else m.group(), value)
+    return _REFERENCE.sub(lambda m: _beside(values[n]) if (n := m[1] or m[2]) in values else m.group(), value)
+
+
+def _beside(value: Value) -> str:
+    """A value as a part of a longer text: `$cup` as `${cup}`, and a dollar sign that refers to nothing as `$$`."""
+    return _DOLLAR.sub(lambda m: f"${{{m[1] or m[2]}}}" if m[1] or m[2] else "$$", as_text(value))
 
 
 def resolve(text: str, values: Mapping[str, Value]) -> str:
@@ -49,8 +56,11 @@ def resolve(text: str, values: Mapping[str, Value]) -> str:
     return _REFERENCE.sub(lambda m: as_text(values[n]) if (n := m[1] or m[2]) else "$", text)
 
 
-def as_text(value: Value) -> str:
-    """A value as it stands in a text: true, 3, 0.5."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f"{value:g}" if isinstance(value, float) else str(value)
+def escaped(text: str) -> str:
+    """The text as a tree has to say it, so that it refers to nothing."""
+    return text.replace("$", "$$")
+
+
+def unescaped(text: str) -> str:
+    """The text with `$$` as a dollar sign, and references as they are."""
+    return _REFERENCE.sub(lambda m: m.group() if m[1] or m[2] else "$", text)

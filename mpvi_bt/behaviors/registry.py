@@ -20,7 +20,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, PlainValidator, WithJsonSchema, model_validator
 
-from mpvi_bt.errors import UnknownName, UserError
+from mpvi_bt.errors import UnknownName, UserError, shown
 from mpvi_bt.marked_yaml import Record
 from mpvi_bt.plan.schema import Paragraph, Phrase
 
@@ -37,7 +37,7 @@ def _duration(given: Any) -> float | str:
     if isinstance(given, str) and (found := _STEPS.fullmatch(given)):
         return f"{found[1]} steps"
     valid = f"simulated seconds, above 0 and at most {_LONGEST_S}, or steps, such as '90 steps'"
-    raise ValueError(f"a duration is {valid}, not {given!r:.40}")
+    raise ValueError(f"a duration is {valid}, not {shown(given)}")
 
 
 def _value(given: Any) -> bool | int | float | str:
@@ -54,16 +54,19 @@ def _what(given: Any) -> str:
 
 _LONGEST_S = 86400
 _LONGEST_TEXT = 5000
+_EXACT = 1e15  # whole numbers below it are written without an exponent
 _DURATION_SCHEMA = {
     "anyOf": [
         {"type": "number", "exclusiveMinimum": 0, "maximum": _LONGEST_S},
         {"type": "string", "pattern": "^[1-9][0-9]{0,8} steps?$"},
     ]
 }
+_MEMORY = "true resumes at the child that was running, false asks every child again"
 _VALUE_SCHEMA = {"type": ["boolean", "number", "string"]}
 
 Duration = Annotated[float | str, PlainValidator(_duration), WithJsonSchema(_DURATION_SCHEMA)]
 Value = Annotated[bool | int | float | str, PlainValidator(_value), WithJsonSchema(_VALUE_SCHEMA)]
+Line = Annotated[Paragraph, Field(max_length=1000)]  # longer than a plan's phrase with every dollar sign doubled
 Key = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -75,7 +78,16 @@ def steps_of(duration: float | str) -> int | None:
 
 def duration_text(duration: float | str) -> str:
     """A duration for a person: "60 s" or "90 steps"."""
-    return duration if isinstance(duration, str) else f"{duration:g} s"
+    return duration if isinstance(duration, str) else f"{as_text(duration)} s"
+
+
+def as_text(value: object) -> str:
+    """A value as it stands in a text, with all its digits: true, 3, 0.5."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float) and value.is_integer() and abs(value) < _EXACT:
+        return str(int(value))
+    return str(value)
 
 
 class Parameters(Record):
@@ -91,7 +103,7 @@ class NoParameters(Parameters):
 class Memory(Parameters):
     """Of a sequence or selector: whether it resumes at the child that was running. Always said, never assumed."""
 
-    memory: bool
+    memory: Annotated[bool, Field(description=_MEMORY)]
 
 
 class Policy(Parameters):
@@ -131,7 +143,7 @@ class Comparison(Parameters):
     def text(self) -> str:
         """Such as "cups at least 3"."""
         parts = [
-            f"{word} {_shown(wanted)}"
+            f"{word} {as_text(wanted)}"
             for word, wanted in (
                 ("=", self.equals),
                 ("!=", self.not_equals),
@@ -153,8 +165,8 @@ class Call(Parameters):
 class NavigateTo(Parameters):
     """Of navigate: what to drive to, and the room to look for it first."""
 
-    target: Phrase
-    room: Phrase | None = None
+    target: Line
+    room: Line | None = None
 
 
 class Prompt(Parameters):
@@ -166,7 +178,7 @@ class Prompt(Parameters):
 class Criterion(Parameters):
     """Of check_complete: the state that ends the unit, and the skill whose triggers ask about it (none: all)."""
 
-    criterion: Phrase
+    criterion: Line
     skill: str | None = None
 
 
@@ -191,7 +203,7 @@ class Turn(Parameters):
 class Message(Parameters):
     """Of say: what to show as the node's feedback."""
 
-    text: Phrase
+    text: Line
 
 
 class Assignment(Parameters):
@@ -214,19 +226,13 @@ class Reason(Parameters):
     reason: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)] | None = None
 
 
-def _shown(value: object) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
 def _headed(node_type: NodeType, name: str, parameters: Any) -> str:
     """The label of a kind that has no own: its word, and its name or headline."""
     word = node_type.kind.replace("_", " ")
     if node_type.headline == "name":
         return f"{word}: {name}" if name and node_type.family == "decorator" else name or word
     value = getattr(parameters, node_type.headline)
-    return word if value is None else f"{word} {_shown(value)}"
+    return word if value is None else f"{word} {as_text(value)}"
 
 
 @dataclass(frozen=True)
@@ -275,14 +281,14 @@ class NodeType:
 
 
 def _call(parameters: Call) -> str:
-    arguments = ", ".join(f"{key}={_shown(value)}" for key, value in parameters.arguments.items())
+    arguments = ", ".join(f"{key}={as_text(value)}" for key, value in parameters.arguments.items())
     return f"subtree {parameters.tree}" + (f"({arguments})" if arguments else "")
 
 
 def _assignment(parameters: Assignment) -> str:
     if parameters.add is not None:
-        return f"set {parameters.key} {'-' if parameters.add < 0 else '+'}= {_shown(abs(parameters.add))}"
-    return f"set {parameters.key} = {_shown(parameters.value)}"
+        return f"set {parameters.key} {'-' if parameters.add < 0 else '+'}= {as_text(abs(parameters.add))}"
+    return f"set {parameters.key} = {as_text(parameters.value)}"
 
 
 _OWN = (
@@ -348,7 +354,7 @@ _OWN = (
         "tries",
         "mpvi_bt.behaviors.decorators:Retry",
         "Begins a child that failed again at the next tick, so often at most.",
-        label=lambda _, p: f"retry, {p.tries} tries",
+        label=lambda _, p: f"retry, {p.tries} {'try' if p.tries == 1 else 'tries'}",
     ),
     NodeType(
         "repeat",
@@ -357,7 +363,7 @@ _OWN = (
         "times",
         "mpvi_bt.behaviors.decorators:Repeat",
         "Begins a child that succeeded again at the next tick, until it has so often.",
-        label=lambda _, p: f"repeat {p.times} times",
+        label=lambda _, p: "repeat once" if p.times == 1 else f"repeat {p.times} times",
     ),
     NodeType(
         "invert",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -17,6 +16,7 @@ from py_trees.decorators import Decorator
 from mpvi_bt.behaviors.context import Context, Failure
 from mpvi_bt.behaviors.node import failure_of
 from mpvi_bt.errors import MpviError, NodeError, UnknownName, UserError
+from mpvi_bt.tree.reader import MAX_DEPTH, MAX_NODES
 from mpvi_bt.tree.spec import NodeSpec, Placed, TreeSpec
 from mpvi_bt.tree.state import NodeState
 
@@ -141,8 +141,9 @@ class Tree:
 
         py_trees does not say whose it was, but the traceback does: it is the innermost frame's own node.
         """
-        owners = (frame.f_locals.get("self") for frame, _ in traceback.walk_tb(error.__traceback__))
-        paths = [path for owner in owners if isinstance(owner, Behaviour) and (path := getattr(owner, "path", ""))]
+        while isinstance(error.__cause__, Exception) and _owners(error.__cause__):
+            error = error.__cause__  # a generator that raises StopIteration is said to have raised another error
+        paths = _owners(error)
         return paths[-1] if paths else self.spec.nodes[0].path
 
     def interrupt(self) -> dict[str, NodeState]:
@@ -152,8 +153,10 @@ class Tree:
         """
         self._last = states = self.states()
         for node in reversed(self.nodes.values()):
-            with contextlib.suppress(Exception):  # one that cannot stop must not keep the others from it
+            try:
                 node.stop(Status.INVALID)
+            except Exception:  # one that cannot stop must not keep the others, and those above it, from it
+                node.status = Status.INVALID
         return states
 
     @property
@@ -218,9 +221,12 @@ class Tree:
             raise UserError(f"{path} is no child of a sequence, selector or parallel; swap it alone.")
         if not new:
             raise UserError(f"{path}: nothing was given to put there.")
+        if unbound := sorted({name for node in new for name in _unbound(node)}):
+            raise UserError(f"{path}: what is put there has parameters without a value: {', '.join(unbound)}.")
         first = above.children.index(path) if above else 0
         stop = len(above.children) if above and rest else first + 1
         spec = replace(self.spec, root=_spliced(self.spec, above.path if above else None, first, stop, new))
+        _check(spec, above.path if above else spec.nodes[0].path)
         placed = {p.path: p for p in spec.nodes}
         fresh = placed[above.path].children[first : first + len(new)] if above else (spec.nodes[0].path,)
         built = [self._build(placed[p], placed) for p in fresh]
@@ -235,7 +241,7 @@ class Tree:
             below = self._below[self.nodes[above.path]]
             _put(below[first:stop], built)
             below[first:stop] = built
-        self.spec = spec
+        self.spec, self._last = spec, None
         self.nodes = self._by_path()
 
     def _with_below(self, node: Behaviour) -> Iterator[Behaviour]:
@@ -246,6 +252,12 @@ class Tree:
     def statuses(self) -> list[Status]:
         """Status of every node, in the order of `nodes`; cheap enough for every tick."""
         return [node.status for node in self.nodes.values()]
+
+
+def _owners(error: BaseException) -> list[str]:
+    """Paths of the nodes whose methods an exception passed through, the innermost last."""
+    owners = (frame.f_locals.get("self") for frame, _ in traceback.walk_tb(error.__traceback__))
+    return [path for owner in owners if isinstance(owner, Behaviour) and (path := getattr(owner, "path", ""))]
 
 
 def _make(spec: NodeSpec, children: list[Behaviour]) -> Behaviour:
@@ -278,6 +290,22 @@ def _spliced(spec: TreeSpec, parent: str | None, first: int, stop: int, new: lis
 
     at = {placed.path: placed for placed in spec.nodes}
     return new[0] if parent is None else copy(spec.nodes[0])
+
+
+def _unbound(node: NodeSpec) -> Iterator[str]:
+    """Parameters of nodes that stand-ins fill."""
+    yield from node.unbound
+    for child in node.children:
+        yield from _unbound(child)
+
+
+def _check(spec: TreeSpec, changed: str) -> None:
+    """Raises UserError if a tree is not one that could be read back from a file."""
+    placed = next(p for p in spec.nodes if p.path == changed)
+    if placed.spec.type.family == "composite" and len(placed.children) < placed.spec.type.least:
+        raise UserError(f"{changed}: {placed.spec.kind!r} needs {placed.spec.type.least} children, not fewer.")
+    if len(spec.nodes) > MAX_NODES or max(p.depth for p in spec.nodes) >= MAX_DEPTH:
+        raise UserError(f"{changed}: at most {MAX_NODES} nodes in a tree, {MAX_DEPTH} one below the other.")
 
 
 def _put(old: list[Behaviour], new: list[Behaviour]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from itertools import groupby
 
+from mpvi_bt.behaviors.references import escaped
 from mpvi_bt.behaviors.registry import Criterion, Limit, Memory, NavigateTo, NoParameters, Prompt
 from mpvi_bt.plan.primitives import Primitive, primitives
 from mpvi_bt.plan.schema import Navigation, Plan
@@ -12,6 +13,7 @@ from mpvi_bt.plan.skills import Skill
 from mpvi_bt.tree.spec import NodeSpec, TreeSpec
 
 NAVIGATION_TIMEOUT_S = 120.0  # Our choice (the paper is silent): several times what crossing a house takes
+_LONGEST_NAME = 120  # of a unit that joins many segments; its prompt holds them all
 MANIPULATION_TIMEOUT_S = 90.0  # Our choice: of a segment that no skill file gives a time
 
 
@@ -20,7 +22,8 @@ def compile_plan(plan: Plan, skills: Mapping[str, Skill]) -> TreeSpec:
 
     Navigation segments stand alone. Consecutive manipulation segments form one unit: its prompt joins their
     descriptions with ", then ", its criterion and its triggers are those of the last segment, its time is the sum of
-    theirs. Each unit has a time limit, and one that fails is recorded and passed over.
+    theirs. Each unit has a time limit, and one that fails is recorded and passed over. Nothing in a plan refers to the
+    blackboard: a dollar sign is a dollar sign.
     """
     found = primitives(plan, skills)
     units = [
@@ -41,6 +44,7 @@ def _groups(plan: Plan) -> Iterator[tuple[int, ...]]:
 
 def _attempt(number: int, segments: tuple[int, ...], plan: Plan, unit: NodeSpec) -> NodeSpec:
     name = f"{number} " + ", then ".join(plan.segments[i].description for i in segments)
+    name = name if len(name) <= _LONGEST_NAME else name[: _LONGEST_NAME - 3].rstrip() + "..."
     return NodeSpec("attempt", NoParameters(), name, (unit,), segments)
 
 
@@ -48,13 +52,17 @@ def _unit(segments: tuple[int, ...], plan: Plan, found: Mapping[int, Primitive])
     parts = [plan.segments[i] for i in segments]
     if isinstance(first := parts[0], Navigation):
         seconds = NAVIGATION_TIMEOUT_S
-        node = NodeSpec("navigate", NavigateTo(target=first.target, room=first.room), segments=segments)
+        node = NodeSpec(
+            "navigate",
+            NavigateTo(target=escaped(first.target), room=first.room and escaped(first.room)),
+            segments=segments,
+        )
     else:
         skills = [call.skill if (call := found[i].call) else None for i in segments]
         seconds = sum(skill.timeout_s if skill else MANIPULATION_TIMEOUT_S for skill in skills)
-        prompt = Prompt(prompt=", then ".join(part.description for part in parts))
+        prompt = Prompt(prompt=escaped(", then ".join(part.description for part in parts)))
         last = skills[-1]
-        criterion = Criterion(criterion=parts[-1].completion_criterion, skill=last.name if last else None)
+        criterion = Criterion(criterion=escaped(parts[-1].completion_criterion), skill=last.name if last else None)
         children = (
             NodeSpec("manipulate", prompt, segments=segments),
             NodeSpec("check_complete", criterion, segments=segments[-1:]),

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import chain, count
 from typing import Any, Literal
 
 from mpvi_bt.behaviors.registry import NodeType, Parameters, Value, node_types
@@ -112,7 +112,8 @@ class TreeSpec:
         instruction: What it carries out, or "".
         about: One line for a person, or "".
         parameters: That the file declares, by name.
-        blackboard: Keys that exist from the start, with their first values.
+        blackboard: Keys that exist from the start, with their first values; those of subtrees, too.
+        inherited: Those of them that only subtrees declare.
         unbound: Names of parameters that have no value: such a tree can be checked and drawn, but not run.
     """
 
@@ -123,6 +124,7 @@ class TreeSpec:
     parameters: Mapping[str, TreeParameter] = field(default_factory=dict)
     blackboard: Mapping[str, Value] = field(default_factory=dict)
     unbound: tuple[str, ...] = ()
+    inherited: frozenset[str] = field(default=frozenset(), compare=False)
 
     @cached_property
     def nodes(self) -> tuple[Placed, ...]:
@@ -135,12 +137,11 @@ def _own_name(node: NodeSpec) -> str:
 
 
 def _placed(node: NodeSpec, path: str, depth: int) -> Iterator[Placed]:
-    seen: Counter[str] = Counter()
-    paths = []
+    paths: list[str] = []
     for child in node.children:
-        own = _own_name(child)
-        seen[own] += 1
-        paths.append(f"{path}/{own}" + (f"#{seen[own]}" if seen[own] > 1 else ""))
+        own = f"{path}/{_own_name(child)}"
+        others = (f"{own}#{number}" for number in count(2))
+        paths.append(next(found for found in chain([own], others) if found not in paths))
     yield Placed(path, depth, node, tuple(paths))
     for child, below in zip(node.children, paths, strict=True):
         yield from _placed(child, below, depth + 1)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import yaml
 
+from mpvi_bt.behaviors.references import escaped
 from mpvi_bt.marked_yaml import plain_scalar
 from mpvi_bt.tree.spec import NodeSpec, TreeParameter, TreeSpec
 
@@ -15,7 +17,8 @@ def dump_tree(tree: TreeSpec) -> str:
 
     Parameters of the tree stand as the file wrote them; a subtree is the call of its file.
     """
-    return to_yaml({**_head(tree), "root": _plain(tree.root, (), expand=False)})
+    own = {key: value for key, value in tree.blackboard.items() if key not in tree.inherited}
+    return to_yaml({**_head(replace(tree, blackboard=own)), "root": _plain(tree.root, (), expand=False)})
 
 
 def to_yaml(data: dict[str, Any]) -> str:
@@ -51,7 +54,7 @@ def _plain(node: NodeSpec, inherited: tuple[int, ...], expand: bool) -> dict[str
     written = {} if expand else node.written
     values = node.parameters.model_dump(exclude_defaults=True) | {k: v for k, v in written.items() if k != "name"}
     named = node.type.headline == "name"
-    first = written.get("name", node.name) or None if named else values.pop(node.type.headline, None)
+    first = written.get("name", escaped(node.name)) or None if named else values.pop(node.type.headline, None)
     plain = {node.kind: tidy(first), **{key: tidy(value) for key, value in values.items()}}
     if node.segments != inherited:
         plain["segments"] = Flow(node.segments)
