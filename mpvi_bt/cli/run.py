@@ -197,15 +197,16 @@ def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], 
     from mpvi_bt.suite.saved import Keeper
 
     tree = dry_tree(prepared.spec, prepared.rules)
+    saved = prepared.saved.run if prepared.saved else None
     if config.trace is not None:
         used = {key: config.record().get(key) for key in ("task", "tree", "plan", "arguments", "substitute")}
         told = {"dry": True, **{key: value for key, value in used.items() if value}}
-        watchers = [Recorder(config.trace, told, config.seed, prepared.ticks), *watchers]
+        watchers = [Recorder(config.trace, told, config.seed, saved), *watchers]
     budget_s = prepared.task.budget_s if prepared.task else 3600.0
-    world, saved = EmptyWorld(), prepared.saved
+    world = EmptyWorld()
     with stop:
         keeper = Keeper(stop, config, tree, world)
-        outcome = run_dry(tree, prepared.skills, watchers, budget_s, keeper, world, saved.run if saved else None)
+        outcome = run_dry(tree, prepared.skills, watchers, budget_s, keeper, world, saved)
     failures = [*outcome.log.failures, *filter(None, [outcome.failure])]
     result = {
         "tree": prepared.spec.name,

@@ -39,7 +39,7 @@ from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.metrics import Meter
 from mpvi_bt.suite.prepare import Prepared, prepare_episode
 from mpvi_bt.suite.result import Failure, make_result
-from mpvi_bt.suite.saved import Keeper
+from mpvi_bt.suite.saved import Keeper, SavedEpisode
 from mpvi_bt.suite.tasks import Task
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.substitute import stand_ins
@@ -99,7 +99,7 @@ def run(
         restore_world(saved.run, world, context)
     meter = Meter(saved.measurement if saved else None)
     last = _Last()
-    watchers = [meter, last, *_recorders(config, grid, world, navigator, prepared.ticks), *subscribers]
+    watchers = [meter, last, *_recorders(config, grid, world, navigator, saved), *subscribers]
     ready = time.perf_counter()
     try:
         with stop or nullcontext(lambda: False) as asked:
@@ -170,11 +170,11 @@ def _checker(config: EpisodeConfig, world: World) -> Checker:
 
 
 def _recorders(
-    config: EpisodeConfig, grid: OccupancyMap, world: World, navigator: KnownPlaceNavigator, ticks: int
+    config: EpisodeConfig, grid: OccupancyMap, world: World, navigator: KnownPlaceNavigator, saved: SavedEpisode | None
 ) -> list[Subscriber]:
     recorders: list[Subscriber] = []
     if config.trace is not None:
-        recorders.append(Recorder(config.trace, config.record(), config.seed, ticks))
+        recorders.append(Recorder(config.trace, config.record(), config.seed, saved.run if saved else None))
     if config.video is not None:
         recorders.append(Video(config.video, config.name))
     if config.picture is not None:

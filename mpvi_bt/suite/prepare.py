@@ -42,11 +42,6 @@ class Prepared:
     saved: SavedEpisode | None = None
 
     @property
-    def ticks(self) -> int:
-        """How often the tree was ticked already."""
-        return self.saved.run.tree.ticks if self.saved else 0
-
-    @property
     def doubt(self) -> str:
         """One line for a person if the tree says that it carries out another instruction than the task's, or ""."""
         own, due = self.spec.instruction, self.task.instruction if self.task else ""
