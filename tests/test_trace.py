@@ -30,7 +30,7 @@ from mpvi_bt.trace.lines import Answer, End, Header, Tick
 from mpvi_bt.trace.read import Trace, read_trace
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.saving import SavedTree, save
-from mpvi_bt.tree.spec import TreeSpec
+from mpvi_bt.tree.spec import NodeSpec, TreeSpec
 from mpvi_bt.tree.state import NodeState
 from mpvi_bt.tree.yaml_io import from_expanded, parse_tree
 
@@ -282,6 +282,9 @@ def test_a_behavior_that_raises_is_named(tmp_path: Path) -> None:
     assert trace.end is not None
     assert trace.end.error is not None
     assert (trace.end.error.path, trace.end.error.message) == (navigate, "ZeroDivisionError: no map")
+    line = break_it.__code__.co_firstlineno + 2
+    assert trace.end.error.place.endswith(f"tests/test_trace.py:{line}")  # of the behavior's own code
+    assert f"at {trace.end.error.place}" in explanation_text(explain(trace), width=200)
     assert trace.states(-1)[navigate].status == "FAILURE"
     assert trace.states(-1)["fetch/get the cup/timeout"].status == "SUCCESS"
     assert trace.ticks[-1].tick == trace.end.tick
@@ -312,6 +315,72 @@ def test_a_swapped_part_is_recorded(tmp_path: Path) -> None:
     assert "fetch/better/wait" in {node.path for node in trace.tree_at(i).nodes}
     assert trace.states(i).keys() == {node.path for node in trace.tree_at(i).nodes}
     assert trace.tree == FETCH
+
+
+def whole(spec: str) -> NodeSpec:
+    """A node by its YAML."""
+    return parse_tree("tree: t\nroot:\n" + "".join(f"  {line}\n" for line in spec.splitlines())).root
+
+
+PARTS = [
+    "wait: 0.5",
+    "wait: 9",
+    "say: hello",
+    "timeout: 0.2\nchild: {wait: 9}",
+    "sequence: lap\nmemory: true\nchildren: [{wait: 0.1}, {wait: 0.3}]",
+    "retry: 3\nchild: {fail: no}",
+]
+
+
+@given(swaps=st.lists(st.tuples(st.integers(1, 12), st.integers(0, 9), st.sampled_from(PARTS)), max_size=5))
+@example(swaps=[(12, 1, "wait: 9"), (6, 1, "wait: 9")])  # one that runs, for one that begins to, and is as it was
+@example(swaps=[(9, 1, "say: hello"), (3, 1, "wait: 9")])  # a path goes, and comes back
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
+def test_a_trace_tells_of_every_tick_across_swaps(tmp_path: Path, swaps: list[tuple[int, int, str]]) -> None:
+    """Read back, every node of the tree in force stands as it stood, with its time, whatever was put in its place."""
+
+    class Swaps(Watcher):
+        def step(self, tree: Tree, world: World) -> None:
+            self.wait += 1
+            if left and self.wait >= left[0][0] and tree.status.value == "RUNNING":
+                _, at, part = left.pop(0)
+                self.wait = 0
+                tree.swap(list(tree.nodes)[at % len(tree.nodes)], whole(part))
+
+        wait = 0
+
+    left = swaps.copy()
+
+    spec = from_expanded({"tree": "t", "root": {"timeout": 60, "child": {"wait": 9}}})
+    capture, recorder, world = Capture(), Recorder(tmp_path / "t.jsonl"), KinematicWorld()
+    context = scripted_context(world, SKILLS, {}, {})
+    run_episode(Tree(spec), world, context, [capture, recorder, Swaps()], max_time_s=2.1)
+    trace = read_trace(tmp_path / "t.jsonl")
+    for tick, states in enumerate(capture.states, 1):
+        i = trace.index_at(tick)
+        told = trace.states(i)
+        assert untimed(told) == untimed(states), tick
+        if trace.ticks[i].tick == tick:
+            for path, state in told.items():
+                assert state.elapsed_s == pytest.approx(states[path].elapsed_s, abs=1e-9), (tick, path)
+
+
+def test_what_a_swap_took_away_is_forgotten(tmp_path: Path) -> None:
+    """A path that a later swap brings back begins as any other, whoever wrote the trace."""
+    both, one = (
+        {"tree": "t", "root": {"parallel": None, "policy": "success_on_all", "children": c}}
+        for c in ([{"wait": 1}, {"say": "x"}], [{"wait": 1}, {"wait": 2}])
+    )
+    said = {"parallel/say": {"status": "SUCCESS", "feedback": "x"}}
+    lines = [
+        {"trace": 1, "mpvi_bt": "0", "tree": both},
+        {"tick": 1, "time_s": 0.0, "nodes": said},
+        {"tick": 2, "time_s": 0.1, "tree": one},
+        {"tick": 3, "time_s": 0.2, "tree": both},
+    ]
+    (tmp_path / "t.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    trace = read_trace(tmp_path / "t.jsonl")
+    assert [trace.states(i).get("parallel/say") for i in range(3)] == [NodeState("SUCCESS", "x"), None, NodeState()]
 
 
 def test_what_changes_after_a_tick_is_recorded_with_it(tmp_path: Path) -> None:
