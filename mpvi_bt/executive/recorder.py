@@ -145,7 +145,7 @@ class Recorder(Watcher):
         new = {
             path: state
             for path, state in states.items()
-            if not _same(state, before.get(path, _NOT_BEGUN)) or (path in others and path in before)
+            if path in others or not _same(state, before.get(path, _NOT_BEGUN))
         }
         if new:
             before.update(new)
