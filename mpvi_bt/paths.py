@@ -36,7 +36,16 @@ def roots() -> list[Path]:
 
 def names(folder: str) -> list[str]:
     """Stems of the YAML and JSON files in `folder`, such as "tasks/plans", of every root; sorted, each once."""
-    return sorted({path.stem for root in roots() for path in (root / folder).glob("*") if path.suffix in _SUFFIXES})
+    files = (path for root in roots() for path in (root / folder).glob("*") if path.suffix in _SUFFIXES)
+    return sorted({path.stem for path in files if is_file(path) and not path.name.startswith(".")})
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; False, not an error, for a name that no file can have."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
 
 
 def find(folder: str, name: str, kind: str = "") -> Path:
@@ -54,7 +63,7 @@ def find(folder: str, name: str, kind: str = "") -> Path:
     if name not in known:
         raise UnknownName(kind or Path(folder).name.removesuffix("s"), name, known)
     places = [root / folder / f"{name}{suffix}" for root in roots() for suffix in _SUFFIXES]
-    return next(path for path in places if path.is_file())
+    return next(path for path in places if is_file(path))
 
 
 def find_or_file(folder: str, given: str, kind: str = "") -> Path:
@@ -66,7 +75,7 @@ def find_or_file(folder: str, given: str, kind: str = "") -> Path:
     """
     if given.endswith(_SUFFIXES) or os.sep in given:
         path = Path(given)
-        if not path.is_file():
+        if not is_file(path):
             raise UserError(f"{given}: there is no such file.")
         return path
     return find(folder, given, kind)

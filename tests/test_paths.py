@@ -46,3 +46,15 @@ def test_a_path_is_taken_as_it_is(tmp_path: Path) -> None:
     assert paths.find_or_file("trees", str(file)) == file
     with pytest.raises(UserError, match=r"other\.yaml: there is no such file"):
         paths.find_or_file("trees", str(tmp_path / "other.yaml"))
+
+
+def test_what_cannot_be_opened_has_no_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Folders, links that lead nowhere or round, and hidden files are no names; a name too long for a file is unknown."""
+    trees = tmp_path / "trees"
+    (trees / "folder.yaml").mkdir(parents=True)
+    (trees / "round.yaml").symlink_to(trees / "round.yaml")
+    (trees / ".#mine.yaml").symlink_to("somebody@somewhere")
+    monkeypatch.setenv("MPVI_PATH", str(tmp_path))
+    assert not {"folder", "round", ".#mine"} & set(paths.names("trees"))
+    with pytest.raises(UserError, match="there is no such file"):
+        paths.find_or_file("trees", "ä" * 190 + ".yaml")

@@ -18,8 +18,9 @@ from mpvi_bt.btcpp.marked_xml import Element, parse_xml
 from mpvi_bt.btcpp.script import escaped, read_assignments, read_comparison
 from mpvi_bt.errors import FileProblems, Problem, shown
 from mpvi_bt.marked_yaml import Location, Marks, parse_marked
-from mpvi_bt.tree.reader import MAX_DEPTH, MAX_NODES, Reading, read
+from mpvi_bt.tree.reader import MAX_DEPTH, MAX_NODES, read
 from mpvi_bt.tree.spec import TreeSpec
+from mpvi_bt.tree.tree_file import Reading
 
 _SCRIPTED = frozenset({"_skipIf", "_failureIf", "_successIf", "_while"}) | frozenset(
     {"_onSuccess", "_onFailure", "_onHalted", "_post"}
@@ -262,7 +263,8 @@ class _Tree:
         """
         node_type = node_types()[kind]
         name = element.attributes.get("name") or None
-        headline = name if node_type.headline == "name" else given.get(node_type.headline)
+        own = name and name.replace("$", "$$")  # a name here refers to nothing
+        headline = own if node_type.headline == "name" else given.get(node_type.headline)
         if name not in (None, element.tag, element.attributes.get("ID"), headline):
             self.file.warn(element, "name", f"{kind!r} has no name here; {name!r:.60} is left out", "name")
         data = {kind: headline, **{key: value for key, value in given.items() if key != node_type.headline}}

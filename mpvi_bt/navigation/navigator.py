@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from mpvi_bt.behaviors.protocols import Progress, Report
+from mpvi_bt.errors import nearest
 from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.goals import Goal, Handoff, at_target, object_goals, room_goals
 from mpvi_bt.navigation.grid import shortest_path
@@ -145,7 +146,9 @@ class KnownPlaceNavigator:
         """One report a step until the base has arrived. Raises _GaveUp."""
         entries, room = self._look_up(trip)
         if not entries and room is None:
-            raise _GaveUp("unknown_target", f"nobody knows where {trip.target} is")
+            near = nearest(normalize(trip.target), self._names())
+            hint = f"; something near it is called {near!r}" if near else ""
+            raise _GaveUp("unknown_target", f"nobody knows where {trip.target!r} is{hint}")
         if not entries and room != trip.target:  # look for the target from within its room
             yield from self._drive_to(trip, [], room)
             entries, room = self._look_up(trip)
@@ -171,6 +174,11 @@ class KnownPlaceNavigator:
                 return
             yield from self._back_off(trip, follower)
         raise _GaveUp("blocked", f"something blocks the way to {place}")
+
+    def _names(self) -> list[str]:
+        """What targets may be called."""
+        phrases = {normalize(phrase) for entry in self._knowledge() for phrase in entry.phrases}
+        return sorted(phrases | {normalize(room) for room in self._map.room_names})
 
     def _look_up(self, trip: _Trip) -> tuple[list[Entry], str | None]:
         """The entries that the target names, the best kind first only, and the map's room that was meant, if any."""
