@@ -17,6 +17,7 @@ from typing import Any, TypeVar, Union
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from mpvi_bt.errors import FileProblems, Problem, UserError, did_you_mean, nearest, shown
+from mpvi_bt.file_kinds import foreign
 from mpvi_bt.yaml_reader import (
     MAX_BYTES,
     MAX_DEPTH,
@@ -91,6 +92,8 @@ def read_text(path: str | Path) -> str:
 
 def parse_marked(text: str, name: str) -> tuple[Any, Marks]:
     """As `load_marked`, of a text that `name` stands for in problems."""
+    if other := list(foreign(text, name)):
+        raise FileProblems(other)
     if name.endswith(".json"):
         _check_json(text, name)
         text = _SURROGATES.sub(lambda pair: json.loads(f'"{pair.group()}"'), text)  # YAML knows no surrogate pairs
@@ -163,6 +166,7 @@ _SHAPES = {
     "int_from_float": "a whole number",
     "bool_type": "true or false",
     "bool_parsing": "true or false",
+    "none_required": "nothing",
 }
 
 
@@ -204,7 +208,8 @@ def _problems(
         known: list[str] = []
         near = None
         if kind == "missing":
-            message = f"missing key {last!r}"
+            about, known = _wanted(model, inner)
+            message = f"missing key {last!r}{about}"
         elif kind == "extra_forbidden":
             known = sorted(fields_at(model, inner[:-1]))
             near = nearest(last, known)
@@ -228,6 +233,8 @@ def _problems(
 
 def _words(kind: str, context: Mapping[str, Any], message: str) -> str:
     """What a value should be."""
+    if kind == "none_required":
+        return "should hold nothing"
     if kind in _SHAPES:
         return f"should be {_SHAPES[kind]}"
     if kind in ("too_long", "too_short", "string_too_long", "string_too_short"):
@@ -244,14 +251,29 @@ def _given(kind: str, context: Mapping[str, Any], value: Any) -> str:
     return str(context["actual_length"]) if kind in ("too_long", "too_short") else shown(value)
 
 
+def _wanted(model: type[BaseModel], location: Sequence[str | int]) -> tuple[str, list[str]]:
+    """What may stand under a missing key: in words, from the field's description or its choices, and the choices."""
+    fields = (at.model_fields.get(str(location[-1])) for at in _models_at(model, location[:-1]))
+    for info in filter(None, fields):
+        hints = list(_members(info.annotation))
+        choices = [str(c) for hint in hints if typing.get_origin(hint) is typing.Literal for c in typing.get_args(hint)]
+        about = info.description or " or ".join(choices) or ("true or false" if bool in hints else "")
+        return (f": {about}" if about else ""), choices or ["true", "false"] * (bool in hints)
+    return "", []
+
+
 def fields_at(model: type[BaseModel], location: Iterable[str | int]) -> set[str]:
     """Keys that a file of `model` may have at a location (of every union member that fits)."""
+    return {f.alias or name for m in _models_at(model, location) for name, f in m.model_fields.items()}
+
+
+def _models_at(model: type[BaseModel], location: Iterable[str | int]) -> list[type[BaseModel]]:
     at: set[Any] = {model}
     for part in location:
         inner = {t for hint in at for t in _inside(hint, part)}
         # No such part: pydantic names a union's member by its tag, which is not a key in the file.
         at = inner or {hint for hint in at if _tagged(hint, part)} or at
-    return {f.alias or name for m in at if _is_model(m) for name, f in m.model_fields.items()}
+    return [hint for hint in at if _is_model(hint)]
 
 
 def _is_model(hint: Any) -> bool:

@@ -73,12 +73,18 @@ class Marks:
         return Problem(self.file, line, column, code, message, pointer=pointer(self.known(location)), **more)
 
     def unknown(
-        self, location: Iterable[str | int], kind: str, given: str, known: Iterable[str], key: bool = False
+        self,
+        location: Iterable[str | int],
+        kind: str,
+        given: str,
+        known: Iterable[str],
+        key: bool = False,
+        whose: str = "",
     ) -> Problem:
-        """The problem of a name that is not known, such as a room that the house does not have."""
+        """The problem of a name that is not known, such as a room that the house does not have; `whose`: " of it"."""
         names = sorted(known)
         near = nearest(given, names)
-        message = f"unknown {kind} {shown(given)}.{did_you_mean(near, names)}"
+        message = f"unknown {kind} {shown(given)}{whose}.{did_you_mean(near, names)}"
         code = f"unknown-{kind.replace(' ', '-')}"
         return self.problem(location, code, message, key, nearest=near, known=tuple(names))
 

@@ -99,7 +99,7 @@ def test_problems_of_all_files_come_at_once(tmp_path: Path) -> None:
     files = [tmp_path / name for name in ("a.yaml", "b.json", "c.yaml", "d.yaml")]
     code, output = run(*files)
     shown = [line.removeprefix(str(tmp_path)).split(": ")[0] for line in output.splitlines() if line[0] == "/"]
-    assert (code, shown) == (1, ["/a.yaml:3:3", "/b.json:1:32", "/c.yaml:1:1", "/d.yaml"])
+    assert (code, shown) == (2, ["/a.yaml:3:3", "/b.json:1:32", "/c.yaml:1:1", "/d.yaml"])
     assert [p["code"] for p in json.loads(run(*files, "--json")[1])["problems"]] == [
         *("unknown-node", "wrong-length", "unknown-file", "unreadable")
     ]
@@ -274,6 +274,8 @@ LINTED = [
     ("timeout: 30", "timeout: 1801 steps", 20, "timeout-too-long"),
     ("pick up the $object", "pik up the cup", 24, "no-skill"),
     ("pick up the $object", "pick up the cup, then sing", 24, "no-skill"),
+    ("            - check_complete: the $object is held", "            - look_around: 90\n"
+     "            - check_complete: the $object is held", 25, "two-drivers"),
     ("navigate: $object\n          room: kitchen", "wait: 1", 12, "pointless-retry"),
     ("retry: 3\n        child:\n          navigate: $object\n          room: kitchen", "repeat: 3\n"
      "        child:\n          fail: $object", 12, "pointless-repeat"),
@@ -301,6 +303,9 @@ def test_what_can_hardly_be_meant_is_told(tmp_path: Path, old: str, new: str, li
         ("manipulate: pick up the $object", "manipulate: $tries"),
         ("    - set: tries", "    - parallel:\n      policy: success_on_one\n      children:\n"
          "        - manipulate: pick up the cup\n        - wait: 3\n    - set: tries"),
+        ("    - set: tries", "    - parallel:\n      policy: success_on_all\n      children:\n"
+         "        - sequence:\n          memory: true\n          children: [{navigate: cup}, {posture: travel}]\n"
+         "        - say: two in turn\n        - check_complete: held\n    - set: tries"),
         ("    - set: tries", "    - selector:\n      memory: false\n      children:\n        - test: tries\n"
          "        - succeed:\n    - set: tries"),
         ("    - set: tries", "    - repeat: 2\n      child:\n        say: ${tries} of $$3\n    - set: tries"),
@@ -342,16 +347,38 @@ def test_what_a_subtree_reads_may_come_from_its_caller(tmp_path: Path) -> None:
     assert found == [("t.yaml", 2, "unread-key"), ("t.yaml", 5, "unwritten-key")]
 
 
+def test_a_subtree_does_not_have_its_callers_parameters(tmp_path: Path) -> None:
+    """What it refers to, and gets neither by an argument nor from the blackboard, is told in its file."""
+    (tmp_path / "inner.yaml").write_text("tree: inner\nparameters: {what: text}\nroot:\n  say: $what in the $room\n")
+    outer = "tree: outer\nparameters: {room: text}\nroot:\n  subtree: inner\n  arguments: {what: cup}\n"
+    (tmp_path / "outer.yaml").write_text(outer)
+    found = problems_in(str(tmp_path / "outer.yaml"))
+    assert ("inner.yaml", 4, "unwritten-key") in [(Path(p.file).name, p.line, p.code) for p in found]
+
+
 def test_rooms_are_those_of_the_task(tmp_path: Path) -> None:
     """With --task a room that the house does not have is an error with the nearest one; however it is spelt."""
     path = tmp_path / "t.yaml"
-    path.write_text(GOOD.replace("room: kitchen", "room: kitchn"))
+    good = GOOD.replace("default: cup", "default: can of soda")
+    path.write_text(good.replace("room: kitchen", "room: kitchn"))
     assert run(path) == (0, "")
     code, output = run(path, "--task", "picking_up_trash")
     assert code == 1
     assert f"{path}:15:17: unknown room 'kitchn'. Did you mean 'kitchen'?" in output
-    path.write_text(GOOD.replace("room: kitchen", "room: The Living_Room"))
+    path.write_text(good.replace("room: kitchen", "room: The Living_Room"))
     assert run(path, "--task", "picking_up_trash") == (0, "")
+
+
+def test_targets_are_things_of_the_task(tmp_path: Path) -> None:
+    """With --task a warning stands where nothing is called as what a node drives to; rooms and fixtures are things."""
+    path = tmp_path / "t.yaml"
+    path.write_text(GOOD.replace("default: cup", "default: can of sodda"))
+    code, output = run(path, "--task", "picking_up_trash")
+    assert code == 1
+    assert f"{path}:14:21: warning: nothing there is called 'can of sodda'. Did you mean 'can of soda'?" in output
+    for known in ("The Kitchen", "sofa", "trash can", "$tries"):
+        path.write_text(GOOD.replace("navigate: $object", f"navigate: {known}"))
+        assert run(path, "--task", "picking_up_trash") == (0, "")
 
 
 def test_rooms_that_are_looked_up_later_are_left_alone() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import sys
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,72 +13,95 @@ from typing import Any
 
 import click
 
+from mpvi_bt import paths
 from mpvi_bt.cli import problems as show
-from mpvi_bt.errors import FileProblems, Problem, UserError
-from mpvi_bt.marked_yaml import MAX_PROBLEMS, Marks, load_marked
+from mpvi_bt.errors import FileProblems, Problem, UnknownName, UserError
+from mpvi_bt.file_kinds import kind_of, taken_by
+from mpvi_bt.marked_yaml import MAX_PROBLEMS, Marks, load_marked, parse_marked
+
+STDIN = "<stdin>"
+
+
+@dataclass(frozen=True)
+class Site:
+    """What a tree can name where a task is.
+
+    Attributes:
+        rooms: Of the house.
+        phrases: What people call its rooms, its fixtures and the task's things.
+    """
+
+    rooms: frozenset[str]
+    phrases: frozenset[str]
 
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
-@click.option("--task", help="Also check that the rooms which trees name are those of this task's house.")
+@click.option("--task", help="Also check rooms, and what to drive to, against this task's house and things.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object, made for mending the files.")
 def check(files: tuple[str, ...], task: str | None, as_json: bool) -> int:
-    """List every problem in trees, plans, skills, tasks, suites, houses and the catalogue, with line and column.
+    """List every problem in trees, plans, skills, tasks, suites, houses, rules and the catalogue, with line and column.
 
-    FILE may be a folder: then every .yaml, .yml and .json below it is checked. The exit code is 1 if there is any
-    problem, a warning too.
+    FILE may be a folder: then every .yaml, .yml and .json below it is checked. It may be the name of a tree, too, or
+    "-" for the standard input. The exit code is 1 if there is any problem, a warning too, and 2 if a FILE is not there.
     """
-    rooms = None if task is None else rooms_of(task)
-    named = [found for given in files for found in below(given)]
-    problems = [problem for file in named for problem in problems_in(file, rooms)]
+    site = None if task is None else site_of(task)
+    texts: dict[str, str] = {}
+    problems: list[Problem] = []
+    count = 0
+    missing = False
+    for given in files:
+        try:
+            found = below(given)
+        except UserError as error:
+            problems.append(Problem(given or "''", 0, 0, "unreadable", str(error).removeprefix(f"{given}: ")))
+            missing = True
+            continue
+        count += len(found)
+        if given == "-":
+            texts[STDIN] = sys.stdin.read()
+            problems += problems_in(STDIN, site, text=texts[STDIN])
+        else:
+            problems += [problem for file in found for problem in problems_in(file, site, named=found == [given])]
     problems = list({(p.file, p.line, p.column, p.message): p for p in problems}.values())  # subtrees are read twice
     if as_json:
-        click.echo(show.as_json(problems, len(named)))
+        click.echo(show.as_json(problems, count, texts))
     else:
-        for line in show.as_text(problems):
+        for line in show.as_text(problems, texts):
             click.echo(line)
-        click.echo(_summary(len(named), len(problems)), err=True)
+        click.echo(_summary(count, len(problems)), err=True)
         if max(Counter(p.file for p in problems).values(), default=0) >= MAX_PROBLEMS:
             click.echo(f"of one file only the first {MAX_PROBLEMS} problems are told", err=True)
-    return 1 if problems else 0
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A kind of file: any of `keys` tells it, or else the name of its folder.
-
-    Attributes:
-        name: For a person.
-        keys: At the top of such a file, and not of others.
-        folder: Where such files lie.
-        check: "module:function", called with the data and the marks of a file; raises FileProblems. None: they are
-            not ours to check.
-    """
-
-    name: str
-    keys: frozenset[str]
-    folder: str
-    check: str | None
-
-
-KINDS = (
-    Kind("tree", frozenset({"tree", "root"}), "trees", "mpvi_bt.tree.yaml_io:check_tree"),
-    Kind("plan", frozenset({"task_name", "segments"}), "plans", "mpvi_bt.plan.schema:check_plan"),
-    Kind("skill", frozenset({"phrases", "triggers"}), "skills", "mpvi_bt.plan.skills:check_skill"),
-    Kind("house", frozenset({"rooms", "doorways"}), "houses", "mpvi_bt.sim.house:check_house"),
-    Kind("suite", frozenset({"tasks", "instances", "seeds"}), "suites", "mpvi_bt.suite.tasks:check_suite"),
-    Kind("task", frozenset({"problem", "bindings"}), "tasks", "mpvi_bt.suite.tasks:check_task"),
-    Kind("catalogue", frozenset({"entries"}), "catalogues", "mpvi_bt.sim.catalogue:check_catalogue"),
-    Kind("rules", frozenset({"substitute"}), "rules", "mpvi_bt.tree.substitute:check_rules"),
-    Kind("JSON schema", frozenset({"$schema", "$defs"}), "schema", None),
-)
+    return 2 if missing else 1 if problems else 0
 
 
 def below(given: str) -> list[str]:
-    """The file itself, or those below a folder that may be ours, in order."""
-    if not Path(given).is_dir():
+    """The file itself, those below a folder that may be ours, in order, or that of the tree of a name.
+
+    Raises:
+        UserError: There is none.
+    """
+    if not given:
+        raise UserError("an empty name is no file.")
+    if given == "-":
         return [given]
+    try:
+        if not Path(given).is_dir():
+            return [given] if Path(given).exists() else [str(_tree_of(given))]
+    except (OSError, ValueError):  # no name of a file at all
+        raise UserError("there is no such file.") from None
     return list(_files(given)) or [given]
+
+
+def _tree_of(name: str) -> Path:
+    """The file of a tree that a root has. Raises UserError."""
+    if os.sep in name or Path(name).suffix:
+        raise UserError("there is no such file.")
+    try:
+        return paths.find("trees", name)
+    except UnknownName as error:
+        near = f" Did you mean {error.nearest!r}?" if error.nearest else ""
+        raise UserError(f"there is no such file, and no tree of that name.{near}") from None
 
 
 def _files(folder: str) -> Iterator[str]:
@@ -89,21 +113,26 @@ def _files(folder: str) -> Iterator[str]:
                 yield str(path)
 
 
-def problems_in(file: str, rooms: frozenset[str] | None = None) -> list[Problem]:
+def problems_in(file: str, site: Site | None = None, text: str | None = None, named: bool = True) -> list[Problem]:
     """Everything that is wrong with one file.
 
     Args:
         file: Of any kind that we know.
-        rooms: If given, the rooms of a tree must be among them.
+        site: If given, what a tree drives to must be there.
+        text: Its content, if it has been read already.
+        named: Whether a user named it: then a file of ours that has nothing to check is told for what it is.
     """
     try:
-        data, marks = load_marked(file)
+        data, marks = load_marked(file) if text is None else parse_marked(text, file)
         kind = kind_of(data, marks)
-        if kind.name == "tree":
-            return _tree_problems(data, marks, rooms)
+        if kind.noun == "tree":
+            return _tree_problems(data, marks, site)
         if kind.check is not None:
             module, _, function = kind.check.partition(":")
             getattr(importlib.import_module(module), function)(data, marks)
+        elif named:
+            message = f"this is {kind.name}, which there is nothing to check of; {taken_by(kind)}"
+            return [marks.problem((), "wrong-kind", message)]
     except FileProblems as error:
         return list(error.problems)
     except UserError as error:
@@ -111,34 +140,31 @@ def problems_in(file: str, rooms: frozenset[str] | None = None) -> list[Problem]
     return []
 
 
-def kind_of(data: Any, marks: Marks) -> Kind:
-    """What a file is, its own keys tell: the kind that shares most of them. Raises FileProblems."""
-    keys = set(data) if isinstance(data, dict) else set()
-    folder = Path(marks.file).resolve().parent.name
-    kind = max(KINDS, key=lambda k: (len(keys & k.keys), k.folder == folder))
-    if not keys & kind.keys and kind.folder != folder:
-        known = "; ".join(f"{kind.name} ({', '.join(sorted(kind.keys))})" for kind in KINDS if kind.check)
-        raise FileProblems([marks.problem((), "unknown-file", f"what is this? Known by their keys: {known}")])
-    return kind
-
-
-def _tree_problems(data: Any, marks: Marks, rooms: frozenset[str] | None) -> list[Problem]:
+def _tree_problems(data: Any, marks: Marks, site: Site | None) -> list[Problem]:
     from mpvi_bt.plan.skills import load_skills
-    from mpvi_bt.tree.lint import check_rooms, lint
+    from mpvi_bt.tree.lint import check_rooms, check_targets, lint
     from mpvi_bt.tree.yaml_io import check_tree
 
     skills = load_skills()
     spec = check_tree(data, marks, skills)
-    found = lint(spec, skills, marks) + ([] if rooms is None else check_rooms(spec, rooms, marks))
+    found = lint(spec, skills, marks)
+    if site is not None:
+        found += check_rooms(spec, site.rooms, marks) + check_targets(spec, site.phrases, marks)
     return sorted(found, key=lambda p: (p.file != marks.file, p.file, p.line, p.column))[:MAX_PROBLEMS]
 
 
-def rooms_of(task: str) -> frozenset[str]:
-    """The rooms of the house that a task is in. Raises as `load_task` and `load_house` do."""
+def site_of(task: str) -> Site:
+    """What a tree can name where a task is. Raises as `load_task` and `load_house` do."""
+    from mpvi_bt.sim.catalogue import load_catalogue
     from mpvi_bt.sim.house import load_house
     from mpvi_bt.suite.tasks import load_task
 
-    return frozenset(load_house(load_task(task).house).rooms)
+    loaded = load_task(task)
+    house, catalogue = load_house(loaded.house), load_catalogue()
+    there = [(fixture.name, *fixture.entry.phrases) for fixture in house.fixtures.values()]
+    there += [room.phrases for room in house.rooms.values()]
+    there += [catalogue.entries[name].phrases for name in loaded.bindings.values()]
+    return Site(frozenset(house.rooms), frozenset(phrase for phrases in there for phrase in phrases))
 
 
 def _summary(files: int, problems: int) -> str:

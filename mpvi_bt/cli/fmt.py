@@ -5,17 +5,17 @@ from __future__ import annotations
 import difflib
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
 from mpvi_bt.cli import problems as show
-from mpvi_bt.cli.check import below, kind_of
+from mpvi_bt.cli.check import STDIN, below
 from mpvi_bt.errors import FileProblems, Problem, UserError
+from mpvi_bt.file_kinds import kind_of
 from mpvi_bt.marked_yaml import parse_marked, read_text
-
-_STDIN = "<stdin>"
 
 
 @click.command()
@@ -26,17 +26,26 @@ _STDIN = "<stdin>"
 def fmt(files: tuple[str, ...], only_check: bool, only_diff: bool, as_json: bool) -> int:
     """Bring trees into canonical form, in place, with their comments.
 
-    FILE may be a folder: then the trees below it are meant. "-" reads from the standard input and writes to the
-    standard output. A tree with problems is left as it is, and the exit code is 2.
+    FILE may be the name of a tree, or a folder: then the trees below it are meant. "-" reads from the standard input
+    and writes to the standard output. A tree with problems is left as it is, and the exit code is 2.
     """
-    named = [(given, found) for given in files for found in ([given] if given == "-" else below(given))]
+    named: list[tuple[str, bool]] = []
     changed: list[str] = []
     problems: list[Problem] = []
+    texts: dict[str, str] = {}
     count = 0
-    for given, file in named:
+    for given in files:
+        try:
+            found = below(given)
+            named += [(file, len(found) == 1 and not Path(given).is_dir()) for file in found]
+        except UserError as error:
+            problems.append(Problem(given, 0, 0, "unreadable", str(error)))
+    for file, is_named in named:
         try:
             text = sys.stdin.read() if file == "-" else read_text(file)
-            result = _formatted(text, _STDIN if file == "-" else file, given == file)
+            if file == "-":
+                texts[STDIN] = text
+            result = _formatted(text, STDIN if file == "-" else file, is_named)
         except FileProblems as error:
             problems += error.problems
             continue
@@ -52,7 +61,7 @@ def fmt(files: tuple[str, ...], only_check: bool, only_diff: bool, as_json: bool
                 _write(file, result)
         if file == "-" and result is not None and not (only_check or only_diff or as_json):
             click.echo(result, nl=False)
-    _report(changed, problems, count, only_check or only_diff, as_json)
+    _report(changed, problems, texts, count, only_check or only_diff, as_json)
     return 2 if problems else int(only_check and bool(changed))
 
 
@@ -62,7 +71,7 @@ def _formatted(text: str, name: str, is_named: bool) -> str | None:
 
     data, marks = parse_marked(text, name)
     try:
-        kind = kind_of(data, marks).name
+        kind = kind_of(data, marks).noun
     except FileProblems:
         kind = "file of a kind that we do not know"
     if kind == "tree" and not name.endswith(".json"):
@@ -90,12 +99,14 @@ def _diff(old: str, new: str, file: str) -> list[str]:
     return list(difflib.unified_diff(old.splitlines(True), new.splitlines(True), file, f"{file} (canonical)"))
 
 
-def _report(changed: list[str], problems: list[Problem], count: int, dry: bool, as_json: bool) -> None:
+def _report(
+    changed: list[str], problems: list[Problem], texts: Mapping[str, str], count: int, dry: bool, as_json: bool
+) -> None:
     if as_json:
-        found: list[dict[str, Any]] = json.loads(show.as_json(problems, count))["problems"]
+        found: list[dict[str, Any]] = json.loads(show.as_json(problems, count, texts))["problems"]
         click.echo(json.dumps({"changed": changed, "files": count, "problems": found}, indent=2))
         return
-    for line in show.as_text(problems):
+    for line in show.as_text(problems, texts):
         click.echo(line, err=True)
     for file in changed:
         click.echo(f"{'would change' if dry else 'changed'} {file}", err=True)

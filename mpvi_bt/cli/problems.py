@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +16,15 @@ WIDTH = 80
 _LINE_ENDS = re.compile("\r\n|[\r\n\x85\u2028\u2029]")  # as YAML counts lines
 _QUOTED = re.compile(r"""'(?:[^']|'')*'|"(?:[^"\\]|\\.)*\"""")
 _PLAIN = re.compile(r"(?:[^:#]|:(?=\S)|(?<=\S)#)+")
+_NONE: Mapping[str, str] = {}
 _IN_FLOW = re.compile(r"[^:#,\[\]{}]+")
 
 
 class Sources:
-    """The lines of files, each read once, when a problem is shown."""
+    """The lines of files, each read once, when a problem is shown; `texts` of those that can't be read again."""
 
-    def __init__(self) -> None:
-        self._lines: dict[str, list[str]] = {}
+    def __init__(self, texts: Mapping[str, str]) -> None:
+        self._lines = {file: _LINE_ENDS.split(text) for file, text in texts.items()}
 
     def line(self, problem: Problem) -> str | None:
         """The line that a problem is about, if it has one and the file can be read again."""
@@ -43,9 +44,14 @@ def _text(file: str) -> str:
         return ""
 
 
-def as_text(problems: Iterable[Problem]) -> Iterator[str]:
-    """Each problem's own line, then the line of the file and what of it is meant."""
-    sources = Sources()
+def as_text(problems: Iterable[Problem], texts: Mapping[str, str] = _NONE) -> Iterator[str]:
+    """Each problem's own line, then the line of the file and what of it is meant.
+
+    Args:
+        problems: In any order.
+        texts: Of what was not read from a file, by the name that problems have for it.
+    """
+    sources = Sources(texts)
     for problem in problems:
         yield str(problem)
         line = sources.line(problem)
@@ -53,9 +59,9 @@ def as_text(problems: Iterable[Problem]) -> Iterator[str]:
             yield from excerpt(line, problem.line, problem.column)
 
 
-def as_json(problems: Sequence[Problem], files: int) -> str:
-    """One object with all that a person, or a model, needs for mending the files."""
-    sources = Sources()
+def as_json(problems: Sequence[Problem], files: int, texts: Mapping[str, str] = _NONE) -> str:
+    """One object with all that a person, or a model, needs for mending the files. `texts`: as of `as_text`."""
+    sources = Sources(texts)
     return json.dumps({"problems": [_plain(p, sources.line(p)) for p in problems], "files": files}, indent=2)
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, StringConstraints
 
+from mpvi_bt.file_kinds import expect
 from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
 
 
@@ -20,8 +21,9 @@ def _one_line(text: str) -> str:
 Phrase = Annotated[
     str, StringConstraints(strip_whitespace=True, min_length=1, max_length=300), AfterValidator(_one_line)
 ]
+# Enough for 200 segments joined, every dollar sign doubled.
 Paragraph = Annotated[
-    str, StringConstraints(strip_whitespace=True, min_length=1, max_length=5000), AfterValidator(_one_line)
+    str, StringConstraints(strip_whitespace=True, min_length=1, max_length=130_000), AfterValidator(_one_line)
 ]
 
 
@@ -91,4 +93,5 @@ def load_plan(path: str | Path) -> Plan:
 
 def check_plan(data: Any, marks: Marks) -> Plan:
     """As `load_plan`, of data that is already loaded."""
+    expect("plan", data, marks)
     return validate_data(data, marks, Plan)

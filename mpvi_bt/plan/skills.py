@@ -17,6 +17,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from mpvi_bt.errors import FileProblems, UnknownName
+from mpvi_bt.file_kinds import expect
 from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
 from mpvi_bt.plan.schema import Phrase
 
@@ -124,8 +125,10 @@ def load_skill(path: str | Path) -> Skill:
 
 def check_skill(data: object, marks: Marks) -> Skill:
     """As `load_skill`, of data that is already loaded."""
+    expect("skill", data, marks)
     skill = validate_data(data, marks, Skill)
-    if skill.name != (stem := Path(marks.file).stem):
+    named = Path(marks.file).suffix  # what comes through a pipe has no file's name
+    if named and skill.name != (stem := Path(marks.file).stem):
         message = f"skill {skill.name!r} in a file named {stem!r}; they must agree"
         raise FileProblems([marks.problem(("name",), "name", message)])
     return skill

@@ -10,6 +10,7 @@ from pydantic import Field
 from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, UnknownName, UserError
 from mpvi_bt.errors import Problem as FileProblem
+from mpvi_bt.file_kinds import expect
 from mpvi_bt.goals.problem import Problem, activities, load_problem
 from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
 from mpvi_bt.sim.catalogue import Catalogue, load_catalogue
@@ -105,6 +106,7 @@ def read_task(path: Path) -> Task:
 
 def check_task(data: Any, marks: Marks) -> Task:
     """As `load_task`, of data that is already loaded."""
+    expect("task", data, marks)
     task = validate_data(data, marks, Task)
     problems = _check_names(task, marks)
     if not problems:
@@ -127,6 +129,7 @@ def load_suite(name: str) -> Suite:
 
 def check_suite(data: Any, marks: Marks) -> Suite:
     """As `load_suite`, of data that is already loaded."""
+    expect("suite", data, marks)
     suite = validate_data(data, marks, Suite)
     problems = []
     for key in ("tasks", "instances", "seeds"):

@@ -29,7 +29,7 @@ def lint(spec: TreeSpec, skills: Mapping[str, Skill] | None = None, marks: Marks
         marks: Of the tree's file, for exact places.
     """
     linter = _Linter(spec, skills, marks)
-    found = chain(linter.names(), linter.keys(), linter.unused(), linter.node(spec.root, ()))
+    found = chain(linter.keys(), linter.unused(), linter.node(spec.root, ()))
     return list(islice(found, MAX_PROBLEMS))
 
 
@@ -56,6 +56,29 @@ def check_rooms(spec: TreeSpec, rooms: Collection[str], marks: Marks = _NO_MARKS
     return found
 
 
+def check_targets(spec: TreeSpec, phrases: Collection[str], marks: Marks = _NO_MARKS) -> list[Problem]:
+    """Warnings of what nodes drive to and nothing in the house is called.
+
+    Args:
+        spec: A valid tree.
+        phrases: What its rooms, fixtures and things are called, such as "coffee table".
+        marks: As for `lint`.
+    """
+    from mpvi_bt.perception.knowledge import normalize  # loads numpy
+
+    known = sorted({normalize(phrase) for phrase in phrases})
+    linter = _Linter(spec, None, marks)
+    found = []
+    for placed in spec.nodes:
+        target = getattr(placed.spec.parameters, "target", None) if placed.spec.kind == "navigate" else None
+        if target is not None and not names_in(target) and normalize(target) not in known:
+            near = nearest(normalize(target), known)
+            message = f"nothing there is called {shown(target)}.{did_you_mean(near, known)}"
+            more = {"nearest": near, "known": tuple(known)}
+            found.append(linter.problem(placed.spec, "target", "unknown-target", message, **more))
+    return found
+
+
 class _Linter:
     """Walks one tree.
 
@@ -67,6 +90,7 @@ class _Linter:
         self.spec, self.skills, self.marks = spec, skills, marks
         self.examples = [example(phrase) for skill in (skills or {}).values() for phrase in skill.phrases]
         self.known_ends: dict[int, Outcomes] = {}
+        self.known_drivers: dict[int, bool] = {}
         self.locations = {place: at[:-1] for at, place in marks.keys.items()}
 
     def problem(self, node: NodeSpec, parameter: str, code: str, message: str, **more: Any) -> Problem:
@@ -87,15 +111,6 @@ class _Linter:
             yield self.marks.problem(at, code, message, key=True, severity="warning")
 
     # Blackboard keys and parameters
-
-    def names(self) -> Iterator[Problem]:
-        """References in the names of nodes to what is no parameter: names are never filled in from the blackboard."""
-        known = sorted(self.spec.parameters)
-        for node, _, name in self.references(self.spec.root, frozenset(known), lambda node: {"name": node.name}):
-            near = nearest(name, known)
-            message = f"unknown parameter {shown(name)} in a name.{did_you_mean(near, known)}"
-            more = {"severity": "error", "nearest": near, "known": tuple(known)}
-            yield self.problem(node, node.type.headline, "unknown-parameter", message, **more)
 
     def keys(self) -> Iterator[Problem]:
         """Keys that are read and never written, and those that are written and never read."""
@@ -133,7 +148,7 @@ class _Linter:
         for field, value in texts(node).items():
             yield from ((node, field, name) for name in sorted(_names(value)) if name not in told)
         if node.kind == "subtree":
-            told = told.union(_names(_parameters(node)))
+            told = frozenset(_names(_parameters(node)))
         for child in node.children:
             yield from self.references(child, told, texts)
 
@@ -166,6 +181,8 @@ class _Linter:
             yield self.problem(node, "", "never-ends", message)
         if node.kind == "manipulate":
             yield from self.prompt(node)
+        elif node.kind in ("parallel", "until_complete"):
+            yield from self.drivers(node)
         for i, child in enumerate(node.children):
             yield from self.node(child, (*above, (node, i)))
 
@@ -195,6 +212,20 @@ class _Linter:
                 message = f"{what} of {duration_text(inner)} can't be reached within {duration_text(outer)} around it"
                 yield self.problem(where, node.type.headline if same else "", "timeout-too-long", message)
             return
+
+    def drivers(self, node: NodeSpec) -> Iterator[Problem]:
+        """Children side by side of which more than one moves the robot."""
+        drivers = [child for child in node.children if self.drives(child)]
+        for child in drivers[1:]:
+            message = f"{shown(drivers[0].label)} moves the robot, too: the last to act in a tick wins"
+            yield self.problem(child, "", "two-drivers", message)
+
+    def drives(self, node: NodeSpec) -> bool:
+        """Whether a node, or one below it, moves the robot."""
+        if id(node) not in self.known_drivers:
+            own = node.type.robot and node.kind != "check_complete"
+            self.known_drivers[id(node)] = own or any(map(self.drives, node.children))
+        return self.known_drivers[id(node)]
 
     def meant(self, clause: str) -> str | None:
         """The skill's phrase that begins most like a clause."""

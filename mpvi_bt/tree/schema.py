@@ -13,8 +13,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from mpvi_bt.behaviors.registry import NodeType, node_types
-from mpvi_bt.tree.reader import NodeHead, TreeFile
 from mpvi_bt.tree.spec import ParameterType
+from mpvi_bt.tree.tree_file import NodeHead, TreeFile
 
 _REF = "#/definitions/{model}"
 _REFERENCE = {

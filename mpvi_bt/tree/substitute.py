@@ -30,6 +30,7 @@ from pydantic import Field, model_validator
 
 from mpvi_bt.behaviors.registry import Duration, Key, Parameters
 from mpvi_bt.errors import FileProblems
+from mpvi_bt.file_kinds import expect
 from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
 from mpvi_bt.tree.globs import fits, matching, no_match
 from mpvi_bt.tree.spec import NodeSpec, Placed, TreeSpec
@@ -132,6 +133,7 @@ def load_rules(path: str | Path) -> Rules:
 
 def check_rules(data: Any, marks: Marks) -> Rules:
     """As `load_rules`, of data that is already loaded."""
+    expect("file of rules", data, marks)
     return Rules(validate_data(data, marks, _File).substitute, marks)
 
 

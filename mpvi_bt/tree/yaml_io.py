@@ -30,10 +30,12 @@ from pathlib import Path
 from typing import Any
 
 from mpvi_bt.behaviors.registry import Value
+from mpvi_bt.file_kinds import expect
 from mpvi_bt.marked_yaml import Marks, load_marked, parse_marked
 from mpvi_bt.plan.skills import Skill
-from mpvi_bt.tree.reader import Reading, read
+from mpvi_bt.tree.reader import read
 from mpvi_bt.tree.spec import TreeSpec
+from mpvi_bt.tree.tree_file import Reading
 from mpvi_bt.tree.writer import dump_tree, expanded
 
 __all__ = ["check_tree", "dump_tree", "expanded", "from_expanded", "load_tree", "parse_tree"]
@@ -73,6 +75,7 @@ def check_tree(
     arguments: Mapping[str, Value] | None = None,
 ) -> TreeSpec:
     """As `load_tree`, of data that is already loaded."""
+    expect("tree", data, marks)
     return read(data, marks, Reading(skills), arguments or {})
 
 

@@ -1,0 +1,114 @@
+"""The kinds of files that mpvi_bt reads and writes, and how each is told from the others, whatever it is named."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mpvi_bt.errors import FileProblems, Problem
+from mpvi_bt.yaml_reader import Marks
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of file: any of `keys` tells it, or else the name of its folder.
+
+    Attributes:
+        name: For a person, with its article.
+        keys: At the top of such a file, and not of others.
+        folder: Where such files lie.
+        use: What takes it.
+        check: "module:function", called with the data and the marks of a file; raises FileProblems. None: they are
+            written by mpvi_bt and have nothing to check.
+    """
+
+    name: str
+    keys: frozenset[str]
+    folder: str
+    use: str
+    check: str | None = None
+
+    @property
+    def noun(self) -> str:
+        """Its name without the article."""
+        return self.name.removeprefix("a ")
+
+
+KINDS = (
+    Kind("a tree", frozenset({"tree", "root"}), "trees", "mpvi run --tree FILE", "mpvi_bt.tree.yaml_io:check_tree"),
+    Kind(
+        "a plan", frozenset({"task_name", "segments"}), "plans", "mpvi compile FILE", "mpvi_bt.plan.schema:check_plan"
+    ),
+    Kind(
+        "a skill",
+        frozenset({"phrases", "triggers"}),
+        "skills",
+        "a folder skills/ in MPVI_PATH",
+        "mpvi_bt.plan.skills:check_skill",
+    ),
+    Kind("a house", frozenset({"rooms", "doorways"}), "houses", "a task's 'house'", "mpvi_bt.sim.house:check_house"),
+    Kind(
+        "a suite",
+        frozenset({"tasks", "instances", "seeds"}),
+        "suites",
+        "mpvi suite run FILE",
+        "mpvi_bt.suite.tasks:check_suite",
+    ),
+    Kind("a task", frozenset({"problem", "bindings"}), "tasks", "mpvi run FILE", "mpvi_bt.suite.tasks:check_task"),
+    Kind(
+        "a catalogue",
+        frozenset({"entries"}),
+        "catalogues",
+        "a folder tasks/catalogues/ in MPVI_PATH",
+        "mpvi_bt.sim.catalogue:check_catalogue",
+    ),
+    Kind(
+        "a file of rules",
+        frozenset({"substitute"}),
+        "rules",
+        "mpvi run --substitute FILE",
+        "mpvi_bt.tree.substitute:check_rules",
+    ),
+    Kind("a saved run", frozenset({"saved", "config", "measurement", "run"}), "", "mpvi run --resume FILE"),
+    Kind("a result of an episode", frozenset({"q_score", "goal_fraction", "rollout_id", "config"}), "", "mpvi suite"),
+    Kind("a JSON schema", frozenset({"$schema", "$defs", "definitions"}), "schema", "an editor"),
+)
+_TEXTS = (  # what is neither YAML nor JSON of ours, by its beginning
+    (re.compile(r"\s*\{\s*\"trace\"\s*:"), "the trace of a run", "mpvi replay FILE` and `mpvi explain FILE"),
+    (re.compile(r"\s*<[?!A-Za-z]"), "XML", "mpvi convert FILE OUT.yaml"),
+)
+
+
+def kind_of(data: Any, marks: Marks) -> Kind:
+    """What a file is, its own keys tell: the kind that shares most of them. Raises FileProblems."""
+    keys = set(data) if isinstance(data, dict) else set()
+    folder = Path(marks.file).resolve().parent.name
+    kind = max(KINDS, key=lambda k: (len(keys & k.keys), k.folder == folder))
+    if not keys & kind.keys and kind.folder != folder:
+        known = "; ".join(f"{kind.noun} ({', '.join(sorted(kind.keys))})" for kind in KINDS if kind.check)
+        raise FileProblems([marks.problem((), "unknown-file", f"what is this? Known by their keys: {known}")])
+    return kind
+
+
+def expect(name: str, data: Any, marks: Marks) -> None:
+    """Raise FileProblems if the keys of a file tell that it is of another kind than `name`, such as "tree"."""
+    keys = set(data) if isinstance(data, dict) else set()
+    due = next(kind for kind in KINDS if kind.noun == name)
+    kind = max(KINDS, key=lambda k: len(keys & k.keys))
+    if len(keys & kind.keys) > len(keys & due.keys):
+        raise FileProblems([marks.problem((), "wrong-kind", f"this is {kind.name}, not {due.name}; {taken_by(kind)}")])
+
+
+def taken_by(kind: Kind) -> str:
+    """What a file of that kind is for, in words."""
+    return f"it is for {f'`{kind.use}`' if kind.use.startswith('mpvi') else kind.use}"
+
+
+def foreign(text: str, name: str) -> Iterator[Problem]:
+    """The problem of a text that is neither YAML nor JSON, if that is what it begins like."""
+    for beginning, what, use in _TEXTS:
+        if beginning.match(text):
+            yield Problem(name, 1, 1, "wrong-kind", f"this is {what}, not YAML; it is for `{use}`")
