@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import pty
 import re
+import signal
 import subprocess
 import sys
 import time
@@ -241,6 +243,26 @@ def test_on_a_terminal_nothing_is_drawn_over(tmp_path: Path) -> None:
     assert answers == 2
     assert b"\x1b[" not in seen
     os.close(parent)
+
+
+def test_ctrl_c_at_the_question_stops_at_once(tmp_path: Path) -> None:
+    """Without Enter after it: the run is saved, and its end told."""
+    parent, child = pty.openpty()
+    command = [sys.executable, "-c", "from mpvi_bt.cli import main; main()"]
+    command += ["run", "--dry", "--tree", "go_to", "--step", "--no-watch"]
+    process = subprocess.Popen(command, cwd=tmp_path, stdin=child, stdout=child, stderr=child)
+    os.close(child)
+    seen = b""
+    with contextlib.suppress(OSError):  # the other end was closed
+        while data := os.read(parent, 65536):
+            if b"debug> " in seen + data and b"debug> " not in seen:
+                time.sleep(0.1)
+                process.send_signal(signal.SIGINT)
+            seen += data
+    os.close(parent)
+    assert process.wait(timeout=20) == 130
+    assert b"STOPPED  dry run" in seen
+    assert (tmp_path / "runs/go_to_dry.saved.json").is_file()
 
 
 def test_the_page_about_it_is_true(tmp_path: Path) -> None:

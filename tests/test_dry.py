@@ -195,9 +195,17 @@ def test_a_node_that_breaks_ends_with_3(mpvi: Shell, tmp_path: Path) -> None:
     (tmp_path / "rules.yaml").write_text("substitute:\n  - nodes: '*/say'\n    raise: the driver went away\n")
     done = mpvi("run", "--dry", "--tree", "hello", "--no-watch", "--substitute", "rules.yaml")
     assert done.returncode == 3
-    assert "mpvi: say: Substituted: the driver went away (substituted by rules.yaml:2)" in done.stderr
-    assert "mpvi: why: mpvi explain runs/hello_dry.trace.jsonl" in done.stderr
-    assert "Traceback" not in done.stderr
+    assert done.stderr == "mpvi: say: Substituted: the driver went away (substituted by rules.yaml:2)\n"
+    assert done.stdout.startswith("ERROR  dry run, tree: error\n")
+    assert done.stdout.endswith("  why       mpvi explain runs/hello_dry.trace.jsonl\n")
+    done = mpvi("run", "--dry", "--tree", "hello", "--no-watch", "--substitute", "rules.yaml", "--json")
+    told = json.loads(done.stdout)
+    assert (done.returncode, told["ended"], told["success"]) == (3, "error", False)
+    assert told["error"] == {
+        "node": "say",
+        "message": "Substituted: the driver went away (substituted by rules.yaml:2)",
+        "place": "",
+    }
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
 import sys
 import tempfile
 from collections.abc import Callable, Iterable
@@ -16,13 +15,13 @@ from click.shell_completion import CompletionItem
 
 from mpvi_bt import paths
 from mpvi_bt.cli import INTERRUPTED
-from mpvi_bt.cli.score import dry_score, score
+from mpvi_bt.cli.score import brief_score, score
 from mpvi_bt.errors import NodeError, UserError
 from mpvi_bt.suite.backends import BACKENDS
 from mpvi_bt.suite.config import EpisodeConfig
 
 if TYPE_CHECKING:
-    from mpvi_bt.executive.loop import Subscriber
+    from mpvi_bt.executive.loop import Outcome, Subscriber
     from mpvi_bt.executive.stop import Stop
     from mpvi_bt.suite.prepare import Prepared
 
@@ -142,6 +141,7 @@ def run(
         click.echo(f"mpvi: {prepared.doubt}", err=True)
     from mpvi_bt.executive.debugger import Debugger
     from mpvi_bt.executive.live import LiveTree
+    from mpvi_bt.executive.loop import Last
     from mpvi_bt.executive.stop import Stop
     from mpvi_bt.tree.globs import require_match
 
@@ -155,7 +155,7 @@ def run(
         click.echo(f"mpvi: {config.task}, instance {config.instance}, seed {config.seed}: setting up", err=True)
     stop = Stop()
     debugs = bool(breaks or step)
-    watchers: list[Subscriber] = []
+    watchers: list[Subscriber] = [last := Last()]
     if watch:
         live = LiveTree(sys.stderr if as_json else sys.stdout, stem, unicode, redraw=not debugs)
         live.show(prepared.spec)  # the world takes a moment
@@ -166,10 +166,11 @@ def run(
         if dry:
             return _dry(config, prepared, watchers, stop, as_json)
         return _episode(config, prepared, watchers, stop, out / f"{stem}.json", as_json)
-    except NodeError:
-        if config.trace:
-            click.echo(f"mpvi: why: mpvi explain {shlex.quote(str(config.trace))}", err=True)
-        raise
+    except NodeError as error:
+        click.echo(f"mpvi: {error}", err=True)
+        broken = {"node": error.path, "message": error.message, "place": error.place}
+        _tell({**_brief(config, prepared, last.outcome), "error": broken}, config, dry, as_json)
+        return error.exit_code
 
 
 def _episode(
@@ -207,8 +208,15 @@ def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], 
     with stop:
         keeper = Keeper(stop, config, tree, world)
         outcome = run_dry(tree, prepared.skills, watchers, budget_s, keeper, world, saved)
+    result = _brief(config, prepared, outcome)
+    _tell(result, config, True, as_json)
+    return INTERRUPTED if outcome.ending == "interrupted" else 0 if result["success"] else 1
+
+
+def _brief(config: EpisodeConfig, prepared: Prepared, outcome: Outcome) -> dict[str, Any]:
+    """How a run went that nobody measures."""
     failures = [*outcome.log.failures, *filter(None, [outcome.failure])]
-    result = {
+    return {
         "tree": prepared.spec.name,
         "success": outcome.ending == "success",
         "ended": outcome.ending,
@@ -219,11 +227,13 @@ def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], 
         ],
         "trace": str(config.trace) if config.trace else None,
     }
+
+
+def _tell(result: dict[str, Any], config: EpisodeConfig, dry: bool, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(result, indent=2))
     else:
-        click.echo(dry_score(result, config.trace, _left(config)))
-    return INTERRUPTED if outcome.ending == "interrupted" else 0 if result["success"] else 1
+        click.echo(brief_score(result, dry, config.trace, _left(config)))
 
 
 def _left(config: EpisodeConfig) -> Path | None:

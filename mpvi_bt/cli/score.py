@@ -35,10 +35,12 @@ def score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | No
     return "\n".join([head, *(_entry(name, text) for name, text in entries), *_next(result, trace, saved)])
 
 
-def dry_score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | None = None) -> str:
-    """The same of a dry run."""
+def brief_score(
+    result: Mapping[str, Any], dry: bool = True, trace: Path | None = None, saved: Path | None = None
+) -> str:
+    """The same of a run that nobody measures: a dry one, or one that an exception ended."""
     ended = result["ended"].replace("_", " ")
-    head = f"{_verdict(result)}  dry run, tree: {ended}"
+    head = f"{_verdict(result)}  {'dry run, ' * dry}tree: {ended}"
     ticks = "1 tick" if result["ticks"] == 1 else f"{result['ticks']} ticks"
     time = f"{result['time']['simulator_time']:.1f} s simulated, {ticks}"
     entries = [("time", time), *_failed(result)]
@@ -46,8 +48,8 @@ def dry_score(result: Mapping[str, Any], trace: Path | None = None, saved: Path 
 
 
 def _verdict(result: Mapping[str, Any]) -> str:
-    stopped = "STOPPED" if result["ended"] == "interrupted" else "FAILURE"
-    return "SUCCESS" if result["success"] else stopped
+    verdicts = {"interrupted": "STOPPED", "error": "ERROR"}
+    return "SUCCESS" if result["success"] else verdicts.get(result["ended"], "FAILURE")
 
 
 def _failed(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

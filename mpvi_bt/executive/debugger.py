@@ -5,6 +5,8 @@ It watches and may block, but never steers: what it does to an episode is what C
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Callable, Iterable
 from typing import Literal, NoReturn, TextIO
 
@@ -20,6 +22,7 @@ from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.globs import require_match
 
 _WIDTH = 80
+_STOP = "q\n"
 _WORDS = {
     Status.SUCCESS: "success",
     Status.FAILURE: "failure",
@@ -116,15 +119,27 @@ class Debugger(Watcher):
         while True:
             self._stream.write("debug> ")
             self._stream.flush()
-            line = self._source.readline()
+            line = self._line()
             if not line:
                 self._until = "end"
                 self._say("no more input: going on to the end")
                 return
-            if not self._source.isatty():  # a terminal has shown it already
+            if not self._source.isatty() or line == _STOP:  # a terminal has shown all else already
                 self._stream.write(line.rstrip("\n") + "\n")
             if self._answer(tree, line.strip()):
                 return
+
+    def _line(self) -> str:
+        """What is typed; Ctrl-C is the answer that stops, at once."""
+        if threading.current_thread() is not threading.main_thread():
+            return self._source.readline()
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)
+        try:
+            return self._source.readline()
+        except KeyboardInterrupt:
+            return _STOP
+        finally:
+            signal.signal(signal.SIGINT, before)
 
     def _answer(self, tree: Tree, line: str) -> bool:
         """Do what a line says; whether to go on."""

@@ -114,6 +114,20 @@ class Watcher:
         """Nothing."""
 
 
+class Last(Watcher):
+    """Keeps how the episode ended, for an end by an exception, which the loop raises.
+
+    Attributes:
+        outcome: How; interrupted before it began, as long as it has not ended.
+    """
+
+    outcome = Outcome("interrupted")
+
+    def end(self, outcome: Outcome) -> None:
+        """Keep it."""
+        self.outcome = outcome
+
+
 def run_episode(
     tree: Tree,
     world: World,

@@ -16,7 +16,7 @@ from mpvi_bt.completion.oracle import OracleChecker
 from mpvi_bt.completion.triggers import GraspReleaseTriggers
 from mpvi_bt.completion.visual import VisualChecker
 from mpvi_bt.errors import BackendError, UnknownName
-from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, run_episode
+from mpvi_bt.executive.loop import Last, Subscriber, run_episode
 from mpvi_bt.executive.pictures import PathPicture
 from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.executive.saved import restore_world
@@ -98,7 +98,7 @@ def run(
     if saved is not None:
         restore_world(saved.run, world, context)
     meter = Meter(saved.measurement if saved else None)
-    last = _Last()
+    last = Last()
     watchers = [meter, last, *_recorders(config, grid, world, navigator, saved), *subscribers]
     ready = time.perf_counter()
     try:
@@ -180,16 +180,6 @@ def _recorders(
     if config.picture is not None:
         recorders.append(PathPicture(config.picture, grid, world.knowledge, lambda: navigator.goal, config.name))
     return recorders
-
-
-class _Last(Watcher):
-    """Keeps how the episode ended, for an end by Ctrl-C, which the loop raises."""
-
-    outcome = Outcome("interrupted")
-
-    def end(self, outcome: Outcome) -> None:
-        """Keep it."""
-        self.outcome = outcome
 
 
 class _TrueState:
