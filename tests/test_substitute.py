@@ -14,9 +14,11 @@ from py_trees.common import Status
 from mpvi_bt.errors import FileProblems, NodeError
 from mpvi_bt.executive.dry import EmptyWorld, dry_context, dry_tree, run_dry
 from mpvi_bt.executive.loop import Outcome, run_episode
+from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.executive.saved import SavedRun, restore_world, save_run
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.testing import KinematicWorld, scripted_context
+from mpvi_bt.trace.read import read_trace
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.globs import fits
 from mpvi_bt.tree.spec import TreeSpec
@@ -213,6 +215,36 @@ def test_after_its_times_the_next_rule_has_its_turn_and_then_the_node(tmp_path: 
     assert tree.context.blackboard == {"n": 1}
 
 
+def test_each_round_names_its_rule_and_the_place(tmp_path: Path) -> None:
+    """Rules that fail a node for the same reason are told apart, in the trace too, and each failure is that node's."""
+    spec = parse_tree("tree: t\nroot:\n  retry: 3\n  child:\n    navigate: sofa\n")
+    text = one("*/navigate", "fail: same\n    times: 1") + "  - nodes: '*/navigate'\n    fail: same\n    times: 1\n"
+    file = rules(text + "  - nodes: '*/navigate'\n    fail: same\n", tmp_path)
+    outcome = run_dry(dry_tree(spec, file), subscribers=[Recorder(tmp_path / "t.jsonl")])
+    assert outcome.failure is not None
+    assert outcome.failure.cause is not None
+    assert outcome.failure.cause.path == "retry/navigate"
+    told = [(tick.tick, tick.nodes["retry/navigate"]) for tick in read_trace(tmp_path / "t.jsonl").ticks]
+    assert [(tick, state.origin, state.evidence.rpartition(":")[2]) for tick, state in told] == [
+        (1, "retry/navigate", "2"),
+        (2, "retry/navigate", "5"),
+        (3, "retry/navigate", "8"),
+    ]
+
+
+def test_a_node_behind_its_stand_in_goes_with_it_to_another_place(tmp_path: Path) -> None:
+    """A swap that renames the stand-in renames what fails behind it."""
+    wait = "tree: t\nroot:\n  sequence: s\n  memory: true\n  children:\n    - wait: 1 steps\n"
+    spec = parse_tree(f"{wait}    - {{timeout: 0.2, child: {{wait: 9}}}}\n    - {{timeout: 0.1, child: {{wait: 9}}}}\n")
+    tree = Tree(spec, stand_ins(rules(one("*/timeout#2", "delay: 1 steps"), tmp_path)))
+    tree.setup(dry_context(EmptyWorld(), tree))
+    tree.swap("s/timeout", parse_tree("tree: t\nroot:\n  say: hello\n").root)
+    world = EmptyWorld()
+    outcome = run_episode(tree, world, dry_context(world, tree))
+    assert outcome.failure is not None
+    assert outcome.failure.path == "s/timeout"
+
+
 def test_the_first_rule_that_fits_wins(tmp_path: Path) -> None:
     """The order in the file decides."""
     text = one("*/navigate", "fail: one") + "  - nodes: '*'\n    fail: two\n"
@@ -297,7 +329,7 @@ def test_a_stand_in_is_seen_as_one(tmp_path: Path) -> None:
 
     run_dry(tree, subscribers=[Watch()])
     assert (seen[0].feedback, seen[0].limit_s) == ("stand-in: will fail", 2.0)
-    assert seen[-1].feedback == "stand-in: no_path"
+    assert seen[-1].feedback == f"no_path: substituted by {tmp_path / 'rules.yaml'}:2"
     assert seen[-1].elapsed_s == pytest.approx(2.0)
     assert tree.nodes["fetch/navigate"].name == "navigate"
 

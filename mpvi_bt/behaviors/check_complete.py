@@ -9,6 +9,7 @@ from py_trees.common import Status
 from mpvi_bt.behaviors.context import Query
 from mpvi_bt.behaviors.node import Leaf
 from mpvi_bt.behaviors.protocols import TriggerEvent
+from mpvi_bt.behaviors.saved_state import count
 from mpvi_bt.errors import UnknownName
 from mpvi_bt.robot.protocol import CameraImage
 
@@ -73,7 +74,7 @@ class CheckComplete(Leaf):
     def restore(self, state: dict[str, Any]) -> None:
         """Count on from there."""
         super().restore(state)
-        self._asked = state.get("asked", 0)
+        self._asked = count(state, "asked")
 
     def _ask(self, event: TriggerEvent) -> bool:
         context = self.context

@@ -11,6 +11,7 @@ from py_trees.common import ParallelPolicy, Status
 
 from mpvi_bt.behaviors.context import Failure
 from mpvi_bt.behaviors.node import Branch, failure_of
+from mpvi_bt.behaviors.saved_state import count
 
 
 class _Composite(Branch, composites.Composite):
@@ -38,7 +39,8 @@ class _Composite(Branch, composites.Composite):
     def restore(self, state: dict[str, Any]) -> None:
         """Go on from there."""
         super().restore(state)
-        self.current_child = self.children[state["current"]] if "current" in state else None
+        current = count(state, "current", len(self.children))
+        self.current_child = self.children[current] if "current" in state else None
 
 
 class Sequence(_Composite, composites.Sequence):

@@ -35,9 +35,13 @@ class Failure:
 
     @staticmethod
     def of(data: Mapping[str, Any]) -> Failure:
-        """The failure that `dataclasses.asdict` made `data` of."""
+        """The failure that `dataclasses.asdict` made `data` of. Raises ValueError or TypeError if that is none."""
         cause = data.get("cause")
-        return Failure(**{**data, "cause": Failure.of(cause) if cause else None})
+        failure = Failure(**{**data, "cause": Failure.of(cause) if cause else None})
+        texts = failure.reason, failure.evidence, failure.path
+        if not all(isinstance(text, str) for text in texts) or not isinstance(failure.time_s, int | float):
+            raise ValueError(f"a failure has three texts and a time, not {dict(data)!r:.100}")
+        return failure
 
 
 @dataclass(frozen=True)

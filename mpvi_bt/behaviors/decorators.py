@@ -8,6 +8,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.node import Decorator
+from mpvi_bt.behaviors.saved_state import count
 
 
 class Subtree(Decorator):
@@ -67,7 +68,7 @@ class Retry(Decorator):
     def restore(self, state: dict[str, Any]) -> None:
         """Count on from there."""
         super().restore(state)
-        self._failures = state.get("failures", 0)
+        self._failures = count(state, "failures")
 
 
 class Repeat(Decorator):
@@ -104,4 +105,4 @@ class Repeat(Decorator):
     def restore(self, state: dict[str, Any]) -> None:
         """Count on from there."""
         super().restore(state)
-        self._successes = state.get("successes", 0)
+        self._successes = count(state, "successes")

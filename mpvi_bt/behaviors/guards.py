@@ -11,6 +11,7 @@ from py_trees.common import Status
 from mpvi_bt.behaviors.blackboard import Expectation
 from mpvi_bt.behaviors.node import Decorator
 from mpvi_bt.behaviors.registry import Value, duration_text
+from mpvi_bt.behaviors.saved_state import number
 from mpvi_bt.behaviors.timer import Timer
 
 
@@ -104,7 +105,7 @@ class Cooldown(Guard):
         """Rest on."""
         super().restore(state)
         self._ended = "since_s" in state
-        self._timer.start(self.context.clock, state.get("since_s", 0.0))
+        self._timer.start(self.context.clock, number(state, "since_s"))
 
     def _rest(self) -> None:
         self._ended = True

@@ -10,6 +10,7 @@ from py_trees.common import Status
 from mpvi_bt.behaviors.blackboard import Expectation, value_of
 from mpvi_bt.behaviors.node import Leaf
 from mpvi_bt.behaviors.registry import Value, as_text
+from mpvi_bt.behaviors.saved_state import number
 from mpvi_bt.behaviors.timer import Timer
 
 
@@ -46,7 +47,7 @@ class Wait(Leaf):
 
     def state(self) -> dict[str, Any]:
         """How long it has waited."""
-        if self.status is Status.INVALID:
+        if self.status is Status.INVALID and not self.interrupted:
             return super().state()
         running = self.status is Status.RUNNING
         elapsed_s = self._timer.elapsed_s(self.context.clock) if running else self.elapsed_s
@@ -55,7 +56,7 @@ class Wait(Leaf):
     def restore(self, state: dict[str, Any]) -> None:
         """Wait for the rest."""
         super().restore(state)
-        self.elapsed_s = state.get("elapsed_s", 0.0)
+        self.elapsed_s = number(state, "elapsed_s")
         self._timer.start(self.context.clock, self.elapsed_s)
 
 

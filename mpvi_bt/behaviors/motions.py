@@ -9,6 +9,7 @@ import numpy as np
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.node import Leaf
+from mpvi_bt.behaviors.saved_state import number
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Proprioception
 from mpvi_bt.robot.stow import ArmStow
@@ -105,7 +106,7 @@ class LookAround(Leaf):
     def restore(self, state: dict[str, Any]) -> None:
         """Turn the rest."""
         super().restore(state)
-        self._turned_rad = state.get("turned_rad", 0.0)
+        self._turned_rad = number(state, "turned_rad", -math.inf)
 
     def _turn(self) -> Status:
         robot, now = self.context.robot, self.context.clock.time_s

@@ -11,6 +11,7 @@ from py_trees.common import Status
 from mpvi_bt.behaviors.blackboard import NoValue
 from mpvi_bt.behaviors.context import Failure
 from mpvi_bt.behaviors.node import Node
+from mpvi_bt.behaviors.saved_state import count, number
 from mpvi_bt.behaviors.timer import Timer
 
 Act = Literal["succeed", "fail", "raise", "run", "delay"]
@@ -103,6 +104,7 @@ class StandIn(Node):
         except NoValue as missing:
             status = self.fail("no_value", str(missing))
         if not self._acting:
+            vars(self.other)["path"] = self.path  # it stands there too, and its failures name that place
             for node in self.other.tick():
                 if node is not self.other:
                     yield node
@@ -125,9 +127,7 @@ class StandIn(Node):
         if self._act == "raise":
             raise Substituted(f"{self._text} ({self._evidence()})")
         if self._act == "fail":
-            status = self.fail(self._text, self._evidence())
-            self.feedback_message = f"stand-in: {self._text}"
-            return status
+            return self.fail(self._text, self._evidence())
         self.feedback_message = "stand-in"
         return Status.SUCCESS
 
@@ -152,18 +152,21 @@ class StandIn(Node):
     def restore(self, state: dict[str, Any]) -> None:
         """Go on from there; another node that was driving the robot begins anew."""
         super().restore(state)
-        self._rounds, self._acting = state.get("rounds", 0), state.get("acting", False)
-        self.elapsed_s = state.get("elapsed_s")
-        if self._timer and self._acting:
+        self._rounds = count(state, "rounds")
+        self._acting = bool(state.get("acting")) or not self.children
+        self.elapsed_s = None if state.get("elapsed_s") is None else number(state, "elapsed_s")
+        if self._timer and self._acting and self._rounds:
             self.limit_s = self._timer.limit_s
             self._timer.start(self.context.clock, self.elapsed_s or 0.0)
         if "other" not in state:
             return
         other, stood = self.other, state["other"]
         if stood["status"] != "RUNNING" or not getattr(other, "stops_robot", False):
-            other.status, other.feedback_message = Status(stood["status"]), stood["feedback"]
+            other.status, other.feedback_message = Status(stood["status"]), str(stood["feedback"])
             if isinstance(other, Node):
                 other.restore(stood["state"])
+        if self._rounds and not self._acting:
+            self.limit_s = getattr(other, "limit_s", None)
 
     def _follow(self) -> Status:
         """Report what the other node does as if it stood here."""

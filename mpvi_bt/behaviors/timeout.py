@@ -9,6 +9,7 @@ from py_trees.common import Status
 
 from mpvi_bt.behaviors.node import Decorator
 from mpvi_bt.behaviors.registry import duration_text
+from mpvi_bt.behaviors.saved_state import number
 from mpvi_bt.behaviors.timer import Timer
 
 
@@ -56,7 +57,7 @@ class Timeout(Decorator):
 
     def state(self) -> dict[str, Any]:
         """How long the child has run."""
-        if self.status is Status.INVALID:
+        if self.status is Status.INVALID and not self.interrupted:
             return super().state()
         running = self.status is Status.RUNNING
         elapsed_s = self._timer.elapsed_s(self.context.clock) if running else self.elapsed_s
@@ -65,7 +66,7 @@ class Timeout(Decorator):
     def restore(self, state: dict[str, Any]) -> None:
         """Count on from there."""
         super().restore(state)
-        self.elapsed_s = state.get("elapsed_s", 0.0)
+        self.elapsed_s = number(state, "elapsed_s")
         self._timer.start(self.context.clock, self.elapsed_s)
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import Any
+from typing import Annotated
 
-from pydantic import JsonValue
+from pydantic import ConfigDict, Field
 
 from mpvi_bt.behaviors.context import Context, Failure, Query
 from mpvi_bt.behaviors.registry import Value
@@ -14,6 +13,14 @@ from mpvi_bt.executive.loop import World
 from mpvi_bt.marked_yaml import Record
 from mpvi_bt.tree import saving
 from mpvi_bt.tree.build import Tree
+
+
+class SavedWorld(Record):
+    """What a world says of itself: how many control steps it has taken, and what it needs beside."""
+
+    model_config = ConfigDict(extra="allow")
+
+    steps: Annotated[int, Field(ge=0, le=saving.MAX_STEPS)]
 
 
 class SavedRun(Record):
@@ -29,9 +36,9 @@ class SavedRun(Record):
 
     tree: saving.SavedTree
     blackboard: dict[str, Value] = {}
-    failures: list[dict[str, JsonValue]] = []
-    queries: list[dict[str, JsonValue]] = []
-    world: dict[str, JsonValue] = {}
+    failures: list[Failure] = []
+    queries: list[Query] = []
+    world: SavedWorld
 
 
 def save_run(tree: Tree, world: World) -> SavedRun:
@@ -40,9 +47,9 @@ def save_run(tree: Tree, world: World) -> SavedRun:
     return SavedRun(
         tree=saving.save(tree),
         blackboard=dict(tree.context.blackboard),
-        failures=[asdict(failure) for failure in log.failures],
-        queries=[asdict(query) for query in log.queries],
-        world=world.save(),
+        failures=list(log.failures),
+        queries=list(log.queries),
+        world=SavedWorld.model_validate(world.save()),
     )
 
 
@@ -53,11 +60,9 @@ def restore_world(saved: SavedRun, world: World, context: Context) -> None:
         UserError: What was saved is of another world, or not as this version writes it.
     """
     try:
-        world.restore(saved.world)
-        failures: list[Any] = [Failure.of(failure) for failure in saved.failures]
-        queries: list[Any] = [Query(**query) for query in saved.queries]  # type: ignore[arg-type]
+        world.restore(saved.world.model_dump())
     except (KeyError, TypeError, ValueError) as error:
         raise UserError(f"the saved run cannot be continued here: {error!r:.200}") from None
     context.blackboard.clear()
     context.blackboard.update(saved.blackboard)
-    context.log.failures[:], context.log.queries[:] = failures, queries
+    context.log.failures[:], context.log.queries[:] = saved.failures, saved.queries

@@ -123,6 +123,10 @@ def prepare_saved(saved: SavedEpisode) -> Prepared:
     task = load_task(config.task) if config.task else None
     if task is None and not saved.dry:
         raise UserError("the saved episode names no task.")
+    if task is not None and not saved.dry:
+        for kind, name in config.backends.items():
+            choose(kind, name)
+        task.check_instance(config.instance)
     spec = saved.spec
     rules = load_rules(config.substitute) if config.substitute else None
     if rules is not None:

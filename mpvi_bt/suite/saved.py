@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import JsonValue
+from pydantic import Field, JsonValue
 
 from mpvi_bt import __version__
-from mpvi_bt.errors import UserError
 from mpvi_bt.executive.loop import World
 from mpvi_bt.executive.saved import SavedRun, save_run
 from mpvi_bt.marked_yaml import Record, validate
@@ -21,13 +20,30 @@ from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.yaml_io import expanded, from_expanded
 
 
+class SavedSettings(Record):
+    """What `EpisodeConfig.record` tells."""
+
+    task: str
+    instance: Annotated[int, Field(ge=0)]
+    seed: Annotated[int, Field(ge=0)]
+    policy: str
+    detector: str
+    checker: str
+    planner: str
+    map: str
+    tree: str | None
+    plan: str | None
+    arguments: dict[str, str] = {}
+    substitute: str | None = None
+
+
 class SavedEpisode(Record):
     """How an episode stands.
 
     Attributes:
         saved: Version of this layout.
         version: Of mpvi_bt.
-        config: Of the episode, as `EpisodeConfig.record` tells it.
+        config: Of the episode.
         dry: Whether it runs without a robot.
         tree: That is run, its subtrees written out: the files may have changed since.
         measurement: Of the meter so far; None in a dry run.
@@ -36,7 +52,7 @@ class SavedEpisode(Record):
 
     saved: Literal[1] = 1
     version: str
-    config: dict[str, Any]
+    config: SavedSettings
     dry: bool = False
     tree: dict[str, JsonValue]
     measurement: Measurement | None = None
@@ -44,12 +60,8 @@ class SavedEpisode(Record):
 
     @property
     def episode(self) -> EpisodeConfig:
-        """What is run. Raises UserError if this version has no such settings."""
-        try:
-            arguments = tuple(self.config.get("arguments", {}).items())
-            return EpisodeConfig(**{**self.config, "arguments": arguments})
-        except (TypeError, AttributeError) as error:
-            raise UserError(f"the saved settings are not those of an episode: {error}") from None
+        """What is run."""
+        return EpisodeConfig(**{**self.config.model_dump(), "arguments": tuple(self.config.arguments.items())})
 
     @property
     def spec(self) -> TreeSpec:
@@ -81,7 +93,7 @@ class Keeper:
                 self._meter.step(self._tree, self._world)  # the step that was taken since the last tick
             saved = SavedEpisode(
                 version=__version__,
-                config=self._config.record(),
+                config=SavedSettings(**self._config.record()),
                 dry=self._meter is None,
                 tree=expanded(self._tree.spec),
                 measurement=self._meter.measurement if self._meter else None,

@@ -19,6 +19,8 @@ from mpvi_bt.errors import UserError, nearest
 from mpvi_bt.marked_yaml import Record
 from mpvi_bt.tree.build import Tree
 
+MAX_STEPS = 10**9  # a year of control steps
+
 
 class SavedNode(Record):
     """How one node stands.
@@ -44,7 +46,7 @@ class SavedTree(Record):
         nodes: By path, those that do not stand as they do before the first tick.
     """
 
-    ticks: Annotated[int, Field(ge=0)]
+    ticks: Annotated[int, Field(ge=0, le=MAX_STEPS)]
     nodes: dict[str, SavedNode]
 
 
@@ -87,10 +89,9 @@ def restore(tree: Tree, saved: SavedTree) -> None:
             node.interrupted = stood.interrupted
             try:
                 node.restore(dict(stood.state))
-            except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
-                raise UserError(
-                    f"{path}: its saved state {dict(stood.state)!r:.80} cannot be used: {error!r}"
-                ) from None
+            except (KeyError, TypeError, ValueError, AttributeError) as error:
+                said = str(error) if type(error) is ValueError else repr(error)
+                raise UserError(f"{path}: its saved state cannot be used: {said:.300}") from None
 
 
 def _begun_anew(tree: Tree, saved: Mapping[str, SavedNode]) -> Iterator[str]:
