@@ -6,12 +6,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, JsonValue
+from pydantic import Field, JsonValue, model_validator
 
 from mpvi_bt import __version__
 from mpvi_bt.executive.loop import World
 from mpvi_bt.executive.saved import SavedRun, save_run
 from mpvi_bt.marked_yaml import Record, validate
+from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.metrics import Measurement, Meter
 from mpvi_bt.suite.result import write_json
@@ -57,6 +58,14 @@ class SavedEpisode(Record):
     tree: dict[str, JsonValue]
     measurement: Measurement | None = None
     run: SavedRun
+
+    @model_validator(mode="after")
+    def _measured(self) -> SavedEpisode:
+        measured = self.measurement
+        hands = (measured.hand_world_m, measured.hand_base_m) if measured else ()
+        if not self.dry and (not hands or any(set(ways) != set(SIDES) for ways in hands)):
+            raise ValueError("an episode with a robot needs its measurement, of both hands")
+        return self
 
     @property
     def episode(self) -> EpisodeConfig:

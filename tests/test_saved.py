@@ -1,0 +1,130 @@
+"""The file of a stopped episode, damaged by hand: one clear error, before anything runs."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mpvi_bt.errors import UserError
+from mpvi_bt.executive.dry import EmptyWorld, dry_tree, run_dry
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.prepare import prepare_saved
+from mpvi_bt.suite.saved import Keeper, SavedSettings, load_saved
+from mpvi_bt.tree.substitute import load_rules
+from mpvi_bt.tree.yaml_io import parse_tree
+
+TREE = """\
+tree: t
+root:
+  repeat: 3
+  child:
+    sequence: s
+    memory: true
+    children:
+      - attempt: unit
+        child: {fail: early}
+      - retry: 2
+        child: {set: tries, add: 1}
+      - timeout: 9
+        child: {wait: 1}
+      - cooldown: 0.1
+        child: {navigate: sofa}
+      - {navigate: bed}
+"""
+RULES = "substitute:\n  - nodes: '*/set'\n    fail: not_yet\n    times: 1\n"
+
+
+@pytest.fixture
+def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Of a dry run that was stopped in its second round, behind rules."""
+    monkeypatch.chdir(tmp_path)
+    Path("rules.yaml").write_text(RULES)
+    config = EpisodeConfig("", seed=1, tree="t.yaml", substitute="rules.yaml", saved=tmp_path / "saved.json")
+    tree, world = dry_tree(parse_tree(TREE), load_rules("rules.yaml")), EmptyWorld()
+    run_dry(tree, stop=Keeper(lambda: tree.ticks >= 220, config, tree, world), world=world)
+    return tmp_path / "saved.json"
+
+
+def resume(file: Path) -> str:
+    """Read it and go on; how it ended."""
+    prepared = prepare_saved(load_saved(file))
+    assert prepared.saved is not None
+    return run_dry(dry_tree(prepared.spec, prepared.rules), saved=prepared.saved.run).ending
+
+
+def test_what_is_whole_goes_on(file: Path) -> None:
+    """To the end; it was stopped where the nodes below hold something."""
+    nodes = json.loads(file.read_text())["run"]["tree"]["nodes"]
+    assert nodes["repeat"]["state"] == {"successes": 1}
+    assert nodes["repeat/s"]["state"] == {"current": 3}
+    assert resume(file) == "success"
+
+
+def config(**settings: Any) -> Callable[[Any], Any]:
+    """Other settings."""
+    return lambda data: data["config"].update(settings)
+
+
+def state(path: str, **values: Any) -> Callable[[Any], Any]:
+    """Another state of a node."""
+    return lambda data: data["run"]["tree"]["nodes"][path]["state"].update(values)
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (config(tree=5), "text, not 5"),
+        (config(task=["a"]), "text, not a list"),
+        (config(task="no_such_task"), "no_such_task"),
+        (config(seed="q"), "whole number, not 'q'"),
+        (config(seed=-1), "equal to 0, not -1"),
+        (config(instance=-1), "equal to 0, not -1"),
+        (config(arguments={"a": 1}), "text, not 1"),
+        (config(arguments=[]), "mapping, not a list"),
+        (config(colour="red"), "colour"),
+        (lambda data: data["config"].pop("seed"), "seed"),
+        (lambda data: data.update(config=[]), "mapping, not a list"),
+        (lambda data: data.update(dry=False, config=data["config"] | {"task": "picking_up_trash"}), "measurement"),
+        (lambda data: data["run"]["world"].update(steps=10**400), "finite number"),
+        (lambda data: data["run"]["world"].update(steps=-1), "equal to 0, not -1"),
+        (lambda data: data["run"]["world"].update(steps=[]), "whole number, not a list"),
+        (lambda data: data["run"]["world"].clear(), "steps"),
+        (lambda data: data["run"]["tree"].update(ticks=10**9 + 1), "1000000000"),
+        (lambda data: data["run"]["failures"][0].update(time_s="now"), "number, not 'now'"),
+        (lambda data: data["run"].update(queries=[{}]), "criterion"),
+        (lambda data: data["run"]["tree"]["nodes"]["repeat"].update(feedback=5), "text, not 5"),
+        (state("repeat/s", current=-1), "repeat/s: .*'current'"),
+        (state("repeat/s", current=5), "repeat/s: .*'current'"),
+        (state("repeat/s", current="a"), "repeat/s: .*'current'"),
+        (state("repeat", successes="a"), "repeat: .*'successes' should be a whole number from 0.*, not 'a'"),
+        (state("repeat", successes=True), "repeat: .*'successes'"),
+        (state("repeat/s/retry", failures=[1]), "repeat/s/retry: .*'failures'"),
+        (state("repeat/s/retry/set", rounds=-1), "repeat/s/retry/set: .*'rounds'"),
+        (state("repeat/s/retry/set", other=[]), "repeat/s/retry/set: "),
+        (state("repeat/s/timeout", elapsed_s=-1), "repeat/s/timeout: .*'elapsed_s'"),
+        (state("repeat/s/timeout/wait", elapsed_s="long"), "repeat/s/timeout/wait: .*'elapsed_s'"),
+        (state("repeat/s/cooldown", since_s=None), "repeat/s/cooldown: .*'since_s'"),
+        (state("repeat/s/cooldown/navigate", elapsed_s=10**400), "repeat/s/cooldown/navigate: .*'elapsed_s'"),
+        (state("repeat/s/unit", failure={}), "repeat/s/unit: "),
+    ],
+)
+def test_a_damaged_file_is_one_clear_error(damage: Callable[[Any], Any], said: str, file: Path) -> None:
+    """It names the key, or the node, and nothing runs on with what was damaged."""
+    data = json.loads(file.read_text())
+    damage(data)
+    file.write_text(json.dumps(data))
+    with pytest.raises(UserError, match=said):
+        resume(file)
+
+
+def test_the_settings_of_an_episode_are_what_it_records() -> None:
+    """Every setting that a result tells is one that a saved episode has."""
+    full = EpisodeConfig("t", arguments=(("a", "b"),), substitute="rules.yaml", tree="t.yaml", plan="p.json")
+    assert SavedSettings(**full.record()).model_dump() == full.record()
+    outputs = {"video", "picture", "trace", "saved"}
+    assert {f.name for f in dataclasses.fields(EpisodeConfig)} - outputs == set(SavedSettings.model_fields)
