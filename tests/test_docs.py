@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from mpvi_bt.behaviors.registry import node_types
+from mpvi_bt.drawing import marks
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, CameraImage, Proprioception
@@ -67,9 +68,54 @@ def test_every_kind_of_node_is_documented() -> None:
 
 def test_the_tree_of_the_reference_is_valid(tmp_path: Path) -> None:
     """Its first example is a tree without problems."""
-    (example,) = re.findall(r"^```yaml\n(.*?)^```$", TREES, flags=re.MULTILINE | re.DOTALL)
+    example = blocks("yaml")[0]
     (tmp_path / "example.yaml").write_text(example)
     load_tree(tmp_path / "example.yaml", load_skills())
+
+
+def blocks(language: str) -> list[str]:
+    """The pieces of that language in the page of trees."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", TREES, flags=re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("dry", [True, False])
+def test_the_package_of_the_reference_works(tmp_path: Path, dry: bool) -> None:
+    """Its files, written out and installed, add a node that is checked and run: a stand-in, or the class itself."""
+    nodes, waving = blocks("python")
+    package = tmp_path / "my_robot"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    (package / "nodes.py").write_text(nodes if dry else nodes.replace(", robot=True", ""))
+    (package / "waving.py").write_text(waving)
+    installed = tmp_path / "my_robot-1.0.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: my_robot\nVersion: 1.0\n")
+    points = blocks("toml")[0].replace('project.entry-points."mpvi_bt.behaviors"', "mpvi_bt.behaviors").replace('"', "")
+    (installed / "entry_points.txt").write_text(points)
+    tree = tmp_path / "welcome.yaml"
+    for guest, code, words in (("Ada", 0, "stand-in" if dry else "waving at Ada"), ("nobody", int(not dry), "")):
+        tree.write_text(blocks("yaml")[1].replace("Ada", guest))
+        done = _mpvi(tmp_path, "check", "welcome.yaml")
+        assert (done.returncode, done.stdout) == (0, "")
+        done = _mpvi(tmp_path, "run", "--dry", "--tree", "./welcome.yaml")
+        assert done.returncode == code, done.stderr
+        assert (words or ("stand-in" if dry else "nobody_there: the kitchen is empty")) in done.stdout
+
+
+def _mpvi(folder: Path, *args: str) -> subprocess.CompletedProcess[str]:
+    code = "import sys; sys.path.insert(0, ''); from mpvi_bt.cli import main; main()"
+    return subprocess.run(
+        [sys.executable, "-c", code, *args], cwd=folder, capture_output=True, text=True, timeout=60, check=False
+    )
+
+
+def test_every_sign_of_a_drawing_is_explained() -> None:
+    """The legend has each glyph of ours once, with its sign beyond ASCII, and every mark of a state with its word."""
+    rows = re.findall(r"^\| `([^`]+)` \| (?:`([^`]*)`)? ?\|", TREES.partition("## How it is drawn")[2], re.MULTILINE)
+    assert dict(rows) == marks._SIGNS
+    assert len(rows) == len(marks._SIGNS)
+    words = " ".join(TREES.split())
+    assert all(f"`{mark.ascii}` {mark.word}" in words for mark in marks.MARKS.values())
 
 
 EXECUTIVE = (ROOT / "docs" / "executive.md").read_text(encoding="utf-8")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from mpvi_bt import paths
 from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.cli.check import check
 from mpvi_bt.cli.fmt import fmt
+from mpvi_bt.cli.listing import list_
 from mpvi_bt.errors import FileProblems, Problem, UserError
 from mpvi_bt.tree import synonyms
 from mpvi_bt.tree.substitute import check_rules
@@ -159,3 +161,21 @@ def test_the_standard_input_is_checked_and_shown() -> None:
     assert '"source": "  wiat: 3"' in CliRunner().invoke(check, ["-", "--json"], input=text).stdout
     skill = paths.find("skills", "pick").read_text()
     assert CliRunner().invoke(check, ["-"], input=skill, standalone_mode=False).return_value == 0
+
+
+def test_a_list_says_where_ones_own_files_lie(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """So that a file that hides a shipped one is seen; those that are shipped need no place."""
+    (tmp_path / "trees").mkdir()
+    own = tmp_path / "trees" / "fetch.yaml"
+    own.write_text("tree: fetch\nabout: Mine.\nroot: {say: hi}\n")
+    monkeypatch.setenv("MPVI_PATH", str(tmp_path))
+    lines = json.loads(CliRunner().invoke(list_, ["trees", "--json"], standalone_mode=False).stdout)
+    assert lines["fetch"] == f"Mine. ({own})"
+    assert not [line for name, line in lines.items() if name != "fetch" and str(paths.shipped()) in line]
+
+
+def test_one_step_is_no_steps() -> None:
+    """A duration is told in the singular, however it was written."""
+    assert {
+        parse_tree(f"tree: t\nroot: {{wait: {n} {s}}}\n").root.label for n, s in (("1", "step"), ("1", "steps"))
+    } == {"wait 1 step"}

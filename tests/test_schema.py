@@ -153,6 +153,18 @@ def test_references_may_stand_for_any_value() -> None:
     assert refused(GOOD.replace("timeout: 90 steps", "timeout: about $limit")) != []
 
 
+def test_rules_have_a_schema() -> None:
+    """`mpvi schema rules` is valid and accepts the rules of the examples, but no rule without its nodes."""
+    found = json.loads(CliRunner().invoke(schema, ["rules"], standalone_mode=False).stdout)
+    jsonschema.Draft7Validator.check_schema(found)
+    validator = jsonschema.Draft7Validator(found)
+    for path in sorted((paths.shipped() / "examples").glob("*.yaml")):
+        data = load_marked(path)[0]
+        assert validator.is_valid(data), path
+        del data["substitute"][0]["nodes"]
+        assert not validator.is_valid(data)
+
+
 PLUGIN = """\
 from typing import Annotated, Literal
 

@@ -35,7 +35,7 @@ def _duration(given: Any) -> float | str:
     if isinstance(given, int | float) and not isinstance(given, bool) and 0 < given <= _LONGEST_S:
         return float(given)
     if isinstance(given, str) and (found := _STEPS.fullmatch(given)):
-        return f"{found[1]} steps"
+        return f"{found[1]} step" + "s" * (found[1] != "1")
     valid = f"simulated seconds, above 0 and at most {_LONGEST_S}, or steps, such as '90 steps'"
     raise ValueError(f"a duration is {valid}, not {shown(given)}")
 
@@ -353,7 +353,7 @@ _OWN = (
         Tries,
         "tries",
         "mpvi_bt.behaviors.decorators:Retry",
-        "Begins a child that failed again at the next tick, so often at most.",
+        "Begins its child again, at the next tick, after a failure; so often in all.",
         label=lambda _, p: f"retry, {p.tries} {'try' if p.tries == 1 else 'tries'}",
     ),
     NodeType(
@@ -362,7 +362,7 @@ _OWN = (
         Times,
         "times",
         "mpvi_bt.behaviors.decorators:Repeat",
-        "Begins a child that succeeded again at the next tick, until it has so often.",
+        "Begins its child again, at the next tick, after a success; so often in all.",
         label=lambda _, p: "repeat once" if p.times == 1 else f"repeat {p.times} times",
     ),
     NodeType(

@@ -37,6 +37,7 @@ def _print(lines: dict[str, str]) -> None:
     width = max(map(len, lines), default=0)
     for name, line in lines.items():
         first, rest = f"{name:{width}}  ", " " * (width + 2)
+        line = line.strip()
         wrapped = textwrap.wrap(line, 80, initial_indent=first, subsequent_indent=rest, break_on_hyphens=False)
         click.echo("\n".join(wrapped) or name)
 
@@ -67,7 +68,12 @@ def _behaviors() -> dict[str, dict[str, Any]]:
 
 
 def _files(folder: str) -> dict[str, str]:
-    return {name: _about(paths.find(folder, name)) for name in paths.names(folder)}
+    return {name: _about(path) + _whose(path) for name in paths.names(folder) for path in [paths.find(folder, name)]}
+
+
+def _whose(path: Path) -> str:
+    """Where a file lies that does not come with mpvi_bt."""
+    return "" if paths.shipped() in path.parents else f" ({path})"
 
 
 def _about(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""`mpvi schema`: what editors need to complete tree files and to underline mistakes."""
+"""`mpvi schema`: what editors need to complete trees and rules, and to underline mistakes."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import click
 
 
 @click.command()
-@click.argument("what", type=click.Choice(["tree"]), default="tree")
+@click.argument("what", type=click.Choice(["tree", "rules"]), default="tree")
 def schema(what: str) -> None:
-    """Print the JSON Schema of tree files, with the nodes of every installed package.
+    """Print the JSON Schema of trees, with the nodes of every installed package, or of substitution rules.
 
-    A tree names it in its first line: "# yaml-language-server: $schema=schema/tree.json".
+    A tree names it in its first line: "# yaml-language-server: $schema=schema/tree.json", a path from where it lies.
     """
     from mpvi_bt.tree.schema import schema_text
 
-    click.echo(schema_text(), nl=False)
+    click.echo(schema_text(what), nl=False)

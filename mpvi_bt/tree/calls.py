@@ -44,7 +44,8 @@ def _find(name: str, at: Location, marks: Marks, reading: Reading) -> Path | Non
     try:
         return paths.find("trees", name)
     except UnknownName:
-        beside = {file.stem for file in folder.glob("*.yaml") if paths.is_file(file)} if paths.is_file(Path(marks.file)) else set()
+        files = folder.glob("*.yaml") if paths.is_file(Path(marks.file)) else ()
+        beside = {file.stem for file in files if paths.is_file(file)}
         reading.add(marks.unknown(at, "tree", name, beside | set(paths.names("trees"))))
     except MpviError as error:
         reading.add(marks.problem(at, "unknown-tree", str(error)))

@@ -14,6 +14,7 @@ from pydantic import BaseModel
 
 from mpvi_bt.behaviors.registry import NodeType, node_types
 from mpvi_bt.tree.spec import ParameterType
+from mpvi_bt.tree.substitute import RulesFile
 from mpvi_bt.tree.tree_file import NodeHead, TreeFile
 
 _REF = "#/definitions/{model}"
@@ -51,9 +52,18 @@ def tree_schema() -> dict[str, Any]:
     return {**head, **top, "definitions": definitions}
 
 
-def schema_text() -> str:
-    """The schema as the text of a file."""
-    return json.dumps(tree_schema(), indent=1, ensure_ascii=False) + "\n"
+def rules_schema() -> dict[str, Any]:
+    """The schema of a file of substitution rules."""
+    definitions: dict[str, Any] = {}
+    top = _plain(RulesFile, definitions)
+    head = {"$schema": "http://json-schema.org/draft-07/schema#", "title": "Rules of mpvi run --substitute"}
+    return {**head, **top, "definitions": definitions}
+
+
+def schema_text(what: str = "tree") -> str:
+    """The schema of "tree" or "rules" as the text of a file."""
+    schema = rules_schema() if what == "rules" else tree_schema()
+    return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 
 
 def _types() -> list[str]:

@@ -89,7 +89,9 @@ class Rule(Parameters):
         return next(act for field, act in _ACTS.items() if field in self.model_fields_set)
 
 
-class _File(Record):
+class RulesFile(Record):
+    """The keys at the top of a file of rules."""
+
     about: Annotated[str, Field(max_length=300)] = ""
     substitute: Annotated[list[Rule], Field(min_length=1, max_length=1000)]
 
@@ -134,7 +136,7 @@ def load_rules(path: str | Path) -> Rules:
 def check_rules(data: Any, marks: Marks) -> Rules:
     """As `load_rules`, of data that is already loaded."""
     expect("file of rules", data, marks)
-    return Rules(validate_data(data, marks, _File).substitute, marks)
+    return Rules(validate_data(data, marks, RulesFile).substitute, marks)
 
 
 def stand_ins(rules: Rules | None = None, dry: bool = False) -> Substitute:
