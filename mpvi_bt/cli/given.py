@@ -1,0 +1,108 @@
+"""What people give on the command line: names and files, values of parameters, paths of nodes; completed by Tab."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from mpvi_bt import paths
+from mpvi_bt.errors import MpviError, UnknownName, UserError
+
+
+class File(click.ParamType[str]):
+    """A file, or one of the known names in a folder, completed by Tab; it is looked for when it is read.
+
+    Args:
+        folder: Of the names, relative to a root, such as "trees"; "": only files.
+    """
+
+    name = "file"
+
+    def __init__(self, folder: str = "") -> None:
+        self.folder = folder
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Files, which the shell knows, then the names that begin so; bash forgets what comes before files."""
+        return [CompletionItem(incomplete, type="file"), *_items(_names(self.folder), incomplete)]
+
+
+class Name(File):
+    """The name of a shipped or own file, which must be there; where `file` is set, a path does as well."""
+
+    name = "name"
+
+    def __init__(self, folder: str, file: bool = False) -> None:
+        super().__init__(folder)
+        self.file = file
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The name itself, once it is known that its file exists.
+
+        Raises:
+            UserError: There is none.
+        """
+        if self.file:
+            paths.find_or_file(self.folder, value)
+            return value
+        try:
+            paths.find(self.folder, value)
+        except UnknownName as error:
+            if self.folder == "tasks" and value in paths.names("trees"):
+                raise UserError(f"{error} It is a tree: mpvi run --dry --tree {value}.") from None
+            raise
+        return value
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """The names that begin with what is typed; files too where they do."""
+        items = super().shell_complete(ctx, param, incomplete)
+        return items if self.file else items[1:]
+
+
+def arguments(params: Iterable[str]) -> dict[str, str]:
+    """Names and values of `--param name=value`. Raises UsageError."""
+    found: dict[str, str] = {}
+    for param in params:
+        name, _, value = param.partition("=")
+        if not name or not value:
+            raise click.UsageError(f"--param wants NAME=VALUE, not {param!r}.")
+        if name in found:
+            raise click.UsageError(f"--param {name} is given twice.")
+        found[name] = value
+    return found
+
+
+def complete_param(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """The parameters of the tree that is given."""
+    tree = _tree(ctx)
+    return _items([f"{name}=" for name in tree.parameters], incomplete) if tree else []
+
+
+def complete_path(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """The paths of the nodes of the tree that is given."""
+    tree = _tree(ctx)
+    return _items([node.path for node in tree.nodes], incomplete) if tree else []
+
+
+def _tree(ctx: click.Context) -> Any:
+    """The tree that is named, or None."""
+    from mpvi_bt.tree.yaml_io import load_tree
+
+    try:
+        given = ctx.params.get("tree") or next(iter(ctx.args), "")  # where an option has no value yet: not read so far
+        return load_tree(paths.find_or_file("trees", given)) if given else None
+    except MpviError:
+        return None
+
+
+def _names(folder: str) -> list[str]:
+    try:
+        return paths.names(folder) if folder else []
+    except MpviError:
+        return []
+
+
+def _items(words: Iterable[str], incomplete: str) -> list[CompletionItem]:
+    return [CompletionItem(word) for word in words if word.startswith(incomplete)]
