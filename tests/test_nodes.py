@@ -97,23 +97,37 @@ def test_a_selector_tells_what_became_of_each_child() -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "reason"),
+    ("make", "reason", "evidence", "path"),
     [
-        (lambda leaf: Sequence("n", [leaf], False), "failed"),
-        (lambda leaf: Selector("n", [leaf, py_trees.behaviours.Failure("two")], True), "all_failed"),
-        (lambda leaf: Retry("n", leaf, 1), "out_of_tries"),
-        (lambda leaf: Subtree("n", py_trees.composites.Sequence("m", True, [leaf])), "failed"),
+        (lambda leaf: Sequence("n", [leaf], False), "failed", "no luck", "one"),
+        (
+            lambda leaf: Selector("n", [leaf, py_trees.behaviours.Failure("two")], True),
+            "all_failed",
+            "one: failed, two: failed",
+            "here",
+        ),
+        (lambda leaf: Retry("n", leaf, 1), "out_of_tries", "1 failed, the last with failed: no luck", "here"),
+        (lambda leaf: Subtree("n", py_trees.composites.Sequence("m", True, [leaf])), "failed", "no luck", "one"),
     ],
 )
-def test_nodes_of_others_fail_with_a_reason_too(make: Callable[[Behaviour], Any], reason: str) -> None:
+def test_nodes_of_others_fail_with_a_reason_too(
+    make: Callable[[Behaviour], Any], reason: str, evidence: str, path: str
+) -> None:
     """A node of plain py_trees gives no reason; it gets one, and its feedback is the evidence."""
-    leaf = py_trees.behaviours.Failure("one")
+
+    class Unlucky(Behaviour):
+        def update(self) -> Status:
+            self.feedback_message = "no luck"
+            return FAILURE
+
+    leaf = Unlucky("one")
     node = make(leaf)
+    node.path = "here"
     node.setup(context=scripted_context(KinematicWorld(), {}, {}, {}))
     node.tick_once()
-    assert node.failure.reason == reason
-    assert leaf.feedback_message in (failure_of(leaf) or node.failure).evidence
-    assert node.failure.path or reason != "failed"
+    assert node.failure == failure_of(node)
+    assert (node.failure.reason, node.failure.evidence, node.failure.path) == (reason, evidence, path)
+    assert failure_of(leaf) == Failure("failed", "no luck", "one", 0.0)
 
 
 # ------------------------------------------------------------------------------------------ exceptions
@@ -205,7 +219,8 @@ def test_a_leaf_that_begins_again_forgets_the_last_round(leaf: str) -> None:
     bench.tree.root.failure = Failure("old", "", "", 0.0)  # type: ignore[attr-defined]
     bench.tick()
     assert not bench.tree.root.interrupted  # type: ignore[attr-defined]
-    assert leaf == "fail" or bench.tree.root.failure is None  # type: ignore[attr-defined]
+    failure = bench.tree.root.failure  # type: ignore[attr-defined]
+    assert (failure and failure.path) == ("fail" if leaf == "fail" else None)
 
 
 def test_a_failure_survives_json_with_what_caused_it() -> None:
