@@ -1,7 +1,8 @@
 """Where trees, skills and tasks are: in the installed package, in a checkout, and in a user's own folders.
 
 A root is a folder that holds `trees/`, `skills/` and `tasks/`. Folders named in the environment variable `MPVI_PATH`
-(separated as in PATH) are searched first, so that a user's file of the same name wins; then comes what mpvi_bt ships.
+(separated by ":", as in PATH) are searched first, so that a user's file of the same name wins; then comes what mpvi_bt
+ships.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from mpvi_bt.errors import UnknownName, UserError
 
 _PACKAGE = Path(__file__).resolve().parent
 _SUFFIXES = (".yaml", ".json")
+_FOLDERS = ("trees", "skills", "tasks")
 
 
 def shipped() -> Path:
@@ -25,12 +27,14 @@ def roots() -> list[Path]:
     """Every root, in the order of search.
 
     Raises:
-        UserError: `MPVI_PATH` names something that is not a folder.
+        UserError: `MPVI_PATH` names something that is not a folder, or `trees/` itself, not the folder that holds it.
     """
     own = [Path(p).expanduser() for p in os.environ.get("MPVI_PATH", "").split(os.pathsep) if p]
     for root in own:
         if not root.is_dir():
-            raise UserError(f"MPVI_PATH: {root} is not a folder.")
+            raise UserError(f"MPVI_PATH: {root} is not a folder. It names folders, separated by {os.pathsep!r}.")
+        if root.name in _FOLDERS and not any((root / folder).is_dir() for folder in _FOLDERS):
+            raise UserError(f"MPVI_PATH: {root}: name the folder that holds {root.name}/, which is {root.parent}.")
     return [*own, shipped()]
 
 
@@ -67,15 +71,30 @@ def find(folder: str, name: str, kind: str = "") -> Path:
 
 
 def find_or_file(folder: str, given: str, kind: str = "") -> Path:
-    """The file that a user means: a path if it looks like one (it has a suffix or a slash), else a known name.
+    """The file that a user means: a known name, or else a path, of a pipe too.
+
+    What has a slash or the suffix of a file of ours is always a path.
 
     Raises:
-        UserError: It looks like a path and there is no such file.
+        UserError: It looks like a path and there is no such file, or it is a folder.
         UnknownName: It looks like a name and no root has it.
     """
-    if given.endswith(_SUFFIXES) or os.sep in given:
-        path = Path(given)
-        if not is_file(path):
-            raise UserError(f"{given}: there is no such file.")
+    path = Path(given)
+    is_path = os.sep in given or given.endswith(_SUFFIXES)
+    if not is_path and given in names(folder):
+        return find(folder, given, kind)
+    try:
+        there, is_folder = path.exists(), path.is_dir()
+    except OSError:  # no file can have such a name
+        there = is_folder = False
+    if given and is_folder:
+        raise UserError(f"{given}: is a folder; name a file in it.")
+    if given and there:
         return path
+    if is_path or path.suffix:
+        raise UserError(f"{given}: there is no such file.")
+    beside = [f"{given}{suffix}" for suffix in _SUFFIXES if is_file(Path(f"{given}{suffix}"))]
+    if beside:
+        what = kind or Path(folder).name.removesuffix("s")
+        raise UserError(f"unknown {what} {given!r}, but there is a file {beside[0]}: name it with its suffix.")
     return find(folder, given, kind)

@@ -77,3 +77,10 @@ def test_pictures_can_be_drawn_here() -> None:
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
     assert "picture" in done.stdout
+
+
+def test_a_wrong_mpvi_path_is_mended_by_mending_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not by installing anything again."""
+    monkeypatch.setenv("MPVI_PATH", "/nowhere")
+    (data,) = [check for check in doctor.examine() if check.name == "data"]
+    assert (data.ok, data.mend) == (False, "unset MPVI_PATH, or mend it")

@@ -33,6 +33,14 @@ def test_a_missing_folder_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
         paths.roots()
 
 
+def test_a_folder_too_deep_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """MPVI_PATH that names trees/ itself would find nothing without a word."""
+    (tmp_path / "trees").mkdir()
+    monkeypatch.setenv("MPVI_PATH", str(tmp_path / "trees"))
+    with pytest.raises(UserError, match=f"name the folder that holds trees/, which is {tmp_path}"):
+        paths.roots()
+
+
 def test_a_typing_error_names_the_nearest() -> None:
     """An unknown name is answered with the known one closest to it."""
     with pytest.raises(UnknownName, match=r"unknown task 'picking_up_trsh'\. Did you mean 'picking_up_trash'"):
@@ -49,7 +57,7 @@ def test_a_path_is_taken_as_it_is(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_opened_has_no_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Folders, links that lead nowhere or round, and hidden files are no names; a name too long for a file is unknown."""
+    """Folders, links that lead nowhere or round, and hidden files are no names; nor is what is too long for a file."""
     trees = tmp_path / "trees"
     (trees / "folder.yaml").mkdir(parents=True)
     (trees / "round.yaml").symlink_to(trees / "round.yaml")
@@ -58,3 +66,30 @@ def test_what_cannot_be_opened_has_no_name(tmp_path: Path, monkeypatch: pytest.M
     assert not {"folder", "round", ".#mine"} & set(paths.names("trees"))
     with pytest.raises(UserError, match="there is no such file"):
         paths.find_or_file("trees", "ä" * 190 + ".yaml")
+
+
+def test_what_is_there_is_taken_whatever_its_suffix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file of any suffix or none, a pipe; a folder is told for one; a known name comes before a file of that name."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.xml", "notes", "hello"):
+        (tmp_path / name).touch()
+    (tmp_path / "folder").mkdir()
+    assert paths.find_or_file("trees", "a.xml") == Path("a.xml")
+    assert paths.find_or_file("trees", "notes") == Path("notes")
+    assert paths.find_or_file("trees", "/dev/stdin") == Path("/dev/stdin")
+    assert paths.find_or_file("trees", "hello").parent.name == "trees"
+    for folder in ("folder", "./folder", "."):
+        with pytest.raises(UserError, match="is a folder; name a file in it"):
+            paths.find_or_file("trees", folder)
+    with pytest.raises(UserError, match=r"b\.xml: there is no such file"):
+        paths.find_or_file("trees", "b.xml")
+    with pytest.raises(UnknownName, match="unknown tree ''"):
+        paths.find_or_file("trees", "")
+
+
+def test_a_file_that_lacks_its_suffix_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The name of a tree in the folder one works in is nearly always meant as that file."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "greet.yaml").touch()
+    with pytest.raises(UserError, match=r"unknown tree 'greet', but there is a file greet\.yaml"):
+        paths.find_or_file("trees", "greet")

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import click
 
+from mpvi_bt.cli.given import File
 from mpvi_bt.writing import write_whole
 
 
 @click.command(name="compile")
-@click.argument("plan")
+@click.argument("plan", type=File("tasks/plans"))
 @click.option("--out", type=click.Path(dir_okay=False), help="Write here instead of to the terminal.")
 @click.option("--json", "as_json", is_flag=True, help='For programs: one JSON object with the text under "yaml".')
 def compile_(plan: str, out: str | None, as_json: bool) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from mpvi_bt import paths
+from mpvi_bt.cli.given import File
 from mpvi_bt.errors import Problem, UserError
 from mpvi_bt.writing import write_whole
 
@@ -17,8 +18,8 @@ FORMATS = {".xml": "xml", ".yaml": "yaml", ".yml": "yaml"}
 
 
 @click.command()
-@click.argument("tree")
-@click.argument("out", required=False)
+@click.argument("tree", type=File("trees"))
+@click.argument("out", type=File(), required=False)
 @click.option("--to", type=click.Choice(["xml", "yaml"]), help="What to write. [default: by OUT, or what TREE is not]")
 @click.option("--force", is_flag=True, help="Write over files that are there already with another text.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object with the text and the warnings.")

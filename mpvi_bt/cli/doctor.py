@@ -16,7 +16,7 @@ from pathlib import Path
 import click
 
 from mpvi_bt import __version__, paths
-from mpvi_bt.errors import MpviError
+from mpvi_bt.errors import MpviError, UserError
 
 PROBE_LIMIT_S = 120.0  # with stock shaders the first picture takes half a minute on a busy machine
 APT_LIBRARIES = "libx11-6 libgl1 libglib2.0-0 libvulkan1"
@@ -93,6 +93,8 @@ def _guarded(name: str, core: bool, mend: str, look: Callable[[], str]) -> Check
     """The check that `look` makes: it says what it found, or raises."""
     try:
         return Check(name, True, core, look())
+    except UserError as error:  # only settings can be wrong here
+        return Check(name, False, core, str(error), "unset MPVI_PATH, or mend it")
     except Exception as error:  # whatever is broken here is the finding
         return Check(name, False, core, f"{error}" or type(error).__name__, mend)
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -10,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from mpvi_bt import paths
+from mpvi_bt.cli.given import File, arguments, complete_param
 from mpvi_bt.errors import UserError
 from mpvi_bt.writing import write_whole
 
@@ -17,6 +20,8 @@ if TYPE_CHECKING:  # what they load is slower than the help of this command shou
     from mpvi_bt.trace.read import Trace
     from mpvi_bt.tree.spec import TreeSpec
     from mpvi_bt.tree.state import NodeState
+
+_WIDTH, _WIDEST = 80, 120
 
 Format = Literal["ascii", "unicode", "dot", "svg", "html"]
 _SUFFIXES: dict[str, Format] = {
@@ -44,7 +49,7 @@ class _Picture:
 
 
 @click.command()
-@click.argument("tree", metavar="TREE|TRACE")
+@click.argument("tree", type=File("trees"), metavar="TREE|TRACE")
 @click.option(
     "--format",
     "form",
@@ -53,18 +58,39 @@ class _Picture:
     "Left out, it is told by the suffix of --out.",
 )
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="Write here instead of to the terminal.")
-@click.option("--width", default=80, show_default=True, type=click.IntRange(20, 1000), help="Columns of text.")
+@click.option(
+    "--width", type=click.IntRange(20, 1000), help="Columns of text.  [default: the terminal's, up to 120, or 80]"
+)
+@click.option(
+    "--param",
+    "params",
+    multiple=True,
+    metavar="NAME=VALUE",
+    shell_complete=complete_param,
+    help="Fill in a parameter of the tree.",
+)
 @click.option("--tick", type=click.IntRange(min=0), help="Of a trace: as it stood after this tick, not at its end.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: every node with its path, depth and state.")
-def render(tree: str, form: Format | None, out: Path | None, width: int, tick: int | None, as_json: bool) -> None:
+def render(
+    tree: str,
+    form: Format | None,
+    out: Path | None,
+    width: int | None,
+    params: tuple[str, ...],
+    tick: int | None,
+    as_json: bool,
+) -> None:
     """Draw a tree, or where the run of a trace stands.
 
-    TREE is a file, or the name of one of the trees that come with mpvi_bt. TRACE is a .jsonl file that a run left.
+    TREE is a file, - for the standard input, or the name of a tree, yours in MPVI_PATH or one that comes with mpvi_bt.
+    TRACE is a .jsonl file that a run left.
     """
     if as_json and form:
         raise click.UsageError("--json and --format exclude each other.")
     form = form or (_guessed(out) if out and not as_json else "ascii")
-    picture = _picture(tree, tick)
+    picture = _picture(tree, tick, arguments(params))
+    if width is None:
+        width = min(shutil.get_terminal_size().columns, _WIDEST) if out is None and sys.stdout.isatty() else _WIDTH
     text = json.dumps(_described(picture), indent=2) if as_json else _drawn(picture, form, width)
     if out is None:
         click.echo(text)
@@ -78,16 +104,21 @@ def _guessed(out: Path) -> Format:
     return _SUFFIXES[out.suffix.lower()]
 
 
-def _picture(given: str, tick: int | None) -> _Picture:
+def _picture(given: str, tick: int | None, values: dict[str, str]) -> _Picture:
     """Raises UserError, FileProblems."""
     if not given.endswith(".jsonl"):
-        from mpvi_bt.tree.yaml_io import load_tree
+        from mpvi_bt.tree.yaml_io import load_tree, parse_tree
 
         if tick is not None:
             raise UserError(f"{given}: --tick needs the trace of a run, a .jsonl file, not a tree.")
-        return _Picture(load_tree(paths.find_or_file("trees", given, "tree")))
+        if given == "-":
+            return _Picture(parse_tree(sys.stdin.read(), "<stdin>", arguments=values))
+        return _Picture(load_tree(paths.find_or_file("trees", given, "tree"), arguments=values))
 
     from mpvi_bt.trace.read import read_trace
+
+    if values:
+        raise UserError(f"{given}: the tree of a run has its parameters filled in already; --param is for trees.")
 
     trace = read_trace(given)
     at = trace.last_tick if tick is None else tick

@@ -14,6 +14,7 @@ from typing import Any
 
 import click
 
+from mpvi_bt.cli.given import File
 from mpvi_bt.drawing.cells import cut, one_line
 from mpvi_bt.drawing.colors import painted, wants_color
 from mpvi_bt.drawing.marks import legend
@@ -39,7 +40,7 @@ _HELP = "n next  p back  PgDn/PgUp by 10  Home/End  f next failure  q quit"
 
 
 @click.command()
-@click.argument("trace", metavar="TRACE")
+@click.argument("trace", type=File(), metavar="TRACE")
 @click.option("--tick", type=click.IntRange(min=0), metavar="N", help="Print the whole tree as it stood after tick N.")
 @click.option("--unicode", is_flag=True, help="Draw with lines and signs beyond ASCII.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: every tick's changes, or all that held at --tick.")

@@ -5,16 +5,15 @@ from __future__ import annotations
 import json
 import sys
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.shell_completion import CompletionItem
 
-from mpvi_bt import paths
 from mpvi_bt.cli import INTERRUPTED
+from mpvi_bt.cli.given import File, Name, arguments, complete_param, complete_path
 from mpvi_bt.cli.score import brief_score, score
 from mpvi_bt.errors import NodeError, UserError
 from mpvi_bt.suite.backends import BACKENDS
@@ -24,31 +23,6 @@ if TYPE_CHECKING:
     from mpvi_bt.executive.loop import Outcome, Subscriber
     from mpvi_bt.executive.stop import Stop
     from mpvi_bt.suite.prepare import Prepared
-
-
-class Name(click.ParamType[str]):
-    """The name of a shipped or own file, completed by Tab; where `file` is set, a path does as well."""
-
-    name = "name"
-
-    def __init__(self, folder: str, file: bool = False) -> None:
-        self.folder, self.file = folder, file
-
-    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """The name itself, once it is known that its file exists.
-
-        Raises:
-            UserError: There is none.
-        """
-        if self.file:
-            paths.find_or_file(self.folder, value)
-        else:
-            paths.find(self.folder, value)
-        return value
-
-    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """The names that begin with what is typed."""
-        return [CompletionItem(name) for name in paths.names(self.folder) if name.startswith(incomplete)]
 
 
 def _backend(kind: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
@@ -72,17 +46,33 @@ _OUTPUT = click.Path(dir_okay=False, path_type=Path)
 @_backend("policy")
 @_backend("checker")
 @click.option("--tree", type=Name("trees", file=True), help="Run this tree, by name or file, instead of a plan's.")
-@click.option("--param", "params", multiple=True, metavar="NAME=VALUE", help="Fill in a parameter of that tree.")
+@click.option(
+    "--param",
+    "params",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Fill in a parameter of that tree.",
+    shell_complete=complete_param,
+)
 @click.option("--plan", type=Name("tasks/plans", file=True), help="Compile this plan, by name or file.")
 @click.option("--dry", is_flag=True, help="No robot, no simulator: stand-ins do the work. Needs no TASK with --tree.")
 @click.option(
     "--substitute",
-    type=click.Path(dir_okay=False),
+    type=File(),
     metavar="FILE",
     help="Put stand-ins in the place of nodes, by the rules of this file.",
 )
-@click.option("--resume", metavar="FILE", help="Go on with an episode that was stopped, from the file it left.")
-@click.option("--break", "breaks", multiple=True, metavar="PATH", help="Pause where such a node begins; * is any text.")
+@click.option(
+    "--resume", type=File(), metavar="FILE", help="Go on with an episode that was stopped, from the file it left."
+)
+@click.option(
+    "--break",
+    "breaks",
+    multiple=True,
+    metavar="PATH",
+    help="Pause where such a node begins; * is any text.",
+    shell_complete=complete_path,
+)
 @click.option("--step", is_flag=True, help="Pause wherever something changes.")
 @click.option("--video", type=_OUTPUT, metavar="FILE", help="Film the episode, as mp4.")
 @click.option("--picture", type=_OUTPUT, metavar="FILE", help="Draw the way taken, from above, as png.")
@@ -127,10 +117,10 @@ def run(
     else:
         if task is None and not dry:
             raise click.UsageError("Missing argument 'TASK'; only with --dry a tree runs without one.")
-        arguments = tuple(_arguments(params).items())
-        config = EpisodeConfig(task or "", arguments=arguments, **settings)
+        values = arguments(params)
+        config = EpisodeConfig(task or "", arguments=tuple(values.items()), **settings)
         if dry:
-            prepared = prepare(task, config.tree, config.plan, dict(arguments), config.substitute)
+            prepared = prepare(task, config.tree, config.plan, values, config.substitute)
         else:
             prepared = prepare_episode(config)
     if dry and (config.video or config.picture):
@@ -250,19 +240,6 @@ def _refuse_beside_resume() -> None:
         if name not in own and context.get_parameter_source(name) == click.core.ParameterSource.COMMANDLINE:
             given = parameter.opts[0] if parameter.param_type_name == "option" else "TASK"
             raise click.UsageError(f"--resume goes on with what FILE says; {given} can't be given beside it.")
-
-
-def _arguments(params: Iterable[str]) -> dict[str, str]:
-    """Names and values of `--param name=value`. Raises UsageError."""
-    arguments: dict[str, str] = {}
-    for param in params:
-        name, equals, value = param.partition("=")
-        if not equals or not name:
-            raise click.UsageError(f"--param wants NAME=VALUE, not {param!r}.")
-        if name in arguments:
-            raise click.UsageError(f"--param {name} is given twice.")
-        arguments[name] = value
-    return arguments
 
 
 def _check_writable(folder: Path) -> None:

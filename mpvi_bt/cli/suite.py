@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from mpvi_bt.cli.given import File, Name
 from mpvi_bt.errors import BackendError
 from mpvi_bt.suite.backends import BACKENDS
 from mpvi_bt.suite.config import EPISODE, EpisodeConfig
@@ -29,12 +30,19 @@ def _shared(command: Any) -> Any:
         default = EpisodeConfig.__dataclass_fields__[kind].default
         about = "; ".join(f"{name}: {backend.about}" for name, backend in choices.items())
         command = click.option(f"--{kind}", default=default, show_default=True, metavar="NAME", help=about)(command)
-    command = click.option("--tree", metavar="FILE", help="Run this tree instead of the plan's.")(command)
-    command = click.option("--plan", metavar="FILE", help="Compile this plan instead of the task's own.")(command)
+    command = click.option(
+        "--tree", type=Name("trees", file=True), metavar="FILE", help="Run this tree instead of the plan's."
+    )(command)
+    command = click.option(
+        "--plan",
+        type=Name("tasks/plans", file=True),
+        metavar="FILE",
+        help="Compile this plan instead of the task's own.",
+    )(command)
     command = click.option("--json", "as_json", is_flag=True, help="Write the report as JSON.")(command)
     out = click.Path(file_okay=False, path_type=Path)
     command = click.option("--out", type=out, help="Folder of the results.  [default: runs/SUITE]")(command)
-    return click.argument("name", metavar="SUITE")(command)
+    return click.argument("name", type=File("tasks/suites"), metavar="SUITE")(command)
 
 
 @suite.command()

@@ -7,6 +7,7 @@ import json
 
 import click
 
+from mpvi_bt.cli.given import File
 from mpvi_bt.trace.diff import diff, difference_text
 from mpvi_bt.trace.explain import explain
 from mpvi_bt.trace.explain_text import explanation_text
@@ -14,7 +15,7 @@ from mpvi_bt.trace.read import read_trace
 
 
 @click.command(name="explain")
-@click.argument("trace", metavar="TRACE")
+@click.argument("trace", type=File(), metavar="TRACE")
 @click.option("--json", "as_json", is_flag=True, help="For programs: the chain of causes as one JSON object.")
 def explain_(trace: str, as_json: bool) -> None:
     """Say why a recorded run ended as it did, from the root down to the leaf.
@@ -26,8 +27,8 @@ def explain_(trace: str, as_json: bool) -> None:
 
 
 @click.command(name="diff")
-@click.argument("a", metavar="TRACE")
-@click.argument("b", metavar="TRACE")
+@click.argument("a", type=File(), metavar="TRACE")
+@click.argument("b", type=File(), metavar="TRACE")
 @click.option("--json", "as_json", is_flag=True, help="For programs: the difference as one JSON object.")
 def diff_(a: str, b: str, as_json: bool) -> int:
     """Show the first tick at which two recorded runs part.

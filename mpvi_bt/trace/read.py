@@ -198,7 +198,7 @@ class Trace:
 
 
 def read_trace(path: str | Path) -> Trace:
-    """The trace in a file, up to its last whole line.
+    """The trace in a file ("-": the standard input), up to its last whole line.
 
     Raises:
         UserError: There is no such file, or it cannot be read.
@@ -207,7 +207,7 @@ def read_trace(path: str | Path) -> Trace:
     lines: list[bytes] = []
     room = MAX_BYTES
     try:
-        with Path(path).open("rb") as file:
+        with Path("/dev/stdin" if str(path) == "-" else path).open("rb") as file:
             first = _FIRST_KEY.match(file.peek(200))
             if first is None or first[1] != b"trace":
                 what = 'no trace of a run: its first line would begin with {"trace": 1'
