@@ -39,6 +39,7 @@ __all__ = [
     "Location",
     "Marks",
     "Record",
+    "choices_of",
     "fields_at",
     "load_marked",
     "parse_marked",
@@ -255,11 +256,19 @@ def _wanted(model: type[BaseModel], location: Sequence[str | int]) -> tuple[str,
     """What may stand under a missing key: in words, from the field's description or its choices, and the choices."""
     fields = (at.model_fields.get(str(location[-1])) for at in _models_at(model, location[:-1]))
     for info in filter(None, fields):
-        hints = list(_members(info.annotation))
-        choices = [str(c) for hint in hints if typing.get_origin(hint) is typing.Literal for c in typing.get_args(hint)]
-        about = info.description or " or ".join(choices) or ("true or false" if bool in hints else "")
-        return (f": {about}" if about else ""), choices or ["true", "false"] * (bool in hints)
+        choices = choices_of(info.annotation)
+        about = info.description or " or ".join(choices)
+        return (f": {about}" if about else ""), choices
     return "", []
+
+
+def choices_of(hint: Any) -> list[str]:
+    """The words that a file may have for a field of that type; [] where there are more than can be listed."""
+    members = list(_members(hint))
+    words = [
+        str(word) for part in members if typing.get_origin(part) is typing.Literal for word in typing.get_args(part)
+    ]
+    return words or (["true", "false"] if members == [bool] else [])
 
 
 def fields_at(model: type[BaseModel], location: Iterable[str | int]) -> set[str]:

@@ -139,7 +139,7 @@ def test_names_of_trees_do_as_files(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     for command in (check, fmt):
         done = CliRunner().invoke(command, ["get_cub"], standalone_mode=False)
         assert done.return_value == 2
-        assert "no tree of that name. Did you mean 'get_cup'?" in done.output
+        assert "unknown tree 'get_cub'. Did you mean 'get_cup'?" in done.output
 
 
 @pytest.mark.parametrize("given", ["", "none.yaml", "no/such/file", "a\0b", "x" * 5000])
@@ -172,6 +172,14 @@ def test_a_list_says_where_ones_own_files_lie(monkeypatch: pytest.MonkeyPatch, t
     lines = json.loads(CliRunner().invoke(list_, ["trees", "--json"], standalone_mode=False).stdout)
     assert lines["fetch"] == f"Mine. ({own})"
     assert not [line for name, line in lines.items() if name != "fetch" and str(paths.shipped()) in line]
+
+
+def test_the_list_of_behaviors_names_their_choices() -> None:
+    """Of what must be one of few words."""
+    words = " ".join(CliRunner().invoke(list_, ["behaviors"], standalone_mode=False).stdout.split())
+    assert "(composite, memory: true or false)" in words
+    assert "(composite, policy: success_on_all or success_on_one)" in words
+    assert "(leaf, posture: travel)" in words
 
 
 def test_one_step_is_no_steps() -> None:

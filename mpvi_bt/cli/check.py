@@ -15,7 +15,8 @@ import click
 
 from mpvi_bt import paths
 from mpvi_bt.cli import problems as show
-from mpvi_bt.errors import FileProblems, Problem, UnknownName, UserError
+from mpvi_bt.cli.given import File
+from mpvi_bt.errors import FileProblems, Problem, UserError
 from mpvi_bt.file_kinds import kind_of, taken_by
 from mpvi_bt.marked_yaml import MAX_PROBLEMS, Marks, load_marked, parse_marked
 
@@ -36,8 +37,13 @@ class Site:
 
 
 @click.command()
-@click.argument("files", nargs=-1, required=True, metavar="FILE...")
-@click.option("--task", help="Also check rooms, and what to drive to, against this task's house and things.")
+@click.argument("files", nargs=-1, required=True, type=File("trees"), metavar="FILE...")
+@click.option(
+    "--task",
+    type=File("tasks"),
+    metavar="TASK",
+    help="Also check rooms, and what to drive to, against this task's house and things.",
+)
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object, made for mending the files.")
 def check(files: tuple[str, ...], task: str | None, as_json: bool) -> int:
     """List every problem in trees, plans, skills, tasks, suites, houses, rules and the catalogue, with line and column.
@@ -81,27 +87,13 @@ def below(given: str) -> list[str]:
     Raises:
         UserError: There is none.
     """
-    if not given:
-        raise UserError("an empty name is no file.")
     if given == "-":
         return [given]
     try:
-        if not Path(given).is_dir():
-            return [given] if Path(given).exists() else [str(_tree_of(given))]
-    except (OSError, ValueError):  # no name of a file at all
-        raise UserError("there is no such file.") from None
-    return list(_files(given)) or [given]
-
-
-def _tree_of(name: str) -> Path:
-    """The file of a tree that a root has. Raises UserError."""
-    if os.sep in name or Path(name).suffix:
-        raise UserError("there is no such file.")
-    try:
-        return paths.find("trees", name)
-    except UnknownName as error:
-        near = f" Did you mean {error.nearest!r}?" if error.nearest else ""
-        raise UserError(f"there is no such file, and no tree of that name.{near}") from None
+        is_folder = bool(given) and Path(given).is_dir()
+    except OSError:  # no file can have such a name
+        is_folder = False
+    return list(_files(given)) or [given] if is_folder else [str(paths.find_or_file("trees", given, "tree"))]
 
 
 def _files(folder: str) -> Iterator[str]:

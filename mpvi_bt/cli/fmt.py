@@ -13,13 +13,14 @@ import click
 
 from mpvi_bt.cli import problems as show
 from mpvi_bt.cli.check import STDIN, below
+from mpvi_bt.cli.given import File
 from mpvi_bt.errors import FileProblems, Problem, UserError
 from mpvi_bt.file_kinds import kind_of
 from mpvi_bt.marked_yaml import parse_marked, read_text
 
 
 @click.command()
-@click.argument("files", nargs=-1, required=True, metavar="FILE...")
+@click.argument("files", nargs=-1, required=True, type=File("trees"), metavar="FILE...")
 @click.option("--check", "only_check", is_flag=True, help="Write nothing; the exit code is 1 if a file would change.")
 @click.option("--diff", "only_diff", is_flag=True, help="Write nothing; show what would change.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object.")

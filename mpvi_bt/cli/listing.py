@@ -49,7 +49,8 @@ def _print_behaviors(as_json: bool) -> None:
         return
     lines = {}
     for kind, about in behaviors.items():
-        given = [name if needed else f"[{name}]" for name, needed in about["parameters"].items()]
+        words = {name: f"{name}: {' or '.join(of)}" if of else name for name, of in _choices(kind).items()}
+        given = [words[name] if needed else f"[{words[name]}]" for name, needed in about["parameters"].items()]
         lines[kind] = f"{about['summary']} ({', '.join([about['family'], *given])})"
     _print(lines)
 
@@ -65,6 +66,14 @@ def _behaviors() -> dict[str, dict[str, Any]]:
         needed = {name: fields[name].is_required() for name in order}
         found[kind] = {"family": node.family, "headline": node.headline, "parameters": needed, "summary": node.summary}
     return found
+
+
+def _choices(kind: str) -> dict[str, list[str]]:
+    """Of every parameter the words that it may have, if they can be listed."""
+    from mpvi_bt.behaviors.registry import node_types
+    from mpvi_bt.marked_yaml import choices_of
+
+    return {name: choices_of(info.annotation) for name, info in node_types()[kind].parameters.model_fields.items()}
 
 
 def _files(folder: str) -> dict[str, str]:
