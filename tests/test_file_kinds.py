@@ -19,7 +19,7 @@ from mpvi_bt.file_kinds import KINDS
 from mpvi_bt.plan.schema import load_plan
 from mpvi_bt.plan.skills import load_skill
 from mpvi_bt.suite.result import Result
-from mpvi_bt.suite.saved import SavedEpisode
+from mpvi_bt.suite.saved import SavedEpisode, load_saved
 from mpvi_bt.suite.tasks import load_suite, load_task
 from mpvi_bt.tree.substitute import load_rules
 from mpvi_bt.tree.yaml_io import load_tree
@@ -62,6 +62,14 @@ def test_every_other_kind_is_recognized(tmp_path: Path, due: str) -> None:
             (problem,) = caught.value.problems
             assert problem.code == "wrong-kind", name
             assert use in problem.message
+
+
+def test_only_a_saved_run_is_gone_on_with(tmp_path: Path) -> None:
+    """What is given to --resume is told for what it is."""
+    path = tmp_path / "tree.yaml"
+    path.write_text(FILES["tree.yaml"][0])
+    with pytest.raises(FileProblems, match="this is a tree, not a saved run; it is for `mpvi run --tree FILE`"):
+        load_saved(path)
 
 
 @pytest.mark.parametrize("name", FILES)

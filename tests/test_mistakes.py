@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner
 
@@ -149,6 +150,15 @@ def test_what_is_not_there_ends_with_2(given: str) -> None:
     assert done.return_value == 2
     assert done.stdout.count("[unreadable]") == 1
     assert done.stderr == "1 file: 1 problem\n"
+
+
+@pytest.mark.parametrize("command", [check, fmt])
+def test_a_folder_without_files_of_ours_says_so(command: click.Command, tmp_path: Path) -> None:
+    """Not that it is a folder, which it may be."""
+    (tmp_path / "readme.md").touch()
+    done = CliRunner().invoke(command, [str(tmp_path)], standalone_mode=False)
+    assert done.return_value == 2
+    assert f"{tmp_path}: there is no .yaml, .yml or .json file below it." in done.output
 
 
 def test_the_standard_input_is_checked_and_shown() -> None:

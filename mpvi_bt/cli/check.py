@@ -93,7 +93,11 @@ def below(given: str) -> list[str]:
         is_folder = bool(given) and Path(given).is_dir()
     except OSError:  # no file can have such a name
         is_folder = False
-    return list(_files(given)) or [given] if is_folder else [str(paths.find_or_file("trees", given, "tree"))]
+    if not is_folder:
+        return [str(paths.find_or_file("trees", given, "tree"))]
+    if not (found := list(_files(given))):
+        raise UserError("there is no .yaml, .yml or .json file below it.")
+    return found
 
 
 def _files(folder: str) -> Iterator[str]:

@@ -11,7 +11,8 @@ from pydantic import Field, JsonValue, model_validator
 from mpvi_bt import __version__
 from mpvi_bt.executive.loop import World
 from mpvi_bt.executive.saved import SavedRun, save_run
-from mpvi_bt.marked_yaml import Record, validate
+from mpvi_bt.file_kinds import expect
+from mpvi_bt.marked_yaml import Record, load_marked, validate_data
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.metrics import Measurement, Meter
@@ -119,4 +120,6 @@ def load_saved(path: str | Path) -> SavedEpisode:
         UserError: There is no such file.
         FileProblems: Everything that is wrong with it.
     """
-    return validate(path, SavedEpisode)
+    data, marks = load_marked(path)
+    expect("saved run", data, marks)
+    return validate_data(data, marks, SavedEpisode)
