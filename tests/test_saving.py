@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.registry import Message, NavigateTo
+from mpvi_bt.behaviors.stand_ins import StandIn
 from mpvi_bt.errors import UnknownName, UserError
+from mpvi_bt.executive.dry import EmptyWorld, dry_context
 from mpvi_bt.executive.loop import Outcome, Watcher, World, run_episode
 from mpvi_bt.executive.saved import SavedRun, restore_world, save_run
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.spec import NodeSpec, TreeSpec
+from mpvi_bt.tree.saving import restore
+from mpvi_bt.tree.spec import NodeSpec, Placed, TreeSpec
+from mpvi_bt.tree.state import NodeState
 from mpvi_bt.tree.yaml_io import parse_tree
 
 SKILLS = load_skills()
@@ -78,14 +84,30 @@ root:
 
 
 class Journal(Watcher):
-    """Keeps every node's status after every tick."""
+    """Keeps how every node stood after every tick, its time to a microsecond."""
 
     def __init__(self) -> None:
-        self.ticks: list[dict[str, str]] = []
+        self.ticks: list[dict[str, NodeState]] = []
 
     def step(self, tree: Tree, world: World) -> None:
-        """Note them."""
-        self.ticks.append({path: state.status for path, state in tree.states().items()})
+        """Note it."""
+        self.ticks.append(standing(tree))
+
+
+def standing(tree: Tree) -> dict[str, NodeState]:
+    """How every node stands."""
+    return {
+        path: state if state.elapsed_s is None else replace(state, elapsed_s=round(state.elapsed_s, 6))
+        for path, state in tree.states().items()
+    }
+
+
+CHECK = "day/timeout/until_complete/check_complete"
+
+
+def unit_untimed(ticks: list[dict[str, NodeState]]) -> list[dict[str, NodeState]]:
+    """Without the time of the unit that drives a backend, which may take longer when it is begun anew."""
+    return [{**tick, "day/timeout": replace(tick["day/timeout"], elapsed_s=None)} for tick in ticks]
 
 
 def play(
@@ -124,20 +146,89 @@ WHOLE = play(parse_tree(LONG, "t.yaml", SKILLS))
 @settings(max_examples=40, deadline=None)
 @given(ticks=st.integers(1, len(WHOLE[1].ticks) - 1))
 def test_a_saved_run_goes_on_as_if_it_had_not_stopped(ticks: int) -> None:
-    """Stopped after any tick, written as JSON and read, it has the same statuses, time, blackboard and failures."""
+    """Stopped after any tick, written as JSON and read, it has the same states, time, blackboard and failures.
+
+    Of a unit that drives a backend, which is begun anew, that holds before and after it.
+    """
     spec = parse_tree(LONG, "t.yaml", SKILLS)
     first, seen, saved, _ = play(spec, after(ticks))
     assert (first.ending, first.ticks) == ("interrupted", ticks)
     text = json.dumps(saved.model_dump(mode="json"))
     second, rest, _, context = play(spec, saved=SavedRun.model_validate_json(text))
     whole, journal, _, whole_context = WHOLE
-    holds = [s["day/timeout/until_complete/check_complete"] for s in journal.ticks]
-    if holds[ticks - 1] != "RUNNING":  # what drives a backend is begun anew, and may take another time for it
-        assert seen.ticks + rest.ticks == journal.ticks
+    assert seen.ticks == journal.ticks[:ticks]
+    if seen.ticks[-1][CHECK].status != "RUNNING":
+        assert rest.ticks == journal.ticks[ticks:]
         assert (second.ending, second.ticks, second.time_s) == (whole.ending, whole.ticks, whole.time_s)
+    else:
+        resumed, unbroken = (
+            next(i for i, tick in enumerate(run) if tick[CHECK].status != "RUNNING")
+            for run in (rest.ticks, journal.ticks[ticks:])
+        )
+        assert unit_untimed(rest.ticks[resumed:]) == unit_untimed(journal.ticks[ticks + unbroken :])
+        assert second.ticks - whole.ticks == resumed - unbroken
     assert second.ending == whole.ending == "success"
     assert context.blackboard == whole_context.blackboard == {"laps": 3, "tries": 3}
     assert [f.reason for f in context.log.failures] == ["timeout"]
+
+
+@pytest.mark.parametrize("stands_in", [False, True])
+@pytest.mark.parametrize("ticks", [10, 25, 60])
+def test_a_restored_tree_stands_as_it_stood(ticks: int, stands_in: bool) -> None:
+    """Before it is ticked, too: what was cut off before the stop, and after what time, stand-ins included."""
+    spec = parse_tree(
+        """\
+tree: t
+root:
+  sequence: s
+  memory: true
+  children:
+    - attempt: cut
+      child:
+        timeout: 0.5
+        child:
+          parallel: all
+          policy: success_on_all
+          children:
+            - wait: 9
+            - timeout: 8
+              child: {wait: 20}
+            - {set: n, add: 1}
+    - wait: 1
+    - wait: 9
+""",
+        "t.yaml",
+    )
+
+    def substitute(placed: Placed, make: Callable[[], Behaviour]) -> Behaviour:
+        waits = stands_in and placed.spec.kind == "wait"
+        return StandIn("wait", "delay", 0.3, other=make()) if waits else make()
+
+    def ready(world: EmptyWorld, saved: SavedRun | None = None) -> Tree:
+        tree = Tree(spec, substitute)
+        context = dry_context(world, tree)
+        if saved is not None:
+            restore_world(saved, world, context)
+        tree.setup(context)
+        return tree
+
+    world = EmptyWorld()
+    tree = ready(world)
+    for _ in range(ticks):
+        tree.tick()
+        world.step(world.robot.action)
+    saved = SavedRun.model_validate_json(save_run(tree, world).model_dump_json())
+    resumed = ready(EmptyWorld(), saved)
+    restore(resumed, saved.tree)
+    told = standing(tree)
+    if ticks > 15:
+        cut = told["s/cut/timeout/all/wait"]
+        assert cut.interrupted
+        assert cut.elapsed_s == pytest.approx(0.2 if stands_in else 0.5)
+    for path, state in standing(resumed).items():
+        assert replace(state, elapsed_s=None) == replace(told[path], elapsed_s=None), path
+        since = (state.elapsed_s or 0.0) - (told[path].elapsed_s or 0.0)
+        assert since == 0.0 or (state.status == "RUNNING" and since == pytest.approx(1 / 30, abs=1e-5)), path
 
 
 def test_a_timeout_goes_on_counting() -> None:
@@ -211,9 +302,15 @@ def test_a_subtree_is_swapped_between_ticks(path: str, ticks: int) -> None:
     assert old.status == Status.INVALID
     assert [n.spec.kind for n in tree.spec.nodes][index] == "navigate"
     assert [s for i, s in enumerate(tree.statuses()) if i != index] == [s for i, s in enumerate(before) if i != index]
-    assert run(tree, world) == Status.SUCCESS
-    began = before[index] == Status.SUCCESS  # it is behind the cursor already
-    assert (abs(world.robot.proprioception().base_pose[1] - 2.0) < 0.05 or path == "trip/wait") or began
+    farthest = 0.0
+    while tree.tick() == Status.RUNNING and tree.ticks < 3000:
+        world.step(world.robot.action)
+        farthest = max(farthest, float(world.robot.proprioception().base_pose[1]))
+    assert tree.status == Status.SUCCESS
+    behind = before[index] == Status.SUCCESS  # the cursor has passed it
+    assert behind == (path == "trip/wait" and ticks == 10)
+    assert list(tree.nodes.values())[index].status == (Status.INVALID if behind else Status.SUCCESS)
+    assert (abs(farthest - 2.0) < 0.05) != behind  # only the new node drives there
 
 
 def test_the_rest_of_a_sequence_is_swapped() -> None:
