@@ -290,6 +290,20 @@ def test_an_interrupted_real_node_is_interrupted_behind_its_stand_in(tmp_path: P
     assert (outcome.ending, outcome.steps) == ("success", 60 + 1 + 45)
 
 
+def test_what_a_tick_touched_are_nodes_of_the_tree(tmp_path: Path) -> None:
+    """A node behind its stand-in is none, when it is reset neither: the stand-in is told of in its place."""
+    spec = parse_tree("tree: t\nroot:\n  retry: 2\n  child:\n    timeout: 60 steps\n    child:\n      wait: 45 steps\n")
+    tree, world = Tree(spec, stand_ins(rules(one("*/wait", "delay: 30 steps\n    times: 1"), tmp_path))), EmptyWorld()
+    tree.setup(dry_context(world, tree))
+    reset = 0
+    while tree.tick() == Status.RUNNING:
+        assert set(tree.touched) <= set(tree.nodes.values())
+        stand_in = tree.nodes["retry/timeout/wait"]
+        reset += stand_in in tree.touched and stand_in.status == Status.INVALID
+        world.step(world.robot.action)
+    assert reset == 1
+
+
 def test_an_exception_names_the_node_and_its_rule(tmp_path: Path) -> None:
     """`raise` breaks the node as a fault of its own would."""
     with pytest.raises(NodeError) as caught:
