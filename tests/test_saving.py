@@ -386,6 +386,19 @@ def test_what_could_not_be_read_from_a_file_is_not_swapped_in(new: str, rest: bo
     assert (tree.spec, tree.statuses()) == before
 
 
+def test_states_tell_what_was_until_the_next_tick_tells_what_is() -> None:
+    """An interrupted tree goes on telling where it ended; ticked again, it begins anew and says so."""
+    tree, world = bench(TRIP)
+    run(tree, world, 10)
+    before = tree.states()
+    assert before["trip/navigate"].status == "RUNNING"
+    tree.interrupt()
+    assert tree.states() == before
+    tree.tick()
+    now = tree.states()
+    assert (now["trip/wait"].status, now["trip/navigate"].status) == ("RUNNING", "INVALID")
+
+
 def test_states_are_those_of_the_new_tree_also_after_an_interruption() -> None:
     """What was drawn before the swap is not drawn any more."""
     tree, world = bench(TRIP)
