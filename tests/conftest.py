@@ -27,14 +27,16 @@ Shell = Callable[..., "subprocess.CompletedProcess[str]"]
 
 @pytest.fixture
 def mpvi(tmp_path: Path) -> Shell:
-    """Run `mpvi ARGS...` in a process of its own, in an empty folder, as a user would."""
+    """Run `mpvi ARGS...` in a process of its own, in an empty folder or `cwd`, as a user would."""
 
-    def run(*args: str, timeout: float = 60, stdin: str = "", **env: str) -> subprocess.CompletedProcess[str]:
+    def run(
+        *args: str, timeout: float = 60, stdin: str = "", cwd: Path = tmp_path, **env: str
+    ) -> subprocess.CompletedProcess[str]:
         command = [sys.executable, "-c", "from mpvi_bt.cli import main; main()", *args]
         environment = {**os.environ, "COLUMNS": "80", **env}
         return subprocess.run(
             command,
-            cwd=tmp_path,
+            cwd=cwd,
             env=environment,
             input=stdin,
             capture_output=True,

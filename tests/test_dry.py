@@ -213,6 +213,8 @@ def test_a_node_that_breaks_ends_with_3(mpvi: Shell, tmp_path: Path) -> None:
     [
         ([], "nothing to run"),
         (["--tree", "helo"], "Did you mean 'hello'"),
+        (["--tree", "hello", "--instance", "3"], "--instance is one of a TASK"),
+        (["picking_up_trash", "--instance", "99"], "instance 99 is out of range"),
         (["--tree", "hello", "--picture", "a.png"], "nothing to film or to draw"),
         (["--tree", "hello", "--substitute", "no.yaml"], "no.yaml: no such file"),
         (
@@ -234,6 +236,13 @@ def test_bad_input_is_one_clear_error(words: list[str], said: str, mpvi: Shell, 
     assert said in done.stderr
     assert "Traceback" not in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_a_dry_run_that_leaves_nothing_needs_no_folder(mpvi: Shell) -> None:
+    """Without a trace it runs where nothing can be written."""
+    words = ["run", "--dry", "--tree", "hello", "--out", "/proc/none"]
+    assert mpvi(*words).returncode == 2
+    assert mpvi(*words, "--no-trace").returncode == 0
 
 
 def test_a_robot_node_of_another_package_has_a_stand_in_too(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -76,6 +76,7 @@ def test_the_tree_is_the_one_that_was_stopped(mpvi: Shell, tmp_path: Path) -> No
         (None, [], "x.json: no such file"),
         ("{", [], "not valid JSON"),
         ("{}", [], "missing key 'config'"),
+        ('{"saved": 99}', [], "x.json:1:11: format 99; this mpvi_bt ("),
         (None, ["--seed", "0"], "--seed can't be given beside it"),
         (None, ["picking_up_trash"], "TASK can't be given beside it"),
     ],
@@ -90,6 +91,20 @@ def test_what_cannot_be_resumed_is_one_clear_error(
     assert done.returncode == 2
     assert said in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_it_goes_on_from_another_folder(mpvi: Shell, tmp_path: Path) -> None:
+    """With the rules that it was begun with; once it has come to its end nothing is left to go on from."""
+    (tmp_path / "laps.yaml").write_text(TREE)
+    (tmp_path / "rules.yaml").write_text("substitute:\n  - nodes: '*/navigate'\n    run: 0.1\n")
+    words = ["run", "--dry", "--tree", "./laps.yaml", "--no-watch", "--substitute", "rules.yaml"]
+    (tmp_path / "other").mkdir()
+    here: tuple[Path, list[str]] = (tmp_path, ["runs/laps_dry.saved.json"])
+    for folder, file in (here, (tmp_path / "other", ["../runs/laps_dry.saved.json", "--out", "../runs"])):
+        assert mpvi(*words, "--step", stdin="n\nq\n").returncode == 130
+        done = mpvi("run", "--resume", *file, "--no-watch", cwd=folder)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert not (tmp_path / "runs/laps_dry.saved.json").exists()
 
 
 @pytest.mark.slow

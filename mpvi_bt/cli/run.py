@@ -117,10 +117,14 @@ def run(
     else:
         if task is None and not dry:
             raise click.UsageError("Missing argument 'TASK'; only with --dry a tree runs without one.")
+        if task is None and settings["instance"]:
+            raise click.UsageError("--instance is one of a TASK, and none is given.")
         values = arguments(params)
         config = EpisodeConfig(task or "", arguments=tuple(values.items()), **settings)
         if dry:
             prepared = prepare(task, config.tree, config.plan, values, config.substitute)
+            if prepared.task is not None:
+                prepared.task.check_instance(config.instance)
         else:
             prepared = prepare_episode(config)
     if dry and (config.video or config.picture):
@@ -137,8 +141,13 @@ def run(
 
     for glob in breaks:
         require_match(glob, prepared.spec, "--break")
-    for folder in (out, *(file.parent for file in (config.video, config.picture) if file is not None)):
-        _check_writable(folder)  # now, not when a minute's work is lost
+    try:
+        for folder in (out, *(file.parent for file in (config.video, config.picture) if file is not None)):
+            _check_writable(folder)  # now, not when a minute's work is lost
+    except UserError:
+        if trace or not dry:
+            raise
+        config = replace(config, saved=None)  # it leaves nothing else
     if resume is None and config.saved is not None:
         config.saved.unlink(missing_ok=True)  # of an earlier run: what it would go on with is overwritten now
     if not dry:
@@ -154,8 +163,12 @@ def run(
         watchers.append(Debugger(sys.stdin, sys.stderr, breaks, step, stop.request))
     try:
         if dry:
-            return _dry(config, prepared, watchers, stop, as_json)
-        return _episode(config, prepared, watchers, stop, out / f"{stem}.json", as_json)
+            code = _dry(config, prepared, watchers, stop, as_json)
+        else:
+            code = _episode(config, prepared, watchers, stop, out / f"{stem}.json", as_json)
+        if config.saved is not None and code != INTERRUPTED:
+            config.saved.unlink(missing_ok=True)  # that it went on from: it has come to its end
+        return code
     except NodeError as error:
         click.echo(f"mpvi: {error}", err=True)
         broken = {"node": error.path, "message": error.message, "place": error.place}

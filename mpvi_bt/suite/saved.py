@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field, JsonValue, model_validator
 
 from mpvi_bt import __version__
+from mpvi_bt.errors import FileProblems, shown
 from mpvi_bt.executive.loop import World
 from mpvi_bt.executive.saved import SavedRun, save_run
 from mpvi_bt.file_kinds import expect
@@ -20,6 +21,8 @@ from mpvi_bt.suite.result import write_json
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.yaml_io import expanded, from_expanded
+
+FORMAT = 1  # of these files
 
 
 class SavedSettings(Record):
@@ -45,6 +48,7 @@ class SavedEpisode(Record):
     Attributes:
         saved: Version of this layout.
         version: Of mpvi_bt.
+        folder: In which it was begun: files that `config` names are relative to it.
         config: Of the episode.
         dry: Whether it runs without a robot.
         tree: That is run, its subtrees written out: the files may have changed since.
@@ -52,8 +56,9 @@ class SavedEpisode(Record):
         run: Tree, blackboard, log and world.
     """
 
-    saved: Literal[1] = 1
+    saved: int = FORMAT
     version: str
+    folder: str = ""
     config: SavedSettings
     dry: bool = False
     tree: dict[str, JsonValue]
@@ -70,8 +75,15 @@ class SavedEpisode(Record):
 
     @property
     def episode(self) -> EpisodeConfig:
-        """What is run."""
-        return EpisodeConfig(**{**self.config.model_dump(), "arguments": tuple(self.config.arguments.items())})
+        """What is run; files that it names are found from here too."""
+        files = {name: self._found(getattr(self.config, name)) for name in ("task", "tree", "plan", "substitute")}
+        arguments = tuple(self.config.arguments.items())
+        return EpisodeConfig(**{**self.config.model_dump(), **files, "arguments": arguments})
+
+    def _found(self, given: str | None) -> str | None:
+        """A file of the folder in which it was begun, if that is another one than this and has it."""
+        there = Path(self.folder, given or "")
+        return str(there) if given and Path(self.folder) != Path.cwd() and there.is_file() else given
 
     @property
     def spec(self) -> TreeSpec:
@@ -103,6 +115,7 @@ class Keeper:
                 self._meter.step(self._tree, self._world)  # the step that was taken since the last tick
             saved = SavedEpisode(
                 version=__version__,
+                folder=str(Path.cwd()),
                 config=SavedSettings(**self._config.record()),
                 dry=self._meter is None,
                 tree=expanded(self._tree.spec),
@@ -118,8 +131,11 @@ def load_saved(path: str | Path) -> SavedEpisode:
 
     Raises:
         UserError: There is no such file.
-        FileProblems: Everything that is wrong with it.
+        FileProblems: It is of another format, or everything that is wrong with it.
     """
     data, marks = load_marked(path)
     expect("saved run", data, marks)
+    if isinstance(data, dict) and (saved := data.get("saved", FORMAT)) != FORMAT:
+        message = f"format {shown(saved)}; this mpvi_bt ({__version__}) reads format {FORMAT}"
+        raise FileProblems([marks.problem(("saved",), "version", message)])
     return validate_data(data, marks, SavedEpisode)
