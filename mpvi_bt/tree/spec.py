@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import chain, count
 from typing import Any, Literal
 
 from mpvi_bt.behaviors.registry import NodeType, Parameters, Value, node_types
@@ -137,11 +137,14 @@ def _own_name(node: NodeSpec) -> str:
 
 
 def _placed(node: NodeSpec, path: str, depth: int) -> Iterator[Placed]:
-    paths: list[str] = []
+    paths: dict[str, None] = {}  # in order
+    again: Counter[str] = Counter()
     for child in node.children:
-        own = f"{path}/{_own_name(child)}"
-        others = (f"{own}#{number}" for number in count(2))
-        paths.append(next(found for found in chain([own], others) if found not in paths))
+        found = own = f"{path}/{_own_name(child)}"
+        while found in paths:
+            again[own] += 1
+            found = f"{own}#{again[own] + 1}"
+        paths[found] = None
     yield Placed(path, depth, node, tuple(paths))
     for child, below in zip(node.children, paths, strict=True):
         yield from _placed(child, below, depth + 1)
