@@ -105,6 +105,13 @@ def test_what_failed_before_a_swap_is_told_as_what_it_was(tmp_path: Path) -> Non
         assert cause.interrupted[0].began_s == pytest.approx(5 / 30)
 
 
+def test_a_node_that_was_swapped_in_runs_since_then(tmp_path: Path) -> None:
+    """Though one that was set just so ran there before."""
+    spec = parse_tree("tree: t\nroot:\n  wait: 9\n")
+    explanation = explain(recorded(spec, tmp_path, At(30, lambda tree: tree.swap("wait", spec.root)), max_time_s=2))
+    assert [link.began_s for link in explanation.running] == [pytest.approx(1.0)]
+
+
 @given(root=roots)
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=80)
 def test_the_chain_has_the_leaf_that_failed_the_root(tmp_path: Path, root: dict[str, Any]) -> None:

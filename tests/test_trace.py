@@ -13,13 +13,16 @@ import time
 from collections.abc import Callable
 from dataclasses import MISSING, fields, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.errors import BackendError, FileProblems, NodeError, UnknownName, UserError
+from mpvi_bt.executive.dry import dry_tree, run_dry
 from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_episode
 from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.plan.skills import load_skills
@@ -29,9 +32,11 @@ from mpvi_bt.trace.explain_text import explanation_text
 from mpvi_bt.trace.lines import Answer, End, Header, Tick
 from mpvi_bt.trace.read import Trace, read_trace
 from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.reader import MAX_DEPTH
 from mpvi_bt.tree.saving import SavedTree, save
 from mpvi_bt.tree.spec import NodeSpec, TreeSpec
 from mpvi_bt.tree.state import NodeState
+from mpvi_bt.tree.substitute import load_rules
 from mpvi_bt.tree.yaml_io import from_expanded, parse_tree
 
 SKILLS = load_skills()
@@ -383,6 +388,18 @@ def test_what_a_swap_took_away_is_forgotten(tmp_path: Path) -> None:
     assert [trace.states(i).get("parallel/say") for i in range(3)] == [NodeState("SUCCESS", "x"), None, NodeState()]
 
 
+def test_the_deepest_tree_can_be_traced(tmp_path: Path) -> None:
+    """JSON nests two levels a node, of which readers bear only so many."""
+    root: dict[str, Any] = {"say": "hello"}
+    for _ in range(MAX_DEPTH - 1):
+        root = {"sequence": None, "memory": True, "children": [root]}
+    spec = from_expanded({"tree": "t", "root": root})
+    episode(spec, tmp_path / "t.jsonl")
+    assert read_trace(tmp_path / "t.jsonl").tree == spec
+    with pytest.raises(FileProblems, match="one below the other"):
+        from_expanded({"tree": "t", "root": {"invert": None, "child": root}})
+
+
 def test_what_changes_after_a_tick_is_recorded_with_it(tmp_path: Path) -> None:
     """A tick has a second line where its end finds more changed; the last one holds."""
 
@@ -565,6 +582,26 @@ def test_what_is_no_trace_is_refused_with_its_line(tmp_path: Path, lines: list[s
     problem = caught.value.problems[0]
     assert problem.line == line
     assert message in problem.message
+
+
+def test_a_kind_of_another_package_is_told_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the package is not installed, one problem says which one the trace needs."""
+    dance = replace(node_types()["wait"], kind="dance", factory="my_robot.dancing:Dance")
+    point = SimpleNamespace(name="dance", value="my_robot:DANCE", load=lambda: dance)
+    monkeypatch.setattr("mpvi_bt.behaviors.registry.metadata.entry_points", lambda group: [point])
+    node_types.cache_clear()
+    file = tmp_path / "t.jsonl"
+    rules = tmp_path / "rules.yaml"
+    rules.write_text("substitute:\n  - nodes: '*'\n    succeed:\n")
+    tree = dry_tree(parse_tree("tree: t\nroot:\n  dance: 1\n"), load_rules(rules))
+    run_dry(tree, subscribers=[Recorder(file)])
+    assert read_trace(file).tree.root.kind == "dance"
+    monkeypatch.undo()
+    node_types.cache_clear()
+    with pytest.raises(FileProblems) as refused:
+        read_trace(file)
+    (problem,) = refused.value.problems
+    assert problem.message == "its nodes of kind 'dance' are of package 'my_robot', which is not installed here"
 
 
 def test_a_trace_that_is_too_large_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -126,7 +126,8 @@ class _History:
         if tick.tree is not None:
             self._swap(from_expanded(tick.tree))
         for path, new in tick.nodes.items():
-            old = self.moment.nodes.get(path, _NEVER)
+            swapped_in = tick.tree is not None and new.elapsed_s == 0
+            old = _NEVER if swapped_in else self.moment.nodes.get(path, _NEVER)
             if new.status != old.status:
                 self.since[path] = tick.time_s
             if old.status != "RUNNING" and (new.status != "INVALID" or new.interrupted):
