@@ -601,7 +601,7 @@ def test_a_kind_of_another_package_is_told_with_it(tmp_path: Path, monkeypatch: 
     with pytest.raises(FileProblems) as refused:
         read_trace(file)
     (problem,) = refused.value.problems
-    assert problem.message == "its nodes of kind 'dance' are of package 'my_robot', which is not installed here"
+    assert problem.message == "its nodes of kind 'dance' are of package 'my_robot', which is not installed"
 
 
 def test_a_trace_that_is_too_large_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -514,7 +514,9 @@ def node_types() -> Mapping[str, NodeType]:
             loaded = point.load()
             added = [loaded] if isinstance(loaded, NodeType) else list(loaded)
         except Exception as error:
-            raise UserError(f"entry point {point.name!r} of {ENTRY_POINTS}: {type(error).__name__}: {error}") from error
+            whose = f" in package {dist.name!r}" if (dist := getattr(point, "dist", None)) else ""
+            message = f"entry point {point.name!r} of {ENTRY_POINTS}{whose}: {type(error).__name__}: {error}"
+            raise UserError(message) from error
         _add(table, added, f"entry point {point.name!r} ({point.value})")
     return MappingProxyType(table)
 

@@ -25,6 +25,7 @@ from mpvi_bt.executive.saved import SavedRun
 from mpvi_bt.trace.read import VERSION, Trace, read_trace
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.saving import SavedNode
+from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
 from mpvi_bt.tree.yaml_io import expanded
 from mpvi_bt.writing import unwritable
@@ -81,6 +82,7 @@ class Recorder(Watcher):
             "trace": VERSION,
             "mpvi_bt": mpvi_bt.__version__,
             "tree": expanded(tree.spec),
+            "kinds": _kinds(tree.spec) or None,
             "config": self._config or None,
             "seed": self._seed,
             "started": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
@@ -238,6 +240,13 @@ def _is_where(saved: SavedRun, trace: Trace, i: int) -> bool:
     fresh, nodes = SavedNode(status="INVALID"), saved.tree.nodes
     same = all(stood(state) == stood(nodes.get(path, fresh)) for path, state in trace.states(i).items())
     return same and trace.blackboard(i) == _plain(saved.blackboard)
+
+
+def _kinds(tree: TreeSpec) -> dict[str, str]:
+    """Kinds of node that other packages add, and whose."""
+    types = (placed.spec.type for placed in tree.nodes)
+    modules = {node.kind: node.factory.partition(":")[0].partition(".")[0] for node in types}
+    return {kind: module for kind, module in modules.items() if module not in ("", mpvi_bt.__name__)}
 
 
 def _same(new: NodeState, old: NodeState) -> bool:

@@ -137,5 +137,5 @@ def load_saved(path: str | Path) -> SavedEpisode:
     expect("saved run", data, marks)
     if isinstance(data, dict) and (saved := data.get("saved", FORMAT)) != FORMAT:
         message = f"format {shown(saved)}; this mpvi_bt ({__version__}) reads format {FORMAT}"
-        raise FileProblems([marks.problem(("saved",), "version", message)])
+        raise FileProblems([marks.problem(("saved",), "invalid-value", message)])
     return validate_data(data, marks, SavedEpisode)

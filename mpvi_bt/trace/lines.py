@@ -101,13 +101,18 @@ class End:
 
 @dataclass(frozen=True)
 class Header:
-    """What a trace begins with: version of the format, version of mpvi_bt, the tree, and what the run was given."""
+    """What a trace begins with: version of the format, version of mpvi_bt, the tree, and what the run was given.
+
+    Attributes:
+        kinds: Those of the tree's kinds of node that other packages add, and the package of each.
+    """
 
     __pydantic_config__ = ConfigDict(allow_inf_nan=False)
 
     trace: int
     mpvi_bt: str
     tree: dict[str, Any]
+    kinds: Mapping[str, str] = field(default_factory=dict)
     config: dict[str, Any] = field(default_factory=dict)
     seed: int | None = None
     started: str = ""

@@ -16,8 +16,8 @@ from typing import Any, overload
 
 from pydantic import TypeAdapter, ValidationError
 
-from mpvi_bt.behaviors.registry import Value
-from mpvi_bt.errors import FileProblems, Problem, UserError
+from mpvi_bt.behaviors.registry import Value, node_types
+from mpvi_bt.errors import FileProblems, Problem, UserError, shown
 from mpvi_bt.trace.lines import END, HEADER, TICK, End, Header, Tick
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
@@ -270,6 +270,10 @@ class _Lines:
         header = self._parse(HEADER, line)
         if header is not None and header.trace != VERSION:
             self._problem("version", f"version {header.trace} of the format; this mpvi_bt reads version {VERSION}")
+        for kind, package in header.kinds.items() if header else ():
+            if kind not in node_types():
+                message = f"its nodes of kind {shown(kind)} are of package {shown(package)}, which is not installed"
+                self._problem("unknown-node", message)
         tree = self._tree(header.tree) if header is not None and not self.problems else None
         if header is None or tree is None:
             raise FileProblems(self.problems)
