@@ -24,6 +24,7 @@ from mpvi_bt.tree.globs import fits
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.substitute import Rules, load_rules, stand_ins
 from mpvi_bt.tree.yaml_io import parse_tree
+from tests.test_saving import Journal
 
 FETCH = """
 tree: fetch
@@ -368,10 +369,11 @@ def test_without_rules_nothing_is_substituted() -> None:
 def test_a_stand_in_goes_on_from_its_saved_state(
     text: str, tick: int, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    """Saved after any tick and restored in another process, a run ends as if it had not been interrupted."""
+    """Saved after any tick and restored in another process, a run goes on as if it had not been interrupted."""
     file = rules(text, tmp_path_factory.mktemp("rules"))
     spec = parse_tree(FETCH.replace("    - set: there\n      value: true", RETRIED))
-    whole = run_dry(dry_tree(spec, file))
+    unbroken, rest = Journal(), Journal()
+    whole = run_dry(dry_tree(spec, file), subscribers=[unbroken])
     tree, world = dry_tree(spec, file), EmptyWorld()
     kept: list[str] = []
 
@@ -387,5 +389,6 @@ def test_a_stand_in_goes_on_from_its_saved_state(
     again, fresh = dry_tree(spec, file), EmptyWorld()
     context = dry_context(fresh, again)
     restore_world(saved, fresh, context)
-    outcome = run_episode(again, fresh, context, saved=saved.tree)
+    outcome = run_episode(again, fresh, context, [rest], saved=saved.tree)
+    assert rest.ticks == unbroken.ticks[tick:]
     assert (outcome.ending, outcome.ticks, outcome.failure) == (whole.ending, whole.ticks, whole.failure)
