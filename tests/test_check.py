@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt import paths
-from mpvi_bt.cli.check import check, problems_in
+from mpvi_bt.cli.check import check, problems_in, site_of
 from mpvi_bt.cli.problems import WIDTH, excerpt
 from mpvi_bt.drawing.cells import columns
 from mpvi_bt.marked_yaml import MAX_PROBLEMS, load_marked
@@ -381,12 +381,22 @@ def test_targets_are_things_of_the_task(tmp_path: Path) -> None:
         assert run(path, "--task", "picking_up_trash") == (0, "")
 
 
+def test_a_target_of_a_subtree_is_told_at_its_call(tmp_path: Path) -> None:
+    """The caller can mend it, not the file that comes with mpvi_bt, which is named in the message."""
+    path = tmp_path / "t.yaml"
+    path.write_text("tree: t\nroot:\n  subtree: go_to\n  arguments: {place: kitchn}\n")
+    found = problems_in(str(path), site_of("picking_up_trash"))
+    assert {(p.file, p.line, p.nearest) for p in found} == {(str(path), 4, "kitchen")}
+    assert all(f"(at {ROOT / 'trees' / 'go_to.yaml'}:" in p.message for p in found)
+
+
 def test_rooms_that_are_looked_up_later_are_left_alone() -> None:
     """A room from the blackboard is not known yet; a tree that was not read from a file has problems all the same."""
     spec = parse_tree("tree: t\nroot:\n  navigate: cup\n  room: $here\n")
     assert lint.check_rooms(spec, ["kitchen"]) == []
-    spec = parse_tree("tree: t\nroot:\n  navigate: cup\n  room: cellar\n")
-    assert [p.known for p in lint.check_rooms(spec, ["living_room", "kitchen"])] == [("kitchen", "living room")]
+    spec = parse_tree("tree: t\nroot:\n  attempt:\n  child:\n    navigate: cup\n    room: cellar\n")
+    (problem,) = lint.check_rooms(spec, ["living_room", "kitchen"])
+    assert (problem.line, problem.known) == (5, ("kitchen", "living room"))
 
 
 def test_the_control_rate_is_the_robots() -> None:

@@ -46,13 +46,14 @@ def check_rooms(spec: TreeSpec, rooms: Collection[str], marks: Marks = _NO_MARKS
     known = sorted(normalize(room) for room in rooms)
     linter = _Linter(spec, None, marks)
     found = []
-    for placed in spec.nodes:
-        room = getattr(placed.spec.parameters, "room", None)
+    for node, caller in _callers(spec.root, marks.file):
+        room = getattr(node.parameters, "room", None)
         if isinstance(room, str) and not names_in(room) and normalize(room) not in known:
             near = nearest(normalize(room), known)
-            message = f"unknown room {shown(room)}.{did_you_mean(near, known)}"
+            message = f"unknown room {shown(room)}{_whence(node, caller)}.{did_you_mean(near, known)}"
             more = {"severity": "error", "nearest": near, "known": tuple(known)}
-            found.append(linter.problem(placed.spec, "room", "unknown-room", message, **more))
+            where = "room" if caller is node else "arguments"
+            found.append(linter.problem(caller, where, "unknown-room", message, **more))
     return found
 
 
@@ -69,14 +70,28 @@ def check_targets(spec: TreeSpec, phrases: Collection[str], marks: Marks = _NO_M
     known = sorted({normalize(phrase) for phrase in phrases})
     linter = _Linter(spec, None, marks)
     found = []
-    for placed in spec.nodes:
-        target = getattr(placed.spec.parameters, "target", None) if placed.spec.kind == "navigate" else None
+    for node, caller in _callers(spec.root, marks.file):
+        target = getattr(node.parameters, "target", None) if node.kind == "navigate" else None
         if target is not None and not names_in(target) and normalize(target) not in known:
             near = nearest(normalize(target), known)
-            message = f"nothing there is called {shown(target)}.{did_you_mean(near, known)}"
+            message = f"nothing there is called {shown(target)}{_whence(node, caller)}.{did_you_mean(near, known)}"
             more = {"nearest": near, "known": tuple(known)}
-            found.append(linter.problem(placed.spec, "target", "unknown-target", message, **more))
+            where = "target" if caller is node else "arguments"
+            found.append(linter.problem(caller, where, "unknown-target", message, **more))
     return found
+
+
+def _callers(node: NodeSpec, file: str, caller: NodeSpec | None = None) -> Iterator[tuple[NodeSpec, NodeSpec]]:
+    """Every node with the one of this file that can be mended: itself, or the call of the subtree that it is in."""
+    if caller is None or node.place is None or file in ("", node.place.file):
+        caller = node
+    yield node, caller
+    for child in node.children:
+        yield from _callers(child, file, caller)
+
+
+def _whence(node: NodeSpec, caller: NodeSpec) -> str:
+    return "" if node is caller else f" (at {node.place})"
 
 
 class _Linter:
