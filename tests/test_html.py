@@ -18,6 +18,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mpvi_bt.behaviors.references import escaped
 from mpvi_bt.drawing.cells import one_line
 from mpvi_bt.drawing.marks import standing
 from mpvi_bt.trace import html
@@ -34,8 +35,8 @@ BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "
 ATTACK = "document.title='evil'"
 EVIL = f'</script><script>{ATTACK}</script><img src=x onerror="{ATTACK}"><!--<script>{{{{data}}}}&lt;\'`${{x}}'
 HOSTILE = parse_tree(
-    "tree: " + json.dumps(EVIL) + "\nroot:\n  sequence: " + json.dumps(EVIL) + "\n  memory: true\n  children:\n"
-    "    - attempt: " + json.dumps(EVIL) + "\n      child: {manipulate: " + json.dumps(EVIL) + "}\n    - wait: 5\n"
+    "tree: " + json.dumps(EVIL) + "\nroot:\n  sequence: " + json.dumps(escaped(EVIL)) + "\n  memory: true\n  children:\n"
+    "    - attempt: " + json.dumps(escaped(EVIL)) + "\n      child: {manipulate: " + json.dumps(EVIL) + "}\n    - wait: 5\n"
 )
 
 
