@@ -231,7 +231,7 @@ def test_a_broken_package_is_told_in_one_line(plugin: Path) -> None:
     (plugin / "t.yaml").write_text("tree: t\nroot:\n  succeed: x\n")
     done = mpvi(plugin, "check", "t.yaml")
     assert (done.returncode, "Traceback" in done.stderr) == (1, False)
-    assert "entry point 'whistling' of mpvi_bt.behaviors: ZeroDivisionError" in done.stdout
+    assert "entry point 'whistling' of mpvi_bt.behaviors in package 'whistling': ZeroDivisionError" in done.stdout
 
 
 def test_our_behaviors_are_listed_with_their_parameters() -> None:
