@@ -110,7 +110,8 @@ def state(path: str, **values: Any) -> Callable[[Any], Any]:
         (state("repeat/s/timeout/wait", elapsed_s="long"), "repeat/s/timeout/wait: .*'elapsed_s'"),
         (state("repeat/s/cooldown", since_s=None), "repeat/s/cooldown: .*'since_s'"),
         (state("repeat/s/cooldown/navigate", elapsed_s=10**400), "repeat/s/cooldown/navigate: .*'elapsed_s'"),
-        (state("repeat/s/unit", failure={}), "repeat/s/unit: "),
+        (state("repeat/s/unit", failure={}), "repeat/s/unit: .*a failure has a reason"),
+        (state("repeat/s/unit", failure=5), "repeat/s/unit: .*a failure has a reason"),
     ],
 )
 def test_a_damaged_file_is_one_clear_error(damage: Callable[[Any], Any], said: str, file: Path) -> None:

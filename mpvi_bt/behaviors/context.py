@@ -35,13 +35,17 @@ class Failure:
 
     @staticmethod
     def of(data: Mapping[str, Any]) -> Failure:
-        """The failure that `dataclasses.asdict` made `data` of. Raises ValueError or TypeError if that is none."""
-        cause = data.get("cause")
-        failure = Failure(**{**data, "cause": Failure.of(cause) if cause else None})
-        texts = failure.reason, failure.evidence, failure.path
-        if not all(isinstance(text, str) for text in texts) or not isinstance(failure.time_s, int | float):
-            raise ValueError(f"a failure has three texts and a time, not {dict(data)!r:.100}")
-        return failure
+        """The failure that `dataclasses.asdict` made `data` of. Raises ValueError if that is none."""
+        match data:
+            case {
+                "reason": str(reason),
+                "evidence": str(evidence),
+                "path": str(path),
+                "time_s": float(time_s) | int(time_s),
+            }:
+                cause = data.get("cause")
+                return Failure(reason, evidence, path, time_s, Failure.of(cause) if cause else None)
+        raise ValueError(f"a failure has a reason, evidence, path and time_s, not {data!r:.100}")
 
 
 @dataclass(frozen=True)
