@@ -186,6 +186,12 @@ def test_a_break_that_fits_nothing_is_refused() -> None:
         said("c\n", ("fetch/navigat",))
 
 
+def test_a_kind_is_answered_with_the_path_of_such_a_node() -> None:
+    """Paths are made of names; a node that has one of its own is not found by its kind."""
+    with pytest.raises(UserError, match="Did you mean 'fetch/take it'?"):
+        said("", ("*/fetch/attempt",))
+
+
 @given(st.lists(st.sampled_from(["", "n", "t", "c", "s", "k", "e", "b *", "x"]), max_size=40))
 def test_whatever_is_typed_the_run_is_the_same(tmp_path_factory: pytest.TempPathFactory, lines: list[str]) -> None:
     """It steers nothing: the trace is that of a run without it."""

@@ -317,3 +317,21 @@ def test_a_difference_reads_well(tmp_path: Path) -> None:
     assert re.search(r"check_complete\n    A  running  asked 1: no.*\n    B  success  asked 1: yes", text)
     assert "  seed\n    A  1\n    B  2\n" in text
     assert difference_text(diff(a, a)).endswith("they went the same way")
+
+
+@pytest.mark.parametrize("width", range(40, 60))
+def test_no_line_ends_between_a_number_and_its_unit(width: int) -> None:
+    """However wide it is."""
+    link = Link("wait", "-->", "a label of several words", "RUNNING", 2.0, 2.0)
+    text = explanation_text(Explanation("t", "interrupted", 1, 12.5, running=(link,)), width)
+    assert " ".join(text.split()).endswith("since 2.0 s")
+    assert not re.search(r"\d$", text.partition("Running then:")[2], re.MULTILINE)
+
+
+def test_trees_that_differ_may_go_the_same_way(tmp_path: Path) -> None:
+    """Both are said."""
+    for name, duration in (("a", "1.0"), ("b", "30 steps")):
+        episode(parse_tree(f"tree: t\nroot: {{wait: {duration}}}\n"), tmp_path / name)
+    found = diff(read_trace(tmp_path / "a"), read_trace(tmp_path / "b"))
+    assert found.trees
+    assert difference_text(found).endswith("\n\napart from that they went the same way")

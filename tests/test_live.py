@@ -22,6 +22,12 @@ from mpvi_bt.tree.yaml_io import parse_tree
 from tests.test_executive import SPEC, scene
 
 
+@pytest.fixture(autouse=True)
+def _terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that obeys, wherever the tests run."""
+    monkeypatch.setenv("TERM", "xterm")
+
+
 def test_piped_it_prints_changes_only() -> None:
     """The whole tree stands at the start and the end, and each line between tells of a node whose status changed."""
     stream = io.StringIO()
@@ -124,7 +130,7 @@ def test_the_running_node_is_on_screen(at: int, height: int, monkeypatch: pytest
     assert sum(f"wait {10 + at} s [*] 3 s, {7 + at} s left" in row for row in rows) == 1
     assert rows[-3] == "running: " + leaf.path.partition("/")[2]
     assert rows[-2] == LEGEND
-    assert re.fullmatch(r"\.\.\. \d+ lines above, \d+ below", rows[-4])
+    assert re.fullmatch(r"\.\.\. ([1-9]\d* lines (above|below)(, (?=.)|$))+", rows[-4])
 
 
 def test_the_end_tells_what_failed() -> None:
@@ -169,3 +175,24 @@ def test_legends_fit() -> None:
         text = legend(unicode)
         assert len(text) <= 80
         assert all((mark.unicode if unicode else mark.ascii) in text for mark in MARKS.values())
+
+
+def test_a_dumb_terminal_is_written_to_line_by_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a file: it would show what moves the cursor."""
+    monkeypatch.setenv("TERM", "dumb")
+    stream = Terminal()
+    LiveTree(stream, "demo").show(LONG)
+    assert "\x1b" not in stream.getvalue()
+
+
+class Full(io.StringIO):
+    """On a disk without room."""
+
+    def write(self, text: str) -> int:
+        """Raises OSError."""
+        raise OSError(28, "No space left on device")
+
+
+def test_a_stream_that_is_full_ends_no_run() -> None:
+    """Who watches never steers."""
+    LiveTree(Full(), "demo").show(LONG)

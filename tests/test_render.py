@@ -8,6 +8,7 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -15,14 +16,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from wcwidth import wcswidth
 
-from mpvi_bt.behaviors.registry import Limit, Memory, NavigateTo, NoParameters
+from mpvi_bt.behaviors.registry import Limit, Memory, NavigateTo, NoParameters, node_types
 from mpvi_bt.cli.render import render
 from mpvi_bt.drawing.cells import columns, cut, one_line, wrapped
 from mpvi_bt.drawing.dot import dot_tree
-from mpvi_bt.drawing.marks import MARKS, standing
+from mpvi_bt.drawing.marks import _SIGNS, MARKS, standing
 from mpvi_bt.drawing.svg import svg_tree
 from mpvi_bt.drawing.text import ascii_tree, time_text, tree_lines, unicode_tree, where
 from mpvi_bt.errors import UserError
+from mpvi_bt.trace.html import tree_page
 from mpvi_bt.tree.spec import NodeSpec, TreeSpec
 from mpvi_bt.tree.state import NodeState
 from mpvi_bt.tree.yaml_io import expanded, parse_tree
@@ -383,3 +385,17 @@ def test_drawing_needs_no_simulator(form: str, run: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, encoding="utf-8")
     assert done.stdout.splitlines()[-1] == "LOADED []"
+
+
+def test_every_sign_and_mark_is_explained() -> None:
+    """In the help, in ASCII, and on the page."""
+    told = " ".join(CliRunner().invoke(render, ["--help"]).output.split())
+    page = tree_page(parse_tree("tree: t\nroot: {wait: 1}\n"))
+    for node_type in node_types().values():
+        for memory in (True, False):
+            parameters: dict[str, Any] = {"memory": memory} if "memory" in node_type.parameters.model_fields else {}
+            assert node_type.glyph_of(node_type.parameters.model_construct(**parameters)) in told
+    for mark in MARKS.values():
+        assert mark.ascii in told
+    for sign in _SIGNS.values():
+        assert f"{sign.rstrip('*')} " in page

@@ -84,6 +84,10 @@ def render(
 
     TREE is a file, - for the standard input, or the name of a tree, yours in MPVI_PATH or one that comes with mpvi_bt.
     TRACE is a .jsonl file that a run left.
+
+    Before a node stands {-} for a sequence and {o} for a selector that remember which child ran, [-] and [o] for those
+    that begin anew at every tick, /_/ for children side by side, -^- for a decorator, --> for a leaf; behind it, of a
+    run, how it stands: [*] running, [o] success, [x] failure, [!] gave up, [/] interrupted, [-] not begun.
     """
     if as_json and form:
         raise click.UsageError("--json and --format exclude each other.")

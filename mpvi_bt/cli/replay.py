@@ -16,9 +16,9 @@ import click
 
 from mpvi_bt.cli.given import File
 from mpvi_bt.drawing.cells import cut, one_line
-from mpvi_bt.drawing.colors import painted, wants_color
+from mpvi_bt.drawing.colors import obeys_escapes, painted, wants_color
 from mpvi_bt.drawing.marks import legend
-from mpvi_bt.drawing.text import node_line, tree_lines, where, window
+from mpvi_bt.drawing.text import left_out, node_line, tree_lines, where, window
 from mpvi_bt.trace.lines import Tick
 from mpvi_bt.trace.read import Trace, read_trace
 from mpvi_bt.tree.spec import TreeSpec
@@ -36,7 +36,7 @@ _ESCAPES = {
     **dict.fromkeys(("\x1b[H", "\x1bOH", "\x1b[1~", "\x1b[7~"), "home"),
     **dict.fromkeys(("\x1b[F", "\x1bOF", "\x1b[4~", "\x1b[8~"), "end"),
 }
-_HELP = "n next  p back  PgDn/PgUp by 10  Home/End  f next failure  q quit"
+_HELP = "q quit  n next  p back  f next failure  PgDn/PgUp by 10  Home/End"
 
 
 @click.command()
@@ -58,7 +58,7 @@ def replay(trace: str, tick: int | None, unicode: bool, as_json: bool) -> None:
     elif tick is not None:
         for line in _at(run, tick, unicode):
             click.echo(line)
-    elif sys.stdin.isatty() and sys.stdout.isatty():
+    elif sys.stdin.isatty() and sys.stdout.isatty() and obeys_escapes():
         Player(run, unicode).play()
     else:
         for line in _changes(run, unicode):
@@ -209,7 +209,7 @@ class Player:
         first, last = 0, len(lines)
         if len(lines) > (room := max(size.lines - 1 - len(below), 2)):
             first, last = window(lines, room - 1)
-            below.insert(0, cut(f"... {first} lines above, {len(lines) - last} below", width))
+            below.insert(0, cut(left_out(first, last, len(lines)), width))
         shown = [
             ("> " if line.path in change.nodes else "  ") + (painted(line) if self._colored else line.text)
             for line in lines[first:last]

@@ -11,9 +11,14 @@ from mpvi_bt.drawing.marks import MARKS
 from mpvi_bt.drawing.text import Line
 
 
+def obeys_escapes() -> bool:
+    """Whether the terminal, if there is one, moves its cursor and colors text where it is told to."""
+    return os.environ.get("TERM") != "dumb"
+
+
 def wants_color(stream: TextIO) -> bool:
     """Whether a stream is a terminal that shows colors, and nobody has asked for none (no-color.org)."""
-    return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    return stream.isatty() and not os.environ.get("NO_COLOR") and obeys_escapes()
 
 
 def painted(line: Line) -> str:

@@ -135,6 +135,12 @@ def window(lines: Sequence[Line], room: int) -> tuple[int, int]:
     return first, first + room
 
 
+def left_out(first: int, last: int, count: int) -> str:
+    """What is said of the lines of a drawing that `window` left out."""
+    told = [f"{number} lines {where}" for number, where in ((first, "above"), (count - last, "below")) if number]
+    return f"... {', '.join(told)}"
+
+
 def _room_for_indent(width: int) -> int:
     """Columns that indentation may take: all but 40, which a label needs, or a third where there are not so many."""
     return max(width - 40, width // 3)

@@ -9,9 +9,9 @@ from collections.abc import Iterable
 from typing import TextIO
 
 from mpvi_bt.drawing.cells import cut
-from mpvi_bt.drawing.colors import painted, wants_color
+from mpvi_bt.drawing.colors import obeys_escapes, painted, wants_color
 from mpvi_bt.drawing.marks import legend
-from mpvi_bt.drawing.text import node_line, tree_lines, where, window
+from mpvi_bt.drawing.text import left_out, node_line, tree_lines, where, window
 from mpvi_bt.executive.loop import Outcome, World
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.spec import TreeSpec
@@ -37,7 +37,7 @@ class LiveTree:
 
     def __init__(self, stream: TextIO, title: str = "", unicode: bool = False, redraw: bool = True) -> None:
         self._stream, self._title, self._unicode = stream, title, unicode
-        self._terminal = redraw and stream.isatty()
+        self._terminal = redraw and stream.isatty() and obeys_escapes()
         self._colored = wants_color(stream)
         self._height = 0  # lines drawn, to go up before the next drawing
         self._drawn = float("-inf")
@@ -106,7 +106,7 @@ class LiveTree:
         first, last = 0, len(lines)
         if not whole and len(lines) > (room := max(size.lines - 2 - len(below), 2)):
             first, last = window(lines, room - 1)
-            below.insert(0, cut(f"... {first} lines above, {len(lines) - last} below", width))
+            below.insert(0, cut(left_out(first, last, len(lines)), width))
         drawn = [
             cut(head, width),
             *(painted(line) if self._colored else line.text for line in lines[first:last]),

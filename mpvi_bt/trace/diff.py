@@ -199,8 +199,8 @@ def difference_text(difference: Difference, names: tuple[str, str] = ("first", "
         text.section("blackboard:", [(v.name, _value(v.a), _value(v.b)) for v in d.blackboard])
     elif d.end is not None:
         text.section("they went the same way, and part by their ends:", [("end", _ended(d.end.a), _ended(d.end.b))])
-    elif not d.trees:
-        text.add("", "they went the same way")
+    else:
+        text.add("", "apart from that they went the same way" if d.trees else "they went the same way")
     return "\n".join(text.lines)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import TypeVar
 
@@ -11,7 +12,7 @@ from mpvi_bt.trace.explain import Explanation, Link
 _Item = TypeVar("_Item")
 
 _TITLES = {
-    "success": "success",
+    "success": "SUCCESS",
     "failure": "FAILURE",
     "time_limit": "out of time",
     "interrupted": "interrupted",
@@ -22,6 +23,7 @@ _WHOLE = 2  # chains of units given up; of more only the reasons are shown; --js
 _UNITS = 12  # given up, the last
 _SHOWN = 5  # earlier failures and answers, the last
 _INDENT = 2
+_NUMBER_S = re.compile(r"(\d) s\b")  # no line ends within
 _LEAST = 40  # columns that indentation leaves
 
 
@@ -74,9 +76,9 @@ class _Text:
         import wcwidth  # loads tables
 
         indent = self._indent(depth)
-        self.lines += wcwidth.wrap(
-            one_line(text), self.width, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False
-        )
+        whole = _NUMBER_S.sub("\\1\N{NO-BREAK SPACE}s", one_line(text))
+        lines = wcwidth.wrap(whole, self.width, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False)
+        self.lines += [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
     def chain(self, link: Link, depth: int) -> None:
         """A node, why it failed, and what is below it."""

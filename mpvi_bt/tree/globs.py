@@ -31,12 +31,14 @@ def matching(glob: str, tree: TreeSpec) -> list[str]:
 
 
 def no_match(glob: str, tree: TreeSpec) -> str:
-    """What to tell a person whose glob fits no node, with what is closest: a path, or "*/" and a node's name."""
+    """What to tell a person whose glob fits no node, with what is closest: a path, or "*/" and a name."""
     near = None if _has_wildcards(glob) else nearest(glob, (node.path for node in tree.nodes))
     if near is None:
         names = {_AGAIN.sub("", node.path.rpartition("/")[2]): None for node in tree.nodes}
-        name = nearest(glob.rpartition("/")[2].strip("*?"), names)
-        near = f"*/{name}" if name else None
+        last = glob.rpartition("/")[2].strip("*?")
+        of_kind = [node.path for node in tree.nodes if node.spec.kind == last]  # paths have names, not kinds
+        name = nearest(last, names)
+        near = of_kind[0] if of_kind and last not in names else f"*/{name}" if name else None
     return f"no node of tree {tree.name!r} fits {glob!r}." + (f" Did you mean {near!r}?" if near else "")
 
 
