@@ -188,7 +188,7 @@ def test_a_break_that_fits_nothing_is_refused() -> None:
 
 def test_a_kind_is_answered_with_the_path_of_such_a_node() -> None:
     """Paths are made of names; a node that has one of its own is not found by its kind."""
-    with pytest.raises(UserError, match="Did you mean 'fetch/take it'?"):
+    with pytest.raises(UserError, match=r"Did you mean 'fetch/take it'\?"):
         said("", ("*/fetch/attempt",))
 
 
