@@ -17,6 +17,7 @@ from mpvi_bt.cli.given import File
 from mpvi_bt.errors import FileProblems, Problem, UserError
 from mpvi_bt.file_kinds import kind_of
 from mpvi_bt.marked_yaml import parse_marked, read_text
+from mpvi_bt.writing import write_whole
 
 
 @click.command()
@@ -59,7 +60,7 @@ def fmt(files: tuple[str, ...], only_check: bool, only_diff: bool, as_json: bool
             if only_diff and not as_json:
                 click.echo("".join(_diff(text, result, file)), nl=False)
             elif file != "-" and not (only_check or only_diff):
-                _write(file, result)
+                write_whole(file, result)
         if file == "-" and result is not None and not (only_check or only_diff or as_json):
             click.echo(result, nl=False)
     _report(changed, problems, texts, count, only_check or only_diff, as_json)
@@ -87,13 +88,6 @@ def _as_it_is(file: str) -> str:
     """The text with its own line ends, so that a file is rewritten for these too."""
     path = Path(file)
     return path.read_bytes().decode("utf-8", "replace") if path.is_file() else ""
-
-
-def _write(file: str, text: str) -> None:
-    try:
-        Path(file).write_text(text, encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise UserError(f"{file}: {(error.strerror or 'cannot be written').lower()}") from None
 
 
 def _diff(old: str, new: str, file: str) -> list[str]:
