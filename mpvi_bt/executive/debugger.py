@@ -91,7 +91,8 @@ class Debugger(Watcher):
         here = [path for path in begun if path in self._paths]
         if not (here or self._until == "tick" or (self._until == "change" and changed)):
             return
-        news = [f"break at {path}" for path in here] or [", ".join(changed) or "nothing changed"]
+        count = f"{len(changed)} change{'s' * (len(changed) > 1)}" if changed else "nothing changed"
+        news = [f"break at {path}" for path in here] or [count, *changed]
         self._say(f"tick {tree.ticks}, {world.time_s:.1f} s: {news[0]}", *news[1:])
         self._ask(tree)
 
@@ -105,7 +106,7 @@ class Debugger(Watcher):
             if now != before:
                 self._seen[node] = now
                 cut_off = now == Status.INVALID and getattr(node, "interrupted", False)
-                changed.append(f"{path.rpartition('/')[2]} {'interrupted' if cut_off else _WORDS[now]}")
+                changed.append(f"{'interrupted' if cut_off else _WORDS[now]:12}{path}")
         if tree.context.blackboard != self._blackboard:
             self._blackboard = dict(tree.context.blackboard)
             changed.append("blackboard")
