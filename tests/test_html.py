@@ -34,9 +34,10 @@ BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "
 
 ATTACK = "document.title='evil'"
 EVIL = f'</script><script>{ATTACK}</script><img src=x onerror="{ATTACK}"><!--<script>{{{{data}}}}&lt;\'`${{x}}'
+_NAME, _TEXT = json.dumps(escaped(EVIL)), json.dumps(EVIL)
 HOSTILE = parse_tree(
-    "tree: " + json.dumps(EVIL) + "\nroot:\n  sequence: " + json.dumps(escaped(EVIL)) + "\n  memory: true\n  children:\n"
-    "    - attempt: " + json.dumps(escaped(EVIL)) + "\n      child: {manipulate: " + json.dumps(EVIL) + "}\n    - wait: 5\n"
+    f"tree: {_TEXT}\nroot:\n  sequence: {_NAME}\n  memory: true\n  children:\n"
+    f"    - attempt: {_NAME}\n      child: {{manipulate: {_TEXT}}}\n    - wait: 5\n"
 )
 
 

@@ -42,7 +42,7 @@ Options:
   -h, --help  Show this, or the help of a command.
 
 Exit codes: 0 done, 1 the task or check failed, 2 bad usage or input,
-3 a fault of a backend or the machine, 130 interrupted.
+3 a fault of a backend or the machine, 130 interrupted, 141 broken pipe.
 """
 
 
