@@ -8,7 +8,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Failure
-from mpvi_bt.behaviors.registry import Value
+from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.robot.solids import Array

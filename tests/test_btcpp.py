@@ -15,7 +15,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mpvi_bt import paths
-from mpvi_bt.behaviors.registry import Assignment, Comparison, node_types
+from mpvi_bt.behaviors.parameters import Assignment, Comparison
+from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.btcpp.export import to_xml
 from mpvi_bt.btcpp.importing import from_xml
 from mpvi_bt.cli.convert import convert

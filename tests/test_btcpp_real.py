@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from mpvi_bt.behaviors.registry import NavigateTo
+from mpvi_bt.behaviors.parameters import NavigateTo
 from mpvi_bt.btcpp import mapping
 from mpvi_bt.btcpp.export import to_xml
 from mpvi_bt.testing import KinematicWorld, scripted_context

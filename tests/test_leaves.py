@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.blackboard import Expectation, NoValue, value_of
+from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.behaviors.protocols import TriggerEvent
-from mpvi_bt.behaviors.registry import Value
 from mpvi_bt.robot.protocol import CONTROL_HZ
 from tests.bench import HELD, Bench
 from tests.test_behaviors import Chunks

@@ -16,7 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from wcwidth import wcswidth
 
-from mpvi_bt.behaviors.registry import Limit, Memory, NavigateTo, NoParameters, node_types
+from mpvi_bt.behaviors.parameters import Limit, Memory, NavigateTo, NoParameters
+from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.cli.render import render
 from mpvi_bt.drawing.cells import columns, cut, one_line, wrapped
 from mpvi_bt.drawing.dot import dot_tree

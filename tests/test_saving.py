@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from mpvi_bt.behaviors.registry import Message, NavigateTo
+from mpvi_bt.behaviors.parameters import Message, NavigateTo
 from mpvi_bt.behaviors.stand_ins import StandIn
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.executive.dry import EmptyWorld, dry_context

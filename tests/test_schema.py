@@ -170,7 +170,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mpvi_bt.behaviors.registry import NodeType, Parameters
+from mpvi_bt.behaviors.parameters import Parameters
+from mpvi_bt.behaviors.registry import NodeType
 
 
 class Tune(Parameters):

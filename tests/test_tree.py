@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt import paths
+from mpvi_bt.behaviors.parameters import Criterion, Limit, Memory, NoParameters, Prompt, Value
 from mpvi_bt.behaviors.references import fill, resolve
-from mpvi_bt.behaviors.registry import Criterion, Limit, Memory, NoParameters, Prompt, Value, node_type, node_types
+from mpvi_bt.behaviors.registry import node_type, node_types
 from mpvi_bt.drawing.text import ascii_tree
 from mpvi_bt.errors import FileProblems, UnknownName
 from mpvi_bt.plan.planners import RecordedPlanner

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from mpvi_bt.behaviors.registry import (
+from mpvi_bt.behaviors.parameters import (
     Assignment,
     Comparison,
     Criterion,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from mpvi_bt.behaviors.parameters import Value, as_text
 from mpvi_bt.behaviors.references import resolve, whole
-from mpvi_bt.behaviors.registry import Value, as_text
 
 Board = Mapping[str, Value]
 

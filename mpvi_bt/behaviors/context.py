@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any
 
+from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.behaviors.protocols import Checker, Clock, Navigator, Policy, Triggers
-from mpvi_bt.behaviors.registry import Value
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.robot.protocol import Robot
 

@@ -10,7 +10,7 @@ from py_trees.common import Status
 
 from mpvi_bt.behaviors.blackboard import Expectation
 from mpvi_bt.behaviors.node import Decorator
-from mpvi_bt.behaviors.registry import Value, duration_text
+from mpvi_bt.behaviors.parameters import Value, duration_text
 from mpvi_bt.behaviors.saved_state import number
 from mpvi_bt.behaviors.timer import Timer
 

@@ -9,7 +9,7 @@ from py_trees.common import Status
 
 from mpvi_bt.behaviors.blackboard import Expectation, value_of
 from mpvi_bt.behaviors.node import Leaf
-from mpvi_bt.behaviors.registry import Value, as_text
+from mpvi_bt.behaviors.parameters import Value, as_text
 from mpvi_bt.behaviors.saved_state import number
 from mpvi_bt.behaviors.timer import Timer
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from mpvi_bt.behaviors.registry import Value, as_text
+from mpvi_bt.behaviors.parameters import Value, as_text
 
 _REFERENCE = re.compile(r"\$(?:\$|([a-z][a-z0-9_]*)|\{([a-z][a-z0-9_]*)\})")
 _DOLLAR = re.compile(rf"{_REFERENCE.pattern}|\$")

@@ -8,7 +8,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.node import Decorator
-from mpvi_bt.behaviors.registry import duration_text
+from mpvi_bt.behaviors.parameters import duration_text
 from mpvi_bt.behaviors.saved_state import number
 from mpvi_bt.behaviors.timer import Timer
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from mpvi_bt.behaviors.parameters import steps_of
 from mpvi_bt.behaviors.protocols import Clock
-from mpvi_bt.behaviors.registry import steps_of
 from mpvi_bt.robot.protocol import CONTROL_HZ
 
 _SLACK_S = 1e-6  # a step's time is a sum of thirtieths: let rounding not cost a step

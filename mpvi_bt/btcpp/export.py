@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any, Literal
 from xml.etree import ElementTree
 
-from mpvi_bt.behaviors.registry import Call, node_types
+from mpvi_bt.behaviors.parameters import Call
+from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.btcpp import mapping
 from mpvi_bt.btcpp.marked_xml import MAX_DEPTH
 from mpvi_bt.btcpp.script import Board, assignment, comparison_code, first_value

@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from mpvi_bt.behaviors.registry import Comparison, Value, node_types
+from mpvi_bt.behaviors.parameters import Comparison, Value
+from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.btcpp import mapping
 from mpvi_bt.btcpp.file import TreeFile, place_of
 from mpvi_bt.btcpp.marked_xml import Element, parse_xml

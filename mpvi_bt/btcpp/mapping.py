@@ -16,7 +16,8 @@ from types import MappingProxyType
 from typing import Any
 
 from mpvi_bt.behaviors import references
-from mpvi_bt.behaviors.registry import NodeType, Value, node_types
+from mpvi_bt.behaviors.parameters import Value
+from mpvi_bt.behaviors.registry import NodeType, node_types
 from mpvi_bt.marked_yaml import plain_scalar
 
 _THEIRS = """

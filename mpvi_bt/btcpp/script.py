@@ -11,7 +11,7 @@ import re
 from typing import Any
 
 from mpvi_bt.behaviors import references
-from mpvi_bt.behaviors.registry import Assignment, Comparison, Value
+from mpvi_bt.behaviors.parameters import Assignment, Comparison, Value
 from mpvi_bt.btcpp.mapping import is_pointer, number_text
 from mpvi_bt.tree.spec import TreeSpec
 

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import ConfigDict, Field
 
 from mpvi_bt.behaviors.context import Context, Failure, Query
-from mpvi_bt.behaviors.registry import Value
+from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.errors import UserError
 from mpvi_bt.executive.loop import World
 from mpvi_bt.marked_yaml import Record

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, TypeAdapter
 
-from mpvi_bt.behaviors.registry import Value
+from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.tree.state import Ending, NodeState
 
 _Count = Annotated[int, Field(ge=0)]

@@ -16,7 +16,8 @@ from typing import Any, overload
 
 from pydantic import TypeAdapter, ValidationError
 
-from mpvi_bt.behaviors.registry import Value, node_types
+from mpvi_bt.behaviors.parameters import Value
+from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.errors import FileProblems, Problem, UserError, shown
 from mpvi_bt.trace.lines import END, HEADER, TICK, End, Header, Tick
 from mpvi_bt.tree.spec import TreeSpec

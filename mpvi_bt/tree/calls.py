@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mpvi_bt import paths
-from mpvi_bt.behaviors.registry import Call
+from mpvi_bt.behaviors.parameters import Call
 from mpvi_bt.errors import FileProblems, MpviError, UnknownName, UserError, shown
 from mpvi_bt.file_kinds import expect
 from mpvi_bt.marked_yaml import Location, Marks, load_marked

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from itertools import groupby
 
+from mpvi_bt.behaviors.parameters import Criterion, Limit, Memory, NavigateTo, NoParameters, Prompt
 from mpvi_bt.behaviors.references import escaped
-from mpvi_bt.behaviors.registry import Criterion, Limit, Memory, NavigateTo, NoParameters, Prompt
 from mpvi_bt.plan.primitives import Primitive, primitives
 from mpvi_bt.plan.schema import Navigation, Plan
 from mpvi_bt.plan.skills import Skill

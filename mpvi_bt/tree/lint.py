@@ -6,8 +6,8 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from itertools import chain, islice
 from typing import Any
 
+from mpvi_bt.behaviors.parameters import duration_text, steps_of
 from mpvi_bt.behaviors.references import names_in
-from mpvi_bt.behaviors.registry import duration_text, steps_of
 from mpvi_bt.errors import Problem, did_you_mean, nearest, shown
 from mpvi_bt.marked_yaml import MAX_PROBLEMS, Location, Marks
 from mpvi_bt.plan.skills import Skill, clauses, example, match

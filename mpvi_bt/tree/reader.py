@@ -9,7 +9,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from mpvi_bt.behaviors import references
-from mpvi_bt.behaviors.registry import Call, NodeType, Value, node_types
+from mpvi_bt.behaviors.parameters import Call, Value
+from mpvi_bt.behaviors.registry import NodeType, node_types
 from mpvi_bt.errors import FileProblems, did_you_mean, shown
 from mpvi_bt.marked_yaml import Location, Marks, problems_of
 from mpvi_bt.tree.calls import called_file

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
-from mpvi_bt.behaviors.registry import NodeType, Parameters, Value, node_types
+from mpvi_bt.behaviors.parameters import Parameters, Value
+from mpvi_bt.behaviors.registry import NodeType, node_types
 
 ParameterType = Literal["text", "number", "integer", "boolean"]
 

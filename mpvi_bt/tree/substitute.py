@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from mpvi_bt.behaviors.registry import Duration, Key, Parameters
+from mpvi_bt.behaviors.parameters import Duration, Key, Parameters
 from mpvi_bt.errors import FileProblems
 from mpvi_bt.file_kinds import expect
 from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, StringConstraints, field_validator, model_validator
 
-from mpvi_bt.behaviors.registry import Key, Value
+from mpvi_bt.behaviors.parameters import Key, Value
 from mpvi_bt.errors import FileProblems, Problem, UnknownName, UserError, shown
 from mpvi_bt.marked_yaml import MAX_PROBLEMS, Marks, Record, plain_scalar, validate_data
 from mpvi_bt.plan.schema import Phrase

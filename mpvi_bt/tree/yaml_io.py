@@ -29,7 +29,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from mpvi_bt.behaviors.registry import Value
+from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.file_kinds import expect
 from mpvi_bt.marked_yaml import Marks, load_marked, parse_marked
 from mpvi_bt.plan.skills import Skill
