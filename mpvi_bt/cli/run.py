@@ -106,27 +106,7 @@ def run(
 
     Exit code 0 where the goal is true at the end, 1 where it is not; of a dry run, where the tree succeeds or not.
     """
-    from mpvi_bt.suite.prepare import prepare, prepare_episode, prepare_saved
-
-    if resume is not None:
-        _refuse_beside_resume()
-        from mpvi_bt.suite.saved import load_saved
-
-        prepared = prepare_saved(saved := load_saved(resume))
-        dry, config = saved.dry, replace(saved.episode, video=settings["video"], picture=settings["picture"])
-    else:
-        if task is None and not dry:
-            raise click.UsageError("Missing argument 'TASK'; only with --dry a tree runs without one.")
-        if task is None and settings["instance"]:
-            raise click.UsageError("--instance is one of a TASK, and none is given.")
-        values = arguments(params)
-        config = EpisodeConfig(task or "", arguments=tuple(values.items()), **settings)
-        if dry:
-            prepared = prepare(task, config.tree, config.plan, values, config.substitute)
-            if prepared.task is not None:
-                prepared.task.check_instance(config.instance)
-        else:
-            prepared = prepare_episode(config)
+    config, prepared, dry = _resumed(resume, settings) if resume else _asked_for(task, arguments(params), dry, settings)
     if dry and (config.video or config.picture):
         raise click.UsageError("A dry run has nothing to film or to draw.")
     stem = config.name if not dry else f"{Path(config.tree or config.plan or config.task).stem}_dry"
@@ -174,6 +154,35 @@ def run(
         broken = {"node": error.path, "message": error.message, "place": error.place}
         _tell({**_brief(config, prepared, last.outcome), "error": broken}, config, dry, as_json)
         return error.exit_code
+
+
+def _asked_for(
+    task: str | None, values: dict[str, str], dry: bool, settings: dict[str, Any]
+) -> tuple[EpisodeConfig, Prepared, bool]:
+    """What the command line asks for, and whether it is dry."""
+    from mpvi_bt.suite.prepare import prepare, prepare_episode
+
+    if task is None and not dry:
+        raise click.UsageError("Missing argument 'TASK'; only with --dry a tree runs without one.")
+    if task is None and settings["instance"]:
+        raise click.UsageError("--instance is one of a TASK, and none is given.")
+    config = EpisodeConfig(task or "", arguments=tuple(values.items()), **settings)
+    if not dry:
+        return config, prepare_episode(config), dry
+    prepared = prepare(task, config.tree, config.plan, values, config.substitute)
+    if prepared.task is not None:
+        prepared.task.check_instance(config.instance)
+    return config, prepared, dry
+
+
+def _resumed(file: str, settings: dict[str, Any]) -> tuple[EpisodeConfig, Prepared, bool]:
+    """What a stopped episode goes on with, and whether it was dry."""
+    _refuse_beside_resume()
+    from mpvi_bt.suite.prepare import prepare_saved
+    from mpvi_bt.suite.saved import load_saved
+
+    prepared = prepare_saved(saved := load_saved(file))
+    return replace(saved.episode, video=settings["video"], picture=settings["picture"]), prepared, saved.dry
 
 
 def _episode(
