@@ -197,3 +197,15 @@ def test_one_step_is_no_steps() -> None:
     assert {
         parse_tree(f"tree: t\nroot: {{wait: {n} {s}}}\n").root.label for n, s in (("1", "step"), ("1", "steps"))
     } == {"wait 1 step"}
+
+
+def test_two_first_values_of_one_key_are_a_problem_unless_the_caller_has_its_own(tmp_path: Path) -> None:
+    """Neither of two subtrees wins in silence; what their caller declares holds."""
+    for name, value in (("one", 1), ("two", 2)):
+        (tmp_path / f"{name}.yaml").write_text(f"tree: {name}\nblackboard: {{x: {value}}}\nroot: {{say: $x}}\n")
+    both = "tree: t\nroot:\n  sequence: s\n  memory: true\n  children: [{subtree: one}, {subtree: two}]\n"
+    (tmp_path / "t.yaml").write_text(both)
+    with pytest.raises(FileProblems, match=r"t\.yaml:5:40: the key 'x' begins as 2 .*\[clashing-key\]"):
+        load_tree(tmp_path / "t.yaml")
+    (tmp_path / "t.yaml").write_text(both.replace("root:", "blackboard: {x: 3}\nroot:"))
+    assert load_tree(tmp_path / "t.yaml").blackboard == {"x": 3}

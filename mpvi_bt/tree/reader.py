@@ -45,20 +45,28 @@ def read(data: Any, marks: Marks, reading: Reading, arguments: Mapping[str, Valu
     return tree
 
 
-def _tree(source: Source, reading: Reading, arguments: Mapping[str, Value], above: tuple[Path, ...]) -> TreeSpec | None:
+def _tree(
+    source: Source,
+    reading: Reading,
+    arguments: Mapping[str, Value],
+    above: tuple[Path, ...],
+    keys: frozenset[str] = frozenset(),
+) -> TreeSpec | None:
     """The tree of one file with its parameters filled in, or None if anything about its nodes is wrong."""
     file = source.file
+    for name, value in file.blackboard.items():
+        reading.blackboard.setdefault(name, value)
     values = {name: p.default for name, p in file.parameters.items() if p.default is not None} | dict(arguments)
     unbound = tuple(name for name in file.parameters if name not in values)
     stand_ins = {name: _STAND_INS.get(file.parameters[name].type, f"${name}") for name in unbound}
     root = source.data.get("root") if isinstance(source.data, dict) else None
-    reader = _Reader(source.marks, reading, values | stand_ins, frozenset(unbound), above)
+    reader = _Reader(source.marks, reading, values | stand_ins, frozenset(unbound), above, keys.union(file.blackboard))
     node = reader.node(root, ("root",), ()) if isinstance(root, dict) else None
     if node is None:
         return None
     parameters = {name: TreeParameter(p.type, p.default, p.about) for name, p in file.parameters.items()}
-    blackboard = {**file.blackboard, **{k: v for k, v in reading.blackboard.items() if k not in file.blackboard}}
-    inherited = frozenset(reading.blackboard).difference(file.blackboard)
+    blackboard = dict(reading.blackboard)
+    inherited = frozenset(blackboard).difference(file.blackboard)
     return TreeSpec(file.tree, node, file.instruction, file.about, parameters, blackboard, unbound, inherited)
 
 
@@ -71,6 +79,7 @@ class _Reader:
         values: Of the file's parameters.
         unbound: Those of them that stand-ins fill.
         above: The file and those that called it, outermost first.
+        keys: Of the blackboard that those declare: their first value is that of the outermost.
     """
 
     def __init__(
@@ -80,8 +89,10 @@ class _Reader:
         values: Mapping[str, Value],
         unbound: frozenset[str],
         above: tuple[Path, ...],
+        keys: frozenset[str],
     ) -> None:
         self.marks, self.reading, self.values, self.unbound, self.above = marks, reading, values, unbound, above
+        self.keys = keys
         self.problems = reading.problems
 
     def node(self, data: Any, at: Location, inherited: tuple[int, ...]) -> NodeSpec | None:
@@ -267,8 +278,11 @@ class _Reader:
             return ()
         path, source = found
         for name, value in source.file.blackboard.items():
-            self.reading.blackboard.setdefault(name, value)
-        tree = _tree(source, self.reading, call.arguments, (*self.above, path.resolve()))
+            first = self.reading.blackboard.get(name, value)
+            if first != value and name not in self.keys:
+                message = f"the key {name!r} begins as {shown(value)} in {path}, and as {shown(first)} in a tree before"
+                self.problem((*at, "subtree"), "clashing-key", f"{message}; declare it under 'blackboard:' here")
+        tree = _tree(source, self.reading, call.arguments, (*self.above, path.resolve()), self.keys)
         return (tree.root,) if tree else ()
 
     def problem(self, at: Location, code: str, message: str, key: bool = False) -> None:
