@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import sys
-from typing import Any
 
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.blackboard import Expectation, value_of
 from mpvi_bt.behaviors.node import Leaf
 from mpvi_bt.behaviors.parameters import Value, as_text
-from mpvi_bt.behaviors.saved_state import number
-from mpvi_bt.behaviors.timer import Timer
+from mpvi_bt.behaviors.timer import Timed, Timer
 
 
-class Wait(Leaf):
+class Wait(Timed, Leaf):
     """RUNNING until so much simulated time has passed, then SUCCESS.
 
     Args:
@@ -44,20 +42,6 @@ class Wait(Leaf):
         clock = self.context.clock
         self.elapsed_s = self._timer.elapsed_s(clock)
         return Status.SUCCESS if self._timer.is_up(clock) else Status.RUNNING
-
-    def state(self) -> dict[str, Any]:
-        """How long it has waited."""
-        if self.status is Status.INVALID and not self.interrupted:
-            return super().state()
-        running = self.status is Status.RUNNING
-        elapsed_s = self._timer.elapsed_s(self.context.clock) if running else self.elapsed_s
-        return {**super().state(), "elapsed_s": elapsed_s}
-
-    def restore(self, state: dict[str, Any]) -> None:
-        """Wait for the rest."""
-        super().restore(state)
-        self.elapsed_s = number(state, "elapsed_s")
-        self._timer.start(self.context.clock, self.elapsed_s)
 
 
 class Say(Leaf):

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.node import Decorator
 from mpvi_bt.behaviors.parameters import duration_text
-from mpvi_bt.behaviors.saved_state import number
-from mpvi_bt.behaviors.timer import Timer
+from mpvi_bt.behaviors.timer import Timed, Timer
 
 
-class Timeout(Decorator):
+class Timeout(Timed, Decorator):
     """FAILURE with reason "timeout" if the child has run for `limit` of simulated time.
 
     The late-success rule: at the tick in which the time is up the child is still ticked, and if that ends it, its own
@@ -54,20 +51,6 @@ class Timeout(Decorator):
                 "timeout", f"not done within {self._text}: still at {getattr(tip, 'path', tip.name)}{said}"
             )
         return status
-
-    def state(self) -> dict[str, Any]:
-        """How long the child has run."""
-        if self.status is Status.INVALID and not self.interrupted:
-            return super().state()
-        running = self.status is Status.RUNNING
-        elapsed_s = self._timer.elapsed_s(self.context.clock) if running else self.elapsed_s
-        return {**super().state(), "elapsed_s": elapsed_s}
-
-    def restore(self, state: dict[str, Any]) -> None:
-        """Count on from there."""
-        super().restore(state)
-        self.elapsed_s = number(state, "elapsed_s")
-        self._timer.start(self.context.clock, self.elapsed_s)
 
 
 def _still_running(node: Behaviour) -> Behaviour:

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from py_trees.common import Status
+
+from mpvi_bt.behaviors.node import Node
 from mpvi_bt.behaviors.parameters import steps_of
 from mpvi_bt.behaviors.protocols import Clock
+from mpvi_bt.behaviors.saved_state import number
 from mpvi_bt.robot.protocol import CONTROL_HZ
 
 _SLACK_S = 1e-6  # a step's time is a sum of thirtieths: let rounding not cost a step
@@ -39,3 +45,28 @@ class Timer:
 
     def _now(self, clock: Clock) -> float:
         return clock.steps / CONTROL_HZ if self._counts_steps else clock.time_s
+
+
+class Timed(Node):
+    """A node that counts its time in a round, and goes on counting after a stop.
+
+    Attributes:
+        elapsed_s: How long it has run in this round.
+    """
+
+    _timer: Timer
+    elapsed_s: float
+
+    def state(self) -> dict[str, Any]:
+        """How long it has run."""
+        if self.status is Status.INVALID and not self.interrupted:
+            return super().state()
+        running = self.status is Status.RUNNING
+        elapsed_s = self._timer.elapsed_s(self.context.clock) if running else self.elapsed_s
+        return {**super().state(), "elapsed_s": elapsed_s}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Count on from there."""
+        super().restore(state)
+        self.elapsed_s = number(state, "elapsed_s")
+        self._timer.start(self.context.clock, self.elapsed_s)
