@@ -257,6 +257,8 @@ def test_an_unknown_target_fails() -> None:
     report, trace = drive(robot, KnownPlaceNavigator(robot, two_rooms(), knowing()), "unicorn")
     assert (report.progress, report.reason) == (Progress.FAILED, "unknown_target")
     assert len(trace) == 1
+    report, _ = drive(robot, KnownPlaceNavigator(robot, two_rooms(), knowing()), "livng room")
+    assert report.feedback.endswith("something near it is called 'living room'")
 
 
 def test_an_unknown_target_is_looked_up_again_from_inside_its_room() -> None:
@@ -330,7 +332,7 @@ class CountingStow:
 
 
 def test_the_arms_are_tucked_before_the_base_moves_and_stay_so() -> None:
-    """While stowing the base stands; while driving the arms' part of the command is left as it was."""
+    """While stowing the navigator lets the base stand; while driving it leaves the arms' part of the command alone."""
     robot = KinematicRobot(1.0, 1.0)
     stow = CountingStow(robot)
     navigator = KnownPlaceNavigator(robot, two_rooms(), knowing(), stow)
@@ -341,6 +343,30 @@ def test_the_arms_are_tucked_before_the_base_moves_and_stay_so() -> None:
         assert (robot.action[ActionLayout.ARM["left"]] == 0.25).all()
         robot.advance()
     assert np.abs(robot.action[ActionLayout.BASE]).max() > 0
+
+
+class BackingStow(CountingStow):
+    """Draws back while it takes its steps, as arms that reach over a table must."""
+
+    def step(self) -> bool:
+        """Write the mark, and a base that backs off."""
+        done = super().step()
+        action = self.robot.action.copy()
+        action[ActionLayout.BASE] = -0.2, 0.0, 0.0
+        self.robot.act(action)
+        return done
+
+
+def test_a_stow_may_draw_the_base_back() -> None:
+    """The navigator does not hold it: arms that were never folded would be driven through the house stretched out."""
+    robot = KinematicRobot(1.0, 1.0)
+    stow = BackingStow(robot)
+    navigator = KnownPlaceNavigator(robot, two_rooms(), knowing(), stow)
+    navigator.start("living_room", None)
+    for _ in range(4):
+        navigator.step()
+        assert robot.action[ActionLayout.BASE].tolist() == [-0.2, 0.0, 0.0]
+        robot.advance()
 
 
 def test_stop_leaves_the_base_at_rest_at_any_time() -> None:
