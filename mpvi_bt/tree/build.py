@@ -243,6 +243,7 @@ class Tree:
             below[first:stop] = built
         self.spec, self._last = spec, None
         self.nodes = self._by_path()
+        self._below = {node: self._below[node] for node in self.nodes.values()}  # forget what was swapped out
 
     def _with_below(self, node: Behaviour) -> Iterator[Behaviour]:
         yield node
