@@ -5,7 +5,9 @@ MpviError                  exit code 3  a fault of the machine or a backend
 │   ├── UnknownName                     a name that is in no registry, with the nearest match
 │   └── FileProblems                    everything wrong with a file, each as file:line:col
 ├── BackendError           exit code 3  a backend broke or refused
-│   └── NoRenderingDevice               pictures were asked for and this machine can draw none
+│   ├── NoRenderingDevice               pictures were asked for and this machine can draw none
+│   ├── PolicyError                     a policy's server is away or answers what no policy may; has a reason code
+│   └── BadMessage                      bytes from elsewhere are not what the protocol says
 └── NodeError              exit code 3  a behavior raised; names the path of its node in the tree
 
 World failures (a grasp that slipped, a path that is blocked) are not errors: they are FAILURE with a reason code.
@@ -101,6 +103,22 @@ class BackendError(MpviError):
 
 class NoRenderingDevice(BackendError):
     """A picture was asked for on a machine without a usable Vulkan device."""
+
+
+class PolicyError(BackendError):
+    """The backend of a policy failed, not the policy: its server is away, refuses, or answers what no policy may.
+
+    Attributes:
+        reason: Stable code, such as "server_absent"; docs/codes.md lists them.
+    """
+
+    def __init__(self, reason: str, message: str) -> None:
+        self.reason = reason
+        super().__init__(message)
+
+
+class BadMessage(BackendError):
+    """Bytes that came over a connection are not what the protocol says."""
 
 
 class NodeError(MpviError):

@@ -24,7 +24,7 @@ RANKS = [
     {"file_kinds"},
     {"robot", "paths", "marked_yaml", "writing"},
     {"goals", "plan", "perception"},
-    {"navigation", "manipulation", "completion", "sim"},
+    {"navigation", "manipulation", "completion", "remote", "sim"},
     {"behaviors"},
     {"tree", "testing"},
     {"drawing", "btcpp"},
@@ -39,7 +39,10 @@ SHARED = {"mpvi_bt.behaviors.protocols"}
 
 ONLY_IN = {"sapien": {"sim"}, "mani_skill": {"sim/maniskill.py"}, "py_trees": {"behaviors", "tree", "executive"}}
 DISTRIBUTION = {"yaml": "pyyaml", "pydantic_core": "pydantic", "cv2": "sapien", "imageio_ffmpeg": "imageio-ffmpeg"}
-HEAVY = ("numpy", "sapien", "torch", "pydantic", "numba", "scipy", "yaml", "py_trees", "mani_skill")
+HEAVY = (
+    *("numpy", "sapien", "torch", "pydantic", "numba", "scipy", "yaml", "py_trees", "mani_skill"),
+    *("msgpack", "websockets"),
+)
 
 
 def part_of(path: Path) -> str:
