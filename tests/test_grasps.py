@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mpvi_bt.manipulation.grasps import MAX_WIDTH_M, Grasp, grasps
+from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.sim.builder import Thing
@@ -38,7 +39,7 @@ def box_of(solids: list[Solid]) -> Array:
 def test_candidates_are_sound(name: str, yaw: float, bearing: float) -> None:
     """Every candidate is a rigid pose tilted as it says, closes across the thing, and keeps its tips off the floor."""
     put(name, yaw)
-    found = grasps(WORLD, name, bearing)
+    found = grasps(TrueScene(WORLD), name, bearing)
     assert found
     solids = list(WORLD.solids(name))
     around = Surroundings(solids)
@@ -65,7 +66,7 @@ def test_candidates_are_sound(name: str, yaw: float, bearing: float) -> None:
 def test_the_palm_stays_clear(name: str) -> None:
     """No candidate has the thing reach behind the palm, 4 cm behind the tcp."""
     put(name, 0.3)
-    for grasp in grasps(WORLD, name, 0.0):
+    for grasp in grasps(TrueScene(WORLD), name, 0.0):
         approach, p = grasp.T_world_tcp[:3, 2], grasp.T_world_tcp[:3, 3]
         palm = p - 0.042 * approach
         spread = np.array([palm + s * grasp.T_world_tcp[:3, 1] for s in (-0.02, 0.0, 0.02)])
@@ -81,9 +82,9 @@ def best(found: list[Grasp]) -> Array:
 def test_grasps_move_with_the_thing(turn: float, x: float, y: float) -> None:
     """Thing and robot shifted and turned together, the best grasp is shifted and turned with them."""
     put("can_of_soda", 0.0)
-    here = best(grasps(WORLD, "can_of_soda", 0.3))
+    here = best(grasps(TrueScene(WORLD), "can_of_soda", 0.3))
     put("can_of_soda", turn, (x, y, 0.0))
-    there = best(grasps(WORLD, "can_of_soda", 0.3 + turn))
+    there = best(grasps(TrueScene(WORLD), "can_of_soda", 0.3 + turn))
     np.testing.assert_allclose(there, pose((x, y, 0.0), turn) @ here, atol=1e-5)
 
 
@@ -91,7 +92,7 @@ def test_grasps_move_with_the_thing(turn: float, x: float, y: float) -> None:
 def test_what_is_too_wide_has_no_grasp(name: str) -> None:
     """What is broader than the hand opens, without a handle, has none."""
     assert np.ptp(CATALOGUE[name].description.extent(), axis=0)[:2].min() > MAX_WIDTH_M
-    assert grasps(WORLD, name, 0.0) == []
+    assert grasps(TrueScene(WORLD), name, 0.0) == []
 
 
 @pytest.mark.parametrize("yaw", np.arange(-3.0, 3.1, 0.5))
@@ -99,7 +100,7 @@ def test_a_bin_is_taken_by_its_bar(yaw: float) -> None:
     """Candidates for a thing with a bar close across the bar, at its middle, from above."""
     put("trash_can", yaw, (0.2, 0.1, 0.0))
     (bar,) = WORLD.handles("trash_can")
-    for grasp in grasps(WORLD, "trash_can", 0.0):
+    for grasp in grasps(TrueScene(WORLD), "trash_can", 0.0):
         np.testing.assert_allclose(grasp.T_world_tcp[:3, 3], bar.center, atol=1e-6)
         assert abs(grasp.T_world_tcp[:3, 1] @ bar.axis) < 1e-6
         assert grasp.tilt_rad == 0.0
@@ -110,7 +111,7 @@ def test_a_lying_can_is_taken_across() -> None:
     T = pose((0.0, 0.0, 0.033))
     T[:3, :3] = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
     thing(WORLD, "can_of_soda").place(T)
-    found = grasps(WORLD, "can_of_soda", 0.4)
+    found = grasps(TrueScene(WORLD), "can_of_soda", 0.4)
     assert found
     for grasp in found:
         assert abs(grasp.T_world_tcp[:3, 1] @ T[:3, 2]) < 1e-6

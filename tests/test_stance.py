@@ -9,6 +9,7 @@ import pytest
 
 from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.stance import Option, Search, Stance
+from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work, other, upright_options
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
@@ -24,13 +25,13 @@ CAN_AT = (0.9, -0.4)
 
 
 def work(world: World) -> Work:
-    return Work(world, Motion(world.robot.proprioception()), np.random.default_rng(0))
+    return Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
 
 
 def options(world: World, name: str = "can") -> list[Option]:
     """Ways to take hold of a thing: 10 cm before it, then at it."""
     out = []
-    for grasp in grasps(world, name, 0.0):
+    for grasp in grasps(TrueScene(world), name, 0.0):
         before = grasp.T_world_tcp.copy()
         before[:3, 3] -= 0.1 * before[:3, 2]
         out.append(Option(np.stack([before, grasp.T_world_tcp]), 1, grasp.cost))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpvi_bt.manipulation.truth import Truth
+from mpvi_bt.manipulation.scene import Scene
 from mpvi_bt.robot.kinematics import hand_rotation, inverse, transform
 from mpvi_bt.robot.solids import Array, Solid
 
@@ -31,18 +31,18 @@ class Grasp:
     cost: float
 
 
-def grasps(truth: Truth, name: str, bearing: float) -> list[Grasp]:
+def grasps(scene: Scene, name: str, bearing: float) -> list[Grasp]:
     """Candidates for a thing, the handles' first if it has any.
 
     Args:
-        truth: Where the thing is.
+        scene: Where the thing is.
         name: The thing.
         bearing: Heading [rad] from the robot to it; hands come from the robot's side.
     """
-    bars = truth.handles(name)
+    bars = scene.handles(name)
     if bars:
         return [g for bar in bars for g in _on_bar(bar.center, bar.axis, bearing)]
-    return _pinches(truth.pose(name), list(truth.solids(name)), bearing)
+    return _pinches(scene.pose(name), list(scene.solids(name)), bearing)
 
 
 def _on_bar(center: Array, axis: Array, bearing: float) -> list[Grasp]:

@@ -6,17 +6,42 @@ import numpy as np
 
 from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.stance import Option
-from mpvi_bt.manipulation.work import Work
+from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot.motion import Actions, MotionFailure
-from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array
 
 _STANDOFF_M = 0.10
 _LIFT_M = 0.08
 
 
-def pick(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
-    """Pick up a thing.
+def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
+    """Pick up the thing that `words["object"]` names, with the hand `words["hand"]` if that is said.
+
+    Args:
+        work: Robot and world.
+        words: Of the skill call.
+        tried: Base poses that did not do; the one taken is added.
+
+    Raises:
+        MotionFailure: "unknown_object", "hands_full", or as `pick_up`.
+    """
+    alike = {e.name for e in work.scene.knowledge().find(words["object"])}
+    if any(work.scene.holding(s) in alike for s in SIDES if words.get("hand") in (None, s)):
+        return  # in hand already
+    name = work.nearest(words["object"])
+    for side in work.free_hands(name, words.get("hand")):
+        try:
+            yield from pick_up(work, name, side, tried)
+            return
+        except MotionFailure as failure:
+            if failure.reason != "no_stance" or "hand" in words:
+                raise
+    raise MotionFailure("no_stance")
+
+
+def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
+    """Pick up a thing with one hand.
 
     Args:
         work: Robot and world.
@@ -27,10 +52,10 @@ def pick(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
     Raises:
         MotionFailure: "no_grasp", "no_stance", "closed_empty", "slipped", or a motion's own reason.
     """
-    motion, truth = work.motion, work.truth
-    at = truth.pose(name)[:2, 3]
+    motion, scene = work.motion, work.scene
+    at = scene.pose(name)[:2, 3]
     here = motion.felt.base_pose
-    candidates = grasps(truth, name, float(np.arctan2(at[1] - here[1], at[0] - here[0])))
+    candidates = grasps(scene, name, float(np.arctan2(at[1] - here[1], at[0] - here[0])))
     if not candidates:
         raise MotionFailure("no_grasp")
     options = []
@@ -54,7 +79,7 @@ def pick(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
     if not work.gripped(side):
         raise MotionFailure("closed_empty")
     yield from work.rise(side, _LIFT_M)
-    if not work.gripped(side) or truth.holding(side) != name:
+    if not work.gripped(side) or scene.holding(side) != name:
         raise MotionFailure("slipped")
     yield from work.settle(without={name})
     if not work.gripped(side):

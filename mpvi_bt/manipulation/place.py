@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from mpvi_bt.manipulation.stance import Held, Option
-from mpvi_bt.manipulation.work import Work, other, upright_options
+from mpvi_bt.manipulation.work import Words, Work, other, upright_options
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import carries
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid
@@ -20,23 +19,27 @@ _OVER_RIM_M = 0.02  # between the lowest point of the thing and the rim
 _FALL_M = 0.008  # to spare on every side of a thing that falls into a container
 _ELSEWHERE = 0.05  # between two poses, in any number of their matrices [m or the sine of a turn]
 _CLEAR_M = 0.04  # between things on a surface
+_HEADROOM_M = 0.35  # above a spot, for the thing and the hand
 _BEST_RELEASES = 80  # tried of each pose of the container
 _TILTS = (0.0, 0.35, -0.35, 0.7)
 _TURNS = tuple(np.arange(-3.0, 3.01, 0.5))
 
 
-def place_in(work: Work, side: Side, container: str, tried: list[Array]) -> Actions:
-    """Drop what `side` holds into a container, which stands somewhere or hangs in the other hand.
+def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
+    """Let go of the held `words["object"]` in `words["container"]`, which stands somewhere or hangs in the other hand.
 
     Raises:
-        MotionFailure: "not_a_container", "no_release", "no_stance", "not_released", "missed", or a motion's own reason.
+        MotionFailure: "not_held", "unknown_object", "not_a_container",
+            "no_release", "no_stance", "not_released", "missed", or a motion's own reason.
     """
+    side = work.hand_with(words["object"], words.get("hand"))
+    container = work.nearest(words["container"])
     held = work.held()[side]
-    volumes = work.truth.volumes(container)
+    volumes = work.scene.volumes(container)
     if not volumes:
         raise MotionFailure("not_a_container")
     releases = list(_releases(work, held, side, max(volumes, key=lambda v: float(np.prod(v.half_m))), container))
-    if work.truth.holding(other(side)) == container:
+    if work.scene.holding(other(side)) == container:
         yield from _reach_over(work, side, releases, container)
         yield from work.look_at(container)
         yield from _let_go(work, side)
@@ -44,7 +47,7 @@ def place_in(work: Work, side: Side, container: str, tried: list[Array]) -> Acti
         search = work.search(side, {container})
         search.tried.extend(tried)
         options = upright_options(releases, above_m=0.10, contact=2)
-        stance = search.find(work.truth.pose(container)[:2, 3], options)
+        stance = search.find(work.scene.pose(container)[:2, 3], options)
         if stance is None:
             raise MotionFailure("no_stance")
         tried.append(stance.base)
@@ -53,20 +56,25 @@ def place_in(work: Work, side: Side, container: str, tried: list[Array]) -> Acti
         yield from work.look_at(container)
         yield from _let_go(work, side)
         yield from work.rise(side)
-    missed = held.name not in work.truth.within(container)
+    missed = held.name not in work.scene.within(container)
     yield from work.settle(without={held.name})
     if missed:
         raise MotionFailure("missed")
 
 
-def place_on(work: Work, side: Side, surface: str, tried: list[Array]) -> Actions:
-    """Set what `side` holds down on a surface, upright, at a free spot.
+def place_on(work: Work, words: Words, tried: list[Array]) -> Actions:
+    """Set the held `words["object"]` down on `words["surface"]`, upright, at a free spot.
 
     Raises:
-        MotionFailure: "no_free_spot", "no_stance", "not_released", "missed", or a motion's own reason.
+        MotionFailure: "not_held", "unknown_object", "no_free_spot", "no_stance", "not_released", "missed", or a
+            motion's own reason.
     """
+    side = work.hand_with(words["object"], words.get("hand"))
+    surface = work.nearest(words["surface"])
     held = work.held()[side]
-    spots = _free_spots(work, held, surface)
+    boxes = np.stack([s.aabb() for s in held.solids])
+    radius = float(np.linalg.norm((boxes[:, 1].max(0) - boxes[:, 0].min(0))[:2])) / 2 + _CLEAR_M
+    spots = work.scene.spots(surface, radius, _HEADROOM_M, work.motion.felt.base_pose[:2])
     if not spots:
         raise MotionFailure("no_free_spot")
     search = work.search(side, {surface})
@@ -84,7 +92,7 @@ def place_on(work: Work, side: Side, surface: str, tried: list[Array]) -> Action
     yield from work.look_at(held.name)
     yield from _let_go(work, side)
     yield from work.lines(side, stance, [2])
-    missed = min(solid.aabb()[0, 2] for solid in work.truth.solids(held.name)) < spot[2] - _CLEAR_M
+    missed = min(solid.aabb()[0, 2] for solid in work.scene.solids(held.name)) < spot[2] - _CLEAR_M
     yield from work.settle(without={held.name, surface})
     if missed:
         raise MotionFailure("missed")
@@ -99,7 +107,7 @@ def _let_go(work: Work, side: Side) -> Actions:
 
 def _reach_over(work: Work, side: Side, releases: list[tuple[Array, float]], container: str) -> Actions:
     """Bring the container in the other hand and this hand over it together, the base standing still."""
-    before = kin.inverse(work.truth.pose(container))
+    before = kin.inverse(work.scene.pose(container))
     motion, hand = work.motion, other(side)
     now, to_base = motion.hand(hand), kin.inverse(work.base)
     chest = kin.inverse(kin.chest(motion.torso))
@@ -123,7 +131,7 @@ def _reach_over(work: Work, side: Side, releases: list[tuple[Array, float]], con
                     yield from motion.follow(hand, aside, speed=0.8)
                     yield from motion.follow(side, path, speed=1.0)
                     # Arms give way under a load, by a centimeter; what counts is where the container hangs now.
-                    hangs = work.truth.pose(container) @ before @ best[release][0]
+                    hangs = work.scene.pose(container) @ before @ best[release][0]
                     yield from motion.line(side, kin.inverse(work.base) @ hangs, speed=0.08)
                     return
     raise MotionFailure("no_release")
@@ -160,10 +168,10 @@ def _releases(work: Work, held: Held, side: Side, volume: Solid, container: str)
     handle; its lowest point is over the rim.
     """
     frame, half = kin.inverse(volume.T), volume.half_m
-    walls = [s.moved(frame).aabb() for s in work.truth.solids(container)]
+    walls = [s.moved(frame).aabb() for s in work.scene.solids(container)]
     rim = float(volume.T[2, 3] + half[2])
     spanning = [b for b in walls if b[1, 2] > half[2] - 0.03 and (np.abs(b[:, :2]) < half[:2] - 1e-3).any(0).any()]
-    lying = [s.moved(frame).aabb() for n in work.truth.within(container) for s in work.truth.solids(n)]
+    lying = [s.moved(frame).aabb() for n in work.scene.within(container) for s in work.scene.solids(n)]
     R_now = (work.base @ kin.tcp(work.motion.felt.torso, work.motion.felt.arm[side], side))[:3, :3]
     for turn in _TURNS:
         for tilt in _TILTS:
@@ -211,7 +219,7 @@ def _rotation(axis: Array, angle: float) -> Array:
 
 def _onto(work: Work, held: Held, spot: Array, yaw: float) -> Option:
     """Set the thing's upright pose onto a spot (3,), turned by `yaw` from how it is held."""
-    R = kin.rot_z(yaw) @ work.truth.pose(held.name)[:3, :3]
+    R = kin.rot_z(yaw) @ work.scene.pose(held.name)[:3, :3]
     up = int(np.abs(R[2]).argmax())
     lean = np.cross(R[:, up] * np.sign(R[2, up]), [0, 0, 1.0])
     if np.linalg.norm(lean) > 1e-6:
@@ -226,30 +234,3 @@ def _onto(work: Work, held: Held, spot: Array, yaw: float) -> Option:
     over[2, 3] += 0.12
     back[:3, 3] -= 0.09 * T[:3, 2]
     return Option(np.stack([over, T, back]), 1, 0.1 * abs(yaw))
-
-
-def _free_spots(work: Work, held: Held, surface: str) -> list[Array]:
-    """Places (3,) on a thing's upper faces where the held thing fits between the others, the nearest first."""
-    boxes = np.stack([s.aabb() for s in held.solids])
-    radius = float(np.linalg.norm((boxes[:, 1].max(0) - boxes[:, 0].min(0))[:2])) / 2 + _CLEAR_M
-    here = work.motion.felt.base_pose[:2]
-    faces = [
-        s
-        for s in work.truth.solids(surface)
-        if s.kind != "sphere" and (s.aabb()[1] - s.aabb()[0])[:2].min() > 2 * radius
-    ]
-    near = work.truth.obstacles(here, 2.5, without={surface, held.name, *work.truth.within(held.name)})
-    spots: list[Array] = []
-    for face in faces:
-        low, high = face.aabb()
-        above = [s.aabb() for s in (*near, *(f for f in work.truth.solids(surface) if f is not face))]
-        blocking = [b for b in above if b[1, 2] > high[2] + 0.005 and b[0, 2] < high[2] + 0.35]
-        for x in np.arange(low[0] + radius, high[0] - radius + 1e-9, 0.05):
-            for y in np.arange(low[1] + radius, high[1] - radius + 1e-9, 0.05):
-                gap = [
-                    np.linalg.norm(np.maximum(np.maximum(b[0, :2] - [x, y], [x, y] - b[1, :2]), 0)) for b in blocking
-                ]
-                spot = np.array([x, y, high[2]])
-                if min(gap, default=9.0) > radius and carries(face, spot, radius):
-                    spots.append(spot)
-    return sorted(spots, key=lambda s: float(np.linalg.norm(s[:2] - here)))

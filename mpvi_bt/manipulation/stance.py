@@ -14,7 +14,7 @@ import numpy as np
 
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Body, Load, Surroundings
+from mpvi_bt.robot.collision import NOTHING, Body, Load, Obstacles, Surroundings, Together
 from mpvi_bt.robot.motion import Motion
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, Solid, box
@@ -101,7 +101,7 @@ class Search:
         motion: The robot's present command and feeling.
         side: The hand that works.
         held: What each hand holds.
-        obstacles: Solids in the world, without what is held.
+        obstacles: What is in the way, in the world, without what is held.
         touched: Those solids in the world that the hand works on: obstacles to the base and until contact.
         rng: Randomness of arm planning.
     """
@@ -109,7 +109,7 @@ class Search:
     motion: Motion
     side: Side
     held: Mapping[Side, Held]
-    obstacles: Sequence[Solid]
+    obstacles: Obstacles
     touched: Sequence[Solid]
     rng: np.random.Generator
     tried: list[Array] = field(default_factory=list)
@@ -125,7 +125,7 @@ class Search:
         side = self.other
         if side is None:
             return [[]]
-        now, body = self.motion.hand(side), self.body(self.motion.torso, Surroundings(()))
+        now, body = self.motion.hand(side), self.body(self.motion.torso, NOTHING)
         holds = [[self.motion.arm(side)]]
         for x, y, z in _ASIDE:
             T = kin.transform(now[:3, :3], (x, y * r1.SIGN[side], z))
@@ -153,23 +153,23 @@ class Search:
                 break
         return None
 
-    def around(self, base: Array, touched: bool) -> Surroundings:
-        """The solids and the floor in the frame of a base pose, with or without what the hand works on."""
+    def around(self, base: Array, touched: bool) -> Obstacles:
+        """What is in the way and the floor in the frame of a base pose, with or without what the hand works on."""
         return (self._all if touched else self._others).seen_from(kin.base(base))
 
     @cached_property
-    def _standing(self) -> Surroundings:
-        return Surroundings([*self.obstacles, *self.touched])
+    def _standing(self) -> Obstacles:
+        return Together([self.obstacles, Surroundings(self.touched)])
 
     @cached_property
-    def _all(self) -> Surroundings:
-        return Surroundings([_FLOOR, *self.obstacles, *self.touched])
+    def _all(self) -> Obstacles:
+        return Together([self.obstacles, Surroundings([_FLOOR, *self.touched])])
 
     @cached_property
-    def _others(self) -> Surroundings:
-        return Surroundings([_FLOOR, *self.obstacles])
+    def _others(self) -> Obstacles:
+        return Together([self.obstacles, Surroundings([_FLOOR])])
 
-    def body(self, torso: Array, around: Surroundings, arms: Mapping[Side, Array] | None = None) -> Body:
+    def body(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array] | None = None) -> Body:
         """The robot in a posture, with what it holds."""
         arms = arms or {s: self.motion.arm(s) for s in SIDES}
         return Body(torso, arms, {s: h.load for s, h in self.held.items()}, around)
@@ -231,7 +231,7 @@ class Search:
                 return Stance(base, torso, where[1], path, goals[where[1]], hold, stood.level)
         return None
 
-    def _stood(self, torso: Array, around: Surroundings, arms: Mapping[Side, Array]) -> _Standing | None:
+    def _stood(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array]) -> _Standing | None:
         """The body once the torso has moved there, the other hand level if it holds something; None if it cannot."""
         body = self.body(self.motion.torso, around, arms)
         hands = (
@@ -245,7 +245,7 @@ class Search:
         return _Standing(replace(body, torso=torso, arms={**arms, **{s: q[-1] for s, q in level.items()}}), level)
 
     def _reached(
-        self, body: Body, free_around: Surroundings, goals: Array, contact: int, key: int, q_key: Array
+        self, body: Body, free_around: Obstacles, goals: Array, contact: int, key: int, q_key: Array
     ) -> list[Array] | None:
         """The arm's path to the first waypoint if all waypoints are reachable and free from there on."""
         postures: dict[int, Array] = {key: q_key}

@@ -1,37 +1,25 @@
-"""What the privileged expert may ask of the simulator: true poses, shapes and what the hands hold."""
+"""The scene as the simulator knows it: what the privileged expert works with."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from typing import Protocol
 
+import numpy as np
+
 from mpvi_bt.goals.state import WorldState
 from mpvi_bt.perception.knowledge import KnowledgeBase
+from mpvi_bt.perception.parts import Bar, Door
+from mpvi_bt.robot.collision import Surroundings, carries
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid
 
-
-class Bar(Protocol):
-    """A bar that a hand can close around, in the world frame [m]; `mpvi_bt.sim.description.Handle` is one."""
-
-    @property
-    def center(self) -> Array:
-        """(3,) middle of the bar."""
-        ...
-
-    @property
-    def axis(self) -> Array:
-        """(3,) unit vector along it."""
-        ...
-
-    @property
-    def outward(self) -> Array:
-        """(3,) unit vector to its free side."""
-        ...
+_ROOM_M = 2.5  # how far from the spot's neighborhood solids are looked for
+_GRID_M = 0.05
 
 
 class Truth(WorldState, Protocol):
-    """Simulator truth."""
+    """Simulator truth; `Scene` says what its answers mean."""
 
     def knowledge(self) -> KnowledgeBase:
         """Where everything is now, what is carried or put away told apart."""
@@ -45,6 +33,14 @@ class Truth(WorldState, Protocol):
         """Bars to take hold of, in the world."""
         ...
 
+    def doors(self, name: str) -> Sequence[Door]:
+        """Its parts that open."""
+        ...
+
+    def switches(self, name: str) -> Sequence[Array]:
+        """T_world_switch (4, 4) of each switch."""
+        ...
+
     def holding(self, side: Side) -> str | None:
         """The movable thing that the fingers of one hand hold between them."""
         ...
@@ -56,3 +52,45 @@ class Truth(WorldState, Protocol):
     def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> list[Solid]:
         """Solids in the world of everything but the robot that come within `radius_m` of a place on the floor (2,)."""
         ...
+
+
+class TrueScene:
+    """The `Scene` of a simulator."""
+
+    def __init__(self, truth: Truth) -> None:
+        """Answer from `truth`."""
+        self.truth = truth
+        self.knowledge, self.pose = truth.knowledge, truth.pose
+        self.solids, self.volumes = truth.solids, truth.volumes
+        self.handles, self.doors, self.switches = truth.handles, truth.doors, truth.switches
+        self.holding, self.within = truth.holding, truth.within
+
+    def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> Surroundings:
+        """As `Scene` says."""
+        return Surroundings(self.truth.obstacles(xy, radius_m, without))
+
+    def spots(self, surface: str, radius_m: float, height_m: float, near: Array) -> list[Array]:
+        """As `Scene` says, on a grid of 5 cm."""
+        own = self.truth.solids(surface)
+        faces = [s for s in own if s.kind != "sphere" and (s.aabb()[1] - s.aabb()[0])[:2].min() > 2 * radius_m]
+        held = {n for side in ("left", "right") if (n := self.truth.holding(side)) is not None}
+        carried = {m for n in held for m in (n, *self.truth.within(n))}
+        others = self.truth.obstacles(near, _ROOM_M, without={surface, *carried})
+        spots: list[Array] = []
+        for face in faces:
+            low, high = face.aabb()
+            above = [s.aabb() for s in (*others, *(f for f in own if f is not face))]
+            blocking = [b for b in above if b[1, 2] > high[2] + 0.005 and b[0, 2] < high[2] + height_m]
+            for x in np.arange(low[0] + radius_m, high[0] - radius_m + 1e-9, _GRID_M):
+                for y in np.arange(low[1] + radius_m, high[1] - radius_m + 1e-9, _GRID_M):
+                    at = np.array([x, y])
+                    gap = min((_aside(b, at) for b in blocking), default=9.0)
+                    spot = np.array([x, y, high[2]])
+                    if gap > radius_m and carries(face, spot, radius_m):
+                        spots.append(spot)
+        return sorted(spots, key=lambda s: float(np.linalg.norm(s[:2] - near)))
+
+
+def _aside(box: Array, at: Array) -> float:
+    """Distance [m], seen from above, of a place (2,) to an axis-aligned box (2, 3)."""
+    return float(np.linalg.norm(np.maximum(np.maximum(box[0, :2] - at, at - box[1, :2]), 0)))

@@ -1,20 +1,22 @@
-"""What every scripted skill works with: simulator truth, the robot's motion, what the hands hold."""
+"""What every scripted skill works with: what is known of the world, the robot's motion, what the hands hold."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from mpvi_bt.manipulation.scene import Scene, Sight
 from mpvi_bt.manipulation.stance import Held, Option, Search, Stance
-from mpvi_bt.manipulation.truth import Truth
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Body, Load, Surroundings
+from mpvi_bt.robot.collision import Body, Load
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.protocol import SIDES, CameraImage, Side
 from mpvi_bt.robot.solids import Array, Solid
+
+Words = Mapping[str, str]  # what fills the slots of a skill call, such as {"object": "can of soda"}
 
 _NEAR_M = 1.7  # solids farther from the robot than this do not matter to a skill
 _LIFTED_M = 0.10
@@ -31,48 +33,102 @@ class Work:
     """One skill's view of robot and world.
 
     Attributes:
-        truth: The simulator.
+        scene: What is known of the world.
         motion: The robot's command, as the skill changes it.
         rng: Randomness of planning.
+        sight: What takes pictures in; None where the scene needs none.
+        wanted: Cameras whose pictures the next step has to bring.
+        images: The pictures that it brought.
     """
 
-    truth: Truth
+    scene: Scene
     motion: Motion
     rng: np.random.Generator
+    sight: Sight | None = None
+    wanted: tuple[str, ...] = ()
+    images: Mapping[str, CameraImage] = field(default_factory=dict)
 
     @property
     def base(self) -> Array:
         """T_world_base (4, 4) as felt."""
         return kin.base(self.motion.felt.base_pose)
 
+    def see(self, *cameras: str) -> Actions:
+        """Take one picture with each camera, the robot standing still; nothing where the scene needs no pictures."""
+        if self.sight is not None:
+            self.wanted = cameras
+            yield self.motion.still()
+            self.wanted = ()
+            self.sight.see({c: self.images[c] for c in cameras}, self.motion.felt)
+
+    def nearest(self, phrase: str) -> str:
+        """The thing that a phrase names, what is still to be picked up first, then the nearest.
+
+        Raises:
+            MotionFailure: "unknown_object" if nothing is called so.
+        """
+        found = self.scene.knowledge().find(phrase)
+        if not found:
+            raise MotionFailure("unknown_object")
+        here = self.motion.felt.base_pose[:2]
+        best = (found[0].held, found[0].inside is not None)
+        alike = [e for e in found if (e.held, e.inside is not None) == best]
+        return min(alike, key=lambda e: float(np.linalg.norm(e.center[:2] - here))).name
+
+    def free_hands(self, name: str, wanted: str | None = None) -> list[Side]:
+        """Empty hands, the one on the side of a thing first; only the one `wanted` if given.
+
+        Raises:
+            MotionFailure: "hands_full" if there is none.
+        """
+        free = [s for s in SIDES if self.scene.holding(s) is None and wanted in (None, s)]
+        if not free:
+            raise MotionFailure("hands_full")
+        x, y, yaw = self.motion.felt.base_pose
+        at = self.scene.pose(name)[:2, 3]
+        leftward = -np.sin(yaw) * (at[0] - x) + np.cos(yaw) * (at[1] - y)
+        return sorted(free, key=lambda s: (s == "left") != (leftward > 0))
+
+    def hand_with(self, phrase: str, wanted: str | None = None) -> Side:
+        """The hand that holds what a phrase names.
+
+        Raises:
+            MotionFailure: "not_held" if none does.
+        """
+        names = {e.name for e in self.scene.knowledge().find(phrase)}
+        for side in SIDES:
+            if self.scene.holding(side) in names and wanted in (None, side):
+                return side
+        raise MotionFailure("not_held")
+
     def held(self) -> dict[Side, Held]:
         """What each hand holds, with what lies in it."""
         out: dict[Side, Held] = {}
         for side in SIDES:
-            name = self.truth.holding(side)
+            name = self.scene.holding(side)
             if name is not None:
                 T_world_tcp = self.base @ kin.tcp(self.motion.felt.torso, self.motion.felt.arm[side], side)
                 frame = kin.inverse(T_world_tcp)
-                solids = tuple(s.moved(frame) for n in (name, *self.truth.within(name)) for s in self.truth.solids(n))
-                volumes = [v.moved(frame) for v in self.truth.volumes(name)]
-                out[side] = Held(name, frame @ self.truth.pose(name), solids, Load(solids, volumes))
+                solids = tuple(s.moved(frame) for n in (name, *self.scene.within(name)) for s in self.scene.solids(n))
+                volumes = [v.moved(frame) for v in self.scene.volumes(name)]
+                out[side] = Held(name, frame @ self.scene.pose(name), solids, Load(solids, volumes))
         return out
 
     def search(self, side: Side, touched: Collection[str]) -> Search:
         """A stance search for one hand that works on the things `touched`."""
         held = self.held()
-        carried = {n for h in held.values() for n in (h.name, *self.truth.within(h.name))}
+        carried = {n for h in held.values() for n in (h.name, *self.scene.within(h.name))}
         at = self.motion.felt.base_pose[:2]
-        solids = self.truth.obstacles(at, _NEAR_M, without={*carried, *touched})
-        own: list[Solid] = [s for n in touched if n not in carried for s in self.truth.solids(n)]
-        return Search(self.motion, side, held, solids, own, self.rng)
+        near = self.scene.obstacles(at, _NEAR_M, without={*carried, *touched})
+        own: list[Solid] = [s for n in touched if n not in carried for s in self.scene.solids(n)]
+        return Search(self.motion, side, held, near, own, self.rng)
 
     def body(self, without: Collection[str] = ()) -> Body:
         """The robot as commanded, with what it holds, among everything near but the things `without`."""
         held = self.held()
-        carried = {n for h in held.values() for n in (h.name, *self.truth.within(h.name))}
-        solids = self.truth.obstacles(self.motion.felt.base_pose[:2], _NEAR_M, without={*carried, *without})
-        around = Surroundings(solids).seen_from(self.base)
+        carried = {n for h in held.values() for n in (h.name, *self.scene.within(h.name))}
+        near = self.scene.obstacles(self.motion.felt.base_pose[:2], _NEAR_M, without={*carried, *without})
+        around = near.seen_from(self.base)
         arms = {s: self.motion.arm(s) for s in SIDES}
         return Body(self.motion.torso, arms, {s: h.load for s, h in held.items()}, around)
 
@@ -149,14 +205,15 @@ class Work:
         return None
 
     def look_at(self, name: str) -> Actions:
-        """Tilt the head so that a thing is in the middle of its view, up or down."""
+        """Tilt the head so that a thing is in the middle of its view, up or down, and look."""
         torso = self.motion.torso
-        boxes = np.stack([s.aabb() for s in self.truth.solids(name)])
+        boxes = np.stack([s.aabb() for s in self.scene.solids(name)])
         middle = (boxes[:, 0].min(0) + boxes[:, 1].max(0)) / 2
         seen = kin.inverse(self.base @ kin.chest(torso)) @ np.append(middle, 1.0)
         ahead = seen[:3] - r1.HEAD_M
         torso[3] = np.clip(np.arctan2(-ahead[2], max(float(ahead[0]), 0.05)), *r1.TORSO_LIMITS[3])
         yield from self.motion.stand(torso)
+        yield from self.see("head")
 
     def tuck(self) -> Actions:
         """Bring what is held closer to the body, for driving."""

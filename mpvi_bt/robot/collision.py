@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,18 @@ def _box_distance(p: Array, center: Sequence[float], half: Sequence[float]) -> A
     return np.asarray(np.sqrt(np.einsum("...i,...i->...", out, out)))
 
 
+class Obstacles(Protocol):
+    """What may be in the way: anything that tells how far a point is from it."""
+
+    def seen_from(self, T: Array) -> Obstacles:
+        """The same in another frame; `T` (4, 4) maps that frame into the present one."""
+        ...
+
+    def distance(self, p: Array) -> Array:
+        """(...,) distance [m] of points (..., 3) to the nearest of it; 0 within, 9 if there is nothing."""
+        ...
+
+
 class Surroundings:
     """Solids stacked so that distances to all of them come at once; balls count as the cylinders around them."""
 
@@ -74,6 +87,22 @@ class Surroundings:
 NOTHING = Surroundings(())
 
 
+class Together:
+    """Several obstacles as one."""
+
+    def __init__(self, parts: Sequence[Obstacles]) -> None:
+        """Gather what is posed in one frame."""
+        self._parts = parts
+
+    def seen_from(self, T: Array) -> Together:
+        """All of them in another frame; `T` (4, 4) maps that frame into the present one."""
+        return Together([part.seen_from(T) for part in self._parts])
+
+    def distance(self, p: Array) -> Array:
+        """(...,) distance [m] of points (..., 3) to the nearest of all; 9 if there is nothing."""
+        return np.minimum.reduce([np.full(p.shape[:-1], 9.0), *(part.distance(p) for part in self._parts)])
+
+
 def carries(face: Solid, spot: Array, radius: float) -> bool:
     """Whether a disc about a spot (3,) lies on a solid: the corners of its bounding box may not, if round or turned."""
     angles = np.arange(8) * np.pi / 4
@@ -101,13 +130,13 @@ class Body:
         torso: (>= 3,) lift, waist yaw, waist pitch.
         arms: (7,) posture of each arm.
         held: What each hand holds.
-        around: Solids in the base frame.
+        around: What is near, in the base frame.
     """
 
     torso: Array
     arms: Mapping[Side, Array]
     held: Mapping[Side, Load] = field(default_factory=dict)
-    around: Surroundings = NOTHING
+    around: Obstacles = NOTHING
 
     def clearance(self, side: Side, q: Array, grasping: bool = False) -> tuple[Array, Array]:
         """How far postures q (n, 7) of arm `side` keep from things, each (n,) [m], negative within.

@@ -70,7 +70,7 @@ class Motion:
     def wait(self, seconds: float) -> Actions:
         """Stand still."""
         for _ in range(round(seconds * CONTROL_HZ)):
-            yield self._still()
+            yield self.still()
 
     def grip(self, side: Side, value: float, seconds: float = 0.6) -> Actions:
         """Move a gripper to `value` (-1 closed ... 1 open) at an even pace: fast fingers bat light things away."""
@@ -78,7 +78,7 @@ class Motion:
         start, n = self.action[i], max(1, round(seconds * CONTROL_HZ))
         for k in range(1, n + 1):
             self.action[i] = start + (value - start) * k / n
-            yield self._still()
+            yield self.still()
 
     def follow(self, side: Side, path: Sequence[Array], speed: float = 1.3) -> Actions:
         """Move one arm through postures (7,), the fastest joint at `speed` [rad/s].
@@ -96,7 +96,7 @@ class Motion:
                 self.action[ActionLayout.ARM[side]] = path[i] + (path[i + 1] - path[i]) * min(
                     1.0, (x - at[i]) / legs[i]
                 )
-                yield self._still()
+                yield self.still()
         yield from self._arrive(side)
 
     def line(self, side: Side, T_base_tcp: Array, speed: float = 0.16) -> Actions:
@@ -117,10 +117,10 @@ class Motion:
             self._reach(
                 side, kin.transform(turning(u).as_matrix(), start[:3, 3] + (T_base_tcp[:3, 3] - start[:3, 3]) * u)
             )
-            yield self._still()
+            yield self.still()
         for _ in range(4):
             self._reach(side, T_base_tcp)
-            yield self._still()
+            yield self.still()
 
     def stand(self, torso: Array, arms: Mapping[Side, Sequence[Array]] | None = None) -> Actions:
         """Move the torso (4,) and meanwhile arms through evenly spaced postures (7,): what `arm_motion.sweep` plans."""
@@ -137,7 +137,7 @@ class Motion:
                 at = u * (len(path) - 1)
                 i = min(int(at), len(path) - 2)
                 self.action[ActionLayout.ARM[side]] = path[i] + (path[i + 1] - path[i]) * (at - i)
-            yield self._still()
+            yield self.still()
         if n:
             yield from self.wait(0.15)
 
@@ -159,7 +159,7 @@ class Motion:
             if k > n and np.linalg.norm(error[:2]) < 0.006 and abs(error[2]) < 0.01:
                 break
             yield self._moving(forward + 3.0 * error)
-        yield self._still()
+        yield self.still()
         if np.linalg.norm(goal[:2] - self.felt.base_pose[:2]) > 0.03:
             raise MotionFailure("base_blocked")
 
@@ -175,13 +175,14 @@ class Motion:
 
     def _arrive(self, side: Side) -> Actions:
         for _ in range(20):
-            yield self._still()
+            yield self.still()
             if np.abs(self.felt.arm[side] - self.arm(side)).max() < 0.02:
                 return
         if np.abs(self.felt.arm[side] - self.arm(side)).max() > 0.08:
             raise MotionFailure("arm_blocked")
 
-    def _still(self) -> Array:
+    def still(self) -> Array:
+        """The present command, the base standing."""
         self.action[ActionLayout.BASE] = 0.0
         return self.action.copy()
 

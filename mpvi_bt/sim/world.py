@@ -12,6 +12,7 @@ import numpy as np
 from mpvi_bt.errors import UserError
 from mpvi_bt.perception.knowledge import Entry as Known
 from mpvi_bt.perception.knowledge import KnowledgeBase
+from mpvi_bt.perception.parts import Door
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, CameraImage, Side
 from mpvi_bt.robot.solids import Array, Solid
@@ -194,6 +195,28 @@ class World:
                 center, axis, outward = R @ handle.center + T[:3, 3], R @ handle.axis, R @ handle.outward
                 out.append(replace(handle, center=center, axis=axis, outward=outward))
         return out
+
+    def doors(self, name: str) -> Sequence[Door]:
+        """Its doors, lids and drawers in the world, as they stand now."""
+        thing = self._things[name]
+        bars = self.handles(name)
+        out = []
+        for body, fraction in zip((b for b in thing.description.bodies if b.joint), self.joint_fractions(name),
+                                  strict=True):  # fmt: skip
+            joint = body.joint
+            assert joint is not None
+            T = thing.T_world_body()
+            origin, axis = T[:3, :3] @ joint.origin + T[:3, 3], T[:3, :3] @ joint.axis
+            now = thing.T_world_body(body.name)
+            solids = [part.solid.moved(now) for part in body.parts if part.collides]
+            centers = [now[:3, :3] @ handle.center + now[:3, 3] for handle in body.handles]
+            bar = next((b for b in bars if any(np.allclose(b.center, c) for c in centers)), None)
+            out.append(Door(body.name, joint.kind, origin, axis, fraction * joint.limit, joint.limit, bar, solids))
+        return out
+
+    def switches(self, name: str) -> Sequence[Array]:
+        """T_world_switch (4, 4) of its switches. Nothing in this world has a switch yet."""
+        return []
 
     def holding(self, side: Side) -> str | None:
         """The movable thing between the fingers of one hand: nearest to the tcp of a hand that closed on something."""

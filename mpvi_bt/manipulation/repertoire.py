@@ -1,0 +1,20 @@
+"""The motions of the skills that scripted policies know, by the skill's name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from mpvi_bt.manipulation.pick import pick
+from mpvi_bt.manipulation.place import place_in, place_on
+from mpvi_bt.manipulation.work import Words, Work
+from mpvi_bt.robot.motion import Actions
+from mpvi_bt.robot.solids import Array
+
+# work, the words of the call, and base poses that were tried before, to which each try adds its own
+Perform = Callable[[Work, Words, list[Array]], Actions]
+
+REPERTOIRE: Mapping[str, Perform] = {
+    "pick": pick,
+    "place_in": place_in,
+    "place_on": place_on,
+}

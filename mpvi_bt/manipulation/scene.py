@@ -1,0 +1,68 @@
+"""What a scripted skill knows of the world. The simulator knows it by truth, a robot by what its cameras have shown."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Protocol
+
+from mpvi_bt.perception.knowledge import KnowledgeBase
+from mpvi_bt.perception.parts import Bar, Door
+from mpvi_bt.robot.collision import Obstacles
+from mpvi_bt.robot.protocol import CameraImage, Proprioception, Side
+from mpvi_bt.robot.solids import Array, Solid
+
+
+class Scene(Protocol):
+    """What is known of things, by name, in the world frame [m]."""
+
+    def knowledge(self) -> KnowledgeBase:
+        """What there is and what it is called, what is carried or put away told apart."""
+        ...
+
+    def pose(self, name: str) -> Array:
+        """T_world_thing (4, 4); where only a shape is known, a frame in its middle, z up."""
+        ...
+
+    def solids(self, name: str) -> Sequence[Solid]:
+        """The thing's solids."""
+        ...
+
+    def volumes(self, name: str) -> Sequence[Solid]:
+        """Its container volumes; empty if it holds nothing."""
+        ...
+
+    def handles(self, name: str) -> Sequence[Bar]:
+        """Bars to carry it by."""
+        ...
+
+    def doors(self, name: str) -> Sequence[Door]:
+        """Its parts that open."""
+        ...
+
+    def switches(self, name: str) -> Sequence[Array]:
+        """T_world_switch (4, 4) of each switch, its z pointing out of the thing."""
+        ...
+
+    def holding(self, side: Side) -> str | None:
+        """The movable thing that the fingers of one hand hold between them."""
+        ...
+
+    def within(self, name: str) -> Sequence[str]:
+        """The movable things that lie in a thing's container volumes."""
+        ...
+
+    def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> Obstacles:
+        """Everything but the robot that comes within `radius_m` of a place on the floor (2,), less `without`."""
+        ...
+
+    def spots(self, surface: str, radius_m: float, height_m: float, near: Array) -> Sequence[Array]:
+        """Places (3,) on a thing's upper faces with room for an upright cylinder, the nearest to `near` (2,) first."""
+        ...
+
+
+class Sight(Protocol):
+    """The part of a scene that is found out by looking."""
+
+    def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:
+        """Take in pictures, by camera, and what the robot felt when they were taken."""
+        ...

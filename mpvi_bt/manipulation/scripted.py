@@ -1,0 +1,153 @@
+"""A policy that performs the skills of a prompt, one after the other, whatever it knows the world by."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from mpvi_bt.manipulation.place import present
+from mpvi_bt.manipulation.repertoire import REPERTOIRE
+from mpvi_bt.manipulation.scene import Scene, Sight
+from mpvi_bt.manipulation.work import Work
+from mpvi_bt.plan.skills import Skill, SkillCall, clauses, match
+from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
+from mpvi_bt.robot.protocol import SIDES, Proprioception
+from mpvi_bt.robot.solids import Array
+
+_PATIENCE_S = 2.0  # longer than a trigger takes to fire
+_ATTEMPTS = 4  # of one skill
+_ROUNDS = 3  # of a whole prompt
+_ANYWHERE = ("unknown_object", "unknown_skill", "not_a_container", "not_held", "hands_full")  # backing off mends none
+
+
+class ScriptedPolicy:
+    """A `mpvi_bt.behaviors.protocols.Policy` that plans its motions from a `Scene`.
+
+    Attributes:
+        name: As given on the command line.
+        note: What it is doing or why it gave up, for a person.
+        attempts: Tries of skills so far.
+        planning_s: Wall time spent on planning and seeing, measured by `timer`.
+    """
+
+    name = "scripted"
+
+    def __init__(
+        self, scene: Scene, skills: Mapping[str, Skill], seed: int = 0, timer: Callable[[], float] | None = None,
+        sight: Sight | None = None,
+    ) -> None:  # fmt: skip
+        """Work in what `scene` knows; the same seed plans the same motions. `sight` takes in pictures for the scene."""
+        self._scene, self._sight = scene, sight
+        self._skills, self._seed, self._timer = skills, seed, timer
+        self._calls = 0
+        self.note = ""
+        self.attempts = 0
+        self.planning_s = 0.0
+        self.reset()
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """The cameras that it wants to look through next; most of the time none."""
+        return self._work.wanted if self._work is not None else ()
+
+    def reset(self) -> None:
+        """Forget the prompt: the next observation starts its clauses from the first one."""
+        self._prompt: str | None = None
+        self._work: Work | None = None
+        self._actions: Actions = iter(())
+
+    def infer(self, observation: Mapping[str, Any]) -> Array:
+        """The next action as a chunk of one, (1, 23)."""
+        felt: Proprioception = observation["proprioception"]
+        if observation["prompt"] != self._prompt or self._work is None:
+            self._prompt = str(observation["prompt"])
+            self._calls += 1
+            rng = np.random.default_rng([self._seed, self._calls])
+            self._work = Work(self._scene, Motion(felt), rng, self._sight)
+            self._actions = self.perform(self._work, self._prompt)
+        work = self._work
+        work.motion.felt, work.images = felt, observation["images"]
+        started = self._timer() if self._timer else 0.0
+        action = next(self._actions, None)
+        if self._timer:
+            self.planning_s += self._timer() - started
+        if action is None:
+            action = work.motion.still()
+        return action[None]
+
+    def perform(self, work: Work, prompt: str) -> Actions:
+        """Everything that it does about a prompt."""
+        calls: list[SkillCall] = []
+        for clause in clauses(prompt):
+            call = match(clause, self._skills)
+            if call is None:
+                self.note = f"no skill for {clause!r}"
+                return
+            calls.append(call)
+        for _ in range(_ROUNDS):  # what was dropped on the way is picked up again
+            for call in calls:
+                if not (yield from self.attempt(work, call)):
+                    break
+            else:
+                yield from self.finish(work)
+
+    def finish(self, work: Work) -> Actions:
+        """Everything is done: carry what is held close, look at it, and show it if nobody says that it is complete."""
+        yield from work.tuck()
+        for side in work.held():
+            if (name := work.scene.holding(side)) is not None and work.scene.volumes(name):
+                yield from work.look_at(name)
+        self.note = "done"
+        yield from self._show(work)
+
+    def _show(self, work: Work) -> Actions:
+        """Nobody has said that it is complete: hold what has been filled out to the head, and home again, for ever."""
+        for turn in itertools.count():
+            yield from work.motion.wait(_PATIENCE_S)
+            for side, held in work.held().items():
+                if work.scene.volumes(held.name):
+                    with contextlib.suppress(MotionFailure):
+                        yield from present(work, side, 3 * turn)
+                        yield from work.look_at(held.name)
+                        yield from work.motion.wait(_PATIENCE_S)
+                        yield from work.tuck()
+
+    def attempt(self, work: Work, call: SkillCall) -> Any:
+        """Try one skill several times from different places; yields actions, returns whether it succeeded."""
+        tried: list[Array] = []
+        for _ in range(_ATTEMPTS):
+            self.attempts += 1
+            try:
+                perform = REPERTOIRE.get(call.skill.name)
+                if perform is None:
+                    raise MotionFailure("unknown_skill")
+                yield from perform(work, call.arguments, tried)
+                return True
+            except MotionFailure as failure:
+                self.note = f"{call.skill.name}: {failure.reason}"
+                if failure.reason in _ANYWHERE:
+                    return False
+                yield from self._recover(work)
+                if failure.reason == "missed":
+                    return False
+        return False
+
+    def _recover(self, work: Work) -> Actions:
+        """After a failure: open a hand that holds nothing, raise it, back off, fold."""
+        held = work.held()
+        for side in SIDES:
+            if side not in held and work.motion.felt.gripper_command[side] < 0.9:
+                yield from work.motion.grip(side, 1.0, 0.4)
+            if side not in held:
+                with contextlib.suppress(MotionFailure):  # where no hand can rise, folding is tried all the same
+                    yield from work.rise(side)
+        x, y, yaw = work.motion.felt.base_pose
+        try:
+            yield from work.settle()
+            yield from work.motion.drive(np.array([x - 0.15 * np.cos(yaw), y - 0.15 * np.sin(yaw), yaw]))
+        except MotionFailure as failure:
+            self.note = f"recovery: {failure.reason}"

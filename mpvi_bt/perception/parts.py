@@ -1,0 +1,58 @@
+"""Parts of things that hands work on: bars to hold, doors, lids and drawers to open."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from mpvi_bt.robot.solids import Array, Solid
+
+
+class Bar(Protocol):
+    """A bar that a hand can close around, in the world frame [m]; `mpvi_bt.sim.description.Handle` is one."""
+
+    @property
+    def center(self) -> Array:
+        """(3,) middle of the bar."""
+        ...
+
+    @property
+    def axis(self) -> Array:
+        """(3,) unit vector along it."""
+        ...
+
+    @property
+    def outward(self) -> Array:
+        """(3,) unit vector to its free side."""
+        ...
+
+    @property
+    def length_m(self) -> float:
+        """Free length of the bar."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Door:
+    """A part of a thing that opens: a hinged door, a lid, a drawer.
+
+    Attributes:
+        name: Of the part, such as "door" or "drawer_2".
+        kind: A hinge turns [rad], a slide shifts [m].
+        origin: (3,) a point on the hinge's axis, or any on the slide's, in the world.
+        axis: (3,) unit vector in the world: positive motion about or along it opens.
+        position: How far it is open [rad or m].
+        limit: How far it opens [rad or m].
+        bar: What to hold it by, where it is now; None if it has no handle.
+        solids: The moving part as it stands now, in the world.
+    """
+
+    name: str
+    kind: Literal["hinge", "slide"]
+    origin: Array
+    axis: Array
+    position: float
+    limit: float
+    bar: Bar | None
+    solids: Sequence[Solid]
