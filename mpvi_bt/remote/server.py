@@ -1,0 +1,267 @@
+"""Any policy behind openpi's websocket protocol: a metadata frame, then one answer for each observation.
+
+Each client has a policy of its own, in a thread of its own: policies keep state, and a slow one holds up nobody else.
+What a client sends wrong ends that client's connection, as in openpi: a text frame says what was wrong, then the server
+closes with code 1011.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hmac
+import logging
+import queue
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from http import HTTPStatus
+from typing import Any
+
+import numpy as np
+from websockets.asyncio.server import Server, ServerConnection, serve
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from mpvi_bt import __version__
+from mpvi_bt.behaviors.protocols import Policy
+from mpvi_bt.errors import BadMessage
+from mpvi_bt.remote.codec import MAX_BYTES, pack, unpack
+from mpvi_bt.remote.metrics import Metrics
+from mpvi_bt.remote.observation import read_observation
+from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ
+
+MOST_CLIENTS = 64  # each has a policy and a thread
+INTERNAL_ERROR = 1011  # what openpi closes with after an error
+_log = logging.getLogger("mpvi_bt.remote.server")  # what websockets would say of each bad handshake
+_log.addHandler(logging.NullHandler())
+_log.propagate = False
+
+
+class Refused(Exception):
+    """An observation that gets no answer.
+
+    Attributes:
+        kind: "bad_message": it is not as docs/policies.md says; "policy_failed": the policy raised.
+    """
+
+    def __init__(self, kind: str, message: str) -> None:
+        self.kind = kind
+        super().__init__(f"{kind}: {message}")
+
+
+class PolicyServer:
+    """Serves a policy until it is told to stop.
+
+    Args:
+        name: Of the policy, for the metadata.
+        make: Makes one; called for each client, in the client's thread.
+        api_key: What clients must send as `Authorization: Api-Key ...`; "": nothing.
+        say: Told what a person should know, in one line, when it happens.
+
+    Attributes:
+        metrics: What has happened so far.
+        port: Where it listens, once it does.
+    """
+
+    def __init__(
+        self, name: str, make: Callable[[], Policy], api_key: str = "", say: Callable[[str], None] = lambda line: None
+    ) -> None:
+        self.metrics = Metrics()
+        self.port = 0
+        self._name, self._make, self._say = name, make, say
+        self._authorization = f"Api-Key {api_key}".encode() if api_key else b""
+
+    @contextlib.asynccontextmanager
+    async def listening(self, host: str, port: int) -> Any:
+        """Serve at an address (port 0: any that is free) within the block; afterwards clients are told to go (1001).
+
+        Raises:
+            OSError: The address cannot be had.
+        """
+        async with serve(
+            self._client,
+            host,
+            port,
+            process_request=self._before,
+            compression=None,  # pictures hardly shrink, and it takes long
+            max_size=MAX_BYTES,
+            max_queue=1,  # who sends more before an answer must wait
+            origins=[None],  # no page in somebody's browser
+            close_timeout=2,
+            logger=_log,
+            server_header=None,
+        ) as server:
+            self.port = _port(server)
+            yield self
+
+    def _before(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Answer plain HTTP; None: go on to the websocket."""
+        path = request.path.partition("?")[0]
+        if path == "/healthz":
+            return connection.respond(HTTPStatus.OK, "OK\n")
+        if path == "/metrics":
+            return connection.respond(HTTPStatus.OK, self.metrics.text())
+        given = " ".join(request.headers.get_all("Authorization")).encode()
+        if self._authorization and not hmac.compare_digest(given, self._authorization):
+            return connection.respond(HTTPStatus.UNAUTHORIZED, "An Authorization: Api-Key header is wanted.\n")
+        if self.metrics.clients >= MOST_CLIENTS:
+            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"There are {MOST_CLIENTS} clients already.\n")
+        return None
+
+    async def _client(self, connection: ServerConnection) -> None:
+        """One client, from its first frame to its last."""
+        self.metrics.clients += 1
+        self.metrics.connections += 1
+        session = Session(self._make)
+        gone = asyncio.ensure_future(connection.wait_closed())
+        try:
+            await self._converse(connection, session, gone)
+        except Refused as error:
+            self.metrics.errors[error.kind] += 1
+            self._say(f"client {_address(connection)}: {str(error).strip().splitlines()[-1]}")
+            with contextlib.suppress(ConnectionClosed):
+                await connection.send(str(error))
+                await connection.close(INTERNAL_ERROR, "what went wrong is in the frame before")
+        finally:
+            gone.cancel()
+            session.end()
+            self.metrics.clients -= 1
+
+    async def _converse(self, connection: ServerConnection, session: Session, gone: asyncio.Future[None]) -> None:
+        with contextlib.suppress(ConnectionClosed):
+            cameras = await _unless(gone, session.begin())
+            if cameras is None:
+                return
+            await connection.send(pack(self._metadata(cameras)))
+            total_s = None
+            async for frame in connection:
+                started = time.perf_counter()
+                answer = await _unless(gone, session.answer(frame))
+                if answer is None:
+                    return
+                message, infer_s = answer
+                self.metrics.inferred(infer_s)
+                self.metrics.received_bytes += len(frame)
+                timing = {"infer_ms": infer_s * 1000}
+                if total_s is not None:
+                    timing["prev_total_ms"] = total_s * 1000
+                packed = pack({**message, "server_timing": timing})
+                await connection.send(packed)
+                self.metrics.sent_bytes += len(packed)
+                total_s = time.perf_counter() - started
+
+    def _metadata(self, cameras: list[str]) -> dict[str, Any]:
+        return {
+            "policy": self._name,
+            "cameras": cameras,
+            "action_size": ACTION_SIZE,
+            "control_hz": CONTROL_HZ,
+            "mpvi_bt": __version__,
+        }
+
+
+class Session:
+    """The policy of one client, in a thread of its own.
+
+    The thread is a daemon: a policy that hangs must not keep the server from ending.
+
+    Args:
+        make: Makes the policy.
+    """
+
+    def __init__(self, make: Callable[[], Policy]) -> None:
+        self._make = make
+        self._policy: Policy | None = None
+        self._prompt: str | None = None
+        self._calls: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
+        threading.Thread(target=self._work, name="policy", daemon=True).start()
+
+    def begin(self) -> asyncio.Future[list[str]]:
+        """Make the policy; the cameras that it wants first. The future raises Refused."""
+        return self._later(self._begin)
+
+    def answer(self, frame: str | bytes) -> asyncio.Future[tuple[dict[str, Any], float]]:
+        """The answer to an observation, and how long the policy took [s]. The future raises Refused."""
+        return self._later(lambda: self._answer(frame))
+
+    def end(self) -> None:
+        """Let the thread end after what it is doing."""
+        self._calls.put(None)
+
+    def _later(self, call: Callable[[], Any]) -> asyncio.Future[Any]:
+        loop = asyncio.get_running_loop()
+        future: asyncio.Future[Any] = loop.create_future()
+
+        def run() -> None:
+            try:
+                value, error = call(), None
+            except Refused as refused:
+                value, error = None, refused
+            except Exception:  # whatever a policy may raise is its client's to read
+                value, error = None, Refused("policy_failed", traceback.format_exc())
+
+            def set_() -> None:
+                if not future.done():
+                    future.set_exception(error) if error else future.set_result(value)
+
+            with contextlib.suppress(RuntimeError):  # the server has ended meanwhile
+                loop.call_soon_threadsafe(set_)
+
+        self._calls.put(run)
+        return future
+
+    def _work(self) -> None:
+        while (call := self._calls.get()) is not None:
+            call()
+
+    def _begin(self) -> list[str]:
+        self._policy = self._make()
+        self._policy.reset()
+        return list(self._policy.cameras)
+
+    def _answer(self, frame: str | bytes) -> tuple[dict[str, Any], float]:
+        assert self._policy is not None
+        if isinstance(frame, str):
+            raise Refused("bad_message", "a text frame; an observation is a binary frame of msgpack")
+        try:
+            observation, reset = read_observation(unpack(frame))
+            if reset or observation["prompt"] != self._prompt:
+                self._policy.reset()
+            self._prompt = observation["prompt"]
+            for camera in self._policy.cameras:
+                if camera not in observation["images"]:
+                    raise BadMessage(f"images: {camera} is missing, which the policy asked for in the last `cameras`")
+        except BadMessage as error:
+            raise Refused("bad_message", str(error)) from None
+        started = time.perf_counter()
+        actions = np.asarray(self._policy.infer(observation), float)
+        infer_s = time.perf_counter() - started
+        if actions.ndim != 2 or actions.shape[1] != ACTION_SIZE or not len(actions) or not np.isfinite(actions).all():
+            raise Refused("policy_failed", f"actions of shape {actions.shape}; (H, {ACTION_SIZE}) and finite is wanted")
+        message = {
+            "actions": actions,
+            "cameras": list(self._policy.cameras),
+            "note": str(getattr(self._policy, "note", "")),
+            "policy_timing": {"infer_ms": infer_s * 1000},
+        }
+        return message, infer_s
+
+
+async def _unless(gone: asyncio.Future[None], wanted: asyncio.Future[Any]) -> Any:
+    """What is wanted; None if the client is gone before."""
+    await asyncio.wait((gone, wanted), return_when=asyncio.FIRST_COMPLETED)
+    if wanted.done():
+        return wanted.result()
+    wanted.cancel()
+    return None
+
+
+def _port(server: Server) -> int:
+    return int(next(iter(server.sockets)).getsockname()[1])
+
+
+def _address(connection: ServerConnection) -> str:
+    address = connection.remote_address
+    return f"{address[0]}:{address[1]}" if isinstance(address, tuple) else "unknown"
