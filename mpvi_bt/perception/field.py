@@ -1,0 +1,189 @@
+"""What depth pictures leave in doubt: the distance to whatever has not been seen to be free."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.robot.solids import Array
+
+CELL_M = 0.025
+_SIZE_M = (3.2, 3.2, 2.0)  # the robot's reach from every place that it might drive to for one thing
+_LOWEST_M = -0.05
+_SURFACE_M = 0.012  # a point that much before a surface is free,
+_NOISE_PER_M = 0.004  # and that much more for every square meter of range: depth noise grows so
+_FAR = 9.0  # what distance there is to nothing
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One depth picture.
+
+    Attributes:
+        image: The picture.
+        through: (H, W) bool: pixels that tell nothing of what is behind them, such as the robot's own body or a thing
+            that is to be grasped. What is before them is still seen to be free.
+    """
+
+    image: CameraImage
+    through: NDArray[np.bool_]
+
+
+class Field:
+    """An `mpvi_bt.robot.collision.Obstacles` from depth pictures.
+
+    A cell is blocked if some picture shows a surface at it or before it, and none shows it to be free: what is hidden
+    counts as solid. What no picture has in view is taken for free; a robot that could not move before it had seen all
+    around itself would never move.
+    """
+
+    def __init__(self, views: Sequence[View], middle_xy: Array) -> None:
+        """Carve the cells about a place on the floor.
+
+        Args:
+            views: What was seen, in one world frame.
+            middle_xy: (2,) [m] place about which the field extends 1.6 m to each side, and from the floor 1.95 m up.
+        """
+        count = np.round(np.array(_SIZE_M) / CELL_M).astype(int)
+        self._low = np.array([*(np.asarray(middle_xy, float)[:2] - np.array(_SIZE_M[:2]) / 2), _LOWEST_M])
+        self._to_world = np.eye(4)
+        doubt = np.zeros(tuple(count), np.uint8)
+        for view in views:
+            image = view.image
+            depth = np.where(view.through, -np.abs(image.depth), image.depth).astype(np.float32)
+            T_camera_grid = kin.inverse(image.T_world_camera) @ kin.transform(np.eye(3), self._low + CELL_M / 2)
+            camera = np.array([image.K[0, 0], image.K[1, 1], image.K[0, 2], image.K[1, 2]])
+            _kernels()["carve"](doubt, depth, T_camera_grid, camera, CELL_M, _SURFACE_M, _NOISE_PER_M)
+        self.blocked: NDArray[np.bool_] = doubt == _HIDDEN
+        self._distance = distance_to(self.blocked) * np.float32(CELL_M) - np.float32(CELL_M / 2)
+
+    def cleared(self, p_world: Array, radius_m: float) -> Field:
+        """The same with everything within `radius_m` of the points (n, 3) taken for free, such as the robot's place."""
+        other = copy(self)
+        other.blocked = self.blocked.copy()
+        centers = np.argwhere(self.blocked)
+        p = self._low + (centers + 0.5) * CELL_M
+        near = (np.linalg.norm(p[:, None] - np.atleast_2d(p_world), axis=-1) < radius_m).any(1)
+        other.blocked[tuple(centers[near].T)] = False
+        other._distance = distance_to(other.blocked) * np.float32(CELL_M) - np.float32(CELL_M / 2)
+        return other
+
+    def seen_from(self, T: Array) -> Field:
+        """The same in another frame; `T` (4, 4) maps that frame into the present one."""
+        other = copy(self)
+        other._to_world = self._to_world @ T
+        return other
+
+    def distance(self, p: Array) -> Array:
+        """(...,) distance [m] of points (..., 3) to the nearest blocked cell; 0 within one, 9 outside of the field."""
+        flat = np.ascontiguousarray(p.reshape(-1, 3), np.float64)
+        out = np.empty(len(flat))
+        _kernels()["look_up"](self._distance, flat, self._to_world, self._low, CELL_M, _FAR, out)
+        return out.reshape(p.shape[:-1])
+
+
+def distance_to(blocked: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Distance of every cell's center to that of the nearest blocked one, in cells; 1000 where there is none.
+
+    By lower envelopes of parabolas (Felzenszwalb and Huttenlocher 2012), compiled: scipy's takes 7 times as long.
+    """
+    squared = np.where(blocked, 0, 1e6).astype(np.float32)
+    for axis in range(blocked.ndim):
+        turned = np.moveaxis(squared, axis, -1)
+        rows = np.ascontiguousarray(turned).reshape(-1, turned.shape[-1])
+        out = np.empty_like(rows)
+        _kernels()["envelope"](rows, out)
+        squared = np.moveaxis(out.reshape(turned.shape), -1, axis)
+    return np.ascontiguousarray(np.sqrt(squared))
+
+
+_HIDDEN, _FREE = 1, 2
+
+
+@cache
+def _kernels() -> dict[str, Callable[..., None]]:
+    """The compiled loops; numba keeps them beside this file or in the user's cache folder."""
+    import numba
+
+    compiled: dict[str, Any] = {}
+    for name, function in (("carve", _carve), ("look_up", _look_up), ("envelope", _envelope)):
+        try:
+            compiled[name] = numba.njit(cache=True)(function)
+        except RuntimeError:  # no folder that can be written: compile anew in each process
+            compiled[name] = numba.njit(function)
+    return compiled
+
+
+def _carve(doubt, depth, T, camera, cell, surface, noise):  # type: ignore
+    """Mark cells: 2 free in some picture, 1 hidden in some and free in none. `T` maps cell corners to the camera."""
+    height, width = depth.shape
+    for i in range(doubt.shape[0]):
+        for j in range(doubt.shape[1]):
+            x0, y0 = i * cell, j * cell
+            for k in range(doubt.shape[2]):
+                if doubt[i, j, k] == 2:
+                    continue
+                z0 = k * cell
+                z = T[2, 0] * x0 + T[2, 1] * y0 + T[2, 2] * z0 + T[2, 3]
+                if z < 0.03:
+                    continue
+                x = T[0, 0] * x0 + T[0, 1] * y0 + T[0, 2] * z0 + T[0, 3]
+                y = T[1, 0] * x0 + T[1, 1] * y0 + T[1, 2] * z0 + T[1, 3]
+                u = int(np.floor(camera[0] * x / z + camera[2]))
+                v = int(np.floor(camera[1] * y / z + camera[3]))
+                if u < 0 or v < 0 or u >= width or v >= height:
+                    continue
+                seen = depth[v, u]
+                if seen == 0:
+                    continue
+                far = abs(seen)
+                if z < far - surface - noise * far * far:
+                    doubt[i, j, k] = 2
+                elif seen > 0:
+                    doubt[i, j, k] = 1
+
+
+def _look_up(distance, points, T, low, cell, far, out):  # type: ignore
+    """The distance at each point, of the cell that it lies in."""
+    for n in range(points.shape[0]):
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        i = int(np.floor((T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3] - low[0]) / cell))
+        j = int(np.floor((T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3] - low[1]) / cell))
+        k = int(np.floor((T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3] - low[2]) / cell))
+        inside = i >= 0 and j >= 0 and k >= 0
+        if inside and i < distance.shape[0] and j < distance.shape[1] and k < distance.shape[2]:
+            out[n] = min(max(distance[i, j, k], 0.0), far)
+        else:
+            out[n] = far
+
+
+def _envelope(f, out):  # type: ignore
+    """Per row: the lower envelope of parabolas on `f`, the squared distances so far."""
+    n = f.shape[1]
+    at = np.zeros(n, np.int64)
+    edge = np.zeros(n + 1)
+    for r in range(f.shape[0]):
+        k = 0
+        at[0] = 0
+        edge[0], edge[1] = -1e20, 1e20
+        for q in range(1, n):
+            s = ((f[r, q] + q * q) - (f[r, at[k]] + at[k] * at[k])) / (2.0 * (q - at[k]))
+            while s <= edge[k]:
+                k -= 1
+                s = ((f[r, q] + q * q) - (f[r, at[k]] + at[k] * at[k])) / (2.0 * (q - at[k]))
+            k += 1
+            at[k] = q
+            edge[k], edge[k + 1] = s, 1e20
+        k = 0
+        for q in range(n):
+            while edge[k + 1] < q:
+                k += 1
+            out[r, q] = (q - at[k]) ** 2 + f[r, at[k]]
