@@ -60,9 +60,10 @@ class Thing:
     def place(self, T: Array) -> None:
         """Put a movable thing at `T` (4, 4, body to world), at rest."""
         self.entity.set_pose(sapien.Pose(T))
-        self.rigid_body.set_linear_velocity([0, 0, 0])
-        self.rigid_body.set_angular_velocity([0, 0, 0])
-        self.rigid_body.wake_up()
+        if not self.rigid_body.kinematic:
+            self.rigid_body.set_linear_velocity([0, 0, 0])
+            self.rigid_body.set_angular_velocity([0, 0, 0])
+            self.rigid_body.wake_up()
 
     def motion(self) -> dict[str, list[float]]:
         """How a thing that can move stands and moves: a free body's pose (xyz, wxyz) and velocities, or its joints'."""

@@ -156,6 +156,17 @@ class SimRobot:
         self.act(values["action"])
         self.apply()
 
+    def stand(self, arms: Mapping[Side, Array]) -> None:
+        """Have arms stand in postures (7,) at once, at rest, and keep them."""
+        q, action = self._articulation.get_qpos(), self.action
+        for side, posture in arms.items():
+            q[self._arm[side]] = action[ActionLayout.ARM[side]] = posture
+        self._articulation.set_qpos(q)
+        self._articulation.set_qvel(np.zeros_like(q))
+        self._sent = None
+        self.act(action)
+        self.apply()
+
     def apply(self) -> None:
         """Send the command to the drives. The world calls it once a control step."""
         action, sent = self._action, self._sent

@@ -9,13 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt.errors import UserError
+from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.perception.knowledge import Entry as Known
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, CameraImage, Side
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, CameraImage, Side
+from mpvi_bt.robot.r1 import FINGER_JOINTS
 from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.sim.assisted import Attachments
 from mpvi_bt.sim.builder import Thing, build_house, build_object
 from mpvi_bt.sim.cameras import Cameras
 from mpvi_bt.sim.catalogue import Entry
@@ -26,7 +28,7 @@ from mpvi_bt.sim.robot import SimRobot
 from mpvi_bt.sim.shaders import new_scene
 
 PHYSICS_HZ = 120
-_HELD_M = 0.012  # a thing this near the tcp of a hand that closed on something is in that hand
+_HELD_M = 0.012  # a thing this near the line between the pads of a hand that closed on something is in that hand
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +54,14 @@ class World:
         physics_s: Wall time spent stepping.
     """
 
-    def __init__(self, house: House, objects: Mapping[str, Placement], base_pose: Array, render: bool = True) -> None:
+    def __init__(
+        self,
+        house: House,
+        objects: Mapping[str, Placement],
+        base_pose: Array,
+        render: bool = True,
+        assisted: bool = False,
+    ) -> None:
         """Build everything; nothing has moved yet.
 
         Args:
@@ -60,6 +69,7 @@ class World:
             objects: Movable things by name, such as "can__of__soda.n.01_1".
             base_pose: (3,) the robot's x, y [m] and yaw [rad].
             render: Whether pictures can be asked for.
+            assisted: Whether grasps are assisted: what a closing hand pinches stays in it until the hand opens.
 
         Raises:
             NoRenderingDevice: `render` was asked for on a machine that cannot.
@@ -79,6 +89,7 @@ class World:
             self.cameras.names = {**things, **robot}
         self._prior, self._map = knowledge(house), prior_map(house)
         self._known: tuple[int, KnowledgeBase] | None = None
+        self._attachments = Attachments(self._scene) if assisted else None
         self.steps = 0
         self.physics_s = 0.0
 
@@ -97,6 +108,8 @@ class World:
         for _ in range(PHYSICS_HZ // CONTROL_HZ):
             self._scene.step()
         self.steps += 1
+        if self._attachments is not None:
+            self._assist(self._attachments)
         self.physics_s += time.perf_counter() - started
 
     def settle(self, seconds: float = 1.0) -> None:
@@ -107,10 +120,44 @@ class World:
 
     def refresh(self) -> None:
         """Have physics report every contact anew: it falls silent about what sleeps. Costs one physics step."""
-        for thing in self._objects.values():
-            thing.rigid_body.wake_up()
+        self.wake()
         self._scene.step()
         self.robot.forget()
+        self._known = None
+
+    def wake(self) -> None:
+        """Have the next step report the contacts of what sleeps, too."""
+        for thing in self._objects.values():
+            thing.rigid_body.wake_up()
+
+    def set_opening(self, name: str, body: str, fraction: float) -> None:
+        """Put a door or drawer of a fixture at an opening, 0 closed to 1 fully open, at rest.
+
+        Raises:
+            UnknownName: There is no such thing, or no such moving body of it.
+        """
+        if name not in self._things:
+            raise UnknownName("thing", name, self._things)
+        moving = [b.name for b in self._things[name].description.bodies if b.joint is not None]
+        if body not in moving:
+            raise UnknownName("moving body", body, moving, where=name)
+        self._things[name].set_joint_fraction(body, fraction)
+
+    def place(self, name: str, T: Array, fixed: bool = False) -> None:
+        """Put a movable thing at `T` (4, 4, body to world), at rest.
+
+        Args:
+            name: The thing.
+            T: Where.
+            fixed: Nothing moves it from there until it is placed anew.
+
+        Raises:
+            UnknownName: There is no such movable thing.
+        """
+        if name not in self._objects:
+            raise UnknownName("movable thing", name, self._objects)
+        self._objects[name].rigid_body.kinematic = fixed
+        self._objects[name].place(T)
         self._known = None
 
     def save(self) -> dict[str, Any]:
@@ -219,14 +266,38 @@ class World:
         return []
 
     def holding(self, side: Side) -> str | None:
-        """The movable thing between the fingers of one hand: nearest to the tcp of a hand that closed on something."""
+        """The movable thing between the fingers of one hand: nearest to the line between the pads of a hand that closed
+        on something, so that a cup, which has nothing in its middle, is held, too.
+        """
         felt = self.robot.proprioception()
         if not felt.holds(side):
             return None
-        tcp = self.robot.hand_pose_world(side)[:3, 3]
-        gaps = {name: min(_gap(s, tcp) for s in self.solids(name)) for name in self._objects}
+        T = self.robot.hand_pose_world(side)
+        half = felt.gripper_width[side] / 2
+        points = [T[:3, 3] + y * T[:3, 1] for y in np.linspace(-half, half, 5)]
+        gaps = {name: min(_gap(s, p) for s in self.solids(name) for p in points) for name in self._objects}
         nearest = min(gaps, key=gaps.__getitem__, default=None)
         return nearest if nearest is not None and gaps[nearest] < _HELD_M else None
+
+    def pinched(self, side: Side) -> list[str]:
+        """The movable things that both fingers of one hand touch, by the contacts of the last physics step."""
+        fingers = [self.robot.links[n.removesuffix("_joint")].entity for n in FINGER_JOINTS[side]]
+        touched: list[set[str]] = [set(), set()]
+        for contact in self._scene.get_contacts():
+            a, b = (body.entity for body in contact.bodies)
+            for k, finger in enumerate(fingers):
+                if finger in (a, b) and any(p.separation < 2e-3 for p in contact.points):
+                    touched[k].add((b if finger == a else a).name)
+        return [name for name in self._objects if all(name in names for names in touched)]
+
+    def _assist(self, attachments: Attachments) -> None:
+        """Fix what a closing hand pinches to the hand; let go of it when the hand is told to open."""
+        for side in SIDES:
+            closing = self.robot.action[ActionLayout.GRIPPER[side]] < 0
+            if not closing:
+                attachments.release(side)
+            elif attachments.of(side) is None and (names := self.pinched(side)):
+                attachments.attach(side, self.robot.links[f"{side}_hand"], self._objects[names[0]])
 
     def within(self, name: str) -> Sequence[str]:
         """Movable things whose middle lies in the container volumes of a thing."""
