@@ -104,14 +104,33 @@ def test_what_a_posture_reaches_is_found(seed: int, side: Side) -> None:
 
 @given(seeds, sides)
 def test_nearest_posture_is_the_nearest(seed: int, side: Side) -> None:
-    """No solution is nearer than the nearest one."""
+    """No solution is nearer than the nearest one, be the swivels sampled ever so finely around it."""
     near, other = posture(seed, side, 2)
     T = kin.arm(other, side)
     found = kin.nearest_posture(T, side, near, swivels=24)
     _, q = kin.arm_inverse(T[None], side, swivels=24)
     assert (found is None) == (len(q) == 0)
     if found is not None:
-        assert kin.posture_distance(found, near) == pytest.approx(kin.posture_distance(q, near).min())
+        np.testing.assert_allclose(kin.arm(found, side), T, atol=1e-7)
+        low, high = r1.ARM_LIMITS[side].T
+        assert ((found >= low) & (found <= high)).all()
+        assert kin.posture_distance(found, near) <= kin.posture_distance(q, near).min() + 1e-9
+
+
+@given(seeds, sides)
+def test_a_hand_that_moves_evenly_takes_the_elbow_along_evenly(seed: int, side: Side) -> None:
+    """Hand poses that follow each other closely have postures that do: the elbow does not hop between samples."""
+    low, high = r1.ARM_LIMITS[side].T
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(low + 0.5, high - 0.5)
+    T, found = kin.arm(q, side), q
+    for _ in range(10):
+        T = T @ kin.transform(np.eye(3), (0.0005, 0.0, 0.0005))
+        nearer = kin.nearest_posture(T, side, found)
+        if nearer is None or np.abs(found[[1, 5]]).min() < 0.4 or found[3] > -0.4:
+            return  # out of reach, or so straight that small moves take large turns
+        assert np.abs(nearer - found).max() < 0.02
+        found = nearer
 
 
 def test_out_of_reach_has_no_solution() -> None:

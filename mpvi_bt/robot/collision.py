@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.robot import kernels, r1
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, Solid
 
@@ -29,17 +30,17 @@ _HAND = _spheres(
     + [(-0.055, 0, 0.085 - r1.TCP_M, 0.02)]
     + [(0, y, z - r1.TCP_M, 0.012) for y in (-0.055, 0.055) for z in (0.135, 0.155)]
 )
-_RADII = np.concatenate([_UPPER[1], _FORE[1], _HAND[1]])
+_ARM = tuple(np.concatenate(parts) for parts in zip(_UPPER, _FORE, _HAND, strict=True))  # centers, radii
+_LINK = np.repeat([0, 1, 2], [len(_UPPER[1]), len(_FORE[1]), len(_HAND[1])])
+_FIRST_OF_HAND = int(np.argmax(_LINK == 2))
 _NUM_FINGERS = 4  # the last spheres: what may be near a thing that is being grasped
-# Boxes (center, half) in the chest frame: chest and head.
-_CHEST = [((-0.04, 0, 0.21), (0.07, 0.11, 0.14)), ((-0.01, 0, 0.51), (0.06, 0.09, 0.06))]
+# Boxes (center, half): chest and head in the chest frame, the lift's column in the base frame.
+_CHEST = np.array([(-0.04, 0, 0.21, 0.07, 0.11, 0.14), (-0.01, 0, 0.51, 0.06, 0.09, 0.06)])
+_COLUMN = np.array([-0.10, 0, 0.40, 0.06, 0.08, 0.20])
+_BASE = np.array([r1.BASE_RADIUS_M, 0.26])  # and its height
+_FOLD_M = 0.09  # a hand comes no nearer to the middle of its own shoulder
 _TRUNK = _spheres([(0.03, 0, 0.52, 0.12), (-0.04, 0, 0.40, 0.09), (-0.04, 0.06, 0.25, 0.10), (-0.04, -0.06, 0.25, 0.10),
                    (-0.04, 0, 0.10, 0.11)])  # fmt: skip
-
-
-def _box_distance(p: Array, center: Sequence[float], half: Sequence[float]) -> Array:
-    out = np.maximum(np.abs(p - np.asarray(center)) - np.asarray(half), 0.0)
-    return np.asarray(np.sqrt(np.einsum("...i,...i->...", out, out)))
 
 
 class Obstacles(Protocol):
@@ -71,17 +72,13 @@ class Surroundings:
 
     def distance(self, p: Array) -> Array:
         """(...,) distance [m] of points (..., 3) to the nearest solid; 0 within one, 9 if there is none."""
-        count = len(self._half)
-        if not count:
-            return np.full(p.shape[:-1], 9.0)
-        turned = p.reshape(-1, 3) @ self._inverse[:, :3, :3].transpose(2, 0, 1).reshape(3, -1)
-        local = turned.reshape(-1, count, 3) + self._inverse[:, :3, 3]
-        out = np.abs(local) - self._half
-        if self._round.any():
-            radial = np.hypot(local[:, self._round, 0], local[:, self._round, 1]) - self._half[self._round, 0]
-            out[:, self._round, 0], out[:, self._round, 1] = radial, 0.0
-        np.maximum(out, 0.0, out=out)
-        return np.asarray(np.sqrt(np.einsum("nsi,nsi->ns", out, out).min(1)).reshape(p.shape[:-1]))
+        flat = np.ascontiguousarray(p, float).reshape(-1, 3)
+        return np.asarray(kernels.solids_distance(flat, *self.arrays).reshape(p.shape[:-1]))
+
+    @property
+    def arrays(self) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Inverse poses (n, 4, 4), half extents (n, 3) and which are round (n,), for `kernels`."""
+        return self._inverse, self._half, self._round
 
 
 NOTHING = Surroundings(())
@@ -149,36 +146,16 @@ class Body:
         Returns:
             Distance to the surroundings and distance to the robot itself.
         """
-        q = np.atleast_2d(q)
-        p, radii, own = self._arm_points(side, q, grasping)
+        p, hands, radii, own = self._arm_points(side, q, grasping)
         around = (self.around.distance(p) - radii).min(1)
-        chest = kin.inverse(kin.chest(self.torso))
-        in_chest = p @ chest[:3, :3].T + chest[:3, 3]
-        itself = np.full(len(q), np.inf)
-        for (center, half), first in zip(_CHEST, (1, 2), strict=True):  # the shoulder is inside the chest
-            itself = np.minimum(itself, (_box_distance(in_chest[:, first:], center, half) - radii[first:]).min(1))
-        low = p[:, 2:]
-        column = np.hypot(
-            np.maximum(np.hypot(low[..., 0], low[..., 1]) - r1.BASE_RADIUS_M, 0), np.maximum(low[..., 2] - 0.26, 0)
-        )
-        itself = np.minimum(itself, (column - radii[2:]).min(1))
-        itself = np.minimum(itself, (_box_distance(low, (-0.10, 0, 0.40), (0.06, 0.08, 0.20)) - radii[2:]).min(1))
-        fold = np.linalg.norm(p[:, 8:own, None] - p[:, None, :2], axis=-1).min((1, 2)) - 0.09
-        itself = np.minimum(itself, fold)
         other: Side = "left" if side == "right" else "right"
-        p2, r2, own2 = self._arm_points(other, np.atleast_2d(self.arms[other]), False)
-        apart = p[:, 2:own, None] - p2[0, None, None, :own2]
-        gap = np.sqrt(np.einsum("nijk,nijk->nij", apart, apart)) - radii[2:own, None] - r2[:own2]
-        itself = np.minimum(itself, gap.min((1, 2)))
-        if other in self.held:
-            T = kin.tcp(self.torso, self.arms[other], other)
-            itself = np.minimum(
-                itself, (self.held[other].solids.seen_from(kin.inverse(T)).distance(p[:, 2:]) - radii[2:]).min(1)
-            )
-        if side in self.held:
-            T = kin.inverse(kin.tcp(self.torso, q, side))
-            in_hand = np.einsum("nij,kj->nki", T[:, :3, :3], p2[0, :own2]) + T[:, None, :3, 3]
-            itself = np.minimum(itself, (self.held[side].solids.distance(in_hand) - r2[:own2]).min(1))
+        p2, hands2, r2, own2 = self._others[other]
+        theirs = self.held[other].solids.seen_from(kin.inverse(hands2[0])) if other in self.held else NOTHING
+        mine = self.held[side].solids if side in self.held else NOTHING
+        itself = kernels.self_distance(
+            p, radii, _FIRST_OF_HAND, own, hands, self._from_chest, _CHEST, _COLUMN, _BASE, _FOLD_M,
+            p2[0, :own2], r2[:own2], mine.arrays, theirs.arrays,
+        )  # fmt: skip
         return around, itself
 
     def free(self, side: Side, q: Array, margin: float = 0.0, grasping: bool = False) -> NDArray[np.bool_]:
@@ -195,22 +172,30 @@ class Body:
         """Whether both arms and the trunk are free as they stand."""
         return self.trunk_free() and all(bool(self.free(s, self.arms[s])[0]) for s in SIDES)
 
-    def _arm_points(self, side: Side, q: Array, grasping: bool) -> tuple[Array, Array, int]:
-        C = kin.chest(self.torso)
-        parts = []
-        frames = kin.arm_frames(q, side)
-        hand = (_HAND[0][:-_NUM_FINGERS], _HAND[1][:-_NUM_FINGERS]) if grasping else _HAND
-        for T, (centers, _) in zip(frames, (_UPPER, _FORE, hand), strict=True):
-            parts.append(np.einsum("nij,kj->nki", T[:, :3, :3], centers) + T[:, None, :3, 3])
-        radii = [_UPPER[1], _FORE[1], hand[1]]
-        own = 8 + len(hand[0])
+    @cached_property
+    def _chest(self) -> Array:
+        return kin.chest(self.torso)
+
+    @cached_property
+    def _from_chest(self) -> Array:
+        return kin.inverse(self._chest)
+
+    @cached_property
+    def _others(self) -> Mapping[Side, tuple[Array, Array, Array, int]]:
+        return {side: self._arm_points(side, self.arms[side], False) for side in SIDES}
+
+    def _arm_points(self, side: Side, q: Array, grasping: bool) -> tuple[Array, Array, Array, int]:
+        """Centers (n, m, 3) in the base frame, T_base_tcp (n, 4, 4), radii (m,) and how many are the arm's own."""
+        own = len(_LINK) - (_NUM_FINGERS if grasping else 0)
+        centers, radii, link = _ARM[0][:own], _ARM[1][:own], _LINK[:own]
         if side in self.held:
-            centers, r = self.held[side].centers, self.held[side].radii
-            T = frames[2]
-            parts.append(np.einsum("nij,kj->nki", T[:, :3, :3], centers) + T[:, None, :3, 3])
-            radii.append(r)
-        p = np.concatenate(parts, 1)
-        return p @ C[:3, :3].T + C[:3, 3], np.concatenate(radii), own
+            load = self.held[side]
+            centers, radii = np.concatenate([centers, load.centers]), np.concatenate([radii, load.radii])
+            link = np.append(link, np.full(len(load.radii), 2))
+        q = np.ascontiguousarray(np.atleast_2d(q), float)
+        frames = kernels.arm_frames(q, kin.shoulder(side), r1.UPPER_ARM_M, r1.FOREARM_M, r1.TCP_M)
+        p, hands = kernels.sphere_centers(frames, self._chest, centers, link)
+        return p, hands, radii, own
 
 
 def covering_spheres(solids: Sequence[Solid], step: float = 0.05) -> tuple[Array, Array]:

@@ -109,12 +109,12 @@ def arm_frames(q: Array, side: Side) -> tuple[Array, Array, Array]:
         q: (..., 7) joint angles [rad].
         side: Which arm.
     """
+    from mpvi_bt.robot import kernels  # numba loads when postures are first worked with
+
     q = np.asarray(q, float)
-    upper = transform(rot_y(q[..., 0]) @ rot_x(q[..., 1]) @ rot_z(q[..., 2]), shoulder(side))
-    elbow = transform(rot_y(q[..., 3]) @ rot_z(q[..., 4]), (0.0, 0.0, -r1.UPPER_ARM_M))
-    hand = transform(rot_y(q[..., 5] + np.pi) @ rot_z(q[..., 6]), (0.0, 0.0, -r1.FOREARM_M))
-    fore = upper @ elbow
-    return upper, fore, fore @ hand @ transform(np.eye(3), (0.0, 0.0, r1.TCP_M))
+    frames = kernels.arm_frames(q.reshape(-1, 7), shoulder(side), r1.UPPER_ARM_M, r1.FOREARM_M, r1.TCP_M)
+    frames = frames.reshape(*q.shape[:-1], 3, 4, 4)
+    return frames[..., 0, :, :], frames[..., 1, :, :], frames[..., 2, :, :]
 
 
 def arm(q: Array, side: Side) -> Array:
@@ -136,60 +136,34 @@ def arm_inverse(T_chest_tcp: Array, side: Side, swivels: int = 36) -> tuple[NDAr
         swivels: Samples of the free angle.
 
     Returns:
-        Index into the targets (m,) and joint angles (m, 7) [rad]; m may be 0. Exact to rounding.
+        Index into the targets (m,), ascending, and joint angles (m, 7) [rad]; m may be 0. Exact to rounding.
     """
-    T = np.asarray(T_chest_tcp, float).reshape(-1, 4, 4)
-    a, b = r1.UPPER_ARM_M, r1.FOREARM_M
-    wrist = T[:, :3, 3] - r1.TCP_M * T[:, :3, 2] - shoulder(side)
-    reach = np.linalg.norm(wrist, axis=1)
-    cos_elbow = (reach**2 - a * a - b * b) / (2 * a * b)
-    index = np.flatnonzero((np.abs(cos_elbow) <= 1.0) & (reach > 1e-6))
-    if not len(index):
-        return index, np.zeros((0, 7))
-    R, to_wrist, q4 = T[index, :3, :3], wrist[index] / reach[index, None], -np.arccos(cos_elbow[index])
+    from mpvi_bt.robot import kernels
 
-    # The wrist in the shoulder's own frame, turned the shortest way onto where it has to be, then swiveled about it.
-    own = np.stack([-b * np.sin(q4), np.zeros_like(q4), -a - b * np.cos(q4)], -1) / reach[index, None]
-    axis, cos = np.cross(own, to_wrist), (own * to_wrist).sum(-1)
-    K = _cross(axis)
-    shortest = np.eye(3) + K + K @ K / np.maximum(1.0 + cos, 1e-9)[:, None, None]
-    psi = np.linspace(-np.pi, np.pi, swivels, endpoint=False)[None, :, None, None]
-    W = _cross(to_wrist)[:, None]
-    R_shoulder = (np.eye(3) + np.sin(psi) * W + (1 - np.cos(psi)) * (W @ W)) @ shortest[:, None]
-    R_wrist = np.swapaxes(R_shoulder @ rot_y(q4)[:, None], -1, -2) @ R[:, None]
-
-    found_at, found = [], []
-    limits = r1.ARM_LIMITS[side]
-    bend = np.arcsin(np.clip(-R_shoulder[..., 1, 2], -1, 1))
-    cone = np.arccos(np.clip(R_wrist[..., 2, 2], -1, 1))
-    for q2 in (bend, np.pi - bend):  # two ways to split the shoulder's rotation into y, x, z
-        f = np.sign(np.cos(q2) + 1e-12)
-        q1 = np.arctan2(f * R_shoulder[..., 0, 2], f * R_shoulder[..., 2, 2])
-        q3 = np.arctan2(f * R_shoulder[..., 1, 0], f * R_shoulder[..., 1, 1])
-        for m in (1.0, -1.0):  # and two to split the wrist's into z, y, z
-            q5 = np.arctan2(m * R_wrist[..., 1, 2], m * R_wrist[..., 0, 2])
-            q7 = np.arctan2(m * R_wrist[..., 2, 1], -m * R_wrist[..., 2, 0])
-            q6 = wrap(m * cone - np.pi)
-            q = np.stack([q1, wrap(q2), q3, np.broadcast_to(q4[:, None], q1.shape), q5, q6, q7], -1)
-            rows, cols = np.nonzero(((q >= limits[:, 0]) & (q <= limits[:, 1])).all(-1))
-            found_at.append(index[rows])
-            found.append(q[rows, cols])
-    return np.concatenate(found_at), np.concatenate(found)
+    T = np.ascontiguousarray(T_chest_tcp, float).reshape(-1, 4, 4)
+    index, q = kernels.arm_inverse(
+        T, shoulder(side), r1.UPPER_ARM_M, r1.FOREARM_M, r1.TCP_M, r1.ARM_LIMITS[side], swivels
+    )
+    return index, q
 
 
 def nearest_posture(T_chest_tcp: Array, side: Side, q_near: Array, swivels: int = 72) -> Array | None:
-    """The solution (7,) of one target (4, 4) nearest to posture `q_near` (7,), or None if it is out of reach."""
-    _, q = arm_inverse(T_chest_tcp, side, swivels)
-    return q[posture_distance(q, q_near).argmin()] if len(q) else None
+    """The solution (7,) of one target (4, 4) nearest to posture `q_near` (7,), or None if it is out of reach.
+
+    The best of the sampled swivels is refined: along a line the elbow moves evenly, not from sample to sample.
+    """
+    from mpvi_bt.robot import kernels
+
+    found, q = kernels.nearest(
+        np.ascontiguousarray(T_chest_tcp, float), shoulder(side), r1.UPPER_ARM_M, r1.FOREARM_M, r1.TCP_M,
+        r1.ARM_LIMITS[side], swivels, np.asarray(q_near, float), _WEIGHTS,
+    )  # fmt: skip
+    return q if found else None
+
+
+_WEIGHTS = np.array([1, 1, 1, 1, 0.5, 0.5, 0.3])  # of joints in the distance of postures
 
 
 def posture_distance(q: Array, q_near: Array) -> Array:
     """(...,) weighted squared distance of postures (..., 7); the wrist's joints, cheap to turn, count less."""
-    return ((q - q_near) ** 2 * [1, 1, 1, 1, 0.5, 0.5, 0.3]).sum(-1)
-
-
-def _cross(v: Array) -> Array:
-    """(..., 3, 3) matrices of the cross product with v (..., 3)."""
-    K = np.zeros((*v.shape[:-1], 3, 3))
-    K[..., 0, 1], K[..., 0, 2], K[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
-    return K - np.swapaxes(K, -1, -2)
+    return ((q - q_near) ** 2 * _WEIGHTS).sum(-1)
