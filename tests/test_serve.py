@@ -24,7 +24,7 @@ from mpvi_bt.remote.codec import MAX_BYTES, pack, unpack
 from mpvi_bt.remote.observation import read_observation, write_observation
 from mpvi_bt.remote.server import MOST_CLIENTS, PolicyServer
 from mpvi_bt.robot.solids import Array
-from tests.serving import ask, client, received, grip, observation, serving
+from tests.serving import ask, client, grip, observation, received, serving
 
 
 class Probe:
