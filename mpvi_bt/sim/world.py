@@ -223,6 +223,11 @@ class World:
     # --- Truth
 
     @property
+    def things(self) -> Sequence[str]:
+        """Names of everything but the robot: floors and walls, fixtures, movable things."""
+        return list(self._things)
+
+    @property
     def objects(self) -> Sequence[str]:
         """Names of the movable things."""
         return list(self._objects)

@@ -1,0 +1,1 @@
+"""Trials of single skills, in small rooms: `python -m benchmarks.hands --help`."""

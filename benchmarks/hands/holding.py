@@ -1,0 +1,79 @@
+"""Puts things into the robot's hands before a trial begins, gripped as the skills grip: by friction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from mpvi_bt.errors import UserError
+from mpvi_bt.manipulation.grasps import grasps
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot import r1
+from mpvi_bt.robot.collision import Body, Load, Surroundings
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
+from mpvi_bt.robot.solids import Array, pose
+from mpvi_bt.sim.world import World
+
+_CLOSING_S = 1.0
+# Where the underside of a thing may be carried, x, y toward the own side, z [m] and its turn [rad], the best first.
+_PLACES = [
+    (x, y, z, yaw)
+    for x in (0.40, 0.45, 0.35, 0.50)
+    for y in (0.16, 0.22, 0.30, 0.10)
+    for z in (0.75, 0.85, 0.65, 0.55)
+    for yaw in (0.0, 1.57, 0.8, -0.8)
+]
+
+
+def put_in_hands(world: World, held: Mapping[Side, str]) -> None:
+    """Have the hands hold things, upright, before the chest.
+
+    Raises:
+        UserError: A thing does not fit into its hand, or falls out of it.
+    """
+    if not held:
+        return
+    felt = world.robot.proprioception()
+    T_world_base = kin.base(felt.base_pose)
+    arms = {s: felt.arm[s] for s in SIDES}
+    loads: dict[Side, Load] = {}
+    poses: dict[Side, Array] = {}
+    for side, name in held.items():
+        poses[side], arms[side], loads[side] = _posture(world, T_world_base, side, name, arms, loads)
+    world.robot.stand(arms)
+    action = world.robot.action
+    for side in held:
+        action[ActionLayout.GRIPPER[side]] = -1.0
+    for fixed in (True, False):
+        for side, name in held.items():
+            world.place(name, poses[side], fixed=fixed)
+        for _ in range(round(_CLOSING_S * CONTROL_HZ)):
+            world.step(action)
+    world.steps = 0
+    for side, name in held.items():
+        if name not in world.pinched(side):
+            raise UserError(f"{name} fell out of the {side} hand that was to hold it at the start")
+
+
+def _posture(
+    world: World, T_world_base: Array, side: Side, name: str, arms: Mapping[Side, Array], loads: Mapping[Side, Load]
+) -> tuple[Array, Array, Load]:
+    """T_world_thing (4, 4), the arm's posture (7,) and what the hand will hold, in its tcp frame."""
+    for x, y, z, yaw in _PLACES:
+        T = T_world_base @ pose((x, y * r1.SIGN[side], z), yaw)
+        world.place(name, T)
+        heading = float(np.arctan2(T_world_base[1, 0], T_world_base[0, 0]))
+        for grasp in sorted(grasps(world, name, heading), key=lambda g: g.cost):
+            frame = kin.inverse(grasp.T_world_tcp)
+            load = Load([s.moved(frame) for s in world.solids(name)], [v.moved(frame) for v in world.volumes(name)])
+            T_chest_tcp = kin.inverse(T_world_base @ kin.chest(r1.TRAVEL_TORSO)) @ grasp.T_world_tcp
+            _, found = kin.arm_inverse(T_chest_tcp, side)
+            if not len(found):
+                continue
+            body = Body(r1.TRAVEL_TORSO[:3], dict(arms), {**loads, side: load}, Surroundings(()))
+            free = found[body.free(side, found, margin=0.01)]
+            if len(free):
+                best = kin.posture_distance(free, r1.TRAVEL_ARM[side]).argmin()
+                return T, free[best], load
+    raise UserError(f"{name} does not fit into the {side} hand that is to hold it at the start")

@@ -1,0 +1,123 @@
+"""Results of trials: one JSON object a line, so that a killed run goes on where it stopped."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from benchmarks.hands.trial import Shapes
+from mpvi_bt.errors import UserError
+
+
+@dataclass(frozen=True)
+class Job:
+    """One trial and how it is to be played.
+
+    Attributes:
+        skill, case: The scene.
+        policy: Who plays.
+        seed: Of the scene and of the policy.
+        shapes: The set that the things come from.
+        noise: Error model of the senses: "none" or "realistic".
+        perception_cm: Standard deviation of the error of where things are believed to be.
+        assisted: Whether grasps are assisted.
+    """
+
+    skill: str
+    case: str
+    policy: str
+    seed: int
+    shapes: Shapes
+    noise: str = "none"
+    perception_cm: float = 0.0
+    assisted: bool = False
+
+    @property
+    def name(self) -> str:
+        """Such as "pick/clutter expert 3"."""
+        return f"{self.skill}/{self.case} {self.policy} {self.seed}"
+
+
+@dataclass(frozen=True)
+class Row:
+    """What came of a job.
+
+    Attributes:
+        job: What was played.
+        ok: Whether it succeeded.
+        cause: Of the failure: what the truth still lacked, and what the policy said last; or what broke.
+        simulated_s: Until success began, or all that was played.
+        steps: Control steps played.
+        retries: Attempts after the first, None if the policy does not count them.
+        wall_s, cpu_s: Of playing.
+        realtime: Simulated time over CPU time, all that was played.
+        objects: Kind of every thing, by name.
+    """
+
+    job: Job
+    ok: bool
+    cause: str = ""
+    simulated_s: float = 0.0
+    steps: int = 0
+    retries: int | None = None
+    wall_s: float = 0.0
+    cpu_s: float = 0.0
+    realtime: float = 0.0
+    objects: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def code(self) -> str:
+        """The stable part of the cause."""
+        return self.cause.partition(":")[0]
+
+
+def read_rows(path: Path) -> list[Row]:
+    """The rows of a file, the last of each job; a line that was cut short does not count.
+
+    Raises:
+        UserError: A line is no row.
+    """
+    rows: dict[Job, Row] = {}
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True) if path.exists() else []
+    for number, line in enumerate(lines, start=1):
+        if not line.endswith("\n"):
+            break
+        try:
+            row = _row(json.loads(line))
+        except (ValueError, TypeError, KeyError) as error:
+            raise UserError(f"{path}:{number}: no result of a trial ({error})") from None
+        rows[row.job] = row
+    return list(rows.values())
+
+
+def add_row(path: Path, row: Row) -> None:
+    """Append a row, whole; a half-written line before it is cut off first.
+
+    Raises:
+        UserError: The file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("ab+") as file:
+            size = file.tell()
+            if size:
+                file.seek(0)
+                whole = file.read().rfind(b"\n") + 1
+                if whole != size:
+                    file.truncate(whole)
+            file.write(json.dumps(_flat(row)).encode() + b"\n")
+    except OSError as error:
+        raise UserError(f"{path}: {(error.strerror or 'cannot be written').lower()}") from None
+
+
+def _flat(row: Row) -> dict[str, Any]:
+    data = asdict(row)
+    return {**data.pop("job"), **data}
+
+
+def _row(data: Mapping[str, Any]) -> Row:
+    job = Job(**{f.name: data[f.name] for f in fields(Job)})
+    return Row(job, **{f.name: data[f.name] for f in fields(Row) if f.name != "job"})

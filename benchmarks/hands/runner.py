@@ -1,0 +1,106 @@
+"""Runs trials in worker processes; one that crashes, hangs or raises is a row that says so."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import traceback
+from collections.abc import Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from pathlib import Path
+
+from pebble import ProcessExpired, ProcessPool
+
+from benchmarks.hands.policies import POLICIES
+from benchmarks.hands.rows import Job, Row
+from benchmarks.hands.scenes import draw
+from benchmarks.hands.show import Film
+from benchmarks.hands.trial import play
+from mpvi_bt.errors import NoRenderingDevice, UserError
+from mpvi_bt.robot.protocol import CONTROL_HZ
+from mpvi_bt.suite.runner import THREAD_LIMITS
+from mpvi_bt.suite.worker import prepare
+
+WALL_LIMIT_S = 600.0  # Our choice: only a hung trial takes that long
+_TRIALS_A_PROCESS = 40  # the renderer keeps some memory of every scene
+
+
+def run_job(job: Job, show: Path | None = None, video: bool = False) -> Row:
+    """Play one trial.
+
+    Args:
+        job: The trial.
+        show: A folder for pictures of its start and end.
+        video: Whether to film it, too.
+
+    Raises:
+        UserError: The scene cannot be set up.
+        NoRenderingDevice: Pictures are needed and cannot be drawn.
+    """
+    trial = draw(job.skill, job.case, job.seed, job.shapes)
+    maker = POLICIES[job.policy]
+    world = trial.world(render=maker.pictures or show is not None, assisted=job.assisted)
+    policy = maker.make(world, job.seed)
+    film = None if show is None else Film(world, show / job.name.replace("/", "-").replace(" ", "_"), video)
+    played = play(trial, world, policy, world.robot, None if film is None else film.step)
+    if film is not None:
+        film.end()
+    cause = f"{played.missing}: {played.note}" if played.note else played.missing
+    return Row(
+        job, not played.missing, cause if played.missing else "", round(played.simulated_s, 2), played.steps,
+        getattr(policy, "retries", None), round(played.wall_s, 2), round(played.cpu_s, 2),
+        round(played.steps / CONTROL_HZ / max(played.cpu_s, 1e-9), 1),
+        {name: thing.entry.name for name, thing in trial.objects.items()},
+    )  # fmt: skip
+
+
+def run_jobs(
+    jobs: Iterable[Job], workers: int, wall_limit_s: float = WALL_LIMIT_S, show: Path | None = None, video: bool = False
+) -> Iterator[Row]:
+    """The rows of jobs, as they end.
+
+    Raises:
+        UserError: A scene cannot be set up: its trials would all be like that.
+        KeyboardInterrupt: After the workers were stopped.
+    """
+    os.environ.update({name: "1" for name in THREAD_LIMITS if name not in os.environ})  # each core has its worker
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPool(workers, max_tasks=_TRIALS_A_PROCESS, initializer=prepare, context=context)
+    try:
+        waiting = {
+            pool.schedule(_guarded, args=(job, show, video), timeout=wall_limit_s): job for job in jobs
+        }  # fmt: skip
+        while waiting:
+            done, _ = wait(waiting, timeout=0.5, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield _taken(future, waiting.pop(future), wall_limit_s)
+        pool.close()  # type: ignore[no-untyped-call]
+    except BaseException:
+        pool.stop()  # type: ignore[no-untyped-call]
+        raise
+    finally:
+        pool.join()
+
+
+def _guarded(job: Job, show: Path | None, video: bool) -> Row | str:
+    """A row; or the message of an error that every trial would meet."""
+    try:
+        return run_job(job, show, video)
+    except (UserError, NoRenderingDevice) as error:
+        return str(error)
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        place = f"{Path(where.filename).name}:{where.lineno}"
+        return Row(job, False, f"raised: {type(error).__name__} at {place}: {' '.join(str(error).split())[:200]}")
+
+
+def _taken(future: Future[Row | str], job: Job, wall_limit_s: float) -> Row:
+    try:
+        result = future.result()
+    except TimeoutError:
+        return Row(job, False, f"hung: no result within {wall_limit_s:g} s of wall time")
+    except ProcessExpired as error:
+        return Row(job, False, f"died: the worker process ended with exit code {error.exitcode}")
+    if isinstance(result, str):
+        raise UserError(f"{job.name}: {result}")
+    return result

@@ -1,0 +1,61 @@
+"""The table of results: skill by skill, policy by policy, failures by cause."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from statistics import median
+from typing import Any
+
+from benchmarks.hands.rows import Job, Row
+
+
+def table(rows: Iterable[Row]) -> list[dict[str, Any]]:
+    """One record for each skill, case, policy and setting, in the order of their first rows."""
+    groups: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(_group(row.job), []).append(row)
+    return [_record(group, members) for group, members in groups.items()]
+
+
+def markdown(rows: Iterable[Row]) -> str:
+    """The table for people."""
+    lines = [
+        "| skill | case | policy | setting | ok | median s | retries | x real time | failures |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for r in table(rows):
+        failures = ", ".join(f"{count} {cause}" for cause, count in r["failures"].items())
+        retries = "-" if r["retries"] is None else f"{r['retries']:.2f}"
+        seconds = "-" if r["median_s"] is None else f"{r['median_s']:.1f}"
+        lines.append(
+            f"| {r['skill']} | {r['case']} | {r['policy']} | {r['setting']} | {r['ok']}/{r['n']} | {seconds} | {retries} "
+            f"| {r['realtime']:.1f} | {failures} |"
+        )
+    return "\n".join(lines)
+
+
+def setting(job: Job) -> str:
+    """What is unusual about a job, such as "realistic noise, assisted"; "" if nothing is."""
+    parts = [f"{job.noise} noise"] if job.noise != "none" else []
+    parts += [f"{job.perception_cm:g} cm off"] if job.perception_cm else []
+    parts += ["assisted"] if job.assisted else []
+    return ", ".join(parts)
+
+
+def _group(job: Job) -> tuple[str, ...]:
+    return job.skill, job.case, job.policy, setting(job)
+
+
+def _record(group: tuple[str, ...], rows: list[Row]) -> dict[str, Any]:
+    skill, case, policy, how = group
+    ok = [row for row in rows if row.ok]
+    retries = [row.retries for row in rows if row.retries is not None]
+    return {
+        "skill": skill, "case": case, "policy": policy, "setting": how,
+        "ok": len(ok), "n": len(rows),
+        "median_s": median(row.simulated_s for row in ok) if ok else None,
+        "retries": sum(retries) / len(retries) if retries else None,
+        "realtime": median(row.realtime for row in rows),
+        "failures": dict(Counter(row.cause for row in rows if not row.ok).most_common()),
+    }  # fmt: skip
