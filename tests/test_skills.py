@@ -1,0 +1,123 @@
+"""The shipped skills: what names them, and nothing else; what they should end in."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mpvi_bt import paths
+from mpvi_bt.plan.skills import Skill, SkillCall, example, filled, load_skill, load_skills, match
+
+SKILLS = load_skills()
+PHRASES = [(skill.name, phrase) for skill in SKILLS.values() for phrase in skill.phrases]
+LISTED = {"hand": "left", "to_hand": "right", "state": "on", "direction": "left"}
+
+nouns = st.sampled_from(["cup", "trash can", "bowl", "toy car", "kitchen table", "box of oatmeal", "vase"])
+
+
+@pytest.mark.parametrize("path", sorted((paths.shipped() / "skills").glob("*.yaml")), ids=lambda p: p.stem)
+def test_shipped_skills_load(path: Path) -> None:
+    """Every skill file is valid and bears its skill's name."""
+    assert load_skill(path).name == path.stem
+
+
+@pytest.mark.parametrize(("name", "phrase"), PHRASES)
+@given(st.data())
+def test_slots_come_back_as_they_went_in(name: str, phrase: str, data: st.DataObject) -> None:
+    """What a phrase reads like, filled with plain nouns, is matched to its own skill with those nouns."""
+    text = example(phrase)
+    words = {slot: LISTED.get(slot) or data.draw(nouns) for slot in re.findall(r"\{(\w+)\}", text)}
+    call = match(filled(text, words) or "", SKILLS)
+    assert call is not None
+    assert (call.skill.name, dict(call.arguments)) == (name, words)
+
+
+@pytest.mark.parametrize(
+    ("description", "skill", "arguments"),
+    [
+        ("take the milk out of the fridge", "pick", "object milk, source fridge"),
+        ("put the cup down on the table", "place_on", "object cup, surface table"),
+        ("throw the can away in the bin", "place_in", "object can, container bin"),
+        ("put the shoes next to the sofa", "place_next_to", "object shoes, target sofa"),
+        ("place the shoes on the floor next to the sofa", "place_next_to", "object shoes, surface floor, target sofa"),
+        ("put the cup in front of the TV", "place_next_to", "object cup, target TV"),
+        ("put the ball under the table with the right hand", "place_under", "object ball, target table, hand right"),
+        ("open the door of the fridge", "open", "object fridge"),
+        ("pull the top drawer open", "open", "object top drawer"),
+        ("push the drawer shut", "close", "object drawer"),
+        ("shut the lid of the box", "close", "object box"),
+        ("turn on the radio", "press", "object radio, state on"),
+        ("switch the lamp OFF with the left hand", "press", "object lamp, state off, hand left"),
+        ("press the power button of the radio", "press", "object radio"),
+        ("push the button on the microwave", "press", "object microwave"),
+        ("toggle the switch", "press", "object switch"),
+        ("push the box to the left", "push", "object box, direction left"),
+        ("push the chair under the table", "push", "object chair, target table"),
+        ("hand the stick over from the left to the right hand", "hand_over", "object stick, hand left, to_hand right"),
+        ("pass the cup to your left hand", "hand_over", "object cup, to_hand left"),
+        ("move the cup from the right hand to the left hand", "hand_over", "object cup, hand right, to_hand left"),
+        ("hand the cup over to the other hand", "hand_over", "object cup"),
+        ("lift the box with both hands", "lift", "object box"),
+        ("pick up the box from the floor using two arms", "lift", "object box, source floor"),
+        ("lift the box", "pick", "object box"),
+        ("pour the water into the bowl", "pour", "object water, container bowl"),
+        ("shake the sugar out of the jar into the bowl", "pour", "object sugar, source jar, container bowl"),
+        ("empty the bottle into the sink", "pour", "source bottle, container sink"),
+        ("wipe the table with the sponge", "wipe", "target table, tool sponge"),
+        ("wipe the table with the left hand", "wipe", "target table, hand left"),
+        ("wipe the dust off the table with the rag", "wipe", "object dust, target table, tool rag"),
+        ("use the sponge to wipe the table", "wipe", "target table, tool sponge"),
+        ("spray the plant with the spray bottle", "spray", "target plant, tool spray bottle"),
+        ("spray cleaner on the table", "spray", "target table, tool cleaner"),
+    ],
+)  # fmt: skip
+def test_the_ways_in_which_people_ask(description: str, skill: str, arguments: str) -> None:
+    """Natural descriptions name one skill, with the right words in each slot."""
+    call = match(description, SKILLS)
+    assert call is not None
+    assert (call.skill.name, dict(call.arguments)) == (
+        skill,
+        dict(pair.split(" ", 1) for pair in arguments.split(", ")),
+    )
+
+
+@pytest.mark.parametrize(
+    ("description", "criterion"),
+    [
+        ("pick up the cup with the left hand", "the cup is held in a gripper"),
+        ("turn the radio off", "the radio is turned off"),
+        ("press the button of the radio", None),
+        ("hand the cup over to the right hand", "the cup is held in the right gripper"),
+        ("hand over the cup", None),
+    ],
+)
+def test_a_call_says_what_it_should_end_in(description: str, criterion: str | None) -> None:
+    """The skill's sentence with the call's words, or none where its words do not say."""
+    call = match(description, SKILLS)
+    assert call is not None
+    assert call.criterion == criterion
+
+
+def test_what_has_no_words_is_left_out() -> None:
+    """Of a template; what may not be left out makes all of it unsaid."""
+    assert filled("the {object} is held[ in the {hand} hand]", {"object": "cup"}) == "the cup is held"
+    assert filled("the {object} is held[ in the {hand} hand]", {"object": "cup", "hand": "left"}) == (
+        "the cup is held in the left hand"
+    )
+    assert filled("the {object} is {state}", {"object": "cup"}) is None
+    assert filled("[the {object}]", {"object": "cup {object}"}) == "the cup {object}", (
+        "what is filled in stays as it is"
+    )
+
+
+def test_skills_that_take_two_hands_say_so() -> None:
+    """A two-handed lift and a hand-over; a call carries its skill."""
+    assert {name for name, skill in SKILLS.items() if skill.hands == 2} == {"lift", "hand_over"}
+    one = Skill.model_validate(
+        {"name": "x", "about": "x", "phrases": ["x"], "timeout_s": 1, "triggers": [{"event": "rest", "camera": "head"}]}
+    )
+    assert SkillCall(one, {}).criterion is None
