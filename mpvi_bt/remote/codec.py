@@ -65,7 +65,7 @@ def _encoded(value: Any) -> Any:
 
 def _decoded(value: dict[Any, Any]) -> Any:
     if _ARRAY in value:
-        return _array(value.get(_DATA), _dtype(value.get(_KIND)), value.get(_SHAPE))
+        return array_of(value.get(_DATA), value.get(_KIND), value.get(_SHAPE))
     if _SCALAR in value:
         return _scalar(value.get(_DATA), _dtype(value.get(_KIND)))
     return value
@@ -77,7 +77,18 @@ def _dtype(given: Any) -> np.dtype[Any]:
     return np.dtype(given)
 
 
-def _array(data: Any, dtype: np.dtype[Any], shape: Any) -> np.ndarray[Any, Any]:
+def array_of(data: Any, kind: Any, shape: Any) -> np.ndarray[Any, Any]:
+    """The array that a message describes, a read-only view of its bytes.
+
+    Args:
+        data: Its bytes.
+        kind: Its dtype, such as "<f4".
+        shape: Its shape.
+
+    Raises:
+        BadMessage: It is none that anyone should build.
+    """
+    dtype = _dtype(kind)
     if not isinstance(data, bytes):
         raise BadMessage(f"an array whose data are {shown(data)}, not bytes")
     if not (isinstance(shape, Sequence) and all(type(n) is int and n >= 0 for n in shape)):
