@@ -143,7 +143,7 @@ class Search:
             # What failed here would fail a hand's breadth away; other sides of the thing are worth more.
             if any(np.linalg.norm(base[:2] - b[:2]) < 0.12 and abs(kin.wrap(base[2] - b[2])) < 0.5 for b in failed):
                 continue
-            if not self._drivable(here, base):
+            if not self.drivable(here, base):
                 continue
             for hold in self._holds:
                 if (found := self._at(base, options, hold)) is not None:
@@ -174,14 +174,14 @@ class Search:
         arms = arms or {s: self.motion.arm(s) for s in SIDES}
         return Body(torso, arms, {s: h.load for s, h in self.held.items()}, around)
 
-    def _drivable(self, start: Array, goal: Array) -> bool:
+    def drivable(self, start: Array, goal: Array) -> bool:
         """Straight from start to goal: nothing in the way of the base or of what it carries."""
         turn = kin.wrap(goal[2] - start[2])
         n = max(2, int(np.ceil(max(float(np.linalg.norm(goal[:2] - start[:2])) / 0.12, abs(float(turn)) / 0.3))))
         for u in np.linspace(0, 1, n + 1)[1:]:
             base = np.append(start[:2] + (goal[:2] - start[:2]) * u, start[2] + turn * u)
             if u > 0.3 or n == 2:
-                if (self._standing.seen_from(kin.base(base)).distance(_HEIGHTS) < _REACHES).any():
+                if not base_clear(self._standing.seen_from(kin.base(base))):
                     return False
                 body = self.body(self.motion.torso, self.around(base, touched=True))
                 if self.held and not all(body.clearance(s, self.motion.arm(s)[None])[0][0] > 0 for s in self.held):
@@ -261,6 +261,11 @@ class Search:
             if not b.free(self.side, q, _MARGIN_M if k < contact else 0.0, grasping=k >= contact)[0]:
                 return None
         return arm_motion.plan(body, self.side, postures[0], self.rng, margin=0.005)
+
+
+def base_clear(around: Obstacles) -> bool:
+    """Whether the base and the column above it keep clear of what is `around`, in the base frame."""
+    return bool((around.distance(_HEIGHTS) >= _REACHES).all())
 
 
 def _bases(here: Array, focus: Array, side: Side) -> Iterator[Array]:
