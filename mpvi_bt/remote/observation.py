@@ -16,7 +16,8 @@ from mpvi_bt.robot.protocol import SIDES, CameraImage, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 
 CAMERAS = ("head", *SIDES)
-_BODY = ("base_pose", "base_velocity", "torso", "arm", "arm_velocity", "gripper_width", "gripper_command")
+_BODY = ("base_pose", "base_velocity", "torso", "arm", "arm_velocity", "gripper_width", "gripper_command",
+         "arm_command")  # fmt: skip
 
 
 def write_observation(observation: Mapping[str, Any], reset: bool = False) -> dict[str, Any]:
@@ -39,6 +40,7 @@ def write_observation(observation: Mapping[str, Any], reset: bool = False) -> di
             "arm_velocity": dict(body.arm_velocity),
             "gripper_width": dict(body.gripper_width),
             "gripper_command": dict(body.gripper_command),
+            "arm_command": dict(body.arm_command or body.arm),
         },
         "images": {camera: _write_image(image) for camera, image in images.items()},
     }
@@ -94,6 +96,7 @@ def _read_body(given: Any) -> Proprioception:
         arm_velocity=arms("arm_velocity"),
         gripper_width=hands("gripper_width"),
         gripper_command=hands("gripper_command"),
+        arm_command=arms("arm_command"),
     )
 
 

@@ -20,6 +20,7 @@ from mpvi_bt.robot.solids import Array
 Actions = Iterator[Array]
 
 _TORSO_SPEED = np.array([0.25, 0.8, 0.7, 2.0])  # [m/s, rad/s, rad/s, rad/s]
+_PRESSING_RAD = 0.4  # a command farther than this from where the arm is has been given up
 _CARRY_SPEED = 1.0  # of the fastest joint of an arm that moves with the torso [rad/s]
 _JUMP_RAD = 0.5  # a nearest posture farther than this is another elbow, not the next step of a line
 
@@ -51,7 +52,10 @@ class Motion:
         self.action = np.zeros(ACTION_SIZE)
         self.action[ActionLayout.TORSO] = felt.torso
         for s in SIDES:
-            self.action[ActionLayout.ARM[s]] = felt.arm[s]
+            told = felt.arm_command.get(s, felt.arm[s])
+            # An arm that presses against something goes on pressing: two hands hold a box by nothing else.
+            pressing = np.abs(told - felt.arm[s]).max() < _PRESSING_RAD
+            self.action[ActionLayout.ARM[s]] = told if pressing else felt.arm[s]
             self.action[ActionLayout.GRIPPER[s]] = felt.gripper_command[s]
 
     @property

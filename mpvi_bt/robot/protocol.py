@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 import numpy as np
@@ -45,6 +45,8 @@ class Proprioception:
         arm_velocity: (7,) [rad/s] of each arm.
         gripper_width: Opening between the fingers [m], 0 to 0.10, of each hand.
         gripper_command: Last commanded value of each gripper, -1 closed ... 1 open.
+        arm_command: (7,) last commanded joint angles [rad] of each arm; empty where the robot does not tell. What the
+            arms press against keeps them from getting there.
     """
 
     base_pose: Array
@@ -54,6 +56,7 @@ class Proprioception:
     arm_velocity: Mapping[Side, Array]
     gripper_width: Mapping[Side, float]
     gripper_command: Mapping[Side, float]
+    arm_command: Mapping[Side, Array] = field(default_factory=dict)
 
     def holds(self, side: Side) -> bool:
         """Whether a hand that was told to close has something between its fingers (Our choice: over 3 mm)."""

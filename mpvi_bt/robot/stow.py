@@ -11,6 +11,7 @@ from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Robot, Side
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.squeeze import squeezes
 
 _CLOSE_RAD = 0.05
 _BACK_M = 0.25
@@ -47,6 +48,8 @@ class ArmStow:
 
     def _fold(self, motion: Motion) -> Actions:
         felt = motion.felt
+        if squeezes(felt):
+            return  # the arms hold a box between them
         held: list[Side] = [s for s in SIDES if felt.holds(s)]
         empty: list[Side] = [s for s in SIDES if s not in held]
         away = [s for s in empty if np.abs(motion.arm(s) - r1.TRAVEL_ARM[s]).max() > _CLOSE_RAD]

@@ -114,6 +114,7 @@ class SimRobot:
                 arm_velocity={k: v[i] for k, i in self._arm.items()},
                 gripper_width={k: float(q[i].sum()) for k, i in self._fingers.items()},
                 gripper_command={k: float(self._action[i]) for k, i in ActionLayout.GRIPPER.items()},
+                arm_command={k: self._action[i].copy() for k, i in ActionLayout.ARM.items()},
             )
         return self._felt
 

@@ -73,6 +73,7 @@ class KinematicRobot:
             arm_velocity={side: self._arm_velocity[side].copy() for side in SIDES},
             gripper_width=dict(self._width),
             gripper_command={side: float(self._targets[ActionLayout.GRIPPER[side]]) for side in SIDES},
+            arm_command={side: self._targets[ActionLayout.ARM[side]].copy() for side in SIDES},
         )
 
     def look(self, camera: str) -> CameraImage:

@@ -1,0 +1,23 @@
+"""What two hands hold between them: a box pressed from both sides, the fingers open."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.protocol import SIDES, Proprioception
+
+_PRESSED_M = 0.02  # the hands are kept apart by at least that much more than they were told to be
+_FACING = -0.5  # cosine between the directions that the hands point in: they have to face each other
+
+
+def squeezes(felt: Proprioception) -> bool:
+    """Whether something between the hands keeps them from closing in on each other (Our choice: by 2 cm or more)."""
+    if not felt.arm_command:
+        return False
+    left, right = (kin.tcp(felt.torso, felt.arm[s], s) for s in SIDES)
+    if left[:3, 2] @ right[:3, 2] > _FACING:
+        return False
+    told_left, told_right = (kin.tcp(felt.torso, felt.arm_command[s], s) for s in SIDES)
+    apart = np.linalg.norm(left[:3, 3] - right[:3, 3]) - np.linalg.norm(told_left[:3, 3] - told_right[:3, 3])
+    return bool(apart > _PRESSED_M)
