@@ -72,6 +72,13 @@ KINDS = (
         "mpvi run --substitute FILE",
         "mpvi_bt.tree.substitute:check_rules",
     ),
+    Kind(
+        "a policy",
+        frozenset({"observation", "action", "connect_s", "answer_s", "reset_message"}),
+        "policies",
+        "mpvi run --policy-settings FILE",
+        "mpvi_bt.remote.settings:check_settings",
+    ),
     Kind("a saved run", frozenset({"saved", "config", "measurement", "run"}), "", "mpvi run --resume FILE"),
     Kind("a result of an episode", frozenset({"q_score", "goal_fraction", "rollout_id", "config"}), "", "mpvi suite"),
     Kind("a JSON schema", frozenset({"$schema", "$defs", "definitions"}), "schema", "an editor"),

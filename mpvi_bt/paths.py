@@ -1,8 +1,8 @@
-"""Where trees, skills and tasks are: in the installed package, in a checkout, and in a user's own folders.
+"""Where trees, skills, tasks and the settings of policies are: shipped with mpvi_bt, and in a user's own folders.
 
-A root is a folder that holds `trees/`, `skills/` and `tasks/`. Folders named in the environment variable `MPVI_PATH`
-(separated by ":", as in PATH) are searched first, so that a user's file of the same name wins; then comes what mpvi_bt
-ships.
+A root is a folder that holds `trees/`, `skills/`, `tasks/` and `policies/`. Folders named in the environment variable
+`MPVI_PATH` (separated by ":", as in PATH) are searched first, so that a user's file of the same name wins; then comes
+what mpvi_bt ships, inside the installed package or in a checkout.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from mpvi_bt.errors import UnknownName, UserError
 
 _PACKAGE = Path(__file__).resolve().parent
 _SUFFIXES = (".yaml", ".json")
-_FOLDERS = ("trees", "skills", "tasks")
+_FOLDERS = ("trees", "skills", "tasks", "policies")
 
 
 def shipped() -> Path:

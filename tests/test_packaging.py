@@ -26,9 +26,12 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_wheel_holds_every_data_file(installed: Path) -> None:
-    """Trees, skills and tasks of the checkout are all in the wheel, and its types are marked."""
+    """Trees, skills, tasks and settings of policies of the checkout are all in the wheel, and its types are marked."""
     ours = {
-        p.relative_to(ROOT) for name in ("trees", "skills", "tasks") for p in (ROOT / name).rglob("*") if p.is_file()
+        p.relative_to(ROOT)
+        for name in ("trees", "skills", "tasks", "policies")
+        for p in (ROOT / name).rglob("*")
+        if p.is_file()
     }
     data = installed / "mpvi_bt" / "_data"
     assert {p.relative_to(data) for p in data.rglob("*") if p.is_file()} == ours

@@ -1,0 +1,173 @@
+"""What a remote policy is sent and what it answers, made of our observation and into our actions by its settings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from mpvi_bt.errors import PolicyError
+from mpvi_bt.remote.settings import Action, Felt, Image, Observation, Piece, Vector
+from mpvi_bt.robot import kinematics
+from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout, CameraImage, Proprioception, Side
+from mpvi_bt.robot.solids import Array
+
+MOST_ACTIONS = 1024  # of a chunk: half a minute without a look
+_OURS: Mapping[str, slice] = {
+    "base_velocity": ActionLayout.BASE,
+    "torso": ActionLayout.TORSO,
+    "arm_left": ActionLayout.ARM["left"],
+    "arm_right": ActionLayout.ARM["right"],
+    "gripper_command_left": slice(ActionLayout.GRIPPER["left"], ActionLayout.GRIPPER["left"] + 1),
+    "gripper_command_right": slice(ActionLayout.GRIPPER["right"], ActionLayout.GRIPPER["right"] + 1),
+}
+
+
+def message_of(observation: Mapping[str, Any], layout: Observation) -> dict[str, Any]:
+    """The message of an observation; pictures that are not in it are left out.
+
+    Args:
+        observation: As `Policy.infer` takes it.
+        layout: What goes where.
+    """
+    message: dict[str, Any] = {}
+    if layout.prompt:
+        _put(message, layout.prompt, observation["prompt"])
+    for key, image in layout.images.items():
+        if image.camera in observation["images"]:
+            _put(message, key, picture(observation["images"][image.camera], image))
+    for key, vector in layout.state.items():
+        _put(message, key, state(observation["proprioception"], vector))
+    for key, constant in layout.constants.items():
+        _put(message, key, np.array(constant) if isinstance(constant, tuple) else constant)
+    return message
+
+
+def _put(message: dict[str, Any], key: str, value: Any) -> None:
+    *outer, last = key.split(".")
+    for name in outer:
+        message = message.setdefault(name, {})
+    message[last] = value
+
+
+def picture(image: CameraImage, layout: Image) -> np.ndarray[Any, Any]:
+    """(H, W, 3 or 4) uint8, or (H, W) float32 [m] if depth is shown; with "chw", channels come first."""
+    pixels: np.ndarray[Any, Any] = image.depth if layout.show == "depth" else image.rgb
+    if layout.size is not None:
+        pixels = resize_with_pad(pixels, *layout.size)
+    if layout.show == "rgba":
+        pixels = np.concatenate([pixels, np.full((*pixels.shape[:2], 1), 255, np.uint8)], axis=2)
+    return np.moveaxis(pixels, -1, 0) if layout.layout == "chw" and pixels.ndim == 3 else pixels
+
+
+def resize_with_pad(pixels: np.ndarray[Any, Any], height: int, width: int) -> np.ndarray[Any, Any]:
+    """A picture (H, W) or (H, W, C) scaled to fit (height, width), with 0 around it, as openpi does.
+
+    Depth is not blended across edges: its nearest pixel is taken.
+    """
+    h, w = pixels.shape[:2]
+    if (h, w) == (height, width):
+        return pixels
+    import cv2
+
+    ratio = max(h / height, w / width)
+    new_h, new_w = max(1, int(h / ratio)), max(1, int(w / ratio))
+    # Of OpenCV's filters, area comes nearest to the one that openpi shrinks with, and linear to how it enlarges.
+    smooth = cv2.INTER_AREA if ratio > 1 else cv2.INTER_LINEAR
+    scaled = cv2.resize(pixels, (new_w, new_h), interpolation=smooth if pixels.ndim == 3 else cv2.INTER_NEAREST)
+    padded = np.zeros((height, width, *pixels.shape[2:]), pixels.dtype)
+    top, left = (height - new_h) // 2, (width - new_w) // 2
+    padded[top : top + new_h, left : left + new_w] = scaled
+    return padded
+
+
+def state(body: Proprioception, layout: Vector) -> np.ndarray[Any, Any]:
+    """(length,) the numbers of a state vector."""
+    numbers = np.zeros(layout.length)
+    for piece in layout.parts:
+        values = (felt(body, piece.part) - np.array(piece.offset)) / np.array(piece.scale)
+        if piece.function is not None:
+            values = np.sin(values) if piece.function == "sin" else np.cos(values)
+        numbers[list(piece.indices)] = values
+    return numbers.astype(layout.dtype)
+
+
+def felt(body: Proprioception, part: Felt) -> Array:
+    """(n,) a part of what the robot feels, by the name that settings have for it."""
+    name, _, last = part.rpartition("_")
+    if last not in ("left", "right"):
+        return np.asarray(getattr(body, part), float)
+    side: Side = "left" if last == "left" else "right"
+    if name == "hand_position":
+        return np.asarray(kinematics.tcp(body.torso, body.arm[side], side)[:3, 3], float)
+    if name == "hand_quaternion":
+        from scipy.spatial.transform import Rotation
+
+        T = kinematics.tcp(body.torso, body.arm[side], side)
+        return np.asarray(Rotation.from_matrix(T[:3, :3]).as_quat(scalar_first=True), float)
+    return np.atleast_1d(np.asarray(getattr(body, name)[side], float))
+
+
+def actions_of(reply: Any, layout: Action, held: Proprioception) -> Array:
+    """(H, 23) the actions of a reply.
+
+    Args:
+        reply: As unpacked; nothing is known of it.
+        layout: Where our numbers are in it.
+        held: What parts that the policy does not command are held at.
+
+    Raises:
+        PolicyError: "bad_reply": there is no such array, it has another shape or dtype, or numbers that are not finite.
+    """
+    given = reply
+    for name in layout.key.split("."):
+        if not isinstance(given, dict) or name not in given:
+            keys = ", ".join(sorted(map(str, given))[:12])[:200] if isinstance(given, dict) else type(given).__name__
+            raise _bad(f"no {layout.key!r} in the reply, which has: {keys or 'nothing'}")
+        given = given[name]
+    theirs = _checked(given, layout)
+    if not layout.parts:
+        return theirs
+    ours = np.tile(_still(held), (len(theirs), 1))
+    for piece in layout.parts:
+        ours[:, _OURS[piece.part]] = _converted(theirs, piece)
+    if not np.isfinite(ours).all():
+        raise _bad("actions that are not finite once scaled")
+    return ours
+
+
+def _checked(given: Any, layout: Action) -> Array:
+    """(H, size) float64, finite."""
+    if not isinstance(given, np.ndarray):
+        raise _bad(f"{layout.key!r} is a {type(given).__name__}, not an array")
+    if given.dtype.kind not in "fiu":
+        raise _bad(f"actions of dtype {given.dtype}, not numbers")
+    shape = given.shape
+    while given.ndim > 2 and given.shape[0] == 1:  # a batch of one
+        given = given[0]
+    given = given[None] if given.ndim == 1 else given
+    if given.ndim != 2 or given.shape[1] != layout.size or not 1 <= len(given) <= MOST_ACTIONS:
+        raise _bad(f"actions of shape {shape}, not (H, {layout.size}), 1 <= H <= {MOST_ACTIONS}")
+    if not np.isfinite(given).all():
+        raise _bad("actions that are not finite")
+    return np.array(given, float)  # a copy: what was received is read-only
+
+
+def _converted(theirs: Array, piece: Piece) -> Array:
+    with np.errstate(over="ignore"):
+        return theirs[:, list(piece.indices)] * np.array(piece.scale) + np.array(piece.offset)
+
+
+def _still(held: Proprioception) -> Array:
+    """(23,) the action that changes nothing."""
+    action = np.zeros(ACTION_SIZE)
+    action[ActionLayout.TORSO] = held.torso
+    for side in ActionLayout.ARM:
+        action[ActionLayout.ARM[side]] = held.arm[side]
+        action[ActionLayout.GRIPPER[side]] = held.gripper_command[side]
+    return action
+
+
+def _bad(message: str) -> PolicyError:
+    return PolicyError("bad_reply", message)

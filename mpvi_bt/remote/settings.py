@@ -1,0 +1,252 @@
+"""How a remote policy is spoken to, from YAML: names and sizes on the wire, the order and units of numbers, timeouts.
+
+The files are `policies/*.yaml`; docs/policies.md explains every key.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import Field, model_validator
+
+from mpvi_bt import paths
+from mpvi_bt.file_kinds import expect
+from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
+from mpvi_bt.robot.protocol import ACTION_SIZE
+
+CameraName = Literal["head", "left", "right"]
+CAMERAS: tuple[CameraName, ...] = get_args(CameraName)
+Felt = Literal[
+    "base_pose", "base_velocity", "torso", "arm_left", "arm_right", "arm_velocity_left", "arm_velocity_right",
+    "gripper_width_left", "gripper_width_right", "gripper_command_left", "gripper_command_right",
+    "hand_position_left", "hand_position_right", "hand_quaternion_left", "hand_quaternion_right",
+]  # fmt: skip
+Commanded = Literal[
+    "base_velocity", "torso", "arm_left", "gripper_command_left", "arm_right", "gripper_command_right"
+]  # fmt: skip
+_SIZES = {"base": 3, "torso": 4, "arm": 7, "gripper": 1, "hand_position": 3, "hand_quaternion": 4}
+MOST_NUMBERS = 4096  # of a vector
+
+Index = Annotated[int, Field(ge=0, lt=MOST_NUMBERS)]
+Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e6, le=1e6)]
+Key = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^.]+(\.[^.]+)*$")]
+Seconds = Annotated[float, Field(gt=0, le=3600, allow_inf_nan=False)]
+
+
+def size_of(part: str) -> int:
+    """How many numbers a part of the state or of the action has."""
+    return next(n for name, n in _SIZES.items() if part.startswith(name))
+
+
+class Piece(Record):
+    """A part of ours and its place among their numbers: ours = scale * theirs + offset.
+
+    Attributes:
+        part: Its name.
+        at: Index of its first number among theirs, or the index of each.
+        scale: One for all its numbers, or one for each; -1 turns a sign about.
+        offset: Likewise.
+    """
+
+    part: str
+    at: Index | tuple[Index, ...]
+    scale: Number | tuple[Number, ...] = 1.0
+    offset: Number | tuple[Number, ...] = 0.0
+
+    @model_validator(mode="after")
+    def _fits(self) -> Piece:
+        size = size_of(self.part)
+        for name in ("at", "scale", "offset"):
+            value = getattr(self, name)
+            if isinstance(value, tuple) and len(value) != size:
+                raise ValueError(f"{self.part} has {size} numbers, {name!r} has {len(value)}")
+        if 0 in (self.scale if isinstance(self.scale, tuple) else (self.scale,)):
+            raise ValueError("a scale of 0 would lose the number")
+        return self
+
+    @property
+    def indices(self) -> tuple[int, ...]:
+        """Where each of its numbers stands among theirs."""
+        return self.at if isinstance(self.at, tuple) else tuple(range(self.at, self.at + size_of(self.part)))
+
+
+class FeltPiece(Piece):
+    """A part of what the robot feels.
+
+    Attributes:
+        part: As in docs/observations.md; `hand_position` (3) and `hand_quaternion` (4, wxyz) are those of the point
+            between the fingers, in the base frame.
+        function: Sent instead of the angle.
+    """
+
+    part: Felt
+    function: Literal["sin", "cos"] | None = None
+
+
+class CommandedPiece(Piece):
+    """A part of the action."""
+
+    part: Commanded
+
+
+def _check_places(pieces: tuple[Piece, ...], size: int | None) -> None:
+    taken: set[int] = set()
+    for i, name in _places(pieces):
+        if size is not None and i >= size:
+            raise ValueError(f"{name} would stand at {i}, but there are {size} numbers, 0 to {size - 1}")
+        if i in taken:
+            raise ValueError(f"{name} would stand at {i}, where another number stands")
+        taken.add(i)
+
+
+def _places(pieces: tuple[Piece, ...]) -> Iterator[tuple[int, str]]:
+    for piece in pieces:
+        for i in piece.indices:
+            yield i, piece.part
+
+
+class Vector(Record):
+    """Numbers that go under one key.
+
+    Attributes:
+        parts: What is in it; the rest is 0.
+        size: How many numbers; by default as many as the parts need.
+        dtype: Of the array.
+    """
+
+    parts: tuple[FeltPiece, ...] = Field(min_length=1)
+    size: Annotated[int, Field(ge=1, le=MOST_NUMBERS)] | None = None
+    dtype: Literal["float32", "float64"] = "float32"
+
+    @model_validator(mode="after")
+    def _fits(self) -> Vector:
+        _check_places(self.parts, self.size)
+        return self
+
+    @property
+    def length(self) -> int:
+        """How many numbers."""
+        return self.size or 1 + max(i for piece in self.parts for i in piece.indices)
+
+
+class Image(Record):
+    """A picture.
+
+    Attributes:
+        camera: Whose.
+        show: "rgb" or "rgba" (uint8), or "depth" (float32 [m]).
+        size: Height and width [px] that it is scaled and padded to; by default it is sent as rendered.
+        layout: Order of its axes.
+    """
+
+    camera: CameraName
+    show: Literal["rgb", "rgba", "depth"] = "rgb"
+    size: tuple[Annotated[int, Field(ge=1, le=2048)], Annotated[int, Field(ge=1, le=2048)]] | None = None
+    layout: Literal["hwc", "chw"] = "hwc"
+
+
+class Observation(Record):
+    """What the server is sent, by the key that it knows it by; a "." in a key goes one mapping deeper.
+
+    Attributes:
+        prompt: Key of the prompt; None: the server has one of its own.
+        images: Pictures.
+        state: What the robot feels.
+        constants: Sent as they are, a list as an array.
+    """
+
+    prompt: Key | None = "prompt"
+    images: dict[Key, Image] = {}
+    state: dict[Key, Vector] = {}
+    constants: dict[Key, bool | int | Number | str | tuple[int, ...] | tuple[Number, ...]] = {}
+
+    @model_validator(mode="after")
+    def _keys_differ(self) -> Observation:
+        keys = [*([self.prompt] if self.prompt else []), *self.images, *self.state, *self.constants]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise ValueError(f"the key {key!r} is used twice")
+            for inner in keys:
+                if inner.startswith(f"{key}."):
+                    raise ValueError(f"{key!r} cannot hold {inner!r} too")
+        return self
+
+    @property
+    def cameras(self) -> tuple[CameraName, ...]:
+        """Cameras whose pictures are sent."""
+        shown = {image.camera for image in self.images.values()}
+        return tuple(camera for camera in CAMERAS if camera in shown)
+
+
+class Action(Record):
+    """What the server answers.
+
+    Attributes:
+        key: Of the array, (H, size) or (size,).
+        size: Numbers of one action.
+        parts: Where ours are among them; by default the 23 are ours. A part that is left out is held as it was when
+            the policy was reset; the base stands still.
+    """
+
+    key: Key = "actions"
+    size: Annotated[int, Field(ge=1, le=MOST_NUMBERS)] = ACTION_SIZE
+    parts: tuple[CommandedPiece, ...] = ()
+
+    @model_validator(mode="after")
+    def _fits(self) -> Action:
+        if not self.parts and self.size != ACTION_SIZE:
+            raise ValueError(f"{self.size} numbers are not ours, which are {ACTION_SIZE}: say in 'parts' what they are")
+        names = [piece.part for piece in self.parts]
+        if again := next((name for name in names if names.count(name) > 1), None):
+            raise ValueError(f"{again} is commanded twice")
+        _check_places(self.parts, self.size)
+        return self
+
+
+class Settings(Record):
+    """All of a file.
+
+    Attributes:
+        about: One line for a person.
+        observation: None: the whole observation, as `mpvi serve` takes it.
+        action: How the answer is read.
+        reset_message: Whether {"reset": True}, which gets no answer, is sent at a handoff (BEHAVIOR's servers want it;
+            openpi's break on it).
+        request_chunk: How many actions to ask for with BEHAVIOR's `__action_chunk_size__`; None: it is not sent.
+        connect_s: How long a server that is not there yet is waited for [wall clock].
+        answer_s: How long one answer is waited for, lost connections and all.
+        tries: How often a lost connection is made anew for one answer.
+        max_mb: The largest message that is taken from the server [MiB].
+    """
+
+    about: Annotated[str, Field(min_length=1, max_length=200)] = "a remote policy"
+    observation: Observation | None = None
+    action: Action = Action()
+    reset_message: bool = False
+    request_chunk: Annotated[int, Field(ge=1, le=1000)] | None = None
+    connect_s: Seconds = 30.0
+    answer_s: Seconds = 120.0
+    tries: Annotated[int, Field(ge=0, le=100)] = 3
+    max_mb: Annotated[int, Field(ge=1, le=64)] = 16
+
+    @property
+    def cameras(self) -> tuple[CameraName, ...]:
+        """Cameras that the server may be sent pictures of."""
+        return CAMERAS if self.observation is None else self.observation.cameras
+
+
+def load_settings(given: str) -> Settings:
+    """Settings by the name of a file in `policies/`, such as "openpi_comet", or by path.
+
+    Raises:
+        UserError: There is none, with the nearest name.
+        FileProblems: Everything that is wrong with it.
+    """
+    return check_settings(*load_marked(paths.find_or_file("policies", given, "settings of a policy")))
+
+
+def check_settings(data: Any, marks: Marks) -> Settings:
+    """As `load_settings`, of data that is already loaded."""
+    expect("policy", data, marks)
+    return validate_data(data, marks, Settings)
