@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -83,4 +84,5 @@ def observation(prompt: str = "pick up the cup", size: int = 8, seed: int = 0) -
         )
         for camera in CAMERAS
     }
-    return {"prompt": prompt, "proprioception": KinematicRobot().proprioception(), "images": images}
+    body = KinematicRobot().proprioception()
+    return {"prompt": prompt, "proprioception": replace(body, arm_command=body.arm), "images": images}

@@ -11,6 +11,7 @@ import threading
 import time
 import urllib.request
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import msgpack
@@ -54,9 +55,13 @@ class Probe:
         return np.full((2, 23), self._calls + self._resets / 100)
 
 
-def test_an_observation_comes_through_whole() -> None:
-    """What is read is what was written, bit by bit, whatever the pictures have."""
+@pytest.mark.parametrize("bare", [False, True])
+def test_an_observation_comes_through_whole(bare: bool) -> None:
+    """What is read is what was written, bit by bit, labels and what was told to the arms or not."""
     sent = observation(size=5)
+    if bare:
+        sent["proprioception"] = replace(sent["proprioception"], arm_command={})
+        sent["images"] = {name: replace(image, labels=None, names={}) for name, image in sent["images"].items()}
     read, reset = read_observation(unpack(pack(write_observation(sent, reset=True))))
     assert reset
     assert read["prompt"] == sent["prompt"]

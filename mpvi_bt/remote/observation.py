@@ -16,8 +16,7 @@ from mpvi_bt.robot.protocol import SIDES, CameraImage, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 
 CAMERAS = ("head", *SIDES)
-_BODY = ("base_pose", "base_velocity", "torso", "arm", "arm_velocity", "gripper_width", "gripper_command",
-         "arm_command")  # fmt: skip
+_BODY = ("base_pose", "base_velocity", "torso", "arm", "arm_velocity", "gripper_width", "gripper_command")
 
 
 def write_observation(observation: Mapping[str, Any], reset: bool = False) -> dict[str, Any]:
@@ -40,7 +39,7 @@ def write_observation(observation: Mapping[str, Any], reset: bool = False) -> di
             "arm_velocity": dict(body.arm_velocity),
             "gripper_width": dict(body.gripper_width),
             "gripper_command": dict(body.gripper_command),
-            "arm_command": dict(body.arm_command or body.arm),
+            **({"arm_command": dict(body.arm_command)} if body.arm_command else {}),
         },
         "images": {camera: _write_image(image) for camera, image in images.items()},
     }
@@ -75,7 +74,7 @@ def read_observation(message: Any) -> tuple[dict[str, Any], bool]:
 
 
 def _read_body(given: Any) -> Proprioception:
-    body = _mapping(given, "proprioception", _BODY, ())
+    body = _mapping(given, "proprioception", _BODY, ("arm_command",))
 
     def numbers(name: str, size: int) -> Array:
         return _numbers(body[name], f"proprioception.{name}", (size,))
@@ -96,7 +95,7 @@ def _read_body(given: Any) -> Proprioception:
         arm_velocity=arms("arm_velocity"),
         gripper_width=hands("gripper_width"),
         gripper_command=hands("gripper_command"),
-        arm_command=arms("arm_command"),
+        arm_command=arms("arm_command") if "arm_command" in body else {},
     )
 
 
