@@ -39,6 +39,13 @@ class Metrics:
         self.infer_s += seconds
         self._buckets[bisect_left(BUCKETS_S, seconds)] += 1
 
+    def summary(self) -> str:
+        """For a person, such as "2 clients, 431 answers, 12.3 ms each, 1 error"."""
+        errors = sum(self.errors.values())
+        each = f", {1000 * self.infer_s / self.inferences:.1f} ms each" if self.inferences else ""
+        failed = f", {_counted(errors, 'error')}" if errors else ""
+        return f"{_counted(self.clients, 'client')}, {_counted(self.inferences, 'answer')}{each}{failed}"
+
     def text(self) -> str:
         """In Prometheus' text format, version 0.0.4."""
         return "".join(f"{line}\n" for line in self._lines())
@@ -67,3 +74,7 @@ def _head(name: str, kind: str, about: str) -> Iterator[str]:
 def _one(name: str, kind: str, about: str, value: int) -> Iterator[str]:
     yield from _head(name, kind, about)
     yield f"mpvi_serve_{name} {value}"
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"

@@ -61,6 +61,7 @@ class PolicyServer:
         say: Told what a person should know, in one line, when it happens.
 
     Attributes:
+        name: Of the policy.
         metrics: What has happened so far.
         port: Where it listens, once it does.
     """
@@ -70,7 +71,7 @@ class PolicyServer:
     ) -> None:
         self.metrics = Metrics()
         self.port = 0
-        self._name, self._make, self._say = name, make, say
+        self.name, self._make, self._say = name, make, say
         self._authorization = f"Api-Key {api_key}".encode() if api_key else b""
 
     @contextlib.asynccontextmanager
@@ -154,7 +155,7 @@ class PolicyServer:
 
     def _metadata(self, cameras: list[str]) -> dict[str, Any]:
         return {
-            "policy": self._name,
+            "policy": self.name,
             "cameras": cameras,
             "action_size": ACTION_SIZE,
             "control_hz": CONTROL_HZ,
