@@ -76,7 +76,7 @@ KINDS = (
         "a policy",
         frozenset({"observation", "action", "connect_s", "answer_s", "reset_message"}),
         "policies",
-        "mpvi run --policy-settings FILE",
+        "a folder policies/ in MPVI_PATH",
         "mpvi_bt.remote.settings:check_settings",
     ),
     Kind("a saved run", frozenset({"saved", "config", "measurement", "run"}), "", "mpvi run --resume FILE"),
