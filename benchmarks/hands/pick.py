@@ -6,27 +6,33 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.hands.rooms import facing, placed, room, things
+from benchmarks.hands import surfaces
+from benchmarks.hands.rooms import arrival, called, name_in, placed, room, things
+from benchmarks.hands.surfaces import Surface
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.catalogue import Entry
-from mpvi_bt.sim.world import World
+from mpvi_bt.sim.world import Placement, World
 
 LIFTED_M = 0.05
+_AWAY_M = 0.15
+_CLUTTER, _CLUTTER_M, _APART_M = 8, 0.25, 0.02
 
 
-def lifted(name: str, rest_m: float) -> Callable[[World], str]:
-    """Whether a thing whose underside lay at a height [m] is in hand and off everything else.
+def lifted(name: str, rest_m: float, at: Array) -> Callable[[World], str]:
+    """Whether a thing that lay at a height [m] and a place (2,) is in hand and off everything else.
 
-    Codes: not_held (no hand has both fingers on it), not_lifted (its lowest point has risen less than 5 cm), touching
-    (it rests on or is wedged against something that is not the robot).
+    Codes: not_held (no hand has both fingers on it), not_lifted (neither has its lowest point risen by 5 cm nor is it
+    15 cm away: a thing from a high board may be carried lower), touching (it rests on or is wedged against something
+    that is not the robot).
     """
 
     def done(world: World) -> str:
         if not any(name in world.pinched(side) for side in SIDES):
             return "not_held"
-        if lowest(world, name) < rest_m + LIFTED_M:
+        away = float(np.linalg.norm(world.pose(name)[:2, 3] - at))
+        if lowest(world, name) < rest_m + LIFTED_M and away < _AWAY_M:
             return "not_lifted"
         if any(world.touching(name, other) for other in world.things if other != name):
             return "touching"
@@ -51,19 +57,75 @@ def draw_thing(rng: np.random.Generator, shapes: Shapes) -> Entry:
     return entries[rng.integers(len(entries))]
 
 
-def floor(rng: np.random.Generator, shapes: Shapes) -> Trial:
-    """One thing on the free floor."""
-    entry = draw_thing(rng, shapes)
-    at = rng.uniform(-0.5, 0.5, 2)
-    return _trial(entry, at, 0.0, rng, {})
+def radius(entry: Entry) -> float:
+    """Of the disc that a thing covers [m]."""
+    low, high = entry.description.extent()
+    return float(np.linalg.norm(np.maximum(np.abs(low), np.abs(high))[:2]))
 
 
-def _trial(
-    entry: Entry, at: Array, z: float, rng: np.random.Generator, fixtures: dict[str, dict[str, object]]
-) -> Trial:
-    objects = {"target": placed(entry, *at, z, rng.uniform(-np.pi, np.pi))}
-    prompt = f"pick up the {entry.phrases[0]}"
-    return Trial(room(fixtures), objects, facing(at, rng), prompt, lifted("target", z))
+def crowd(
+    objects: dict[str, Placement], surface: Surface, middle: Array, rng: np.random.Generator, shapes: Shapes
+) -> None:
+    """Add up to eight other things within 25 cm of a place (u, v) on a surface, 2 cm and more from everything."""
+    taken = [(middle, radius(p.entry)) for p in objects.values()]
+    kinds = {p.entry.name for p in objects.values()}
+    others = [entry for entry in one_hand(shapes) if entry.name not in kinds]
+    for k in rng.permutation(len(others))[:_CLUTTER]:
+        entry = others[k]
+        r = radius(entry)
+        for _ in range(30):
+            spot = middle + rng.uniform(-_CLUTTER_M, _CLUTTER_M, 2)
+            inside = surface.inset_m <= spot[0] - r and spot[0] + r <= surface.inset_m + surface.depth_m
+            if not inside or abs(spot[1]) + r > surface.width_m / 2:
+                continue
+            if all(np.linalg.norm(spot - other) > r + other_r + _APART_M for other, other_r in taken):
+                taken.append((spot, r))
+                yaw = rng.uniform(-np.pi, np.pi)
+                objects[name_in(objects, entry)] = placed(entry, *surface.at(*spot), surface.z, yaw)
+                break
 
 
-SKILLS: dict[str, dict[str, Scene]] = {"pick": {"floor": floor}}
+def pick_from(draw: Callable[[np.random.Generator], Surface], cluttered: bool = False) -> Scene:
+    """Scenes of one thing on a surface."""
+
+    def scene(rng: np.random.Generator, shapes: Shapes) -> Trial:
+        surface, entry = draw(rng), draw_thing(rng, shapes)
+        yaw = rng.uniform(-np.pi, np.pi)
+        spot = surface.spot(radius(entry), rng)
+        if surface.wall:
+            yaw, spot[0] = _touching(surface, entry, rng)
+        name = name_in({}, entry)
+        objects = {name: placed(entry, *surface.at(*spot), surface.z, yaw)}
+        if cluttered:
+            crowd(objects, surface, spot, rng, shapes)
+        house = room(surface.fixtures)
+        base = arrival(surface.at(*spot), rng, house, objects, surface.opened)
+        done = lifted(name, surface.z, surface.at(*spot))
+        return Trial(house, objects, base, f"pick up the {called(entry)}", done, opened=surface.opened)
+
+    return scene
+
+
+def _touching(surface: Surface, entry: Entry, rng: np.random.Generator) -> tuple[float, float]:
+    """A yaw in the world, and the u at which the thing's back is a millimeter from the wall."""
+    yaw = float(rng.integers(4)) * np.pi / 2
+    low, high = entry.description.extent()
+    c, s = round(np.cos(yaw)), round(np.sin(yaw))
+    back = max(c * x - s * y for x in (low[0], high[0]) for y in (low[1], high[1]))
+    heading = float(np.arctan2(surface.T[1, 0], surface.T[0, 0]))
+    return yaw + heading, surface.inset_m + surface.depth_m - float(back) - 0.001
+
+
+SKILLS: dict[str, dict[str, Scene]] = {
+    "pick": {
+        "floor": pick_from(surfaces.floor),
+        "table": pick_from(surfaces.table),
+        "counter": pick_from(surfaces.counter),
+        "high_shelf": pick_from(surfaces.high_shelf),
+        "clutter": pick_from(surfaces.one_of(surfaces.floor, surfaces.table, surfaces.counter), cluttered=True),
+        "under_board": pick_from(surfaces.board),
+        "wall": pick_from(surfaces.one_of(surfaces.floor_wall, surfaces.table_wall)),
+        "fridge": pick_from(surfaces.fridge),
+        "cabinet": pick_from(surfaces.one_of(surfaces.low_cabinet, surfaces.wall_cabinet)),
+    }
+}

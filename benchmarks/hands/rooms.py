@@ -1,9 +1,9 @@
-"""What scenes are made of: a room with fixtures, and places on and in them."""
+"""What scenes are made of: a room with fixtures, things in it, and where a robot arrives."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,13 +11,19 @@ from typing import Any
 import numpy as np
 
 from benchmarks.hands.trial import Shapes
+from mpvi_bt.errors import BackendError
 from mpvi_bt.marked_yaml import parse_marked
-from mpvi_bt.robot.solids import Array, pose
+from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.sim.catalogue import Catalogue, Entry, load_catalogue
 from mpvi_bt.sim.house import House, check_house
 from mpvi_bt.sim.world import Placement
 
 ROOM_M = 3.0  # half the room's width
+_BODY_M = 0.38  # free around the base's center at every height
+_HEIGHTS_M = np.arange(0.05, 1.6, 0.1)
+_NEAR_M, _FAR_M, _FACING_RAD = 0.65, 1.15, 0.4  # as navigation hands over
+_DRAWS = 2000
 
 
 @cache
@@ -32,6 +38,19 @@ def things(shapes: Shapes) -> Catalogue:
     return load_catalogue(Path(__file__).parent / "shapes" / f"{shapes}.yaml")
 
 
+@cache
+def room_of(fixtures: str) -> House:
+    """A house of one room with fixtures given as JSON; see `room`."""
+    hall = {
+        "rect": [-ROOM_M, -ROOM_M, ROOM_M, ROOM_M],
+        "floor": "#9fb0ab",
+        "walls": "#f6ecd4",
+        "fixtures": json.loads(fixtures),
+    }
+    text = json.dumps({"outside": "#efe6d6", "rooms": {"hall": hall}})
+    return check_house(*parse_marked(text, "trial.yaml"), catalogue())
+
+
 def room(fixtures: Mapping[str, Mapping[str, Any]]) -> House:
     """A house of one room, 6 x 6 m around the origin.
 
@@ -41,14 +60,22 @@ def room(fixtures: Mapping[str, Mapping[str, Any]]) -> House:
     Raises:
         FileProblems: A fixture is unknown, sticks out of the room or overlaps another.
     """
-    hall = {"rect": [-ROOM_M, -ROOM_M, ROOM_M, ROOM_M], "floor": "#9fb0ab", "walls": "#f6ecd4", "fixtures": fixtures}
-    text = json.dumps({"outside": "#efe6d6", "rooms": {"hall": hall}}, default=_plain)
-    return check_house(*parse_marked(text, "trial.yaml"), catalogue())
+    return room_of(json.dumps(fixtures, default=lambda value: value.tolist()))
 
 
 def placed(entry: Entry, x: float, y: float, z: float, yaw: float = 0.0) -> Placement:
     """A thing, upright, its underside a millimeter above `z` [m]."""
     return Placement(entry, pose((x, y, z + 0.001), yaw))
+
+
+def called(entry: Entry) -> str:
+    """What a prompt calls a thing: the words of its name."""
+    return entry.name.replace("_", " ")
+
+
+def name_in(objects: Mapping[str, Placement], entry: Entry) -> str:
+    """A name for one more thing in a scene, as BDDL would name it: "mug.n.04_1"."""
+    return f"{entry.synset}_{sum(placement.entry.synset == entry.synset for placement in objects.values()) + 1}"
 
 
 def facing(target: Array | tuple[float, float], rng: np.random.Generator, far_m: tuple[float, float] = (0.8, 1.2),
@@ -67,5 +94,52 @@ def facing(target: Array | tuple[float, float], rng: np.random.Generator, far_m:
     return np.array([*at, bearing + rng.uniform(-askew_rad, askew_rad)])
 
 
-def _plain(value: Any) -> Any:
-    return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
+def arrival(
+    target: Array,
+    rng: np.random.Generator,
+    house: House,
+    objects: Mapping[str, Placement],
+    opened: Mapping[str, Mapping[str, float]],
+    ahead_m: float = 0.0,
+) -> Array:
+    """(3,) a base pose as navigation hands over: within the handoff distance of a target, facing it, clear of all else.
+
+    Args:
+        target: (2,) x, y [m].
+        rng: Source of the draw.
+        house: The room.
+        objects: What stands in it.
+        opened: Its open doors, as in `Trial`.
+        ahead_m: How much farther than the body the robot reaches out before it, for what it holds.
+
+    Raises:
+        BackendError: No such pose was found.
+    """
+    around = Surroundings([*_fixed(house, opened), *(s for p in objects.values() for s in _solids(p))])
+    limit = ROOM_M - 0.05 - _BODY_M
+    for _ in range(_DRAWS):
+        bearing, far = rng.uniform(-np.pi, np.pi), rng.uniform(_NEAR_M, _FAR_M)
+        toward = np.array([np.cos(bearing), np.sin(bearing)])
+        at = np.asarray(target, float) - far * toward
+        yaw = bearing + rng.uniform(-_FACING_RAD, _FACING_RAD)
+        ahead = at + ahead_m * np.array([np.cos(yaw), np.sin(yaw)])
+        spots = np.array([[*p, z] for p in (at, (at + ahead) / 2, ahead) for z in _HEIGHTS_M])
+        if np.abs(at).max() < limit and np.abs(ahead).max() < limit and (around.distance(spots) > _BODY_M).all():
+            between = np.array([[*(at + s * toward), 1.3] for s in np.linspace(0, far - 0.15, 12)])
+            if (around.distance(between) > 0.02).all():
+                return np.array([*at, yaw])
+    raise BackendError(f"no free place for the robot near {np.round(target, 2).tolist()}")
+
+
+def _fixed(house: House, opened: Mapping[str, Mapping[str, float]]) -> Iterator[Solid]:
+    """Walls, and fixtures with their doors as they stand."""
+    yield from (wall.solid for wall in house.walls)
+    for name, fixture in house.fixtures.items():
+        for body in fixture.entry.description.bodies:
+            limit = 0.0 if body.joint is None else body.joint.limit
+            frame = fixture.T_world_fixture @ body.frame(limit * opened.get(name, {}).get(body.name, 0.0))
+            yield from (part.solid.moved(frame) for part in body.parts if part.collides)
+
+
+def _solids(placement: Placement) -> Iterator[Solid]:
+    return placement.entry.description.solids(placement.T_world)

@@ -28,10 +28,8 @@ def markdown(rows: Iterable[Row]) -> str:
         failures = ", ".join(f"{count} {cause}" for cause, count in r["failures"].items())
         retries = "-" if r["retries"] is None else f"{r['retries']:.2f}"
         seconds = "-" if r["median_s"] is None else f"{r['median_s']:.1f}"
-        lines.append(
-            f"| {r['skill']} | {r['case']} | {r['policy']} | {r['setting']} | {r['ok']}/{r['n']} | {seconds} | {retries} "
-            f"| {r['realtime']:.1f} | {failures} |"
-        )
+        scene = f"{r['skill']} | {r['case']} | {r['policy']} | {r['setting']}"
+        lines.append(f"| {scene} | {r['ok']}/{r['n']} | {seconds} | {retries} | {r['realtime']:.1f} | {failures} |")
     return "\n".join(lines)
 
 
