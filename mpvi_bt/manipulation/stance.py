@@ -27,7 +27,7 @@ _CHECKED_POSTURES = 30  # of one base pose
 _CHECKED_BASES = 24
 # Where the other hand may bring what it holds: x, y toward its own side, z [m]; reachable from a bent torso too.
 _ASIDE = ((0.50, 0.30, 0.76), (0.52, 0.16, 0.76), (0.42, 0.36, 0.78), (0.50, 0.30, 0.90))
-_FLOOR = box((0.0, 0.0, -0.1), (60.0, 60.0, 0.2))
+FLOOR = box((0.0, 0.0, -0.1), (60.0, 60.0, 0.2))
 _HEIGHTS = np.array([[0.0, 0.0, z] for z in (0.04, 0.11, 0.18, 0.25)] + [[-0.1, 0.0, z] for z in (0.35, 0.5)])
 _REACHES = np.array([_BASE_CLEAR_M] * 4 + [0.14] * 2)
 
@@ -88,7 +88,7 @@ class Stance:
 
 
 @dataclass(frozen=True, eq=False)
-class _Standing:
+class Standing:
     body: Body
     level: Mapping[Side, list[Array]]
 
@@ -133,11 +133,21 @@ class Search:
                 holds.append(path)
         return holds
 
-    def find(self, focus_xy: Array, options: Sequence[Option]) -> Stance | None:
-        """The nearest good stance for one of `options` about a place in the world (2,), or None."""
+    def find(self, focus_xy: Array, options: Sequence[Option], here_first: bool = False) -> Stance | None:
+        """The nearest good stance for one of `options` about a place in the world (2,), or None.
+
+        Args:
+            focus_xy: What to stand about.
+            options: Ways to do it; one is enough.
+            here_first: Whether where the robot stands now is good enough if it serves, tried before or not.
+        """
         if not options:
             return None
         here = self.motion.felt.base_pose
+        if here_first:
+            for hold in self._holds:
+                if (found := self._at(here.copy(), options, hold)) is not None:
+                    return found
         failed: list[Array] = list(self.tried)
         for base in _bases(here, focus_xy, self.side):
             # What failed here would fail a hand's breadth away; other sides of the thing are worth more.
@@ -163,11 +173,11 @@ class Search:
 
     @cached_property
     def _all(self) -> Obstacles:
-        return Together([self.obstacles, Surroundings([_FLOOR, *self.touched])])
+        return Together([self.obstacles, Surroundings([FLOOR, *self.touched])])
 
     @cached_property
     def _others(self) -> Obstacles:
-        return Together([self.obstacles, Surroundings([_FLOOR])])
+        return Together([self.obstacles, Surroundings([FLOOR])])
 
     def body(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array] | None = None) -> Body:
         """The robot in a posture, with what it holds."""
@@ -212,7 +222,7 @@ class Search:
             if not self.body(self.motion.torso, all_around, arms).free(self.other, hold[-1])[0]:
                 return None
         seen: dict[tuple[int, int], int] = {}
-        standing: dict[int, _Standing | None] = {}
+        standing: dict[int, Standing | None] = {}
         for row in np.argsort(cost)[: 40 * _CHECKED_POSTURES]:
             where = (int(t[row]), int(g[row]))
             if seen.get(where, 0) >= 2:
@@ -231,7 +241,7 @@ class Search:
                 return Stance(base, torso, where[1], path, goals[where[1]], hold, stood.level)
         return None
 
-    def _stood(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array]) -> _Standing | None:
+    def _stood(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array]) -> Standing | None:
         """The body once the torso has moved there, the other hand level if it holds something; None if it cannot."""
         body = self.body(self.motion.torso, around, arms)
         hands = (
@@ -242,7 +252,7 @@ class Search:
         level = arm_motion.sweep(body, torso, hands, samples=6)
         if level is None:
             return None
-        return _Standing(replace(body, torso=torso, arms={**arms, **{s: q[-1] for s, q in level.items()}}), level)
+        return Standing(replace(body, torso=torso, arms={**arms, **{s: q[-1] for s, q in level.items()}}), level)
 
     def _reached(
         self, body: Body, free_around: Obstacles, goals: Array, contact: int, key: int, q_key: Array
