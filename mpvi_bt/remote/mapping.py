@@ -129,7 +129,7 @@ def actions_of(reply: Any, layout: Action, held: Proprioception) -> Array:
     theirs = _checked(given, layout)
     if not layout.parts:
         return theirs
-    ours = np.tile(_still(held), (len(theirs), 1))
+    ours = np.tile(still(held), (len(theirs), 1))
     for piece in layout.parts:
         ours[:, _OURS[piece.part]] = _converted(theirs, piece)
     if not np.isfinite(ours).all():
@@ -159,8 +159,8 @@ def _converted(theirs: Array, piece: Piece) -> Array:
         return theirs[:, list(piece.indices)] * np.array(piece.scale) + np.array(piece.offset)
 
 
-def _still(held: Proprioception) -> Array:
-    """(23,) the action that changes nothing."""
+def still(held: Proprioception) -> Array:
+    """(23,) the action that leaves the robot as it is `held`."""
     action = np.zeros(ACTION_SIZE)
     action[ActionLayout.TORSO] = held.torso
     for side in ActionLayout.ARM:

@@ -1,0 +1,211 @@
+"""One websocket to a policy server: opened, asked and closed, with an end to every wait and a reason for every failure.
+
+Failures are `PolicyError`s; `Lost` is the one of them that a new connection may mend.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+import ipaddress
+import os
+import socket
+import ssl
+import threading
+import time
+import urllib.error
+import urllib.request
+import weakref
+from collections.abc import Iterator
+from typing import Any
+from urllib.parse import urlsplit
+
+from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidMessage, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from mpvi_bt.errors import BadMessage, PolicyError
+from mpvi_bt.remote.codec import unpack
+
+KEY = "OPENPI_API_KEY"  # environment variable
+_POLL_S = 0.25  # between two looks whether a server is there now
+_CLOSE_S = 1.0  # for a server to answer a farewell
+_STARTING = (502, 503, 504)  # HTTP: behind a proxy, or too busy
+_GONE = (1000, 1001, 1005, 1006, 1012, 1013, 1014)  # closed for reasons that may not last
+
+
+class Lost(PolicyError):
+    """The connection is lost; what was asked may be asked again over a new one."""
+
+
+class Connection:
+    """An open websocket, and the metadata that the server sent first.
+
+    Args:
+        url: Of the server, ws:// or wss://.
+        deadline: Until when to wait for it (`time.monotonic`).
+        most_bytes: Of a message.
+
+    Raises:
+        PolicyError: There is no such server by then, or it refuses.
+
+    Attributes:
+        metadata: As the server sent it.
+    """
+
+    def __init__(self, url: str, deadline: float, most_bytes: int) -> None:
+        self._most_bytes = most_bytes
+        stack = contextlib.ExitStack()
+        self._socket = stack.enter_context(_open(url, deadline, most_bytes))
+        self._end = weakref.finalize(self, stack.close)  # when a policy is dropped, its server should know
+        try:
+            self.metadata = self.receive(deadline)
+        except PolicyError:
+            self.close()
+            raise
+
+    def send(self, message: bytes, deadline: float) -> None:
+        """Send a message, which a server that does not read would hold up forever. Raises PolicyError."""
+        stop = threading.Timer(max(deadline - time.monotonic(), 0.0), _cut, [self._socket])
+        stop.daemon = True
+        stop.start()
+        try:
+            with self._failures(deadline):
+                self._socket.send(message)
+        finally:
+            stop.cancel()
+
+    def receive(self, deadline: float) -> Any:
+        """The next message, unpacked. Raises PolicyError."""
+        with self._failures(deadline):
+            frame = self._socket.recv(timeout=max(deadline - time.monotonic(), 0.0))
+        if isinstance(frame, str):
+            raise _said(frame)
+        try:
+            return unpack(frame, self._most_bytes)
+        except BadMessage as error:
+            raise PolicyError("bad_reply", str(error)) from None
+
+    def close(self) -> None:
+        """End it, politely if the server answers soon. Safe to call twice."""
+        self._end()
+
+    @contextlib.contextmanager
+    def _failures(self, deadline: float) -> Iterator[None]:
+        try:
+            yield
+        except TimeoutError:
+            raise PolicyError("server_timeout", "no answer in time") from None
+        except ConnectionClosed as error:
+            if time.monotonic() >= deadline:
+                raise PolicyError("server_timeout", "no answer in time") from None
+            with contextlib.suppress(ConnectionClosed, TimeoutError):
+                if isinstance(last := self._socket.recv(timeout=0), str):
+                    raise _said(last) from None
+            raise _closed(error) from None
+
+
+def _cut(connection: ClientConnection) -> None:
+    with contextlib.suppress(OSError):
+        connection.socket.shutdown(socket.SHUT_RDWR)
+
+
+def _said(text: str) -> PolicyError:
+    """The error that a server tells of in a text frame: a traceback, whose last line says what was wrong."""
+    return PolicyError("server_error", f"the server says: {one_line(text.strip().rpartition(chr(10))[2])}")
+
+
+def _closed(error: ConnectionClosed) -> PolicyError:
+    if error.sent is not None and not (error.rcvd and error.rcvd_then_sent):  # it was us who refused
+        return PolicyError("bad_reply", f"a frame that is not allowed: {one_line(str(error.sent))}")
+    if error.rcvd is None:
+        return Lost("server_closed", "the connection broke")
+    said = one_line(str(error.rcvd))
+    if error.rcvd.code in _GONE:
+        return Lost("server_closed", f"the server closed the connection: {said}")
+    reason = "unauthorized" if error.rcvd.code == 1008 else "server_error"
+    return PolicyError(reason, f"the server closed the connection: {said}")
+
+
+def _open(url: str, deadline: float, most_bytes: int) -> ClientConnection:
+    """A websocket, as soon as the server is there. Raises PolicyError."""
+    while True:
+        try:
+            return connect(
+                url,
+                compression=None,
+                max_size=most_bytes,
+                additional_headers=_headers(),
+                proxy=None if _is_near(url) else True,
+                open_timeout=max(deadline - time.monotonic(), 0.01),
+                ping_timeout=None,  # while it infers, a server of openpi answers no ping
+                close_timeout=_CLOSE_S,
+            )
+        except (OSError, InvalidHandshake) as error:
+            failure = _refused(error)
+        _wait_until_healthy(url, deadline, failure)
+
+
+def _headers() -> dict[str, str]:
+    key = os.environ.get(KEY, "")
+    if not (key.isascii() and key.isprintable()):
+        raise PolicyError("unauthorized", f"the key in {KEY} has characters that no header can carry")
+    return {"Authorization": f"Api-Key {key}"} if key else {}
+
+
+def _refused(error: Exception) -> PolicyError:
+    """What to say if a server that answered like that is not there in the end. Raises it if waiting cannot help."""
+    if isinstance(error, ssl.SSLError):
+        raise PolicyError("tls", f"TLS: {one_line(str(error))}") from None
+    if isinstance(error, socket.gaierror) and error.errno != socket.EAI_AGAIN:
+        raise PolicyError("server_absent", f"no such host: {one_line(str(error.strerror))}") from None
+    if isinstance(error, InvalidStatus):
+        status = error.response.status_code
+        words = f"HTTP {status} {http.client.responses.get(status, '')}".strip()
+        if status in (401, 403):
+            raise PolicyError("unauthorized", f"{words}; a key is read from {KEY} in the environment") from None
+        if status not in _STARTING:
+            raise PolicyError("bad_reply", f"{words}: no websocket is served there") from None
+        return PolicyError("server_absent", words)
+    if isinstance(error, InvalidMessage) and not isinstance(error.__cause__, EOFError | OSError):
+        raise PolicyError("bad_reply", f"it does not speak HTTP: {one_line(str(error))}") from None
+    if isinstance(error, InvalidHandshake) and not isinstance(error, InvalidMessage):
+        raise PolicyError("bad_reply", f"it serves no websocket: {one_line(str(error))}") from None
+    if isinstance(error, TimeoutError):
+        return PolicyError("server_timeout", "it does not answer")
+    if isinstance(error, InvalidMessage):
+        return PolicyError("server_absent", "it hangs up")
+    words = os.strerror(error.errno).lower() if isinstance(error, OSError) and error.errno else one_line(str(error))
+    return PolicyError("server_absent", words)
+
+
+def _wait_until_healthy(url: str, deadline: float, failure: PolicyError) -> None:
+    """Return once /healthz answers, by whatever a server that is there answers. Raises `failure` when time is up."""
+    parts = urlsplit(url)
+    health = f"{'https' if parts.scheme == 'wss' else 'http'}://{parts.netloc}/healthz"
+    opener = urllib.request.build_opener(*([urllib.request.ProxyHandler({})] if _is_near(url) else []))
+    while (left := deadline - time.monotonic()) > 0:
+        time.sleep(min(_POLL_S, left))
+        try:
+            with opener.open(health, timeout=max(min(2.0, deadline - time.monotonic()), 0.01)):
+                return
+        except urllib.error.HTTPError as error:
+            error.close()
+            if error.code not in _STARTING:
+                return
+        except (OSError, http.client.HTTPException, ValueError):
+            continue
+    raise failure
+
+
+def _is_near(url: str) -> bool:
+    """Whether a URL is of this machine, which no proxy leads to."""
+    host = urlsplit(url).hostname or ""
+    with contextlib.suppress(ValueError):
+        return ipaddress.ip_address(host).is_loopback
+    return host == "localhost" or host.endswith(".localhost")
+
+
+def one_line(text: str, most: int = 300) -> str:
+    """Text from elsewhere as a message can quote it: printable, on one line, not long."""
+    line = " ".join("".join(c if c.isprintable() else " " for c in text[: 4 * most]).split())
+    return line if len(line) <= most else line[: most - 3] + "..."

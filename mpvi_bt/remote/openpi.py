@@ -1,0 +1,167 @@
+"""A policy behind a websocket, spoken to as openpi's own client does, or as BEHAVIOR's evaluator does.
+
+A server is trusted with nothing: every wait ends, what it sends is bounded in size and checked, and what goes wrong is
+a `PolicyError` with a reason code. A lost connection is made anew a few times; what the server refused is not repeated.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, TypeVar
+from urllib.parse import urlsplit
+
+from mpvi_bt.errors import PolicyError, UserError, shown
+from mpvi_bt.remote.codec import pack
+from mpvi_bt.remote.connection import KEY, Connection, Lost, one_line
+from mpvi_bt.remote.mapping import actions_of, message_of, still
+from mpvi_bt.remote.observation import write_observation
+from mpvi_bt.remote.settings import CAMERAS, Settings, load_settings
+from mpvi_bt.robot.protocol import Proprioception
+from mpvi_bt.robot.solids import Array
+
+PORT = 8000
+DEFAULT = "mpvi"  # settings
+_PAUSE_S = 0.25  # before a lost connection is made anew
+Result = TypeVar("Result")
+
+
+def connect(address: str, settings: Settings | str = DEFAULT) -> OpenpiPolicy:
+    """The policy at an address; the connection is made when it is first needed.
+
+    Args:
+        address: "ws://host:port", "wss://host:port" or "host:port"; the port is 8000 where none is given.
+        settings: Or the name or path of their file.
+
+    Raises:
+        UserError: The address or the settings are not valid.
+    """
+    return OpenpiPolicy(address, load_settings(settings) if isinstance(settings, str) else settings)
+
+
+def url_of(address: str) -> str:
+    """The websocket's URL of an address. Raises UserError."""
+    form = "An address is ws://HOST:PORT, wss://HOST:PORT or HOST:PORT."
+    try:
+        parts = urlsplit(address if "://" in address else f"ws://{address}")
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise UserError(f"{shown(address)} is no address of a policy server: {error}. {form}") from None
+    if parts.username is not None or parts.query or parts.fragment:
+        raise UserError(f"an address has no name, key or query in it. {form} A key is read from {KEY}.")
+    if parts.scheme not in ("ws", "wss") or not host or not host.isprintable() or " " in address:
+        raise UserError(f"{shown(address)} is no address of a policy server. {form}")
+    host = f"[{host}]" if ":" in host else host
+    return f"{parts.scheme}://{host}:{PORT if port is None else port}{parts.path}"
+
+
+class OpenpiPolicy:
+    """A remote policy.
+
+    Args:
+        address: As `connect` takes it.
+        settings: How the server is spoken to.
+
+    Attributes:
+        name: "openpi:" and the URL.
+        cameras: Those that the settings map; fewer if the server says which it wants (docs/policies.md).
+        note: What the server says that it is doing; one line.
+        connections: How many have been made.
+    """
+
+    def __init__(self, address: str, settings: Settings) -> None:
+        self._url = url_of(address)
+        self._settings = settings
+        self.name = f"openpi:{self._url}"
+        self.cameras: tuple[str, ...] = settings.cameras
+        self.note = ""
+        self.connections = 0
+        self._connection: Connection | None = None
+        self._fresh = True
+        self._held: Proprioception | None = None
+
+    def reset(self) -> None:
+        """Let the server begin anew, once it is there. Raises PolicyError."""
+        self._fresh, self._held, self.note = True, None, ""
+        self._persist(self._begin, self._settings.connect_s)
+
+    def infer(self, observation: Mapping[str, Any]) -> Array:
+        """The next actions, (H, 23).
+
+        One that holds still, if a server that came back wants pictures that it had not wanted before.
+
+        Raises:
+            PolicyError: For a reason that docs/policies.md lists. The connection is closed; a later call makes a new
+                one.
+        """
+        if self._held is None:
+            self._held = observation["proprioception"]
+        return self._persist(partial(self._ask, observation, self._held), self._settings.answer_s)
+
+    def close(self) -> None:
+        """End the connection. Safe to call at any time, twice too."""
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    def _persist(self, talk: Callable[[Connection, float], Result], seconds: float) -> Result:
+        """What a talk with the server gives; over a new connection if one is lost. Raises PolicyError."""
+        deadline = time.monotonic() + seconds
+        lost: Lost | None = None
+        for more in range(self._settings.tries, -1, -1):
+            try:
+                return talk(self._connected(deadline), deadline)
+            except PolicyError as error:
+                self.close()
+                if not isinstance(error, Lost) or not more:
+                    since = f"{lost}; since then: " if lost else ""
+                    reason = "server_closed" if lost and error.reason == "server_absent" else error.reason
+                    raise PolicyError(reason, f"{self.name}: {since}{error}") from None
+                lost = error
+                time.sleep(_PAUSE_S)
+            except BaseException:  # a question without its answer: what came next would answer another
+                self.close()
+                raise
+        raise AssertionError("unreachable")
+
+    def _connected(self, deadline: float) -> Connection:
+        if self._connection is None:
+            until = min(deadline, time.monotonic() + self._settings.connect_s)
+            self._connection = Connection(self._url, until, self._settings.max_mb << 20)
+            self.connections += 1
+            self.cameras = self._settings.cameras
+            self._hear(self._connection.metadata)
+        return self._connection
+
+    def _begin(self, connection: Connection, deadline: float) -> None:
+        if self._settings.reset_message:
+            connection.send(pack({"reset": True}), deadline)
+
+    def _ask(
+        self, observation: Mapping[str, Any], held: Proprioception, connection: Connection, deadline: float
+    ) -> Array:
+        if set(self.cameras) - set(observation["images"]):
+            return still(observation["proprioception"])[None]
+        layout, action = self._settings.observation, self._settings.action
+        message = write_observation(observation, self._fresh) if layout is None else message_of(observation, layout)
+        if self._settings.request_chunk is not None:
+            message["__action_chunk_size__"] = self._settings.request_chunk
+        connection.send(pack(message), deadline)
+        reply = connection.receive(deadline)
+        if self._settings.request_chunk is not None and isinstance(reply, dict) and "action_chunk" in reply:
+            action = action.model_copy(update={"key": "action_chunk"})
+        actions = actions_of(reply, action, held)
+        self._hear(reply)
+        self._fresh = False
+        return actions
+
+    def _hear(self, message: Any) -> None:
+        """Take in what a server may say beside the actions, in its metadata and in each answer."""
+        if not isinstance(message, dict):
+            raise PolicyError("bad_reply", f"metadata that are {shown(message)}, not a mapping")
+        wanted = message.get("cameras")
+        if isinstance(wanted, list) and all(camera in CAMERAS for camera in wanted):
+            self.cameras = tuple(camera for camera in self._settings.cameras if camera in wanted)
+        if isinstance(note := message.get("note"), str):
+            self.note = one_line(note)
