@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 from mpvi_bt.manipulation.pick import pick
 from mpvi_bt.manipulation.place import place_in, place_on
+from mpvi_bt.manipulation.two_hands import either, lift, set_down
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot.motion import Actions
 from mpvi_bt.robot.solids import Array
@@ -16,5 +17,6 @@ Perform = Callable[[Work, Words, list[Array]], Actions]
 REPERTOIRE: Mapping[str, Perform] = {
     "pick": pick,
     "place_in": place_in,
-    "place_on": place_on,
+    "place_on": either(place_on, set_down),
+    "lift": lift,
 }

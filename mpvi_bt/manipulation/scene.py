@@ -47,6 +47,10 @@ class Scene(Protocol):
         """The movable thing that the fingers of one hand hold between them."""
         ...
 
+    def between(self) -> str | None:
+        """The movable thing that both hands hold between them, pressed from its sides."""
+        ...
+
     def within(self, name: str) -> Sequence[str]:
         """The movable things that lie in a thing's container volumes."""
         ...

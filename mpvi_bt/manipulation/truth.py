@@ -45,6 +45,10 @@ class Truth(WorldState, Protocol):
         """The movable thing that the fingers of one hand hold between them."""
         ...
 
+    def between(self) -> str | None:
+        """The movable thing that both hands hold between them, pressed from its sides."""
+        ...
+
     def within(self, name: str) -> Sequence[str]:
         """The movable things that lie in a thing's container volumes."""
         ...
@@ -63,7 +67,7 @@ class TrueScene:
         self.knowledge, self.pose = truth.knowledge, truth.pose
         self.solids, self.volumes = truth.solids, truth.volumes
         self.handles, self.doors, self.switches = truth.handles, truth.doors, truth.switches
-        self.holding, self.within = truth.holding, truth.within
+        self.holding, self.between, self.within = truth.holding, truth.between, truth.within
 
     def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> Surroundings:
         """As `Scene` says."""

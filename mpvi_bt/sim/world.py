@@ -17,6 +17,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, CameraImage, Side
 from mpvi_bt.robot.r1 import FINGER_JOINTS
 from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.sim.assisted import Attachments
 from mpvi_bt.sim.builder import Thing, build_house, build_object
 from mpvi_bt.sim.cameras import Cameras
@@ -29,6 +30,8 @@ from mpvi_bt.sim.shaders import new_scene
 
 PHYSICS_HZ = 120
 _HELD_M = 0.012  # a thing this near the line between the pads of a hand that closed on something is in that hand
+
+_PRESSED_M = 0.04  # likewise for a thing between two hands
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,6 +307,15 @@ class World:
             elif attachments.of(side) is None and (names := self.pinched(side)):
                 attachments.attach(side, self.robot.links[f"{side}_hand"], self._objects[names[0]])
 
+    def between(self) -> str | None:
+        """The movable thing pressed between both hands: the one that is nearest to both of them."""
+        if not squeezes(self.robot.proprioception()):
+            return None
+        hands = [self.robot.hand_pose_world(side)[:3, 3] for side in SIDES]
+        gaps = {n: max(min(_gap(s, p) for s in self.solids(n)) for p in hands) for n in self._objects}
+        nearest = min(gaps, key=gaps.__getitem__, default=None)
+        return nearest if nearest is not None and gaps[nearest] < _PRESSED_M else None
+
     def within(self, name: str) -> Sequence[str]:
         """Movable things whose middle lies in the container volumes of a thing."""
         volumes = self.volumes(name)
@@ -331,7 +343,7 @@ class World:
         if self._known is None or self._known[0] != self.steps:
             base = KnowledgeBase({e.name: e for e in self._prior})
             containers = {c: set(self.within(c)) for c in self._objects if self.volumes(c)}
-            carried = {h for s in SIDES if (h := self.holding(s)) is not None}
+            carried = {h for s in SIDES if (h := self.holding(s)) is not None} | {self.between()}
             for name, thing in self._objects.items():
                 boxes = np.stack([s.aabb() for s in thing.solids()])
                 low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)

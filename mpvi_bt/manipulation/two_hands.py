@@ -1,0 +1,386 @@
+"""What is too wide for one hand: a box is pressed from both sides with open hands, raised, carried and set down."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpvi_bt.manipulation.stance import Search, base_clear
+from mpvi_bt.manipulation.work import Words, Work
+from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import SIDES, ActionLayout, Side
+from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.robot.squeeze import squeezes
+
+_WIDTHS_M = (0.10, 0.46)  # between the hands: less is for one hand, more does not go between the arms
+_TIP_M = 0.012  # the fingertips reach this far past the tcp
+_WIDE_M = 0.05  # between a hand and its side of the box, before it closes in
+_PRESS_M = 0.08  # how far inside the box the hands are told to go: measured to hold 5 kg while driving
+_LOW_M = 0.07  # a thing that is lower than this is taken with hands that point slantwise down,
+_SLANT_RAD = 0.75
+_LIFT_M = 0.15
+_BACK_M = 0.4
+_CARRY_M = 0.62  # height of the hands to carry at, if the arms get there
+_OVER_M = 0.05  # between a box and the surface that it is driven in over
+_LIFTS = (0.0, 0.1, 0.2, 0.3, 0.42, 0.55)
+_PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1, 1.35)
+_CHECKED_BASES = 24
+_CHECKED_TORSOS = 8
+_HEADINGS = tuple(np.arange(16) * np.pi / 8)
+_SPOTS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class _Box:
+    """The upright box about a thing: middle (3,), full length along `heading`, width across it, and height [m]."""
+
+    middle: Array
+    heading: float
+    length: float
+    width: float
+    height: float
+
+    @property
+    def bottom(self) -> float:
+        return float(self.middle[2]) - self.height / 2
+
+    def hands(self, reach: float) -> dict[Side, Array]:
+        """T_world_tcp (4, 4) of hands on both sides, seen from behind; `reach` [m] off the sides, negative within."""
+        low = self.height < _LOW_M
+        z = self.bottom + (max(0.012, self.height / 2) if low else max(0.05, 0.55 * self.height))
+        along = np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
+        leftward = np.array([-along[1], along[0], 0.0])
+        slant = _SLANT_RAD if low else 0.0
+        out: dict[Side, Array] = {}
+        for side in SIDES:
+            sign = r1.SIGN[side]
+            approach = -sign * leftward * np.cos(slant) - np.array([0, 0, np.sin(slant)])
+            tip = np.array([*self.middle[:2], z]) + sign * leftward * (self.width / 2 + reach)
+            out[side] = kin.transform(kin.hand_rotation(approach, along), tip - _TIP_M * approach)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Grip:
+    """Where to stand and how to press: a base pose, a torso, and postures of the arms wide, touching and pressing."""
+
+    box: _Box
+    base: Array
+    torso: Array
+    arms: Mapping[Side, list[Array]]
+
+
+def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
+    """Take the thing that `words["object"]` names between both hands and raise it.
+
+    Raises:
+        MotionFailure: "unknown_object", "hands_full", "no_grasp", "no_stance", "not_squeezed", "slipped", or a motion's
+            own reason.
+    """
+    scene, motion = work.scene, work.motion
+    name = work.nearest(words["object"])
+    if scene.between() == name:
+        return  # in hand already
+    if work.held() or squeezes(motion.felt):
+        raise MotionFailure("hands_full")
+    yield from work.look_at(name)
+    boxes = [b for b in _boxes(scene.pose(name), list(scene.solids(name))) if _WIDTHS_M[0] < b.width < _WIDTHS_M[1]]
+    if not boxes:
+        raise MotionFailure("no_grasp")
+    search = work.search("right", {name})
+    search.tried.extend(tried)
+    grip = _find(work, search, boxes)
+    if grip is None:
+        raise MotionFailure("no_stance")
+    tried.append(grip.base)
+    yield from together(motion.grip("left", 1.0, 0.3), motion.grip("right", 1.0, 0.3), motion_of=work)
+    yield from _go_behind(work, grip, search)
+    yield from motion.drive(grip.base, speed=0.25)
+    for reach, speed in ((0.0, 0.12), (-_PRESS_M, 0.10)):
+        yield from _press(work, grip.box, reach, speed)
+    if not squeezes(motion.felt):
+        yield from _open_wide(work)
+        raise MotionFailure("not_squeezed")
+    yield from _raise(work, _LIFT_M)
+    x, y, yaw = motion.felt.base_pose
+    yield from motion.drive(np.array([x - _BACK_M * np.cos(yaw), y - _BACK_M * np.sin(yaw), yaw]), speed=0.25)
+    yield from _carry_height(work)
+    yield from work.see("head")
+    if not squeezes(motion.felt) or scene.between() != name:
+        raise MotionFailure("slipped")
+
+
+def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
+    """Set the thing that both hands hold between them down on `words["surface"]`.
+
+    Raises:
+        MotionFailure: "not_held", "unknown_object", "no_free_spot", "no_stance", "slipped", "missed", or a motion's own
+            reason.
+    """
+    scene, motion = work.scene, work.motion
+    name = scene.between()
+    if name is None or name not in {e.name for e in scene.knowledge().find(words["object"])}:
+        raise MotionFailure("not_held")
+    surface = work.nearest(words["surface"])
+    box = _seen_box(work, name)
+    spots = scene.spots(surface, max(box.length, box.width) / 2 + 0.01, box.height + 0.1, motion.felt.base_pose[:2])
+    if not spots:
+        raise MotionFailure("no_free_spot")
+    search = work.search("right", {name})
+    search.tried.extend(tried)
+    found = _find_place(work, search, box, list(spots))
+    if found is None:
+        raise MotionFailure("no_stance")
+    base, spot = found
+    tried.append(base)
+    back = base - [_BACK_M * np.cos(base[2]), _BACK_M * np.sin(base[2]), 0.0]
+    yield from _raise(work, max(0.0, spot[2] + _OVER_M - box.bottom))
+    yield from motion.drive(back, speed=0.3)
+    if scene.between() != name:
+        raise MotionFailure("slipped")
+    yield from motion.drive(base, speed=0.2)
+    yield from _raise(work, spot[2] + 0.004 - _seen_box(work, name).bottom, seconds_per_m=7.0)
+    yield from motion.wait(0.2)
+    yield from _open_wide(work)
+    yield from motion.drive(back, speed=0.3)
+    yield from work.settle(without={name, surface})
+    yield from work.look_at(name)
+    if abs(min(s.aabb()[0, 2] for s in scene.solids(name)) - spot[2]) > 0.04:
+        raise MotionFailure("missed")
+
+
+Perform = Callable[[Work, Words, list[Array]], Actions]
+
+
+def either(one: Perform, both: Perform) -> Perform:
+    """The way of one hand or, while two hands hold a thing between them, the way of both."""
+
+    def perform(work: Work, words: Words, tried: list[Array]) -> Actions:
+        return (both if squeezes(work.motion.felt) else one)(work, words, tried)
+
+    return perform
+
+
+def together(*motions: Actions, motion_of: Work) -> Actions:
+    """Motions of different parts of the body at the same time, until the last has ended."""
+    going = list(motions)
+    while going:
+        going = [motion for motion in going if next(motion, None) is not None]
+        if going:
+            yield motion_of.motion.action.copy()
+
+
+def _boxes(T: Array, solids: list[Solid]) -> Iterator[_Box]:
+    """The box about a thing's solids as seen from each of its four sides."""
+    up = int(np.abs(T[2, :3]).argmax())
+    ahead = T[:3, (up + 1) % 3]
+    yaw = float(np.arctan2(ahead[1], ahead[0]))
+    frame = kin.transform(kin.rot_z(yaw), T[:3, 3])
+    corners = np.stack([s.moved(kin.inverse(frame)).aabb() for s in solids])
+    low, high = corners[:, 0].min(0), corners[:, 1].max(0)
+    middle = frame[:3, :3] @ ((low + high) / 2) + frame[:3, 3]
+    x, y, z = (high - low).tolist()
+    for quarter in range(4):
+        length, width = (x, y) if quarter % 2 == 0 else (y, x)
+        yield _Box(middle, float(kin.wrap(yaw + quarter * np.pi / 2)), length, width, z)
+
+
+def _seen_box(work: Work, name: str) -> _Box:
+    """The box about a thing as the robot sees it that holds it before itself."""
+    yaw = float(work.motion.felt.base_pose[2])
+    boxes = _boxes(work.scene.pose(name), list(work.scene.solids(name)))
+    return min(boxes, key=lambda b: abs(float(kin.wrap(b.heading - yaw))))
+
+
+def _find(work: Work, search: Search, boxes: list[_Box]) -> _Grip | None:
+    """The first good grip, the nearest base poses first."""
+    here = work.motion.felt.base_pose
+    ranked = []
+    for box in boxes:
+        for ahead in (0.31, 0.35, 0.39, 0.43, 0.47):
+            for aside in (0.0, 0.05, -0.05):
+                offset = kin.rot_z(box.heading)[:2, :2] @ [box.length / 2 + ahead, aside]
+                base = np.array([*(box.middle[:2] - offset), box.heading])
+                turn = abs(float(kin.wrap(base[2] - here[2])))
+                way = float(np.linalg.norm(base[:2] - here[:2]))
+                ranked.append((way + 0.4 * turn + abs(aside) + 1.5 * abs(ahead - 0.37), base, box))
+    checked = 0
+    for _, base, box in sorted(ranked, key=lambda r: r[0]):
+        if any(np.linalg.norm(base[:2] - b[:2]) < 0.03 and abs(kin.wrap(base[2] - b[2])) < 0.3 for b in search.tried):
+            continue
+        back = _behind(base)
+        if not search.drivable(here, back) or not base_clear(search.around(base, touched=True)):
+            continue
+        if (grip := _grip_at(work, search, base, box)) is not None:
+            return grip
+        checked += 1
+        if checked >= _CHECKED_BASES:
+            break
+    return None
+
+
+def _behind(base: Array) -> Array:
+    return base - [_BACK_M * np.cos(base[2]), _BACK_M * np.sin(base[2]), 0.0]
+
+
+def _grip_at(work: Work, search: Search, base: Array, box: _Box) -> _Grip | None:
+    """A torso and postures of both arms for one base pose."""
+    to_base = kin.inverse(kin.base(base))
+    pressed, touching, wide = (box.hands(r) for r in (-_PRESS_M, 0.0, _WIDE_M))
+    torsos = np.array([(lift, 0.0, pitch, r1.TRAVEL_TORSO[3]) for lift in _LIFTS for pitch in _PITCHES])
+    chests = kin.inverse(kin.chest(torsos))
+    found: dict[Side, dict[int, list[Array]]] = {}
+    for side in SIDES:
+        at, q = kin.arm_inverse(chests @ to_base @ pressed[side], side, swivels=16)
+        limits = r1.ARM_LIMITS[side]
+        edge = np.maximum(np.abs(q - limits.mean(1)) / (np.ptp(limits, axis=1) / 2) - 0.8, 0).sum(1)
+        cost = edge + 0.05 * np.abs(q - r1.TRAVEL_ARM[side]).sum(1)
+        found[side] = {}
+        for row in np.argsort(cost):
+            found[side].setdefault(int(at[row]), []).append(q[row])
+    shared = sorted(set(found["left"]) & set(found["right"]), key=lambda t: 0.6 * torsos[t, 2] - 0.2 * torsos[t, 0])
+    loose, all_around = search.around(base, touched=False), search.around(base, touched=True)
+    behind = search.around(_behind(base), touched=True)
+    for t in shared[:_CHECKED_TORSOS]:
+        torso = torsos[t]
+        arms: dict[Side, list[Array]] = {}
+        for side in SIDES:
+            for q in found[side][t][:6]:
+                path = _widening(torso, side, q, to_base @ touching[side], to_base @ wide[side])
+                if path is None:
+                    continue
+                body = Body(torso, {**r1.TRAVEL_ARM, **{s: p[0] for s, p in arms.items()}}, {}, loose)
+                open_body = Body(torso, body.arms, {}, all_around)
+                backed = Body(torso, body.arms, {}, behind)
+                if (
+                    body.free(side, np.stack(path[1:]), grasping=True).all()
+                    and open_body.free(side, path[0], grasping=True)[0]
+                    and backed.free(side, path[0], margin=0.01)[0]
+                ):
+                    arms[side] = path
+                    break
+        if len(arms) == 2 and all(
+            Body(torso, {s: p[k] for s, p in arms.items()}, {}, loose).free(side, arms[side][k], grasping=True)[0]
+            for side in SIDES
+            for k in range(3)
+        ):
+            return _Grip(box, base, torso, arms)
+    return None
+
+
+def _widening(torso: Array, side: Side, q: Array, touching: Array, wide: Array) -> list[Array] | None:
+    """Postures wide, touching and pressing, joined by lines of the hand without a leap of the elbow."""
+    out = [q]
+    for goal in (touching, wide):
+        line = arm_motion.trace(torso, side, out[0], goal)
+        if line is None:
+            return None
+        out.insert(0, line[-1])
+    return out
+
+
+def _go_behind(work: Work, grip: _Grip, search: Search) -> Actions:
+    """Form the arms some way before the box, where there is room."""
+    motion = work.motion
+    back = _behind(grip.base)
+    yield from motion.drive(back)
+    torso = np.append(grip.torso[:3], motion.torso[3])
+    yield from motion.stand(torso)
+    around = search.around(back, touched=True)
+    for side in SIDES:
+        body = Body(motion.torso, {s: motion.arm(s) for s in SIDES}, {}, around)
+        path = arm_motion.plan(body, side, grip.arms[side][0], work.rng)
+        if path is None:
+            raise MotionFailure("no_path")
+        yield from motion.follow(side, path)
+
+
+def _press(work: Work, box: _Box, reach: float, speed: float) -> Actions:
+    """Bring both hands to `reach` off the sides, from where the base really stands."""
+    to_base = kin.inverse(work.base)
+    hands = box.hands(reach)
+    lines = [work.motion.line(side, to_base @ hands[side], speed) for side in SIDES]
+    yield from together(*lines, motion_of=work)
+
+
+def _raise(work: Work, by_m: float, seconds_per_m: float = 5.0) -> Actions:
+    """Raise what is held, negative lowers: by the torso with the arms frozen, so that the squeeze stays, then by both
+    arms.
+    """
+    motion = work.motion
+    torso = motion.torso
+    low, high = r1.TORSO_LIMITS[0]
+    target = float(np.clip(torso[0] + by_m, low, high))
+    rest = by_m - (target - torso[0])
+    if abs(target - torso[0]) > 1e-3:
+        torso[0] = target
+        yield from motion.stand(torso)
+    if abs(rest) > 0.004:
+        lines = []
+        for side in SIDES:
+            T = motion.hand(side)
+            T[2, 3] += rest
+            lines.append(motion.line(side, T, 1 / seconds_per_m))
+        yield from together(*lines, motion_of=work)
+
+
+def _carry_height(work: Work) -> Actions:
+    """Straighten up with the box kept level before the body, as far as the arms allow."""
+    motion = work.motion
+    now = {side: motion.hand(side) for side in SIDES}
+    body = Body(motion.torso, {s: motion.arm(s) for s in SIDES})
+    height = float(now["left"][2, 3])
+    for share in (1.0, 0.6, 0.3):
+        rise = max(0.0, _CARRY_M - height) * share
+        for pitch in (0.0, 0.25, 0.5, 0.8):
+            if pitch > motion.torso[2]:
+                break
+            for level in (0.3, 0.42, 0.2, 0.55, 0.1):
+                torso = np.array([level, 0.0, pitch, motion.torso[3]])
+                paths = {}
+                for side in SIDES:
+                    T = now[side].copy()
+                    T[2, 3] += rise
+                    paths[side] = arm_motion.glide(now[side], T)
+                if (arms := arm_motion.sweep(body, torso, paths)) is not None:
+                    yield from motion.stand(torso, arms)
+                    return
+    yield from _raise(work, max(0.0, min(r1.TORSO_LIMITS[0, 1] - motion.torso[0], _CARRY_M - height)))
+
+
+def _open_wide(work: Work) -> Actions:
+    """Take both hands off what they press, outward."""
+    motion = work.motion
+    lines = []
+    for side in SIDES:
+        here = kin.tcp(motion.felt.torso, motion.felt.arm[side], side)  # where it is, not where it presses to
+        motion.action[ActionLayout.ARM[side]] = motion.felt.arm[side]
+        T = here.copy()
+        T[1, 3] += r1.SIGN[side] * 0.07
+        lines.append(motion.line(side, T, 0.12))
+    yield from together(*lines, motion_of=work)
+
+
+def _find_place(work: Work, search: Search, box: _Box, spots: list[Array]) -> tuple[Array, Array] | None:
+    """A base pose (3,) from which the held box comes to stand on one of the spots (3,), and that spot."""
+    motion = work.motion
+    here = motion.felt.base_pose
+    held_at = (kin.inverse(work.base) @ np.append(box.middle, 1.0))[:2]
+    arms = {s: motion.arm(s) for s in SIDES}
+    for spot in spots[:_SPOTS]:
+        for heading in sorted(_HEADINGS, key=lambda h: abs(float(kin.wrap(h - here[2])))):
+            base = np.array([*(spot[:2] - kin.rot_z(heading)[:2, :2] @ held_at), kin.wrap(heading)])
+            if any(np.linalg.norm(base - b) < 0.05 for b in search.tried):
+                continue
+            around = search.around(base, touched=False)
+            if not base_clear(around) or not search.drivable(here, _behind(base)):
+                continue
+            body = Body(motion.torso, arms, {}, around)
+            if all(body.free(side, arms[side], grasping=True)[0] for side in SIDES) and body.trunk_free():
+                return base, spot
+    return None
