@@ -53,34 +53,37 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
         MotionFailure: "no_grasp", "no_stance", "closed_empty", "slipped", or a motion's own reason.
     """
     motion, scene = work.motion, work.scene
-    at = scene.pose(name)[:2, 3]
-    here = motion.felt.base_pose
-    candidates = grasps(scene, name, float(np.arctan2(at[1] - here[1], at[0] - here[0])))
-    if not candidates:
-        raise MotionFailure("no_grasp")
-    options = []
-    for grasp in candidates:
-        T = grasp.T_world_tcp
-        before, lifted = T.copy(), T.copy()
-        before[:3, 3] -= _STANDOFF_M * T[:3, 2]
-        lifted[2, 3] += _LIFT_M
-        options.append(Option(np.stack([before, T, lifted]), 1, grasp.cost))
-    search = work.search(side, {name})
-    search.tried.extend(tried)
     yield from motion.grip(side, 1.0, 0.1)
-    stance = search.find(at, options)
-    if stance is None:
-        raise MotionFailure("no_stance")
-    tried.append(stance.base)
+    stance, search = yield from work.approach(side, name, lambda: _options(work, name), tried)
     yield from work.take_up(stance, search)
+    if work.sight is not None:
+        yield from work.see(side)
+        stance = work.refined(side, stance, _options(work, name))
+        yield from work.lines(side, stance, [0])
     yield from work.lines(side, stance, [1])
     yield from motion.grip(side, -1.0, 0.67)
     yield from motion.wait(0.1)
     if not work.gripped(side):
         raise MotionFailure("closed_empty")
     yield from work.rise(side, _LIFT_M)
+    yield from work.see(side)
     if not work.gripped(side) or scene.holding(side) != name:
         raise MotionFailure("slipped")
     yield from work.settle(without={name})
     if not work.gripped(side):
         raise MotionFailure("dropped")
+
+
+def _options(work: Work, name: str) -> list[Option]:
+    """Ways to take hold of a thing as it is known now, from the robot's side. Raises MotionFailure "no_grasp"."""
+    at, here = work.scene.pose(name)[:2, 3], work.motion.felt.base_pose
+    options = []
+    for grasp in grasps(work.scene, name, float(np.arctan2(at[1] - here[1], at[0] - here[0]))):
+        T = grasp.T_world_tcp
+        before, lifted = T.copy(), T.copy()
+        before[:3, 3] -= _STANDOFF_M * T[:3, 2]
+        lifted[2, 3] += _LIFT_M
+        options.append(Option(np.stack([before, T, lifted]), 1, grasp.cost))
+    if not options:
+        raise MotionFailure("no_grasp")
+    return options

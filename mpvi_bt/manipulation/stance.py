@@ -1,17 +1,20 @@
 """Where to stand: a base pose, a torso posture and an arm path from which a hand can do what it has to.
 
 Reach alone is not enough. A stance is one from which every waypoint of the hand is reachable without a jump of the
-elbow, the arm, the idle arm, what is held, head and chest are clear of everything, and the base can drive there.
+elbow, the arm, the idle arm, what is held, head and chest are clear of everything, and the base can drive there. What is
+cheap to refute comes first: the hand alone, then the base alone, then postures, then paths.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mpvi_bt.manipulation import hand
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import NOTHING, Body, Load, Obstacles, Surroundings, Together
@@ -23,8 +26,12 @@ _LIFTS = (0.0, 0.1, 0.2, 0.3, 0.42, 0.55)
 _PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1)
 _MARGIN_M = 0.012
 _BASE_CLEAR_M = 0.30
+_TOUCH_M = 0.008  # the spheres reach that far beyond what they stand for: what may be near a hand that touches
 _CHECKED_POSTURES = 30  # of one base pose
-_CHECKED_BASES = 24
+_CHECKED_BASES = 16  # of one spacing
+_SPACINGS = ((0.12, 0.5), (0.05, 0.25))  # [m, rad] between base poses: what fails here fails a hand's breadth away
+_STEP_M = 0.06  # between checks on the way in
+_VIAS = ((-0.35, 0.0), (-0.7, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.35, 0.5), (-0.35, -0.5))  # ahead and left of here [m]
 # Where the other hand may bring what it holds: x, y toward its own side, z [m]; reachable from a bent torso too.
 _ASIDE = ((0.50, 0.30, 0.76), (0.52, 0.16, 0.76), (0.42, 0.36, 0.78), (0.50, 0.30, 0.90))
 FLOOR = box((0.0, 0.0, -0.1), (60.0, 60.0, 0.2))
@@ -57,11 +64,19 @@ class Option:
         waypoints: (K, 4, 4) T_world_tcp, in order; a planned arm motion reaches the first, straight lines the others.
         contact: From this waypoint on the hand may touch what it works on.
         cost: Preference.
+        run_up_m: The arm takes its first posture that far behind, in the open, and the base drives it straight in; what
+            is done leaves the same way.
+        load: What the hand has after the contact, in the tcp frame; None if nothing.
+        opening_m: Between the fingers while they are open: up to the contact if the hand takes something, from the
+            contact on if it lets go.
     """
 
     waypoints: Array
     contact: int
     cost: float = 0.0
+    run_up_m: float = 0.0
+    load: Load | None = None
+    opening_m: float = hand.FULL_M
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +91,8 @@ class Stance:
         waypoints: (K, 4, 4) T_base_tcp.
         aside: Postures (7,) that bring the other hand, with what it holds, out of the way first.
         level: Postures (7,) of the other arm, if its hand holds something, while the torso moves: they keep it level.
+        route: (n, 3) base poses to drive to, one after the other. At the last one the arm takes its posture; where that
+            is not `base` the base then drives straight in.
     """
 
     base: Array
@@ -85,6 +102,12 @@ class Stance:
     waypoints: Array
     aside: list[Array]
     level: Mapping[Side, list[Array]]
+    route: list[Array]
+
+    @property
+    def runs_up(self) -> bool:
+        """Whether the base drives in with the arm in its posture, and out again."""
+        return bool(np.linalg.norm(self.route[-1][:2] - self.base[:2]) > 1e-6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,34 +156,87 @@ class Search:
                 holds.append(path)
         return holds
 
-    def find(self, focus_xy: Array, options: Sequence[Option], here_first: bool = False) -> Stance | None:
-        """The nearest good stance for one of `options` about a place in the world (2,), or None.
-
-        Args:
-            focus_xy: What to stand about.
-            options: Ways to do it; one is enough.
-            here_first: Whether where the robot stands now is good enough if it serves, tried before or not.
-        """
-        if not options:
+    def find(self, focus_xy: Array, options: Sequence[Option]) -> Stance | None:
+        """The nearest good stance for one of `options` about a place in the world (2,), or None."""
+        able = [k for k, option in enumerate(options) if self.fits(option)]
+        if not able:
             return None
         here = self.motion.felt.base_pose
-        if here_first:
-            for hold in self._holds:
-                if (found := self._at(here.copy(), options, hold)) is not None:
-                    return found
+        bases = _bases(here, focus_xy, self.side)
+        bases = bases[self._stands(bases)]
         failed: list[Array] = list(self.tried)
-        for base in _bases(here, focus_xy, self.side):
-            # What failed here would fail a hand's breadth away; other sides of the thing are worth more.
-            if any(np.linalg.norm(base[:2] - b[:2]) < 0.12 and abs(kin.wrap(base[2] - b[2])) < 0.5 for b in failed):
-                continue
-            if not self.drivable(here, base):
-                continue
-            for hold in self._holds:
-                if (found := self._at(base, options, hold)) is not None:
+        for apart_m, apart_rad in _SPACINGS:
+            checked = 0
+            for base in bases:
+                if any(np.linalg.norm(base[:2] - b[:2]) < apart_m and abs(kin.wrap(base[2] - b[2])) < apart_rad
+                       for b in failed):  # fmt: skip
+                    continue
+                found, worked = self._from(here, base, options, able)
+                if found is not None:
                     return found
-            failed.append(base)
-            if len(failed) - len(self.tried) >= _CHECKED_BASES:
-                break
+                failed.append(base)
+                checked += worked
+                if checked >= _CHECKED_BASES:
+                    break
+        return None
+
+    def fits(self, option: Option) -> bool:
+        """Whether the bare hand, with what it holds, is clear of everything at each waypoint, whatever the arm does."""
+        takes = option.load is not None
+        for k, T in enumerate(option.waypoints):
+            around = self._all if k < option.contact else self._others
+            fingers = k <= option.contact if takes else k >= option.contact
+            parts = [hand.spheres(option.opening_m if fingers else None)]
+            load = None if k == option.contact else self._load(k, option)
+            if load is not None:
+                parts.append((load.centers, load.radii))
+            for centers, radii in parts:
+                if (around.distance(centers @ T[:3, :3].T + T[:3, 3]) < radii - _TOUCH_M).any():
+                    return False
+        return True
+
+    def _load(self, k: int, option: Option) -> Load | None:
+        if k > option.contact:
+            return option.load
+        return self.held[self.side].load if self.side in self.held else None
+
+    def _stands(self, bases: Array) -> NDArray[np.bool_]:
+        """(n,) bool: base poses (n, 3) that are clear of everything as far as the base goes."""
+        ahead = np.stack([np.cos(bases[:, 2]), np.sin(bases[:, 2])], -1)
+        p = np.empty((len(bases), len(_HEIGHTS), 3))
+        p[..., :2] = bases[:, None, :2] + ahead[:, None] * _HEIGHTS[:, :1]
+        p[..., 2] = _HEIGHTS[:, 2]
+        return np.asarray((self._standing.distance(p) >= _REACHES).all(1))
+
+    def _from(
+        self, here: Array, base: Array, options: Sequence[Option], able: Sequence[int]
+    ) -> tuple[Stance | None, bool]:
+        """A stance there; and whether looking for it took more than a glance."""
+        worked = False
+        ways: dict[float, list[int]] = {}
+        for k in able:
+            ways.setdefault(options[k].run_up_m, []).append(k)
+        for run_up, some in ways.items():
+            ready = base - np.array([np.cos(base[2]), np.sin(base[2]), 0.0]) * run_up
+            lane = np.linspace(ready, base, max(2, int(np.ceil(run_up / _STEP_M)) + 1)) if run_up else base[None]
+            if not self._stands(lane).all() or (route := self._route(here, ready)) is None:
+                continue
+            worked = True
+            for hold in self._holds:
+                if (found := self._at(lane, route, options, some, hold)) is not None:
+                    return found, True
+        return None, worked
+
+    def _route(self, here: Array, goal: Array) -> list[Array] | None:
+        """Base poses to drive to `goal` by: straight, or by one place on the way."""
+        if self.drivable(here, goal):
+            return [goal]
+        for start, end in ((here, goal), (goal, here)):
+            for x, y in _VIAS:
+                c, s = np.cos(start[2]), np.sin(start[2])
+                via = np.array([start[0] + c * x - s * y, start[1] + s * x + c * y, start[2]])
+                if self._stands(via[None])[0] and self.drivable(here, via) and self.drivable(via, goal):
+                    return [via, goal]
         return None
 
     def around(self, base: Array, touched: bool) -> Obstacles:
@@ -188,41 +264,44 @@ class Search:
         """Straight from start to goal: nothing in the way of the base or of what it carries."""
         turn = kin.wrap(goal[2] - start[2])
         n = max(2, int(np.ceil(max(float(np.linalg.norm(goal[:2] - start[:2])) / 0.12, abs(float(turn)) / 0.3))))
-        for u in np.linspace(0, 1, n + 1)[1:]:
-            base = np.append(start[:2] + (goal[:2] - start[:2]) * u, start[2] + turn * u)
-            if u > 0.3 or n == 2:
-                if not base_clear(self._standing.seen_from(kin.base(base))):
-                    return False
-                body = self.body(self.motion.torso, self.around(base, touched=True))
-                if self.held and not all(body.clearance(s, self.motion.arm(s)[None])[0][0] > 0 for s in self.held):
-                    return False
+        shares = [u for u in np.linspace(0, 1, n + 1)[1:] if u > 0.3 or n == 2]
+        poses = np.stack([np.append(start[:2] + (goal[:2] - start[:2]) * u, start[2] + turn * u) for u in shares])
+        if not self._stands(poses).all():
+            return False
+        for base in poses if self.held else ():
+            body = self.body(self.motion.torso, self.around(base, touched=True))
+            if not all(body.clearance(s, self.motion.arm(s)[None])[0][0] > 0 for s in self.held):
+                return False
         return True
 
-    def _at(self, base: Array, options: Sequence[Option], hold: list[Array]) -> Stance | None:
+    def _at(self, lane: Array, route: list[Array], options: Sequence[Option], able: Sequence[int], hold: list[Array]
+            ) -> Stance | None:  # fmt: skip
+        """A stance at the end of a lane (n, 3) of base poses that lead straight in; the first is where the arm moves."""
+        base = lane[-1]
         T = kin.inverse(kin.base(base))
-        goals = np.stack([[T @ w for w in o.waypoints] for o in options])  # (G, K, 4, 4)
+        goals = [np.stack([T @ w for w in options[k].waypoints]) for k in able]
         torsos = np.array([(lift, 0.0, pitch, r1.TRAVEL_TORSO[3]) for lift in _LIFTS for pitch in _PITCHES])
         chests = kin.inverse(kin.chest(torsos))
-        key = min(options[0].contact, goals.shape[1] - 1)
-        targets = (chests[:, None] @ goals[None, :, key]).reshape(-1, 4, 4)
-        at, q = kin.arm_inverse(targets, self.side, swivels=12)
+        keys = [min(options[k].contact, len(options[k].waypoints) - 1) for k in able]
+        key_goals = np.stack([g[key] for g, key in zip(goals, keys, strict=True)])
+        at, q = kin.arm_inverse((chests[:, None] @ key_goals[None]).reshape(-1, 4, 4), self.side, swivels=12)
         if not len(at):
             return None
-        t, g = at // len(options), at % len(options)
+        t, g = at // len(able), at % len(able)
         limits = r1.ARM_LIMITS[self.side]
         edge = np.maximum(np.abs(q - limits.mean(1)) / (np.ptp(limits, axis=1) / 2) - 0.8, 0).sum(1)
         cost = (
             3 * edge + 0.6 * torsos[t, 2] + 0.5 * np.abs(torsos[t, 0] - self.motion.torso[0])
-            + np.array([o.cost for o in options])[g] + 0.1 * np.abs(q - self.motion.arm(self.side)).sum(1)
+            + np.array([options[k].cost for k in able])[g] + 0.1 * np.abs(q - self.motion.arm(self.side)).sum(1)
         )  # fmt: skip
-        free_around, all_around = self.around(base, touched=False), self.around(base, touched=True)
         arms = {s: self.motion.arm(s) for s in SIDES}
+        behind = self.around(lane[0], touched=True)
         if self.other is not None:
             arms[self.other] = hold[-1]
-            if not self.body(self.motion.torso, all_around, arms).free(self.other, hold[-1])[0]:
+            if not self.body(self.motion.torso, behind, arms).free(self.other, hold[-1])[0]:
                 return None
         seen: dict[tuple[int, int], int] = {}
-        standing: dict[int, Standing | None] = {}
+        standing: dict[int, _Standing | None] = {}
         for row in np.argsort(cost)[: 40 * _CHECKED_POSTURES]:
             where = (int(t[row]), int(g[row]))
             if seen.get(where, 0) >= 2:
@@ -232,16 +311,17 @@ class Search:
                 break
             torso = torsos[t[row]]
             if where[0] not in standing:
-                standing[where[0]] = self._stood(torso, all_around, arms)
+                standing[where[0]] = self._stood(torso, behind, arms)
             stood = standing[where[0]]
             if stood is None:
                 continue
-            path = self._reached(stood.body, free_around, goals[where[1]], options[where[1]].contact, key, q[row])
+            k = able[where[1]]
+            path = self._reached(stood.body, lane, options[k], goals[where[1]], keys[where[1]], q[row])
             if path is not None:
-                return Stance(base, torso, where[1], path, goals[where[1]], hold, stood.level)
+                return Stance(base, torso, k, path, goals[where[1]], hold, stood.level, route)
         return None
 
-    def _stood(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array]) -> Standing | None:
+    def _stood(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array]) -> _Standing | None:
         """The body once the torso has moved there, the other hand level if it holds something; None if it cannot."""
         body = self.body(self.motion.torso, around, arms)
         hands = (
@@ -252,12 +332,12 @@ class Search:
         level = arm_motion.sweep(body, torso, hands, samples=6)
         if level is None:
             return None
-        return Standing(replace(body, torso=torso, arms={**arms, **{s: q[-1] for s, q in level.items()}}), level)
+        return _Standing(replace(body, torso=torso, arms={**arms, **{s: q[-1] for s, q in level.items()}}), level)
 
     def _reached(
-        self, body: Body, free_around: Obstacles, goals: Array, contact: int, key: int, q_key: Array
+        self, body: Body, lane: Array, option: Option, goals: Array, key: int, q_key: Array
     ) -> list[Array] | None:
-        """The arm's path to the first waypoint if all waypoints are reachable and free from there on."""
+        """The arm's path to the first waypoint if all waypoints are reachable and free from there on, and the way in."""
         postures: dict[int, Array] = {key: q_key}
         for order in (range(key - 1, -1, -1), range(key + 1, len(goals))):
             for k in order:
@@ -265,12 +345,36 @@ class Search:
                 if line is None:
                     return None
                 postures[k] = line[-1]
-        loose = replace(body, around=free_around)
+        base = lane[-1]
+        before, loose = self.around(base, touched=True), self.around(base, touched=False)
+        bare = {s: load for s, load in body.held.items() if s != self.side}
+        after = bare if option.load is None else {**bare, self.side: option.load}
         for k, q in postures.items():
-            b = loose if k >= contact else body
-            if not b.free(self.side, q, _MARGIN_M if k < contact else 0.0, grasping=k >= contact)[0]:
+            if k < option.contact:
+                free = replace(body, around=before).free(self.side, q, _MARGIN_M)[0]
+            else:
+                there = replace(body, around=loose, held=bare if k == option.contact else after)
+                free = there.free(self.side, q, -_TOUCH_M, grasping=True)[0]
+            if not free:
+                return None
+        if len(lane) > 1:
+            last = replace(body, held=after) if option.contact < len(goals) else body
+            if not self._leads(body, lane, postures[0], touched=True):
+                return None
+            if not self._leads(last, lane, postures[len(goals) - 1], touched=option.load is None, slack=_TOUCH_M):
                 return None
         return arm_motion.plan(body, self.side, postures[0], self.rng, margin=0.005)
+
+    def _leads(self, body: Body, lane: Array, q: Array, touched: bool, slack: float = 0.0) -> bool:
+        """Whether the robot, its arm in posture `q`, is clear of everything all along a lane."""
+        idle: Side = "left" if self.side == "right" else "right"
+        arms = {**body.arms, self.side: q}
+        for base in lane:
+            there = replace(body, around=self.around(base, touched), arms=arms)
+            if not (there.trunk_free() and there.free(self.side, q, -slack, grasping=slack > 0)[0]
+                    and there.clearance(idle, arms[idle])[0][0] > 0):  # fmt: skip
+                return False
+        return True
 
 
 def base_clear(around: Obstacles) -> bool:
@@ -278,11 +382,11 @@ def base_clear(around: Obstacles) -> bool:
     return bool((around.distance(_HEIGHTS) >= _REACHES).all())
 
 
-def _bases(here: Array, focus: Array, side: Side) -> Iterator[Array]:
-    """Base poses about a place (2,) in the world, the nearest and plainest first."""
+def _bases(here: Array, focus: Array, side: Side) -> Array:
+    """(n, 3) base poses about a place (2,) in the world, the nearest and plainest first."""
     bearing = float(np.arctan2(focus[1] - here[1], focus[0] - here[0]))
     ranked = []
-    for distance in (0.46, 0.52, 0.58, 0.64, 0.70, 0.76):
+    for distance in (0.46, 0.52, 0.58, 0.64, 0.70, 0.76, 0.84, 0.92):
         for lateral in (0.0, 0.10, 0.18, 0.26):
             for turn in (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9, 1.3, -1.3, 1.8, -1.8, 2.4, -2.4, 3.0):
                 yaw, y = bearing + turn, lateral * r1.SIGN[side]
@@ -292,4 +396,4 @@ def _bases(here: Array, focus: Array, side: Side) -> Iterator[Array]:
                 ranked.append(
                     (near + 1.2 * abs(distance - 0.58) + 0.5 * abs(lateral - 0.16), np.array([*xy, kin.wrap(yaw)]))
                 )
-    return iter([base for _, base in sorted(ranked, key=lambda r: r[0])])
+    return np.stack([base for _, base in sorted(ranked, key=lambda r: r[0])])

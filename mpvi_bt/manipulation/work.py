@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,6 +20,10 @@ Words = Mapping[str, str]  # what fills the slots of a skill call, such as {"obj
 
 _NEAR_M = 1.7  # solids farther from the robot than this do not matter to a skill
 _LIFTED_M = 0.10
+_LOOKS = 4  # at a thing that is only seen, with a drive between two
+_HEAD_UP_RAD = 0.5
+_REFINED = 10  # options near the planned one that a correction may take instead
+_CORRECTED = 0.8  # how far such a one may be off, see `_apart`
 _FOLD_CLEAR_M = 0.02  # what is between the checks of a path may come that much nearer
 
 
@@ -131,6 +135,69 @@ class Work:
         around = near.seen_from(self.base)
         arms = {s: self.motion.arm(s) for s in SIDES}
         return Body(self.motion.torso, arms, {s: h.load for s, h in held.items()}, around)
+
+    def approach(
+        self, side: Side, name: str, options: Callable[[], Sequence[Option]], tried: list[Array]
+    ) -> Generator[Array, None, tuple[Stance, Search]]:
+        """Find a stance to work on a thing from, and its search; the base need not have moved there yet.
+
+        Where the scene is only seen, it looks before it searches, drives, looks from near, and searches again from
+        there, so that what it returns rests on what was seen from where it stands.
+
+        Args:
+            side: The hand.
+            name: The thing.
+            options: Says what there is to do, as the thing is known at that time.
+            tried: Base poses that did not do; those taken are added.
+
+        Raises:
+            MotionFailure: "no_stance", or a drive's own reason.
+        """
+        for looks in range(_LOOKS):
+            if self.sight is not None:
+                yield from self.study(name)
+            search = self.search(side, {name})
+            search.tried.extend(tried)
+            stance = search.find(self.scene.pose(name)[:2, 3], options(), here_first=looks > 0)
+            if stance is None:
+                raise MotionFailure("no_stance")
+            tried.append(stance.base)
+            away = stance.base - self.motion.felt.base_pose
+            if self.sight is None or (np.linalg.norm(away[:2]) < 0.02 and abs(kin.wrap(away[2])) < 0.03):
+                break
+            if looks < _LOOKS - 1:
+                yield from self.motion.drive(stance.base)
+        return stance, search
+
+    def study(self, name: str) -> Actions:
+        """Look at a thing, and at what is above and behind it; nothing where the scene needs no pictures."""
+        if self.sight is None:
+            return
+        yield from self.look_at(name)
+        torso = self.motion.torso
+        torso[3] = max(float(torso[3]) - _HEAD_UP_RAD, float(r1.TORSO_LIMITS[3, 0]))
+        yield from self.motion.stand(torso)
+        yield from self.see("head")
+
+    def refined(self, side: Side, stance: Stance, options: Sequence[Option]) -> Stance:
+        """A stance whose arm is at its first waypoint, with the waypoints of the option that is now nearest to it.
+
+        What a look from there has corrected is corrected; the stance itself if no line leads to any such option.
+        """
+        planned = self.base @ kin.tcp(self.motion.torso, self.motion.arm(side), side)
+        to_base = kin.inverse(self.base)
+        for option in sorted(options, key=lambda o: _apart(planned, o.waypoints[0]))[:_REFINED]:
+            if _apart(planned, option.waypoints[0]) > _CORRECTED:
+                break
+            waypoints, q = to_base @ option.waypoints, self.motion.arm(side)
+            for T in waypoints[: option.contact + 1]:
+                line = arm_motion.trace(self.motion.torso, side, q, T)
+                if line is None:
+                    break
+                q = line[-1]
+            else:
+                return replace(stance, base=self.motion.felt.base_pose.copy(), waypoints=waypoints)
+        return stance
 
     def take_up(self, stance: Stance, search: Search) -> Actions:
         """Go to a stance: drive, the other hand aside, the torso, then the arm to the first waypoint."""
@@ -247,6 +314,12 @@ class Work:
     def gripped(self, side: Side) -> bool:
         """Whether the closed hand has something between its fingers, by its width."""
         return self.motion.felt.holds(side)
+
+
+def _apart(T: Array, other: Array) -> float:
+    """How far two hand poses (4, 4) are apart: their angle [rad], and 5 cm count as a tenth of one."""
+    turn = float(np.arccos(np.clip((np.trace(T[:3, :3].T @ other[:3, :3]) - 1) / 2, -1, 1)))
+    return turn + 2 * float(np.linalg.norm(T[:3, 3] - other[:3, 3]))
 
 
 _CARRY_HEIGHT_M = 0.80

@@ -1,0 +1,89 @@
+"""Pictures as a policy remembers them: points in the world by its own reckoning, and what they show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from mpvi_bt.perception.detector import ROBOT, Detection, Detector
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.protocol import SIDES, CameraImage, Proprioception
+from mpvi_bt.robot.solids import Array
+
+_OWN_PX = 2  # the robot's mask is grown so far: the edges of masks are never exact
+_FLOOR_M = 0.025  # what is lower than this is taken for the floor
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One picture.
+
+    Attributes:
+        image: With `T_world_camera` as the joints have it.
+        points: (H, W, 3) world position of every pixel [m]; nan where nothing was measured.
+        robot: (H, W) bool, the robot's own pixels, grown.
+        detections: What it shows of what was asked for.
+        stand: Which of the robot's standing places it was taken from.
+    """
+
+    image: CameraImage
+    points: Array
+    robot: NDArray[np.bool_]
+    detections: tuple[Detection, ...]
+    stand: int
+
+    @property
+    def eye(self) -> Array:
+        """(3,) where the camera was."""
+        return self.image.T_world_camera[:3, 3]
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """(H, W) bool: pixels of the surroundings that have a depth."""
+        return (self.image.depth > 0) & ~self.robot
+
+    @property
+    def floor(self) -> NDArray[np.bool_]:
+        """(H, W) bool: pixels of the floor."""
+        return np.asarray(self.points[..., 2] < _FLOOR_M)
+
+    def of(self, mask: NDArray[np.bool_]) -> Array:
+        """(n, 3) points of a mask."""
+        return self.points[mask & self.measured]
+
+    def cut(self, mask: NDArray[np.bool_]) -> bool:
+        """Whether a mask is cut by the edge of the picture."""
+        return bool(mask[:2].any() or mask[-2:].any() or mask[:, :2].any() or mask[:, -2:].any())
+
+    def depth_at(self, p_world: Array) -> tuple[float, float] | None:
+        """(depth of a point, depth measured there) [m], or None if it is out of the picture or nothing was measured."""
+        p = kin.inverse(self.image.T_world_camera) @ np.append(p_world, 1.0)
+        if p[2] < 0.05:
+            return None
+        u = int(self.image.K[0, 0] * p[0] / p[2] + self.image.K[0, 2])
+        v = int(self.image.K[1, 1] * p[1] / p[2] + self.image.K[1, 2])
+        height, width = self.image.depth.shape
+        if not (2 <= u < width - 2 and 2 <= v < height - 2) or self.robot[v, u]:
+            return None
+        seen = float(np.median(self.image.depth[v - 1 : v + 2, u - 1 : u + 2]))
+        return (float(p[2]), seen) if seen > 0 else None
+
+
+def take(image: CameraImage, felt: Proprioception, detector: Detector, phrases: Sequence[str], stand: int) -> Frame:
+    """A picture taken in: where the camera is follows from the joints alone."""
+    base = kin.base(felt.base_pose)
+    side = next((s for s in SIDES if s == image.camera), None)
+    camera = kin.head_camera(felt.torso) if side is None else kin.wrist_camera(felt.torso, felt.arm[side], side)
+    image = replace(image, T_world_camera=base @ camera)
+    found = detector.detect(image, [ROBOT, *phrases])
+    own = np.zeros(image.depth.shape, bool)
+    for detection in found:
+        if detection.phrase == ROBOT:
+            own |= detection.mask
+    own = ndimage.binary_dilation(own, np.ones((3, 3), bool), iterations=_OWN_PX)
+    things = tuple(d for d in found if d.phrase != ROBOT)
+    return Frame(image, image.points_world(), own, things, stand)

@@ -1,0 +1,100 @@
+"""The reactive policy: the same skills as the expert's, in the scene that cameras show. docs/reactive.md describes it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from mpvi_bt.manipulation.scripted import ScriptedPolicy
+from mpvi_bt.manipulation.seen import Seen
+from mpvi_bt.manipulation.work import Work
+from mpvi_bt.perception.detector import Detector, LabelDetector
+from mpvi_bt.plan.skills import Skill, SkillCall, clauses, match
+from mpvi_bt.robot import r1
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import SIDES
+from mpvi_bt.robot.solids import Array
+
+_TILTS = (0.55, 0.95, 0.15)  # of the head, to look around [rad]
+_TURNS = (0.0, 0.6, -0.6)  # of the base, from where it came [rad]
+_LOOK_LIFT_M = 0.42
+_NAMES = ("object", "container", "surface", "target", "source", "tool")  # slots that hold the name of a thing
+
+
+class ReactivePolicy(ScriptedPolicy):
+    """`mpvi_bt.behaviors.protocols.Policy` that sees, and knows no simulator."""
+
+    name = "reactive"
+
+    def __init__(
+        self, skills: Mapping[str, Skill], seed: int = 0, timer: Callable[[], float] | None = None,
+        detector: Detector | None = None, vocabulary: Mapping[str, Iterable[str]] | None = None,
+    ) -> None:  # fmt: skip
+        """See through `detector`, by default the picture's labels and a vocabulary: label to phrases."""
+        self._seen = Seen(detector or LabelDetector(vocabulary or {}))
+        super().__init__(self._seen, skills, seed, timer, sight=self._seen)
+
+    def infer(self, observation: Mapping[str, Any]) -> Array:
+        """The next action as a chunk of one, (1, 23)."""
+        self._seen.feel(observation["proprioception"])
+        return super().infer(observation)
+
+    def perform(self, work: Work, prompt: str) -> Actions:
+        """Do the first clause that can be grounded in view, and then the next such one; look around where there is none."""
+        calls = [c for clause in clauses(prompt) if (c := match(clause, self._skills)) is not None]
+        if not calls:
+            self.note = f"no skill for {prompt[:60]!r}"
+            return
+        self._seen.forget(self._phrases(calls))
+        yield from self._look_at_hands(work)
+        left = list(calls)
+        while left:
+            call = next((c for c in left if self._grounded(work, c)), None)
+            if call is None:
+                call = yield from self._search(work, left)
+            if call is None:
+                self.note = f"nothing in view for {left[0].skill.name}"
+                return
+            self.note = call.skill.name
+            if (yield from self.attempt(work, call)):
+                left.remove(call)
+            else:
+                return
+        yield from self.finish(work)
+
+    def _phrases(self, calls: Iterable[SkillCall]) -> list[str]:
+        return [c.arguments[slot] for c in calls for slot in _NAMES if slot in c.arguments]
+
+    def _grounded(self, work: Work, call: SkillCall) -> bool:
+        """Whether all things that a call names are known: seen, or held."""
+        known = self._seen.knowledge()
+        return all(known.find(phrase) for phrase in self._phrases([call]))
+
+    def _look_at_hands(self, work: Work) -> Actions:
+        """See what the hands hold already."""
+        for side in SIDES:
+            if work.motion.felt.holds(side):
+                torso = work.motion.torso
+                torso[3] = 0.9
+                yield from work.motion.stand(torso)
+                yield from work.see("head", side)
+
+    def _search(self, work: Work, calls: list[SkillCall]) -> Any:
+        """Look around, from one heading after the other; returns the first call that is grounded, or None."""
+        x, y, yaw = work.motion.felt.base_pose
+        for turn in _TURNS:
+            if turn:
+                yield from work.motion.drive(np.array([x, y, yaw + turn]))
+            for tilt in _TILTS:
+                torso = work.motion.torso
+                torso[3] = tilt
+                if not work.held():
+                    torso[0] = max(float(torso[0]), _LOOK_LIFT_M)
+                yield from work.motion.stand(np.clip(torso, *r1.TORSO_LIMITS.T))
+                yield from work.see("head")
+                for call in calls:
+                    if self._grounded(work, call):
+                        return call
+        return None

@@ -1,0 +1,380 @@
+"""The scene as the cameras have shown it: what the reactive policy works with. No simulator state comes near it.
+
+Things are known by phrase and number, such as "can of soda 1": a detector's masks carry no names, so which mask is which
+thing in the next picture is told by place. Shapes are fitted to the points of pictures from one standing place: between
+two places lies a drive, and odometry that drifts on the way would smear them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from mpvi_bt.manipulation.frames import Frame, take
+from mpvi_bt.perception.detector import Detector
+from mpvi_bt.perception.field import Field, View
+from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
+from mpvi_bt.perception.parts import Door
+from mpvi_bt.perception.shapes import SeenBar, Shape, fit, main_cluster
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Obstacles, Surroundings, Together
+from mpvi_bt.robot.protocol import EMPTY_M, SIDES, CameraImage, Proprioception, Side
+from mpvi_bt.robot.solids import Array, Solid
+
+_KEPT = 8  # pictures remembered
+_CARVED = 4  # pictures of the head that the field of obstacles is carved from
+_MOVED = (0.01, 0.015)  # a base that has moved farther than this [m, rad] stands at another place
+_NEAR_M = 0.12  # a mask this near to where a thing was is that thing, from the same place
+_FAR_M = 0.30  # likewise after a drive
+_SEEN_PX = 6  # a mask of fewer pixels is not looked at
+_THROUGH_M = 0.06  # where the depth is that much farther than a thing, it is gone
+_EXPLAINED_M = 0.025  # points this near a thing's solids are its own
+_GRASPED_M = 0.03  # what a closing hand takes hold of is this near its tcp
+_SPOT_M = 0.02  # grid of free places
+_RECENTERED_M = 0.04  # fingers that close shift what they take by less than this
+
+
+@dataclass(eq=False)
+class Thing:
+    """One thing that was seen.
+
+    Attributes:
+        name, phrase: "can of soda 1", "can of soda".
+        shape: What it is taken to be, where it was seen or put last.
+        views: Frames that show it, with its mask, newest last.
+        inside: The container that it is in.
+        grip: T_tcp_world (4, 4) at the moment that a hand took it, and that hand; None if it is in no hand.
+    """
+
+    name: str
+    phrase: str
+    shape: Shape
+    views: list[tuple[Frame, NDArray[np.bool_]]] = field(default_factory=list)
+    inside: str | None = None
+
+
+class Seen:
+    """A `mpvi_bt.manipulation.scene.Scene` and its `Sight`."""
+
+    def __init__(self, detector: Detector) -> None:
+        """See through `detector`."""
+        self._detector = detector
+        self.forget(())
+
+    def forget(self, phrases: Iterable[str]) -> None:
+        """Begin anew, with nothing known; from now on look for `phrases`."""
+        self._phrases = tuple(dict.fromkeys(phrases))
+        self._frames: list[Frame] = []
+        self._things: dict[str, Thing] = {}
+        self._count: dict[str, int] = {}
+        self._grip: dict[Side, tuple[str, Array]] = {}  # thing, and its motion's inverse at the grasp
+        self._stand, self._stood = 0, np.full(3, np.inf)
+        self._felt: Proprioception | None = None
+        self._field: tuple[object, Field] | None = None
+
+    # --- taking in
+
+    def feel(self, felt: Proprioception) -> None:
+        """Take in one step of proprioception: the base that moves, the hands that take and let go."""
+        moved = felt.base_pose - self._stood
+        if np.linalg.norm(moved[:2]) > _MOVED[0] or abs(kin.wrap(moved[2])) > _MOVED[1]:
+            self._stand, self._stood = self._stand + 1, felt.base_pose.copy()
+        self._felt = felt
+        for side in SIDES:
+            closed, gripped = felt.gripper_command[side] < -0.9, felt.holds(side)
+            if side in self._grip and not gripped:
+                self._release(side, dropped=felt.gripper_width[side] <= EMPTY_M)
+            elif closed and gripped and side not in self._grip:
+                self._grasp(side)
+
+    def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:
+        """Take in pictures."""
+        self.feel(felt)
+        for image in images.values():
+            frame = take(image, felt, self._detector, self._phrases, self._stand)
+            self._frames = [*self._frames, frame][-_KEPT:]
+            self._associate(frame)
+
+    def _tcp(self, side: Side) -> Array:
+        assert self._felt is not None
+        return kin.base(self._felt.base_pose) @ kin.tcp(self._felt.torso, self._felt.arm[side], side)
+
+    def _grasp(self, side: Side) -> None:
+        """The hand has closed on something: the nearest thing, which its fingers have brought between them."""
+        T = self._tcp(side)
+        taken = {n for n, _ in self._grip.values()}
+        near = [
+            (float(Surroundings(self.solids(n)).distance(T[None, :3, 3])[0]), n)
+            for n in self._things
+            if n not in taken and self._things[n].shape.kind != "furniture"
+        ]
+        if not near or min(near)[0] > _GRASPED_M:
+            return
+        thing = self._things[min(near)[1]]
+        if thing.shape.kind != "vessel":
+            boxes = np.stack([s.moved(kin.inverse(T)).aabb() for s in thing.shape.solids])
+            aside = float(boxes[:, 0, 1].min() + boxes[:, 1, 1].max()) / 2
+            if abs(aside) < _RECENTERED_M:
+                thing.shape = thing.shape.moved(kin.transform(np.eye(3), -aside * T[:3, 1]))
+        self._grip[side] = (thing.name, kin.inverse(T))
+        thing.inside, thing.views = None, []
+
+    def _release(self, side: Side, dropped: bool) -> None:
+        """The hand has let go: what it held is where it was held, or has fallen into what is below it."""
+        name, _ = self._grip[side]
+        thing = self._things[name]
+        thing.shape = self._shape(name)
+        del self._grip[side]
+        thing.views = []
+        middle = thing.shape.box().mean(0)
+        for other in self._things.values():
+            for volume in self._shape(other.name).volumes if other is not thing else ():
+                low, high = volume.aabb()
+                if not dropped and ((middle[:2] > low[:2]) & (middle[:2] < high[:2])).all() and middle[2] > low[2]:
+                    thing.inside = other.name
+                    fall = thing.shape.box()[0, 2] - low[2]
+                    thing.shape = thing.shape.moved(kin.transform(np.eye(3), (0.0, 0.0, -float(fall))))
+                    return
+
+    def _shape(self, name: str) -> Shape:
+        """A thing's shape now: what is in a hand moves with it."""
+        thing = self._things[name]
+        carrier = name
+        if thing.inside is not None and thing.inside in {n for n, _ in self._grip.values()}:
+            carrier = thing.inside
+        for side, (held, T_tcp_world) in self._grip.items():
+            if held == carrier:
+                return thing.shape.moved(self._tcp(side) @ T_tcp_world)
+        return thing.shape
+
+    def _associate(self, frame: Frame) -> None:
+        """Tell which mask is which thing, by place; what should be seen and is not is gone."""
+        for phrase in dict.fromkeys(d.phrase for d in frame.detections):
+            masks = [d.mask for d in frame.detections if d.phrase == phrase]
+            seen = [(m, main_cluster(frame.of(m))) for m in masks]
+            seen = [(m, p) for m, p in seen if len(p) >= _SEEN_PX]
+            known = [t for t in self._things.values() if t.phrase == phrase]
+            pairs = []
+            for i, (_, points) in enumerate(seen):
+                for thing in known:
+                    gap = float(np.median(Surroundings(self._shape(thing.name).solids).distance(points)))
+                    fresh = bool(thing.views) and thing.views[-1][0].stand == frame.stand
+                    if gap < (_NEAR_M if fresh else _FAR_M):
+                        pairs.append((gap, i, thing.name))
+            done: set[object] = set()
+            for _, i, name in sorted(pairs):
+                if i not in done and name not in done:
+                    done |= {i, name}
+                    self._update(self._things[name], frame, seen[i][0])
+            for i, (mask, points) in enumerate(seen):
+                if i not in done:
+                    self._discover(phrase, frame, mask, points)
+        for name in [n for n, t in self._things.items() if not (t.views and t.views[-1][0] is frame)]:
+            self._missed(name, frame)
+
+    def _discover(self, phrase: str, frame: Frame, mask: NDArray[np.bool_], points: Array) -> None:
+        shape = fit(points, frame.points[frame.measured & ~mask], frame.eye)
+        if shape is not None:
+            self._count[phrase] = self._count.get(phrase, 0) + 1
+            name = f"{phrase} {self._count[phrase]}"
+            self._things[name] = Thing(name, phrase, shape, [(frame, mask)])
+
+    def _update(self, thing: Thing, frame: Frame, mask: NDArray[np.bool_]) -> None:
+        """See a thing again."""
+        if any(n == thing.name for n, _ in self._grip.values()):
+            return  # what is in hand is known better by the hand
+        thing.views = [(f, m) for f, m in thing.views if f.stand == frame.stand][-3:]
+        thing.views.append((frame, mask))
+        shape = self._fitted(thing)
+        if shape is not None:
+            thing.shape = shape
+            if thing.inside is not None and not self._lies_in(thing, thing.inside):
+                thing.inside = None
+
+    def _fitted(self, thing: Thing) -> Shape | None:
+        """The shape that all views from this place agree on; what the wrist sees, from near, counts for where it is."""
+        whole = [(f, m) for f, m in thing.views if not f.cut(m)] or thing.views
+        head = [(f, m) for f, m in whole if f.image.camera == "head"]
+        wrist = [(f, m) for f, m in whole if f.image.camera != "head"][-1:]
+        parts = [main_cluster(f.of(m)) for f, m in head]
+        support = None
+        if wrist:
+            near = main_cluster(wrist[0][0].of(wrist[0][1]))
+            if head:
+                before = fit(np.concatenate(parts), _around(head), head[-1][0].eye)
+                shift = _shift(np.concatenate(parts), near)
+                if before is not None:
+                    support = before.support_m + (shift[2] if shift is not None else 0.0)
+                parts = [] if shift is None else [p + shift for p in parts]
+            parts.append(near)
+        eye = head[-1][0].eye if head else wrist[0][0].eye
+        return fit(np.concatenate(parts), _around(head or wrist), eye, support)
+
+    def _missed(self, name: str, frame: Frame) -> None:
+        """Forget a thing where a picture shows what is behind it."""
+        if any(n == name for n, _ in self._grip.values()) or self._things[name].inside is not None:
+            return
+        depths = frame.depth_at(self._shape(name).box().mean(0))
+        if depths is not None and depths[1] > depths[0] + _THROUGH_M:
+            del self._things[name]
+
+    def _lies_in(self, thing: Thing, container: str) -> bool:
+        middle = thing.shape.box().mean(0)
+        for volume in self.volumes(container):
+            low, high = volume.aabb()
+            if (middle > low - 0.02).all() and (middle[:2] < high[:2] + 0.02).all() and middle[2] < high[2] + 0.06:
+                return True
+        return False
+
+    # --- the scene
+
+    def knowledge(self) -> KnowledgeBase:
+        """As `Scene` says."""
+        base = KnowledgeBase()
+        carried = {n for n, _ in self._grip.values()}
+        for name, thing in self._things.items():
+            low, high = self._shape(name).box()
+            held = name in carried or thing.inside in carried
+            kind = "fixture" if thing.shape.kind == "furniture" else "object"
+            base.put(Entry(name, (thing.phrase,), kind, low, high, source=self._detector.name, held=held,
+                           inside=thing.inside))  # fmt: skip
+        return base
+
+    def pose(self, name: str) -> Array:
+        """As `Scene` says."""
+        return self._shape(name).T
+
+    def solids(self, name: str) -> Sequence[Solid]:
+        """As `Scene` says."""
+        return self._shape(name).solids
+
+    def volumes(self, name: str) -> Sequence[Solid]:
+        """As `Scene` says."""
+        return self._shape(name).volumes
+
+    def handles(self, name: str) -> Sequence[SeenBar]:
+        """As `Scene` says."""
+        return self._shape(name).bars
+
+    def doors(self, name: str) -> Sequence[Door]:
+        """As `Scene` says."""
+        return ()
+
+    def switches(self, name: str) -> Sequence[Array]:
+        """As `Scene` says."""
+        return ()
+
+    def holding(self, side: Side) -> str | None:
+        """As `Scene` says: what was nearest to the hand when it closed, as long as its fingers feel something."""
+        return self._grip[side][0] if side in self._grip else None
+
+    def within(self, name: str) -> Sequence[str]:
+        """As `Scene` says: what was let go over it, or is seen in it."""
+        return [n for n, t in self._things.items() if t.inside == name]
+
+    def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> Obstacles:
+        """As `Scene` says: what the pictures from this place do not show to be free, and what else is known."""
+        frames = self._carved()
+        key = (tuple(map(id, frames)), tuple(sorted(without)), tuple(np.round(xy, 2)))
+        if self._field is None or self._field[0] != key:
+            views = [View(f.image, self._transparent(f, without)) for f in frames]
+            self._field = (key, Field(views, xy))
+        unseen = [
+            s for n, t in self._things.items()
+            if n not in without and t.inside is None and t.shape.kind != "furniture" and n not in self._held()
+            and not any(f is g for f, _ in t.views for g in frames) for s in self.solids(n)
+        ]  # fmt: skip
+        return Together([self._field[1], Surroundings(unseen)])
+
+    def _held(self) -> set[str]:
+        return {n for n, _ in self._grip.values()}
+
+    def _carved(self) -> list[Frame]:
+        """The newest pictures of the head from this place, or else from the last one."""
+        head = [f for f in self._frames if f.image.camera == "head"]
+        here = [f for f in head if f.stand == self._stand] or [f for f in head if head and f.stand == head[-1].stand]
+        return here[-_CARVED:]
+
+    def _transparent(self, frame: Frame, without: Collection[str]) -> NDArray[np.bool_]:
+        """Pixels of robot and floor, and those that the things `without` explain."""
+        through = frame.robot | frame.floor
+        solids: list[Solid] = []
+        for name in without:
+            if (thing := self._things.get(name)) is not None:
+                solids += self.solids(name)
+                for f, mask in thing.views:
+                    if f is frame and thing.shape.kind != "furniture":
+                        through = through | ndimage.binary_dilation(mask, iterations=1)
+        if solids:
+            rows, columns = np.nonzero(~through & (frame.image.depth > 0))
+            points = frame.points[rows, columns]
+            boxes = np.stack([s.aabb() for s in solids])
+            low, high = boxes[:, 0].min(0) - _EXPLAINED_M, boxes[:, 1].max(0) + _EXPLAINED_M
+            near = ((points > low) & (points < high)).all(1)
+            rows, columns, points = rows[near], columns[near], points[near]
+            own = Surroundings(solids).distance(points) < _EXPLAINED_M
+            through = through.copy()
+            through[rows[own], columns[own]] = True
+        return through
+
+    def spots(self, surface: str, radius_m: float, height_m: float, near: Array) -> list[Array]:
+        """As `Scene` says: on the largest horizontal face that is seen of it, by distance to its edge and to things."""
+        thing = self._things[surface]
+        views = [(f, m) for f, m in thing.views if f.image.camera == "head"]
+        if not views:
+            return []
+        own = np.concatenate([f.of(m) for f, m in views])
+        top = max(thing.shape.solids, key=lambda s: float(np.prod(s.half_m[:2]))).aabb()[1, 2]
+        face = own[np.abs(own[:, 2] - top) < 0.012, :2]
+        if len(face) < 40:
+            return []
+        low = face.min(0) - 0.1
+        size = np.ceil((face.max(0) + 0.1 - low) / _SPOT_M).astype(int) + 1
+        free = np.zeros(size, bool)
+        free[tuple(((face - low) / _SPOT_M).astype(int).T)] = True
+        free = ndimage.binary_closing(free, np.ones((3, 3), bool))
+        for frame, mask in views:
+            others = frame.points[frame.measured & ~mask]
+            others = others[(others[:, 2] > top + 0.012) & (others[:, 2] < top + height_m), :2]
+            cells = np.floor((others - low) / _SPOT_M).astype(int)
+            cells = cells[((cells >= 0) & (cells < size)).all(1)]
+            free[tuple(cells.T)] = False
+        room = ndimage.distance_transform_edt(free) * _SPOT_M - _SPOT_M / 2
+        cells = np.argwhere(room > radius_m)
+        places = low + (cells + 0.5) * _SPOT_M
+        cost = np.linalg.norm(places - near, axis=1) - 0.5 * np.minimum(room[tuple(cells.T)], 0.2)
+        return [np.array([*places[k], top]) for k in _spread(places, np.argsort(cost))]
+
+
+def _spread(places: Array, order: NDArray[np.intp]) -> list[int]:
+    """The best places, a hand's breadth apart."""
+    kept: list[int] = []
+    for k in order:
+        if all(np.linalg.norm(places[k] - places[j]) > 0.08 for j in kept):
+            kept.append(int(k))
+        if len(kept) >= 8:
+            break
+    return kept
+
+
+def _around(views: Sequence[tuple[Frame, NDArray[np.bool_]]]) -> Array:
+    return np.concatenate([f.points[f.measured & ~m] for f, m in views])
+
+
+def _shift(points: Array, onto: Array) -> Array | None:
+    """The translation (3,) that brings points (n, 3) onto others of the same thing; None if it is none of a few cm."""
+    tree, total = cKDTree(onto), np.zeros(3)
+    sample = points[:: max(1, len(points) // 300)]
+    for _ in range(8):
+        gap, nearest = tree.query(sample + total)
+        close = gap <= np.percentile(gap, 60)  # the wrist does not see all that the head sees
+        step = np.median(onto[nearest[close]] - (sample + total)[close], axis=0)
+        total += step
+        if np.linalg.norm(step) < 2e-4:
+            break
+    return total if np.linalg.norm(total) < 0.04 else None

@@ -1,0 +1,402 @@
+"""From the visible points of one thing to its likely shape: a box, an upright cylinder, a ball, a vessel, furniture.
+
+A camera sees a thing from one side and from above. What it hides is filled in by the simplest solid that explains what
+it shows and that stands on what is seen around it. Extents are percentiles and fits, never single points: masks bleed
+onto the background, and depth is noisy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial import ConvexHull, QhullError
+
+from mpvi_bt.robot.solids import Array, Solid, pose
+
+_CELL_M = 0.015  # of the grid in which points hang together
+_AROUND_M = 0.12  # from how far around a thing its support is told
+_ROUND = 0.88  # share of its rectangle that an outline fills: a disc has 0.79, a rectangle 1
+_WALL_M = 0.008  # of vessels
+_FURNITURE_M = 0.55  # what is longer than this is furniture: faces to put things on
+_UPRIGHT_M = 0.9  # likewise what is higher
+_SLICE_M = 0.01
+_STAVES = 16
+
+
+@dataclass(frozen=True, eq=False)
+class SeenBar:
+    """A bar to hold a thing by, as seen (implements `mpvi_bt.perception.parts.Bar`); world frame [m]."""
+
+    center: Array
+    axis: Array
+    outward: Array
+    length_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """What a thing is taken to be.
+
+    Attributes:
+        kind: The simplest solid that explains its points.
+        T: (4, 4) T_world_thing: a frame in its middle, z up, x along its longer side.
+        solids: Of it, in the world.
+        volumes: Container volumes, in the world.
+        bars: To carry it by, in the world.
+        support_m: Height of what it stands on.
+    """
+
+    kind: Literal["box", "cylinder", "ball", "vessel", "furniture"]
+    T: Array
+    solids: tuple[Solid, ...]
+    support_m: float
+    volumes: tuple[Solid, ...] = ()
+    bars: tuple[SeenBar, ...] = ()
+
+    def moved(self, M: Array) -> Shape:
+        """The same, carried along by the motion `M` (4, 4) of the world frame into itself."""
+        bars = tuple(replace(b, center=M[:3, :3] @ b.center + M[:3, 3], axis=M[:3, :3] @ b.axis,
+                             outward=M[:3, :3] @ b.outward) for b in self.bars)  # fmt: skip
+        return replace(
+            self, T=M @ self.T, solids=tuple(s.moved(M) for s in self.solids),
+            volumes=tuple(v.moved(M) for v in self.volumes), bars=bars,
+        )  # fmt: skip
+
+    def box(self) -> Array:
+        """(2, 3) lowest and highest corner of its axis-aligned bounding box in the world."""
+        corners = np.stack([s.aabb() for s in self.solids])
+        return np.stack([corners[:, 0].min(0), corners[:, 1].max(0)])
+
+
+def main_cluster(points: Array) -> Array:
+    """The largest part of points (n, 3) that hangs together: drops what a mask catches of the background."""
+    if len(points) < 4:
+        return points
+    cells = ((points - points.min(0)) / _CELL_M).astype(int)
+    if cells.max() > 300:  # a speck far away would make the grid huge
+        points = points[np.abs(points - np.median(points, axis=0)).max(1) < 150 * _CELL_M]
+        cells = ((points - points.min(0)) / _CELL_M).astype(int)
+    grid = np.zeros(cells.max(0) + 1, bool)
+    grid[tuple(cells.T)] = True
+    parts, count = ndimage.label(grid, np.ones((3, 3, 3)))
+    if count < 2:
+        return points
+    own = parts[tuple(cells.T)]
+    return points[own == np.bincount(own).argmax()]
+
+
+def support_height(points: Array, around: Array) -> float:
+    """Height [m] of what a thing with `points` (n, 3) stands on, from points (m, 3) of everything else."""
+    lowest = float(np.percentile(points[:, 2], 2))
+    low, high = points[:, :2].min(0) - _AROUND_M, points[:, :2].max(0) + _AROUND_M
+    z = around[((around[:, :2] > low) & (around[:, :2] < high)).all(1), 2]
+    z = z[(z < lowest + 0.012) & (z > lowest - 0.10)]
+    if len(z) < 10:
+        return lowest
+    counts, edges = np.histogram(z, np.arange(z.min() - 0.002, z.max() + 0.006, 0.004))
+    k = int(counts.argmax())
+    return float(np.median(z[(z >= edges[k] - 0.004) & (z <= edges[k + 1] + 0.004)]))
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """The smallest rectangle around points seen from above: middle (2,), sides (long, short) [m], heading of the long
+    side [rad], and the share of it that their convex hull fills."""
+
+    middle: Array
+    sides: Array
+    heading: float
+    fill: float
+
+    @property
+    def frame(self) -> Array:
+        """(2, 2) its axes as columns, the long one first."""
+        c, s = np.cos(self.heading), np.sin(self.heading)
+        return np.array([[c, -s], [s, c]])
+
+    def local(self, xy: Array) -> Array:
+        """(n, 2) points in its axes, about its middle."""
+        return np.asarray((xy - self.middle) @ self.frame)
+
+
+def outline(xy: Array) -> Outline:
+    """The smallest rectangle around points (n, 2)."""
+    try:
+        hull = ConvexHull(xy)
+        corners, area = xy[hull.vertices], float(hull.volume)
+    except (QhullError, ValueError):  # on a line, or too few
+        corners, area = xy, 0.0
+    sides = np.roll(corners, -1, axis=0) - corners
+    headings = np.unique(np.round(np.arctan2(sides[:, 1], sides[:, 0]) % (np.pi / 2), 4))
+    c, s = np.cos(headings), np.sin(headings)
+    u, v = corners[:, :1] * c + corners[:, 1:] * s, corners[:, 1:] * c - corners[:, :1] * s
+    size = np.stack([np.ptp(u, axis=0), np.ptp(v, axis=0)])
+    k = int((size[0] * size[1]).argmin())
+    middle = np.array([u[:, k].max() + u[:, k].min(), v[:, k].max() + v[:, k].min()]) / 2
+    heading, (a, b) = float(headings[k]), size[:, k]
+    center = np.array([c[k] * middle[0] - s[k] * middle[1], s[k] * middle[0] + c[k] * middle[1]])
+    if a < b:
+        a, b, heading = b, a, heading + np.pi / 2
+    return Outline(center, np.array([a, b]), heading, area / max(float(a * b), 1e-9))
+
+
+def fit(points: Array, around: Array, eye: Array, support: float | None = None) -> Shape | None:
+    """What a thing is, from its visible points.
+
+    Args:
+        points: (n, 3) of its mask, in the world.
+        around: (m, 3) of everything near it but the robot.
+        eye: (3,) where the camera was that saw it best.
+        support: Height of what it stands on [m], if that is known from another view.
+
+    Returns:
+        The shape, or None if there is too little to see.
+    """
+    points = main_cluster(points)
+    if len(points) < 5:
+        return None
+    low, top = np.percentile(points, 1, axis=0), float(np.percentile(points[:, 2], 99))
+    if np.ptp(np.percentile(points, [2, 98], axis=0)[:, :2], axis=0).max() > _FURNITURE_M or top - low[2] > _UPRIGHT_M:
+        return _furniture(points)
+    if support is None:
+        support = support_height(points, around)
+    support = min(support, top - 0.004)
+    height = top - support
+    upper = points[points[:, 2] > min(support + max(0.004, 0.3 * height), top - 0.003)]
+    if len(upper) > 30:
+        upper = main_cluster(upper)
+    seen = outline(_trimmed(upper[:, :2]))
+    vessel = _vessel(points, seen, support, top)
+    if vessel is not None:
+        return vessel
+    ball = _ball(points, support, top)
+    if ball is not None:
+        return ball
+    column = _column(points, seen, support, top)
+    if column is not None:
+        return column
+    if eye[2] < top + 0.04:  # its top is not in view, so its depth is not either
+        seen = _deepened(seen, eye[:2])
+    return _upright_box(seen, support, top)
+
+
+def _trimmed(xy: Array) -> Array:
+    """Without the few points that stick out: half a percent on each side, along the axes and the diagonals."""
+    keep = np.ones(len(xy), bool)
+    if len(xy) < 60:
+        return xy
+    for angle in np.arange(4) * np.pi / 4:
+        along = xy @ [np.cos(angle), np.sin(angle)]
+        low, high = np.percentile(along, [0.5, 99.5])
+        keep &= (along >= low - 1e-3) & (along <= high + 1e-3)
+    return xy[keep]
+
+
+def _frame(xy: Array, heading: float, low: float, high: float) -> Array:
+    return pose((float(xy[0]), float(xy[1]), (low + high) / 2), heading)
+
+
+def _upright_box(seen: Outline, support: float, top: float) -> Shape:
+    T = _frame(seen.middle, seen.heading, support, top)
+    half = np.array([*np.maximum(seen.sides, 0.004), top - support]) / 2
+    return Shape("box", T, (Solid("box", half, T),), support)
+
+
+def _deepened(seen: Outline, eye: Array) -> Outline:
+    """A box of which only the front is seen, taken to be as deep as it is wide, but no deeper than a hand can span."""
+    long, short = seen.sides
+    depth = float(np.clip(long, 0.02, 0.08))
+    if short > 0.6 * depth:
+        return seen
+    inward = seen.frame[:, 1]
+    if inward @ (seen.middle - eye) < 0:
+        inward = -inward
+    middle = seen.middle + inward * (depth - short) / 2
+    sides, heading = np.array([long, depth]), seen.heading
+    if depth > long:
+        sides, heading = sides[::-1], heading + np.pi / 2
+    return Outline(middle, sides, heading, 1.0)
+
+
+def circle(xy: Array) -> tuple[Array, float, float]:
+    """Middle (2,), radius and typical deviation [m] of the circle through points (n, 2), outliers dropped once."""
+    for _ in range(2):
+        A = np.c_[2 * xy, np.ones(len(xy))]
+        s = np.linalg.lstsq(A, (xy**2).sum(1), rcond=None)[0]
+        radius = float(np.sqrt(max(s[2] + s[0] ** 2 + s[1] ** 2, 1e-8)))
+        off = np.abs(np.linalg.norm(xy - s[:2], axis=1) - radius)
+        keep = off <= 2.5 * np.median(off) + 1e-4
+        if keep.all() or keep.sum() < 8:
+            break
+        xy = xy[keep]
+    return s[:2], radius, float(np.sqrt(np.mean(off**2)))
+
+
+def _ball(points: Array, support: float, top: float) -> Shape | None:
+    """The far half of a ball is unseen: its outline would be too small and too near."""
+    if len(points) < 12:
+        return None
+    A = np.c_[2 * points, np.ones(len(points))]
+    s = np.linalg.lstsq(A, (points**2).sum(1), rcond=None)[0]
+    radius = float(np.sqrt(max(s[3] + s[:3] @ s[:3], 1e-8)))
+    off = np.linalg.norm(points - s[:3], axis=1) - radius
+    noise = float(np.sqrt(np.mean(off**2)))
+    tall = (top - support) / 2
+    if not 0.006 < radius < 0.10 or noise > max(0.002, 0.06 * radius) or abs(radius - tall) > max(0.004, 0.15 * radius):
+        return None
+    center = np.array([s[0], s[1], support + tall])
+    T = pose(center)
+    return Shape("ball", T, (Solid("sphere", np.full(3, (radius + tall) / 2), T),), support)
+
+
+def _column(points: Array, seen: Outline, support: float, top: float) -> Shape | None:
+    """An upright cylinder, by the bend of its side or else by its outline."""
+    height = top - support
+    side = points[(points[:, 2] > support + 0.15 * height) & (points[:, 2] < top - max(0.25 * height, 0.008)), :2]
+    if height > 0.03 and len(side) >= 25:
+        middle, radius, noise = circle(side)
+        bend = np.arctan2(*(side - middle).T[::-1])
+        turn = np.angle(np.exp(1j * (bend - np.angle(np.exp(1j * bend).mean()))))
+        arc = float(np.ptp(np.percentile(turn, [3, 97])))
+        wide = float(np.percentile(seen.sides, 100)) / 2
+        if noise < max(0.0022, 0.05 * radius) and arc > 1.7 and 0.008 < radius < 0.25 and radius < 1.35 * wide + 0.004:
+            T = _frame(middle, 0.0, support, top)
+            return Shape("cylinder", T, (Solid("cylinder", np.array([radius, radius, height / 2]), T),), support)
+    if seen.fill < _ROUND and seen.sides[0] - seen.sides[1] < max(0.012, 0.15 * seen.sides[0]):
+        radius = float(seen.sides.mean()) / 2
+        T = _frame(seen.middle, 0.0, support, top)
+        return Shape("cylinder", T, (Solid("cylinder", np.array([radius, radius, height / 2]), T),), support)
+    return None
+
+
+def _vessel(points: Array, seen: Outline, support: float, top: float) -> Shape | None:
+    """Something hollow that is open above: walls around an opening through which its inside is seen."""
+    rim, bar = _rim(points, seen, support, top)
+    if seen.sides[1] < 0.045 or rim - support < 0.025:
+        return None
+    edge = points[(points[:, 2] > rim - 0.02) & (points[:, 2] < rim + 0.006), :2]
+    if len(edge) < 12:
+        return None
+    around = outline(_trimmed(edge))
+    if around.sides[1] < 0.6 * seen.sides[1]:
+        return None
+    at = np.abs(around.local(points[:, :2])) / np.maximum(around.sides / 2, 0.01)
+    round_ = around.fill < _ROUND
+    off = np.hypot(at[:, 0], at[:, 1]) if round_ else at.max(1)
+    inner = points[(off < 0.8) & (points[:, 2] < rim + 0.006)]
+    deep = min(0.012, 0.3 * (rim - support))
+    if len(inner) < 6 or (inner[:, 2] > rim - deep).mean() > 0.12:
+        return None
+    bottom = points[(off < 0.6) & (points[:, 2] < rim + 0.006), 2]
+    floor = support + _WALL_M
+    if len(bottom) > 12:
+        floor = float(np.clip(np.percentile(bottom, 10), floor, rim - 0.01))
+        floor = floor if floor < support + 0.35 * (rim - support) else support + _WALL_M
+    bars = () if bar is None else (bar,)
+    if round_:
+        ring = points[(points[:, 2] > rim - 0.010) & (points[:, 2] < rim + 0.006), :2]
+        middle, radius, _ = circle(ring if len(ring) > 12 else edge)
+        if not 0.4 * around.sides[1] < radius < 0.7 * around.sides[0]:
+            middle, radius = around.middle, float(around.sides.mean()) / 2 - _WALL_M / 2
+        return _round_vessel(middle, radius, support, floor, rim, bars)
+    return _square_vessel(around, support, floor, rim, bars)
+
+
+def _rim(points: Array, seen: Outline, support: float, top: float) -> tuple[float, SeenBar | None]:
+    """Height of a vessel's rim, and the bar that spans it higher up, if there is one."""
+    edges = np.arange(top + 0.002, support + 0.02, -_SLICE_M)
+    rim = top
+    for high in edges:
+        level = points[(points[:, 2] <= high) & (points[:, 2] > high - 2 * _SLICE_M), :2]
+        if len(level) > 8:
+            across = np.percentile(seen.local(level), [3, 97], axis=0)
+            if (np.ptp(across, axis=0) > 0.6 * seen.sides).all():
+                rim = min(float(high), top)
+                break
+    if top - rim < 0.025:
+        return top, None
+    near = points[(points[:, 2] > rim - _SLICE_M) & (points[:, 2] < rim + 0.004), 2]
+    rim = float(np.percentile(near, 90)) if len(near) > 8 else rim
+    above = points[points[:, 2] > max(top - 0.03, rim + 0.015)]
+    if len(above) < 8:
+        return rim, None
+    bar = outline(above[:, :2])
+    if bar.sides[1] > 0.045 or bar.sides[0] < 0.05 or np.linalg.norm(bar.middle - seen.middle) > 0.5 * seen.sides[1]:
+        return rim, None
+    center = np.array([*bar.middle, top - 0.010])
+    axis = np.array([np.cos(bar.heading), np.sin(bar.heading), 0.0])
+    return rim, SeenBar(center, axis, np.array([0.0, 0.0, 1.0]), float(bar.sides[0]))
+
+
+def _bar_solids(bars: Sequence[SeenBar], rim: float) -> list[Solid]:
+    out = []
+    for bar in bars:
+        heading = float(np.arctan2(bar.axis[1], bar.axis[0]))
+        out.append(Solid("box", np.array([bar.length_m / 2, 0.009, 0.010]), pose(bar.center, heading)))
+        tall = float(bar.center[2]) - 0.01 - rim
+        for sign in (-1, 1):
+            foot = bar.center + sign * bar.axis * (bar.length_m / 2 - 0.004)
+            T = pose((float(foot[0]), float(foot[1]), rim + tall / 2), heading)
+            out.append(Solid("box", np.array([0.004, 0.009, tall / 2]), T))
+    return out
+
+
+def _square_vessel(around: Outline, support: float, floor: float, rim: float, bars: tuple[SeenBar, ...]) -> Shape:
+    x, y = around.sides
+    T = _frame(around.middle, around.heading, support, rim)
+    half = (rim - support) / 2
+    solids = [Solid("box", np.array([x / 2, y / 2, (floor - support) / 2]), T @ pose((0, 0, (floor - rim) / 2)))]
+    for sign in (-1, 1):
+        side = pose((sign * (x - _WALL_M) / 2, 0, 0))
+        solids.append(Solid("box", np.array([_WALL_M / 2, y / 2, half]), T @ side))
+        side = pose((0, sign * (y - _WALL_M) / 2, 0))
+        solids.append(Solid("box", np.array([x / 2 - _WALL_M, _WALL_M / 2, half]), T @ side))
+    inside = np.array([x / 2 - _WALL_M, y / 2 - _WALL_M, (rim - floor) / 2])
+    volume = Solid("box", inside, T @ pose((0, 0, half - (rim - floor) / 2)))
+    return Shape("vessel", T, (*solids, *_bar_solids(bars, rim)), support, (volume,), bars)
+
+
+def _round_vessel(
+    middle: Array, radius: float, support: float, floor: float, rim: float, bars: tuple[SeenBar, ...]
+) -> Shape:
+    """`radius` is that of the middle of its wall."""
+    T = _frame(middle, 0.0, support, rim)
+    half = (rim - support) / 2
+    solids = [Solid("cylinder", np.array([radius, radius, (floor - support) / 2]), T @ pose((0, 0, (floor - rim) / 2)))]
+    stave = (radius + _WALL_M / 2) * float(np.tan(np.pi / _STAVES))
+    for angle in np.arange(_STAVES) * (2 * np.pi / _STAVES):
+        at = pose((radius * np.cos(angle), radius * np.sin(angle), 0), float(angle))
+        solids.append(Solid("box", np.array([_WALL_M / 2, stave, half]), T @ at))
+    inner, deep = radius - _WALL_M / 2, (rim - floor) / 2
+    volume = Solid("cylinder", np.array([inner, inner, deep]), T @ pose((0, 0, half - deep)))
+    return Shape("vessel", T, (*solids, *_bar_solids(bars, rim)), support, (volume,), bars)
+
+
+def _furniture(points: Array) -> Shape:
+    """Slabs under the large horizontal faces, and the frame of the largest."""
+    slabs: list[tuple[int, Solid]] = []
+    z = points[:, 2]
+    counts, edges = np.histogram(z, np.arange(z.min() - 0.01, z.max() + 0.03, 0.01))
+    level = counts.astype(float)
+    for _ in range(4):
+        k = int(level.argmax())
+        if level[k] < 40:
+            break
+        height = float(np.median(z[(z > edges[k] - 0.01) & (z < edges[k + 1] + 0.01)]))
+        level[max(k - 3, 0) : k + 4] = 0
+        face = points[np.abs(z - height) < 0.012]
+        around = outline(_trimmed(face[:, :2]))
+        if around.sides[1] > 0.15:
+            T = pose((*around.middle, height - 0.0125), around.heading)  # type: ignore[arg-type]
+            slabs.append((len(face), Solid("box", np.array([*around.sides / 2, 0.0125]), T)))
+    if not slabs:
+        around = outline(_trimmed(points[:, :2]))
+        low, high = np.percentile(z, [1, 99])
+        box = _upright_box(around, float(low), float(high))
+        return replace(box, kind="furniture")
+    slabs.sort(key=lambda s: -s[0])
+    return Shape("furniture", slabs[0][1].T, tuple(s for _, s in slabs), float(z.min()))
