@@ -1,8 +1,8 @@
 """Where to stand: a base pose, a torso posture and an arm path from which a hand can do what it has to.
 
 Reach alone is not enough. A stance is one from which every waypoint of the hand is reachable without a jump of the
-elbow, the arm, the idle arm, what is held, head and chest are clear of everything, and the base can drive there. What is
-cheap to refute comes first: the hand alone, then the base alone, then postures, then paths.
+elbow, the arm, the idle arm, what is held, head and chest are clear of everything, and the base can drive there. What
+is cheap to refute comes first: the hand alone, then the base alone, then postures, then paths.
 """
 
 from __future__ import annotations
@@ -112,6 +112,8 @@ class Stance:
 
 @dataclass(frozen=True, eq=False)
 class Standing:
+    """The body once the torso has moved, and how the other hand was kept level meanwhile."""
+
     body: Body
     level: Mapping[Side, list[Array]]
 
@@ -156,12 +158,20 @@ class Search:
                 holds.append(path)
         return holds
 
-    def find(self, focus_xy: Array, options: Sequence[Option]) -> Stance | None:
-        """The nearest good stance for one of `options` about a place in the world (2,), or None."""
+    def find(self, focus_xy: Array, options: Sequence[Option], here_first: bool = False) -> Stance | None:
+        """The nearest good stance for one of `options` about a place in the world (2,), or None.
+
+        Args:
+            focus_xy: What to stand about.
+            options: Ways to do it; one is enough.
+            here_first: Whether a stance that needs no drive is good enough if it serves, tried before or not.
+        """
         able = [k for k, option in enumerate(options) if self.fits(option)]
         if not able:
             return None
         here = self.motion.felt.base_pose
+        if here_first and (found := self._here(here, options, able)) is not None:
+            return found
         bases = _bases(here, focus_xy, self.side)
         bases = bases[self._stands(bases)]
         failed: list[Array] = list(self.tried)
@@ -178,6 +188,19 @@ class Search:
                 checked += worked
                 if checked >= _CHECKED_BASES:
                     break
+        return None
+
+    def _here(self, here: Array, options: Sequence[Option], able: Sequence[int]) -> Stance | None:
+        """A stance whose arm takes its posture where the robot stands."""
+        ahead = np.array([np.cos(here[2]), np.sin(here[2]), 0.0])
+        for run_up in sorted({options[k].run_up_m for k in able}):
+            some = [k for k in able if options[k].run_up_m == run_up]
+            lane = _lane(here, here + ahead * run_up)
+            if run_up and not self._stands(lane).all():
+                continue
+            for hold in self._holds:
+                if (found := self._at(lane, [here.copy()], options, some, hold)) is not None:
+                    return found
         return None
 
     def fits(self, option: Option) -> bool:
@@ -218,7 +241,7 @@ class Search:
             ways.setdefault(options[k].run_up_m, []).append(k)
         for run_up, some in ways.items():
             ready = base - np.array([np.cos(base[2]), np.sin(base[2]), 0.0]) * run_up
-            lane = np.linspace(ready, base, max(2, int(np.ceil(run_up / _STEP_M)) + 1)) if run_up else base[None]
+            lane = _lane(ready, base)
             if not self._stands(lane).all() or (route := self._route(here, ready)) is None:
                 continue
             worked = True
@@ -231,7 +254,7 @@ class Search:
         """Base poses to drive to `goal` by: straight, or by one place on the way."""
         if self.drivable(here, goal):
             return [goal]
-        for start, end in ((here, goal), (goal, here)):
+        for start in (here, goal):
             for x, y in _VIAS:
                 c, s = np.cos(start[2]), np.sin(start[2])
                 via = np.array([start[0] + c * x - s * y, start[1] + s * x + c * y, start[2]])
@@ -276,7 +299,7 @@ class Search:
 
     def _at(self, lane: Array, route: list[Array], options: Sequence[Option], able: Sequence[int], hold: list[Array]
             ) -> Stance | None:  # fmt: skip
-        """A stance at the end of a lane (n, 3) of base poses that lead straight in; the first is where the arm moves."""
+        """A stance at the end of a lane (n, 3) of base poses that lead straight in, from where the arm moves."""
         base = lane[-1]
         T = kin.inverse(kin.base(base))
         goals = [np.stack([T @ w for w in options[k].waypoints]) for k in able]
@@ -301,7 +324,7 @@ class Search:
             if not self.body(self.motion.torso, behind, arms).free(self.other, hold[-1])[0]:
                 return None
         seen: dict[tuple[int, int], int] = {}
-        standing: dict[int, _Standing | None] = {}
+        standing: dict[int, Standing | None] = {}
         for row in np.argsort(cost)[: 40 * _CHECKED_POSTURES]:
             where = (int(t[row]), int(g[row]))
             if seen.get(where, 0) >= 2:
@@ -321,7 +344,7 @@ class Search:
                 return Stance(base, torso, k, path, goals[where[1]], hold, stood.level, route)
         return None
 
-    def _stood(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array]) -> _Standing | None:
+    def _stood(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array]) -> Standing | None:
         """The body once the torso has moved there, the other hand level if it holds something; None if it cannot."""
         body = self.body(self.motion.torso, around, arms)
         hands = (
@@ -332,12 +355,12 @@ class Search:
         level = arm_motion.sweep(body, torso, hands, samples=6)
         if level is None:
             return None
-        return _Standing(replace(body, torso=torso, arms={**arms, **{s: q[-1] for s, q in level.items()}}), level)
+        return Standing(replace(body, torso=torso, arms={**arms, **{s: q[-1] for s, q in level.items()}}), level)
 
     def _reached(
         self, body: Body, lane: Array, option: Option, goals: Array, key: int, q_key: Array
     ) -> list[Array] | None:
-        """The arm's path to the first waypoint if all waypoints are reachable and free from there on, and the way in."""
+        """The arm's path to the first waypoint if all of them, and the way in, are reachable and free."""
         postures: dict[int, Array] = {key: q_key}
         for order in (range(key - 1, -1, -1), range(key + 1, len(goals))):
             for k in order:
@@ -375,6 +398,12 @@ class Search:
                     and there.clearance(idle, arms[idle])[0][0] > 0):  # fmt: skip
                 return False
         return True
+
+
+def _lane(start: Array, end: Array) -> Array:
+    """(n, 3) base poses on the straight way from `start` to `end` (3,), both included; one if they are the same."""
+    length = float(np.linalg.norm(end[:2] - start[:2]))
+    return np.linspace(start, end, int(np.ceil(length / _STEP_M)) + 1) if length > 1e-6 else end[None].copy()
 
 
 def base_clear(around: Obstacles) -> bool:
