@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpvi_bt.manipulation.stance import Search, base_clear
+from mpvi_bt.manipulation.stance import Search
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
@@ -214,7 +214,7 @@ def _find(work: Work, search: Search, boxes: list[_Box]) -> _Grip | None:
         if any(np.linalg.norm(base[:2] - b[:2]) < 0.03 and abs(kin.wrap(base[2] - b[2])) < 0.3 for b in search.tried):
             continue
         back = _behind(base)
-        if not search.drivable(here, back) or not base_clear(search.around(base, touched=True)):
+        if not (search.drivable(here, back) and search.drivable(back, base)):
             continue
         if (grip := _grip_at(work, search, base, box)) is not None:
             return grip
@@ -378,7 +378,7 @@ def _find_place(work: Work, search: Search, box: _Box, spots: list[Array]) -> tu
             if any(np.linalg.norm(base - b) < 0.05 for b in search.tried):
                 continue
             around = search.around(base, touched=False)
-            if not base_clear(around) or not search.drivable(here, _behind(base)):
+            if not (search.drivable(here, _behind(base)) and search.drivable(_behind(base), base)):
                 continue
             body = Body(motion.torso, arms, {}, around)
             if all(body.free(side, arms[side], grasping=True)[0] for side in SIDES) and body.trunk_free():

@@ -121,16 +121,22 @@ class Work:
     def search(self, side: Side, touched: Collection[str]) -> Search:
         """A stance search for one hand that works on the things `touched`."""
         held = self.held()
-        carried = {n for h in held.values() for n in (h.name, *self.scene.within(h.name))}
+        carried = self._carried(held)
         at = self.motion.felt.base_pose[:2]
         near = self.scene.obstacles(at, _NEAR_M, without={*carried, *touched})
         own: list[Solid] = [s for n in touched if n not in carried for s in self.scene.solids(n)]
         return Search(self.motion, side, held, near, own, self.rng)
 
+    def _carried(self, held: Mapping[Side, Held]) -> set[str]:
+        """What the robot carries, in one hand or between both, with what lies in it."""
+        both = self.scene.between()
+        names = [*(h.name for h in held.values()), *([both] if both is not None else [])]
+        return {n for name in names for n in (name, *self.scene.within(name))}
+
     def body(self, without: Collection[str] = ()) -> Body:
         """The robot as commanded, with what it holds, among everything near but the things `without`."""
         held = self.held()
-        carried = {n for h in held.values() for n in (h.name, *self.scene.within(h.name))}
+        carried = self._carried(held)
         near = self.scene.obstacles(self.motion.felt.base_pose[:2], _NEAR_M, without={*carried, *without})
         around = near.seen_from(self.base)
         arms = {s: self.motion.arm(s) for s in SIDES}
