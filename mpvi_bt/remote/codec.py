@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -22,6 +23,7 @@ _MAX_DIMENSIONS = 16
 # arrays only: it cannot pack their scalars.
 _DTYPE = re.compile(r"[<>=|]?(?:b1|[iu][1248]|f[248]|[SU][1-9][0-9]{0,8})")
 _SCALARS: Mapping[str, tuple[type, ...]] = {"b": (bool,), "i": (int,), "u": (int,), "f": (float, int)}
+_OF_THREAD = threading.local()
 _ARRAY, _SCALAR, _DATA, _KIND, _SHAPE = b"__ndarray__", b"__npgeneric__", b"data", b"dtype", b"shape"
 
 
@@ -32,7 +34,7 @@ def pack(value: Any) -> bytes:
         TypeError: There is something else in it, such as an array of objects or of complex numbers.
     """
     try:
-        return bytes(msgpack.packb(value, default=_encoded))
+        return bytes(_packer().pack(value))
     except (ValueError, OverflowError) as error:  # nested too deeply, or an integer of more than 64 bits
         raise TypeError(f"cannot be packed: {error}") from None
 
@@ -51,6 +53,13 @@ def unpack(message: bytes, most_bytes: int = MAX_BYTES) -> Any:
         raise
     except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as error:
         raise BadMessage(f"not a msgpack message: {_line(error)}") from None
+
+
+def _packer() -> msgpack.Packer:
+    """One for each thread: its buffer stays as large as the largest message, which saves most of the time."""
+    if not hasattr(_OF_THREAD, "packer"):
+        _OF_THREAD.packer = msgpack.Packer(default=_encoded)
+    return _OF_THREAD.packer
 
 
 def _encoded(value: Any) -> Any:
