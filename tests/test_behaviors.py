@@ -14,6 +14,7 @@ from py_trees.common import Status
 from mpvi_bt.behaviors.context import Context, Stopwatch
 from mpvi_bt.behaviors.protocols import Progress, Report, TriggerEvent
 from mpvi_bt.errors import NodeError, UnknownName
+from mpvi_bt.robot.limits import HIGHEST, LARGEST_STEP, LOWEST
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, CameraImage
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.testing import KinematicRobot
@@ -89,7 +90,7 @@ class Chunks:
         assert isinstance(observation["images"]["head"], CameraImage)
         self.prompts.append(observation["prompt"])
         chunk = np.zeros((self.length, ACTION_SIZE))
-        chunk[:, 3] = 100 * self.calls + np.arange(self.length)
+        chunk[:, 0] = 1e-4 * (100 * self.calls + np.arange(self.length))
         self.calls += 1
         return chunk
 
@@ -103,8 +104,8 @@ def test_a_chunk_is_carried_out_one_action_a_step(length: int, ticks: int) -> No
     sent = []
     for _ in range(ticks):
         assert bench.tree.tick() == Status.RUNNING
-        sent.append(bench.world.robot.action[3])
-    assert sent == [100 * (i // length) + i % length for i in range(ticks)]
+        sent.append(bench.world.robot.action[0])
+    assert sent == pytest.approx([1e-4 * (100 * (i // length) + i % length) for i in range(ticks)])
     assert (policy.calls, policy.resets) == (-(-ticks // length), 1)
 
 
@@ -116,7 +117,7 @@ def test_a_handoff_drops_the_rest_of_the_chunk() -> None:
     assert (policy.calls, policy.resets) == (1, 1)
     bench.run(2)
     assert (policy.calls, policy.resets) == (2, 2)
-    assert bench.world.robot.action[3] == 101
+    assert bench.world.robot.action[0] == pytest.approx(101e-4)
 
 
 @pytest.mark.parametrize("bad", [np.zeros((0, 23)), np.zeros(23), np.zeros((2, 22)), np.full((1, 23), np.nan)])
@@ -124,9 +125,73 @@ def test_a_bad_chunk_never_reaches_the_robot(bad: Array) -> None:
     """A chunk of the wrong shape, or not finite, is an error that names the node, and the robot holds."""
     bench = Bench(PICK)
     bench.context.policy.infer = lambda observation: bad  # type: ignore[method-assign]
-    with pytest.raises(NodeError, match=r"until_complete/manipulate: BackendError: policy grip: a chunk"):
+    with pytest.raises(NodeError, match=r"until_complete/manipulate: PolicyError: policy grip: a chunk"):
         bench.run()
     assert np.isfinite(bench.world.robot.action).all()
+
+
+@given(st.integers(0, 22), st.sampled_from([-1e30, -7.0, 7.0, 1e30]), st.integers(1, 40))
+def test_actions_reach_the_robot_within_its_limits_and_rate(joint: int, wild: float, ticks: int) -> None:
+    """However wild the policy: speeds and joints stay within their limits, no target jumps, and each clip counts."""
+    bench = Bench("manipulate: pick up the cup")
+    action = np.zeros(ACTION_SIZE)
+    action[joint] = wild
+    bench.context.policy.infer = lambda observation: action[None]  # type: ignore[method-assign]
+    last = bench.world.robot.action
+    for _ in range(ticks):
+        bench.run(1)
+        now = bench.world.robot.action
+        assert np.array_equal(now, np.clip(now, LOWEST, HIGHEST))
+        assert (np.abs(now - last) <= LARGEST_STEP + 1e-12).all()
+        last = now
+    assert bench.context.log.clipped == ticks
+
+
+@given(st.integers(0, 10_000))
+def test_what_is_within_the_limits_reaches_the_robot_bit_by_bit(seed: int) -> None:
+    """Limits change nothing of an action that keeps them, and count nothing."""
+    rng = np.random.default_rng(seed)
+    bench = Bench("manipulate: pick up the cup")
+    bench.run(1)
+    step = np.where(np.isfinite(LARGEST_STEP), LARGEST_STEP, 0.1)
+    for _ in range(10):
+        last = bench.world.robot.action
+        action = np.clip(last + rng.uniform(-1, 1, ACTION_SIZE) * step * 0.999, LOWEST, HIGHEST)
+        chunk = action[None]
+        bench.context.policy.infer = lambda observation, chunk=chunk: chunk  # type: ignore[method-assign, misc]
+        bench.node("manipulate").terminate(Status.INVALID)  # the rest of the chunk before
+        bench.world.robot.act(last)
+        bench.tree.tick()
+        assert bench.world.robot.action.tobytes() == action.tobytes()
+        bench.world.step(action)
+    assert bench.context.log.clipped == 0
+
+
+def test_what_the_policy_says_of_itself_is_shown() -> None:
+    """Its note, on one line and not for ever; nothing where it has none."""
+    bench = Bench("manipulate: pick up the cup")
+    bench.run(1)
+    assert bench.node("manipulate").feedback_message == ""
+    bench.context.policy.note = "pick:\n no_stance" + " x" * 500  # type: ignore[attr-defined]
+    bench.run(1)
+    said = bench.node("manipulate").feedback_message
+    assert said.startswith("pick: no_stance x")
+    assert len(said) <= 200
+
+
+def test_a_grasp_of_nothing_is_noticed_and_a_tree_may_act_on_it() -> None:
+    """It is logged with hand and time, and is the value of `grip` in a tree that declares that key."""
+    bench = Bench("manipulate: pick up the cup", grip="")
+    bench.world.robot.between_m["right"] = 0.0
+    bench.run(60)
+    (notice,) = bench.context.log.notices
+    assert (notice.kind, notice.side, notice.path) == ("empty", "right", "manipulate")
+    assert bench.context.blackboard == {"grip": "empty right"}
+    plain = Bench("manipulate: pick up the cup")
+    plain.world.robot.between_m["right"] = 0.0
+    plain.run(60)
+    assert len(plain.context.log.notices) == 1
+    assert plain.context.blackboard == {}
 
 
 def test_no_question_without_an_event() -> None:

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
-import numpy as np
 import pytest
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Context
 from mpvi_bt.drawing.text import ascii_tree
-from mpvi_bt.errors import BackendError, NodeError
+from mpvi_bt.errors import BackendError, NodeError, PolicyError
 from mpvi_bt.executive.live import LiveTree
 from mpvi_bt.executive.loop import Outcome, Watcher, World, run_episode
+from mpvi_bt.executive.recorder import Recorder as TraceRecorder
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import ActionLayout
+from mpvi_bt.robot.solids import Array
 from mpvi_bt.testing import KinematicWorld, scripted_context
+from mpvi_bt.trace.explain import explain
+from mpvi_bt.trace.explain_text import explanation_text
+from mpvi_bt.trace.read import read_trace
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import compile_plan
 
@@ -145,12 +152,41 @@ def test_a_subscriber_that_cannot_close_does_not_keep_the_others_open() -> None:
 def test_an_error_in_a_behavior_ends_the_episode() -> None:
     """A NodeError comes out of the loop after everything was closed."""
     tree, world, context = scene()
-    context.policy.infer = lambda observation: np.zeros((1, 3))  # type: ignore[method-assign]
+    context.policy.infer = lambda observation: 1 / 0  # type: ignore[method-assign]
     watcher = Recorder()
     with pytest.raises(NodeError, match="manipulate"):
         run_episode(tree, world, context, [watcher])
     assert watcher.calls == ["start", "end"]
     assert not world.robot.action[ActionLayout.BASE].any()
+
+
+@pytest.mark.parametrize("at_call", [0, 2])
+def test_a_policys_backend_that_fails_ends_the_episode_as_such(at_call: int, tmp_path: Path) -> None:
+    """No exception, but an end of its own with a reason, in the trace too; everything is closed, the robot stands."""
+    tree, world, context = scene()
+    whole = context.policy.infer
+    calls = iter(range(100))
+
+    def infer(observation: Mapping[str, Any]) -> Array:
+        if next(calls) < at_call:
+            return whole(observation)
+        raise PolicyError("server_closed", "openpi:ws://there: it went away")
+
+    context.policy.infer = infer  # type: ignore[method-assign]
+    file = tmp_path / "trace.jsonl"
+    outcome = run_episode(tree, world, context, [watcher := Recorder(), TraceRecorder(file)])
+    assert (outcome.ending, watcher.calls[-1], outcome.log.failures) == ("backend_error", "end", [])
+    assert outcome.failure is not None
+    assert (outcome.failure.reason, outcome.failure.evidence) == ("server_closed", "openpi:ws://there: it went away")
+    assert outcome.failure.path.endswith("/manipulate")
+    assert not world.robot.action[ActionLayout.BASE].any()
+    end = read_trace(file).end
+    assert end is not None
+    assert end.error is not None
+    assert (end.ending, end.error.reason, end.error.path) == ("backend_error", "server_closed", outcome.failure.path)
+    said = explanation_text(explain(read_trace(file)))
+    assert "BACKEND ERROR" in said
+    assert "server_closed" in said
 
 
 def test_the_times_add_up() -> None:

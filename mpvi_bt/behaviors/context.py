@@ -7,12 +7,12 @@ from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import TracebackType
-from typing import Any
+from typing import Any, Literal
 
 from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.behaviors.protocols import Checker, Clock, Navigator, Policy, Triggers
 from mpvi_bt.plan.skills import Skill
-from mpvi_bt.robot.protocol import Robot
+from mpvi_bt.robot.protocol import Robot, Side
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,23 @@ class Query:
     time_s: float
 
 
+@dataclass(frozen=True)
+class Notice:
+    """What a hand felt of its grasp.
+
+    Attributes:
+        kind: "empty": it closed on nothing. "lost": what it held is gone.
+        side: Which hand.
+        path: Of the node that was at work.
+        time_s: When, in simulated time.
+    """
+
+    kind: Literal["empty", "lost"]
+    side: Side
+    path: str
+    time_s: float
+
+
 @dataclass
 class Log:
     """What happened in one run.
@@ -78,10 +95,14 @@ class Log:
     Attributes:
         failures: Of segments that were given up (`attempt` writes them), in order.
         queries: Of the completion checker, in order.
+        notices: Of empty and lost grasps, in order.
+        clipped: How many actions of the policy had to be brought within the robot's limits.
     """
 
     failures: list[Failure] = field(default_factory=list)
     queries: list[Query] = field(default_factory=list)
+    notices: list[Notice] = field(default_factory=list)
+    clipped: int = 0
 
 
 class Stopwatch:

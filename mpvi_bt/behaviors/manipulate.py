@@ -7,17 +7,26 @@ from collections import deque
 import numpy as np
 from py_trees.common import Status
 
+from mpvi_bt.behaviors.context import Notice
 from mpvi_bt.behaviors.node import Leaf
-from mpvi_bt.errors import BackendError
-from mpvi_bt.robot.protocol import ACTION_SIZE
+from mpvi_bt.errors import PolicyError
+from mpvi_bt.robot.grip import GripWatch
+from mpvi_bt.robot.limits import within_reach_of
+from mpvi_bt.robot.protocol import ACTION_SIZE, Proprioception
 from mpvi_bt.robot.solids import Array
+
+_CLIPPED = 1e-3  # [m, rad, m/s]: what is brought within the limits by less is no more than noise
+_NOTE = 200  # characters of a policy's note
+GRIP = "grip"  # the blackboard's key for the last notice, of trees that declare it
 
 
 class Manipulate(Leaf):
     """Always RUNNING: the policy has no notion of being done; CheckComplete or a timeout ends it (Paper, Manipulation).
 
     A chunk of actions is carried out whole, one a step, before the policy is asked again (Our choice: as openpi's
-    clients do). At a handoff, that is whenever it starts, the rest of an old chunk is dropped and the policy reset.
+    clients do; `mpvi_bt.manipulation.chunks` has other ways). At a handoff, that is whenever it starts, and when the
+    prompt changes under way, the rest of an old chunk is dropped and the policy reset. Actions are brought within what
+    the robot may be commanded; the run's log counts those that were not. Empty and lost grasps are logged, too.
 
     Args:
         name: In the tree.
@@ -33,16 +42,25 @@ class Manipulate(Leaf):
     def initialise(self) -> None:
         """Hand over to the policy."""
         super().initialise()
-        self._chunk.clear()
-        self._said = self.resolve(self.prompt)
-        with self.context.stopwatch("policy"):
-            self.context.policy.reset()
+        self._begin(self.resolve(self.prompt))
+        self._grip = GripWatch(self.context.robot.proprioception())
 
     def update(self) -> Status:
         """Carry out the next action of the chunk, asking for a new chunk when it is used up."""
+        if (said := self.resolve(self.prompt)) != self._said:
+            self._begin(said)
+        context = self.context
+        body = context.robot.proprioception()
+        self._notice(body)
         if not self._chunk:
-            self._chunk.extend(self._infer())
-        self.context.robot.act(self._chunk.popleft())
+            self._chunk.extend(self._infer(body))
+        wanted = self._chunk.popleft()
+        action = within_reach_of(context.robot.action, wanted)
+        if np.abs(action - wanted).max() > _CLIPPED:
+            context.log.clipped += 1
+        context.robot.act(action)
+        note = str(getattr(context.policy, "note", ""))
+        self.feedback_message = " ".join(note.split())[:_NOTE]
         return Status.RUNNING
 
     def terminate(self, new_status: Status) -> None:
@@ -50,22 +68,34 @@ class Manipulate(Leaf):
         self._chunk.clear()
         super().terminate(new_status)
 
-    def _infer(self) -> Array:
-        """(H, 23) actions from the policy. Raises BackendError unless they are that, and finite."""
+    def _begin(self, said: str) -> None:
+        self._chunk.clear()
+        self._said = said
+        with self.context.stopwatch("policy"):
+            self.context.policy.reset()
+
+    def _notice(self, body: Proprioception) -> None:
         context = self.context
+        for kind, side in self._grip.update(body):
+            context.log.notices.append(Notice(kind, side, self.path, context.clock.time_s))
+            if GRIP in context.blackboard:
+                context.blackboard[GRIP] = f"{kind} {side}"
+
+    def _infer(self, body: Proprioception) -> Array:
+        """(H, 23) actions from the policy. Raises PolicyError unless they are that, and finite."""
+        context = self.context
+        policy = context.policy
         with context.stopwatch("rendering"):
-            images = {camera: context.robot.look(camera) for camera in context.policy.cameras}
+            images = {camera: context.robot.look(camera) for camera in policy.cameras}
         with context.stopwatch("policy"):
-            observation = {
-                "prompt": self._said,
-                "proprioception": context.robot.proprioception(),
-                "images": images,
-            }
-            chunk = np.asarray(context.policy.infer(observation), dtype=float)
+            given = policy.infer({"prompt": self._said, "proprioception": body, "images": images})
+            try:
+                chunk = np.asarray(given, dtype=float)
+            except (TypeError, ValueError):
+                raise PolicyError("bad_reply", f"policy {policy.name}: actions that are no numbers") from None
         if chunk.ndim != 2 or len(chunk) == 0 or chunk.shape[1] != ACTION_SIZE:
-            raise BackendError(
-                f"policy {context.policy.name}: a chunk of shape {chunk.shape}, not (H, {ACTION_SIZE}), H >= 1"
-            )
+            shape = f"a chunk of shape {chunk.shape}, not (H, {ACTION_SIZE}), H >= 1"
+            raise PolicyError("bad_reply", f"policy {policy.name}: {shape}")
         if not np.isfinite(chunk).all():
-            raise BackendError(f"policy {context.policy.name}: a chunk with numbers that are not finite")
+            raise PolicyError("bad_reply", f"policy {policy.name}: a chunk with numbers that are not finite")
         return chunk

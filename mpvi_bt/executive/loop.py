@@ -11,7 +11,7 @@ from typing import Any, Protocol
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Context, Failure, Log
-from mpvi_bt.errors import BackendError
+from mpvi_bt.errors import BackendError, NodeError, PolicyError
 from mpvi_bt.robot.protocol import Robot
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
@@ -59,12 +59,13 @@ class Outcome:
     """How an episode went.
 
     Attributes:
-        ending: The root's SUCCESS or FAILURE, the limit of simulated time, Ctrl-C, or an exception.
+        ending: The root's SUCCESS or FAILURE, the limit of simulated time, Ctrl-C, a policy's backend that failed, or
+            another exception.
         time_s, steps: Simulated time and control steps.
         ticks: Updates of the tree.
-        failure: Why the root failed, if it did.
-        error: What ended it, where ending is "error".
-        log: Segments that were given up, and questions to the checker.
+        failure: Why the root failed, if it did; what the backend failed of.
+        error: What ended it, where ending is "error" or "backend_error".
+        log: Segments that were given up, questions to the checker, what hands noticed, actions that were clipped.
         wall_s: Wall time [s] by activity: "stepping" the world; within ticks the behaviors' "navigation", "motion",
             "policy", "rendering", "triggers", "checker", and "ticking", the rest of it, which is the tree's own;
             "watching", the subscribers'; "total".
@@ -154,7 +155,7 @@ def run_episode(
 
     Raises:
         UserError: `saved` is of another tree.
-        NodeError: A behavior raised.
+        NodeError: A behavior raised. (PolicyError is not raised on: it is how the episode ended.)
         BackendError: The wall limit was passed.
         KeyboardInterrupt: Ctrl-C.
     """
@@ -196,6 +197,12 @@ def run_episode(
     except KeyboardInterrupt:
         outcome.ending = "interrupted"
         raise
+    except NodeError as error:
+        outcome.error = error
+        if not isinstance(error.__cause__, PolicyError):
+            raise
+        outcome.ending = "backend_error"
+        outcome.failure = Failure(error.__cause__.reason, str(error.__cause__), error.path, world.time_s)
     except Exception as error:
         outcome.error = error
         raise
@@ -216,7 +223,7 @@ def run_episode(
 def _close(tree: Tree, world: World, subscribers: Sequence[Subscriber], outcome: Outcome) -> None:
     """Everything is ended, each whatever becomes of the others; then the first error is raised, if nothing else is."""
     ends: list[Callable[[], object]] = [partial(subscriber.end, outcome) for subscriber in subscribers]
-    if outcome.ending in ("time_limit", "interrupted", "error"):
+    if outcome.ending in ("time_limit", "interrupted", "backend_error", "error"):
         ends.insert(0, tree.interrupt)
     ends.insert(0, world.robot.hold)
     first: BaseException | None = None

@@ -18,7 +18,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 import mpvi_bt
-from mpvi_bt.behaviors.context import Context, Query
+from mpvi_bt.behaviors.context import Context, Notice, Query
 from mpvi_bt.errors import MpviError, NodeError, UserError
 from mpvi_bt.executive.loop import Outcome, Watcher, World
 from mpvi_bt.executive.saved import SavedRun
@@ -69,7 +69,7 @@ class Recorder(Watcher):
         except OSError as error:
             raise unwritable(self._path, error) from None
         self._tree, self._world, self._began = tree, world, time.perf_counter()
-        self._resumed_s, self._queries = world.time_s, 0
+        self._resumed_s, self._queries, self._notices = world.time_s, 0, 0
         self._states: dict[str, NodeState] = {}
         self._changes: _Changes | None = None
         self._spec, self._nodes = tree.spec, tree.nodes
@@ -111,7 +111,9 @@ class Recorder(Watcher):
             self._changes = _Changes(tree)
             return
         context, changed = tree.context, self._changes.of(tree.touched)
-        if not changed and context.blackboard == self._blackboard and len(context.log.queries) == self._queries:
+        log = context.log
+        told = (len(log.queries), len(log.notices)) == (self._queries, self._notices)
+        if not changed and told and context.blackboard == self._blackboard:
             return
         self._record({vars(node)["path"]: tree.state_of(node) for node in changed})
 
@@ -128,6 +130,8 @@ class Recorder(Watcher):
     def _end(self, outcome: Outcome) -> None:
         self._record(self._tree.states())  # what changed at a tick that an exception cut short
         last: dict[str, Any] = {"end": outcome.ending, **self._now()}
+        if outcome.log.clipped:
+            last["clipped"] = outcome.log.clipped
         if outcome.failure is not None:
             last["failure"] = {key: value for key, value in vars(outcome.failure).items() if key != "cause"}
         if outcome.error is not None:
@@ -161,6 +165,10 @@ class Recorder(Watcher):
                 asked = context.log.queries[self._queries :]
                 line["queries"] = [_answer(query) for query in asked if query.time_s >= self._resumed_s]
                 self._queries = len(context.log.queries)
+            if len(context.log.notices) > self._notices:
+                felt = context.log.notices[self._notices :]
+                line["notices"] = [_answer(notice) for notice in felt if notice.time_s >= self._resumed_s]
+                self._notices = len(context.log.notices)
         if line:
             self._write(self._now() | line)
 
@@ -268,16 +276,16 @@ def _difference(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any
     return {key: value for key, value in new.items() if key not in old or old[key] != value} | gone
 
 
-def _answer(query: Query) -> dict[str, Any]:
-    return {key: value for key, value in vars(query).items() if key != "time_s" and value is not None}
+def _answer(entry: Query | Notice) -> dict[str, Any]:
+    return {key: value for key, value in vars(entry).items() if key != "time_s" and value is not None}
 
 
 def _described(error: Exception) -> dict[str, str]:
     """The exception that ended the run, and whose it was if it was a node's."""
     if not isinstance(error, NodeError):
         return {"message": str(error) if isinstance(error, MpviError) else f"{type(error).__name__}: {error}"}
-    place = {"place": error.place} if error.place else {}
-    return {"path": error.path, "message": error.message, **place}
+    optional = {"place": error.place, "reason": getattr(error.__cause__, "reason", "")}
+    return {"path": error.path, "message": error.message, **{key: text for key, text in optional.items() if text}}
 
 
 def _plain(value: Any) -> Any:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import ConfigDict, Field
 
-from mpvi_bt.behaviors.context import Context, Failure, Query
+from mpvi_bt.behaviors.context import Context, Failure, Notice, Query
 from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.errors import UserError
 from mpvi_bt.executive.loop import World
@@ -31,6 +31,7 @@ class SavedRun(Record):
         blackboard: Of the run.
         failures: Segments that were given up so far.
         queries: Questions to the checker so far.
+        notices, clipped: As of the log so far.
         world: What the world says of itself.
     """
 
@@ -38,6 +39,8 @@ class SavedRun(Record):
     blackboard: dict[str, Value] = {}
     failures: list[Failure] = []
     queries: list[Query] = []
+    notices: list[Notice] = []
+    clipped: Annotated[int, Field(ge=0)] = 0
     world: SavedWorld
 
 
@@ -49,6 +52,8 @@ def save_run(tree: Tree, world: World) -> SavedRun:
         blackboard=dict(tree.context.blackboard),
         failures=list(log.failures),
         queries=list(log.queries),
+        notices=list(log.notices),
+        clipped=log.clipped,
         world=SavedWorld.model_validate(world.save()),
     )
 
@@ -65,4 +70,6 @@ def restore_world(saved: SavedRun, world: World, context: Context) -> None:
         raise UserError(f"the saved run cannot be continued here: {error!r:.200}") from None
     context.blackboard.clear()
     context.blackboard.update(saved.blackboard)
-    context.log.failures[:], context.log.queries[:] = saved.failures, saved.queries
+    log = context.log
+    log.failures[:], log.queries[:], log.notices[:] = saved.failures, saved.queries, saved.notices
+    log.clipped = saved.clipped

@@ -13,6 +13,7 @@ import sapien
 from mpvi_bt.errors import BackendError
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
+from mpvi_bt.robot.limits import within_limits
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, CameraImage, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.urdf import urdf
@@ -21,12 +22,6 @@ from mpvi_bt.sim.cameras import Cameras
 FINGER_FRICTION = 2.0  # rubber pads
 _CLOSED_M = -0.01  # finger target beyond zero: grip force = stiffness * (half width + 1 cm)
 _BASE_ACCELERATION = np.array([1.5, 1.5, 3.0])  # [m/s^2, m/s^2, rad/s^2]: a jerk flings what is held
-_LOW = np.concatenate(
-    [-r1.BASE_SPEED, r1.TORSO_LIMITS[:, 0], r1.ARM_LIMITS["left"][:, 0], [-1], r1.ARM_LIMITS["right"][:, 0], [-1]]
-)
-_HIGH = np.concatenate(
-    [r1.BASE_SPEED, r1.TORSO_LIMITS[:, 1], r1.ARM_LIMITS["left"][:, 1], [1], r1.ARM_LIMITS["right"][:, 1], [1]]
-)
 
 
 class SimRobot:
@@ -93,7 +88,7 @@ class SimRobot:
             raise BackendError(f"an action of shape {action.shape} was given; it has to be ({ACTION_SIZE},)")
         if not np.isfinite(action).all():
             raise BackendError(f"an action that is not finite was given: {action.tolist()}")
-        self._action = np.clip(action, _LOW, _HIGH)
+        self._action = within_limits(action)
 
     def hold(self) -> None:
         """Stand still; every joint keeps its target."""

@@ -16,6 +16,7 @@ _TITLES = {
     "failure": "FAILURE",
     "time_limit": "out of time",
     "interrupted": "interrupted",
+    "backend_error": "BACKEND ERROR",
     "error": "ERROR",
     "cut": "the trace was cut off",
 }
@@ -33,7 +34,7 @@ def explanation_text(explanation: Explanation, width: int = 80) -> str:
     text = _Text(width)
     text.add(f"{e.tree}: {_TITLES[e.ending]} at {e.time_s:.1f} s, tick {e.tick}")
     if e.error is not None:
-        text.add(e.error.message, 1)
+        text.add(f"{e.error.reason}: {e.error.message}" if e.error.reason else e.error.message, 1)
         if e.error.path:
             text.add(f"in {e.error.path}", 1)
         if e.error.place:

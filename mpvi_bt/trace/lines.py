@@ -37,6 +37,21 @@ class Answer:
 
 
 @dataclass(frozen=True)
+class Noticed:
+    """What a hand felt of its grasp: that it closed on nothing ("empty"), or that what it held is gone ("lost").
+
+    Attributes:
+        kind: "empty" or "lost".
+        side: Which hand.
+        path: Of the node that was at work.
+    """
+
+    kind: str
+    side: str
+    path: str
+
+
+@dataclass(frozen=True)
 class Tick:
     """What changed at a tick.
 
@@ -46,6 +61,7 @@ class Tick:
         nodes: New states, by path.
         blackboard: New values, None for a key that is gone.
         queries: The completion checker's answers.
+        notices: What hands felt.
         tree: The tree from this tick on, as `yaml_io.expanded` gives it, if a part of it was swapped.
     """
 
@@ -57,6 +73,7 @@ class Tick:
     nodes: Mapping[str, NodeState] = field(default_factory=dict)
     blackboard: Mapping[str, Value | None] = field(default_factory=dict)
     queries: tuple[Answer, ...] = ()
+    notices: tuple[Noticed, ...] = ()
     tree: dict[str, Any] | None = None
 
 
@@ -78,16 +95,18 @@ class Broken:
         message: Its type and text.
         path: Of the node that raised it, if one did.
         place: File and line of the behavior's own code, if any was at work.
+        reason: Stable code, of a policy's backend that failed.
     """
 
     message: str
     path: str = ""
     place: str = ""
+    reason: str = ""
 
 
 @dataclass(frozen=True)
 class End:
-    """How a run ended, and when: the last tick, simulated time, wall time since recording began."""
+    """How a run ended, and when: the last tick, simulated time, wall time since recording began; actions clipped."""
 
     __pydantic_config__ = ConfigDict(allow_inf_nan=False)
 
@@ -95,6 +114,7 @@ class End:
     tick: _Count
     time_s: _Time
     wall_s: _Time = 0.0
+    clipped: _Count = 0
     failure: RootFailure | None = None
     error: Broken | None = None
 

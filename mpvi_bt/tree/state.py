@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 Status = Literal["SUCCESS", "FAILURE", "RUNNING", "INVALID"]
-Ending = Literal["success", "failure", "time_limit", "interrupted", "error"]  # how an episode ends
+# How an episode ends. "backend_error": the policy's server failed, which is no fault of the policy's or the tree's.
+Ending = Literal["success", "failure", "time_limit", "interrupted", "backend_error", "error"]
 
 
 @dataclass(frozen=True)

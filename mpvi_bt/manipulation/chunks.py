@@ -1,0 +1,97 @@
+"""Ways to carry out action chunks, each a policy that wraps another: receding horizon and temporal ensembling."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from mpvi_bt.behaviors.protocols import Policy
+from mpvi_bt.errors import PolicyError
+from mpvi_bt.robot.solids import Array
+
+DECAY = 0.01  # per step of age; the value that ACT was published with
+_OLDEST = 1024  # chunks that are kept
+
+
+class _Wrapped:
+    """Is, but for its actions, the policy that it wraps."""
+
+    def __init__(self, policy: Policy) -> None:
+        self._policy = policy
+
+    @property
+    def name(self) -> str:
+        """Of the policy."""
+        return self._policy.name
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """That the policy wants next."""
+        return self._policy.cameras
+
+    @property
+    def note(self) -> str:
+        """Of the policy; "" if it has none."""
+        return getattr(self._policy, "note", "")
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._policy.reset()
+
+
+class RecedingHorizon(_Wrapped):
+    """Carries out the beginning of each chunk, then asks again: what the policy sees is never older than that.
+
+    Args:
+        policy: Whose chunks.
+        horizon: How many actions of each, at least 1; a chunk that is shorter is carried out whole.
+    """
+
+    def __init__(self, policy: Policy, horizon: int) -> None:
+        super().__init__(policy)
+        self._horizon = horizon
+
+    def infer(self, observation: Mapping[str, Any]) -> Array:
+        """(h, 23), h at most the horizon."""
+        return np.asarray(self._policy.infer(observation))[: self._horizon]
+
+
+class TemporalEnsemble(_Wrapped):
+    """Asks at every step, and acts by the mean of all that chunks so far have foreseen for this step.
+
+    The weights are exp(-decay * i), i = 0 for the oldest chunk (Zhao et al., "Learning Fine-Grained Bimanual
+    Manipulation with Low-Cost Hardware", RSS 2023): jumps between chunks are smoothed out, at the price of following
+    new pictures later, the more so the larger the decay.
+
+    Args:
+        policy: Whose chunks.
+        decay: Per step, at least 0: every chunk counts the same.
+    """
+
+    def __init__(self, policy: Policy, decay: float = DECAY) -> None:
+        super().__init__(policy)
+        self._decay = decay
+        self._prompt: str | None = None
+        self._chunks: list[Array] = []  # the oldest first; each begins at the present step
+
+    def reset(self) -> None:
+        """Forget everything, what was foreseen too."""
+        super().reset()
+        self._chunks.clear()
+
+    def infer(self, observation: Mapping[str, Any]) -> Array:
+        """(1, 23). Raises PolicyError if the policy's chunks cannot be averaged."""
+        if observation["prompt"] != self._prompt:
+            self._prompt = str(observation["prompt"])
+            self._chunks.clear()
+        newest = np.array(self._policy.infer(observation), float)
+        if newest.ndim != 2 or (self._chunks and newest.shape[1] != self._chunks[0].shape[1]):
+            raise PolicyError("bad_reply", f"policy {self.name}: a chunk of shape {newest.shape}, not (H, 23)")
+        self._chunks = [chunk[1:] for chunk in self._chunks if len(chunk) > 1][-_OLDEST:] + [newest]
+        if not len(newest):
+            return newest
+        weights = np.exp(-self._decay * np.arange(len(self._chunks)))
+        now = np.stack([chunk[0] for chunk in self._chunks])
+        return np.asarray(weights @ now / weights.sum())[None]
