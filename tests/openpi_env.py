@@ -28,7 +28,9 @@ def openpi_python() -> str:
         if not done.exists():
             install = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", PACKAGE]
             try:
-                subprocess.run([sys.executable, "-m", "venv", "--clear", str(_FOLDER)], check=True, capture_output=True)
+                subprocess.run(
+                    [sys.executable, "-m", "venv", "--clear", str(_FOLDER)], check=True, capture_output=True, text=True
+                )
                 subprocess.run(install, check=True, capture_output=True, text=True, timeout=600)
             except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
                 pytest.skip(
