@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.manipulation.expert import ExpertPolicy
+from mpvi_bt.manipulation.reactive import ReactivePolicy
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.sim.world import World
 
@@ -30,9 +30,9 @@ def _expert(world: World, seed: int) -> Policy:
 
 
 def _reactive(world: World, seed: int) -> Policy:
-    module = importlib.import_module("mpvi_bt.manipulation.reactive")
-    policy: Policy = module.ReactivePolicy(load_skills(), seed)
-    return policy
+    # What labels are called stands for what an open-vocabulary detector knows; nothing else of the world goes in.
+    vocabulary = {e.name: e.phrases for e in world.knowledge() if e.kind != "room"}
+    return ReactivePolicy(load_skills(), seed, vocabulary=vocabulary)
 
 
 POLICIES: Mapping[str, Maker] = {"expert": Maker(_expert, False), "reactive": Maker(_reactive, True)}

@@ -202,7 +202,7 @@ class Seen:
         head = [(f, m) for f, m in whole if f.image.camera == "head"]
         wrist = [(f, m) for f, m in whole if f.image.camera != "head"][-1:]
         parts = [main_cluster(f.of(m)) for f, m in head]
-        support = None
+        support = None if head else thing.shape.support_m
         if wrist:
             near = main_cluster(wrist[0][0].of(wrist[0][1]))
             if head:

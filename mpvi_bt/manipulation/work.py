@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Generator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from mpvi_bt.manipulation.scene import Scene, Sight
-from mpvi_bt.manipulation.stance import Held, Option, Search, Stance
+from mpvi_bt.manipulation.stance import Held, Option, Search, Stance, base_clear
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Load
@@ -22,8 +23,11 @@ _NEAR_M = 1.7  # solids farther from the robot than this do not matter to a skil
 _LIFTED_M = 0.10
 _LOOKS = 4  # at a thing that is only seen, with a drive between two
 _HEAD_UP_RAD = 0.5
+_HANDS_RAD = 0.9  # so far down from the chest's horizon the head sees past the folded hands
+_OVERLOOKS = ((0.42, 0.0), (0.42, 0.5), (0.42, 0.8), (0.25, 0.8), (0.25, 1.1), (0.1, 1.1))  # lift [m], pitch [rad]
 _REFINED = 10  # options near the planned one that a correction may take instead
 _CORRECTED = 0.8  # how far such a one may be off, see `_apart`
+_INWARD_M_S = 0.25  # base speed with the arm stretched out
 _FOLD_CLEAR_M = 0.02  # what is between the checks of a path may come that much nearer
 
 
@@ -118,6 +122,11 @@ class Work:
                 out[side] = Held(name, frame @ self.scene.pose(name), solids, Load(solids, volumes))
         return out
 
+    def _carried(self) -> set[str]:
+        """What the hands hold, and what lies in that."""
+        held = {n for side in SIDES if (n := self.scene.holding(side)) is not None}
+        return {m for n in held for m in (n, *self.scene.within(n))}
+
     def search(self, side: Side, touched: Collection[str]) -> Search:
         """A stance search for one hand that works on the things `touched`."""
         held = self.held()
@@ -168,22 +177,37 @@ class Work:
             if stance is None:
                 raise MotionFailure("no_stance")
             tried.append(stance.base)
-            away = stance.base - self.motion.felt.base_pose
+            away = stance.route[-1] - self.motion.felt.base_pose
             if self.sight is None or (np.linalg.norm(away[:2]) < 0.02 and abs(kin.wrap(away[2])) < 0.03):
                 break
             if looks < _LOOKS - 1:
-                yield from self.motion.drive(stance.base)
+                for base in stance.route:
+                    yield from self.motion.drive(base)
         return stance, search
 
     def study(self, name: str) -> Actions:
         """Look at a thing, and at what is above and behind it; nothing where the scene needs no pictures."""
         if self.sight is None:
             return
+        if not self.held():
+            yield from self.motion.stand(self._overlooking(name))
         yield from self.look_at(name)
         torso = self.motion.torso
         torso[3] = max(float(torso[3]) - _HEAD_UP_RAD, float(r1.TORSO_LIMITS[3, 0]))
         yield from self.motion.stand(torso)
         yield from self.see("head")
+
+    def _overlooking(self, name: str) -> Array:
+        """A torso posture (4,) in which the folded hands do not hide a thing from the head: bent over what is near."""
+        boxes = np.stack([s.aabb() for s in self.scene.solids(name)])
+        middle = (boxes[:, 0].min(0) + boxes[:, 1].max(0)) / 2
+        body, T = self.body({name}), kin.inverse(self.base)
+        for lift, pitch in _OVERLOOKS:
+            torso = np.array([max(lift, min(0.55, float(middle[2]) - 0.65)), 0.0, pitch, self.motion.torso[3]])
+            ahead = (kin.inverse(kin.chest(torso)) @ T @ np.append(middle, 1.0))[:3] - r1.HEAD_M - r1.HEAD_CAMERA_M
+            if np.arctan2(-ahead[2], max(float(ahead[0]), 0.0)) < _HANDS_RAD and replace(body, torso=torso).all_free():
+                return torso
+        return self.motion.torso
 
     def refined(self, side: Side, stance: Stance, options: Sequence[Option]) -> Stance:
         """A stance whose arm is at its first waypoint, with the waypoints of the option that is now nearest to it.
@@ -206,12 +230,41 @@ class Work:
         return stance
 
     def take_up(self, stance: Stance, search: Search) -> Actions:
-        """Go to a stance: drive, the other hand aside, the torso, then the arm to the first waypoint."""
-        yield from self.motion.drive(stance.base)
+        """Go to a stance: drive, the other hand aside, the torso, the arm to the first waypoint, then straight in."""
+        for base in stance.route:
+            yield from self.motion.drive(base)
         if search.other is not None and len(stance.aside) > 1:
             yield from self.motion.follow(search.other, stance.aside, speed=0.8)
         yield from self.motion.stand(stance.torso, stance.level)
         yield from self.motion.follow(search.side, stance.path)
+        if stance.runs_up:
+            yield from self.motion.drive(stance.base, _INWARD_M_S)
+
+    def leave(self, stance: Stance) -> Actions:
+        """Out again, the way that the base drove straight in."""
+        if stance.runs_up:
+            yield from self.motion.drive(stance.route[-1], _INWARD_M_S)
+
+    def withdraw(self, side: Side, stance: Stance) -> Actions:
+        """After a failure at a stance: back to its first waypoint, then out; a hand that holds nothing is opened."""
+        if not self.gripped(side):
+            yield from self.motion.grip(side, 1.0, 0.4)
+        with suppress(MotionFailure):
+            yield from self.lines(side, stance, [0])
+        with suppress(MotionFailure):
+            yield from self.leave(stance)
+
+    def back_off(self) -> Actions:
+        """A little back, straight, as it stands; where that is not free, less; nothing where it cannot move at all."""
+        here, body = self.motion.felt.base_pose, self.body()
+        ahead = np.array([np.cos(here[2]), np.sin(here[2]), 0.0])
+        near = self.scene.obstacles(here[:2], _NEAR_M, without=self._carried())
+        for by in (0.35, 0.2):
+            lane = [kin.base(here - ahead * by * u) for u in (0.4, 0.7, 1.0)]
+            around = [near.seen_from(T) for T in lane]
+            if all(base_clear(a) and replace(body, around=a).all_free() for a in around):
+                yield from self.motion.drive(here - ahead * by)
+                return
 
     def lines(self, side: Side, stance: Stance, waypoints: Sequence[int], speed: float = 0.16) -> Actions:
         """Straight lines through some of a stance's waypoints, corrected for where the base really stands."""
@@ -234,6 +287,15 @@ class Work:
         Raises:
             MotionFailure: "no_fold" or "no_carry" if no such posture can be reached.
         """
+        try:
+            yield from self._settle(without)
+        except MotionFailure as failure:
+            if failure.reason not in ("no_fold", "no_carry"):
+                raise
+            yield from self.back_off()
+            yield from self._settle(without)
+
+    def _settle(self, without: Collection[str]) -> Actions:
         held = self.held()
         for side in (s for s in SIDES if s not in held):
             if np.abs(self.motion.arm(side) - r1.TRAVEL_ARM[side]).max() > 0.02:
