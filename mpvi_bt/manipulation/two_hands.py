@@ -25,6 +25,7 @@ _LOW_M = 0.07  # a thing that is lower than this is taken with hands that point 
 _SLANT_RAD = 0.75
 _LIFT_M = 0.15
 _BACK_M = 0.4
+_OUTWARD_M = 0.07
 _CARRY_M = 0.62  # height of the hands to carry at, if the arms get there
 _OVER_M = 0.05  # between a box and the surface that it is driven in over
 _LIFTS = (0.0, 0.1, 0.2, 0.3, 0.42, 0.55)
@@ -321,12 +322,7 @@ def _raise(work: Work, by_m: float, seconds_per_m: float = 5.0) -> Actions:
         torso[0] = target
         yield from motion.stand(torso)
     if abs(rest) > 0.004:
-        lines = []
-        for side in SIDES:
-            T = motion.hand(side)
-            T[2, 3] += rest
-            lines.append(motion.line(side, T, 1 / seconds_per_m))
-        yield from together(*lines, motion_of=work)
+        yield from _shift(work, {side: np.array([0.0, 0.0, rest]) for side in SIDES}, 1 / seconds_per_m)
 
 
 def _carry_height(work: Work) -> Actions:
@@ -355,15 +351,22 @@ def _carry_height(work: Work) -> Actions:
 
 def _open_wide(work: Work) -> Actions:
     """Take both hands off what they press, outward."""
+    for side in SIDES:  # from where the hands are, not from where they press to
+        work.motion.action[ActionLayout.ARM[side]] = work.motion.felt.arm[side]
+    yield from _shift(work, {side: np.array([0.0, r1.SIGN[side] * _OUTWARD_M, 0.0]) for side in SIDES}, 0.12)
+
+
+def _shift(work: Work, by: Mapping[Side, Array], speed: float) -> Actions:
+    """Move both hands along straight lines (3,) in the base frame, as much of the way as both arms can go."""
     motion = work.motion
-    lines = []
-    for side in SIDES:
-        here = kin.tcp(motion.felt.torso, motion.felt.arm[side], side)  # where it is, not where it presses to
-        motion.action[ActionLayout.ARM[side]] = motion.felt.arm[side]
-        T = here.copy()
-        T[1, 3] += r1.SIGN[side] * 0.07
-        lines.append(motion.line(side, T, 0.12))
-    yield from together(*lines, motion_of=work)
+    for share in (1.0, 0.75, 0.5, 0.25):
+        goals = {side: motion.hand(side) for side in SIDES}
+        for side in SIDES:
+            goals[side][:3, 3] += share * by[side]
+        if all(arm_motion.trace(motion.torso, side, motion.arm(side), goals[side]) is not None for side in SIDES):
+            lines = [motion.line(side, goals[side], speed) for side in SIDES]
+            yield from together(*lines, motion_of=work)
+            return
 
 
 def _find_place(work: Work, search: Search, box: _Box, spots: list[Array]) -> tuple[Array, Array] | None:

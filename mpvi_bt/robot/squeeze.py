@@ -8,7 +8,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import SIDES, Proprioception
 
 _PRESSED_M = 0.02  # the hands are kept apart by at least that much more than they were told to be
-_FACING = -0.5  # cosine between the directions that the hands point in: they have to face each other
+_FACING = 0.4  # cosine between where a hand points and where the other one is: they have to face each other
 
 
 def squeezes(felt: Proprioception) -> bool:
@@ -16,7 +16,9 @@ def squeezes(felt: Proprioception) -> bool:
     if not felt.arm_command:
         return False
     left, right = (kin.tcp(felt.torso, felt.arm[s], s) for s in SIDES)
-    if left[:3, 2] @ right[:3, 2] > _FACING:
+    across = right[:3, 3] - left[:3, 3]
+    across /= max(float(np.linalg.norm(across)), 1e-9)
+    if left[:3, 2] @ across < _FACING or right[:3, 2] @ -across < _FACING:
         return False
     told_left, told_right = (kin.tcp(felt.torso, felt.arm_command[s], s) for s in SIDES)
     apart = np.linalg.norm(left[:3, 3] - right[:3, 3]) - np.linalg.norm(told_left[:3, 3] - told_right[:3, 3])
