@@ -1,18 +1,29 @@
-"""Grasp candidates of a two-finger hand on things of known shape."""
+"""Grasp candidates of a two-finger hand on things of known shape: across two sides, on a rim, on a bar."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from mpvi_bt.manipulation import hand
 from mpvi_bt.manipulation.scene import Scene
-from mpvi_bt.robot.kinematics import hand_rotation, inverse, transform
+from mpvi_bt.perception.parts import Bar
+from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.kinematics import hand_rotation, inverse, transform, wrap
 from mpvi_bt.robot.solids import Array, Solid
 
 MAX_WIDTH_M = 0.086  # what 10 cm of opening takes with a margin
 _PALM_M = 0.038  # how far behind the tcp a thing may reach before it meets the palm
-_TIP_M = 0.016  # the fingertips reach this far past the tcp, with a margin
+_SPARE_M = 0.035  # opening beyond the width of what is to be taken, both sides together
+_BEFORE_M = 0.05  # the most that the fingers close before the middle of a thing that is deep for the palm
+_RIM_OPENING_M = 0.056
+_RIM_DEPTH_M = 0.018  # of the tcp below a rim
+_RIM_WALL_M = 0.03  # thicker walls are no rims
+_RIM_COST = 0.15
+_TILTS = (0.0, 0.3, 0.6, 0.9, 1.2, 1.4, np.pi / 2)
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -24,15 +35,17 @@ class Grasp:
         T_world_tcp: (4, 4) where the hand closes.
         tilt_rad: Of the approach from straight down; pi/2 is level.
         cost: Preference; smaller is better.
+        opening_m: Between the fingers before they close.
     """
 
     T_world_tcp: Array
     tilt_rad: float
     cost: float
+    opening_m: float = hand.FULL_M
 
 
 def grasps(scene: Scene, name: str, bearing: float) -> list[Grasp]:
-    """Candidates for a thing, the handles' first if it has any.
+    """Candidates for a thing; only the handles' if it has any.
 
     Args:
         scene: Where the thing is.
@@ -41,23 +54,36 @@ def grasps(scene: Scene, name: str, bearing: float) -> list[Grasp]:
     """
     bars = scene.handles(name)
     if bars:
-        return [g for bar in bars for g in _on_bar(bar.center, bar.axis, bearing)]
-    return _pinches(scene.pose(name), list(scene.solids(name)), bearing)
+        return [g for bar in bars for g in _on_bar(bar, bearing)]
+    solids = list(scene.solids(name))
+    found = _pinches(scene.pose(name), solids, bearing)
+    for volume in scene.volumes(name):
+        found += _rims(volume, solids, bearing)
+    return found
 
 
-def _on_bar(center: Array, axis: Array, bearing: float) -> list[Grasp]:
-    """From above or slantwise, closing across the bar."""
-    across = np.cross(axis, _UP)
-    if np.linalg.norm(across) < 0.5:  # an upright bar: level, at several headings
-        return [_grasp(np.pi / 2, bearing + a, center, 0.5 * abs(a)) for a in (0.0, 0.4, -0.4, 0.8, -0.8)]
-    out = []
-    for sign in (1.0, -1.0):
-        R = hand_rotation(-_UP, sign * across)
-        out.append(Grasp(transform(R, center), 0.0, 0.0))
-    return out
+def lowest(tilt: float) -> float:
+    """How high [m] above a surface the tcp stays at least: tips, palm and wrist are clear of it."""
+    s, c = float(np.sin(tilt)), float(np.cos(tilt))
+    return 0.004 + max(0.012 * c + 0.011 * s, 0.030 * s - 0.073 * c, 0.045 - 0.158 * c)
 
 
-def _pinches(T: Array, solids: list[Solid], bearing: float) -> list[Grasp]:
+def _on_bar(bar: Bar, bearing: float) -> Iterator[Grasp]:
+    """Toward the bar from its free side, closing across it."""
+    ahead = np.array([np.cos(bearing), np.sin(bearing), 0.0])
+    for turn in (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2):
+        approach = Rotation.from_rotvec(turn * bar.axis).apply(-bar.outward)
+        if approach[2] > 0.2:
+            continue
+        tilt = float(np.arccos(np.clip(-approach[2], -1, 1)))
+        aside = max(0.0, -float(approach @ ahead)) * float(np.sin(tilt))  # a hand does not come from beyond the thing
+        across = np.cross(bar.axis, approach)
+        for sign in (1.0, -1.0):
+            T = transform(hand_rotation(approach, sign * across), bar.center)
+            yield Grasp(T, tilt, 0.3 * tilt + 0.3 * abs(turn) + aside)
+
+
+def _pinches(T: Array, solids: Sequence[Solid], bearing: float) -> list[Grasp]:
     """Between two sides, from straight above to level."""
     frame = inverse(T)
     corners = np.stack([s.moved(frame).aabb() for s in solids])
@@ -65,45 +91,95 @@ def _pinches(T: Array, solids: list[Solid], bearing: float) -> list[Grasp]:
     size, middle = high - low, T[:3, :3] @ ((low + high) / 2) + T[:3, 3]
     up = int(np.abs(T[2, :3]).argmax())
     flat = [i for i in range(3) if i != up]
-    height, top, bottom = size[up], middle[2] + size[up] / 2, middle[2] - size[up] / 2
-    spheres = all(s.kind == "sphere" for s in solids)
-    upright = all(s.kind == "cylinder" and abs(s.T[2, 2]) > 0.95 for s in solids)
-    round_ = spheres or upright
-    out: list[Grasp] = []
-    headings: list[tuple[float, float]] = []  # heading of the approach, half width across it
+    top, bottom = middle[2] + size[up] / 2, middle[2] - size[up] / 2
+    round_ = all(s.kind == "sphere" for s in solids) or all(
+        s.kind == "cylinder" and abs(s.T[2, 2]) > 0.95 for s in solids
+    )
+    headings: list[tuple[float, float, float]] = []  # heading of the approach, half depth along it, width across it
     if round_:
-        if size[flat[0]] > MAX_WIDTH_M:
-            return []
-        headings = [(bearing + a, size[flat[0]] / 2) for a in (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)]
+        width = float(size[flat[0]])
+        if width <= MAX_WIDTH_M:
+            turns = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.6)
+            headings = [(bearing + turn, width / 2, width) for turn in turns]
     else:
         for i, j in (flat, flat[::-1]):
             if size[i] <= MAX_WIDTH_M:
                 closing = T[:3, i]
                 heading = float(np.arctan2(-closing[0], closing[1]))
-                headings += [(heading, size[j] / 2), (heading + np.pi, size[j] / 2)]
-    for heading, radius in headings:
-        aside = abs(float(np.arctan2(np.sin(heading - bearing), np.cos(heading - bearing))))
-        for tilt in (0.0, 0.45, 0.9, 1.3):
-            if tilt > 0.2 and (height < 0.035 or aside > 1.6):
+                headings += [(heading + flip, float(size[j]) / 2, float(size[i])) for flip in (0.0, np.pi)]
+    out: list[Grasp] = []
+    for heading, radius, width in headings:
+        aside = abs(float(wrap(heading - bearing)))
+        for tilt in _TILTS:
+            if tilt > 0.2 and aside > 1.5:
                 continue
-            z = top - max(0.012, (_PALM_M - radius * np.sin(tilt)) / max(np.cos(tilt), 0.3))
-            z = float(
-                np.clip(
-                    max(z, bottom + 0.45 * height),
-                    bottom + _TIP_M + 0.03 * np.sin(tilt),
-                    max(top - 0.012, bottom + _TIP_M),
-                )
-            )
-            approach = np.array([np.cos(heading) * np.sin(tilt), np.sin(heading) * np.sin(tilt), -np.cos(tilt)])
-            over = max(0.0, radius * np.sin(tilt) + (top - z) * np.cos(tilt) - _PALM_M + 0.004)
-            if over > 0.02 or (tilt > 0.2 and z < bottom + _TIP_M):
-                continue
-            p = np.array([middle[0], middle[1], z]) - over * approach
-            out.append(_grasp(tilt, heading, p, 0.3 * aside + 0.4 * tilt))
+            out += _pinch(middle, (bottom, top), heading, tilt, aside, radius, width)
     return out
 
 
-def _grasp(tilt: float, heading: float, p: Array, cost: float) -> Grasp:
-    approach = np.array([np.cos(heading) * np.sin(tilt), np.sin(heading) * np.sin(tilt), -np.cos(tilt)])
-    closing = np.array([-np.sin(heading), np.cos(heading), 0.0])
-    return Grasp(transform(hand_rotation(approach, closing), p), tilt, cost)
+def _pinch(middle: Array, heights: tuple[float, float], heading: float, tilt: float, aside: float, radius: float,
+           width: float) -> Iterator[Grasp]:  # fmt: skip
+    """One pinch, as deep as palm and support allow; none if the thing is too flat or too deep for it."""
+    bottom, top = heights
+    s, c = float(np.sin(tilt)), float(np.cos(tilt))
+    z = top - max(0.012, (_PALM_M - radius * s) / max(c, 0.3))
+    z = max(min(max(z, bottom + 0.45 * (top - bottom)), top - 0.012), bottom + lowest(tilt))
+    if z > top + 0.004:
+        return
+    before = max(0.0, radius * s + (top - z) * c - _PALM_M + 0.004)
+    if before > _BEFORE_M:
+        return
+    approach = np.array([np.cos(heading) * s, np.sin(heading) * s, -c])
+    p = np.array([middle[0], middle[1], z]) - before * approach
+    opening = min(hand.FULL_M, width + _SPARE_M)
+    R = hand_rotation(approach, np.array([-np.sin(heading), np.cos(heading), 0.0]))
+    yield Grasp(
+        transform(R, p), tilt, 0.3 * aside + 0.4 * tilt + 3.0 * before + 4.0 * max(0.0, z - top + 0.012), opening
+    )
+
+
+def _rims(volume: Solid, solids: Sequence[Solid], bearing: float) -> Iterator[Grasp]:
+    """Across the upright wall around a volume, one finger inside, one outside, from above."""
+    R, half = volume.T[:3, :3], volume.half_m
+    up = R[:, 2] * np.sign(R[2, 2])
+    if up[2] < 0.9:
+        return
+    rim = volume.T[:3, 3] + up * half[2]
+    inner_floor = float(rim[2] - 2 * half[2])
+    support = float(min(s.aabb()[0, 2] for s in solids))
+    wall = Surroundings(solids)
+    for edge, outward in _edges(volume):
+        reach = np.arange(-0.004, _RIM_WALL_M + 0.002, 0.001)
+        inside = wall.distance(rim + edge - 0.008 * up + reach[:, None] * outward) <= 0
+        if not inside.any():
+            continue
+        first = int(inside.argmax())
+        rest = ~inside[first:]
+        if not rest.any():
+            continue  # thicker than a hand would take for a wall
+        middle = float(reach[first] + reach[first + int(rest.argmax())]) / 2
+        at = rim + edge + middle * outward
+        z = max(float(at[2]) - _RIM_DEPTH_M, support + lowest(0.0), inner_floor + lowest(0.0))
+        if z > at[2] - 0.002:
+            continue
+        far = abs(float(wrap(np.arctan2(outward[1], outward[0]) - bearing - np.pi)))
+        for tilt in (0.0, 0.5, -0.5):
+            approach = -np.cos(tilt) * _UP + np.sin(tilt) * np.cross(_UP, outward)
+            for sign in (1.0, -1.0):
+                T = transform(hand_rotation(approach, sign * outward), np.array([at[0], at[1], z]))
+                yield Grasp(T, abs(tilt), _RIM_COST + 0.15 * far + 0.4 * abs(tilt), _RIM_OPENING_M)
+
+
+def _edges(volume: Solid) -> Iterator[tuple[Array, Array]]:
+    """Places on the upper edge of a volume, from its middle (3,), with the direction out of it (3,)."""
+    R, half = volume.T[:3, :3], volume.half_m
+    if volume.kind == "cylinder":
+        for a in np.arange(16) * np.pi / 8:
+            outward = R @ [np.cos(a), np.sin(a), 0.0]
+            yield outward * half[0], outward
+        return
+    for i, j in ((0, 1), (1, 0)):
+        for sign in (1.0, -1.0):
+            outward = sign * R[:, i]
+            for along in (0.0, 0.5, -0.5):
+                yield outward * half[i] + along * half[j] * R[:, j], outward

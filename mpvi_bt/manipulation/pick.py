@@ -5,14 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from mpvi_bt.manipulation.grasps import grasps
+from mpvi_bt.manipulation.hand import opened
 from mpvi_bt.manipulation.stance import Option
 from mpvi_bt.manipulation.work import Words, Work
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Load
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array
 
 _STANDOFF_M = 0.10
-_LIFT_M = 0.08
+_SLANTED_RAD = 0.8  # from straight down; such hands may reach into compartments
+# How far to lift, how far behind the arm takes its posture [m], and the cost of it.
+_WAYS = ((0.08, 0.0, 0.0), (0.03, 0.4, 0.3), (0.03, 0.25, 0.4))
 
 
 def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -55,20 +60,26 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
     motion, scene = work.motion, work.scene
     yield from motion.grip(side, 1.0, 0.1)
     stance, search = yield from work.approach(side, name, lambda: _options(work, name), tried)
-    yield from work.take_up(stance, search)
-    if work.sight is not None:
+    yield from motion.grip(side, opened(stance.opening_m), 0.2)
+    try:
+        yield from work.take_up(stance, search)
+        if work.sight is not None:
+            yield from work.see(side)
+            stance = work.refined(side, stance, _options(work, name))
+            yield from work.lines(side, stance, [0])
+        yield from work.lines(side, stance, [1])
+        yield from motion.grip(side, -1.0, 0.67)
+        yield from motion.wait(0.1)
+        if not work.gripped(side):
+            raise MotionFailure("closed_empty")
+        yield from work.lines(side, stance, [2])
         yield from work.see(side)
-        stance = work.refined(side, stance, _options(work, name))
-        yield from work.lines(side, stance, [0])
-    yield from work.lines(side, stance, [1])
-    yield from motion.grip(side, -1.0, 0.67)
-    yield from motion.wait(0.1)
-    if not work.gripped(side):
-        raise MotionFailure("closed_empty")
-    yield from work.rise(side, _LIFT_M)
-    yield from work.see(side)
-    if not work.gripped(side) or scene.holding(side) != name:
-        raise MotionFailure("slipped")
+        if not work.gripped(side) or scene.holding(side) != name:
+            raise MotionFailure("slipped")
+    except MotionFailure:
+        yield from work.withdraw(side, stance)
+        raise
+    yield from work.leave(stance)
     yield from work.settle(without={name})
     if not work.gripped(side):
         raise MotionFailure("dropped")
@@ -77,13 +88,20 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
 def _options(work: Work, name: str) -> list[Option]:
     """Ways to take hold of a thing as it is known now, from the robot's side. Raises MotionFailure "no_grasp"."""
     at, here = work.scene.pose(name)[:2, 3], work.motion.felt.base_pose
+    parts = [s for n in (name, *work.scene.within(name)) for s in work.scene.solids(n)]
     options = []
     for grasp in grasps(work.scene, name, float(np.arctan2(at[1] - here[1], at[0] - here[0]))):
         T = grasp.T_world_tcp
-        before, lifted = T.copy(), T.copy()
-        before[:3, 3] -= _STANDOFF_M * T[:3, 2]
-        lifted[2, 3] += _LIFT_M
-        options.append(Option(np.stack([before, T, lifted]), 1, grasp.cost))
+        frame = kin.inverse(T)
+        load = Load([solid.moved(frame) for solid in parts])
+        for lift, run_up, cost in _WAYS:
+            if run_up and grasp.tilt_rad < _SLANTED_RAD:
+                continue
+            before, lifted = T.copy(), T.copy()
+            before[:3, 3] -= _STANDOFF_M * T[:3, 2]
+            lifted[2, 3] += lift
+            waypoints = np.stack([before, T, lifted])
+            options.append(Option(waypoints, 1, grasp.cost + cost, run_up, load, grasp.opening_m))
     if not options:
         raise MotionFailure("no_grasp")
     return options

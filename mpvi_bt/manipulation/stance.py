@@ -93,6 +93,7 @@ class Stance:
         level: Postures (7,) of the other arm, if its hand holds something, while the torso moves: they keep it level.
         route: (n, 3) base poses to drive to, one after the other. At the last one the arm takes its posture; where that
             is not `base` the base then drives straight in.
+        opening_m: Of the option.
     """
 
     base: Array
@@ -103,11 +104,12 @@ class Stance:
     aside: list[Array]
     level: Mapping[Side, list[Array]]
     route: list[Array]
+    opening_m: float
 
     @property
     def runs_up(self) -> bool:
         """Whether the base drives in with the arm in its posture, and out again."""
-        return bool(np.linalg.norm(self.route[-1][:2] - self.base[:2]) > 1e-6)
+        return bool(np.linalg.norm(self.route[-1][:2] - self.base[:2]) > 0.05)
 
 
 @dataclass(frozen=True, eq=False)
@@ -341,7 +343,7 @@ class Search:
             k = able[where[1]]
             path = self._reached(stood.body, lane, options[k], goals[where[1]], keys[where[1]], q[row])
             if path is not None:
-                return Stance(base, torso, k, path, goals[where[1]], hold, stood.level, route)
+                return Stance(base, torso, k, path, goals[where[1]], hold, stood.level, route, options[k].opening_m)
         return None
 
     def _stood(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array]) -> Standing | None:
