@@ -273,6 +273,10 @@ class Seen:
         """As `Scene` says: what was nearest to the hand when it closed, as long as its fingers feel something."""
         return self._grip[side][0] if side in self._grip else None
 
+    def between(self) -> str | None:
+        """As `Scene` says."""
+        return None
+
     def within(self, name: str) -> Sequence[str]:
         """As `Scene` says: what was let go over it, or is seen in it."""
         return [n for n, t in self._things.items() if t.inside == name]
