@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = "openpi-client==0.1.2"
+_BESIDE = "typing_extensions"  # which it imports and does not ask for
 _FOLDER = Path(__file__).parent.parent / ".cache" / PACKAGE.replace("==", "-")
 
 
@@ -25,8 +26,8 @@ def openpi_python() -> str:
     _FOLDER.parent.mkdir(exist_ok=True)
     with (_FOLDER.parent / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)  # tests may run in several processes
-        if not done.exists():
-            install = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", PACKAGE]
+        if not done.exists() or done.read_text() != _BESIDE:
+            install = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", PACKAGE, _BESIDE]
             try:
                 subprocess.run(
                     [sys.executable, "-m", "venv", "--clear", str(_FOLDER)], check=True, capture_output=True, text=True
@@ -36,5 +37,5 @@ def openpi_python() -> str:
                 pytest.skip(
                     f"{PACKAGE} cannot be installed: {str(error.stderr or error).strip().splitlines()[-1][:200]}"
                 )
-            done.touch()
+            done.write_text(_BESIDE)
     return str(python)
