@@ -1,0 +1,416 @@
+"""Settings of remote policies: what the shipped ones send and read, and what is wrong with others."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from mpvi_bt import paths
+from mpvi_bt.errors import FileProblems, PolicyError, UnknownName, UserError
+from mpvi_bt.remote import settings as settings_module
+from mpvi_bt.remote.mapping import MOST_ACTIONS, actions_of, message_of, resize_with_pad
+from mpvi_bt.remote.settings import CAMERAS, Action, Observation, Settings, load_settings
+from mpvi_bt.robot import kinematics
+from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Proprioception
+from mpvi_bt.testing.doubles import KinematicRobot
+from tests.openpi_env import openpi_python
+
+PRESETS = paths.names("policies")
+PAGE = (Path(__file__).parent.parent / "docs" / "policies.md").read_text(encoding="utf-8")
+BASE_UNITS = [0.75, 0.75, 1.0]  # BEHAVIOR's: [m/s, m/s, rad/s] of an input of 1
+
+
+def body() -> Proprioception:
+    """Every number different from every other."""
+    numbers = iter(np.arange(1, 100) / 100)
+
+    def take(n: int) -> Any:
+        return np.array([next(numbers) for _ in range(n)])
+
+    return Proprioception(
+        base_pose=take(3),
+        base_velocity=take(3),
+        torso=take(4),
+        arm={side: take(7) for side in SIDES},
+        arm_velocity={side: take(7) for side in SIDES},
+        gripper_width={"left": 0.06, "right": 0.08},
+        gripper_command={"left": -1.0, "right": 0.5},
+    )
+
+
+def observation(cameras: tuple[str, ...] = CAMERAS) -> dict[str, Any]:
+    robot = KinematicRobot()
+    return {"prompt": "pick up the cup", "proprioception": body(), "images": {c: robot.look(c) for c in cameras}}
+
+
+def message(name: str) -> dict[str, Any]:
+    layout = load_settings(name).observation
+    assert layout is not None
+    return message_of(observation(), layout)
+
+
+def expected_state_23(felt: Proprioception) -> list[float]:
+    """What openpi-comet's model reads of the 256 numbers, in its order."""
+    return [
+        *felt.base_velocity,
+        *felt.torso,
+        *felt.arm["left"],
+        *felt.arm["right"],
+        felt.gripper_width["left"],
+        felt.gripper_width["right"],
+    ]
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_shipped_settings_are_documented(name: str) -> None:
+    """Each file is valid, says what it is for, and stands in the page's table."""
+    assert load_settings(name).about
+    assert re.search(rf"^\| `{name}`", PAGE, re.MULTILINE)
+
+
+def test_comet_is_sent_what_its_server_reads() -> None:
+    """Keys, sizes and dtypes are those of the native server; its 23 numbers are where it looks for them."""
+    sent = message("openpi_comet")
+    pictures = [
+        "observation/egocentric_camera",
+        "observation/wrist_image_left",
+        "observation/wrist_image_right",
+    ]
+    assert set(sent) == {*pictures, "observation/state", "prompt"}
+    assert sent["prompt"] == "pick up the cup"
+    for key in pictures:
+        assert (sent[key].shape, sent[key].dtype) == ((224, 224, 3), np.uint8)
+    state = sent["observation/state"]
+    assert (state.shape, state.dtype) == ((256,), np.float32)
+    fingers = [state[193:195].sum(), state[232:234].sum()]
+    read = [*state[253:256], *state[236:240], *state[158:165], *state[197:204], *fingers]
+    np.testing.assert_allclose(read, expected_state_23(body()), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "places"),
+    [
+        (
+            "behavior_2025",
+            256,
+            {"base": 253, "trunk": 236, "arm": (158, 197), "velocity": (179, 218), "hand": (186, 225)}
+            | {"fingers": (193, 232)},
+        ),
+        (
+            "behavior_2026",
+            61,
+            {"base": 0, "trunk": 53, "arm": (3, 28), "velocity": (10, 35), "hand": (17, 42), "fingers": (24, 49)},
+        ),
+    ],
+)
+def test_behavior_is_sent_its_own_layout(name: str, size: int, places: dict[str, Any]) -> None:
+    """Names are the evaluator's flattened ones, pictures have four channels, and numbers stand where it has them."""
+    sent = message(name)
+    cameras = [f"robot_r1::robot_r1:{link}_link:Camera:0::rgb" for link in ("zed", "left_realsense", "right_realsense")]
+    assert set(sent) == {*cameras, "robot_r1::proprio"}
+    for key in cameras:
+        assert (sent[key].shape, sent[key].dtype) == ((224, 224, 4), np.uint8)
+        assert (sent[key][..., 3] == 255).all()
+    state, felt = sent["robot_r1::proprio"], body()
+    assert (state.shape, state.dtype) == ((size,), np.float32)
+    np.testing.assert_allclose(state[places["base"] :][:3], felt.base_velocity, rtol=1e-6)
+    np.testing.assert_allclose(state[places["trunk"] :][:4], felt.torso, rtol=1e-6)
+    for i, side in enumerate(SIDES):
+        np.testing.assert_allclose(state[places["arm"][i] :][:7], felt.arm[side], rtol=1e-6)
+        np.testing.assert_allclose(state[places["velocity"][i] :][:7], felt.arm_velocity[side], rtol=1e-6)
+        T = kinematics.tcp(felt.torso, felt.arm[side], side)
+        hand = state[places["hand"][i] :][:7]
+        np.testing.assert_allclose(hand[:3], T[:3, 3], atol=1e-6)
+        np.testing.assert_allclose(Rotation.from_quat(hand[3:]).as_matrix(), T[:3, :3], atol=1e-6)
+        np.testing.assert_allclose(state[places["fingers"][i] :][:2], felt.gripper_width[side] / 2, rtol=1e-6)
+
+
+def test_behaviors_list_of_all_joints_is_filled() -> None:
+    """The 28 joints of 2025 hold trunk, arms in turn and fingers; sines, cosines and velocities likewise."""
+    state, felt = message("behavior_2025")["robot_r1::proprio"], body()
+    joints, sines, cosines, velocities = (state[28 * i : 28 * (i + 1)] for i in range(4))
+    np.testing.assert_allclose(joints[6:10], felt.torso, rtol=1e-6)
+    np.testing.assert_allclose(joints[24:28], [0.03, 0.03, 0.04, 0.04], rtol=1e-6)
+    for i, side in enumerate(SIDES):
+        np.testing.assert_allclose(joints[10 + i : 24 : 2], felt.arm[side], rtol=1e-6)
+        np.testing.assert_allclose(sines[10 + i : 24 : 2], np.sin(felt.arm[side]), rtol=1e-6)
+        np.testing.assert_allclose(cosines[10 + i : 24 : 2], np.cos(felt.arm[side]), rtol=1e-6)
+        np.testing.assert_allclose(velocities[10 + i : 24 : 2], felt.arm_velocity[side], rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["openpi_comet", "behavior_2025", "behavior_2026"])
+def test_an_input_of_one_is_the_speed_that_behavior_means(name: str) -> None:
+    """The base is scaled from BEHAVIOR's -1 to 1; the other numbers are ours already."""
+    layout = load_settings(name).action
+    theirs = np.arange(1, 2 * ACTION_SIZE + 1, dtype=np.float32).reshape(2, -1) / 50
+    ours = actions_of({layout.key: theirs}, layout, body())
+    np.testing.assert_allclose(ours[:, ActionLayout.BASE], theirs[:, :3] * BASE_UNITS, rtol=1e-6)
+    np.testing.assert_allclose(ours[:, 3:], theirs[:, 3:], rtol=1e-6)
+
+
+def test_an_action_without_parts_is_ours() -> None:
+    """`mpvi serve` answers in our own order and units: nothing is changed, to the last bit."""
+    theirs = np.random.default_rng(0).normal(size=(4, ACTION_SIZE))
+    assert np.array_equal(actions_of({"actions": theirs}, load_settings("mpvi").action, body()), theirs)
+
+
+def test_parts_that_a_policy_lacks_are_held() -> None:
+    """A policy for one arm leaves trunk, other arm and other gripper as they were, and the base still."""
+    layout = Action.model_validate({"size": 7, "parts": [{"part": "arm_right", "at": 0}]})
+    ours = actions_of({"actions": np.ones((3, 7))}, layout, body())
+    assert not ours[:, ActionLayout.BASE].any()
+    assert (ours[:, ActionLayout.TORSO] == body().torso).all()
+    assert (ours[:, ActionLayout.ARM["left"]] == body().arm["left"]).all()
+    assert (ours[:, ActionLayout.ARM["right"]] == 1).all()
+    assert (ours[:, [ActionLayout.GRIPPER[side] for side in SIDES]] == [-1.0, 0.5]).all()
+
+
+@given(
+    order=st.permutations(range(7)),
+    scale=st.lists(st.sampled_from([-2.0, -1.0, 0.5, 1.0]), min_size=7, max_size=7),
+    offset=st.lists(st.floats(-3, 3), min_size=7, max_size=7),
+)
+def test_what_a_policy_echoes_is_where_the_arm_is(order: list[int], scale: list[float], offset: list[float]) -> None:
+    """Order, signs, units and zeros mean the same both ways: a state sent back as an action is the posture felt."""
+    piece = {"part": "arm_left", "at": order, "scale": scale, "offset": offset}
+    state = {"state": {"parts": [piece], "dtype": "float64"}}
+    sent = message_of(observation(()), Observation.model_validate({"state": state}))
+    layout = Action.model_validate({"size": 7, "parts": [piece]})
+    ours = actions_of({"actions": sent["state"][None]}, layout, body())
+    np.testing.assert_allclose(ours[0, ActionLayout.ARM["left"]], body().arm["left"], atol=1e-9)
+
+
+def test_keys_with_dots_nest_and_constants_are_sent() -> None:
+    """`images.front` is {"images": {"front": ...}}; a list of numbers is an array; depth and order of axes are kept."""
+    layout = Observation.model_validate(
+        {
+            "prompt": "task.prompt",
+            "images": {
+                "images.front": {"camera": "head", "layout": "chw"},
+                "images.deep.depth": {"camera": "head", "show": "depth", "size": [100, 60]},
+            },
+            "constants": {"task.id": [3, 4], "task.name": "r1", "flag": True},
+        }
+    )
+    sent = message_of(observation(), layout)
+    assert sent["task"]["prompt"] == "pick up the cup"
+    assert sent["task"]["id"].tolist() == [3, 4]
+    assert (sent["task"]["name"], sent["flag"]) == ("r1", True)
+    head = observation()["images"]["head"]
+    assert np.array_equal(sent["images"]["front"], np.moveaxis(head.rgb, 2, 0))
+    depth = sent["images"]["deep"]["depth"]
+    assert (depth.shape, depth.dtype) == ((100, 60), np.float32)
+
+
+def test_pictures_that_were_not_taken_are_left_out() -> None:
+    """Only what is in the observation is sent: a server that named fewer cameras gets fewer."""
+    layout = load_settings("openpi_comet").observation
+    assert layout is not None
+    assert "observation/egocentric_camera" not in message_of(observation(("left",)), layout)
+
+
+SIZES = [(240, 320), (480, 640), (224, 224), (100, 37), (37, 100), (720, 720), (1, 500)]
+
+
+@pytest.mark.parametrize("size", SIZES, ids=str)
+def test_a_resized_picture_keeps_its_shape(size: tuple[int, int]) -> None:
+    """It is scaled alike both ways, as large as fits, in the middle, with zeros around it."""
+    h, w = size
+    padded = resize_with_pad(np.full((*size, 3), 200, np.uint8), 224, 224)
+    assert padded.shape == (224, 224, 3)
+    rows, columns = np.nonzero(padded[..., 0].any(1))[0], np.nonzero(padded[..., 0].any(0))[0]
+    scale = 224 / max(h, w)
+    assert abs(len(rows) - max(1, h * scale)) <= 1
+    assert abs(len(columns) - max(1, w * scale)) <= 1
+    assert abs(rows[0] - (223 - rows[-1])) <= 1
+    assert abs(columns[0] - (223 - columns[-1])) <= 1
+    assert (padded[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] == 200).all()
+
+
+def test_depth_is_not_blended() -> None:
+    """A resized depth picture has only depths that were in it, and 0."""
+    depth = np.where(np.arange(320) < 150, 1.0, 5.0).astype(np.float32)[None].repeat(240, 0)
+    assert set(np.unique(resize_with_pad(depth, 224, 224))) == {0.0, 1.0, 5.0}
+
+
+RESIZES = """
+import sys, numpy as np
+from openpi_client import image_tools
+pictures = np.load(sys.argv[1])
+np.savez(sys.argv[2], **{k: image_tools.resize_with_pad(v, 224, 224) for k, v in pictures.items()})
+"""
+
+
+@pytest.mark.slow
+def test_pictures_are_resized_as_openpi_does(tmp_path: Path) -> None:
+    """Beside the published client's own function the padding is the same; no color differs by more than 1 of 255."""
+    rng = np.random.default_rng(0)
+    pictures = {}
+    for h, w in [size for size in SIZES if min(size) > 30]:
+        y, x = np.mgrid[:h, :w]
+        smooth = 127 + 100 * np.sin(x[..., None] / [9, 15, 31]) * np.cos(y[..., None] / [17, 11, 23])
+        edges = (x[..., None] // 20 + y[..., None] // 30) % 2 * 60
+        pictures[f"{h}x{w}"] = np.clip(smooth - edges + rng.normal(0, 3, (h, w, 3)), 0, 255).astype(np.uint8)
+    np.savez(tmp_path / "in.npz", allow_pickle=False, **pictures)
+    files = [str(tmp_path / "in.npz"), str(tmp_path / "out.npz")]
+    subprocess.run([openpi_python(), "-c", RESIZES, *files], check=True, timeout=60)
+    theirs = np.load(tmp_path / "out.npz")
+    for name, picture in pictures.items():
+        ours = resize_with_pad(picture, 224, 224)
+        assert np.abs(ours.astype(int) - theirs[name]).max() <= 1, name
+
+
+GOOD = np.zeros((2, ACTION_SIZE))
+
+
+def spoiled(value: float) -> Any:
+    actions = GOOD.copy()
+    actions[1, 7] = value
+    return actions
+
+
+BAD = {
+    "no mapping": [1, 2],
+    "no key": {"action": GOOD},
+    "a list": {"actions": GOOD.tolist()},
+    "a number": {"actions": 1.0},
+    "nan": {"actions": spoiled(np.nan)},
+    "infinite": {"actions": spoiled(-np.inf)},
+    "too few numbers": {"actions": GOOD[:, :-1]},
+    "too many numbers": {"actions": np.zeros((2, 32))},
+    "an empty chunk": {"actions": GOOD[:0]},
+    "nothing": {"actions": np.zeros(0)},
+    "a number alone": {"actions": np.array(1.0)},
+    "a batch of two": {"actions": np.zeros((2, 3, ACTION_SIZE))},
+    "too many actions": {"actions": np.zeros((MOST_ACTIONS + 1, ACTION_SIZE), np.float32)},
+    "truth values": {"actions": np.zeros((2, ACTION_SIZE), bool)},
+    "text": {"actions": np.full((2, ACTION_SIZE), "1")},
+    "bytes": {"actions": np.full((2, ACTION_SIZE), b"1")},
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_is_no_chunk_of_actions_is_refused(name: str) -> None:
+    """Whatever a reply holds instead is a bad reply, told in one line."""
+    with pytest.raises(PolicyError) as caught:
+        actions_of(BAD[name], Action(), body())
+    assert caught.value.reason == "bad_reply"
+    assert "\n" not in str(caught.value)
+
+
+def test_numbers_that_overflow_when_scaled_are_refused() -> None:
+    """What is finite on the wire but not in our units is no action."""
+    layout = Action.model_validate({"parts": [{"part": "torso", "at": 0, "scale": 1e6}]})
+    with pytest.raises(PolicyError, match="not finite"):
+        actions_of({"actions": np.full((1, ACTION_SIZE), 1e305)}, layout, body())
+
+
+@pytest.mark.parametrize("shape", [(ACTION_SIZE,), (1, ACTION_SIZE), (1, 5, ACTION_SIZE), (1, 1, ACTION_SIZE)])
+def test_one_action_or_a_batch_of_one_is_a_chunk(shape: tuple[int, ...]) -> None:
+    """BEHAVIOR's servers answer one action, with or without a batch's axis; half precision and integers are numbers."""
+    for dtype in (np.float16, np.float32, np.float64, np.int32):
+        chunk = actions_of({"actions": np.ones(shape, dtype)}, Action(), body())
+        assert chunk.shape == (shape[-2] if len(shape) > 2 else 1, ACTION_SIZE)
+        assert chunk.dtype == np.dtype(float)
+        chunk[:] = 0  # and may be written to
+
+
+def problems(text: str, tmp_path: Path) -> list[tuple[int, int, str]]:
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    try:
+        load_settings(str(path))
+    except FileProblems as error:
+        return [(p.line, p.column, p.code) for p in error.problems]
+    return []
+
+
+MISTAKES = {
+    "observation:\n  images:\n    a: { camera: haed }\n": (3, 18, "unknown-value"),
+    "observation:\n  images:\n    a: { camera: head, size: [0, 5] }\n": (3, 31, "out-of-range"),
+    "observation:\n  state:\n    s: { parts: [] }\n": (3, 17, "wrong-length"),
+    "observation:\n  state:\n    s: { parts: [{ part: troso, at: 0 }] }\n": (3, 26, "unknown-value"),
+    "observation:\n  state:\n    s: { parts: [{ part: torso, at: [1, 2] }] }\n": (3, 18, "invalid-value"),
+    "observation:\n  state:\n    s: { size: 3, parts: [{ part: torso, at: 0 }] }\n": (3, 8, "invalid-value"),
+    "observation:\n  state:\n    s: { parts: [{ part: torso, at: [1, 1, 2, 3] }] }\n": (3, 8, "invalid-value"),
+    "observation:\n  constants: { a: 1, a.b: 2 }\n": (2, 3, "invalid-value"),
+    "action:\n  parts: [{ part: torso, at: 0, scale: 0 }]\n": (2, 11, "invalid-value"),
+    "action:\n  size: 7\n": (2, 3, "invalid-value"),
+    "action:\n  parts: [{ part: torso, at: 0 }, { part: torso, at: 8 }]\n": (2, 3, "invalid-value"),
+    "action:\n  parts: [{ part: torso, at: 20 }]\n": (2, 3, "invalid-value"),
+    "action: {}\nconect_s: 3\n": (2, 1, "unknown-key"),
+    "connect_s: 0\n": (1, 12, "out-of-range"),
+    "answer_s: .inf\n": (1, 11, "out-of-range"),
+    "connect_s: 1\ntries: -1\n": (2, 8, "out-of-range"),
+    "action: {}\nmax_mb: 65\n": (2, 9, "out-of-range"),
+}
+
+
+@pytest.mark.parametrize("text", MISTAKES, ids=lambda text: text.split("{")[-1].strip()[:40])
+def test_a_mistake_is_told_with_its_place(text: str, tmp_path: Path) -> None:
+    """Each mistake in a file of settings is found, at its line and column."""
+    assert MISTAKES[text] in problems(text, tmp_path)
+
+
+def test_an_unknown_name_gets_the_nearest() -> None:
+    """Settings are known by name, as are files by path."""
+    with pytest.raises(UnknownName, match="Did you mean 'openpi_comet'"):
+        load_settings("openpi_commet")
+    with pytest.raises(UserError, match="no such file"):
+        load_settings("./mine.yaml")
+
+
+def test_the_settings_of_the_page_are_valid(tmp_path: Path) -> None:
+    """Its example has no problems, and every key of a file stands in its table."""
+    (text,) = re.findall(r"^```yaml\n(.*?)^```$", PAGE, flags=re.MULTILINE | re.DOTALL)
+    assert problems(text, tmp_path) == []
+    documented = set(re.findall(r"^\| `([\w.]+)` \|", PAGE, re.MULTILINE))
+    assert set(Settings.model_fields) - {"about"} <= documented
+    assert {f"observation.{key}" for key in Observation.model_fields} <= documented
+
+
+def test_a_user_folder_of_policies_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file in policies/ of a root in MPVI_PATH is known by name."""
+    (tmp_path / "policies").mkdir()
+    (tmp_path / "policies" / "mine.yaml").write_text(yaml.safe_dump({"about": "Mine", "tries": 7}))
+    monkeypatch.setenv("MPVI_PATH", str(tmp_path))
+    assert load_settings("mine").tries == 7
+
+
+@given(st.recursive(st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=5)),
+                    lambda x: st.one_of(st.lists(x, max_size=3), st.dictionaries(st.sampled_from(
+                        ["observation", "images", "state", "a", "parts", "part", "at", "action", "camera", "key"]),
+                        x, max_size=4)), max_leaves=15))  # fmt: skip
+def test_any_data_are_settings_or_have_problems(data: Any) -> None:
+    """Whatever stands in a file, it is settings or a list of problems, never another exception."""
+    from mpvi_bt.marked_yaml import parse_marked
+
+    try:
+        settings_module.check_settings(*parse_marked(json.dumps({"action": {}, "settings": data}), "x.yaml"))
+    except FileProblems as error:
+        assert error.problems
+    if isinstance(data, dict):
+        try:
+            settings_module.check_settings(*parse_marked(json.dumps(data), "x.yaml"))
+        except FileProblems as error:
+            assert error.problems
+
+
+def test_held_parts_are_those_of_the_handoff() -> None:
+    """What is held is what was handed over, not what the arm sags to since."""
+    layout = Action.model_validate({"size": 1, "parts": [{"part": "gripper_command_left", "at": 0}]})
+    before, now = body(), replace(body(), torso=body().torso - 0.1)
+    ours = actions_of({"actions": np.zeros((1, 1))}, layout, before)
+    assert (ours[0, ActionLayout.TORSO] == before.torso).all()
+    assert (ours[0, ActionLayout.TORSO] != now.torso).all()
