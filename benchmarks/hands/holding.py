@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mpvi_bt.errors import UserError
+from mpvi_bt.errors import BackendError
 from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
@@ -30,7 +30,7 @@ def put_in_hands(world: World, held: Mapping[Side, str]) -> None:
     """Have the hands hold things, upright, before the chest.
 
     Raises:
-        UserError: A thing does not fit into its hand, or falls out of it.
+        BackendError: A thing does not fit into its hand, or falls out of it.
     """
     if not held:
         return
@@ -53,7 +53,7 @@ def put_in_hands(world: World, held: Mapping[Side, str]) -> None:
     world.steps = 0
     for side, name in held.items():
         if name not in world.pinched(side):
-            raise UserError(f"{name} fell out of the {side} hand that was to hold it at the start")
+            raise BackendError(f"{name} fell out of the {side} hand that was to hold it at the start")
 
 
 def _posture(
@@ -76,4 +76,4 @@ def _posture(
             if len(free):
                 best = kin.posture_distance(free, r1.TRAVEL_ARM[side]).argmin()
                 return T, free[best], load
-    raise UserError(f"{name} does not fit into the {side} hand that is to hold it at the start")
+    raise BackendError(f"{name} does not fit into the {side} hand that is to hold it at the start")

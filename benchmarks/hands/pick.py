@@ -64,11 +64,20 @@ def radius(entry: Entry) -> float:
 
 
 def crowd(
-    objects: dict[str, Placement], surface: Surface, middle: Array, rng: np.random.Generator, shapes: Shapes
+    objects: dict[str, Placement],
+    surface: Surface,
+    middle: Array,
+    rng: np.random.Generator,
+    shapes: Shapes,
+    without: Entry | None = None,
 ) -> None:
-    """Add up to eight other things within 25 cm of a place (u, v) on a surface, 2 cm and more from everything."""
+    """Add up to eight other things within 25 cm of a place (u, v) on a surface, 2 cm and more from everything.
+
+    The one thing that there may be already stands in the middle; there will be no second one of its kind, nor one of
+    the kind `without`.
+    """
     taken = [(middle, radius(p.entry)) for p in objects.values()]
-    kinds = {p.entry.name for p in objects.values()}
+    kinds = {p.entry.name for p in objects.values()} | ({without.name} if without else set())
     others = [entry for entry in one_hand(shapes) if entry.name not in kinds]
     for k in rng.permutation(len(others))[:_CLUTTER]:
         entry = others[k]

@@ -16,7 +16,7 @@ from benchmarks.hands.rows import Job, Row
 from benchmarks.hands.scenes import draw
 from benchmarks.hands.show import Film
 from benchmarks.hands.trial import play
-from mpvi_bt.errors import NoRenderingDevice, UserError
+from mpvi_bt.errors import BackendError, NoRenderingDevice, UserError
 from mpvi_bt.robot.protocol import CONTROL_HZ
 from mpvi_bt.suite.runner import THREAD_LIMITS
 from mpvi_bt.suite.worker import prepare
@@ -39,7 +39,12 @@ def run_job(job: Job, show: Path | None = None, video: bool = False) -> Row:
     """
     trial = draw(job.skill, job.case, job.seed, job.shapes)
     maker = POLICIES[job.policy]
-    world = trial.world(render=maker.pictures or show is not None, assisted=job.assisted)
+    try:
+        world = trial.world(render=maker.pictures or show is not None, assisted=job.assisted)
+    except BackendError as error:
+        if isinstance(error, NoRenderingDevice):
+            raise
+        return Row(job, False, f"no_scene: {error}")
     policy = maker.make(world, job.seed)
     film = None if show is None else Film(world, show / job.name.replace("/", "-").replace(" ", "_"), video)
     played = play(trial, world, policy, world.robot, None if film is None else film.step)

@@ -118,6 +118,31 @@ def wall_cabinet(rng: np.random.Generator) -> Surface:
     return _against("wall_cabinet", [0.36, 0.6, 0.7], rng, 0.018, {}, opened, 0.03, 0.28, 0.06, z_m=1.35)
 
 
+def sink(rng: np.random.Generator) -> Surface:
+    """The bottom of a kitchen sink."""
+    return _against("kitchen_sink", [0.62, 0.74, 0.9], rng, 0.7, inset_m=0.12, depth_m=0.38, margin_m=0.11)
+
+
+def drawer(rng: np.random.Generator) -> Surface:
+    """The bottom of a drawer that stands open; its front edge is behind the chest's front, so `u` may be negative."""
+    k = int(rng.integers(3))
+    opened = {f"drawer_{k + 1}": rng.uniform(0.8, 1.0)}
+    size = [0.46, 0.9, 0.8]
+    z = 0.06 + k * (size[2] - 0.085) / 3 + 0.026
+    return _against("chest_of_drawers", size, rng, z, {}, opened, inset_m=-0.25, depth_m=0.2)
+
+
+def tall_table(rng: np.random.Generator) -> Surface:
+    """A table with 70 cm of room below."""
+    size = [rng.uniform(0.6, 0.8), rng.uniform(1.0, 1.4), rng.uniform(0.74, 0.8)]
+    return _fixture("table", size, (rng.uniform(-0.3, 0.3), rng.uniform(-0.3, 0.3)), rng.uniform(-180, 180), size[2])
+
+
+def desk(rng: np.random.Generator) -> Surface:
+    """A desk at the wall."""
+    return _against("desk", [0.6, 1.2, 0.76], rng, 0.76)
+
+
 def one_of(*surfaces: Callable[[np.random.Generator], Surface]) -> Callable[[np.random.Generator], Surface]:
     """A surface that is one of several."""
     return lambda rng: surfaces[rng.integers(len(surfaces))](rng)

@@ -54,7 +54,7 @@ class Trial:
         """The scene, settled, with the hands full where they have to be.
 
         Raises:
-            UserError: A thing does not fit into the hand that is to hold it.
+            BackendError: A thing does not fit into the hand that is to hold it.
             NoRenderingDevice: `render` was asked for on a machine that cannot.
         """
         world = World(self.house, self.objects, self.base, render=render, assisted=assisted)

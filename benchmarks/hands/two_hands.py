@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.hands.pick import lowest
-from benchmarks.hands.rooms import facing, placed, room
+from benchmarks.hands.pick import draw_thing, lowest
+from benchmarks.hands.rooms import called, facing, placed, room
 from benchmarks.hands.trial import Scene, Shapes, Trial
+from mpvi_bt.robot.protocol import Side
 from mpvi_bt.sim.catalogue import Catalogue, Entry, load_catalogue
 from mpvi_bt.sim.house import House
 from mpvi_bt.sim.world import World
@@ -97,7 +98,7 @@ def _top(house: House) -> tuple[tuple[float, float], tuple[float, float], float]
     return (low[0], high[0]), (low[1], high[1]), float(high[2])
 
 
-def set_on_floor(rng: np.random.Generator, shapes: Shapes) -> Trial:
+def set_on_table(rng: np.random.Generator, shapes: Shapes) -> Trial:
     """Lift a box and set it down on a table a step aside."""
     entry = draw_large(rng, shapes)
     house = room({"table_1": {"entry": _TABLES[rng.integers(len(_TABLES))], "at": [1.6, 0.0], "yaw_deg": 180}})
@@ -110,6 +111,27 @@ def set_on_floor(rng: np.random.Generator, shapes: Shapes) -> Trial:
     return Trial(house, {"box": thing}, base, prompt, standing("box", top, (x0, y0, x1, y1)), budget_s=120.0)
 
 
+def hand_over(rng: np.random.Generator, shapes: Shapes) -> Trial:
+    """A thing in one hand that the other has to take."""
+    entry = draw_thing(rng, shapes)
+    giver: Side = "left" if rng.random() < 0.5 else "right"
+    taker: Side = "right" if giver == "left" else "left"
+    thing = placed(entry, 1.5, 0.0, 0.0, rng.uniform(-np.pi, np.pi))
+    base = np.array([*rng.uniform(-0.5, 0.5, 2), rng.uniform(-np.pi, np.pi)])
+    prompt = f"hand the {called(entry)} over from the {giver} hand to the {taker} hand"
+
+    def done(world: World) -> str:
+        """Codes: not_taken (the other hand has not both fingers on it), not_let_go, touching (it rests on something)."""
+        if "thing" not in world.pinched(taker):
+            return "not_taken"
+        if world.holding(giver) is not None or "thing" in world.pinched(giver):
+            return "not_let_go"
+        return "touching" if any(world.touching("thing", o) for o in world.things if o != "thing") else ""
+
+    return Trial(room({}), {"thing": thing}, base, prompt, done, held={giver: "thing"})
+
+
 SKILLS: dict[str, dict[str, Scene]] = {
-    "lift": {"floor": lift_from_floor, "table": lift_from_table, "floor_to_table": set_on_floor},
+    "lift": {"floor": lift_from_floor, "table": lift_from_table, "floor_to_table": set_on_table},
+    "hand_over": {"any": hand_over},
 }
