@@ -121,7 +121,7 @@ def hand_over(rng: np.random.Generator, shapes: Shapes) -> Trial:
     prompt = f"hand the {called(entry)} over from the {giver} hand to the {taker} hand"
 
     def done(world: World) -> str:
-        """Codes: not_taken (the other hand has not both fingers on it), not_let_go, touching (it rests on something)."""
+        """Codes: not_taken (the other hand has not both fingers on it), not_let_go, touching."""
         if "thing" not in world.pinched(taker):
             return "not_taken"
         if world.holding(giver) is not None or "thing" in world.pinched(giver):

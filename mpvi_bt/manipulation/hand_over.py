@@ -1,0 +1,154 @@
+"""Passing a thing from one hand to the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from mpvi_bt.manipulation.grasps import MAX_WIDTH_M
+from mpvi_bt.manipulation.stance import Held
+from mpvi_bt.manipulation.work import Words, Work, other
+from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.solids import Array
+
+_APART_M = 0.055  # between the two hands' tcps on the thing
+_STANDOFF_M = 0.10
+_DEEP_M = 0.03  # how far a thing reaches behind the tcp into the hand
+_TAKEN = 60  # grasps of each that are looked at closely
+
+
+def hand_over(work: Work, words: Words, tried: list[Array]) -> Actions:
+    """Pass the held `words["object"]` to the other hand, or to the hand `words["to_hand"]`.
+
+    Raises:
+        MotionFailure: "not_held", "hands_full", "no_grasp", "no_release", "closed_empty", "dropped", or a motion's own
+            reason.
+    """
+    scene, motion = work.scene, work.motion
+    wanted = words.get("to_hand")
+    alike = {e.name for e in scene.knowledge().find(words["object"])}
+    if wanted is not None and any(scene.holding(s) in alike for s in SIDES if s == wanted):
+        return  # there already
+    giver = work.hand_with(words["object"], other(wanted) if wanted in SIDES else words.get("hand"))
+    taker = other(giver)
+    held = work.held()
+    if taker in held:
+        raise MotionFailure("hands_full")
+    takes = list(_takes(held[giver]))
+    if not takes:
+        raise MotionFailure("no_grasp")
+    yield from motion.grip(taker, 1.0, 0.3)
+    found = _meeting(work, giver, held[giver], takes)
+    if found is None:
+        raise MotionFailure("no_release")
+    shown, path, grasp = found
+    yield from motion.follow(giver, shown, speed=0.8)
+    yield from motion.follow(taker, path, speed=1.0)
+    # Arms give way under a load; what counts is where the thing is now.
+    T = kin.tcp(motion.felt.torso, motion.felt.arm[giver], giver) @ grasp
+    yield from motion.line(taker, T, 0.10)
+    yield from motion.grip(taker, -1.0, 0.67)
+    yield from motion.wait(0.2)
+    if not work.gripped(taker):
+        raise MotionFailure("closed_empty")
+    yield from motion.grip(giver, 1.0, 0.5)
+    yield from motion.wait(0.1)
+    away = motion.hand(giver)
+    away[:3, 3] -= _STANDOFF_M * away[:3, 2]
+    if arm_motion.trace(motion.torso, giver, motion.arm(giver), away) is not None:
+        yield from motion.line(giver, away, 0.12)
+    if not work.gripped(taker):
+        raise MotionFailure("dropped")
+    yield from work.settle(without={held[giver].name})
+    if not work.gripped(taker) or scene.holding(taker) not in alike:
+        raise MotionFailure("dropped")
+
+
+def _takes(held: Held) -> Iterator[Array]:
+    """T_giver_taker (4, 4) tcp frames: ways for another hand to take hold of what a hand holds."""
+    frame = kin.inverse(held.T_tcp_thing)
+    corners = np.stack([s.moved(frame).aabb() for s in held.solids])
+    low, high = corners[:, 0].min(0), corners[:, 1].max(0)
+    size, middle = high - low, (low + high) / 2
+    for closing in range(3):
+        if size[closing] > MAX_WIDTH_M:
+            continue
+        u, v = (closing + 1) % 3, (closing + 2) % 3
+        long = u if size[u] > size[v] else v
+        room = float(size[long]) / 2 - 0.015
+        for angle in np.arange(0, 2 * np.pi, np.pi / 8):
+            approach = np.zeros(3)
+            approach[u], approach[v] = np.cos(angle), np.sin(angle)
+            sign = np.zeros(3)
+            sign[closing] = 1.0
+            R = kin.hand_rotation(approach, sign)
+            for share in (0.0, 0.5, -0.5, 0.9, -0.9) if room > 0.02 else (0.0,):
+                at = np.zeros(3)
+                at[long] = share * room
+                # From there back along the approach to the face through which the hand comes in.
+                with np.errstate(divide="ignore"):
+                    behind = float(((size / 2 + np.sign(approach) * at) / np.abs(approach))[[u, v]].min())
+                p = middle + at - approach * max(0.0, behind - _DEEP_M)
+                T = held.T_tcp_thing @ kin.transform(R, p)
+                if np.linalg.norm(T[:3, 3]) > _APART_M or _opposed(T):
+                    yield T
+
+
+def _opposed(T_giver_taker: Array) -> bool:
+    """Whether the hands come from so different sides that their fingers can interleave on a small thing."""
+    return bool(T_giver_taker[2, 2] < -0.3)
+
+
+def _meeting(work: Work, giver: Side, held: Held, takes: list[Array]) -> tuple[list[Array], list[Array], Array] | None:
+    """Paths of the giving hand to where it shows the thing and of the taking one to before it, and T_giver_taker."""
+    motion, taker = work.motion, other(giver)
+    now, still = motion.hand(giver), work.body()
+    chest = kin.inverse(kin.chest(motion.torso))
+    goals = np.stack(takes)
+    for shown in _shown(now, giver):
+        aside = [motion.arm(giver)] if shown is now else arm_motion.plan_level(still, giver, shown)
+        if aside is None:
+            continue
+        body = replace(still, arms={**still.arms, giver: aside[-1]})
+        if not body.free(taker, motion.arm(taker))[0]:
+            continue
+        at, q = kin.arm_inverse(chest @ shown @ goals, taker, swivels=12)
+        if not len(at):
+            continue
+        far = np.linalg.norm(goals[at, :3, 3], axis=1)
+        cost = kin.posture_distance(q, motion.arm(taker)) - 4.0 * np.minimum(far, 0.15)
+        for row in np.argsort(cost)[:_TAKEN]:
+            if not _closes(body, taker, giver, held, q[row]):
+                continue
+            before = shown @ goals[at[row]] @ kin.transform(np.eye(3), (0.0, 0.0, -_STANDOFF_M))
+            line = arm_motion.trace(body.torso, taker, q[row], before)
+            if line is None or not body.free(taker, line[-1])[0]:
+                continue
+            path = arm_motion.plan(body, taker, line[-1], work.rng, iterations=150)
+            if path is not None:
+                return aside, path, goals[at[row]]
+    return None
+
+
+def _closes(body: Body, taker: Side, giver: Side, held: Held, q: Array) -> bool:
+    """Whether the taking hand is free of all but the thing itself, and its palm of that, too."""
+    bare = replace(body, held={s: load for s, load in body.held.items() if s != giver})
+    if not bare.free(taker, q)[0]:
+        return False
+    T = kin.inverse(kin.tcp(body.torso, body.arms[giver], giver)) @ kin.tcp(body.torso, q, taker)
+    palm = T[:3, 3] - 0.06 * T[:3, 2]
+    return bool(held.load.solids.distance(palm[None])[0] > 0.015)
+
+
+def _shown(now: Array, giver: Side) -> Iterator[Array]:
+    """Poses T_base_tcp to hold a thing out to the other hand: where it is, then before the body, turned."""
+    yield now
+    for turn in (0.0, 0.6, -0.6, 1.2, -1.2, 1.8, -1.8):
+        for x, y, z in ((0.48, 0.06, 0.80), (0.55, 0.12, 0.90), (0.45, 0.14, 0.72)):
+            yield kin.transform(kin.rot_z(turn) @ now[:3, :3], (x, y * r1.SIGN[giver], z))
