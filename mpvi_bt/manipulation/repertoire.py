@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from mpvi_bt.manipulation.hand_over import hand_over
 from mpvi_bt.manipulation.close import close
 from mpvi_bt.manipulation.open import open_
+from mpvi_bt.manipulation.close import close
+from mpvi_bt.manipulation.open import open_
 from mpvi_bt.manipulation.pick import pick
 from mpvi_bt.manipulation.place import place_in, place_on
 from mpvi_bt.manipulation.two_hands import either, lift, set_down
@@ -18,6 +20,8 @@ from mpvi_bt.robot.solids import Array
 Perform = Callable[[Work, Words, list[Array]], Actions]
 
 REPERTOIRE: Mapping[str, Perform] = {
+    "close": close,
+    "open": open_,
     "close": close,
     "open": open_,
     "pick": pick,

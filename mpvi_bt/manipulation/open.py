@@ -1,0 +1,169 @@
+"""Open a door, a drawer or a lid by its bar."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mpvi_bt.manipulation.course import Course, CourseSearch, Start
+from mpvi_bt.manipulation.follow import back_out, go_along, take_up, touch
+from mpvi_bt.manipulation.openings import moved, panel, parts_meant, swings, upright
+from mpvi_bt.manipulation.work import Words, Work
+from mpvi_bt.perception.parts import Bar, Door
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.solids import Array
+
+# How far to open [rad], the most first, for there may be no room: enough to reach in. A bottom hinge stops where the
+# bar can still be taken hold of to close it again.
+_UPRIGHT_RAD = (1.5, 1.3, 1.1, 0.9)
+_FLAP_RAD = (1.2, 1.0)
+_SLIDE_M = (0.3, 0.24)
+_OPEN_ENOUGH = 0.8  # of the first of these
+_BACK_OUT_M = 0.15
+_BACK_OFF_M = 0.25
+
+
+def open_(work: Work, words: Words, tried: list[Array]) -> Actions:
+    """Open what `words["object"]` names: a thing that has one door, or one of its doors, such as its top drawer.
+
+    Args:
+        work: Robot and world.
+        words: Of the skill call.
+        tried: Base poses that did not do; the one taken is added.
+
+    Raises:
+        MotionFailure: "unknown_object", "no_door", "no_handle", "hands_full", "no_stance", "closed_empty", "slipped",
+            "not_opened", or a motion's own reason.
+    """
+    thing, doors = parts_meant(work, words["object"])
+    if any(is_open(door) for door in doors):
+        return
+    able = [door for door in doors if door.bar is not None]
+    if not able:
+        raise MotionFailure("no_handle")
+    door = able[0]
+    yield from swing(work, thing, door, [min(t, door.limit) for t in targets(door)], tried, words.get("hand"))
+    yield from work.look_at(thing)
+    after = next((d for d in work.scene.doors(thing) if d.name == door.name), None)
+    if after is None or not is_open(after):
+        raise MotionFailure("not_opened")
+
+
+def targets(door: Door) -> tuple[float, ...]:
+    """How far to open it [rad or m], the most first."""
+    return _SLIDE_M if door.kind == "slide" else _UPRIGHT_RAD if upright(door) else _FLAP_RAD
+
+
+def is_open(door: Door) -> bool:
+    """Whether it is clearly open: enough to take things out."""
+    least = min(targets(door)[-1], _OPEN_ENOUGH * door.limit)
+    return door.position >= _OPEN_ENOUGH * least
+
+
+def swing(
+    work: Work, thing: str, door: Door, to: Sequence[float], tried: list[Array], hand: str | None = None
+) -> Actions:
+    """Take a door by its bar, bring it to the first of the positions `to` that can be done, let go, back off, fold.
+
+    Raises:
+        MotionFailure: As `open_` says.
+    """
+    motion, bar = work.motion, door.bar
+    assert bar is not None
+    for target in to:
+        found = _beginning(work, thing, door, bar, target, tried, hand)
+        if found is not None:
+            break
+    else:
+        raise MotionFailure("no_stance")
+    side, start, course, search = found
+    tried.append(start.base)
+    yield from motion.grip(side, 1.0, 0.1)
+    yield from take_up(work, start, side, search.other)
+    yield from then_leave(work, side, _lead(work, course, side, start.torso_after))
+
+
+def _lead(work: Work, course: Course, side: Side, torso_after: Array) -> Actions:
+    def lost(x: float) -> bool:
+        if not work.gripped(side):
+            raise MotionFailure("slipped")
+        return False
+
+    yield from touch(work, course, side)
+    yield from work.motion.grip(side, -1.0, 0.5)
+    yield from work.motion.wait(0.15)
+    if not work.gripped(side):
+        raise MotionFailure("closed_empty")
+    yield from go_along(work.motion, course, side, torso_after, lost)
+
+
+def then_leave(work: Work, side: Side, doing: Actions) -> Actions:
+    """Do something with a hand; then, whether it went well or not, let go, draw the hand back, the base too, and fold.
+
+    Raises:
+        MotionFailure: As `doing`, or else as the way back.
+    """
+    motion = work.motion
+    failures: list[MotionFailure] = []
+    yield from _trying(doing, failures)
+    yield from motion.grip(side, 1.0, 0.3)
+    away = -(work.base @ motion.hand(side))[:2, 2]
+    if np.linalg.norm(away) > 0.3:
+        yield from _trying(back_out(motion, away, _BACK_OUT_M), failures)
+    yaw = motion.felt.base_pose[2]
+    yield from _trying(back_out(motion, -np.array([np.cos(yaw), np.sin(yaw)]), _BACK_OFF_M), failures)
+    yield from _trying(work.settle(), failures)
+    if failures:
+        raise failures[0]
+
+
+def _trying(doing: Actions, failures: list[MotionFailure]) -> Actions:
+    try:
+        yield from doing
+    except MotionFailure as failure:
+        failures.append(failure)
+
+
+def _beginning(
+    work: Work, thing: str, door: Door, bar: Bar, to: float, tried: Sequence[Array], hand: str | None
+) -> tuple[Side, Start, Course, CourseSearch] | None:
+    courses = swings(door, bar, to)
+    for side in sides(work, door, thing, hand):
+        search = course_search(work, thing, door, side, tried, bendable=not upright(door) and door.kind == "hinge")
+        start = search.start(courses)
+        if start is not None:
+            return side, start, courses[start.course], search
+    return None
+
+
+def sides(work: Work, door: Door, thing: str, hand: str | None) -> list[Side]:
+    """Free hands, the one on the free edge's side of a hinge first: it does not have to reach across."""
+    free = work.free_hands(thing, hand)
+    if upright(door):
+        shut, face = moved(door, -door.position), panel(door)
+        toward_edge = shut[:3, :3] @ face.T[:3, 3] + shut[:3, 3] - door.origin
+        # A door whose axis points up opens toward someone for whom the free edge lies to the left of the hinge.
+        outward = np.cross(door.axis, toward_edge)
+        rightward = np.cross([0.0, 0.0, 1.0], outward)
+        best: Side = "right" if float(toward_edge @ rightward) > 0 else "left"
+        free.sort(key=lambda s: s != best)
+    return free
+
+
+def course_search(
+    work: Work, thing: str, door: Door, side: Side, tried: Sequence[Array], bendable: bool = False
+) -> CourseSearch:
+    """A search of where to begin a course that leads a door along."""
+    held = work.held()
+    carried = {n for h in held.values() for n in (h.name, *work.scene.within(h.name))}
+    inside = set(work.scene.within(thing)) if door.kind == "slide" else set()
+    at = work.motion.felt.base_pose[:2]
+    near = work.scene.obstacles(at, 2.5, without={*carried, *inside, thing})
+    parts = list(work.scene.solids(thing))
+    stays = [
+        s for s in parts
+        if not any(np.allclose(s.T, d.T, atol=1e-4) and np.allclose(s.half_m, d.half_m) for d in door.solids)
+    ]  # fmt: skip
+    return CourseSearch(work.motion, side, held, near, parts, work.rng, list(tried), stays, bendable)

@@ -1,0 +1,168 @@
+"""Which door, drawer or lid of which thing a phrase means, and how a hand swings one on its bar."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mpvi_bt.manipulation.course import Course
+from mpvi_bt.manipulation.work import Work
+from mpvi_bt.perception.knowledge import normalize
+from mpvi_bt.perception.parts import Bar, Door
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.motion import MotionFailure
+from mpvi_bt.robot.solids import Array, Solid
+
+_PARTS = "doors?|drawers?|lids?|hatch|flap|boot|trunk|cover"
+_RANKS = {
+    "first": 0, "second": 1, "third": 2, "fourth": 3, "fifth": 4,
+    "1": 0, "2": 1, "3": 2, "4": 3, "5": 4, "one": 0, "two": 1, "three": 2, "four": 3, "five": 4,
+}  # fmt: skip
+_PLACES = ("top", "upper", "uppermost", "highest", "bottom", "lower", "lowest", "middle", "left", "right", *_RANKS)
+_SHORT_M = 0.11  # the hand waits that far before a bar
+_ALONG = (0.0, 0.3, -0.3)  # where to hold a bar, in lengths from its middle
+# How much of a door's angle the hand turns with it: half is easiest, for the base turns as much.
+_TURNS = (0.5, 0.3, 0.7)
+
+
+def parts_meant(work: Work, phrase: str) -> tuple[str, list[Door]]:
+    """The thing that a phrase names and those of its doors that it may mean.
+
+    Args:
+        work: Robot and world.
+        phrase: Such as "cabinet", "top drawer of the chest of drawers", "left cabinet door".
+
+    Returns:
+        The thing's name and its doors: the one that the phrase tells apart, or all from the top.
+
+    Raises:
+        MotionFailure: "unknown_object" if nothing is called so, "no_door" if it has nothing that opens.
+    """
+    thing, places = _read(work, _plain(phrase))
+    doors = list(work.scene.doors(thing))
+    if not doors:
+        raise MotionFailure("no_door")
+    return thing, _ranked(doors, places)
+
+
+def _plain(phrase: str) -> str:
+    """Lower case words split by single spaces, without an article; ranks, which tell doors apart, are kept."""
+    return re.sub(r"^(?:the|an?)\s+", "", " ".join(re.sub(r"[_\W]+", " ", phrase.lower()).split()))
+
+
+def _read(work: Work, words: str) -> tuple[str, list[str]]:
+    """The thing and the words that tell its doors apart."""
+    found = work.scene.knowledge().find
+    if found(words) and normalize(words) == words:  # nothing in it tells doors apart
+        return work.nearest(words), []
+    place = "|".join(_PLACES)
+    forms = (
+        rf"(?P<places>(?:(?:{place})\s+)*)(?:(?:{_PARTS})\s+)?(?P<rank>(?:number\s+)?(?:{place})\s+)?(?:of|on|in|to)\s+(?:the\s+)?(?P<thing>.+)",
+        rf"(?P<places>(?:(?:{place})\s+)*)(?P<thing>.+?)(?:\s+(?:{_PARTS}))(?P<rank>\s+(?:number\s+)?(?:{place}))?",
+        rf"(?P<places>(?:(?:{place})\s+)+)(?P<thing>.+)(?P<rank>)",
+    )
+    for form in forms:
+        match = re.fullmatch(form, words)
+        if match and found(match["thing"]):
+            said = f"{match['places']} {match['rank'] or ''}".split()
+            return work.nearest(match["thing"]), [w for w in said if w != "number"]
+    return work.nearest(words), []
+
+
+def _ranked(doors: Sequence[Door], places: Sequence[str]) -> list[Door]:
+    """The doors that match the words, the best first; all of them, from the top, if there are no words."""
+    at = {id(d): _middle(d) for d in doors}
+    barred = [d for d in doors if d.bar is not None]
+    facing = np.array([1.0, 0.0, 0.0])
+    if barred and barred[0].bar is not None:
+        facing = moved(barred[0], -barred[0].position)[:3, :3] @ barred[0].bar.outward
+    rightward = np.cross([0.0, 0.0, 1.0], facing)  # of someone who stands before it
+    left = sorted(doors, key=lambda d: float(at[id(d)] @ rightward))
+    high = sorted(doors, key=lambda d: (-round(float(at[id(d)][2]), 2), float(at[id(d)] @ rightward)))
+    for word in places:
+        if word in ("top", "upper", "uppermost", "highest"):
+            return [high[0]]
+        if word in ("bottom", "lower", "lowest"):
+            return [high[-1]]
+        if word == "middle":
+            return [high[len(high) // 2]]
+        if word == "left":
+            return [left[0]]
+        if word == "right":
+            return [left[-1]]
+        if word in _RANKS and _RANKS[word] < len(doors):
+            return [high[_RANKS[word]]]
+    return high
+
+
+def _middle(door: Door) -> Array:
+    """(3,) where it is when it is closed."""
+    shut = moved(door, -door.position)
+    if door.bar is not None:
+        return np.asarray(shut[:3, :3] @ door.bar.center + shut[:3, 3], float)
+    boxes = np.stack([s.moved(shut).aabb() for s in door.solids])
+    return np.asarray((boxes[:, 0].min(0) + boxes[:, 1].max(0)) / 2)
+
+
+def moved(door: Door, by: float) -> Array:
+    """(4, 4) that takes what moves with a door from where it is to where it is when opened further by [rad or m]."""
+    if door.kind == "slide":
+        return kin.transform(np.eye(3), door.axis * by)
+    R = Rotation.from_rotvec(door.axis * by).as_matrix()
+    return kin.transform(R, door.origin - R @ door.origin)
+
+
+def upright(door: Door) -> bool:
+    """Whether it turns about a vertical hinge."""
+    return door.kind == "hinge" and abs(float(door.axis[2])) > 0.7
+
+
+def panel(door: Door) -> Solid:
+    """Its largest solid."""
+    return max(door.solids, key=lambda s: float(np.sort(s.half_m)[1:].prod()))
+
+
+def swings(door: Door, bar: Bar, to: float) -> list[Course]:
+    """Ways to hold a door by its bar and move it to a position [rad or m]."""
+    closed = moved(door, -door.position)[:3, :3]
+    outward, along = closed @ bar.outward, closed @ bar.axis
+    out = []
+    for turn in _TURNS if door.kind == "hinge" else (0.0,):
+        for flip in (1.0, -1.0):
+            for shift in _ALONG:
+                straight = kin.hand_rotation(-outward, flip * np.cross(along, outward))
+                grip = bar.center + bar.axis * shift * bar.length_m
+                cost = 2.0 * abs(turn - 0.5) + 0.5 * abs(shift) if door.kind == "hinge" else 0.5 * abs(shift)
+                out.append(_swing(door, grip, straight, turn, to, cost))
+    return out
+
+
+def _swing(door: Door, grip: Array, straight: Array, turn: float, to: float, cost: float) -> Course:
+    start = door.position
+
+    def hand(x: float) -> Array:
+        at = start + (to - start) * x
+        R = straight
+        if door.kind == "hinge":
+            R = Rotation.from_rotvec(door.axis * turn * at).as_matrix() @ straight
+        T = moved(door, at - start)
+        return kin.transform(R, T[:3, :3] @ grip + T[:3, 3])
+
+    def carry(x: float) -> Array:
+        now = hand(x)[:3, 3]
+        yaw = float(np.sign(door.axis[2])) * turn * (to - start) * x if upright(door) else 0.0
+        R = kin.rot_z(yaw)
+        shift = now - R @ hand(0.0)[:3, 3]
+        return kin.transform(R, shift * [1.0, 1.0, 0.0])
+
+    def moving(x: float) -> list[Solid]:
+        T = moved(door, (to - start) * x)
+        return [s.moved(T) for s in door.solids]
+
+    before = hand(0.0)
+    before[:3, 3] -= _SHORT_M * before[:3, 2]
+    z = before[:3, 2]
+    return Course(before, hand, carry, moving, float(np.arctan2(z[1], z[0])), cost)
