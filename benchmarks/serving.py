@@ -31,7 +31,7 @@ from websockets.asyncio.server import ServerConnection, serve
 from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.remote.codec import pack, unpack
 from mpvi_bt.remote.mapping import message_of
-from mpvi_bt.remote.observation import write_observation
+from mpvi_bt.remote.observation import Vocabulary, write_observation
 from mpvi_bt.remote.openpi import connect
 from mpvi_bt.remote.server import PolicyServer
 from mpvi_bt.remote.settings import load_settings
@@ -90,7 +90,7 @@ async def plain(port: Callable[[int], None]) -> None:
 async def ours(port: Callable[[int], None]) -> None:
     """`mpvi serve`."""
 
-    def make() -> Policy:
+    def make(vocabulary: Vocabulary) -> Policy:
         return AtOnce()
 
     async with PolicyServer("at_once", make).listening("127.0.0.1", 0) as server:

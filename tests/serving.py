@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -15,19 +15,19 @@ from websockets.sync.client import ClientConnection, connect
 from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.remote.codec import pack, unpack
-from mpvi_bt.remote.observation import CAMERAS
-from mpvi_bt.remote.server import PolicyServer
+from mpvi_bt.remote.observation import CAMERAS, Vocabulary
+from mpvi_bt.remote.server import Make, PolicyServer
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.testing.doubles import GripPolicy, KinematicRobot
 
 
-def grip() -> Policy:
+def grip(vocabulary: Vocabulary | None = None) -> Policy:
     """A policy that needs no picture."""
     return GripPolicy(load_skills())
 
 
 @contextlib.contextmanager
-def serving(make: Callable[[], Policy] = grip, api_key: str = "") -> Iterator[PolicyServer]:
+def serving(make: Make = grip, api_key: str = "") -> Iterator[PolicyServer]:
     """A server at a free port of this machine, in a thread of its own."""
     server = PolicyServer("grip", make, api_key)
     started, ended, loop = threading.Event(), asyncio.Event(), asyncio.new_event_loop()

@@ -22,7 +22,7 @@ from websockets.sync.client import connect
 
 from mpvi_bt.errors import BadMessage
 from mpvi_bt.remote.codec import MAX_BYTES, pack, unpack
-from mpvi_bt.remote.observation import read_observation, write_observation
+from mpvi_bt.remote.observation import Vocabulary, read_observation, write_observation
 from mpvi_bt.remote.server import MOST_CLIENTS, PolicyServer
 from mpvi_bt.robot.solids import Array
 from tests.serving import ask, client, grip, observation, received, serving
@@ -62,8 +62,11 @@ def test_an_observation_comes_through_whole(bare: bool) -> None:
     if bare:
         sent["proprioception"] = replace(sent["proprioception"], arm_command={})
         sent["images"] = {name: replace(image, labels=None, names={}) for name, image in sent["images"].items()}
-    read, reset = read_observation(unpack(pack(write_observation(sent, reset=True))))
-    assert reset
+    called = None if bare else {"cup.n.01_1": ["cup", "mug"]}
+    question = read_observation(unpack(pack(write_observation(sent, not bare, called))))
+    assert question.reset is not bare
+    assert question.vocabulary == called
+    read = question.observation
     assert read["prompt"] == sent["prompt"]
     for name, value in vars(sent["proprioception"]).items():
         np.testing.assert_equal(getattr(read["proprioception"], name), value)
@@ -95,7 +98,7 @@ def test_a_client_gets_what_the_policy_gives_in_process() -> None:
 
 def test_a_policy_begins_anew_when_told_and_when_the_prompt_changes() -> None:
     """The handoff is a flag of the observation; the same prompt again is none."""
-    with serving(Probe) as server, client(server) as connection:
+    with serving(lambda _: Probe()) as server, client(server) as connection:
         connection.recv(timeout=10)
 
         def calls(prompt: str, reset: bool = False) -> int:
@@ -106,9 +109,27 @@ def test_a_policy_begins_anew_when_told_and_when_the_prompt_changes() -> None:
         assert [calls("a"), calls("a"), calls("b"), calls("b"), calls("b", reset=True)] == [1, 2, 1, 2, 1]
 
 
+def test_a_client_says_what_its_labels_are_called() -> None:
+    """The policy is made with it, and made anew when it changes; saying the same again changes nothing."""
+    made = []
+
+    def make(vocabulary: Vocabulary) -> Probe:
+        made.append(dict(vocabulary))
+        return Probe()
+
+    with serving(make) as server, client(server) as connection:
+        received(connection)
+        calls = [
+            ask(connection, write_observation(observation(), vocabulary=called))["note"]
+            for called in (None, {"a": ["cup"]}, {"a": ["cup"]}, None, {"a": ["cup", "mug"]})
+        ]
+    assert calls == ["call 1", "call 1", "call 2", "call 3", "call 1"]
+    assert made == [{}, {"a": ["cup"]}, {"a": ["cup", "mug"]}]
+
+
 def test_answers_say_which_cameras_come_next() -> None:
     """A client sends the pictures that are asked for; without them it is told which is missing."""
-    with serving(lambda: Probe(cameras=("head",))) as server, client(server) as connection:
+    with serving(lambda _: Probe(cameras=("head",))) as server, client(server) as connection:
         assert received(connection)["cameras"] == ["head"]
         assert ask(connection, write_observation(observation()))["cameras"] == ["head"]
         told = ask(connection, write_observation({**observation(), "images": {}}))
@@ -120,7 +141,7 @@ def test_clients_do_not_share_a_policy_nor_wait_for_each_other() -> None:
     go, thinking = threading.Event(), threading.Event()
     made: list[Probe] = []
 
-    def make() -> Probe:
+    def make(vocabulary: Vocabulary) -> Probe:
         def think() -> None:
             thinking.set()
             go.wait(10)
@@ -183,6 +204,8 @@ BAD = {
     "endless_depth": (_with(np.full((8, 8), np.inf, np.float32), "images", "left", "depth"), "it is 0"),
     "labels_of_floats": (_with(np.zeros((8, 8)), "images", "left", "labels"), "int32"),
     "names_by_name": (_with({"cup": "1"}, "images", "left", "names"), "not a label id and a name"),
+    "vocabulary_of_texts": (_with({"cup": "mug"}, "vocabulary"), "'cup': 'mug' is given, a list of texts"),
+    "vocabulary_of_numbers": (_with({"cup": [1]}, "vocabulary"), "a list of texts is wanted"),
     "flat_matrix": (_with(np.zeros(9), "images", "left", "K"), "(3, 3) numbers"),
 }
 
@@ -220,7 +243,7 @@ def test_what_is_wrong_is_told_before_the_connection_ends(name: str) -> None:
 def test_a_policy_that_breaks_is_told_to_its_client(infer: Callable[[Any], Any], said: str) -> None:
     """Its exception goes to the client as text, with code 1011; no broken action goes to a robot."""
 
-    def make() -> Probe:
+    def make(vocabulary: Vocabulary) -> Probe:
         policy = Probe()
         policy.infer = infer  # type: ignore[method-assign, assignment]
         return policy
@@ -238,7 +261,7 @@ def test_a_policy_that_breaks_is_told_to_its_client(infer: Callable[[Any], Any],
 def test_a_policy_that_cannot_be_made_is_told_too() -> None:
     """In the place of the metadata."""
 
-    def make() -> Probe:
+    def make(vocabulary: Vocabulary) -> Probe:
         raise RuntimeError("no weights")
 
     with serving(make) as server, client(server) as connection:
@@ -274,7 +297,7 @@ def test_clients_that_vanish_leave_nothing_behind(when: str) -> None:
     """A connection that is torn down, at rest, in an inference, or in a frame, is forgotten; its thread ends."""
     threads = threading.active_count()
     go = threading.Event()
-    with contextlib.ExitStack() as stack, serving(lambda: Probe(work=lambda: go.wait(10))) as server:
+    with contextlib.ExitStack() as stack, serving(lambda _: Probe(work=lambda: go.wait(10))) as server:
         connection = stack.enter_context(client(server))
         connection.recv(timeout=10)
         if when == "thinking":
@@ -375,7 +398,7 @@ def test_clients_are_told_when_the_server_ends() -> None:
     """Code 1001, even to one whose policy hangs."""
     go = threading.Event()
     with contextlib.ExitStack() as stack:
-        with serving(lambda: Probe(work=lambda: go.wait(30))) as server:
+        with serving(lambda _: Probe(work=lambda: go.wait(30))) as server:
             connection = stack.enter_context(client(server))
             connection.recv(timeout=10)
             connection.send(pack(GOOD))

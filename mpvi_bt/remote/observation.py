@@ -1,12 +1,13 @@
 """The whole observation of a policy as a message: what `mpvi serve` takes, so that any of our policies can be served.
 
-It is the observation as policies see it in process, with mappings for its parts (table in docs/policies.md). Nothing is
-lost on the way: what is read equals what was written bit by bit.
+It is the observation as policies see it in process, with mappings for its parts (table in docs/policies.md), and what
+such a policy is told besides. Nothing is lost on the way: what is read equals what was written bit by bit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,18 +20,35 @@ CAMERAS = ("head", *SIDES)
 _BODY = ("base_pose", "base_velocity", "torso", "arm", "arm_velocity", "gripper_width", "gripper_command")
 
 
-def write_observation(observation: Mapping[str, Any], reset: bool = False) -> dict[str, Any]:
-    """The message of an observation.
+Vocabulary = Mapping[str, Iterable[str]]  # name of a thing, as labels of pictures have it: what people call it
 
-    Args:
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What a message asks of a policy.
+
+    Attributes:
         observation: As `Policy.infer` takes it.
         reset: Whether the policy is to begin anew with it.
+        vocabulary: What the labels of pictures are called, from now on; None: as before.
     """
+
+    observation: dict[str, Any]
+    reset: bool
+    vocabulary: Vocabulary | None
+
+
+def write_observation(
+    observation: Mapping[str, Any], reset: bool = False, vocabulary: Vocabulary | None = None
+) -> dict[str, Any]:
+    """The message of an observation; see `Question`."""
     body: Proprioception = observation["proprioception"]
     images: Mapping[str, CameraImage] = observation["images"]
+    called = {} if vocabulary is None else {"vocabulary": {name: list(words) for name, words in vocabulary.items()}}
     return {
         "prompt": observation["prompt"],
         "reset": reset,
+        **called,
         "proprioception": {
             "base_pose": body.base_pose,
             "base_velocity": body.base_velocity,
@@ -52,14 +70,14 @@ def _write_image(image: CameraImage) -> dict[str, Any]:
     return {**message, "labels": image.labels, "names": {str(id_): name for id_, name in image.names.items()}}
 
 
-def read_observation(message: Any) -> tuple[dict[str, Any], bool]:
-    """The observation of a message, as `Policy.infer` takes it, and whether the policy is to begin anew with it.
+def read_observation(message: Any) -> Question:
+    """What a message asks.
 
     Raises:
         BadMessage: Something is missing, not known, or of the wrong kind, shape or dtype; says where, and what would
             be right.
     """
-    top = _mapping(message, "", ("prompt", "proprioception"), ("images", "reset"))
+    top = _mapping(message, "", ("prompt", "proprioception"), ("images", "reset", "vocabulary"))
     if not isinstance(top["prompt"], str):
         raise _wrong("prompt", top["prompt"], "a text")
     if not isinstance(reset := top.get("reset", False), bool):
@@ -70,7 +88,16 @@ def read_observation(message: Any) -> tuple[dict[str, Any], bool]:
         "proprioception": _read_body(top["proprioception"]),
         "images": {camera: _read_image(camera, image) for camera, image in images.items()},
     }
-    return observation, reset
+    return Question(observation, reset, _read_vocabulary(top["vocabulary"]) if "vocabulary" in top else None)
+
+
+def _read_vocabulary(given: Any) -> Vocabulary:
+    if not isinstance(given, dict):
+        raise _wrong("vocabulary", given, "a mapping of names to what they are called")
+    for name, words in given.items():
+        if not (isinstance(name, str) and isinstance(words, list) and all(isinstance(word, str) for word in words)):
+            raise BadMessage(f"vocabulary: {shown(name)}: {shown(words)} is given, a list of texts is wanted")
+    return given
 
 
 def _read_body(given: Any) -> Proprioception:

@@ -29,7 +29,7 @@ from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.errors import BadMessage
 from mpvi_bt.remote.codec import MAX_BYTES, pack, unpack
 from mpvi_bt.remote.metrics import Metrics
-from mpvi_bt.remote.observation import read_observation
+from mpvi_bt.remote.observation import Vocabulary, read_observation
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ
 
 MOST_CLIENTS = 64  # each has a policy and a thread
@@ -37,6 +37,9 @@ INTERNAL_ERROR = 1011  # what openpi closes with after an error
 _log = logging.getLogger("mpvi_bt.remote.server")  # what websockets would say of each bad handshake
 _log.addHandler(logging.NullHandler())
 _log.propagate = False
+
+
+Make = Callable[[Vocabulary], Policy]
 
 
 class Refused(Exception):
@@ -56,7 +59,8 @@ class PolicyServer:
 
     Args:
         name: Of the policy, for the metadata.
-        make: Makes one; called for each client, in the client's thread.
+        make: Makes one, with what labels of pictures are called; for each client, in the client's thread, and anew when
+            the client says what its labels are called.
         api_key: What clients must send as `Authorization: Api-Key ...`; "": nothing.
         say: Told what a person should know, in one line, when it happens.
 
@@ -67,7 +71,7 @@ class PolicyServer:
     """
 
     def __init__(
-        self, name: str, make: Callable[[], Policy], api_key: str = "", say: Callable[[str], None] = lambda line: None
+        self, name: str, make: Make, api_key: str = "", say: Callable[[str], None] = lambda line: None
     ) -> None:
         self.metrics = Metrics()
         self.port = 0
@@ -172,9 +176,10 @@ class Session:
         make: Makes the policy.
     """
 
-    def __init__(self, make: Callable[[], Policy]) -> None:
+    def __init__(self, make: Make) -> None:
         self._make = make
         self._policy: Policy | None = None
+        self._vocabulary: Vocabulary = {}
         self._prompt: str | None = None
         self._calls: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         threading.Thread(target=self._work, name="policy", daemon=True).start()
@@ -218,36 +223,45 @@ class Session:
             call()
 
     def _begin(self) -> list[str]:
-        self._policy = self._make()
+        self._policy = self._make(self._vocabulary)
         self._policy.reset()
         return list(self._policy.cameras)
 
     def _answer(self, frame: str | bytes) -> tuple[dict[str, Any], float]:
-        assert self._policy is not None
-        if isinstance(frame, str):
-            raise Refused("bad_message", "a text frame; an observation is a binary frame of msgpack")
         try:
-            observation, reset = read_observation(unpack(frame))
-            if reset or observation["prompt"] != self._prompt:
-                self._policy.reset()
-            self._prompt = observation["prompt"]
-            for camera in self._policy.cameras:
-                if camera not in observation["images"]:
-                    raise BadMessage(f"images: {camera} is missing, which the policy asked for in the last `cameras`")
+            policy, observation = self._asked(frame)
         except BadMessage as error:
             raise Refused("bad_message", str(error)) from None
         started = time.perf_counter()
-        actions = np.asarray(self._policy.infer(observation), float)
+        actions = np.asarray(policy.infer(observation), float)
         infer_s = time.perf_counter() - started
         if actions.ndim != 2 or actions.shape[1] != ACTION_SIZE or not len(actions) or not np.isfinite(actions).all():
             raise Refused("policy_failed", f"actions of shape {actions.shape}; (H, {ACTION_SIZE}) and finite is wanted")
         message = {
             "actions": actions,
-            "cameras": list(self._policy.cameras),
-            "note": str(getattr(self._policy, "note", "")),
+            "cameras": list(policy.cameras),
+            "note": str(getattr(policy, "note", "")),
             "policy_timing": {"infer_ms": infer_s * 1000},
         }
         return message, infer_s
+
+    def _asked(self, frame: str | bytes) -> tuple[Policy, dict[str, Any]]:
+        """The policy, ready for an observation, and the observation. Raises BadMessage."""
+        if isinstance(frame, str):
+            raise BadMessage("a text frame; an observation is a binary frame of msgpack")
+        question = read_observation(unpack(frame))
+        if question.vocabulary is not None and question.vocabulary != self._vocabulary:
+            self._vocabulary = question.vocabulary
+            self._begin()
+        assert self._policy is not None
+        prompt = question.observation["prompt"]
+        if question.reset or prompt != self._prompt:
+            self._policy.reset()
+        self._prompt = prompt
+        for camera in self._policy.cameras:
+            if camera not in question.observation["images"]:
+                raise BadMessage(f"images: {camera} is missing, which the last `cameras` asked for")
+        return self._policy, question.observation
 
 
 async def _unless(gone: asyncio.Future[None], wanted: asyncio.Future[Any]) -> Any:
