@@ -31,7 +31,7 @@ def run(config: EpisodeConfig) -> dict[str, Any]:
 
     FAKE_LOG: Folder in which every start and every end is noted. FAKE_SLEEP: seconds that an episode takes.
     FAKE_DIE, FAKE_HANG, FAKE_RAISE: an instance whose first attempt dies, hangs or raises; with FAKE_ALWAYS every one.
-    FAKE_USER_ERROR: an instance that raises a user error.
+    FAKE_USER_ERROR: an instance that raises a user error. FAKE_BACKEND: one whose policy's server fails.
     """
     log = Path(os.environ["FAKE_LOG"])
     first = not list(log.glob(f"{config.name}.start.*"))
@@ -42,12 +42,13 @@ def run(config: EpisodeConfig) -> dict[str, Any]:
         if os.environ.get(name) == str(config.instance) and (first or "FAKE_ALWAYS" in os.environ):
             act()
     time.sleep(float(os.environ.get("FAKE_SLEEP", "0")))
-    data = fake_result(config)
+    backend = os.environ.get("FAKE_BACKEND") == str(config.instance) and (first or "FAKE_ALWAYS" in os.environ)
+    data = fake_result(config, backend=backend)
     note(log, config, "end")
     return data
 
 
-def fake_result(config: EpisodeConfig, steps: int = 900) -> dict[str, Any]:
+def fake_result(config: EpisodeConfig, steps: int = 900, backend: bool = False) -> dict[str, Any]:
     """A result that depends on nothing but the config."""
     success = config.instance % 2 == 0
     conditions = (Condition("inside(can, bin)", success),)
@@ -62,6 +63,8 @@ def fake_result(config: EpisodeConfig, steps: int = 900) -> dict[str, Any]:
     )
     measured = Measurement(steps, 2.0, hands, {"left": 1.0, "right": 2.0})
     ended = "success" if success else "failure"
+    if backend:
+        ended, failures = "backend_error", [Failure(node="task/pick", reason="server_closed", feedback="it went away")]
     result = make_result(config, TASK, goal, measured, ended=ended, failures=failures, wall={"total_s": time.time()})
     return result.model_dump(mode="json")
 

@@ -10,8 +10,8 @@ import pytest
 
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.progress import Progress
-from mpvi_bt.suite.report import report_data, report_text
-from mpvi_bt.suite.result import Result
+from mpvi_bt.suite.report import report_data, report_text, troubles
+from mpvi_bt.suite.result import Grasps, Result
 from mpvi_bt.suite.store import Fault, Store
 from tests.conftest import Shell
 from tests.fake_episodes import fake_result
@@ -36,6 +36,29 @@ def test_the_report_for_programs_is_strict_json_without_wall_times() -> None:
     assert data["missing"] == [{"episode": "picking_up_trash_3_0", "fault": "the worker process died (exit code -9)"}]
     assert data["privileged"] == ["detector:oracle", "policy:expert"]
     assert set(data["directions"])
+
+
+def test_episodes_that_the_policys_backend_failed_are_named_and_are_nobodys_score() -> None:
+    """Their row says so, so does a line of their own, and the mean of the finished ones leaves them out."""
+    faults = {EPISODES[3]: Fault("server_closed: it went away", backend="server_closed")}
+    data, text = report_data("four", EPISODES, RESULTS, faults), report_text("four", EPISODES, RESULTS, faults)
+    (missing,) = data["missing"]
+    assert missing == {
+        "episode": "picking_up_trash_3_0", "fault": "server_closed: it went away", "backend": "server_closed",
+    }  # fmt: skip
+    assert data["overall"]["q_score_of_finished"] == pytest.approx(2.5 / 3)
+    assert "backend failure" in text
+    assert "instance 3: the policy's backend failed, server_closed: it went away" in text
+    assert "failed by the policy's backend, not by the policy: picking_up_trash_3_0" in text
+
+
+def test_clipped_actions_and_failed_grasps_are_told() -> None:
+    """With their numbers; nothing where there were none."""
+    assert troubles(0, 0, 0) == ""
+    assert troubles(3, 1, 2) == "3 actions clipped, 1 empty grasp, 2 lost grasps"
+    changed = RESULTS[EPISODES[0]].model_copy(update={"clipped": 12, "grasps": Grasps(empty=1)})
+    text = report_text("four", EPISODES, {**RESULTS, EPISODES[0]: changed}, FAULTS)
+    assert "instance 0: 12 actions clipped, 1 empty grasp\n" in text
 
 
 def test_an_empty_suite_has_no_means() -> None:

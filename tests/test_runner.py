@@ -178,6 +178,37 @@ def test_what_breaks_twice_is_a_fault_that_the_next_run_tries_again(
     assert store.fault(EPISODES[1]) is None
 
 
+def test_a_failure_of_the_policys_backend_is_no_result_and_the_next_run_tries_again(
+    tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is tried once more, then on file with its reason, apart from machine faults and from scores."""
+    store = Store(tmp_path / "out")
+    monkeypatch.setenv("FAKE_BACKEND", "0")
+    heard = Heard()
+    outcome = run_suite(EPISODES[:2], store, 1, heard, FAKE)
+    assert list(outcome.results) == EPISODES[:2], "the second try went through"
+    assert heard.faults == [(0, True)]
+
+    store = Store(tmp_path / "again")
+    monkeypatch.setenv("FAKE_ALWAYS", "1")
+    outcome = run_suite(EPISODES[:2], store, 1, Heard(), FAKE)
+    assert list(outcome.results) == EPISODES[1:2]
+    fault = store.fault(EPISODES[0])
+    assert fault is not None
+    assert (fault.backend, fault.kind, fault.message) == (
+        "server_closed", "backend failure", "server_closed: it went away",
+    )  # fmt: skip
+    written = read_result(store.path(EPISODES[0]))
+    assert written is not None
+    assert written.ended == "backend_error"
+
+    monkeypatch.delenv("FAKE_BACKEND")
+    heard = Heard()
+    run_suite(EPISODES[:2], store, 1, heard, FAKE)
+    assert (heard.kept, heard.done) == (1, EPISODES[:1])
+    assert store.fault(EPISODES[0]) is None
+
+
 @pytest.mark.slow
 def test_a_hung_episode_is_stopped_and_tried_again(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Past its wall-time limit an episode's worker is killed."""

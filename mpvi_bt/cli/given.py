@@ -10,6 +10,8 @@ from click.shell_completion import CompletionItem
 
 from mpvi_bt import paths
 from mpvi_bt.errors import MpviError, UnknownName, UserError
+from mpvi_bt.suite.backends import BACKENDS, choose
+from mpvi_bt.suite.config import EpisodeConfig
 
 
 class File(click.ParamType[str]):
@@ -59,6 +61,70 @@ class Name(File):
         """The names that begin with what is typed; files too where they do."""
         items = super().shell_complete(ctx, param, incomplete)
         return items if self.file else items[1:]
+
+
+class Choice(click.ParamType[str]):
+    """A backend, by name or by name and address.
+
+    Args:
+        kind: Such as "policy".
+    """
+
+    name = "backend"
+
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """As given, once it is known that there is such a backend.
+
+        Raises:
+            UserError: There is none, or its address is missing.
+        """
+        choose(self.kind, value)
+        return value
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """The names that begin with what is typed, with the colon before an address."""
+        return _items((f"{n}:" if b.address else n for n, b in BACKENDS[self.kind].items()), incomplete)
+
+
+def backends(command: Any) -> Any:
+    """The options that choose the backends of an episode, and how the policy is driven."""
+    options = [
+        click.option(
+            f"--{kind}",
+            type=Choice(kind),
+            default=EpisodeConfig.__dataclass_fields__[kind].default,
+            show_default=True,
+            metavar="NAME",
+            help="; ".join(f"{n}{b.address and f':{b.address}'}: {b.about}" for n, b in choices.items()),
+        )
+        for kind, choices in BACKENDS.items()
+    ]
+    options += [
+        click.option(
+            "--policy-settings",
+            type=File("policies"),
+            metavar="NAME",
+            help="How a policy that is somewhere else is spoken to, by name or file.",
+        ),
+        click.option(
+            "--policy-horizon",
+            type=click.IntRange(min=1),
+            metavar="N",
+            help="Carry out N actions of each chunk, then ask again.  [default: all]",
+        ),
+        click.option(
+            "--policy-ensemble",
+            type=click.FloatRange(min=0),
+            metavar="DECAY",
+            help="Ask at every step, and average what chunks foresee for it with weights exp(-DECAY i).",
+        ),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
 
 
 def arguments(params: Iterable[str]) -> dict[str, str]:

@@ -106,7 +106,8 @@ def _backends() -> dict[str, str]:
     from mpvi_bt.suite.backends import BACKENDS
 
     return {
-        f"--{kind} {name}": backend.about + (" (reads simulator truth)" if backend.privileged else "")
+        f"--{kind} {name}" + (f":{b.address}" if b.address else ""): b.about
+        + (" (reads simulator truth)" if b.privileged else "")
         for kind, choices in BACKENDS.items()
-        for name, backend in choices.items()
+        for name, b in choices.items()
     }

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 import tempfile
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,24 +12,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mpvi_bt.cli import INTERRUPTED
-from mpvi_bt.cli.given import File, Name, arguments, complete_param, complete_path
+from mpvi_bt.cli.given import File, Name, arguments, backends, complete_param, complete_path
 from mpvi_bt.cli.score import brief_score, score
-from mpvi_bt.errors import NodeError, UserError
-from mpvi_bt.suite.backends import BACKENDS
+from mpvi_bt.errors import BackendError, NodeError, UserError
 from mpvi_bt.suite.config import EpisodeConfig
 
 if TYPE_CHECKING:
     from mpvi_bt.executive.loop import Outcome, Subscriber
     from mpvi_bt.executive.stop import Stop
     from mpvi_bt.suite.prepare import Prepared
-
-
-def _backend(kind: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
-    """The option that chooses a backend."""
-    choices = BACKENDS[kind]
-    about = "; ".join(f"{name}: {backend.about}" for name, backend in choices.items())
-    default = EpisodeConfig.__dataclass_fields__[kind].default
-    return click.option(f"--{kind}", type=click.Choice(list(choices)), default=default, show_default=True, help=about)
 
 
 _OUTPUT = click.Path(dir_okay=False, path_type=Path)
@@ -40,11 +30,7 @@ _OUTPUT = click.Path(dir_okay=False, path_type=Path)
 @click.argument("task", type=Name("tasks"), required=False)
 @click.option("--instance", type=click.IntRange(min=0), default=0, show_default=True, help="Start state of the task.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of everything random.")
-@_backend("planner")
-@_backend("map")
-@_backend("detector")
-@_backend("policy")
-@_backend("checker")
+@backends
 @click.option("--tree", type=Name("trees", file=True), help="Run this tree, by name or file, instead of a plan's.")
 @click.option(
     "--param",
@@ -104,7 +90,8 @@ def run(
 ) -> int:
     """Run one episode of TASK with the tree shown live, then print its score.
 
-    Exit code 0 where the goal is true at the end, 1 where it is not; of a dry run, where the tree succeeds or not.
+    Exit code 0 where the goal is true at the end, 1 where it is not; of a dry run, where the tree succeeds or not. 3
+    where the policy's server failed.
     """
     config, prepared, dry = _resumed(resume, settings) if resume else _asked_for(task, arguments(params), dry, settings)
     if dry and (config.video or config.picture):
@@ -200,6 +187,8 @@ def _episode(
         click.echo(f"{score(result, config.trace, _left(config))}\n  result    {path}")
     if result["ended"] == "interrupted":
         return INTERRUPTED
+    if result["ended"] == "backend_error":
+        return BackendError.exit_code
     return 0 if result["success"] else 1
 
 

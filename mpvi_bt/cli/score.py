@@ -28,6 +28,7 @@ def score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | No
         ("time", f"{result['time']['simulator_time']:.1f} s simulated{human}"),
         ("distance", f"base {moved['base']:.1f} m, left hand {moved['left']:.1f} m, right hand {moved['right']:.1f} m"),
         *_failed(result),
+        *((("hands", felt),) if (felt := _felt(result)) else ()),
         ("wall", _wall(result["wall"])),
         ("truth", f"read by {', '.join(result['privileged']) or 'none'}"),
     ]
@@ -48,7 +49,7 @@ def brief_score(
 
 
 def _verdict(result: Mapping[str, Any]) -> str:
-    verdicts = {"interrupted": "STOPPED", "error": "ERROR"}
+    verdicts = {"interrupted": "STOPPED", "backend_error": "BACKEND ERROR", "error": "ERROR"}
     return "SUCCESS" if result["success"] else verdicts.get(result["ended"], "FAILURE")
 
 
@@ -56,6 +57,13 @@ def _failed(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     for failure in result["failures"]:
         said = failure["feedback"] or failure["reason"]
         yield "failed", f"{failure['time_s']:.1f} s: {_part(failure['node'])}: {said}"
+
+
+def _felt(result: Mapping[str, Any]) -> str:
+    from mpvi_bt.suite.report import troubles  # it needs numpy, which the help does not
+
+    grasps = result.get("grasps", {})
+    return troubles(result.get("clipped", 0), grasps.get("empty", 0), grasps.get("lost", 0))
 
 
 def _next(result: Mapping[str, Any], trace: Path | None, saved: Path | None) -> list[str]:

@@ -11,9 +11,8 @@ from typing import Any
 
 import click
 
-from mpvi_bt.cli.given import File, Name
+from mpvi_bt.cli.given import File, Name, backends
 from mpvi_bt.errors import BackendError
-from mpvi_bt.suite.backends import BACKENDS
 from mpvi_bt.suite.config import EPISODE, EpisodeConfig
 
 # The heavier modules load in the functions, so that `--help` is quick.
@@ -26,10 +25,7 @@ def suite() -> None:
 
 def _shared(command: Any) -> Any:
     """The argument and options that name a suite's episodes and their folder."""
-    for kind, choices in BACKENDS.items():
-        default = EpisodeConfig.__dataclass_fields__[kind].default
-        about = "; ".join(f"{name}: {backend.about}" for name, backend in choices.items())
-        command = click.option(f"--{kind}", default=default, show_default=True, metavar="NAME", help=about)(command)
+    command = backends(command)
     command = click.option(
         "--tree", type=Name("trees", file=True), metavar="FILE", help="Run this tree instead of the plan's."
     )(command)
@@ -152,12 +148,9 @@ def report(name: str, out: Path | None, as_json: bool, **options: Any) -> None:
 
 def _open(name: str, out: Path | None, options: dict[str, Any]) -> tuple[str, Any, list[EpisodeConfig]]:
     """The suite's title, its store and its episodes, all names checked."""
-    from mpvi_bt.suite.backends import choose
     from mpvi_bt.suite.store import Store
     from mpvi_bt.suite.tasks import load_suite
 
-    for kind in BACKENDS:
-        choose(kind, options[kind])
     loaded = load_suite(name)
     title = Path(name).stem
     return title, Store(out or Path("runs") / title), loaded.episodes(**options)

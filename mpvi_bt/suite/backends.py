@@ -1,7 +1,8 @@
 """The backends that a run can choose, by kind and name. Light, so that the command line can list them at once.
 
-A name stands for a class that only its own module imports. `privileged` backends read simulator truth: every result
-names those that a run used.
+A backend is chosen as `name` or, where it is somewhere else, as `name:address`. `suite/policies.py` and
+`suite/episode.py` make what is chosen. `privileged` backends read simulator truth: every result names those that a run
+used.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from mpvi_bt.errors import UnknownName
+from mpvi_bt.errors import UnknownName, UserError
 
 
 @dataclass(frozen=True)
@@ -19,34 +20,56 @@ class Backend:
     Attributes:
         about: One line for a person.
         privileged: Whether it reads simulator truth.
+        address: What its address looks like; "" if it has none.
+        sees: Whether it looks through the robot's cameras.
     """
 
     about: str
     privileged: bool = False
+    address: str = ""
+    sees: bool = False
 
 
 BACKENDS: Mapping[str, Mapping[str, Backend]] = {
     "planner": {"recorded": Backend("the plan on file for the task")},
     "map": {"prior": Backend("occupancy and rooms, derived from the house before the episode")},
     "detector": {"oracle": Backend("where every object is, from the simulator", privileged=True)},
-    "policy": {"expert": Backend("scripted grasps and placements on true poses: the upper bound", privileged=True)},
+    "policy": {
+        "expert": Backend("scripted skills on true poses: the upper bound", privileged=True),
+        "reactive": Backend("the same skills on what the cameras show", sees=True),
+        "openpi": Backend("a policy server that speaks openpi's protocol", address="ws://HOST:PORT", sees=True),
+        "vla_eval": Backend("a model server of the vla-eval package", address="ws://HOST:PORT", sees=True),
+    },
     "checker": {
-        "visual": Backend("judges a criterion by what one camera image shows"),
+        "visual": Backend("judges a criterion by what one camera image shows", sees=True),
         "oracle": Backend("judges a criterion by the simulator's state", privileged=True),
     },
 }
 
 
-def choose(kind: str, name: str) -> Backend:
-    """The backend of a name.
+def split(given: str) -> tuple[str, str]:
+    """Name and address of a choice such as "openpi:ws://localhost:8000"; the address is "" where none is given."""
+    name, _, address = given.partition(":")
+    return name, address
+
+
+def choose(kind: str, given: str) -> Backend:
+    """The backend that is chosen by `name` or `name:address`.
 
     Raises:
         UnknownName: There is none of that name.
+        UserError: An address where there is none, or none where there must be one.
     """
     known = BACKENDS[kind]
+    name, address = split(given)
     if name not in known:
         raise UnknownName(kind, name, known)
-    return known[name]
+    backend = known[name]
+    if backend.address and not address:
+        raise UserError(f"{kind} {name} is somewhere else: say where, such as {name}:{backend.address}.")
+    if not backend.address and given != name:
+        raise UserError(f"{kind} {name} has no address; just say {name}, not {given[:80]!r}.")
+    return backend
 
 
 def privileged(chosen: Mapping[str, str]) -> list[str]:

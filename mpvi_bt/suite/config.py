@@ -17,7 +17,11 @@ class EpisodeConfig:
         task: Name of a task (tasks/*.yaml), or the file of one.
         instance: Which of the task's start states.
         seed: Seed of everything random in the episode; the evaluator's rollout id.
-        policy, detector, checker, planner, map: Backends, by name.
+        policy, detector, checker, planner, map: Backends, by name, or name and address ("openpi:ws://localhost:8000").
+        policy_settings: Name or file of how a remote policy is spoken to, or None: its default.
+        policy_horizon: How many actions of each chunk are carried out before the policy is asked again; None: all.
+        policy_ensemble: Decay of the weights where the policy is asked at every step and what its chunks foresee for a
+            step is averaged; None: they are not averaged.
         tree: Name or file of a tree to run instead of compiling a plan, or None.
         plan: Name or file of a plan instead of the task's own, or None.
         arguments: Names and values of that tree's parameters.
@@ -34,6 +38,9 @@ class EpisodeConfig:
     checker: str = "visual"
     planner: str = "recorded"
     map: str = "prior"
+    policy_settings: str | None = None
+    policy_horizon: int | None = None
+    policy_ensemble: float | None = None
     tree: str | None = None
     plan: str | None = None
     arguments: tuple[tuple[str, str], ...] = ()
@@ -62,8 +69,8 @@ class EpisodeConfig:
         """What a result says of it: everything that can change the outcome, so not where pictures go."""
         entries = {key: value for key, value in asdict(self).items() if key not in _OUTPUTS}
         entries["arguments"] = dict(self.arguments)
-        return {key: value for key, value in entries.items() if value or key not in _RARE}
+        return {key: value for key, value in entries.items() if value not in (None, {}) or key not in _RARE}
 
 
 _OUTPUTS = {"video", "picture", "trace", "saved"}
-_RARE = {"arguments", "substitute"}  # left out where they are not used
+_RARE = {"arguments", "substitute", "policy_settings", "policy_horizon", "policy_ensemble"}  # left out where not used

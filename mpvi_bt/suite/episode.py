@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 import zlib
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from typing import Any
 
@@ -25,7 +26,6 @@ from mpvi_bt.executive.video import Video
 from mpvi_bt.goals.evaluate import judge, snapshot, unmet
 from mpvi_bt.goals.predicates import inside, ontop, truth_in
 from mpvi_bt.goals.problem import Problem, load_problem
-from mpvi_bt.manipulation.expert import ExpertPolicy
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.protocol import SIDES, Side
@@ -35,10 +35,12 @@ from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.prior_map import prior_map
 from mpvi_bt.sim.sampling import Start, sample
 from mpvi_bt.sim.world import World
+from mpvi_bt.suite.backends import choose
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.metrics import Meter
+from mpvi_bt.suite.policies import Ground, in_chunks, make_policy
 from mpvi_bt.suite.prepare import Prepared, prepare_episode
-from mpvi_bt.suite.result import Failure, make_result
+from mpvi_bt.suite.result import Failure, Grasps, make_result
 from mpvi_bt.suite.saved import Keeper, SavedEpisode
 from mpvi_bt.suite.tasks import Task
 from mpvi_bt.tree.build import Tree
@@ -62,7 +64,8 @@ def run(
         stop: Ends the episode between two ticks; it takes Ctrl-C over meanwhile.
 
     Returns:
-        The result, ready for JSON. Ctrl-C gives one too, its "ended" being "interrupted".
+        The result, ready for JSON. Ctrl-C gives one too, its "ended" being "interrupted", and so does a policy's server
+        that fails: "backend_error".
 
     Raises:
         UserError: Something in `config` does not exist or is wrong.
@@ -81,15 +84,16 @@ def run(
     world, start = _world(config, task, house, catalogue, problem)
     truth = truth_in(world, start.scene_names)
     before = snapshot(problem, truth)
-    policy = ExpertPolicy(world, skills, config.seed, timer=time.perf_counter)
+    vocabulary = {e.name: e.phrases for e in world.knowledge() if e.kind != "room"}
+    policy = make_policy(config.policy, Ground(skills, vocabulary, world, config.seed), config.policy_settings)
     grid = prior_map(house)
     navigator = KnownPlaceNavigator(world.robot, grid, world.knowledge, ArmStow(world.robot, config.seed))
     context = Context(
         clock=world,
         robot=world.robot,
         navigator=navigator,
-        policy=policy,
-        checker=_checker(config, world),
+        policy=in_chunks(policy, config),
+        checker=_checker(config, world, vocabulary),
         triggers=GraspReleaseTriggers(world.robot),
         skills=skills,
         blackboard=dict(tree.spec.blackboard),
@@ -109,6 +113,8 @@ def run(
             )
     except KeyboardInterrupt:
         outcome = last.outcome
+    finally:
+        getattr(policy, "close", lambda: None)()
     world.refresh()
     goal = judge(problem, before, snapshot(problem, truth))
     total = time.perf_counter() - began
@@ -122,11 +128,13 @@ def run(
             Failure(node=f.path, reason=f.reason, feedback=f.evidence, time_s=f.time_s)
             for f in (*outcome.log.failures, *filter(None, [outcome.failure]))
         ],
+        clipped=outcome.log.clipped,
+        grasps=Grasps(**Counter(notice.kind for notice in outcome.log.notices)),
         wall={
             "total_s": total,
             "setup_s": ready - began,
             "loop": dict(outcome.wall_s),
-            "planning_s": policy.planning_s,
+            "planning_s": getattr(policy, "planning_s", 0.0),
         },
     )
     return result.model_dump(mode="json")
@@ -157,11 +165,11 @@ def _world(
 
 def _renders(config: EpisodeConfig) -> bool:
     """Whether anything in the episode looks at pictures."""
-    return config.checker != "oracle" or config.video is not None
+    looking = (choose(kind, name).sees for kind, name in config.backends.items())
+    return config.video is not None or any(looking)
 
 
-def _checker(config: EpisodeConfig, world: World) -> Checker:
-    phrases = {e.name: e.phrases for e in world.knowledge() if e.kind != "room"}
+def _checker(config: EpisodeConfig, world: World, phrases: Mapping[str, Sequence[str]]) -> Checker:
     if config.checker == "visual":
         return VisualChecker(phrases)
     if config.checker == "oracle":

@@ -14,6 +14,7 @@ from mpvi_bt.plan.skills import Skill, load_skills
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.suite.backends import choose
 from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.policies import check_policy_choice
 from mpvi_bt.suite.saved import SavedEpisode
 from mpvi_bt.suite.tasks import Task, load_task
 from mpvi_bt.tree.compile import compile_plan
@@ -98,14 +99,20 @@ def prepare(
     return Prepared(loaded, skills, spec, rules)
 
 
+def check_backends(config: EpisodeConfig) -> None:
+    """Refuse backends that do not exist or cannot be made. Raises UserError."""
+    for kind, name in config.backends.items():
+        choose(kind, name)
+    check_policy_choice(config)
+
+
 def prepare_episode(config: EpisodeConfig) -> Prepared:
     """As `prepare`, of an episode; its backends and its instance exist.
 
     Raises:
         UserError: Something in `config` does not exist or is wrong.
     """
-    for kind, name in config.backends.items():
-        choose(kind, name)
+    check_backends(config)
     ready = prepare(config.task, config.tree, config.plan, dict(config.arguments), config.substitute)
     assert ready.task is not None
     ready.task.check_instance(config.instance)
@@ -124,8 +131,7 @@ def prepare_saved(saved: SavedEpisode) -> Prepared:
     if task is None and not saved.dry:
         raise UserError("the saved episode names no task.")
     if task is not None and not saved.dry:
-        for kind, name in config.backends.items():
-            choose(kind, name)
+        check_backends(config)
         task.check_instance(config.instance)
     spec = saved.spec
     rules = load_rules(config.substitute) if config.substitute else None

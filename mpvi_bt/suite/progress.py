@@ -40,7 +40,7 @@ class Progress:
     def broke(self, config: EpisodeConfig, fault: Fault, again: bool) -> None:
         """Name the episode and what broke."""
         self.faults += not again
-        self._print(f"{config.name}  machine fault: {fault.message}; {'trying once more' if again else 'given up'}")
+        self._print(f"{config.name}  {fault.kind}: {fault.message}; {'trying once more' if again else 'given up'}")
 
     def tick(self, running: int) -> None:
         """Redraw the line, on a terminal."""

@@ -39,7 +39,8 @@ def report_data(
             results[c].model_dump(mode="json", exclude={"wall", "directions"}) for c in episodes if c in results
         ],
         "missing": [
-            {"episode": c.name, "fault": faults[c].message if c in faults else None}
+            {"episode": c.name, "fault": fault.message if (fault := faults.get(c)) else None}
+            | ({"backend": fault.backend} if fault and fault.backend else {})
             for c in episodes
             if c not in results
         ],
@@ -63,17 +64,25 @@ def report_text(
         configs = [c for c in episodes if c.task_name == task]
         rows = [_row(c, results.get(c), faults.get(c)) for c in configs]
         rows.append(_mean_row(means))
-        blocks.append("\n".join([task, *_table(rows), *_failures(configs, results)]))
+        blocks.append("\n".join([task, *_table(rows), *_failures(configs, results, faults)]))
     overall = data["overall"]
     lines = [f"{name}: {overall['finished']}/{overall['episodes']} episodes, {overall['successes']} succeeded"]
     if overall["finished"]:
         lines[0] += f", mean q {overall['q_score']:.3f}"
         if overall["finished"] < overall["episodes"]:
             lines[0] += f" with missing ones as 0, {overall['q_score_of_finished']:.3f} without"
+    if failed := [config.name for config, fault in faults.items() if fault.backend and config not in results]:
+        lines.append(f"failed by the policy's backend, not by the policy: {', '.join(failed)}; run again, or leave out")
     if data["privileged"]:
         lines.append(f"backends that read simulator truth: {', '.join(data['privileged'])}")
     lines.append("q, met (share of the goal's literals): higher is better; time and distances: lower is better")
     return "\n\n".join([*blocks, "\n".join(lines)])
+
+
+def troubles(clipped: int, empty: int, lost: int) -> str:
+    """What was noticed of actions and grasps, such as "3 actions clipped, 1 empty grasp", or ""."""
+    parts = [(clipped, "action", " clipped"), (empty, "empty grasp", ""), (lost, "lost grasp", "")]
+    return ", ".join(f"{n} {what}{'s' * (n > 1)}{after}" for n, what, after in parts if n)
 
 
 def _means(configs: Sequence[EpisodeConfig], results: Mapping[EpisodeConfig, Result]) -> dict[str, Any]:
@@ -105,7 +114,7 @@ def _mean(values: Sequence[float]) -> float | None:
 def _row(config: EpisodeConfig, result: Result | None, fault: Fault | None) -> tuple[str, ...]:
     where = (str(config.instance), str(config.seed))
     if result is None:
-        return (*where, *["-"] * 6, "machine fault" if fault else "missing")
+        return (*where, *["-"] * 6, fault.kind if fault else "missing")
     d = result.agent_distance
     return (
         *where,
@@ -137,12 +146,18 @@ def _table(rows: Sequence[tuple[str, ...]]) -> list[str]:
     return lines
 
 
-def _failures(configs: Sequence[EpisodeConfig], results: Mapping[EpisodeConfig, Result]) -> list[str]:
+def _failures(
+    configs: Sequence[EpisodeConfig], results: Mapping[EpisodeConfig, Result], faults: Mapping[EpisodeConfig, Fault]
+) -> list[str]:
     lines = []
     for config in configs:
         result = results.get(config)
         if result is None:
+            if (fault := faults.get(config)) and fault.backend:
+                lines.append(f"  instance {config.instance}: the policy's backend failed, {fault.message}")
             continue
+        if felt := troubles(result.clipped, result.grasps.empty, result.grasps.lost):
+            lines.append(f"  instance {config.instance}: {felt}")
         for failure in result.failures:
             node = "/".join(failure.node.split("/")[1:2]) or failure.node  # the segment, right under the root
             why = f": {failure.feedback}" if failure.feedback else ""

@@ -85,6 +85,13 @@ class Failure(Record):
     time_s: Amount = 0.0
 
 
+class Grasps(Record):
+    """How often a hand closed on nothing, and how often what it held was gone."""
+
+    empty: Count = 0
+    lost: Count = 0
+
+
 class Result(Record):
     """One episode's result; the field names are the file's keys.
 
@@ -95,7 +102,10 @@ class Result(Record):
         success: The goal was true at the end.
         q_score: Official q.
         goal_fraction: Share of the goal's literals that hold at the end.
-        ended: How the episode ended, such as "success", "failure", "time_limit".
+        ended: How the episode ended, such as "success", "failure", "time_limit"; "backend_error": what failed is the
+            server of the policy, so that the result says nothing of the policy.
+        clipped: Actions of the policy that had to be brought within the robot's limits.
+        grasps: That failed.
         config: Everything that can change the outcome.
         privileged: Backends that read simulator truth, as "kind:name".
         directions: What each figure's unit is, and which way is better.
@@ -120,6 +130,8 @@ class Result(Record):
     goal: list[GoalCondition]
     ended: str
     failures: list[Failure]
+    clipped: Count = 0
+    grasps: Grasps = Grasps()
     config: dict[str, JsonValue]
     privileged: list[str]
     directions: dict[str, str]
@@ -139,6 +151,8 @@ def make_result(
     *,
     ended: str,
     failures: Iterable[Failure] = (),
+    clipped: int = 0,
+    grasps: Grasps | None = None,
     wall: Mapping[str, Any] | None = None,
 ) -> Result:
     """Put an episode's result together.
@@ -150,6 +164,7 @@ def make_result(
         measured: What the meter says.
         ended: How the episode ended.
         failures: What failed on the way, in order.
+        clipped, grasps: As of `Result`.
         wall: Wall-clock figures [s]; may nest.
     """
     human = human_stats().get(task.problem)
@@ -178,6 +193,8 @@ def make_result(
         goal=[GoalCondition(condition=c.text, satisfied=c.satisfied) for c in goal.conditions],
         ended=ended,
         failures=list(failures),
+        clipped=clipped,
+        grasps=grasps or Grasps(),
         config=config.record(),
         privileged=privileged(config.backends),
         directions=dict(DIRECTIONS),

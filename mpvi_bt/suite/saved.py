@@ -23,6 +23,7 @@ from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.yaml_io import expanded, from_expanded
 
 FORMAT = 1  # of these files
+_FILES = ("task", "tree", "plan", "substitute", "policy_settings")  # what may name one
 
 
 class SavedSettings(Record):
@@ -36,6 +37,9 @@ class SavedSettings(Record):
     checker: str
     planner: str
     map: str
+    policy_settings: str | None = None
+    policy_horizon: Annotated[int, Field(ge=1)] | None = None
+    policy_ensemble: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
     tree: str | None
     plan: str | None
     arguments: dict[str, str] = {}
@@ -76,7 +80,7 @@ class SavedEpisode(Record):
     @property
     def episode(self) -> EpisodeConfig:
         """What is run; files that it names are found from here too."""
-        files = {name: self._found(getattr(self.config, name)) for name in ("task", "tree", "plan", "substitute")}
+        files = {name: self._found(getattr(self.config, name)) for name in _FILES}
         arguments = tuple(self.config.arguments.items())
         return EpisodeConfig(**{**self.config.model_dump(), **files, "arguments": arguments})
 

@@ -19,6 +19,8 @@ from mpvi_bt.errors import UserError
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.result import Result, read_result, write_json, write_result
 
+_UNDONE = ("interrupted", "backend_error")  # ends of which the episode has to be run again
+
 
 @dataclass(frozen=True)
 class Fault:
@@ -26,6 +28,7 @@ class Fault:
 
     Attributes:
         message: One line.
+        backend: Reason code, such as "server_closed", if it is the policy's server that failed; else "".
         details: The traceback, if there was one.
         hopeless: Every other episode would break alike, such as a name that is unknown.
         exit_code: What the command line ends with for it.
@@ -35,6 +38,12 @@ class Fault:
     details: str = ""
     hopeless: bool = False
     exit_code: int = 3
+    backend: str = ""
+
+    @property
+    def kind(self) -> str:
+        """What failed, for a person."""
+        return "backend failure" if self.backend else "machine fault"
 
 
 @dataclass(frozen=True)
@@ -52,7 +61,7 @@ class Store:
         return self.out / "json" / f"{config.name}.json"
 
     def result(self, config: EpisodeConfig) -> Result | None:
-        """The episode's result; None if it is missing, cut short, interrupted or of something else.
+        """The episode's result; None if it is missing, cut short, of something else, or of an end to be run again.
 
         Raises:
             UserError: It is the same episode's under another configuration, which must not be mixed with this one.
@@ -60,7 +69,7 @@ class Store:
         result = read_result(self.path(config))
         if (
             result is None
-            or result.ended == "interrupted"
+            or result.ended in _UNDONE
             or (result.task, result.instance_id, result.rollout_id)
             != (
                 config.task_name,
@@ -85,13 +94,14 @@ class Store:
         """What broke the episode in an earlier run, or None."""
         try:
             data = json.loads(self._fault_path(config).read_text(encoding="utf-8"))
-            return Fault(str(data["message"]), str(data["details"]))
+            return Fault(str(data["message"]), str(data["details"]), backend=str(data.get("backend", "")))
         except (OSError, ValueError, KeyError, TypeError):
             return None
 
     def write_fault(self, config: EpisodeConfig, fault: Fault) -> None:
         """Note what broke the episode."""
-        write_json(self._fault_path(config), {"message": fault.message, "details": fault.details})
+        data = {"message": fault.message, "details": fault.details, "backend": fault.backend}
+        write_json(self._fault_path(config), data)
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:

@@ -44,6 +44,9 @@ def run_episode(function: str, config: EpisodeConfig, out: Path) -> Fault | None
         module, name = function.split(":")
         result = getattr(importlib.import_module(module), name)(config)
         Store(out).write(config, result)
+        if result["ended"] == "backend_error":
+            why = result["failures"][-1]
+            return Fault(f"{why['reason']}: {why['feedback']}", backend=why["reason"])
     except (Exception, SystemExit) as error:
         line = " ".join(str(error).split()) or type(error).__name__
         message = str(error) if isinstance(error, UserError) else f"{type(error).__name__}: {line}"

@@ -1,0 +1,109 @@
+"""Makes the policy that a run chooses, by name or by name and address. Each is imported only when it is made."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from mpvi_bt.behaviors.protocols import Policy
+from mpvi_bt.errors import UserError
+from mpvi_bt.plan.skills import Skill
+from mpvi_bt.suite.backends import choose, split
+from mpvi_bt.suite.config import EpisodeConfig
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What policies may be made of.
+
+    Attributes:
+        skills: By name.
+        vocabulary: What the labels of pictures stand for: label to phrases.
+        world: The simulator's; None where there is none, as in a server. Only privileged policies may look at it.
+        seed: Of everything random.
+    """
+
+    skills: Mapping[str, Skill]
+    vocabulary: Mapping[str, Iterable[str]] = field(default_factory=dict)
+    world: Any = None
+    seed: int = 0
+
+
+def make_policy(given: str, ground: Ground, settings: str | None = None) -> Policy:
+    """The policy of a name, or of a name and an address. A remote one is connected to when it is first used.
+
+    Args:
+        given: Such as "reactive" or "openpi:ws://localhost:8000".
+        ground: What it is made of.
+        settings: Of a remote policy: name or file of how it is spoken to; its own default if None.
+
+    Raises:
+        UnknownName: There is no such policy, or there are no such settings.
+        UserError: The address is none, the policy needs the simulator, or has no settings.
+        FileProblems: Everything that is wrong with the settings.
+    """
+    backend = choose("policy", given)
+    name, address = split(given)
+    if settings is not None and not backend.address:
+        raise UserError(f"policy {name} has no settings: --policy-settings is of policies that are somewhere else.")
+    if backend.privileged and ground.world is None:
+        raise UserError(f"policy {name} reads the simulator itself, and there is none here.")
+    return _MAKERS[name](ground, address, settings)
+
+
+def in_chunks(policy: Policy, config: EpisodeConfig) -> Policy:
+    """The policy, with its action chunks carried out as the config says."""
+    from mpvi_bt.manipulation.chunks import RecedingHorizon, TemporalEnsemble
+
+    if config.policy_ensemble is not None:
+        return TemporalEnsemble(policy, config.policy_ensemble)
+    if config.policy_horizon is not None:
+        return RecedingHorizon(policy, config.policy_horizon)
+    return policy
+
+
+def check_policy_choice(config: EpisodeConfig) -> None:
+    """Refuse a choice of policy that cannot work, without a simulator or a connection.
+
+    Raises:
+        UserError: As `make_policy`; or two ways to carry out chunks.
+    """
+    backend = choose("policy", config.policy)
+    if config.policy_horizon is not None and config.policy_ensemble is not None:
+        raise UserError("--policy-horizon and --policy-ensemble are two ways to carry out chunks: give one of them.")
+    if backend.address or config.policy_settings is not None:
+        make_policy(config.policy, Ground({}), config.policy_settings)
+
+
+def _expert(ground: Ground, address: str, settings: str | None) -> Policy:
+    from mpvi_bt.manipulation.expert import ExpertPolicy
+
+    return ExpertPolicy(ground.world, ground.skills, ground.seed, timer=time.perf_counter)
+
+
+def _reactive(ground: Ground, address: str, settings: str | None) -> Policy:
+    from mpvi_bt.manipulation.reactive import ReactivePolicy
+
+    return ReactivePolicy(ground.skills, ground.seed, timer=time.perf_counter, vocabulary=ground.vocabulary)
+
+
+def _openpi(ground: Ground, address: str, settings: str | None) -> Policy:
+    from mpvi_bt.remote.openpi import connect
+
+    return connect(address, settings) if settings else connect(address)
+
+
+def _vla_eval(ground: Ground, address: str, settings: str | None) -> Policy:
+    from mpvi_bt.remote.vla_eval import connect
+
+    return connect(address, settings) if settings else connect(address)
+
+
+_MAKERS: Mapping[str, Callable[[Ground, str, str | None], Policy]] = {
+    "expert": _expert,
+    "reactive": _reactive,
+    "openpi": _openpi,
+    "vla_eval": _vla_eval,
+}
