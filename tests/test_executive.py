@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from py_trees.common import Status
 
@@ -152,7 +153,7 @@ def test_a_subscriber_that_cannot_close_does_not_keep_the_others_open() -> None:
 def test_an_error_in_a_behavior_ends_the_episode() -> None:
     """A NodeError comes out of the loop after everything was closed."""
     tree, world, context = scene()
-    context.policy.infer = lambda observation: 1 / 0  # type: ignore[method-assign]
+    context.policy.infer = lambda observation: np.zeros(1 // 0)  # type: ignore[method-assign]
     watcher = Recorder()
     with pytest.raises(NodeError, match="manipulate"):
         run_episode(tree, world, context, [watcher])

@@ -27,7 +27,8 @@ def felt(width_m: float, command: float) -> Proprioception:
 
 def go(watch: GripWatch, *ways: tuple[float, float, float, float]) -> list[tuple[float, str]]:
     """When [s] what was noticed; each way is seconds, command, and widths from and to [m]."""
-    found, steps = [], 0
+    found: list[tuple[float, str]] = []
+    steps = 0
     for seconds, command, start_m, end_m in ways:
         for width in np.linspace(start_m, end_m, round(seconds * CONTROL_HZ) + 1)[1:]:
             steps += 1

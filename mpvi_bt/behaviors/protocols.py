@@ -67,23 +67,36 @@ class Navigator(Protocol):
 class Policy(Protocol):
     """A manipulation policy: observation in, action chunk out (the VLA's place in the paper).
 
-    Attributes:
-        name: As given on the command line.
-        cameras: The cameras that it wants rendered into the observation.
+    It may have two things besides: `note`, a str that says on one line what it is doing or why it is stuck, without
+    numbers that change every step; and `close()`, called once when nothing more will be asked of it.
     """
 
-    name: str
-    cameras: tuple[str, ...]
+    @property
+    def name(self) -> str:
+        """As given on the command line."""
+        ...
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """The cameras that it wants in the next observation, of "head", "left", "right"; read before every `infer`.
+
+        A picture that nobody asks for costs nothing, so a policy may ask for one only when it looks. It must not mind
+        more pictures than it asked for.
+        """
+        ...
 
     def reset(self) -> None:
-        """Forget everything: called at each handoff and whenever the prompt changes."""
+        """Forget everything: called at each handoff and whenever the prompt changes. Raises PolicyError, as `infer`."""
         ...
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
-        """The next actions, (H, 23), H >= 1, one a control step.
+        """The next actions, (H, 23), H >= 1, one a control step. They may move the base, too.
 
         Args:
             observation: "prompt": str; "proprioception": Proprioception; "images": Mapping camera -> CameraImage.
+
+        Raises:
+            PolicyError: What runs the policy, such as a server, failed; the episode ends and is not the policy's.
         """
         ...
 

@@ -129,7 +129,7 @@ def run(
             for f in (*outcome.log.failures, *filter(None, [outcome.failure]))
         ],
         clipped=outcome.log.clipped,
-        grasps=Grasps(**Counter(notice.kind for notice in outcome.log.notices)),
+        grasps=Grasps.model_validate(Counter(notice.kind for notice in outcome.log.notices)),
         wall={
             "total_s": total,
             "setup_s": ready - began,

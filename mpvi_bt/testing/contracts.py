@@ -13,10 +13,13 @@ from mpvi_bt.robot.protocol import (
     ACTION_SIZE,
     SIDES,
     ActionLayout,
+    CameraImage,
     Robot,
 )
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.testing.doubles import OPEN_M, KinematicRobot
+
+CAMERAS = ("head", *SIDES)
 
 
 def _require(condition: bool, what: str) -> None:
@@ -69,30 +72,79 @@ def check_robot(robot: Robot, step: Callable[[Array], None]) -> None:
         _require(bool(np.allclose(before.arm[side], after.arm[side], atol=2e-2)), "hold must keep the arms in place")
 
 
-def check_policy(policy: Policy, observation: Mapping[str, Any] | None = None) -> None:
+def check_policy(
+    policy: Policy, observation: Mapping[str, Any] | None = None, make: Callable[[], Policy] | None = None
+) -> None:
     """The contract of a Policy.
 
     Args:
         policy: Any.
         observation: What to show it; by default a robot at rest, black pictures, and "pick up the cup".
+        make: Makes a policy like it, with the same seed: then it is checked, too, that equal ones do the same, and that
+            what came before a reset makes no difference after it.
 
     Raises:
         AssertionError: What it breaks.
     """
-    _require(bool(policy.name), "a policy has a name")
-    _require(set(policy.cameras) <= {"head", *SIDES}, "cameras are among head, left, right")
-    if observation is None:
-        robot = KinematicRobot()
-        images = {camera: robot.look(camera) for camera in policy.cameras}
-        observation = {"prompt": "pick up the cup", "proprioception": robot.proprioception(), "images": images}
+    _require(isinstance(policy.name, str) and bool(policy.name), "a policy has a name")
+    robot = KinematicRobot()
+    shown = dict(observation or {"prompt": "pick up the cup", "proprioception": robot.proprioception(), "images": {}})
+    every = {camera: shown["images"].get(camera) or robot.look(camera) for camera in CAMERAS}
     for _ in range(2):
         policy.reset()
         policy.reset()
         for _ in range(3):
-            chunk = np.asarray(policy.infer(observation))
-            _require(chunk.ndim == 2 and len(chunk) >= 1, "infer must give (H, 23), H >= 1")
-            _require(chunk.shape[1] == ACTION_SIZE, f"infer must give (H, 23), not {chunk.shape}")
-            _require(bool(np.isfinite(chunk).all()), "actions must be finite")
+            chunk = _chunk(policy, shown, every)
+            if chunk.flags.writeable and chunk.dtype.kind == "f":
+                chunk[:] = np.nan  # it is the caller's now: the next one must not be made of it
+    _chunk(policy, {**shown, "prompt": "put the bowl on the table"}, every)
+    _chunk(policy, {**shown, "prompt": ""}, every)
+    policy.reset()
+    try:
+        _actions(policy.infer({**shown, "images": dict(every)}))
+    except Exception as error:
+        _require(False, f"it must not mind more pictures than it asked for: {error}")
+    note = getattr(policy, "note", "")
+    _require(isinstance(note, str) and note.isprintable(), "a note is one line of text")
+    if make is not None:
+        _check_memory(make, shown, every)
+
+
+def _check_memory(make: Callable[[], Policy], shown: Mapping[str, Any], every: Mapping[str, CameraImage]) -> None:
+    """Equal policies do the same, and forget at a reset."""
+
+    def after(policy: Policy, prompt: str) -> list[Array]:
+        policy.reset()
+        before = [_chunk(policy, {**shown, "prompt": prompt}, every) for _ in range(3)]
+        policy.reset()
+        return before + [_chunk(policy, shown, every) for _ in range(3)]
+
+    first, twin = after(make(), shown["prompt"]), after(make(), shown["prompt"])
+    _require(all(map(np.array_equal, first, twin)), "equal policies with one seed must act alike")
+    other = after(make(), "put the bowl on the table")
+    same = all(map(np.array_equal, first[3:], other[3:]))
+    _require(same, "reset must forget: what was asked for before it changes what is done after it")
+
+
+def _chunk(policy: Policy, observation: Mapping[str, Any], every: Mapping[str, CameraImage]) -> Array:
+    """The next chunk of a policy that gets the pictures that it asks for, and finds nothing changed by it."""
+    cameras = policy.cameras
+    _require(isinstance(cameras, tuple), "cameras is a tuple")
+    _require(set(cameras) <= set(CAMERAS), f"cameras are among {', '.join(CAMERAS)}, not {cameras}")
+    images = {camera: every[camera] for camera in cameras}
+    given = {**observation, "images": dict(images)}
+    actions = _actions(policy.infer(given))
+    _require(given == {**observation, "images": images}, "an observation is not to be changed")
+    return actions
+
+
+def _actions(given: Any) -> Array:
+    chunk = np.asarray(given)
+    _require(chunk.ndim == 2 and len(chunk) >= 1, f"infer must give (H, {ACTION_SIZE}), H >= 1, not {chunk.shape}")
+    _require(chunk.shape[1] == ACTION_SIZE, f"infer must give (H, {ACTION_SIZE}), not {chunk.shape}")
+    _require(chunk.dtype.kind in "fiu", f"actions are real numbers, not {chunk.dtype}")
+    _require(bool(np.isfinite(chunk).all()), "actions must be finite")
+    return chunk
 
 
 def check_navigator(
