@@ -1,4 +1,4 @@
-"""The reactive policy: the same skills as the expert's, in the scene that cameras show. docs/reactive.md describes it."""
+"""The reactive policy: the expert's skills, in the scene that cameras show. docs/reactive.md describes what it does."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ from mpvi_bt.manipulation.seen import Seen
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.detector import Detector, LabelDetector
 from mpvi_bt.plan.skills import Skill, SkillCall, clauses, match
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.motion import Actions
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array
 
-_TILTS = (0.55, 0.95, 0.15)  # of the head, to look around [rad]
+# Lift [m] and head tilt [rad] to look around: down, near, ahead, and from low down into compartments.
+_LOOKS = ((0.42, 0.55), (0.42, 0.95), (0.42, 0.10), (0.05, 0.40), (0.05, -0.10), (0.55, -0.30))
 _TURNS = (0.0, 0.6, -0.6)  # of the base, from where it came [rad]
-_LOOK_LIFT_M = 0.42
 _NAMES = ("object", "container", "surface", "target", "source", "tool")  # slots that hold the name of a thing
 
 
@@ -42,7 +41,7 @@ class ReactivePolicy(ScriptedPolicy):
         return super().infer(observation)
 
     def perform(self, work: Work, prompt: str) -> Actions:
-        """Do the first clause that can be grounded in view, and then the next such one; look around where there is none."""
+        """Do the first clause that can be grounded in view, then the next such one; look around if there is none."""
         calls = [c for clause in clauses(prompt) if (c := match(clause, self._skills)) is not None]
         if not calls:
             self.note = f"no skill for {prompt[:60]!r}"
@@ -87,12 +86,11 @@ class ReactivePolicy(ScriptedPolicy):
         for turn in _TURNS:
             if turn:
                 yield from work.motion.drive(np.array([x, y, yaw + turn]))
-            for tilt in _TILTS:
-                torso = work.motion.torso
-                torso[3] = tilt
-                if not work.held():
-                    torso[0] = max(float(torso[0]), _LOOK_LIFT_M)
-                yield from work.motion.stand(np.clip(torso, *r1.TORSO_LIMITS.T))
+            for lift, tilt in _LOOKS:
+                torso = np.array([lift, 0.0, 0.0, tilt])
+                if work.held():
+                    torso[:3] = work.motion.torso[:3]
+                yield from work.motion.stand(torso)
                 yield from work.see("head")
                 for call in calls:
                     if self._grounded(work, call):

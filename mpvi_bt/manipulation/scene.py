@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import AbstractContextManager
 from typing import Protocol
 
 from mpvi_bt.perception.knowledge import KnowledgeBase
@@ -69,4 +70,8 @@ class Sight(Protocol):
 
     def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:
         """Take in pictures, by camera, and what the robot felt when they were taken."""
+        ...
+
+    def trusting(self) -> AbstractContextManager[None]:
+        """While this lasts, obstacles are only what was seen, not what may be hidden behind it."""
         ...

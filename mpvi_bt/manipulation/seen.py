@@ -1,13 +1,14 @@
 """The scene as the cameras have shown it: what the reactive policy works with. No simulator state comes near it.
 
-Things are known by phrase and number, such as "can of soda 1": a detector's masks carry no names, so which mask is which
-thing in the next picture is told by place. Shapes are fitted to the points of pictures from one standing place: between
-two places lies a drive, and odometry that drifts on the way would smear them.
+Things are known by phrase and number, such as "can of soda 1": a detector's masks carry no names, so which mask is
+which thing in the next picture is told by place. Shapes are fitted to the points of pictures from one standing place:
+between two places lies a drive, and odometry that drifts on the way would smear them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+import contextlib
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from mpvi_bt.manipulation.frames import Frame, take
 from mpvi_bt.perception.detector import Detector
-from mpvi_bt.perception.field import Field, View
+from mpvi_bt.perception.field import Field, FineField, View
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.shapes import SeenBar, Shape, fit, main_cluster
@@ -35,6 +36,8 @@ _SEEN_PX = 6  # a mask of fewer pixels is not looked at
 _THROUGH_M = 0.06  # where the depth is that much farther than a thing, it is gone
 _EXPLAINED_M = 0.025  # points this near a thing's solids are its own
 _GRASPED_M = 0.03  # what a closing hand takes hold of is this near its tcp
+_FINE_M, _FINE_CELL_M = 0.6, 0.01  # the finer field about what is worked on
+_TRUSTED_M = 0.04  # how thick surfaces are where hidden space is given the benefit of doubt
 _SPOT_M = 0.02  # grid of free places
 _RECENTERED_M = 0.04  # fingers that close shift what they take by less than this
 
@@ -75,7 +78,8 @@ class Seen:
         self._grip: dict[Side, tuple[str, Array]] = {}  # thing, and its motion's inverse at the grasp
         self._stand, self._stood = 0, np.full(3, np.inf)
         self._felt: Proprioception | None = None
-        self._field: tuple[object, Field] | None = None
+        self._field: tuple[object, Obstacles] | None = None
+        self._trusting = False
 
     # --- taking in
 
@@ -284,16 +288,32 @@ class Seen:
     def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> Obstacles:
         """As `Scene` says: what the pictures from this place do not show to be free, and what else is known."""
         frames = self._carved()
-        key = (tuple(map(id, frames)), tuple(sorted(without)), tuple(np.round(xy, 2)))
+        thick = _TRUSTED_M if self._trusting else 9.0
+        key = (tuple(map(id, frames)), tuple(sorted(without)), tuple(np.round(xy, 2)), thick)
         if self._field is None or self._field[0] != key:
             views = [View(f.image, self._transparent(f, without)) for f in frames]
-            self._field = (key, Field(views, xy))
+            field: Field | FineField = Field(views, xy, thick_m=thick)
+            near = [n for n in without if n in self._things and n not in self._held()]
+            if near:
+                middle = self._shape(near[0]).box().mean(0)
+                fine = Field(views, middle, (_FINE_M,) * 3, _FINE_CELL_M, _FINE_CELL_M / 2, thick)
+                field = FineField(field, fine)
+            self._field = (key, field)
         unseen = [
             s for n, t in self._things.items()
             if n not in without and t.inside is None and t.shape.kind != "furniture" and n not in self._held()
             and not any(f is g for f, _ in t.views for g in frames) for s in self.solids(n)
         ]  # fmt: skip
         return Together([self._field[1], Surroundings(unseen)])
+
+    @contextlib.contextmanager
+    def trusting(self) -> Iterator[None]:
+        """While this lasts, what lies hidden well behind surfaces is not taken for solid."""
+        self._trusting = True
+        try:
+            yield
+        finally:
+            self._trusting = False
 
     def _held(self) -> set[str]:
         return {n for n, _ in self._grip.values()}

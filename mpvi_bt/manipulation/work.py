@@ -174,6 +174,10 @@ class Work:
             search = self.search(side, {name})
             search.tried.extend(tried)
             stance = search.find(self.scene.pose(name)[:2, 3], options(), here_first=looks > 0)
+            if stance is None and self.sight is not None:
+                with self.sight.trusting():
+                    search = replace(search, obstacles=self.search(side, {name}).obstacles)
+                stance = search.find(self.scene.pose(name)[:2, 3], options(), here_first=looks > 0)
             if stance is None:
                 raise MotionFailure("no_stance")
             tried.append(stance.base)

@@ -45,35 +45,45 @@ class Field:
     around itself would never move.
     """
 
-    def __init__(self, views: Sequence[View], middle_xy: Array) -> None:
-        """Carve the cells about a place on the floor.
+    def __init__(
+        self, views: Sequence[View], middle: Array, size_m: tuple[float, float, float] = _SIZE_M,
+        cell_m: float = CELL_M, surface_m: float = _SURFACE_M, thick_m: float = _FAR,
+    ) -> None:  # fmt: skip
+        """Carve the cells about a place.
 
         Args:
             views: What was seen, in one world frame.
-            middle_xy: (2,) [m] place about which the field extends 1.6 m to each side, and from the floor 1.95 m up.
+            middle: (2,) [m] place on the floor about which the field extends 1.6 m to each side, and from the floor
+                1.95 m up; or (3,) the middle of a field of another size.
+            size_m: The field's.
+            cell_m: Edge of a cell.
+            surface_m: A point that much before a surface is free.
+            thick_m: How far behind a surface cells count as hidden; farther behind they are given the benefit of doubt.
         """
-        count = np.round(np.array(_SIZE_M) / CELL_M).astype(int)
-        self._low = np.array([*(np.asarray(middle_xy, float)[:2] - np.array(_SIZE_M[:2]) / 2), _LOWEST_M])
+        count = np.round(np.array(size_m) / cell_m).astype(int)
+        low_z = _LOWEST_M if len(middle) == 2 else float(middle[2]) - size_m[2] / 2
+        self._low = np.array([*(np.asarray(middle, float)[:2] - np.array(size_m[:2]) / 2), low_z])
+        self._cell = cell_m
         self._to_world = np.eye(4)
         doubt = np.zeros(tuple(count), np.uint8)
         for view in views:
             image = view.image
             depth = np.where(view.through, -np.abs(image.depth), image.depth).astype(np.float32)
-            T_camera_grid = kin.inverse(image.T_world_camera) @ kin.transform(np.eye(3), self._low + CELL_M / 2)
+            T_camera_grid = kin.inverse(image.T_world_camera) @ kin.transform(np.eye(3), self._low + cell_m / 2)
             camera = np.array([image.K[0, 0], image.K[1, 1], image.K[0, 2], image.K[1, 2]])
-            _kernels()["carve"](doubt, depth, T_camera_grid, camera, CELL_M, _SURFACE_M, _NOISE_PER_M)
+            _kernels()["carve"](doubt, depth, T_camera_grid, camera, cell_m, surface_m, _NOISE_PER_M, thick_m)
         self.blocked: NDArray[np.bool_] = doubt == _HIDDEN
-        self._distance = distance_to(self.blocked) * np.float32(CELL_M) - np.float32(CELL_M / 2)
+        self._distance = distance_to(self.blocked) * np.float32(cell_m) - np.float32(cell_m / 2)
 
     def cleared(self, p_world: Array, radius_m: float) -> Field:
         """The same with everything within `radius_m` of the points (n, 3) taken for free, such as the robot's place."""
         other = copy(self)
         other.blocked = self.blocked.copy()
         centers = np.argwhere(self.blocked)
-        p = self._low + (centers + 0.5) * CELL_M
+        p = self._low + (centers + 0.5) * self._cell
         near = (np.linalg.norm(p[:, None] - np.atleast_2d(p_world), axis=-1) < radius_m).any(1)
         other.blocked[tuple(centers[near].T)] = False
-        other._distance = distance_to(other.blocked) * np.float32(CELL_M) - np.float32(CELL_M / 2)
+        other._distance = distance_to(other.blocked) * np.float32(self._cell) - np.float32(self._cell / 2)
         return other
 
     def seen_from(self, T: Array) -> Field:
@@ -82,12 +92,35 @@ class Field:
         other._to_world = self._to_world @ T
         return other
 
+    def depth_within(self, p: Array) -> Array:
+        """(...,) distance [m] of points (..., 3) to the border of the field; 0 outside."""
+        at = p @ self._to_world[:3, :3].T + self._to_world[:3, 3] - self._low
+        size = np.array(self.blocked.shape) * self._cell
+        return np.asarray(np.maximum(np.minimum(at, size - at).min(-1), 0.0))
+
     def distance(self, p: Array) -> Array:
         """(...,) distance [m] of points (..., 3) to the nearest blocked cell; 0 within one, 9 outside of the field."""
         flat = np.ascontiguousarray(p.reshape(-1, 3), np.float64)
         out = np.empty(len(flat))
-        _kernels()["look_up"](self._distance, flat, self._to_world, self._low, CELL_M, _FAR, out)
+        _kernels()["look_up"](self._distance, flat, self._to_world, self._low, self._cell, _FAR, out)
         return out.reshape(p.shape[:-1])
+
+
+class FineField:
+    """A field with finer cells about one place: both keep too far from things, so the larger distance is the better."""
+
+    def __init__(self, coarse: Field, fine: Field) -> None:
+        """Join a field and a smaller, finer one."""
+        self._coarse, self._fine = coarse, fine
+
+    def seen_from(self, T: Array) -> FineField:
+        """The same in another frame; `T` (4, 4) maps that frame into the present one."""
+        return FineField(self._coarse.seen_from(T), self._fine.seen_from(T))
+
+    def distance(self, p: Array) -> Array:
+        """(...,) distance [m] of points (..., 3) to what may be in the way; 9 if there is nothing."""
+        known = np.minimum(self._fine.distance(p), self._fine.depth_within(p))  # outside of it is anything
+        return np.maximum(self._coarse.distance(p), known)
 
 
 def distance_to(blocked: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -122,7 +155,7 @@ def _kernels() -> dict[str, Callable[..., None]]:
     return compiled
 
 
-def _carve(doubt, depth, T, camera, cell, surface, noise):  # type: ignore
+def _carve(doubt, depth, T, camera, cell, surface, noise, thick):  # type: ignore
     """Mark cells: 2 free in some picture, 1 hidden in some and free in none. `T` maps cell corners to the camera."""
     height, width = depth.shape
     for i in range(doubt.shape[0]):
@@ -147,7 +180,7 @@ def _carve(doubt, depth, T, camera, cell, surface, noise):  # type: ignore
                 far = abs(seen)
                 if z < far - surface - noise * far * far:
                     doubt[i, j, k] = 2
-                elif seen > 0:
+                elif seen > 0 and z < far + thick:
                     doubt[i, j, k] = 1
 
 

@@ -104,8 +104,14 @@ def support_height(points: Array, around: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """The smallest rectangle around points seen from above: middle (2,), sides (long, short) [m], heading of the long
-    side [rad], and the share of it that their convex hull fills."""
+    """The smallest rectangle around points seen from above.
+
+    Attributes:
+        middle: (2,) [m].
+        sides: (2,) the long and the short one [m].
+        heading: Of the long side [rad].
+        fill: Share of it that the points' convex hull fills.
+    """
 
     middle: Array
     sides: Array
@@ -262,8 +268,14 @@ def _column(points: Array, seen: Outline, support: float, top: float) -> Shape |
         bend = np.arctan2(*(side - middle).T[::-1])
         turn = np.angle(np.exp(1j * (bend - np.angle(np.exp(1j * bend).mean()))))
         arc = float(np.ptp(np.percentile(turn, [3, 97])))
-        wide = float(np.percentile(seen.sides, 100)) / 2
-        if noise < max(0.0022, 0.05 * radius) and arc > 1.7 and 0.008 < radius < 0.25 and radius < 1.35 * wide + 0.004:
+        wide = float(seen.sides[0]) / 2
+        doubt = 4 * noise / (1 - float(np.cos(arc / 2)) + 1e-6) / float(np.sqrt(len(side)))  # of the radius
+        if (
+            noise < max(0.0022, 0.05 * radius)
+            and doubt < 0.004
+            and 0.008 < radius < 0.25
+            and radius < 1.6 * wide + 0.004
+        ):
             T = _frame(middle, 0.0, support, top)
             return Shape("cylinder", T, (Solid("cylinder", np.array([radius, radius, height / 2]), T),), support)
     if seen.fill < _ROUND and seen.sides[0] - seen.sides[1] < max(0.012, 0.15 * seen.sides[0]):
