@@ -44,6 +44,7 @@ class Connection:
         url: Of the server, ws:// or wss://.
         deadline: Until when to wait for it (`time.monotonic`).
         most_bytes: Of a message.
+        hello: Sent before, to servers that wait for it.
 
     Raises:
         PolicyError: There is no such server by then, or it refuses.
@@ -52,12 +53,14 @@ class Connection:
         metadata: As the server sent it.
     """
 
-    def __init__(self, url: str, deadline: float, most_bytes: int) -> None:
+    def __init__(self, url: str, deadline: float, most_bytes: int, hello: bytes = b"") -> None:
         self._most_bytes = most_bytes
         stack = contextlib.ExitStack()
         self._socket = stack.enter_context(_open(url, deadline, most_bytes))
         self._end = weakref.finalize(self, stack.close)  # when a policy is dropped, its server should know
         try:
+            if hello:
+                self.send(hello, deadline)
             self.metadata = self.receive(deadline)
         except PolicyError:
             self.close()

@@ -16,7 +16,7 @@ from mpvi_bt.errors import PolicyError, UserError, shown
 from mpvi_bt.remote.codec import pack
 from mpvi_bt.remote.connection import KEY, Connection, Lost, one_line
 from mpvi_bt.remote.mapping import actions_of, message_of, still
-from mpvi_bt.remote.observation import write_observation
+from mpvi_bt.remote.observation import Vocabulary, write_observation
 from mpvi_bt.remote.settings import CAMERAS, Settings, load_settings
 from mpvi_bt.robot.protocol import Proprioception
 from mpvi_bt.robot.solids import Array
@@ -27,17 +27,19 @@ _PAUSE_S = 0.25  # before a lost connection is made anew
 Result = TypeVar("Result")
 
 
-def connect(address: str, settings: Settings | str = DEFAULT) -> OpenpiPolicy:
+def connect(address: str, settings: Settings | str = DEFAULT, vocabulary: Vocabulary | None = None) -> OpenpiPolicy:
     """The policy at an address; the connection is made when it is first needed.
 
     Args:
         address: "ws://host:port", "wss://host:port" or "host:port"; the port is 8000 where none is given.
         settings: Or the name or path of their file.
+        vocabulary: As `OpenpiPolicy` takes it.
 
     Raises:
         UserError: The address or the settings are not valid.
     """
-    return OpenpiPolicy(address, load_settings(settings) if isinstance(settings, str) else settings)
+    loaded = load_settings(settings) if isinstance(settings, str) else settings
+    return OpenpiPolicy(address, loaded, vocabulary)
 
 
 def url_of(address: str) -> str:
@@ -62,6 +64,7 @@ class OpenpiPolicy:
     Args:
         address: As `connect` takes it.
         settings: How the server is spoken to.
+        vocabulary: What labels of pictures are called; told to a server that takes the whole observation.
 
     Attributes:
         name: "openpi:" and the URL.
@@ -70,10 +73,12 @@ class OpenpiPolicy:
         connections: How many have been made.
     """
 
-    def __init__(self, address: str, settings: Settings) -> None:
+    kind = "openpi"
+
+    def __init__(self, address: str, settings: Settings, vocabulary: Vocabulary | None = None) -> None:
         self._url = url_of(address)
-        self._settings = settings
-        self.name = f"openpi:{self._url}"
+        self._settings, self._vocabulary = settings, vocabulary
+        self.name = f"{self.kind}:{self._url}"
         self.cameras: tuple[str, ...] = settings.cameras
         self.note = ""
         self.connections = 0
@@ -128,11 +133,15 @@ class OpenpiPolicy:
     def _connected(self, deadline: float) -> Connection:
         if self._connection is None:
             until = min(deadline, time.monotonic() + self._settings.connect_s)
-            self._connection = Connection(self._url, until, self._settings.max_mb << 20)
+            self._connection = Connection(self._url, until, self._settings.max_mb << 20, self.hello())
             self.connections += 1
             self.cameras = self._settings.cameras
             self._hear(self._connection.metadata)
         return self._connection
+
+    def hello(self) -> bytes:
+        """What a new server is told first; openpi's speak first."""
+        return b""
 
     def _begin(self, connection: Connection, deadline: float) -> None:
         if self._settings.reset_message:
@@ -144,7 +153,10 @@ class OpenpiPolicy:
         if set(self.cameras) - set(observation["images"]):
             return still(observation["proprioception"])[None]
         layout, action = self._settings.observation, self._settings.action
-        message = write_observation(observation, self._fresh) if layout is None else message_of(observation, layout)
+        if layout is None:
+            message = write_observation(observation, self._fresh, self._vocabulary)
+        else:
+            message = message_of(observation, layout)
         if self._settings.request_chunk is not None:
             message["__action_chunk_size__"] = self._settings.request_chunk
         connection.send(pack(message), deadline)

@@ -1,0 +1,158 @@
+"""A model server of the vla-eval package: pi-0.5, GR00T, X-VLA, OpenVLA, LeRobot's policies behind one protocol.
+
+Every message has a type, a payload and a number, which the answer repeats. The client says hello first; the server
+answers what its actions are. An episode is started before its observations, and errors leave the connection open.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from mpvi_bt import __version__
+from mpvi_bt.errors import BadMessage, PolicyError, UserError, shown
+from mpvi_bt.remote.codec import array_of, pack
+from mpvi_bt.remote.connection import Connection, one_line
+from mpvi_bt.remote.mapping import actions_of, message_of
+from mpvi_bt.remote.openpi import OpenpiPolicy
+from mpvi_bt.remote.settings import Observation, Settings, load_settings
+from mpvi_bt.robot.protocol import Proprioception
+from mpvi_bt.robot.solids import Array
+
+VERSION = 1  # of the protocol
+DEFAULT = "vla_eval"  # settings
+_ARRAY = "__ndarray__"
+
+
+def connect(address: str, settings: Settings | str = DEFAULT) -> VlaEvalPolicy:
+    """The policy at an address; the connection is made when it is first needed.
+
+    Args:
+        address: "ws://host:port", "wss://host:port" or "host:port"; the port is 8000 where none is given.
+        settings: Or the name or path of their file.
+
+    Raises:
+        UserError: The address or the settings are not valid.
+    """
+    return VlaEvalPolicy(address, load_settings(settings) if isinstance(settings, str) else settings)
+
+
+class VlaEvalPolicy(OpenpiPolicy):
+    """A remote policy that speaks vla-eval's protocol.
+
+    Args:
+        address: As `connect` takes it.
+        settings: How the server is spoken to; they say what an observation is.
+
+    Raises:
+        UserError: They do not, or the address is none.
+    """
+
+    kind = "vla_eval"
+
+    def __init__(self, address: str, settings: Settings) -> None:
+        super().__init__(address, settings)
+        if settings.observation is None:
+            raise UserError(f"{self.name}: its settings must say in 'observation' what the model reads.")
+        self._layout: Observation = settings.observation
+        self._number = 0
+        self._episode: Connection | None = None  # the one on which an episode has been started
+
+    def hello(self) -> bytes:
+        """The first message, which the server waits for."""
+        return self._message("hello", {"harness_version": f"mpvi_bt {__version__}", "protocol_version": VERSION})
+
+    def _message(self, kind: str, payload: Mapping[str, Any]) -> bytes:
+        self._number += 1
+        return pack({"type": kind, "payload": payload, "seq": self._number, "timestamp": time.time()})
+
+    def _hear(self, message: Any) -> None:
+        """Check what the server says of itself against the settings. Raises PolicyError."""
+        kind, payload, _ = _read(message)
+        if kind != "hello":
+            raise _bad(f"a message of type {shown(kind)} in answer to hello")
+        if payload.get("protocol_version") != VERSION:
+            raise _bad(f"version {shown(payload.get('protocol_version'))} of the protocol; {VERSION} is spoken here")
+        sizes = _sizes(payload.get("action_spec"))
+        if sizes and all(sizes.values()) and sum(sizes.values()) != self._settings.action.size:
+            parts = ", ".join(f"{one_line(name, 40)} {size}" for name, size in sizes.items())
+            raise _bad(
+                f"actions of {sum(sizes.values())} numbers ({parts}); the settings say {self._settings.action.size}"
+            )
+        wants = payload.get("observation_params")
+        if isinstance(wants, dict) and wants.get("send_state") and not self._layout.state:
+            raise _bad("it reads a state, and the settings send none")
+
+    def _begin(self, connection: Connection, deadline: float) -> None:
+        """The episode is started with its first observation, which has the prompt."""
+
+    def _ask(
+        self, observation: Mapping[str, Any], held: Proprioception, connection: Connection, deadline: float
+    ) -> Array:
+        if self._fresh or self._episode is not connection:
+            if self._episode is connection:
+                connection.send(self._message("episode_end", {}), deadline)
+            connection.send(self._message("episode_start", {"task": {"name": observation["prompt"]}}), deadline)
+            self._episode = connection
+        payload = _with_plain_arrays(message_of(observation, self._layout))
+        connection.send(self._message("observation", payload), deadline)
+        actions = actions_of(_answer(connection, self._number, deadline), self._settings.action, held)
+        self._fresh = False
+        return actions
+
+
+def _answer(connection: Connection, number: int, deadline: float) -> dict[str, Any]:
+    """The payload of the action that answers the observation of a number. Raises PolicyError."""
+    while True:
+        kind, payload, answered = _read(connection.receive(deadline))
+        if kind == "error":
+            raise PolicyError("server_error", f"the server says: {one_line(str(payload.get('error')))}")
+        if kind != "action" or answered > number:
+            raise _bad(f"a message of type {shown(kind)}, number {answered}; an action, number {number}, is awaited")
+        if answered == number:  # a lower one comes late: a server that infers on its own may send several
+            return payload
+
+
+def _read(message: Any) -> tuple[Any, dict[str, Any], int]:
+    """Type, payload and number of a message, arrays unpacked. Raises PolicyError."""
+    if not isinstance(message, dict):
+        raise _bad(f"a message that is {shown(message)}")
+    kind, payload, number = (message.get(key) for key in ("type", "payload", "seq"))
+    if not isinstance(payload, dict) or not isinstance(number, int):
+        raise _bad("a message without a payload or a number")
+    try:
+        return kind, _unpacked(payload), number
+    except BadMessage as error:
+        raise _bad(str(error)) from None
+
+
+def _unpacked(value: Any) -> Any:
+    if not isinstance(value, dict):
+        return value
+    if _ARRAY in value:
+        return array_of(value.get("data"), value.get("dtype"), value.get("shape"))
+    return {key: _unpacked(inner) for key, inner in value.items()}
+
+
+def _with_plain_arrays(value: Any) -> Any:
+    """Arrays as maps with text for keys, where openpi has bytes."""
+    if isinstance(value, dict):
+        return {key: _with_plain_arrays(inner) for key, inner in value.items()}
+    if isinstance(value, np.ndarray):
+        return {_ARRAY: True, "data": value.tobytes(), "dtype": value.dtype.str, "shape": list(value.shape)}
+    return value
+
+
+def _sizes(spec: Any) -> dict[str, int]:
+    """How many numbers each part of an action has, 0 where the server does not say."""
+    if not isinstance(spec, dict):
+        return {}
+    sizes = {str(name): part.get("dims") if isinstance(part, dict) else 0 for name, part in spec.items()}
+    return {name: size if isinstance(size, int) else 0 for name, size in sizes.items()}
+
+
+def _bad(message: str) -> PolicyError:
+    return PolicyError("bad_reply", message)
