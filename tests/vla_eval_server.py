@@ -67,10 +67,10 @@ class Model(PredictModelServer):  # type: ignore[misc]
 
 
 @contextlib.contextmanager
-def model_server(model: Model) -> Iterator[str]:
-    """Its address, HOST:PORT."""
+def model_server(model: Model, port: int = 0) -> Iterator[str]:
+    """Its address, HOST:PORT; at any port that is free where none is given."""
     with start_blocking_portal() as portal:
-        task, port = portal.start_task(serve_async, model, "127.0.0.1", 0)
+        task, port = portal.start_task(serve_async, model, "127.0.0.1", port)
         try:
             yield f"127.0.0.1:{port}"
         finally:
