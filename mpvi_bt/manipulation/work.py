@@ -122,11 +122,6 @@ class Work:
                 out[side] = Held(name, frame @ self.scene.pose(name), solids, Load(solids, volumes))
         return out
 
-    def _carried(self) -> set[str]:
-        """What the hands hold, and what lies in that."""
-        held = {n for side in SIDES if (n := self.scene.holding(side)) is not None}
-        return {m for n in held for m in (n, *self.scene.within(n))}
-
     def search(self, side: Side, touched: Collection[str]) -> Search:
         """A stance search for one hand that works on the things `touched`."""
         held = self.held()
@@ -262,7 +257,7 @@ class Work:
         """A little back, straight, as it stands; where that is not free, less; nothing where it cannot move at all."""
         here, body = self.motion.felt.base_pose, self.body()
         ahead = np.array([np.cos(here[2]), np.sin(here[2]), 0.0])
-        near = self.scene.obstacles(here[:2], _NEAR_M, without=self._carried())
+        near = self.scene.obstacles(here[:2], _NEAR_M, without=self._carried(self.held()))
         for by in (0.35, 0.2):
             lane = [kin.base(here - ahead * by * u) for u in (0.4, 0.7, 1.0)]
             around = [near.seen_from(T) for T in lane]
