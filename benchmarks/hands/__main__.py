@@ -12,7 +12,7 @@ import click
 
 from benchmarks.hands.policies import POLICIES
 from benchmarks.hands.rows import Job, Row, add_row, read_rows
-from benchmarks.hands.runner import WALL_LIMIT_S, run_jobs
+from benchmarks.hands.runner import ERRORS, WALL_LIMIT_S, run_jobs
 from benchmarks.hands.scenes import choose
 from benchmarks.hands.table import markdown, table
 from benchmarks.hands.trial import Shapes
@@ -43,8 +43,8 @@ class _Seeds(click.ParamType):
 @click.option("--seeds", type=_Seeds(), default="0-19", show_default=True, help="100-119 are for the final table only.")
 @click.option("--shapes", type=click.Choice(_SHAPES), default="tuning", show_default=True,
               help="half: even seeds take tuning shapes, odd ones held-out shapes.")  # fmt: skip
-@click.option("--noise", type=click.Choice(["none", "realistic"]), default="none", show_default=True,
-              help="Error model of the senses.")  # fmt: skip
+@click.option("--noise", type=click.Choice(list(ERRORS)), default="none", show_default=True,
+              help="Error model of the senses of policies that see.")  # fmt: skip
 @click.option("--perception-error", "perception_cm", type=click.FloatRange(0, 20), default=0.0, metavar="CM",
               help="Error of where things are believed to be, standard deviation.")  # fmt: skip
 @click.option("--assisted", is_flag=True, help="Fix what a closing hand pinches to the hand.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -54,6 +54,29 @@ def put_in_hands(world: World, held: Mapping[Side, str]) -> None:
     for side, name in held.items():
         if name not in world.pinched(side):
             raise BackendError(f"{name} fell out of the {side} hand that was to hold it at the start")
+
+
+def fill(world: World, filled: Mapping[str, Sequence[str]]) -> None:
+    """Drop things into vessels, one after the other.
+
+    Raises:
+        BackendError: One of them did not stay inside.
+    """
+    for vessel, names in filled.items():
+        for k, name in enumerate(names):
+            volume = max(world.volumes(vessel), key=lambda v: float(np.prod(v.half_m)))
+            middle = volume.T[:3, 3].copy()
+            aside = 0.3 * float(volume.half_m[:2].min())
+            middle[:2] += aside * np.array([np.cos(2.1 * k), np.sin(2.1 * k)]) * (len(names) > 1)
+            world.place(name, pose((*middle[:2], middle[2] + 0.01 * k)))
+            action = world.robot.action
+            for _ in range(CONTROL_HZ // 2):
+                world.step(action)
+        world.steps = 0
+        if missing := set(names) - set(world.within(vessel)):
+            raise BackendError(
+                f"{', '.join(sorted(missing))} did not stay in {vessel}, which is to hold it at the start"
+            )
 
 
 def _posture(

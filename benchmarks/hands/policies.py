@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.manipulation.expert import ExpertPolicy
 from mpvi_bt.manipulation.reactive import ReactivePolicy
+from mpvi_bt.manipulation.truth import Truth
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.sim.mistaken import MistakenTruth
 from mpvi_bt.sim.world import World
 
 
@@ -17,22 +19,22 @@ class Maker:
     """How a policy is made.
 
     Attributes:
-        make: From a world and a seed.
+        make: From a world, a seed, and the standard deviation of errors of position [m], which a policy that sees for
+            itself does not need to be told of.
         pictures: Whether it needs a world that can be seen.
     """
 
-    make: Callable[[World, int], Policy]
+    make: Callable[[World, int, float], Policy]
     pictures: bool
 
 
-def _expert(world: World, seed: int) -> Policy:
-    return ExpertPolicy(world, load_skills(), seed)
+def _expert(world: World, seed: int, off_m: float) -> Policy:
+    truth: Truth = MistakenTruth(world, off_m, seed) if off_m else world
+    return ExpertPolicy(truth, load_skills(), seed)
 
 
-def _reactive(world: World, seed: int) -> Policy:
-    # What labels are called stands for what an open-vocabulary detector knows; nothing else of the world goes in.
-    vocabulary = {e.name: e.phrases for e in world.knowledge() if e.kind != "room"}
-    return ReactivePolicy(load_skills(), seed, vocabulary=vocabulary)
+def _reactive(world: World, seed: int, off_m: float) -> Policy:
+    return ReactivePolicy(load_skills(), seed, vocabulary={e.name: e.phrases for e in world.knowledge()})
 
 
 POLICIES: Mapping[str, Maker] = {"expert": Maker(_expert, False), "reactive": Maker(_reactive, True)}

@@ -7,6 +7,7 @@ import os
 import traceback
 from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import replace
 from pathlib import Path
 
 from pebble import ProcessExpired, ProcessPool
@@ -18,9 +19,11 @@ from benchmarks.hands.show import Film
 from benchmarks.hands.trial import play
 from mpvi_bt.errors import BackendError, NoRenderingDevice, UserError
 from mpvi_bt.robot.protocol import CONTROL_HZ
+from mpvi_bt.sim.noise import NONE, REALISTIC, NoisyRobot
 from mpvi_bt.suite.runner import THREAD_LIMITS
 from mpvi_bt.suite.worker import prepare
 
+ERRORS = {"none": NONE, "realistic": REALISTIC}  # of the senses of policies that see
 WALL_LIMIT_S = 600.0  # Our choice: only a hung trial takes that long
 _TRIALS_A_PROCESS = 40  # the renderer keeps some memory of every scene
 
@@ -45,15 +48,19 @@ def run_job(job: Job, show: Path | None = None, video: bool = False) -> Row:
         if isinstance(error, NoRenderingDevice):
             raise
         return Row(job, False, f"no_scene: {error}")
-    policy = maker.make(world, job.seed)
+    off_m = job.perception_cm / 100
+    policy = maker.make(world, job.seed, off_m)
+    errors = replace(ERRORS[job.noise], offset_m=off_m)
+    robot = NoisyRobot(world.robot, world.cameras, errors, job.seed) if maker.pictures else world.robot
     film = None if show is None else Film(world, show / job.name.replace("/", "-").replace(" ", "_"), video)
-    played = play(trial, world, policy, world.robot, None if film is None else film.step)
+    played = play(trial, world, policy, robot, None if film is None else film.step)
     if film is not None:
         film.end()
+    attempts = getattr(policy, "attempts", None)
     cause = f"{played.missing}: {played.note}" if played.note else played.missing
     return Row(
         job, not played.missing, cause if played.missing else "", round(played.simulated_s, 2), played.steps,
-        getattr(policy, "retries", None), round(played.wall_s, 2), round(played.cpu_s, 2),
+        None if attempts is None else max(attempts - 1, 0), round(played.wall_s, 2), round(played.cpu_s, 2),
         round(played.steps / CONTROL_HZ / max(played.cpu_s, 1e-9), 1),
         {name: thing.entry.name for name, thing in trial.objects.items()},
     )  # fmt: skip

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
-from benchmarks.hands.holding import put_in_hands
+from benchmarks.hands.holding import fill, put_in_hands
 from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout, Robot, Side
 from mpvi_bt.robot.solids import Array
@@ -38,6 +38,7 @@ class Trial:
             any step, only ever of this trial's world.
         budget_s: Simulated time that the policy has.
         held: Things that the hands hold at the start, gripped by friction; where `objects` has them does not matter.
+        filled: What lies in things at the start: vessel -> names; dropped in after the hands have closed.
         opened: How far doors and drawers stand open at the start, 0 to 1: fixture -> body -> fraction.
     """
 
@@ -48,6 +49,7 @@ class Trial:
     done: Callable[[World], str]
     budget_s: float = 90.0
     held: Mapping[Side, str] = field(default_factory=dict)
+    filled: Mapping[str, Sequence[str]] = field(default_factory=dict)
     opened: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def world(self, render: bool, assisted: bool = False) -> World:
@@ -62,6 +64,7 @@ class Trial:
             for body, fraction in bodies.items():
                 world.set_opening(fixture, body, fraction)
         put_in_hands(world, self.held)
+        fill(world, self.filled)
         world.settle()
         return world
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import sapien
@@ -22,6 +22,7 @@ class Cameras:
 
     Attributes:
         names: Scene id to the name of the thing, for the label image; filled by the world.
+        before: Called before each picture, to bring what is only seen to where it belongs; set by the world.
         taken: Pictures rendered so far.
         seconds: Wall time spent on them.
     """
@@ -31,6 +32,7 @@ class Cameras:
         self._cameras: dict[str, sapien.render.RenderCameraComponent] = {}
         self._free: dict[tuple[int, int], sapien.Entity] = {}
         self.names: Mapping[int, str] = {}
+        self.before: Callable[[], None] = lambda: None
         self.taken = 0
         self.seconds = 0.0
 
@@ -48,12 +50,18 @@ class Cameras:
         entity.add_component(component)
         self._cameras[name] = component
 
+    def misalign(self, camera: str, T_nominal_real: Array) -> None:
+        """Have a camera sit off its nominal pose; (4, 4), its real optical frame to its nominal one."""
+        T = transform(LINK_TO_OPTICAL, (0.0, 0.0, 0.0)) @ T_nominal_real @ _OPTICAL_TO_LINK
+        self._cameras[camera].set_local_pose(sapien.Pose(T))
+
     def look(self, name: str) -> CameraImage:
         """Render the named camera as the world stands. Raises BackendError if there is none of that name."""
         started = time.perf_counter()
         camera = self._cameras.get(name)
         if camera is None:
             raise BackendError(f"no camera {name!r}; known: {', '.join(self._cameras)}")
+        self.before()
         self._scene.update_render()
         camera.take_picture()
         # opengl camera frame [mm], and the scene id of what each pixel shows
