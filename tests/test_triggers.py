@@ -157,6 +157,71 @@ def test_two_events_of_one_hand_keep_the_refractory_time() -> None:
     assert len(go(hands, triggers, 4.0)) == 1
 
 
+def rests(hands: Hands) -> GraspReleaseTriggers:
+    """Triggers that watch for a rest."""
+    triggers = GraspReleaseTriggers(hands)
+    triggers.reset(("rest",))
+    return triggers
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.sampled_from(["left", "right"]), st.floats(0.4, 2.0), st.floats(0.1, 1.5))
+def test_a_rest_after_a_way_fires_once(side: Side, way_rad: float, speed: float) -> None:
+    """Whatever the arms did: one event, of the arm that went, when they have come to rest, and no more after it."""
+    hands = Hands()
+    triggers = rests(hands)
+    assert go(hands, triggers, 3.0) == [], "nothing has moved"
+    assert go(hands, triggers, way_rad / speed, side, joint_speed=speed) == []
+    assert go(hands, triggers, 10.0) == [TriggerEvent("rest", side)]
+
+
+def test_there_and_back_again_is_a_way() -> None:
+    """A button that was pressed leaves the arm where it began."""
+    hands = Hands()
+    triggers = rests(hands)
+    go(hands, triggers, 1.0, joint_speed=0.5)
+    assert go(hands, triggers, 1.0, joint_speed=-0.5) == []
+    assert go(hands, triggers, 3.0) == [TriggerEvent("rest", "right")]
+
+
+def test_a_twitch_is_no_way_and_after_a_no_there_must_be_a_new_one() -> None:
+    """A fifth of a radian brings no question; half a radian does, each time."""
+    hands = Hands()
+    triggers = rests(hands)
+    assert go(hands, triggers, 0.4, joint_speed=0.5) + go(hands, triggers, 3.0) == []
+    assert go(hands, triggers, 0.6, joint_speed=0.5) + go(hands, triggers, 3.0) == [TriggerEvent("rest", "right")]
+    assert go(hands, triggers, 0.4, joint_speed=0.5) + go(hands, triggers, 3.0) == []
+    assert go(hands, triggers, 0.6, joint_speed=-0.5) + go(hands, triggers, 3.0) == []
+    assert go(hands, triggers, 0.6, joint_speed=-0.5) + go(hands, triggers, 3.0) == [TriggerEvent("rest", "right")]
+
+
+def test_there_is_no_rest_while_base_or_fingers_move() -> None:
+    """The picture would show the middle of something."""
+    hands = Hands()
+    triggers = rests(hands)
+    go(hands, triggers, 1.0, joint_speed=0.5)
+    for _ in range(60):
+        hands.pose = hands.pose + np.array([0.004, 0.0, 0.0])
+        assert triggers.update() is None
+    assert go(hands, triggers, 2.0, to_m=0.05, command=-1.0) == []
+    assert go(hands, triggers, 3.0) == [TriggerEvent("rest", "right")]
+
+
+def test_a_grasp_that_is_told_of_is_no_rest_too() -> None:
+    """One end, one question, where both kinds are asked for."""
+    hands = Hands()
+    triggers = GraspReleaseTriggers(hands)
+    triggers.reset(("grasp", "rest"))
+    assert grasp(hands, triggers) + go(hands, triggers, 5.0) == [TriggerEvent("grasp", "right")]
+
+
+def test_a_rest_is_watched_for_only_by_name() -> None:
+    """A primitive that nobody has told us of ends in a grasp or a release."""
+    hands = Hands()
+    triggers = GraspReleaseTriggers(hands)
+    assert go(hands, triggers, 2.0, joint_speed=0.5) + go(hands, triggers, 5.0) == []
+
+
 def test_only_the_kinds_that_were_asked_for_fire() -> None:
     """A place is not interrupted by the grasp that comes before it."""
     hands = Hands()

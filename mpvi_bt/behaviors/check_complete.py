@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from py_trees.common import Status
@@ -11,15 +12,17 @@ from mpvi_bt.behaviors.node import Leaf
 from mpvi_bt.behaviors.protocols import TriggerEvent
 from mpvi_bt.behaviors.saved_state import count
 from mpvi_bt.errors import UnknownName
-from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.robot.protocol import CameraImage, Side
+
+_OTHER: Mapping[Side, Side] = {"left": "right", "right": "left"}
 
 
 class CheckComplete(Leaf):
     """SUCCESS once an event fired and the checker confirmed; a no lets things go on (Paper, Completion Checker).
 
-    The skill's file says which events ask, and whose camera then sees the result. Without a skill every event asks,
-    a grasp with the wrist camera, everything else with the head's (Paper, Proprioceptive trigger: general heuristics
-    for all subtasks).
+    The skill's file says which events ask, and whose camera then sees the result. Without a skill grasps and releases
+    ask, a grasp with the wrist camera, a release with the head's (Paper, Proprioceptive trigger: general heuristics for
+    all subtasks).
 
     Args:
         name: In the tree.
@@ -76,12 +79,19 @@ class CheckComplete(Leaf):
         super().restore(state)
         self._asked = count(state, "asked")
 
+    def _camera(self, event: TriggerEvent) -> str:
+        """Whose picture shows what came of the event."""
+        wanted = self._cameras.get(event.kind)
+        if event.side is None or wanted not in ("hand", "other_hand"):
+            return "head"
+        return event.side if wanted == "hand" else _OTHER[event.side]
+
     def _ask(self, event: TriggerEvent) -> bool:
         context = self.context
         camera: str | None = None
         image: CameraImage | None = None
         if context.checker.needs_image:
-            camera = event.side if event.side and self._cameras.get(event.kind) == "hand" else "head"
+            camera = self._camera(event)
             with context.stopwatch("rendering"):
                 image = context.robot.look(camera)
         with context.stopwatch("checker"):

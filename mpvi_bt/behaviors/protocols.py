@@ -133,7 +133,7 @@ class TriggerEvent:
     """Proprioception says that something just happened (Paper, Completion Checker).
 
     Attributes:
-        kind: "grasp", "release", ...
+        kind: "grasp", "release" or "rest".
         side: The hand that it happened to, whose camera may show it.
     """
 
@@ -145,7 +145,7 @@ class Triggers(Protocol):
     """Watches proprioception for the end of a manipulation primitive."""
 
     def reset(self, kinds: tuple[str, ...] | None = None) -> None:
-        """Begin anew; only events of `kinds` will fire (None: all)."""
+        """Begin anew; only events of `kinds` will fire (None: grasps and releases, which may end any primitive)."""
         ...
 
     def update(self) -> TriggerEvent | None:

@@ -1,4 +1,4 @@
-"""Proprioceptive triggers: when a grasp or a release has just ended, so that looking is worth it."""
+"""Proprioceptive triggers: when a grasp, a release or another motion has just ended, so that looking is worth it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from mpvi_bt.errors import UnknownName
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Robot, Side
 from mpvi_bt.robot.solids import Array
 
-KINDS = ("grasp", "release")
+KINDS = ("grasp", "release", "rest")
+_GENERAL = ("grasp", "release")  # what ends a primitive that nobody has told us of (Paper, Proprioceptive trigger)
 _STEPS_OF_A_RATE = 3  # rates of change are taken over so many steps
 
 
@@ -31,7 +32,8 @@ class GripperThresholds:
         empty_m: A closed hand narrower than this holds nothing; between the two it is as before.
         opened_m: How much wider than its grasp a hand must get to have let go,
         full_m: or, of a thing nearly as wide as the hand opens, how wide at all.
-        arm_still_rad_s: The arms are at rest while no joint of either is faster.
+        arm_still_rad_s: The arms are at rest while no joint of either is faster; for "rest", base and torso too [m/s].
+        moved_rad: How far a joint of an arm must have turned since the last rest for the next one to be an event.
         settle_s: How long the arms must be at rest: the event marks the end of a primitive, not its middle.
         refractory_s: At least this long between two events of one hand.
     """
@@ -44,6 +46,7 @@ class GripperThresholds:
     opened_m: float = 0.015
     full_m: float = 0.095
     arm_still_rad_s: float = 0.05
+    moved_rad: float = 0.3
     settle_s: float = 0.5
     refractory_s: float = 1.0
 
@@ -53,6 +56,10 @@ class GraspReleaseTriggers:
 
     A hand's grasp or release fires once; it fires anew after the arms have moved and settled again, so that a judge who
     said no is asked again when there may be something new to see (Paper, Completion Checker appendix).
+
+    What ends in neither, such as a door that was pushed shut or a button that was pressed, shows in the arms alone:
+    they have gone somewhere and the whole body has come to rest. That is the event "rest", of the arm that went
+    farther. It fires only where it is asked for by name.
     """
 
     def __init__(self, robot: Robot, thresholds: GripperThresholds | None = None) -> None:
@@ -62,7 +69,9 @@ class GraspReleaseTriggers:
         self.reset()
 
     def reset(self, kinds: tuple[str, ...] | None = None) -> None:
-        """Begin anew; only events of `kinds` will fire (None: all). What a hand holds now it is known to hold.
+        """Begin anew; only events of `kinds` will fire (None: grasps and releases).
+
+        What a hand holds now it is known to hold.
 
         Raises:
             UnknownName: A kind that these triggers do not have.
@@ -70,10 +79,11 @@ class GraspReleaseTriggers:
         for kind in kinds or ():
             if kind not in KINDS:
                 raise UnknownName("trigger", kind, KINDS)
-        self._kinds = KINDS if kinds is None else kinds
+        self._kinds = _GENERAL if kinds is None else kinds
         body = self._robot.proprioception()
         self._hands = {side: _Hand(self.thresholds, body, side) for side in SIDES}
         self._angles: deque[Array] = deque(maxlen=_STEPS_OF_A_RATE + 1)
+        self._rest = _Rest(self.thresholds, body)
 
     def update(self) -> TriggerEvent | None:
         """Read proprioception once a step; the event that fires now, if any.
@@ -84,10 +94,16 @@ class GraspReleaseTriggers:
         moving = self._arms_move(body)
         for hand in self._hands.values():
             hand.feel(body, moving)
+        steady = all(hand.steady for hand in self._hands.values())
+        rested = self._rest.feel(body, steady) if "rest" in self._kinds else None
         for side, hand in self._hands.items():
             if (kind := hand.due(self._kinds)) is not None:
                 hand.fired()
+                self._rest.fired()
                 return TriggerEvent(kind, side)
+        if rested is not None:
+            self._rest.fired()
+            return TriggerEvent("rest", rested)
         return None
 
     def _arms_move(self, body: Proprioception) -> bool:
@@ -128,7 +144,7 @@ class _Hand:
         self._since_event += 1
         if moving:
             self._armed = True
-        if self._steady < _steps(t.hold_s):
+        if not self.steady:
             return
         closed = body.gripper_command[self._side] < 0
         if self._grasp_width is None:
@@ -140,6 +156,11 @@ class _Hand:
             self._report("release")
         elif closed and self._width < t.empty_m:  # it slipped out: nothing is held and nothing was let go on purpose
             self._grasp_width, self._news = None, None
+
+    @property
+    def steady(self) -> bool:
+        """Whether the fingers stand."""
+        return self._steady >= _steps(self._t.hold_s)
 
     def _report(self, news: Literal["grasp", "release"]) -> None:
         self._news, self._armed = news, True
@@ -154,6 +175,41 @@ class _Hand:
     def fired(self) -> None:
         """The event was reported; it is due again only after the arm has moved and settled."""
         self._armed, self._since_event = False, 0
+
+
+class _Rest:
+    """Whether the arms have gone somewhere since the last rest, and the whole body stands now."""
+
+    def __init__(self, thresholds: GripperThresholds, body: Proprioception) -> None:
+        self._t = thresholds
+        self._home = {side: body.arm[side].copy() for side in SIDES}
+        self._farthest: dict[Side, float] = dict.fromkeys(SIDES, 0.0)
+        self._recent: deque[Array] = deque(maxlen=_STEPS_OF_A_RATE + 1)
+        self._still = 0  # steps
+        self._since_event = _steps(thresholds.refractory_s)
+
+    def feel(self, body: Proprioception, steady: bool) -> Side | None:
+        """Take in one step; the arm that went farthest, if this is a rest that is news. `steady`: so are the fingers."""
+        t = self._t
+        for side in SIDES:
+            away = float(np.abs(body.arm[side] - self._home[side]).max())
+            self._farthest[side] = max(self._farthest[side], away)
+        turn = np.array([np.cos(body.base_pose[2]), np.sin(body.base_pose[2])])  # yaw without its jump at pi
+        now = np.concatenate([body.arm["left"], body.arm["right"], body.torso, body.base_pose[:2], turn])
+        self._recent.append(now)
+        went = np.abs(now - self._recent[0]).max() * CONTROL_HZ
+        self._still = 0 if went > t.arm_still_rad_s * max(len(self._recent) - 1, 1) else self._still + 1
+        self._since_event += 1
+        side: Side = "left" if self._farthest["left"] > self._farthest["right"] else "right"
+        rested = steady and self._still >= _steps(t.settle_s) and self._since_event >= _steps(t.refractory_s)
+        return side if rested and self._farthest[side] > t.moved_rad else None
+
+    def fired(self) -> None:
+        """An event was reported: the next way begins where the arms are now."""
+        if self._recent:
+            self._home = {"left": self._recent[-1][:7], "right": self._recent[-1][7:14]}
+        self._farthest = dict.fromkeys(SIDES, 0.0)
+        self._since_event = 0
 
 
 def _steps(seconds: float) -> int:
