@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from typing import Any
 from urllib.parse import urlsplit
 
-from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidMessage, InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidMessage, InvalidStatus, WebSocketException
 from websockets.sync.client import ClientConnection, connect
 
 from mpvi_bt.errors import BadMessage, PolicyError
@@ -143,7 +143,7 @@ def _open(url: str, deadline: float, most_bytes: int) -> ClientConnection:
                 ping_timeout=None,  # while it infers, a server of openpi answers no ping
                 close_timeout=_CLOSE_S,
             )
-        except (OSError, InvalidHandshake) as error:
+        except (OSError, ValueError, WebSocketException) as error:
             failure = _refused(error)
         _wait_until_healthy(url, deadline, failure)
 
@@ -171,14 +171,13 @@ def _refused(error: Exception) -> PolicyError:
         return PolicyError("server_absent", words)
     if isinstance(error, InvalidMessage) and not isinstance(error.__cause__, EOFError | OSError):
         raise PolicyError("bad_reply", f"it does not speak HTTP: {one_line(str(error))}") from None
-    if isinstance(error, InvalidHandshake) and not isinstance(error, InvalidMessage):
+    if isinstance(error, InvalidMessage | ConnectionResetError):
+        return PolicyError("server_closed", "it hangs up")
+    if not isinstance(error, OSError):
         raise PolicyError("bad_reply", f"it serves no websocket: {one_line(str(error))}") from None
     if isinstance(error, TimeoutError):
         return PolicyError("server_timeout", "it does not answer")
-    if isinstance(error, InvalidMessage):
-        return PolicyError("server_absent", "it hangs up")
-    words = os.strerror(error.errno).lower() if isinstance(error, OSError) and error.errno else one_line(str(error))
-    return PolicyError("server_absent", words)
+    return PolicyError("server_absent", os.strerror(error.errno).lower() if error.errno else one_line(str(error)))
 
 
 def _wait_until_healthy(url: str, deadline: float, failure: PolicyError) -> None:

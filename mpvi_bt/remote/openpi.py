@@ -52,7 +52,7 @@ def url_of(address: str) -> str:
         raise UserError(f"{shown(address)} is no address of a policy server: {error}. {form}") from None
     if parts.username is not None or parts.query or parts.fragment:
         raise UserError(f"an address has no name, key or query in it. {form} A key is read from {KEY}.")
-    if parts.scheme not in ("ws", "wss") or not host or not host.isprintable() or " " in address:
+    if parts.scheme not in ("ws", "wss") or not host or not address.isprintable() or " " in address:
         raise UserError(f"{shown(address)} is no address of a policy server. {form}")
     host = f"[{host}]" if ":" in host else host
     return f"{parts.scheme}://{host}:{PORT if port is None else port}{parts.path}"
