@@ -13,6 +13,7 @@ from mpvi_bt.perception.knowledge import normalize
 from mpvi_bt.robot.protocol import CameraImage
 
 ROBOT = "robot"  # the phrase that finds the robot's own parts
+SWITCH = ".switch"  # ends the label of a thing's switch
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +51,7 @@ class LabelDetector:
     """Reads the picture's label channel: the stand-in for an open-vocabulary detector, blind to what the label says.
 
     It hands out masks by phrase, not names: two cans are two detections of "can", and nothing tells which is which.
+    A switch has a label of its own; it is called by its thing, as "switch of the radio".
 
     Attributes:
         name: "labels".
@@ -73,9 +75,20 @@ class LabelDetector:
         for phrase in phrases:
             wanted = normalize(phrase)
             for label, own in ids.items():
-                if label == ROBOT if phrase == ROBOT else wanted in self._called.get(label, ()):
+                if label == ROBOT if phrase == ROBOT else wanted in self._names(label):
                     mask = np.isin(image.labels, own)
                     rows, columns = np.nonzero(mask.any(1))[0], np.nonzero(mask.any(0))[0]
                     box = np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1])
                     found.append(Detection(phrase, 1.0, box, mask))
         return found
+
+    def _names(self, label: str) -> set[str]:
+        """What people call what has a label."""
+        thing = label.removesuffix(SWITCH)
+        called = self._called.get(thing, set())
+        return called if thing == label else {switch_of(p) for p in called}
+
+
+def switch_of(phrase: str) -> str:
+    """What the switch of a thing is called."""
+    return f"switch of the {normalize(phrase)}"

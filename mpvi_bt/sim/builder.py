@@ -277,14 +277,7 @@ class _Builder:
         """Give an entity what cameras see of a body."""
         if not self.render:
             return
-        component = sapien.render.RenderBodyComponent()
-        for color, mesh in meshes(body.parts):
-            no_texture = np.zeros((len(mesh.vertices), 2))
-            shape = sapien.render.RenderShapeTriangleMesh(
-                mesh.vertices, mesh.triangles, mesh.normals, no_texture, self._paint(color)
-            )
-            component.attach(shape)
-        entity.add_component(component)
+        show(entity, body.parts, self._paint)
 
     def _surface(self, friction: float) -> sapien.physx.PhysxMaterial:
         if friction not in self.surfaces:
@@ -293,10 +286,28 @@ class _Builder:
 
     def _paint(self, color: Color) -> sapien.render.RenderMaterial:
         if color not in self.paints:
-            linear = [channel**2.2 for channel in color]  # the shaders light in linear color
-            paint = sapien.render.RenderMaterial(base_color=[*linear, 1.0], roughness=_ROUGHNESS, specular=0.1)
-            self.paints[color] = paint
+            self.paints[color] = paint(color)
         return self.paints[color]
+
+
+def paint(color: Color) -> sapien.render.RenderMaterial:
+    """A matt paint."""
+    linear = [channel**2.2 for channel in color]  # the shaders light in linear color
+    return sapien.render.RenderMaterial(base_color=[*linear, 1.0], roughness=_ROUGHNESS, specular=0.1)
+
+
+def show(
+    entity: sapien.Entity, parts: Iterable[Part], painted: Callable[[Color], sapien.render.RenderMaterial] = paint
+) -> None:
+    """Give an entity what cameras see of parts in its frame."""
+    component = sapien.render.RenderBodyComponent()
+    for color, mesh in meshes(parts):
+        no_texture = np.zeros((len(mesh.vertices), 2))
+        shape = sapien.render.RenderShapeTriangleMesh(
+            mesh.vertices, mesh.triangles, mesh.normals, no_texture, painted(color)
+        )
+        component.attach(shape)
+    entity.add_component(component)
 
 
 def _mark_fixed(component: sapien.physx.PhysxRigidBaseComponent) -> None:

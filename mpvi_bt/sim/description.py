@@ -60,6 +60,21 @@ class Handle:
 
 
 @dataclass(frozen=True, eq=False)
+class Switch:
+    """A button that a fingertip can press.
+
+    Attributes:
+        center: (3,) middle of its face, in the body frame [m].
+        outward: (3,) unit vector out of the thing.
+        radius_m: Of what is seen of it.
+    """
+
+    center: Array
+    outward: Array
+    radius_m: float = 0.014
+
+
+@dataclass(frozen=True, eq=False)
 class Joint:
     """How a body moves against the root body.
 
@@ -92,6 +107,7 @@ class Body:
         volumes: What can hold things, as boxes or cylinders in the body frame.
         handles: Bars to take hold of.
         joint: How it moves against the first body; None for the first body itself.
+        switches: What turns the thing on and off.
     """
 
     name: str
@@ -99,6 +115,7 @@ class Body:
     volumes: tuple[Solid, ...] = ()
     handles: tuple[Handle, ...] = ()
     joint: Joint | None = None
+    switches: tuple[Switch, ...] = ()
 
     def frame(self, position: float = 0.0) -> Array:
         """(4, 4) this body to the root body, with its joint at `position` [rad or m]."""
@@ -151,6 +168,11 @@ class Description:
         return np.stack([corners[:, 0].min(0), corners[:, 1].max(0)])
 
 
+def switch(center: Vector, outward: Axis) -> Switch:
+    """A switch on a face that looks along an axis of the body frame."""
+    return Switch(np.array(center, float), _Z_TO[outward][:, 2])
+
+
 @dataclass
 class Parts:
     """Collects the parts of one body."""
@@ -180,13 +202,16 @@ class Parts:
         volumes: tuple[Solid, ...] = (),
         handles: tuple[Handle, ...] = (),
         joint: Joint | None = None,
+        switches: tuple[Switch, ...] = (),
     ) -> Body:
         """The body that has these parts."""
-        return Body(name, tuple(self.items), volumes, handles, joint)
+        return Body(name, tuple(self.items), volumes, handles, joint, switches)
 
-    def thing(self, volumes: tuple[Solid, ...] = (), handles: tuple[Handle, ...] = ()) -> Description:
+    def thing(
+        self, volumes: tuple[Solid, ...] = (), handles: tuple[Handle, ...] = (), switches: tuple[Switch, ...] = ()
+    ) -> Description:
         """A thing of this one body."""
-        return Description((self.body(volumes=volumes, handles=handles),))
+        return Description((self.body(volumes=volumes, handles=handles, switches=switches),))
 
 
 def _turn(axis: Array, angle: float) -> Array:

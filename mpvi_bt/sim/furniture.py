@@ -10,7 +10,7 @@ import itertools
 import numpy as np
 
 from mpvi_bt.robot.solids import box
-from mpvi_bt.sim.description import Color, Description, Parts
+from mpvi_bt.sim.description import Color, Description, Parts, switch
 from mpvi_bt.sim.dimensions import Count, Length, Rgb, Size
 
 _STEEL: Color = (0.78, 0.79, 0.8)
@@ -174,7 +174,7 @@ def counter(
 
 
 def sink(*, size_m: Size, color: Rgb, top_color: Rgb, basin_m: Size, pedestal: bool = False) -> Description:
-    """A basin in a work surface, with a tap at the back.
+    """A basin in a work surface, with a tap at the back that is turned on at its top.
 
     It stands on a closed base, or on a slim `pedestal` with free floor around it.
     """
@@ -201,11 +201,11 @@ def sink(*, size_m: Size, color: Rgb, top_color: Rgb, basin_m: Size, pedestal: b
     parts.cylinder((-x / 2 + front / 2, 0, z + 0.13), 0.026, 0.26, _STEEL)
     parts.cylinder((-x / 2 + front / 2 + 0.08, 0, z + 0.26), 0.022, 0.17, _STEEL, axis="x")
     basin = box((0, 0, z - bz / 2), (bx, by, bz))
-    return parts.thing(volumes=(basin,))
+    return parts.thing(volumes=(basin,), switches=(switch((-x / 2 + front / 2, 0, z + 0.272), "z"),))
 
 
 def stove(*, size_m: Size, color: Rgb, burner_color: Rgb = _DARK) -> Description:
-    """A cooktop with four burners and knobs at its front."""
+    """A cooktop with four burners and knobs at its front, one of which is its switch."""
     parts = Parts()
     x, y, z = size_m
     parts.box((0, 0, z / 2), size_m, color)
@@ -214,7 +214,7 @@ def stove(*, size_m: Size, color: Rgb, burner_color: Rgb = _DARK) -> Description
         parts.cylinder((i * x * 0.21 - 0.02, j * y * 0.23, z + 0.004), 0.09, 0.004, color, collides=False)
     for k in range(4):
         parts.cylinder((x / 2 - 0.03, (k - 1.5) * 0.1, z + 0.006), 0.03, 0.012, _STEEL, collides=False)
-    return parts.thing()
+    return parts.thing(switches=(switch((x / 2 - 0.03, -0.05, z + 0.012), "z"),))
 
 
 def fireplace(*, size_m: Size, color: Rgb, mantel_color: Rgb, hearth_m: Size) -> Description:
@@ -261,13 +261,26 @@ def toilet(*, size_m: Size, color: Rgb) -> Description:
 
 
 def lamp(*, size_m: Size, color: Rgb, pole_color: Rgb = _DARK) -> Description:
-    """A floor lamp."""
+    """A floor lamp with a switch at the front of its pole."""
     parts = Parts()
     x, _, z = size_m
     parts.cylinder((0, 0, 0.015), x * 0.8, 0.03, pole_color)
     parts.cylinder((0, 0, z / 2), 0.03, z - 0.04, pole_color)
     parts.cylinder((0, 0, z - 0.15), x, 0.3, color)
-    return parts.thing()
+    return parts.thing(switches=(switch((0.016, 0, z * 0.6), "x"),))
+
+
+def television(*, size_m: Size, color: Rgb = _DARK, screen_color: Rgb = (0.1, 0.12, 0.16)) -> Description:
+    """A screen on a low foot, with its switch at the lower right of the frame."""
+    parts = Parts()
+    x, y, z = size_m
+    foot, frame, thick = 0.06, 0.03, 0.035
+    parts.box((0, 0, 0.01), (x, y * 0.4, 0.02), color)
+    parts.box((0, 0, foot / 2 + 0.01), (0.04, 0.1, foot), color)
+    parts.box((0, 0, (foot + z) / 2), (thick, y, z - foot), color)
+    size = (0.002, y - 2 * frame, z - foot - 2 * frame)
+    parts.box((thick / 2, 0, (foot + z) / 2 + 0.01), size, screen_color, collides=False)
+    return parts.thing(switches=(switch((thick / 2, y / 2 - 0.05, foot + frame / 2), "x"),))
 
 
 def plant(*, size_m: Size, color: Rgb, leaf_color: Rgb = _GREEN) -> Description:

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from mpvi_bt.robot.solids import Solid, box
-from mpvi_bt.sim.description import Body, Color, Description, Handle, Joint, Parts
+from mpvi_bt.sim.description import Body, Color, Description, Handle, Joint, Parts, switch
 from mpvi_bt.sim.dimensions import Count, Length, Rgb, Size
 
 Hinge = Literal["left", "right", "bottom", "top"]
@@ -21,13 +21,14 @@ _STEEL: Color = (0.62, 0.63, 0.66)
 _DARK: Color = (0.2, 0.2, 0.22)
 _GLASS: Color = (0.33, 0.4, 0.46)
 _WALL = 0.018  # of carcasses and doors
+_PANEL = 0.08  # width of a strip with a switch
 _GAP = 0.004  # between a door and its neighbors
 
 
 def cabinet(
     *, size_m: Size, color: Rgb, door_color: Rgb | None = None, hinge: Hinge = "right", doors: Literal[1, 2] = 1,
     shelves_z_m: tuple[Length, ...] = (), plinth_m: float = 0.0, handle_m: Length = 0.16, window: bool = False,
-    handle_color: Rgb = _STEEL,
+    handle_color: Rgb = _STEEL, panel: Literal["top", "side"] | None = None,
 ) -> Description:  # fmt: skip
     """A box with one hinged door, or two that meet in the middle: cabinets, a refrigerator, a microwave, an oven.
 
@@ -38,6 +39,8 @@ def cabinet(
         plinth_m: Height of the closed base below the interior.
         handle_m: Length of the bar.
         window: Whether the door has a pane.
+        panel: Where beside a single door a strip with the switch is, if it has one; at the side it is the door's free
+            edge.
     """
     x, y, z = size_m
     depth = x - _WALL  # of the carcass; its front is at x / 2 - _WALL
@@ -55,11 +58,27 @@ def cabinet(
         parts.box((-0.03, 0, plinth_m / 2), (x - 0.06, y, plinth_m), _DARK)
     low, high = plinth_m + _WALL, z - _WALL
     interior = box((middle + _WALL / 2, 0, (low + high) / 2), (depth - _WALL, y - 2 * _WALL, high - low))
-    root = parts.body(volumes=(interior,))
     paint = door_color or color
-    opening = (x / 2 - _WALL, y, plinth_m, z)
     if doors == 1:
-        return Description((root, _door("door", opening, 0.0, y, hinge, paint, handle_m, window, handle_color)))
+        free = -1.0 if hinge == "right" else 1.0  # where the door's free edge is, along y
+        strip = _PANEL if panel == "side" else 0.0
+        top = z - _PANEL if panel == "top" else z
+        switches = []
+        if panel is not None:
+            size = (_WALL, strip or y, top - plinth_m if strip else _PANEL)
+            center = (
+                x / 2 - _WALL / 2,
+                free * (y - strip) / 2 if strip else 0.0,
+                (plinth_m + top) / 2 if strip else z - _PANEL / 2,
+            )
+            parts.box(center, size, color)
+            switches.append(switch((x / 2, center[1] if strip else y * 0.3, center[2]), "x"))
+        root = parts.body(volumes=(interior,), switches=tuple(switches))
+        opening = (x / 2 - _WALL, y, plinth_m, top)
+        door = _door("door", opening, -free * strip / 2, y - strip, hinge, paint, handle_m, window, handle_color)
+        return Description((root, door))
+    root = parts.body(volumes=(interior,))
+    opening = (x / 2 - _WALL, y, plinth_m, z)
     half = y / 2
     return Description(
         (
@@ -94,7 +113,7 @@ def drawers(
 
 
 def washer(*, size_m: Size, color: Rgb, door_color: Rgb = _GLASS) -> Description:
-    """A front loader: a drum behind a door, a panel with a dial above."""
+    """A front loader: a drum behind a door, a panel above with a dial that is its switch."""
     x, y, z = size_m
     parts = Parts()
     low, high, inside = 0.2, z - 0.2, y - 0.14
@@ -111,7 +130,8 @@ def washer(*, size_m: Size, color: Rgb, door_color: Rgb = _GLASS) -> Description
     drum = box(((back - _WALL) / 2, 0, (low + high) / 2), (carcass - back, inside, high - low))
     opening = (x / 2 - _WALL, inside + 0.04, low - 0.02, high + 0.02)
     door = _door("door", opening, 0.0, inside + 0.04, "left", door_color, 0.12, True, _STEEL)
-    return Description((parts.body(volumes=(drum,)), door))
+    dial = switch((x / 2 + 0.002, 0.16, z - 0.08), "x")
+    return Description((parts.body(volumes=(drum,), switches=(dial,)), door))
 
 
 def car(*, size_m: Size, color: Rgb, boot_m: Size = (0.8, 1.0, 0.6)) -> Description:

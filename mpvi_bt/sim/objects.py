@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from mpvi_bt.robot.solids import Solid, box, pose
-from mpvi_bt.sim.description import Color, Description, Handle, Parts
+from mpvi_bt.sim.description import Color, Description, Handle, Parts, switch
 from mpvi_bt.sim.dimensions import Count, Length, Rgb, Size
 
 _STEEL: Color = (0.75, 0.76, 0.78)
@@ -34,6 +34,16 @@ def block(*, size_m: Size, color: Rgb, label_color: Rgb | None = None) -> Descri
     if label_color is not None:
         parts.box((0, 0, z * 0.55), (x + 0.001, y * 0.7, z * 0.45), label_color, collides=False)
     return parts.thing()
+
+
+def radio(*, size_m: Size, color: Rgb, grille_color: Rgb = _INK) -> Description:
+    """A box with a grille at its front and its switch on top."""
+    parts = Parts()
+    x, y, z = size_m
+    parts.box((0, 0, z / 2), size_m, color)
+    parts.box((x / 2, -y * 0.12, z * 0.45), (0.002, y * 0.6, z * 0.6), grille_color, collides=False)
+    parts.cylinder((x / 2, y * 0.34, z * 0.55), min(0.035, z / 4), 0.008, _STEEL, axis="x", collides=False)
+    return parts.thing(switches=(switch((0, y * 0.3, z), "z"),))
 
 
 def book(*, size_m: Size, color: Rgb, page_color: Rgb = (0.95, 0.93, 0.86)) -> Description:

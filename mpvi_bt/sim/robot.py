@@ -20,6 +20,7 @@ from mpvi_bt.robot.urdf import urdf
 from mpvi_bt.sim.cameras import Cameras
 
 FINGER_FRICTION = 2.0  # rubber pads
+_HALF_FINGER_M, _FINGERTIP_M = 0.0065, 0.012  # a finger's half thickness; its end lies that far before the tcp
 _CLOSED_M = -0.01  # finger target beyond zero: grip force = stiffness * (half width + 1 cm)
 _BASE_ACCELERATION = np.array([1.5, 1.5, 3.0])  # [m/s^2, m/s^2, rad/s^2]: a jerk flings what is held
 
@@ -127,6 +128,15 @@ class SimRobot:
         """T_world_tcp (4, 4) as the joints have it."""
         felt = self.proprioception()
         return kin.base(felt.base_pose) @ kin.tcp(felt.torso, felt.arm[side], side)
+
+    def fingertips_world(self) -> Array:
+        """(4, 3) ends of the fingers: left hand, right hand [m]."""
+        felt, out = self.proprioception(), []
+        for side in SIDES:
+            T = self.hand_pose_world(side)
+            apart = felt.gripper_width[side] / 2 + _HALF_FINGER_M
+            out += [T[:3, 3] + y * T[:3, 1] + _FINGERTIP_M * T[:3, 2] for y in (-apart, apart)]
+        return np.array(out)
 
     def save(self) -> dict[str, list[float]]:
         """How it stands and moves, and its command."""

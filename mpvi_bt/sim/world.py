@@ -27,6 +27,7 @@ from mpvi_bt.sim.house import House
 from mpvi_bt.sim.prior_map import knowledge, prior_map
 from mpvi_bt.sim.robot import SimRobot
 from mpvi_bt.sim.shaders import new_scene
+from mpvi_bt.sim.switches import Switches
 
 PHYSICS_HZ = 120
 _HELD_M = 0.012  # a thing this near the line between the pads of a hand that closed on something is in that hand
@@ -86,10 +87,12 @@ class World:
         self._things: dict[str, Thing] = {**self._fixtures, **self._objects}
         self.cameras = Cameras(self._scene) if render else None
         self.robot = SimRobot(self._scene, base_pose, self.cameras)
+        self._switches = Switches(self._scene, self._things, visible=render)
         if self.cameras is not None:
             robot = {link.entity.per_scene_id: "robot" for link in self.robot.links.values()}
             things = {entity.per_scene_id: t.name for t in self._things.values() for entity in t.entities.values()}
-            self.cameras.names = {**things, **robot}
+            self.cameras.names = {**things, **self._switches.labels, **robot}
+            self.cameras.before = self._switches.show
         self._prior, self._map = knowledge(house), prior_map(house)
         self._known: tuple[int, KnowledgeBase] | None = None
         self._attachments = Attachments(self._scene) if assisted else None
@@ -113,6 +116,8 @@ class World:
         self.steps += 1
         if self._attachments is not None:
             self._assist(self._attachments)
+        if self._switches.on:
+            self._switches.step(self.robot.fingertips_world())
         self.physics_s += time.perf_counter() - started
 
     def settle(self, seconds: float = 1.0) -> None:
@@ -146,6 +151,16 @@ class World:
             raise UnknownName("moving body", body, moving, where=name)
         self._things[name].set_joint_fraction(body, fraction)
 
+    def turn(self, name: str, on: bool) -> None:
+        """Turn a thing that has a switch on or off.
+
+        Raises:
+            UnknownName: There is no such thing with a switch.
+        """
+        if name not in self._switches.on:
+            raise UnknownName("thing with a switch", name, self._switches.on)
+        self._switches.turn({name: on})
+
     def place(self, name: str, T: Array, fixed: bool = False) -> None:
         """Put a movable thing at `T` (4, 4, body to world), at rest.
 
@@ -166,7 +181,7 @@ class World:
     def save(self) -> dict[str, Any]:
         """How everything stands, as JSON values: the robot, and every thing that can move."""
         things = {name: thing.motion() for name, thing in self._things.items() if thing.movable or thing.articulation}
-        return {"steps": self.steps, "robot": self.robot.save(), "things": things}
+        return {"steps": self.steps, "robot": self.robot.save(), "things": things, "on": self._switches.on}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Bring everything to how it stood. Contacts are found anew, so what follows is close to, not the same as,
@@ -182,6 +197,7 @@ class World:
         for name, motion in saved["things"].items():
             self._things[name].set_motion(motion)
         self.robot.restore(saved["robot"])
+        self._switches.turn(saved.get("on", {}))
         self.steps, self._known = int(saved["steps"]), None
 
     def look_from(self, T_world_camera: Array, size: tuple[int, int] = (640, 480), fov_rad: float = 1.0) -> CameraImage:
@@ -220,8 +236,8 @@ class World:
         return self._things[name].joint_fractions()
 
     def toggled_on(self, name: str) -> bool:
-        """Whether its switch is on. Nothing in this world has a switch yet."""
-        return False
+        """Whether it is turned on; False for what has no switch."""
+        return self._switches.on.get(name, False)
 
     # --- Truth
 
@@ -270,8 +286,8 @@ class World:
         return out
 
     def switches(self, name: str) -> Sequence[Array]:
-        """T_world_switch (4, 4) of its switches. Nothing in this world has a switch yet."""
-        return []
+        """T_world_switch (4, 4) of its switches, z pointing out of the thing."""
+        return self._switches.of(name)
 
     def holding(self, side: Side) -> str | None:
         """The movable thing between the fingers of one hand: nearest to the line between the pads of a hand that closed

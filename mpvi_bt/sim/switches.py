@@ -1,0 +1,113 @@
+"""Switches of things: a fingertip that stays on one for a moment turns the thing on or off, as in OmniGibson."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import sapien
+
+from mpvi_bt.perception.detector import SWITCH
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.sim.builder import Thing, show
+from mpvi_bt.sim.description import Color, Part, Switch
+
+SWITCH_M = 0.03  # a fingertip this near to a switch is on it
+PRESSED_STEPS = 5  # it has to stay so many control steps, and then to leave, before the switch turns again
+_OFF: Color = (0.85, 0.12, 0.1)
+_ON: Color = (0.2, 0.95, 0.3)
+_THICK_M = 0.004
+
+
+@dataclass(eq=False)
+class _Place:
+    """One switch of one thing.
+
+    Attributes:
+        thing, body, switch: Where it is.
+        lights: What cameras see of it while it is off and while it is on; empty without rendering.
+        pressed: Control steps that a fingertip has been on it.
+    """
+
+    thing: Thing
+    body: str
+    switch: Switch
+    lights: Sequence[sapien.Entity] = ()
+    pressed: int = 0
+
+    def T_world(self) -> Array:  # noqa: N802
+        """(4, 4) the switch to the world, z pointing out of the thing."""
+        return self.thing.T_world_body(self.body) @ _frame(self.switch)
+
+
+class Switches:
+    """Every switch of a scene, and what is on."""
+
+    def __init__(self, scene: sapien.Scene, things: Mapping[str, Thing], visible: bool) -> None:
+        """Find the switches of `things`; `visible` ones are small disks, red while off and green while on."""
+        self._on = {name: False for name, thing in things.items() if any(b.switches for b in thing.description.bodies)}
+        self._places = [
+            _Place(thing, body.name, switch, _lights(scene, name, switch) if visible else ())
+            for name, thing in things.items()
+            for body in thing.description.bodies
+            for switch in body.switches
+        ]
+
+    @property
+    def labels(self) -> dict[int, str]:
+        """Scene ids of what cameras see of switches, to "<thing>.switch"."""
+        return {e.per_scene_id: p.thing.name + SWITCH for p in self._places for e in p.lights}
+
+    @property
+    def on(self) -> dict[str, bool]:
+        """Whether each thing that has a switch is on; a copy."""
+        return dict(self._on)
+
+    def turn(self, on: Mapping[str, bool]) -> None:
+        """Turn things on or off at once, whoever does it; those that have no switch are passed over."""
+        self._on.update({name: bool(value) for name, value in on.items() if name in self._on})
+        for place in self._places:
+            place.pressed = 0
+
+    def of(self, name: str) -> list[Array]:
+        """T_world_switch (4, 4) of each switch of a thing, z pointing out of it."""
+        return [place.T_world() for place in self._places if place.thing.name == name]
+
+    def step(self, fingertips: Array) -> None:
+        """One control step with the fingertips (n, 3) in the world."""
+        for place in self._places:
+            near = np.linalg.norm(fingertips - place.T_world()[:3, 3], axis=1).min() < SWITCH_M
+            place.pressed = place.pressed + 1 if near else 0
+            if place.pressed == PRESSED_STEPS:
+                self._on[place.thing.name] = not self._on[place.thing.name]
+
+    def show(self) -> None:
+        """Bring what cameras see to where the switches are."""
+        for place in self._places:
+            lit = self._on[place.thing.name]
+            for light, shown in zip(place.lights, (not lit, lit), strict=bool(place.lights)):
+                T = place.T_world()
+                if not shown:
+                    T[2, 3] = -9.0  # below the floor, out of every picture
+                light.set_pose(sapien.Pose(T))
+
+
+def _lights(scene: sapien.Scene, name: str, switch: Switch) -> tuple[sapien.Entity, ...]:
+    entities = []
+    for color in (_OFF, _ON):
+        entity = sapien.Entity()
+        entity.name = name + SWITCH
+        disk = Solid("cylinder", np.array([switch.radius_m, switch.radius_m, _THICK_M / 2]))
+        show(entity, [Part(disk, color, collides=False)])
+        scene.add_entity(entity)
+        entities.append(entity)
+    return tuple(entities)
+
+
+def _frame(switch: Switch) -> Array:
+    z = switch.outward
+    x = np.cross([0.0, 0.0, 1.0] if abs(z[2]) < 0.9 else [0.0, 1.0, 0.0], z)
+    x /= np.linalg.norm(x)
+    return kin.transform(np.stack([x, np.cross(z, x), z], axis=1), switch.center)
