@@ -359,7 +359,7 @@ class World:
         if self._known is None or self._known[0] != self.steps:
             base = KnowledgeBase({e.name: e for e in self._prior})
             containers = {c: set(self.within(c)) for c in self._objects if self.volumes(c)}
-            carried = {h for s in SIDES if (h := self.holding(s)) is not None} | {self.between()}
+            carried = {h for s in SIDES if (h := self.holding(s)) is not None} | ({self.between()} - {None})
             for name, thing in self._objects.items():
                 boxes = np.stack([s.aabb() for s in thing.solids()])
                 low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
