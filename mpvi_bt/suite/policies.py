@@ -90,9 +90,9 @@ def _reactive(ground: Ground, address: str, settings: str | None) -> Policy:
 
 
 def _openpi(ground: Ground, address: str, settings: str | None) -> Policy:
-    from mpvi_bt.remote.openpi import connect
+    from mpvi_bt.remote.openpi import DEFAULT, connect
 
-    return connect(address, settings) if settings else connect(address)
+    return connect(address, settings or DEFAULT, ground.vocabulary)
 
 
 def _vla_eval(ground: Ground, address: str, settings: str | None) -> Policy:
