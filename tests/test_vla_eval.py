@@ -50,8 +50,8 @@ def test_a_model_sees_what_the_robot_sees_and_moves_it() -> None:
 
 def test_it_keeps_the_contract_of_policies() -> None:
     """As every policy does, for a server that gives out a chunk step by step, too."""
-    for options in ({}, {"chunk_size": 4}):
-        with model_server(Model(**options)) as address:
+    for model in (Model(), Model(chunk_size=4)):
+        with model_server(model) as address:
             policy = connect(address)
             check_policy(policy)
             policy.close()

@@ -40,11 +40,12 @@ class Metrics:
         self._buckets[bisect_left(BUCKETS_S, seconds)] += 1
 
     def summary(self) -> str:
-        """For a person, such as "2 clients, 431 answers, 12.3 ms each, 1 error"."""
+        """For a person, such as "2 clients (5 so far), 431 answers, 12.3 ms each, 1 error"."""
         errors = sum(self.errors.values())
         each = f", {1000 * self.infer_s / self.inferences:.1f} ms each" if self.inferences else ""
         failed = f", {_counted(errors, 'error')}" if errors else ""
-        return f"{_counted(self.clients, 'client')}, {_counted(self.inferences, 'answer')}{each}{failed}"
+        clients = f"{_counted(self.clients, 'client')} ({self.connections} so far)"
+        return f"{clients}, {_counted(self.inferences, 'answer')}{each}{failed}"
 
     def text(self) -> str:
         """In Prometheus' text format, version 0.0.4."""
