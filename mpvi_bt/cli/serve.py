@@ -1,0 +1,136 @@
+"""`mpvi serve`: a policy behind openpi's websocket protocol, until Ctrl-C."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import shutil
+import signal
+import sys
+from typing import TYPE_CHECKING
+
+import click
+from click.shell_completion import CompletionItem
+
+from mpvi_bt.cli.given import Choice, File
+from mpvi_bt.errors import UserError
+from mpvi_bt.suite.backends import BACKENDS, choose
+
+if TYPE_CHECKING:
+    from mpvi_bt.behaviors.protocols import Policy
+    from mpvi_bt.remote.observation import Vocabulary
+    from mpvi_bt.remote.server import PolicyServer
+
+EVERY_S = 1.0  # the status line is drawn anew
+
+
+def _complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """The policies that can be served."""
+    return [CompletionItem(name) for name in _servable() if name.startswith(incomplete)]
+
+
+def _servable() -> list[str]:
+    return [f"{n}:" if b.address else n for n, b in BACKENDS["policy"].items() if not b.privileged]
+
+
+@click.command()
+@click.argument("policy", type=Choice("policy"), shell_complete=_complete)
+@click.option(
+    "--policy-settings",
+    "settings",
+    type=File("policies"),
+    metavar="NAME",
+    help="How a policy that is somewhere else is spoken to, by name or file.",
+)
+@click.option(
+    "--host", default="127.0.0.1", show_default=True, metavar="ADDRESS", help="0.0.0.0 lets other machines in."
+)
+@click.option("--port", type=click.IntRange(0, 65535), default=8000, show_default=True, help="0: any that is free.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of everything random.")
+@click.option("--json", "as_json", is_flag=True, help="For programs: where it listens, at the end what it did.")
+def serve(policy: str, settings: str | None, host: str, port: int, seed: int, as_json: bool) -> int:
+    """Serve POLICY by openpi's protocol until Ctrl-C: a websocket, GET /healthz, GET /metrics.
+
+    Each client has a policy of its own. Where OPENPI_API_KEY is set, clients must send that key. What is sent and
+    answered is in docs/policies.md.
+    """
+    if choose("policy", policy).privileged:
+        raise UserError(
+            f"{policy} reads the simulator itself, which no client can send: it cannot be served. "
+            f"These can: {', '.join(_servable())}."
+        )
+    from mpvi_bt.plan.skills import load_skills
+    from mpvi_bt.remote.connection import KEY
+    from mpvi_bt.remote.server import PolicyServer
+    from mpvi_bt.suite.policies import Ground, make_policy
+
+    skills = load_skills()
+
+    def make(vocabulary: Vocabulary) -> Policy:
+        return make_policy(policy, Ground(skills, vocabulary, seed=seed), settings)
+
+    make({})  # what cannot be made is told now, not to the first client
+    status, key = Status(), os.environ.get(KEY, "")
+    if not key and host not in ("127.0.0.1", "::1", "localhost"):
+        status.say(f"{KEY} is not set: whoever reaches this machine may use it")
+    server = PolicyServer(policy, make, key, status.say)
+    try:
+        asyncio.run(_until_stopped(server, host, port, status, as_json))
+    except OSError as error:
+        raise UserError(f"cannot listen at {host}:{port}: {_reason(error)}") from None
+    return 0
+
+
+def _reason(error: OSError) -> str:
+    """Without the address, which asyncio repeats."""
+    return (os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror or str(error)).lower()
+
+
+async def _until_stopped(server: PolicyServer, host: str, port: int, status: Status, as_json: bool) -> None:
+    """Serve until Ctrl-C, or a request to end."""
+    stop = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(number, stop.set)
+    async with server.listening(host, port):
+        address = f"ws://{f'[{host}]' if ':' in host else host}:{server.port}"
+        status.say(f"serving {server.name} at {address}; Ctrl-C ends it")
+        if as_json:
+            click.echo(json.dumps({"policy": server.name, "address": address, "port": server.port}))
+            sys.stdout.flush()
+        while not stop.is_set():
+            status.draw(server)
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(stop.wait(), EVERY_S)
+        status.clear()
+    if as_json:
+        counts = server.metrics
+        told = {"clients": counts.connections, "answers": counts.inferences, "errors": dict(counts.errors)}
+        click.echo(json.dumps(told))
+    status.say(f"ended: {server.metrics.summary()}")
+
+
+class Status:
+    """What a person sees on stderr: lines that stay, and on a terminal one below that is drawn anew."""
+
+    def __init__(self) -> None:
+        self._live, self._drawn = sys.stderr.isatty(), ""
+
+    def say(self, line: str) -> None:
+        """A line that stays."""
+        self.clear()
+        click.echo(f"mpvi: {line}", err=True)
+
+    def draw(self, server: PolicyServer) -> None:
+        """How the server stands."""
+        line = server.metrics.summary()[: shutil.get_terminal_size().columns - 1]
+        if self._live and line != self._drawn:
+            click.echo(f"\r\x1b[2K{line}", err=True, nl=False)
+            self._drawn = line
+
+    def clear(self) -> None:
+        """Take the drawn line away."""
+        if self._drawn:
+            click.echo("\r\x1b[2K", err=True, nl=False)
+            self._drawn = ""
