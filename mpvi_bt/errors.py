@@ -109,7 +109,7 @@ class PolicyError(BackendError):
     """The backend of a policy failed, not the policy: its server is away, refuses, or answers what no policy may.
 
     Attributes:
-        reason: Stable code, such as "server_absent"; docs/codes.md lists them.
+        reason: Stable code, such as "server_absent"; docs/policies.md lists them.
     """
 
     def __init__(self, reason: str, message: str) -> None:

@@ -20,13 +20,14 @@ from mpvi_bt.marked_yaml import Location, load_marked
 ROOT = paths.shipped()
 GOOD = sorted(
     path
-    for folder in ("trees", "skills", "tasks")
+    for folder in ("trees", "skills", "tasks", "policies")
     for path in (ROOT / folder).rglob("*")
     if path.suffix in (".yaml", ".json") and path.parent.name != "schema"
 )
 NEAR = 2  # lines
 EACH = 2  # sites that an operator breaks in one file
-NAMED_BY_USER = {"parameters", "blackboard", "rooms", "fixtures", "entries"}  # whatever stands in these is a name
+# Whatever stands in these is a name.
+NAMED_BY_USER = {"parameters", "blackboard", "rooms", "fixtures", "entries", "images", "state"}
 
 REQUIRED = {  # by folder
     "trees": {"tree", "memory", "policy"},
@@ -35,13 +36,17 @@ REQUIRED = {  # by folder
     "houses": {"outside", "rect", "floor", "walls"},
     "catalogues": {"synset", "family", "shape"},
     "suites": {"tasks", "instances"},
+    "policies": {"camera", "part", "at"},
     "tasks": {"instruction", "problem", "house", "plan", "tree", "can__of__soda.n.01"},
 }
 WRONG = {  # key: values that it can't have
     **dict.fromkeys(("timeout", "cooldown", "wait", "timeout_s"), ("0", "-3", "1e99", "'60'", ".nan", "soon")),
     **dict.fromkeys(("retry", "repeat"), ("0", "-1", "2.5", "99999999", "many")),
     **dict.fromkeys(("at_least", "at_most", "add"), ("much", "[1]", ".inf")),
+    **dict.fromkeys(("answer_s", "connect_s"), ("0", "-1", "1e9", "later")),
     "look_around": ("900", "round"),
+    "part": ("troso", "arm"),
+    "at": ("-1", "'3'", "99999"),
     "memory": ("yes", "1", "never"),
     "width_m": ("0.1", "-1", "99"),
     "yaw_deg": ("720", "north"),

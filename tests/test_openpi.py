@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import random
+import re
 import socket
 import ssl
 import threading
@@ -18,6 +19,7 @@ import numpy as np
 import pytest
 from websockets.sync.server import ServerConnection
 
+import mpvi_bt
 from mpvi_bt.errors import PolicyError, UserError
 from mpvi_bt.remote.connection import KEY
 from mpvi_bt.remote.openpi import OpenpiPolicy, connect, url_of
@@ -76,6 +78,17 @@ def talking(first: Callable[[ServerConnection], None]) -> PolicyServer:
         time.sleep(0.2)
 
     return PolicyServer(talk=talk)
+
+
+def test_every_reason_is_documented() -> None:
+    """The page lists each reason code that the package gives, and no other."""
+    package = Path(mpvi_bt.__file__).parent
+    texts = [path.read_text(encoding="utf-8") for path in (package / "remote").glob("*.py")]
+    given = {reason for text in texts for reason in re.findall(r'(?:PolicyError|Lost)\(\s*"(\w+)"', text)}
+    given |= {"unauthorized", "server_error"}  # chosen by close code
+    page = (package.parent / "docs" / "policies.md").read_text(encoding="utf-8")
+    table = page.partition("## When a server fails")[2].partition("\n## ")[0]
+    assert set(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == given
 
 
 # What a good server gets
@@ -347,10 +360,11 @@ def test_a_restarted_server_may_want_other_pictures() -> None:
         policy.infer(observation(("head",)))
         broken(server.open[0])
         without = observation(())
+        felt = without["proprioception"]
         still = policy.infer(without)
         assert policy.cameras == ("head",)
         assert not still[:, ActionLayout.BASE].any()
-        assert (still[0, ActionLayout.ARM["left"]] == without["proprioception"].arm["left"]).all()
+        assert (still[0, ActionLayout.ARM["left"]] == felt.arm_command.get("left", felt.arm["left"])).all()
         assert np.array_equal(policy.infer(observation(("head",)))[:, 3:], CHUNK[:, 3:].astype(float))
 
 

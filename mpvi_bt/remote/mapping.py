@@ -188,11 +188,11 @@ def _converted(theirs: Array, piece: Piece) -> Array:
 
 
 def still(held: Proprioception) -> Array:
-    """(23,) the action that leaves the robot as it is `held`."""
+    """(23,) the action that holds the robot: arms where they were told to be, where that is known."""
     action = np.zeros(ACTION_SIZE)
     action[ActionLayout.TORSO] = held.torso
     for side in ActionLayout.ARM:
-        action[ActionLayout.ARM[side]] = held.arm[side]
+        action[ActionLayout.ARM[side]] = held.arm_command.get(side, held.arm[side])
         action[ActionLayout.GRIPPER[side]] = held.gripper_command[side]
     return action
 

@@ -28,10 +28,10 @@ Commanded = Literal[
 _SIZES = {"base": 3, "torso": 4, "arm": 7, "gripper": 1, "hand_position": 3, "hand_quaternion": 4}
 MOST_NUMBERS = 4096  # of a vector
 
-Index = Annotated[int, Field(ge=0, lt=MOST_NUMBERS)]
-Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e6, le=1e6)]
+Index = Annotated[int, Field(strict=True, ge=0, lt=MOST_NUMBERS)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e6, le=1e6)]
 Key = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^.]+(\.[^.]+)*$")]
-Seconds = Annotated[float, Field(gt=0, le=3600, allow_inf_nan=False)]
+Seconds = Annotated[float, Field(strict=True, gt=0, le=3600, allow_inf_nan=False)]
 
 
 def size_of(part: str) -> int:
