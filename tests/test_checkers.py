@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mpvi_bt.behaviors.protocols import Judgement
-from mpvi_bt.completion.criteria import MOST_CHARACTERS, Criterion, named, parse
+from mpvi_bt.completion.criteria import MOST_CHARACTERS, Criterion, Relation, named, parse
 from mpvi_bt.completion.oracle import OracleChecker
 from mpvi_bt.completion.visual import VisualChecker
+from mpvi_bt.plan.skills import filled, load_skills
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.kinematics import LINK_TO_OPTICAL, rot_y, transform
 from mpvi_bt.robot.protocol import CameraImage, Side
@@ -119,6 +120,20 @@ def see(criterion: str, image: CameraImage) -> Judgement:
         ("2 cans of soda are in the trash can", Criterion("inside", "cans of soda", "trash can", 2)),
         ("the cup is on top of the kitchen table", Criterion("ontop", "cup", "kitchen table")),
         ("both books are on the shelf", Criterion("ontop", "books", "shelf", 2)),
+        ("the shoes are next to the sofa", Criterion("nextto", "shoes", "sofa")),
+        ("the shoes are on the floor beside the sofa", Criterion("nextto", "shoes", "sofa")),
+        ("the cup is in front of the tv", Criterion("nextto", "cup", "tv")),
+        ("there are two shoes next to the sofa", Criterion("nextto", "shoes", "sofa", 2)),
+        ("the ball is lying underneath the table", Criterion("under", "ball", "table")),
+        ("the door of the fridge is open", Criterion("open", "door of the fridge")),
+        ("the drawer is now fully closed", Criterion("closed", "drawer")),
+        ("the radio is turned on", Criterion("on", "radio")),
+        ("the lamp is off", Criterion("off", "lamp")),
+        ("the box is held with both hands", Criterion("lifted", "box")),
+        ("the robot is holding the box in both hands", Criterion("lifted", "box")),
+        ("the box is lifted off the floor", Criterion("lifted", "box")),
+        ("the table is wiped clean", Criterion("clean", "table")),
+        ("the plant is sprayed", Criterion("sprayed", "plant")),
         ("the can is not in the bin", None),
         ("the robot is happy", None),
         ("", None),
@@ -126,7 +141,7 @@ def see(criterion: str, image: CameraImage) -> Judgement:
     ],
 )
 def test_a_sentence_states_its_criterion(text: str, expected: Criterion | None) -> None:
-    """Plain sentences of the three relations are understood; others are not, and say nothing."""
+    """Plain sentences of the known relations are understood; others are not, and say nothing."""
     assert parse(text) == expected
 
 
@@ -143,6 +158,8 @@ def test_a_phrase_means_each_thing_called_so_in_singular_or_plural() -> None:
     """Soda cans are cans of soda."""
     assert named("soda cans", PHRASES) == ["can_1", "can_2"]
     assert named("a can of soda", PHRASES) == ["can_1", "can_2"]
+    assert named("door of the cabinet", PHRASES) == named("cabinet doors", PHRASES) == ["cabinet"]
+    assert named("front door", {"gate": ("front door",)}) == ["gate"]
     assert named("bin", PHRASES) == ["bin"]
     assert named("bottle", PHRASES) == []
 
@@ -278,23 +295,95 @@ def test_both_judges_keep_the_contract_of_a_checker() -> None:
     check_checker(OracleChecker(Facts(), PHRASES))
 
 
+def test_a_can_beside_the_bin_is_next_to_it_and_one_in_it_or_far_away_is_not() -> None:
+    """By the gap between them, seen from above."""
+    beside, inside, away = can(0.0, 0.18, 0.0), can(0.0, 0.0, 0.02), can(0.0, 0.6, 0.0)
+    for box, so in ((beside, True), (inside, False), (away, False)):
+        judged = see("the can of soda is next to the trash can", head([FLOOR, *trash_can(), box]))
+        assert judged.complete is so, judged.reason
+
+
+def test_a_can_under_the_table_is_under_it_and_one_on_it_beside_it_or_in_a_bin_is_not() -> None:
+    """A part of the table must be seen over it."""
+    top: Box = ("table", (-0.1, -0.4, 0.60), (0.7, 0.4, 0.64))
+    for box, so in ((can(0.0, 0.0, 0.0), True), (can(0.2, 0.0, 0.64), False), (can(-0.25, 0.0, 0.0), False)):
+        judged = see("the can of soda is under the table", head([FLOOR, top, box]))
+        assert judged.complete is so, judged.reason
+    in_bin = see("the can of soda is under the trash can", head([FLOOR, *trash_can(), can(0.0, 0.0, 0.02)]))
+    assert not in_bin.complete
+
+
+def cabinet(door: str) -> list[Box]:
+    """A hollow cabinet, 60 x 50 x 70 cm, whose front, toward the camera, is closed, open or gone out as a drawer."""
+    t, x, w, d, h = 0.02, -0.1, 0.3, 0.5, 0.7
+    walls: list[Box] = [
+        ("cabinet", (x, -w, 0), (x + d, -w + t, h)),
+        ("cabinet", (x, w - t, 0), (x + d, w, h)),
+        ("cabinet", (x, -w, 0), (x + d, w, t)),
+        ("cabinet", (x, -w, h - t), (x + d, w, h)),
+        ("cabinet", (x + d - t, -w, 0), (x + d, w, h)),
+    ]
+    handle: Box = ("cabinet", (x - t - 0.05, 0.2, 0.3), (x - t - 0.03, 0.22, 0.5))
+    if door == "closed":
+        return [*walls, ("cabinet", (x - t, -w, 0), (x, w, h)), handle]
+    if door == "open":
+        return [*walls, ("cabinet", (x - 0.5, -w - t, 0), (x, -w, h))]
+    drawer: list[Box] = [
+        ("cabinet", (x - 0.25 - t, -w, 0.3), (x - 0.25, w, h)),
+        ("cabinet", (x - 0.25, -w, 0.3), (x, w, 0.32)),
+    ]
+    return [*walls, *drawer, ("cabinet", (x - t, -w, 0), (x, w, 0.3))]
+
+
+@pytest.mark.parametrize("door", ["closed", "open", "drawer"])
+def test_an_open_cabinet_is_told_from_a_closed_one(door: str) -> None:
+    """One sees into the one; the handle of the other does not count."""
+    for word, so in (("open", door != "closed"), ("closed", door == "closed")):
+        judged = see(f"the cabinet is {word}", head(cabinet(door)))
+        assert judged.complete is so, judged.reason
+
+
+@pytest.mark.parametrize("state", ["turned on", "turned off", "clean", "sprayed"])
+def test_what_no_picture_tells_is_a_no(state: str) -> None:
+    """With that as the reason."""
+    judged = see(f"the cabinet is {state}", head(cabinet("closed")))
+    assert not judged.complete
+    assert "no picture tells" in judged.reason
+
+
+def test_what_the_skills_should_end_in_is_understood() -> None:
+    """Every sentence that a skill's file has for the judge is a criterion, with the words in their places."""
+    for skill in load_skills().values():
+        if skill.shows:
+            words = {"object": "cup", "container": "sink", "surface": "sofa", "target": "lamp", "to_hand": "left"}
+            asked = parse(filled(skill.shows, words | {"state": "on", "tool": "mop"}) or "")
+            assert asked is not None, skill.shows
+            assert asked.subject in words.values()
+
+
 # --------------------------------------------------------------------------------------------------- oracle
 
 
 class Facts:
-    """One can held in the left hand, the other in the bin, the bin on the floor."""
+    """One can held in the left hand, the other in the bin, the bin on the floor, the cabinet open; no lamp is known."""
 
     def held(self, name: str, side: Side | None) -> bool:
         """Whether it is so."""
         return name == "can_1" and side in (None, "left")
 
-    def inside(self, name: str, container: str) -> bool:
+    def lifted(self, name: str) -> bool:
         """Whether it is so."""
-        return (name, container) == ("can_2", "bin")
+        return name == "can_1"
 
-    def ontop(self, name: str, surface: str) -> bool:
-        """Whether it is so."""
-        return (name, surface) == ("bin", "floor")
+    def so(self, relation: Relation, name: str, other: str) -> bool | None:
+        """Whether it is so; nothing is known of dirt."""
+        facts = {
+            ("inside", "can_2", "bin"),
+            ("ontop", "bin", "floor"),
+            ("open", "cabinet", ""),
+            ("nextto", "bin", "table"),
+        }
+        return None if relation == "clean" else (relation, name, other) in facts
 
 
 @pytest.mark.parametrize(
@@ -308,6 +397,13 @@ class Facts:
         ("two cans of soda are in the trash can", False),
         ("the trash can is on the floor", True),
         ("the trash can is on the table", False),
+        ("the trash can is next to the table", True),
+        ("the trash can is under the table", False),
+        ("the cabinet is open", True),
+        ("the door of the cabinet is open", True),
+        ("the cabinet is closed", False),
+        ("the table is clean", False),
+        ("a can of soda is held with both hands", True),
         ("a unicorn is on the table", False),
         ("all is well", False),
     ],

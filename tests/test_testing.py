@@ -82,7 +82,7 @@ class Odd(GripPolicy):
         self.seen.append(observation["prompt"])
         action = super().infer(observation)
         if self.wrong == "changes the observation":
-            observation["images"].clear()  # type: ignore[attr-defined]
+            observation["images"].clear()
         elif self.wrong == "hands out its own":
             return self.kept
         elif self.wrong == "is random":

@@ -15,18 +15,41 @@ _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight"
 _HAND = r"(?:(?P<side>left|right) )?(?:robot )?(?:gripper|hand)s?"
 _IN = r"(?:inside of|inside|within|into|in)"
 _ON = r"(?:on top of|on|onto|upon)"
+_SIDE_OF = r"to (?:the )?(?:left|right|side) of"
+_BESIDE = rf"(?:right )?(?:next to|beside|near|close to|alongside|adjacent to|in front of|behind|{_SIDE_OF})"
+_UNDER = r"(?:underneath|under|below|beneath)"
 _BE = r"(?:is|are)(?: now| still| currently)?"
+_PUT = r"(?:placed |put |lying |standing |resting )?"
 _HOLD = r"(?:is holding|holds|is grasping)"
-_PATTERNS: tuple[tuple[Literal["held", "inside", "ontop"], re.Pattern[str]], ...] = tuple(
+_BOTH = r"(?:in|by|with|between) (?:both|two|the two) (?:of )?(?:its |the )?(?:robot )?(?:hands|grippers|arms)"
+_TURNED = r"(?:turned |switched |powered |toggled )?"
+
+Relation = Literal[
+    "held", "lifted", "inside", "ontop", "nextto", "under", "open", "closed", "on", "off", "clean", "sprayed"
+]  # fmt: skip
+_PATTERNS: tuple[tuple[Relation, re.Pattern[str]], ...] = tuple(
     (relation, re.compile(text))  # type: ignore[misc]
     for relation, text in (
+        ("lifted", rf"(?P<subject>.+?) {_BE} (?:being )?(?:held|grasped|gripped|lifted|carried)(?: up)? {_BOTH}"),
+        ("lifted", rf"(?:robot|{_HAND}) {_HOLD} (?P<subject>.+?) {_BOTH}"),
+        ("lifted", rf"(?P<subject>.+?) {_BE} (?:lifted|raised)(?: up)?(?: (?:off|from|above) .+)?"),
         ("held", rf"(?P<subject>.+?) {_BE} (?:being )?(?:held|grasped|gripped)(?: (?:in|by|with) {_HAND})?"),
         ("held", rf"(?P<subject>.+?) {_BE} in {_HAND}"),
         ("held", rf"(?:robot|{_HAND}) {_HOLD} (?P<subject>.+?)(?: in (?P<other>left|right) \w+)?"),
-        ("inside", rf"(?P<subject>.+?) {_BE} (?:placed |put )?{_IN} (?P<object>.+)"),
-        ("ontop", rf"(?P<subject>.+?) {_BE} (?:placed |put |lying |standing )?{_ON} (?P<object>.+)"),
+        ("open", rf"(?P<subject>.+?) {_BE} (?:fully |wide |partly )?open(?:ed)?"),
+        ("closed", rf"(?P<subject>.+?) {_BE} (?:fully |completely )?(?:closed|shut)"),
+        ("on", rf"(?P<subject>.+?) {_BE} {_TURNED}on"),
+        ("off", rf"(?P<subject>.+?) {_BE} {_TURNED}off"),
+        ("clean", rf"(?P<subject>.+?) {_BE} (?:wiped clean|wiped|clean|cleaned|dusted|scrubbed)"),
+        ("sprayed", rf"(?P<subject>.+?) {_BE} (?:sprayed|misted|watered)(?: with .+)?"),
+        ("nextto", rf"(?P<subject>.+?) {_BE} {_PUT}(?:on .+? )?{_BESIDE} (?P<object>.+)"),
+        ("under", rf"(?P<subject>.+?) {_BE} {_PUT}(?:on .+? )?{_UNDER} (?P<object>.+)"),
+        ("inside", rf"(?P<subject>.+?) {_BE} {_PUT}{_IN} (?P<object>.+)"),
+        ("ontop", rf"(?P<subject>.+?) {_BE} {_PUT}{_ON} (?P<object>.+)"),
     )
 )  # fmt: skip
+UNARY = ("held", "lifted", "open", "closed", "on", "off", "clean", "sprayed")  # relations of one thing
+_PART = r"(?:front |top |upper |lower |bottom )?(?:door|lid|drawer|cover|flap|button|switch)s?"
 
 
 @dataclass(frozen=True)
@@ -34,14 +57,15 @@ class Criterion:
     """A state that can be looked for.
 
     Attributes:
-        relation: "held" by the robot, "inside" a container or "ontop" of a surface.
+        relation: "held" in a hand or "lifted" by both; "inside" a container, "ontop" of a surface, "nextto" or "under"
+            a thing; "open" or "closed", switched "on" or "off", "clean", "sprayed".
         subject: What the state is about, such as "can of soda".
-        object: The container or surface; "" for "held".
+        object: The other thing; "" for a relation in `UNARY`.
         count: How many of the subject, at least.
         side: The hand that must hold it, or None for either.
     """
 
-    relation: Literal["held", "inside", "ontop"]
+    relation: Relation
     subject: str
     object: str = ""
     count: int = 1
@@ -51,14 +75,15 @@ class Criterion:
 def parse(text: str) -> Criterion | None:
     """The criterion that a sentence states, or None where it is none of these.
 
-    "<object> is held in a gripper", "... in the left gripper"; "<object> is in <container>"; "<object> is on
-    <surface>"; each also with a count ("two cans of soda are in the trash can", "there are 2 cans of soda in ...").
+    "<object> is held in a gripper", "... in the left gripper", "... with both hands"; "<object> is in <container>";
+    likewise "on", "next to" and "under"; each also with a count ("two cans of soda are in the trash can", "there are 2
+    cans of soda in ..."). "<object> is open", "closed", "turned on", "turned off", "clean", "sprayed".
     """
     if len(text) > MOST_CHARACTERS:
         return None
     owner = r"\b(?:the|an?|its|one of|of|robot|s) (?=(?:(?:the|its|robot|s|left|right) )*(?:gripper|hand))"
     words = re.sub(owner, "", normalize(text))
-    if there := re.fullmatch(rf"there (is|are) (.+?) ({_IN}|{_ON}) (.+)", words):
+    if there := re.fullmatch(rf"there (is|are) (.+?) ({_BESIDE}|{_UNDER}|{_IN}|{_ON}) (.+)", words):
         words = f"{there[2]} {there[1]} {there[3]} {there[4]}"
     if " not " in f" {words} ":
         return None
@@ -69,7 +94,7 @@ def parse(text: str) -> Criterion | None:
         groups = found.groupdict()
         count, subject = _counted(groups["subject"])
         other = groups.get("object") or ""
-        if not subject or (relation != "held" and not normalize(other)):
+        if not subject or (relation not in UNARY and not normalize(other)):
             return None
         return Criterion(relation, subject, normalize(other), count, groups.get("side") or groups.get("other"))  # type: ignore[arg-type]
     return None
@@ -78,12 +103,17 @@ def parse(text: str) -> Criterion | None:
 def named(phrase: str, phrases: Mapping[str, Iterable[str]]) -> list[str]:
     """The names that a phrase means, in the order of the table; the number of its nouns does not matter.
 
+    A part stands for its thing where nothing is called like the part: "the fridge door", "the door of the fridge".
+
     Args:
         phrase: Such as "cans of soda".
         phrases: Name of each thing to what people call it.
     """
     wanted = _singular(phrase)
-    return [name for name, called in phrases.items() if any(_singular(p) == wanted for p in (*called, name))]
+    found = [name for name, called in phrases.items() if any(_singular(p) == wanted for p in (*called, name))]
+    if not found and (part := re.fullmatch(rf"(?:{_PART} (?:of|on) (.+)|(.+?) {_PART})", normalize(phrase))):
+        return named(part[1] or part[2], phrases)
+    return found
 
 
 def _counted(subject: str) -> tuple[int, str]:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Protocol
 
 from mpvi_bt.behaviors.protocols import Judgement
-from mpvi_bt.completion.criteria import named, parse
+from mpvi_bt.completion.criteria import UNARY, Criterion, Relation, named, parse
 from mpvi_bt.robot.protocol import CameraImage, Side
 
 
@@ -14,15 +14,15 @@ class Truth(Protocol):
     """What is so, by names of things."""
 
     def held(self, name: str, side: Side | None) -> bool:
-        """Whether the robot holds the thing, in that hand if one is named."""
+        """Whether the robot holds the thing between its fingers, in that hand if one is named."""
         ...
 
-    def inside(self, name: str, container: str) -> bool:
-        """Whether the thing is inside the container."""
+    def lifted(self, name: str) -> bool:
+        """Whether the robot alone carries the thing, with one hand or both."""
         ...
 
-    def ontop(self, name: str, surface: str) -> bool:
-        """Whether the thing is on top of the surface."""
+    def so(self, relation: Relation, name: str, other: str) -> bool | None:
+        """Whether a relation holds of the thing, and of the other one if it takes two; None: that is not simulated."""
         ...
 
 
@@ -54,13 +54,20 @@ class OracleChecker:
         subjects, objects = named(asked.subject, self._phrases), named(asked.object, self._phrases)
         if not subjects:
             return Judgement(False, f"nothing is called {asked.subject!r}")
-        if asked.relation != "held" and not objects:
+        if asked.relation not in UNARY and not objects:
             return Judgement(False, f"nothing is called {asked.object!r}")
+        answers = [self._holds(asked, subject, objects) for subject in subjects]
+        if None in answers:
+            return Judgement(False, f"{asked.relation!r} is not simulated")
+        count = sum(map(bool, answers))
+        return Judgement(count >= asked.count, f"{count} of {asked.count} {asked.relation}")
+
+    def _holds(self, asked: Criterion, subject: str, objects: list[str]) -> bool | None:
         truth = self._truth
         if asked.relation == "held":
-            so = [s for s in subjects if truth.held(s, asked.side)]
-        elif asked.relation == "inside":
-            so = [s for s in subjects if any(truth.inside(s, o) for o in objects if o != s)]
-        else:
-            so = [s for s in subjects if any(truth.ontop(s, o) for o in objects if o != s)]
-        return Judgement(len(so) >= asked.count, f"{len(so)} of {asked.count} {asked.relation}")
+            return truth.held(subject, asked.side)
+        if asked.relation == "lifted":
+            return truth.lifted(subject)
+        others = [""] if asked.relation in UNARY else [o for o in objects if o != subject]
+        answers = [truth.so(asked.relation, subject, other) for other in others]
+        return None if None in answers else any(answers)

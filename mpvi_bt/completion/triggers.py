@@ -189,7 +189,7 @@ class _Rest:
         self._since_event = _steps(thresholds.refractory_s)
 
     def feel(self, body: Proprioception, steady: bool) -> Side | None:
-        """Take in one step; the arm that went farthest, if this is a rest that is news. `steady`: so are the fingers."""
+        """Take in one step; the arm that went farthest, if this is a rest that is news; `steady`: of the fingers."""
         t = self._t
         for side in SIDES:
             away = float(np.abs(body.arm[side] - self._home[side]).max())
@@ -200,9 +200,9 @@ class _Rest:
         went = np.abs(now - self._recent[0]).max() * CONTROL_HZ
         self._still = 0 if went > t.arm_still_rad_s * max(len(self._recent) - 1, 1) else self._still + 1
         self._since_event += 1
-        side: Side = "left" if self._farthest["left"] > self._farthest["right"] else "right"
+        farther: Side = "left" if self._farthest["left"] > self._farthest["right"] else "right"
         rested = steady and self._still >= _steps(t.settle_s) and self._since_event >= _steps(t.refractory_s)
-        return side if rested and self._farthest[side] > t.moved_rad else None
+        return farther if rested and self._farthest[farther] > t.moved_rad else None
 
     def fired(self) -> None:
         """An event was reported: the next way begins where the arms are now."""

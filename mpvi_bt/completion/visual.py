@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import ConvexHull, QhullError
 
 from mpvi_bt.behaviors.protocols import Judgement
-from mpvi_bt.completion.criteria import Criterion, named, parse
+from mpvi_bt.completion.criteria import UNARY, Criterion, named, parse
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.kinematics import LINK_TO_OPTICAL, inverse, rot_y, transform
 from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.robot.solids import Array
 
 ROBOT = "robot"
 _T_HAND_CAMERA = transform(rot_y(-np.pi / 2 + r1.WRIST_CAMERA_TILT_RAD) @ LINK_TO_OPTICAL, r1.WRIST_CAMERA_M)
@@ -31,6 +33,9 @@ class Eyesight:
         rim_m: How far above a container's rim a thing inside may stick out, if its own size is less.
         rest_m: How exactly a thing's lowest visible points must be level with what it is said to be on.
         share: How much of what is seen of a thing must be in place.
+        beside: Two things are next to each other if the gap between them is at most so much of their mean size.
+        hollow_m: How far behind its outline what is seen of a thing lies where one looks into it.
+        hollow_share: So much of what is seen of an open thing is hollow, and so little of a closed one: a handle is.
     """
 
     seen_px: int = 15
@@ -40,10 +45,13 @@ class Eyesight:
     rim_m: float = 0.06
     rest_m: float = 0.03
     share: float = 0.5
+    beside: float = 1 / 3
+    hollow_m: float = 0.12
+    hollow_share: tuple[float, float] = (0.05, 0.01)
 
 
 class VisualChecker:
-    """Judges "held", "in" and "on" from one picture's colors, depth and labels (implements `Checker`).
+    """Judges from one picture's colors, depth and labels where things are, and what is open (implements `Checker`).
 
     The label image stands in for an open-vocabulary detector: no pose, contact or other simulator state is read. What
     it does not see or understand is a no, with the reason, as a false yes costs more than a false no (Paper,
@@ -78,12 +86,13 @@ class VisualChecker:
         subjects = picture.visible(asked.subject)
         if not subjects:
             return Judgement(False, f"no {asked.subject} in the picture")
-        if asked.relation == "held":
-            return _judge(asked, [picture.held(s, asked) for s in subjects])
+        if asked.relation in UNARY:
+            return _judge(asked, [picture.alone(s, asked) for s in subjects])
         objects = picture.visible(asked.object)
         if not objects:
             return Judgement(False, f"no {asked.object} in the picture")
-        look = picture.inside if asked.relation == "inside" else picture.ontop
+        looks = {"inside": picture.inside, "ontop": picture.ontop, "nextto": picture.nextto, "under": picture.under}
+        look = looks[asked.relation]
         return _judge(asked, [_best([look(s, o) for o in objects if o != s]) for s in subjects])
 
 
@@ -116,6 +125,16 @@ class _Picture:
     def visible(self, phrase: str) -> list[str]:
         """Names of the things called so of which enough is seen."""
         return [n for n in named(phrase, self._phrases) if np.count_nonzero(self._mask(n)) >= self._sight.seen_px]
+
+    def alone(self, name: str, asked: Criterion) -> Judgement:
+        """Whether a relation holds that takes one thing."""
+        if asked.relation == "held":
+            return self.held(name, asked)
+        if asked.relation == "lifted":
+            return self._lifted(name)
+        if asked.relation in ("open", "closed"):
+            return self._open(name, asked.relation == "open")
+        return Judgement(False, f"no picture tells whether {name} is {asked.relation}")
 
     def held(self, name: str, asked: Criterion) -> Judgement:
         """Whether the hand that the camera is on, or one that the head sees, has the thing between its fingers."""
@@ -159,6 +178,66 @@ class _Picture:
         if abs(bottom - level) > self._sight.rest_m or spread.min() < 0.01:
             return Judgement(False, f"{name} does not rest on {surface}")
         return Judgement(True, f"{name} is seen on {surface}")
+
+    def nextto(self, name: str, other: str) -> Judgement:
+        """Whether the gap between what is seen of the two is small for their size, and they are at one height."""
+        if self._gripped(name):
+            return Judgement(False, f"{name} is seen in a gripper")
+        a, b = self._box(name), self._box(other)
+        gap = np.maximum(0.0, np.maximum(a[0], b[0]) - np.minimum(a[1], b[1]))
+        size = float(np.mean((a[1] - a[0])[:2] + (b[1] - b[0])[:2]) / 2)
+        if gap[2] > 0 or np.linalg.norm(gap) > self._sight.beside * size:
+            return Judgement(False, f"{name} is seen away from {other}")
+        (low, high), middle = b[:, :2], (a[0] + a[1])[:2] / 2
+        if ((low < middle) & (middle < high)).all():
+            return Judgement(False, f"{name} is seen in, on or under {other}, not beside it")
+        return Judgement(True, f"{name} is seen next to {other}")
+
+    def under(self, name: str, other: str) -> Judgement:
+        """Whether a part of the other thing is seen over most of it."""
+        if self._gripped(name):
+            return Judgement(False, f"{name} is seen in a gripper")
+        thing, cover = self._points[self._mask(name)], self._points[self._mask(other)]
+        over = cover[cover[:, 2] > np.percentile(thing[:, 2], 98)]
+        if len(over) < self._sight.seen_px:
+            return Judgement(False, f"nothing of {other} is seen above {name}")
+        low, high = over[:, :2].min(0), over[:, :2].max(0)
+        if np.mean(((thing[:, :2] > low) & (thing[:, :2] < high)).all(1)) < self._sight.share:
+            return Judgement(False, f"{name} is not seen beneath {other}")
+        lowest, highest = thing[:, :2].min(0) - self._sight.reach_m, thing[:, :2].max(0) + self._sight.reach_m
+        if np.count_nonzero(((over[:, :2] > lowest) & (over[:, :2] < highest)).all(1)) < self._sight.seen_px:
+            return Judgement(False, f"{other} is seen around {name}, not over it")
+        return Judgement(True, f"{name} is seen under {other}")
+
+    def _open(self, name: str, wanted: bool) -> Judgement:
+        """By whether one looks into it: how far what is seen lies behind the convex outline of all that is seen.
+
+        Our choice: of an open door, drawer or lid one sees the inside, or what it has left free; a closed one is convex
+        but for its handles.
+        """
+        points = self._points[self._mask(name)]
+        points = points[:: max(1, len(points) // 3000)]
+        try:
+            hull = ConvexHull(points).equations
+        except QhullError:
+            return Judgement(False, f"too little of {name} is seen")
+        eye = self._image.T_world_camera[:3, 3]
+        rays = points - eye
+        distance = np.linalg.norm(rays, axis=1)
+        toward = rays / distance[:, None] @ hull[:, :3].T  # (points, faces)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            hits = np.where(toward < -1e-6, -(hull[:, :3] @ eye + hull[:, 3]) / toward, 0.0)
+        hollow = float(np.mean(distance - hits.max(1) > self._sight.hollow_m))
+        least, most = self._sight.hollow_share
+        if hollow >= least:
+            return Judgement(wanted, f"one sees into {name}")
+        if hollow <= most:
+            return Judgement(not wanted, f"{name} is seen closed")
+        return Judgement(False, f"the picture does not tell whether {name} is {'open' if wanted else 'closed'}")
+
+    def _box(self, name: str) -> Array:
+        """(2, 3) lowest and highest of what is seen of it."""
+        return np.percentile(self._points[self._mask(name)], (1, 99), axis=0)
 
     def _mask(self, name: str) -> NDArray[np.bool_]:
         return np.isin(self._labels, self._ids.get(name, []))

@@ -13,6 +13,7 @@ import numpy as np
 
 from mpvi_bt.behaviors.context import Context
 from mpvi_bt.behaviors.protocols import Checker
+from mpvi_bt.completion.criteria import Relation
 from mpvi_bt.completion.oracle import OracleChecker
 from mpvi_bt.completion.triggers import GraspReleaseTriggers
 from mpvi_bt.completion.visual import VisualChecker
@@ -24,7 +25,7 @@ from mpvi_bt.executive.saved import restore_world
 from mpvi_bt.executive.stop import Stop
 from mpvi_bt.executive.video import Video
 from mpvi_bt.goals.evaluate import judge, snapshot, unmet
-from mpvi_bt.goals.predicates import inside, ontop, truth_in
+from mpvi_bt.goals.predicates import BINARY, UNARY, truth_in
 from mpvi_bt.goals.problem import Problem, load_problem
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.perception.map import OccupancyMap
@@ -190,6 +191,14 @@ def _recorders(
     return recorders
 
 
+_PREDICATES: Mapping[Relation, tuple[str, bool]] = {
+    **{relation: (relation, False) for relation in ("inside", "ontop", "nextto", "under", "open")},
+    "closed": ("open", True),
+    "on": ("toggled_on", False),
+    "off": ("toggled_on", True),
+}
+
+
 class _TrueState:
     """What the oracle checker asks, from the world."""
 
@@ -200,10 +209,16 @@ class _TrueState:
         """Whether a hand, or that hand, holds the thing."""
         return any(self._world.holding(s) == name for s in SIDES if side in (None, s))
 
-    def inside(self, name: str, container: str) -> bool:
-        """BDDL's inside."""
-        return inside(self._world, name, container)
+    def lifted(self, name: str) -> bool:
+        """Whether a hand holds it, or nothing but the robot and what lies in it touches it."""
+        others = set(self._world.things) - {name, *self._world.within(name)}
+        return self.held(name, None) or not any(self._world.touching(name, other) for other in others)
 
-    def ontop(self, name: str, surface: str) -> bool:
-        """BDDL's ontop."""
-        return ontop(self._world, name, surface)
+    def so(self, relation: Relation, name: str, other: str) -> bool | None:
+        """By BDDL's predicates."""
+        predicate, negated = _PREDICATES.get(relation, ("", False))
+        if predicate == "open" and not self._world.joint_fractions(name):
+            return False  # what cannot be opened is not closed either
+        if predicate in UNARY:
+            return UNARY[predicate](self._world, name) is not negated
+        return BINARY[predicate](self._world, name, other) if predicate else None
