@@ -219,6 +219,8 @@ class _TrueState:
         predicate, negated = _PREDICATES.get(relation, ("", False))
         if predicate == "open" and not self._world.joint_fractions(name):
             return False  # what cannot be opened is not closed either
+        if predicate == "toggled_on" and not self._world.switches(name):
+            return False
         if predicate in UNARY:
             return UNARY[predicate](self._world, name) is not negated
         return BINARY[predicate](self._world, name, other) if predicate else None
