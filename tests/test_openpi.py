@@ -454,6 +454,26 @@ def test_an_interrupted_wait_leaves_no_answer_behind() -> None:
         assert np.array_equal(policy.infer(observation())[:, 3:], (CHUNK + 2)[:, 3:])
 
 
+def test_an_answer_that_nobody_asked_for() -> None:
+    """A server that answers twice is a question ahead: it is found out before its answer is taken for another's."""
+
+    def talk(connection: ServerConnection, number: int) -> None:
+        connection.send(packed({}))
+        while True:
+            connection.recv()
+            connection.send(packed({"actions": CHUNK}))
+            if number == 0:
+                connection.send(packed({"actions": -CHUNK}))
+
+    with PolicyServer(talk=talk) as server:
+        policy = policy_at(server)
+        policy.infer(observation())
+        time.sleep(0.2)
+        with fails("bad_reply", 1.9, "nobody asked for"):
+            policy.infer(observation())
+        assert (policy.infer(observation())[:, 3:] >= 0).all()
+
+
 # A server that answers garbage
 
 SPOILED = {

@@ -159,6 +159,7 @@ class OpenpiPolicy:
             message = message_of(observation, layout)
         if self._settings.request_chunk is not None:
             message["__action_chunk_size__"] = self._settings.request_chunk
+        connection.expect_silence()
         connection.send(pack(message), deadline)
         reply = connection.receive(deadline)
         if self._settings.request_chunk is not None and isinstance(reply, dict) and "action_chunk" in reply:
