@@ -44,6 +44,10 @@ class Scene(Protocol):
         """T_world_switch (4, 4) of each switch, its z pointing out of the thing."""
         ...
 
+    def is_on(self, name: str) -> bool | None:
+        """Whether a thing that has a switch is turned on; None if that cannot be told."""
+        ...
+
     def holding(self, side: Side) -> str | None:
         """The movable thing that the fingers of one hand hold between them."""
         ...

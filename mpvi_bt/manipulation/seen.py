@@ -273,6 +273,10 @@ class Seen:
         """As `Scene` says."""
         return ()
 
+    def is_on(self, name: str) -> bool | None:
+        """As `Scene` says."""
+        return None
+
     def holding(self, side: Side) -> str | None:
         """As `Scene` says: what was nearest to the hand when it closed, as long as its fingers feel something."""
         return self._grip[side][0] if side in self._grip else None

@@ -69,6 +69,10 @@ class TrueScene:
         self.handles, self.doors, self.switches = truth.handles, truth.doors, truth.switches
         self.holding, self.between, self.within = truth.holding, truth.between, truth.within
 
+    def is_on(self, name: str) -> bool:
+        """As `Scene` says."""
+        return self.truth.toggled_on(name)
+
     def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> Surroundings:
         """As `Scene` says."""
         return Surroundings(self.truth.obstacles(xy, radius_m, without))
