@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from mpvi_bt.manipulation.close import close
 from mpvi_bt.manipulation.hand_over import hand_over
-from mpvi_bt.manipulation.close import close
-from mpvi_bt.manipulation.open import open_
-from mpvi_bt.manipulation.close import close
 from mpvi_bt.manipulation.open import open_
 from mpvi_bt.manipulation.pick import pick
 from mpvi_bt.manipulation.place import place_in, place_on
+from mpvi_bt.manipulation.press import press
 from mpvi_bt.manipulation.two_hands import either, lift, set_down
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot.motion import Actions
@@ -20,10 +19,9 @@ from mpvi_bt.robot.solids import Array
 Perform = Callable[[Work, Words, list[Array]], Actions]
 
 REPERTOIRE: Mapping[str, Perform] = {
-    "close": close,
     "open": open_,
     "close": close,
-    "open": open_,
+    "press": press,
     "pick": pick,
     "place_in": place_in,
     "place_on": either(place_on, set_down),
