@@ -1,0 +1,114 @@
+"""`mpvi serve` as people and programs run it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import urllib.request
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+from mpvi_bt.cli.serve import serve
+from mpvi_bt.errors import UnknownName, UserError
+from mpvi_bt.remote.codec import unpack
+from tests.conftest import Shell
+
+
+def _invoke(*args: str) -> Any:
+    return CliRunner().invoke(serve, args, standalone_mode=False)
+
+
+def test_what_needs_the_simulator_is_not_served() -> None:
+    """The expert reads simulator truth, which no client can send; those that can be served are named."""
+    error = _invoke("expert").exception
+    assert isinstance(error, UserError)
+    assert "cannot be served" in str(error)
+    assert "reactive" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [
+        (["openpi"], "say where"),
+        (["openpi:ftp://x"], "no address of a policy server"),
+        (["openpi:localhost", "--policy-settings", "comet"], "openpi_comet"),
+        (["reactive", "--policy-settings", "mpvi"], "has no settings"),
+    ],
+)
+def test_bad_choices_are_told_before_anybody_connects(args: list[str], said: str) -> None:
+    """With what would be right."""
+    error = _invoke(*args).exception
+    assert isinstance(error, UserError)
+    assert said in str(error)
+
+
+def test_a_name_that_is_nearly_right_is_told() -> None:
+    """As everywhere."""
+    error = _invoke("reactiv").exception
+    assert isinstance(error, UnknownName)
+    assert error.nearest == "reactive"
+
+
+def test_a_port_that_is_taken_is_bad_usage() -> None:
+    """In one line, with the address."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        error = _invoke("openpi:localhost:1", "--port", str(port)).exception
+    assert isinstance(error, UserError)
+    assert str(error) == f"cannot listen at 127.0.0.1:{port}: address already in use"
+
+
+def test_tab_offers_what_can_be_served(mpvi: Shell) -> None:
+    """Policies that need no simulator, with the colon where an address follows."""
+    done = mpvi(_MPVI_COMPLETE="bash_complete", COMP_WORDS="mpvi serve ", COMP_CWORD="2")
+    assert done.stdout.split() == ["plain,reactive", "plain,openpi:", "plain,vla_eval:"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_it_serves_until_it_is_told_to_end(number: int) -> None:
+    """It says where it listens, answers, tells clients when it is stopped, and ends with 0 and a summary."""
+    command = [
+        sys.executable,
+        "-c",
+        "from mpvi_bt.cli import main; main()",
+        "serve",
+        "reactive",
+        "--port",
+        "0",
+        "--json",
+    ]
+    environment = {**os.environ, "OPENPI_API_KEY": "sesame"}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    ) as process:
+        try:
+            assert process.stdout is not None
+            told = json.loads(process.stdout.readline())
+            with urllib.request.urlopen(f"http://127.0.0.1:{told['port']}/healthz", timeout=30) as response:
+                assert response.read() == b"OK\n"
+            with connect(told["address"], additional_headers={"Authorization": "Api-Key sesame"}) as connection:
+                first = connection.recv(timeout=30)
+                assert isinstance(first, bytes)
+                assert unpack(first)["policy"] == told["policy"] == "reactive"
+                process.send_signal(number)
+                with pytest.raises(ConnectionClosed) as closed:
+                    connection.recv(timeout=30)
+            out, error = process.communicate(timeout=30)
+        finally:
+            process.kill()
+    assert closed.value.rcvd is not None
+    assert closed.value.rcvd.code == 1001
+    assert process.returncode == 0
+    assert json.loads(out) == {"clients": 1, "answers": 0, "errors": {}}
+    begun, ended = error.splitlines()
+    assert begun == f"mpvi: serving reactive at {told['address']}; Ctrl-C ends it"
+    assert ended.startswith("mpvi: ended: ")
+    assert "Traceback" not in error
