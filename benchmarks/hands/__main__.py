@@ -21,7 +21,7 @@ from mpvi_bt.errors import MpviError, UnknownName
 _SHAPES = ("tuning", "held_out", "half")
 
 
-class _Seeds(click.ParamType):
+class _Seeds(click.ParamType[list[int]]):
     name = "seeds"
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> list[int]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from mpvi_bt.errors import BackendError
 from mpvi_bt.manipulation.grasps import grasps
+from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Body, Load, Surroundings
@@ -87,7 +88,7 @@ def _posture(
         T = T_world_base @ pose((x, y * r1.SIGN[side], z), yaw)
         world.place(name, T)
         heading = float(np.arctan2(T_world_base[1, 0], T_world_base[0, 0]))
-        for grasp in sorted(grasps(world, name, heading), key=lambda g: g.cost):
+        for grasp in sorted(grasps(TrueScene(world), name, heading), key=lambda g: g.cost):
             frame = kin.inverse(grasp.T_world_tcp)
             load = Load([s.moved(frame) for s in world.solids(name)], [v.moved(frame) for v in world.volumes(name)])
             T_chest_tcp = kin.inverse(T_world_base @ kin.chest(r1.TRAVEL_TORSO)) @ grasp.T_world_tcp

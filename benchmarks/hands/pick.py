@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.hands import surfaces
-from benchmarks.hands.rooms import arrival, called, name_in, placed, room, things
+from benchmarks.hands.rooms import arrival, called, name_in, room, things
 from benchmarks.hands.surfaces import Surface
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.robot.protocol import SIDES
@@ -90,7 +90,7 @@ def crowd(
             if all(np.linalg.norm(spot - other) > r + other_r + _APART_M for other, other_r in taken):
                 taken.append((spot, r))
                 yaw = rng.uniform(-np.pi, np.pi)
-                objects[name_in(objects, entry)] = placed(entry, *surface.at(*spot), surface.z, yaw)
+                objects[name_in(objects, entry)] = surface.put(entry, spot, yaw)
                 break
 
 
@@ -104,7 +104,7 @@ def pick_from(draw: Callable[[np.random.Generator], Surface], cluttered: bool = 
         if surface.wall:
             yaw, spot[0] = _touching(surface, entry, rng)
         name = name_in({}, entry)
-        objects = {name: placed(entry, *surface.at(*spot), surface.z, yaw)}
+        objects = {name: surface.put(entry, spot, yaw)}
         if cluttered:
             crowd(objects, surface, spot, rng, shapes)
         house = room(surface.fixtures)

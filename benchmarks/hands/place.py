@@ -8,12 +8,12 @@ import numpy as np
 
 from benchmarks.hands import surfaces
 from benchmarks.hands.pick import crowd, draw_thing, lowest, radius
-from benchmarks.hands.rooms import arrival, called, name_in, placed, room, things
+from benchmarks.hands.rooms import arrival, called, name_in, room, things
 from benchmarks.hands.surfaces import Surface
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.goals.predicates import inside, nextto, ontop, under
 from mpvi_bt.robot.protocol import SIDES
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.solids import Array, pose
 from mpvi_bt.sim.catalogue import Entry
 from mpvi_bt.sim.world import Placement, World
 
@@ -67,8 +67,8 @@ def _trial(
     house = room(surface.fixtures)
     base = arrival(at, rng, house, objects, surface.opened, _REACH_M)
     held = {SIDES[rng.integers(2)]: name}
-    everything = {**objects, name: placed(entry, *_PARKED)}
-    return Trial(house, everything, base, prompt, done, budget_s, held, surface.opened)
+    everything = {**objects, name: Placement(entry, pose(_PARKED))}
+    return Trial(house, everything, base, prompt, done, budget_s, held, opened=surface.opened)
 
 
 def put_into(kinds: Iterable[str], draw: Draw) -> Scene:
@@ -81,7 +81,7 @@ def put_into(kinds: Iterable[str], draw: Draw) -> Scene:
         spot = surface.spot(radius(container), rng)
         at = surface.at(*spot)
         box = name_in({}, container)
-        objects = {box: placed(container, *at, surface.z, rng.uniform(-np.pi, np.pi))}
+        objects = {box: surface.put(container, spot, rng.uniform(-np.pi, np.pi))}
         name = name_in(objects, entry)
         done = put(name, lambda world: inside(world, name, box), "not_inside", objects)
         prompt = f"put the {called(entry)} in the {called(container)}"
@@ -130,7 +130,7 @@ def put_next_to(draw: Draw) -> Scene:
         other = others[rng.integers(len(others))]
         spot = surface.spot(radius(other), rng)
         beside = name_in({}, other)
-        objects = {beside: placed(other, *surface.at(*spot), surface.z, rng.uniform(-np.pi, np.pi))}
+        objects = {beside: surface.put(other, spot, rng.uniform(-np.pi, np.pi))}
         name = name_in(objects, entry)
 
         def where(world: World) -> bool:

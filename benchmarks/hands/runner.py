@@ -79,7 +79,7 @@ def run_jobs(
     context = multiprocessing.get_context("spawn")
     pool = ProcessPool(workers, max_tasks=_TRIALS_A_PROCESS, initializer=prepare, context=context)
     try:
-        waiting = {
+        waiting: dict[Future[Row | str], Job] = {
             pool.schedule(_guarded, args=(job, show, video), timeout=wall_limit_s): job for job in jobs
         }  # fmt: skip
         while waiting:

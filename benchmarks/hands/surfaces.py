@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.hands.rooms import ROOM_M
+from benchmarks.hands.rooms import ROOM_M, placed
 from mpvi_bt.robot.solids import Array, pose
+from mpvi_bt.sim.catalogue import Entry
+from mpvi_bt.sim.world import Placement
 
 _WALL_M = ROOM_M - 0.05  # where the room's walls begin
 _SLACK_M = 0.001
@@ -51,6 +53,11 @@ class Surface:
     def at(self, u: float, v: float) -> Array:
         """(2,) x, y in the world of a place `u` [m] from the front edge, `v` to the left of the middle."""
         return (self.T @ [u, v, 0.0, 1.0])[:2]
+
+    def put(self, entry: Entry, spot: Array, yaw: float) -> Placement:
+        """A thing standing at a place (u, v), turned by `yaw` [rad] in the world."""
+        x, y = self.at(*spot.tolist()).tolist()
+        return placed(entry, x, y, self.z, yaw)
 
     def spot(self, radius_m: float, rng: np.random.Generator) -> Array:
         """(2,) u, v of a place for a disc, as `at` takes them."""
