@@ -77,9 +77,9 @@ KINDS = st.sampled_from(["|u1", "<f4", "|O", "|V8", "<c16", "<f16", "<M8[s]", "i
 
 
 @given(
-    data=st.one_of(st.binary(max_size=40), st.integers(), st.text(), st.none()),
-    dtype=st.one_of(KINDS, st.none(), st.binary(max_size=4), st.integers()),
-    shape=st.one_of(st.lists(st.integers(-2, 2**64 - 1), max_size=20), st.integers(), st.none(), st.text(max_size=3)),
+    data=st.one_of(st.binary(max_size=40), st.integers(-(2**63), 2**64 - 1), st.floats(), st.text(), st.none()),
+    dtype=st.one_of(KINDS, st.none(), st.binary(max_size=4), st.booleans()),
+    shape=st.one_of(st.lists(st.integers(-2, 2**64 - 1), max_size=20), st.booleans(), st.none(), st.text(max_size=3)),
     key=st.sampled_from([b"__ndarray__", b"__npgeneric__"]),
 )
 @example(data=b"", dtype="|u1", shape=[0, 2**50, 2**50], key=b"__ndarray__")
@@ -131,6 +131,13 @@ def test_what_has_no_place_in_a_message_is_not_packed(value: Any) -> None:
     circle.append(circle)
     with pytest.raises(TypeError):
         pack(circle)
+
+
+def test_a_failed_message_leaves_nothing_behind() -> None:
+    """What could not be packed is not the beginning of the next message."""
+    with pytest.raises(TypeError):
+        pack({"a": np.zeros(5), "b": [1, 2, object()]})
+    assert unpack(pack({"c": 3})) == {"c": 3}
 
 
 def test_a_message_has_a_largest_size() -> None:

@@ -114,7 +114,8 @@ def _scalar(data: Any, dtype: np.dtype[Any]) -> Any:
     if type(data) not in _SCALARS.get(dtype.kind, ()):
         raise BadMessage(f"a scalar of dtype {dtype} that is {shown(data)}")
     make: Callable[[Any], Any] = dtype.type
-    return make(data)  # OverflowError where it does not fit
+    with np.errstate(over="ignore"):  # a float becomes infinite
+        return make(data)  # OverflowError where an integer does not fit
 
 
 def _refuse_extension(code: int, data: bytes) -> Any:
