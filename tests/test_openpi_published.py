@@ -157,11 +157,8 @@ def test_our_client_gets_the_same_from_our_server() -> None:
 @pytest.fixture(scope="module")
 def picked() -> tuple[Recorder, Vocabulary]:
     """An episode of `reactive` in process: it picks up a can; and what its labels are called."""
-    world = small_world(
-        {"can.n.01_1": placed("can_of_soda", 0.75, 0.05, 0.75)},
-        render=True,
-        table="{entry: breakfast_table, at: [0.95, 0.0], facing: 180}",
-    )
+    things = {"can": placed("can_of_soda", 0.85, -0.1, 0.8)}
+    world = small_world(things, base=(-0.1, 0.0, 0.0), render=True, table_1="{entry: table, at: [1.0, 0.0]}")
     world.settle()
     vocabulary = {e.name: e.phrases for e in world.knowledge() if e.kind != "room"}
     recorder = Recorder(reactive(vocabulary))
