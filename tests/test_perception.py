@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.perception.knowledge import KnowledgeBase, normalize
+from mpvi_bt.perception.knowledge import KnowledgeBase, normalize, whole
 from mpvi_bt.perception.map import OccupancyMap
 from tests.navigation_maps import thing, two_rooms
 
@@ -54,6 +55,31 @@ def test_what_is_still_to_be_picked_up_comes_first() -> None:
         entry.phrases = ("can of soda",)
         base.put(entry)
     assert [e.name for e in base.find("a can of soda")] == ["first", "second", "put_away", "held"]
+
+
+@pytest.mark.parametrize(
+    ("phrase", "found"),
+    [
+        ("the fridge door", "fridge"),
+        ("the door of the fridge", "fridge"),
+        ("lid of the box", "box"),
+        ("the top drawer", None),
+        ("a door", None),
+        ("fridge", None),
+        ("switch of the radio", None),
+    ],
+)
+def test_a_part_stands_for_its_thing(phrase: str, found: str | None) -> None:
+    """Its door, lid or drawer is named after it; where a thing is itself called so, it is meant."""
+    assert whole(phrase) == found
+    base = KnowledgeBase()
+    for name, phrases in (("fridge", ("fridge",)), ("box", ("box",)), ("gate", ("front door",))):
+        entry = thing(name, (0, 0, 0), (0.1, 0.1, 0.1))
+        entry.phrases = phrases
+        base.put(entry)
+    if found:
+        assert [e.name for e in base.find(phrase)] == [found]
+    assert [e.name for e in base.find("the front door")] == ["gate"]
 
 
 def test_a_room_narrows_the_search_and_an_entry_is_replaced_by_name() -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from mpvi_bt.perception.knowledge import normalize
+from mpvi_bt.perception.knowledge import normalize, whole
 from mpvi_bt.robot.protocol import Side
 
 MOST_CHARACTERS = 300
@@ -49,7 +49,6 @@ _PATTERNS: tuple[tuple[Relation, re.Pattern[str]], ...] = tuple(
     )
 )  # fmt: skip
 UNARY = ("held", "lifted", "open", "closed", "on", "off", "clean", "sprayed")  # relations of one thing
-_PART = r"(?:front |top |upper |lower |bottom )?(?:door|lid|drawer|cover|flap|button|switch)s?"
 
 
 @dataclass(frozen=True)
@@ -111,8 +110,8 @@ def named(phrase: str, phrases: Mapping[str, Iterable[str]]) -> list[str]:
     """
     wanted = _singular(phrase)
     found = [name for name, called in phrases.items() if any(_singular(p) == wanted for p in (*called, name))]
-    if not found and (part := re.fullmatch(rf"(?:{_PART} (?:of|on) (.+)|(.+?) {_PART})", normalize(phrase))):
-        return named(part[1] or part[2], phrases)
+    if not found and (thing := whole(phrase)) is not None:
+        return named(thing, phrases)
     return found
 
 

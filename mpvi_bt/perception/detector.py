@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.perception.knowledge import normalize
+from mpvi_bt.perception.knowledge import normalize, whole
 from mpvi_bt.robot.protocol import CameraImage
 
 ROBOT = "robot"  # the phrase that finds the robot's own parts
@@ -74,6 +74,8 @@ class LabelDetector:
         found = []
         for phrase in phrases:
             wanted = normalize(phrase)
+            if (thing := whole(wanted)) is not None and not any(wanted in names for names in self._called.values()):
+                wanted = thing
             for label, own in ids.items():
                 if label == ROBOT if phrase == ROBOT else wanted in self._names(label):
                     mask = np.isin(image.labels, own)

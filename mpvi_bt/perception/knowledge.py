@@ -58,17 +58,31 @@ class KnowledgeBase:
         """Entries that `phrase` names, what is not yet put away first.
 
         Our choice: things that are neither carried nor in a movable container come before those that are, so that
-        "a can of soda" means one that is still to be picked up. Within that the order of entry is kept.
+        "a can of soda" means one that is still to be picked up. Within that the order of entry is kept. A part stands
+        for its thing where nothing is called like the part, see `whole`.
         """
         wanted = normalize(phrase)
         room = room and normalize(room)
         hits = [e for e in self if wanted in map(normalize, e.phrases) or wanted == normalize(e.name)]
+        if not hits and (thing := whole(phrase)) is not None:
+            return self.find(thing, room)
         if room:
             hits = [e for e in hits if e.room is None or normalize(e.room) == room]
         return sorted(hits, key=lambda e: (e.held, e.inside is not None))
 
 
 _ARTICLES = re.compile(r"^(?:an?|the|one|another|some|any|next|first|second|third|last)\s+")
+
+
+_WHERE = r"(?:front|top|upper|middle|lower|bottom|left|right)"
+_PART = rf"(?:{_WHERE} )?(?:door|lid|drawer|cover|flap|handle)s?"
+_OF_THING = re.compile(rf"{_PART} (?:of|on) (?P<a>.+)|(?P<b>(?!{_WHERE} \w+$).+?) {_PART}")
+
+
+def whole(phrase: str) -> str | None:
+    """The thing whose part a phrase names, such as "fridge" of "the fridge door" and of "the door of the fridge"."""
+    found = _OF_THING.fullmatch(normalize(phrase))
+    return normalize(found["a"] or found["b"]) if found else None
 
 
 def normalize(phrase: str) -> str:
