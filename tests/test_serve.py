@@ -12,6 +12,7 @@ import time
 import urllib.request
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import msgpack
@@ -408,6 +409,35 @@ def test_clients_are_told_when_the_server_ends() -> None:
         go.set()
         assert closed.value.rcvd is not None
         assert closed.value.rcvd.code == 1001
+
+
+def _keys(message: Mapping[str, Any], where: str = "") -> set[str]:
+    """Dotted keys of the values in a message; left and right, and the cameras, are one."""
+    found = set()
+    for key, value in message.items():
+        key = {"head": "CAMERA", "left": "left", "right": "left"}.get(key, key)
+        key = "CAMERA" if where == "images." and key == "left" else key
+        deeper = isinstance(value, dict) and key not in ("names", "vocabulary")
+        found |= _keys(value, f"{where}{key}.") if deeper else {f"{where}{key}"}
+    return found
+
+
+def test_what_is_sent_and_answered_is_documented() -> None:
+    """The page's tables name every key, metric and error, and no other."""
+    page = (Path(__file__).parent.parent / "docs" / "policies.md").read_text()
+    section = page[page.index("## Serving a policy") : page.index("## Driving a vla-eval server")]
+    sent, answered = section.split("### What it answers")
+    rows = re.compile(r"^\| `([^`]+)`", re.MULTILINE)
+    assert set(rows.findall(sent)) == _keys(write_observation(observation(), True, {"a": ["b"]}))
+    with serving() as server, client(server) as connection:
+        metadata = received(connection)
+        ask(connection, GOOD)
+        answer = ask(connection, GOOD)
+        ask(connection, "garbage")
+        metrics = set(re.findall(r"# TYPE (\S+)", server.metrics.text()))
+    documented = rows.findall(answered) + re.findall(r"`(mpvi_serve_\w+)", answered)
+    assert {name.removesuffix("{kind}") for name in documented} == _keys(answer) | metrics
+    assert all(f'"{key}": ' in section for key in metadata)
 
 
 def test_reading_says_where() -> None:
