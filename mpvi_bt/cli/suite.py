@@ -125,7 +125,7 @@ def status(name: str, out: Path | None, as_json: bool, **options: Any) -> None:
         click.echo("to do: " + ", ".join(data["to_do"]))
     for config in faults:
         fault = store.fault(config)
-        click.echo(f"{config.name}: machine fault: {fault.message if fault else ''}")
+        click.echo(f"{config.name}: {fault.kind}: {fault.message}" if fault else config.name)
 
 
 @suite.command()
