@@ -7,13 +7,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mpvi_bt.errors import BackendError
+from mpvi_bt.goals.rays import interval
 from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Body, Load, Surroundings
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
-from mpvi_bt.robot.solids import Array, pose
+from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.sim.world import World
 
 _CLOSING_S = 1.0
@@ -89,9 +90,12 @@ def _posture(
         world.place(name, T)
         heading = float(np.arctan2(T_world_base[1, 0], T_world_base[0, 0]))
         for grasp in sorted(grasps(TrueScene(world), name, heading), key=lambda g: g.cost):
-            frame = kin.inverse(grasp.T_world_tcp)
+            T_world_tcp = _shallow_enough(grasp.T_world_tcp, world.solids(name))
+            if T_world_tcp is None:
+                continue
+            frame = kin.inverse(T_world_tcp)
             load = Load([s.moved(frame) for s in world.solids(name)], [v.moved(frame) for v in world.volumes(name)])
-            T_chest_tcp = kin.inverse(T_world_base @ kin.chest(r1.TRAVEL_TORSO)) @ grasp.T_world_tcp
+            T_chest_tcp = kin.inverse(T_world_base @ kin.chest(r1.TRAVEL_TORSO)) @ T_world_tcp
             _, found = kin.arm_inverse(T_chest_tcp, side)
             if not len(found):
                 continue
@@ -101,3 +105,14 @@ def _posture(
                 best = kin.posture_distance(free, r1.TRAVEL_ARM[side]).argmin()
                 return T, free[best], load
     raise BackendError(f"{name} does not fit into the {side} hand that is to hold it at the start")
+
+
+def _shallow_enough(T_world_tcp: Array, solids: Sequence[Solid]) -> Array | None:
+    """The hand drawn back until something is between its pads: grasps take for massive what has legs."""
+    for back in (0.0, 0.01, 0.02, 0.03):
+        p, closing = T_world_tcp[:3, 3] - back * T_world_tcp[:3, 2], T_world_tcp[:3, 1]
+        if any((span := interval(s, p, closing)) and abs(sum(span)) / 2 < r1.FINGER_TRAVEL_M for s in solids):
+            T = T_world_tcp.copy()
+            T[:3, 3] = p
+            return T
+    return None

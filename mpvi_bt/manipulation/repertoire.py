@@ -9,6 +9,7 @@ from mpvi_bt.manipulation.hand_over import hand_over
 from mpvi_bt.manipulation.open import open_
 from mpvi_bt.manipulation.pick import pick
 from mpvi_bt.manipulation.place import place_in, place_on
+from mpvi_bt.manipulation.pour import pour
 from mpvi_bt.manipulation.press import press
 from mpvi_bt.manipulation.two_hands import either, lift, set_down
 from mpvi_bt.manipulation.work import Words, Work
@@ -27,4 +28,5 @@ REPERTOIRE: Mapping[str, Perform] = {
     "place_on": either(place_on, set_down),
     "lift": lift,
     "hand_over": hand_over,
+    "pour": pour,
 }

@@ -300,8 +300,11 @@ class World:
         half = felt.gripper_width[side] / 2
         points = [T[:3, 3] + y * T[:3, 1] for y in np.linspace(-half, half, 5)]
         gaps = {name: min(_gap(s, p) for s in self.solids(name) for p in points) for name in self._objects}
-        nearest = min(gaps, key=gaps.__getitem__, default=None)
-        return nearest if nearest is not None and gaps[nearest] < _HELD_M else None
+        near = sorted((name for name in gaps if gaps[name] < _HELD_M), key=gaps.__getitem__)
+        if len(near) > 1:  # what lies in a cup may be nearer to the fingers than the cup is that they hold
+            contents = {inner for name in near for inner in self.within(name)}
+            near = [name for name in near if name not in contents] or near
+        return near[0] if near else None
 
     def pinched(self, side: Side) -> list[str]:
         """The movable things that both fingers of one hand touch, by the contacts of the last physics step."""

@@ -1,0 +1,150 @@
+"""Pouring: a held vessel is tipped over its lip above something, and shaken until it is empty."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mpvi_bt.manipulation.stance import Held, Option
+from mpvi_bt.manipulation.work import Words, Work
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.solids import Array, Solid
+
+_OVER_M = 0.04  # the lip over the rim of what it is poured into
+_ABOVE_M = 0.06  # from where the vessel comes down
+_STEPS = 6  # straight lines from upright to tipped
+# How far to tip [rad] and from how much higher [m], as the arms allow: the first is the surest to empty a vessel.
+_WAYS = ((2.45, 0.0), (2.45, 0.1), (2.0, 0.0), (2.0, 0.1))
+_SHAKES = 3
+_SHAKE_M_S = 0.5
+_TURNS = tuple(np.arange(12) * np.pi / 6)  # of the vessel about the vertical
+_LIPS = tuple(np.arange(8) * np.pi / 4)  # where on its rim it is poured over
+
+
+def pour(work: Work, words: Words, tried: list[Array]) -> Actions:
+    """Tip what a held vessel, `words["source"]` if that is said, holds out into or onto `words["container"]`.
+
+    Raises:
+        MotionFailure: "not_held", "not_a_container" (what is held holds nothing), "unknown_object", "no_stance",
+            "dropped", "missed" (something went elsewhere), or a motion's own reason.
+    """
+    scene = work.scene
+    side = _pouring_hand(work, words)
+    target = work.nearest(words.get("container", ""))
+    held = work.held()[side]
+    contents = list(scene.within(held.name))
+    yield from work.look_at(target)
+    search = work.search(side, {target})
+    search.tried.extend(tried)
+    place, height = _opening(work, target)
+    stance = None
+    for tipped, higher in _WAYS:
+        stance = stance or search.find(place, list(_options(work, held, place, height + higher, tipped)))
+    if stance is None:
+        raise MotionFailure("no_stance")
+    tried.append(stance.base)
+    yield from work.take_up(stance, search)
+    last = _STEPS
+    yield from work.lines(side, stance, range(1, last + 1), speed=0.12)
+    for _ in range(_SHAKES):
+        yield from work.lines(side, stance, [last - 1, last], speed=_SHAKE_M_S)
+    yield from work.motion.wait(0.3)
+    yield from work.lines(side, stance, range(last - 1, -1, -1), speed=0.2)
+    if not work.gripped(side):
+        raise MotionFailure("dropped")
+    yield from work.settle(without={target})
+    yield from work.look_at(target)
+    if scene.volumes(target) and any(name not in scene.within(target) for name in contents):
+        raise MotionFailure("missed")
+
+
+def _pouring_hand(work: Work, words: Words) -> Side:
+    """The hand that holds the vessel: what is said to, else the only one."""
+    for slot in ("source", "object"):
+        named = {e.name for e in work.scene.knowledge().find(words[slot])} if slot in words else set()
+        for side in SIDES:
+            name = work.scene.holding(side)
+            if name in named and words.get("hand") in (None, side) and work.scene.volumes(str(name)):
+                return side
+    for side in SIDES:
+        name = work.scene.holding(side)
+        if name is not None and words.get("hand") in (None, side) and work.scene.volumes(name):
+            return side
+    raise MotionFailure("not_held" if not work.held() else "not_a_container")
+
+
+def _opening(work: Work, target: str) -> tuple[Array, float]:
+    """Where (2,) and from what height [m] to pour into a thing or, if it holds nothing, onto it.
+
+    What spans an opening, such as a handle, is poured past, over its height.
+    """
+    boxes = np.stack([s.aabb() for s in work.scene.solids(target)])
+    low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
+    volumes = work.scene.volumes(target)
+    if not volumes:
+        return (low + high)[:2] / 2, float(high[2])
+    volume = max(volumes, key=lambda v: float(np.prod(v.half_m)))
+    rim, half = float(volume.aabb()[1, 2]), float(volume.half_m[:2].min())
+    above = [b for b in boxes if b[1, 2] > rim + 0.005]
+
+    def room(at: Array) -> float:
+        gaps = [np.linalg.norm(np.maximum(np.maximum(b[0, :2] - at, at - b[1, :2]), 0)) for b in above]
+        return float(min([*gaps, half - np.abs(at - volume.T[:2, 3]).max() / 2]))
+
+    places = [volume.T[:2, 3] + half * np.array([x, y]) for x in (0.0, 0.5, -0.5) for y in (0.0, 0.5, -0.5)]
+    return max(places, key=room), float(high[2])
+
+
+def _options(work: Work, held: Held, place: Array, height: float, tipped: float) -> Iterator[Option]:
+    """Ways of the hand: over the place, then tilting about the vessel's lip, which comes down as the vessel tips."""
+    inside = max(work.scene.volumes(held.name), key=lambda v: float(np.prod(v.half_m)))
+    T_thing = _upright(work.scene.pose(held.name))
+    solid = inside.moved(kin.inverse(work.scene.pose(held.name)))
+    bodies = [s.moved(kin.inverse(held.T_tcp_thing)).aabb() for s in held.solids]
+    deep = max(float(solid.aabb()[1, 2]) - min(float(b[0, 2]) for b in bodies), 0.02)
+    to_tcp = kin.inverse(held.T_tcp_thing)
+    for turn in _TURNS:
+        R = kin.rot_z(turn) @ T_thing[:3, :3]
+        hand = (R @ (to_tcp[:3, 3] - solid.T[:3, 3]))[:2]  # of where the hand is, off the vessel's middle
+        for at in _LIPS:
+            out = np.array([np.cos(at), np.sin(at), 0.0])
+            lip = _lip(solid, R, out)
+            axis = np.cross([0.0, 0.0, 1.0], out)
+            poses: list[Array] = []
+            for tilt in (0.0, *np.linspace(0.0, tipped, _STEPS)):
+                Q = np.asarray(Rotation.from_rotvec(axis * tilt).as_matrix()) @ R
+                z = height + _OVER_M + deep * max(float(np.cos(tilt)), 0.0)
+                if not poses:
+                    z += _ABOVE_M
+                goal = np.array([*(place - 0.01 * out[:2]), z])
+                poses.append(kin.transform(Q, goal - Q @ lip) @ to_tcp)
+            # Fingers dam what flows out past them: away from the hand, and across the way that it closes.
+            aside = float(hand @ out[:2]) / max(float(np.linalg.norm(hand)), 0.02)
+            dammed = abs(float((R @ to_tcp[:3, 1]) @ out))
+            yield Option(np.stack(poses), len(poses), 0.05 * abs(float(kin.wrap(turn))) + 0.5 * aside + 0.5 * dammed)
+
+
+def _upright(T: Array) -> Array:
+    """The same pose without what it leans."""
+    up = int(np.abs(T[2, :3]).argmax())
+    lean = np.cross(T[:3, up] * np.sign(T[2, up]), [0.0, 0.0, 1.0])
+    angle = float(np.arcsin(min(1.0, float(np.linalg.norm(lean)))))
+    if angle < 1e-6:
+        return T
+    R = np.asarray(Rotation.from_rotvec(lean / np.linalg.norm(lean) * angle).as_matrix())
+    return kin.transform(R @ T[:3, :3], T[:3, 3])
+
+
+def _lip(volume: Solid, R: Array, out: Array) -> Array:
+    """(3,) the point of the rim, in the vessel's frame, that lies farthest toward `out` (3,) in the world."""
+    toward = volume.T[:3, :3].T @ (R.T @ out)
+    if volume.kind == "box":
+        reach = min(float(h) / max(abs(float(t)), 1e-9) for h, t in zip(volume.half_m[:2], toward[:2], strict=True))
+    else:
+        reach = float(volume.half_m[0])
+    p = np.array([*(toward[:2] * reach), volume.half_m[2]])
+    return volume.T[:3, :3] @ p + volume.T[:3, 3]
