@@ -28,6 +28,7 @@ from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
 from mpvi_bt.testing import check_policy
 from mpvi_bt.testing.doubles import KinematicRobot
 from tests.remote_servers import HOST, PolicyServer, broken, certificate, free_port, packed, raw_server, unpacked
+from tests.serving import serving
 
 CHUNK = np.arange(4 * ACTION_SIZE, dtype=np.float32).reshape(4, -1) / 100
 QUICK = {"connect_s": 2.0, "answer_s": 1.0, "tries": 2, "max_mb": 1}  # no test waits longer
@@ -148,6 +149,50 @@ def test_behaviors_chunks_are_asked_for(able: bool) -> None:
     settings = load_settings("behavior_2026").model_copy(update={**QUICK, "request_chunk": 3, "reset_message": False})
     with PolicyServer(answer) as server:
         assert len(connect(server.address, settings).infer(observation())) == (3 if able else 1)
+
+
+@pytest.mark.parametrize("chunk", [CHUNK[:2], CHUNK[1:4]], ids=["too short", "begins otherwise"])
+def test_behaviors_chunks_are_as_its_evaluator_wants_them(chunk: Any) -> None:
+    """As many as were asked for, and the first is the action."""
+    settings = load_settings("behavior_2026").model_copy(update={**QUICK, "request_chunk": 3})
+    answer = {"action": CHUNK[0], "action_chunk": chunk}
+    with PolicyServer(lambda message: answer) as server, fails("bad_reply", 5.0, "chunk"):
+        connect(server.address, settings).infer(observation())
+
+
+def test_our_own_client_and_server_agree() -> None:
+    """A policy behind both acts as it does in process, asks for its pictures as it goes, and begins anew at a reset."""
+
+    class Looker:
+        name = "looker"
+        cameras: tuple[str, ...] = ()
+
+        def __init__(self) -> None:
+            self.reset()
+
+        def reset(self) -> None:
+            self.calls, self.cameras, self.note = 0, ("head",), "new"
+
+        def infer(self, seen: Any) -> Any:
+            assert set(self.cameras) <= set(seen["images"])
+            self.calls += 1
+            self.cameras = ("left", "right") if self.calls % 2 else ()
+            self.note = f"call {self.calls}"
+            images = sum(float(image.rgb.sum() + image.depth.sum()) for image in seen["images"].values())
+            return np.full((2, ACTION_SIZE), self.calls + images + float(seen["proprioception"].torso.sum()))
+
+    alone = Looker()
+    with serving(lambda _: Looker()) as server:
+        remote = connect(f"{HOST}:{server.port}", Settings().model_copy(update=QUICK))
+        for _ in range(2):
+            alone.reset()
+            remote.reset()
+            assert remote.cameras == ("head",)
+            for _ in range(3):
+                seen = observation(remote.cameras)
+                assert np.array_equal(remote.infer(seen), alone.infer(seen))
+                assert (remote.cameras, remote.note) == (alone.cameras, alone.note)
+        assert remote.connections == 1
 
 
 def test_our_own_server_gets_the_whole_observation() -> None:

@@ -12,6 +12,8 @@ from functools import partial
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
+import numpy as np
+
 from mpvi_bt.errors import PolicyError, UserError, shown
 from mpvi_bt.remote.codec import pack
 from mpvi_bt.remote.connection import KEY, Connection, Lost, one_line
@@ -144,6 +146,8 @@ class OpenpiPolicy:
         return b""
 
     def _begin(self, connection: Connection, deadline: float) -> None:
+        self.cameras = self._settings.cameras
+        self._hear(connection.metadata)  # what it wants first
         if self._settings.reset_message:
             connection.send(pack({"reset": True}), deadline)
 
@@ -157,14 +161,20 @@ class OpenpiPolicy:
             message = write_observation(observation, self._fresh, self._vocabulary)
         else:
             message = message_of(observation, layout)
-        if self._settings.request_chunk is not None:
-            message["__action_chunk_size__"] = self._settings.request_chunk
+        asked = self._settings.request_chunk
+        if asked is not None:
+            message["__action_chunk_size__"] = asked
         connection.expect_silence()
         connection.send(pack(message), deadline)
         reply = connection.receive(deadline)
-        if self._settings.request_chunk is not None and isinstance(reply, dict) and "action_chunk" in reply:
-            action = action.model_copy(update={"key": "action_chunk"})
         actions = actions_of(reply, action, held)
+        if asked is not None and "action_chunk" in reply:
+            first, actions = actions, actions_of(reply, action.model_copy(update={"key": "action_chunk"}), held)
+            if len(actions) != asked or not np.array_equal(first[0], actions[0]):
+                raise PolicyError(
+                    "bad_reply",
+                    f"a chunk of {len(actions)} that begins otherwise than the action, or is not of {asked}",
+                )
         self._hear(reply)
         self._fresh = False
         return actions

@@ -224,7 +224,7 @@ class Settings(Record):
     observation: Observation | None = None
     action: Action = Action()
     reset_message: bool = False
-    request_chunk: Annotated[int, Field(ge=1, le=1000)] | None = None
+    request_chunk: Annotated[int, Field(ge=2, le=1000)] | None = None
     connect_s: Seconds = 30.0
     answer_s: Seconds = 120.0
     tries: Annotated[int, Field(ge=0, le=100)] = 3
