@@ -28,6 +28,7 @@ class Frame:
         robot: (H, W) bool, the robot's own pixels, grown.
         detections: What it shows of what was asked for.
         stand: Which of the robot's standing places it was taken from.
+        way_m: How far the base had driven, turns counted by the distance that its wheels roll.
     """
 
     image: CameraImage
@@ -35,6 +36,7 @@ class Frame:
     robot: NDArray[np.bool_]
     detections: tuple[Detection, ...]
     stand: int
+    way_m: float
 
     @property
     def eye(self) -> Array:
@@ -73,7 +75,9 @@ class Frame:
         return (float(p[2]), seen) if seen > 0 else None
 
 
-def take(image: CameraImage, felt: Proprioception, detector: Detector, phrases: Sequence[str], stand: int) -> Frame:
+def take(
+    image: CameraImage, felt: Proprioception, detector: Detector, phrases: Sequence[str], stand: int, way_m: float
+) -> Frame:
     """A picture taken in: where the camera is follows from the joints alone."""
     base = kin.base(felt.base_pose)
     side = next((s for s in SIDES if s == image.camera), None)
@@ -86,4 +90,4 @@ def take(image: CameraImage, felt: Proprioception, detector: Detector, phrases: 
             own |= detection.mask
     own = ndimage.binary_dilation(own, np.ones((3, 3), bool), iterations=_OWN_PX)
     things = tuple(d for d in found if d.phrase != ROBOT)
-    return Frame(image, image.points_world(), own, things, stand)
+    return Frame(image, image.points_world(), own, things, stand, way_m)

@@ -23,6 +23,7 @@ from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.shapes import SeenBar, Shape, fit, main_cluster
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Obstacles, Surroundings, Together
 from mpvi_bt.robot.protocol import EMPTY_M, SIDES, CameraImage, Proprioception, Side
 from mpvi_bt.robot.solids import Array, Solid
@@ -32,7 +33,9 @@ _CARVED = 4  # pictures of the head that the field of obstacles is carved from
 _MOVED = (0.01, 0.015)  # a base that has moved farther than this [m, rad] stands at another place
 _NEAR_M = 0.12  # a mask this near to where a thing was is that thing, from the same place
 _FAR_M = 0.30  # likewise after a drive
+_RECENT_M = 0.45  # of driving: what was seen before is still good enough to be fitted to what is seen now
 _SEEN_PX = 6  # a mask of fewer pixels is not looked at
+_ALONE_PX = 150  # a wrist's mask of as many pixels is believed against all others
 _THROUGH_M = 0.06  # where the depth is that much farther than a thing, it is gone
 _EXPLAINED_M = 0.025  # points this near a thing's solids are its own
 _GRASPED_M = 0.03  # what a closing hand takes hold of is this near its tcp
@@ -76,7 +79,7 @@ class Seen:
         self._things: dict[str, Thing] = {}
         self._count: dict[str, int] = {}
         self._grip: dict[Side, tuple[str, Array]] = {}  # thing, and its motion's inverse at the grasp
-        self._stand, self._stood = 0, np.full(3, np.inf)
+        self._stand, self._stood, self._way_m = 0, np.full(3, np.inf), 0.0
         self._felt: Proprioception | None = None
         self._field: tuple[object, Obstacles] | None = None
         self._trusting = False
@@ -87,6 +90,8 @@ class Seen:
         """Take in one step of proprioception: the base that moves, the hands that take and let go."""
         moved = felt.base_pose - self._stood
         if np.linalg.norm(moved[:2]) > _MOVED[0] or abs(kin.wrap(moved[2])) > _MOVED[1]:
+            if self._stand:
+                self._way_m += float(np.hypot(*moved[:2])) + r1.BASE_RADIUS_M * abs(float(kin.wrap(moved[2])))
             self._stand, self._stood = self._stand + 1, felt.base_pose.copy()
         self._felt = felt
         for side in SIDES:
@@ -100,7 +105,7 @@ class Seen:
         """Take in pictures."""
         self.feel(felt)
         for image in images.values():
-            frame = take(image, felt, self._detector, self._phrases, self._stand)
+            frame = take(image, felt, self._detector, self._phrases, self._stand, self._way_m)
             self._frames = [*self._frames, frame][-_KEPT:]
             self._associate(frame)
 
@@ -192,7 +197,7 @@ class Seen:
         """See a thing again."""
         if any(n == thing.name for n, _ in self._grip.values()):
             return  # what is in hand is known better by the hand
-        thing.views = [(f, m) for f, m in thing.views if f.stand == frame.stand][-3:]
+        thing.views = [(f, m) for f, m in thing.views if frame.way_m - f.way_m < _RECENT_M][-3:]
         thing.views.append((frame, mask))
         shape = self._fitted(thing)
         if shape is not None:
@@ -201,21 +206,25 @@ class Seen:
                 thing.inside = None
 
     def _fitted(self, thing: Thing) -> Shape | None:
-        """The shape that all views from this place agree on; what the wrist sees, from near, counts for where it is."""
-        whole = [(f, m) for f, m in thing.views if not f.cut(m)] or thing.views
+        """The shape that the views agree on; what the wrist sees, from near, counts for where it is."""
+        newest = thing.views[-1][0].stand
+        whole = [(f, m) for f, m in thing.views if not f.cut(m)]
+        whole = whole if any(f.stand == newest or f.image.camera == "head" for f, _ in whole) else thing.views
         head = [(f, m) for f, m in whole if f.image.camera == "head"]
-        wrist = [(f, m) for f, m in whole if f.image.camera != "head"][-1:]
+        head = [(f, m) for f, m in head if f.stand == newest] or head
+        wrist = [(f, m) for f, m in whole if f.image.camera != "head" and f.stand == newest][-1:]
         parts = [main_cluster(f.of(m)) for f, m in head]
         support = None if head else thing.shape.support_m
         if wrist:
             near = main_cluster(wrist[0][0].of(wrist[0][1]))
-            if head:
-                before = fit(np.concatenate(parts), _around(head), head[-1][0].eye)
-                shift = _shift(np.concatenate(parts), near)
-                if before is not None:
-                    support = before.support_m + (shift[2] if shift is not None else 0.0)
-                parts = [] if shift is None else [p + shift for p in parts]
-            parts.append(near)
+            shift = _shift(np.concatenate(parts), near) if head and len(near) >= _SEEN_PX else np.zeros(3)
+            before = fit(np.concatenate(parts), _around(head), head[-1][0].eye) if head else None
+            if before is not None:
+                support = before.support_m + (shift[2] if shift is not None else 0.0)
+            if shift is not None:
+                parts = [*(p + shift for p in parts), near]
+            elif len(near) >= _ALONE_PX and not wrist[0][0].cut(wrist[0][1]):
+                parts = [near]  # it was bumped since the head saw it
         eye = head[-1][0].eye if head else wrist[0][0].eye
         return fit(np.concatenate(parts), _around(head or wrist), eye, support)
 

@@ -22,7 +22,8 @@ Words = Mapping[str, str]  # what fills the slots of a skill call, such as {"obj
 _NEAR_M = 1.7  # solids farther from the robot than this do not matter to a skill
 _LIFTED_M = 0.10
 _LOOKS = 4  # at a thing that is only seen, with a drive between two
-_HEAD_UP_RAD = 0.5
+_HEAD_UP_RAD, _HEAD_DOWN_RAD = 0.5, 0.65
+_LEVEL_RAD = 0.3  # a head that is tilted less does not see the floor before it
 _HANDS_RAD = 0.9  # so far down from the chest's horizon the head sees past the folded hands
 _OVERLOOKS = ((0.42, 0.0), (0.42, 0.5), (0.42, 0.8), (0.25, 0.8), (0.25, 1.1), (0.1, 1.1))  # lift [m], pitch [rad]
 _REFINED = 10  # options near the planned one that a correction may take instead
@@ -185,14 +186,14 @@ class Work:
         return stance, search
 
     def study(self, name: str) -> Actions:
-        """Look at a thing, and at what is above and behind it; nothing where the scene needs no pictures."""
+        """Look at a thing, and above it, or below what is high up; nothing where the scene needs no pictures."""
         if self.sight is None:
             return
         if not self.held():
             yield from self.motion.stand(self._overlooking(name))
         yield from self.look_at(name)
         torso = self.motion.torso
-        torso[3] = max(float(torso[3]) - _HEAD_UP_RAD, float(r1.TORSO_LIMITS[3, 0]))
+        torso[3] += _HEAD_DOWN_RAD if torso[3] < _LEVEL_RAD else -_HEAD_UP_RAD
         yield from self.motion.stand(torso)
         yield from self.see("head")
 
@@ -215,11 +216,13 @@ class Work:
         """
         planned = self.base @ kin.tcp(self.motion.torso, self.motion.arm(side), side)
         to_base = kin.inverse(self.base)
-        for option in sorted(options, key=lambda o: _apart(planned, o.waypoints[0]))[:_REFINED]:
+        lift = stance.waypoints[-1][2, 3] - stance.waypoints[-2][2, 3]
+        alike = [o for o in options if abs(o.waypoints[-1][2, 3] - o.waypoints[-2][2, 3] - lift) < 0.005]
+        for option in sorted(alike, key=lambda o: _apart(planned, o.waypoints[0]))[:_REFINED]:
             if _apart(planned, option.waypoints[0]) > _CORRECTED:
                 break
             waypoints, q = to_base @ option.waypoints, self.motion.arm(side)
-            for T in waypoints[: option.contact + 1]:
+            for T in waypoints:
                 line = arm_motion.trace(self.motion.torso, side, q, T)
                 if line is None:
                     break

@@ -20,6 +20,7 @@ from mpvi_bt.robot.solids import Array, Solid, pose
 _CELL_M = 0.015  # of the grid in which points hang together
 _AROUND_M = 0.12  # from how far around a thing its support is told
 _ROUND = 0.88  # share of its rectangle that an outline fills: a disc has 0.79, a rectangle 1
+_CORNERED = 0.93  # what fills more of its rectangle is none
 _WALL_M = 0.008  # of vessels
 _FURNITURE_M = 0.55  # what is longer than this is furniture: faces to put things on
 _UPRIGHT_M = 0.9  # likewise what is higher
@@ -89,12 +90,31 @@ def main_cluster(points: Array) -> Array:
     return points[own == np.bincount(own).argmax()]
 
 
-def support_height(points: Array, around: Array) -> float:
-    """Height [m] of what a thing with `points` (n, 3) stands on, from points (m, 3) of everything else."""
+def thinned(points: Array, cell_m: float = 0.004) -> Array:
+    """One point a cell that points (n, 3) lie in, their mean: a picture from near must not outvote the others."""
+    if len(points) < 2:
+        return points
+    cells = np.floor((points - points.min(0)) / cell_m).astype(np.int64)
+    size = cells.max(0) + 1
+    _, own, counts = np.unique((cells[:, 0] * size[1] + cells[:, 1]) * size[2] + cells[:, 2],
+                               return_inverse=True, return_counts=True)  # fmt: skip
+    own = own.ravel()
+    return np.stack([np.bincount(own, points[:, k]) for k in range(3)], 1) / counts[:, None]
+
+
+def support_height(points: Array, around: Array, eye: Array) -> float:
+    """Height [m] of what a thing with `points` (n, 3) stands on, from points (m, 3) of everything else.
+
+    What is seen level with the thing's lowest points is believed first; what lies lower may be another board.
+    """
     lowest = float(np.percentile(points[:, 2], 2))
+    if eye[2] < lowest + 0.03:
+        return lowest  # the face that it stands on cannot be seen from below
     low, high = points[:, :2].min(0) - _AROUND_M, points[:, :2].max(0) + _AROUND_M
     z = around[((around[:, :2] > low) & (around[:, :2] < high)).all(1), 2]
     z = z[(z < lowest + 0.012) & (z > lowest - 0.10)]
+    level = z[z > lowest - 0.012]
+    z = level if len(level) > 25 else z
     if len(z) < 10:
         return lowest
     counts, edges = np.histogram(z, np.arange(z.min() - 0.002, z.max() + 0.006, 0.004))
@@ -162,21 +182,21 @@ def fit(points: Array, around: Array, eye: Array, support: float | None = None) 
     Returns:
         The shape, or None if there is too little to see.
     """
-    points = main_cluster(points)
+    points = thinned(main_cluster(points))
     if len(points) < 5:
         return None
     low, top = np.percentile(points, 1, axis=0), float(np.percentile(points[:, 2], 99))
     if np.ptp(np.percentile(points, [2, 98], axis=0)[:, :2], axis=0).max() > _FURNITURE_M or top - low[2] > _UPRIGHT_M:
         return _furniture(points)
     if support is None:
-        support = support_height(points, around)
+        support = support_height(points, around, eye)
     support = min(support, top - 0.004)
     height = top - support
     upper = points[points[:, 2] > min(support + max(0.004, 0.3 * height), top - 0.003)]
     if len(upper) > 30:
         upper = main_cluster(upper)
     seen = outline(_trimmed(upper[:, :2]))
-    vessel = _vessel(points, seen, support, top)
+    vessel = _vessel(points, seen, support, top) if eye[2] > top + 0.04 else None
     if vessel is not None:
         return vessel
     ball = _ball(points, support, top)
@@ -270,12 +290,8 @@ def _column(points: Array, seen: Outline, support: float, top: float) -> Shape |
         arc = float(np.ptp(np.percentile(turn, [3, 97])))
         wide = float(seen.sides[0]) / 2
         doubt = 4 * noise / (1 - float(np.cos(arc / 2)) + 1e-6) / float(np.sqrt(len(side)))  # of the radius
-        if (
-            noise < max(0.0022, 0.05 * radius)
-            and doubt < 0.004
-            and 0.008 < radius < 0.25
-            and radius < 1.6 * wide + 0.004
-        ):
+        bent = seen.fill < _CORNERED and noise < max(0.002, 0.04 * radius) and doubt < 0.004
+        if bent and 0.008 < radius < min(0.25, 1.6 * wide + 0.004):
             T = _frame(middle, 0.0, support, top)
             return Shape("cylinder", T, (Solid("cylinder", np.array([radius, radius, height / 2]), T),), support)
     if seen.fill < _ROUND and seen.sides[0] - seen.sides[1] < max(0.012, 0.15 * seen.sides[0]):
