@@ -4,8 +4,9 @@
 
 Three pictures of 224 x 224 pixels go over loopback to a server in a process of its own: once as openpi's policies take
 them (rgb, a state, a prompt) to a server that is written as plainly as openpi's, and once with depth, labels and camera
-poses to `mpvi serve`. The policy answers at once, so that what is measured is the way there and back: packing, two
-sockets, checking, unpacking. Clients take turns of 20 round trips in the same run, so that noise meets both.
+poses to `mpvi serve`. Most of the time it is sent no pictures, as `reactive` asks for none: that is the last line. The
+policy answers at once, so that what is measured is the way there and back: packing, two sockets, checking, unpacking.
+Clients take turns of 20 round trips in the same run, so that noise meets both.
 
 `openpi-client` needs numpy < 2 and lives in an environment of its own; PYTHON is its interpreter. By default it is the
 one that the tests make (tests/openpi_env.py).
@@ -61,7 +62,7 @@ class AtOnce:
     """A policy that answers at once."""
 
     name = "at_once"
-    cameras: tuple[str, ...] = ("head", "left", "right")
+    cameras: tuple[str, ...] = ()
     note = ""
 
     def reset(self) -> None:
@@ -103,13 +104,14 @@ def in_process(kind: Callable[[Callable[[int], None]], Any], pipe: Connection) -
     asyncio.run(kind(pipe.send))
 
 
-def measured(kind: Callable[[Callable[[int], None]], Any], settings: str, python: Path) -> tuple[list[float], ...]:
+def measured(
+    kind: Callable[[Callable[[int], None]], Any], settings: str, seen: Mapping[str, Any], python: Path
+) -> tuple[list[float], ...]:
     """Times of round trips [ms] with our client and with openpi-client, in turns, to a server of that kind."""
     near, far = multiprocessing.Pipe()
     server = multiprocessing.get_context("spawn").Process(target=in_process, args=(kind, far), daemon=True)
     server.start()
     port = near.recv()
-    seen = observation(size=224)
     layout = load_settings(settings).observation
     policy = connect(f"127.0.0.1:{port}", settings)
     policy.reset()
@@ -149,11 +151,13 @@ def main() -> None:
     print(f"round trips with a policy that answers at once, {ROUNDS * TRIPS} each [ms]\n")
     print(f"{'message and server':40} {'ours':>14} {'openpi-client':>14}   ours / theirs")
     print(f"{'':40} {'median   p95':>14} {'median   p95':>14}")
-    for what, kind, settings in (
-        ("3 x rgb, plain server", plain, "openpi_comet"),
-        ("3 x rgb, depth, labels, mpvi serve", ours, "mpvi"),
+    pictures = observation(size=224)
+    for what, kind, settings, seen in (
+        ("3 x rgb, plain server", plain, "openpi_comet", pictures),
+        ("3 x rgb, depth, labels, mpvi serve", ours, "mpvi", pictures),
+        ("no pictures, mpvi serve", ours, "mpvi", {**pictures, "images": {}}),
     ):
-        both = measured(kind, settings, python)
+        both = measured(kind, settings, seen, python)
         (our, _), (their, _) = rows = [(statistics.median(t), np.percentile(t, 95)) for t in both]
         cells = [f"{median:6.2f} {p95:6.2f}" for median, p95 in rows]
         print(f"{what:40} {cells[0]:>14} {cells[1]:>14}   {our / their:10.2f}")
