@@ -146,7 +146,9 @@ def test_behaviors_chunks_are_asked_for(able: bool) -> None:
         size = message["__action_chunk_size__"]
         return {"action": CHUNK[0]} | ({"action_chunk": CHUNK[:size]} if able else {})
 
-    settings = load_settings("behavior_2026").model_copy(update={**QUICK, "request_chunk": 3, "reset_message": False})
+    settings = load_settings("behavior_2026").model_copy(
+        update={**QUICK, "answer_s": 20.0, "request_chunk": 3, "reset_message": False}
+    )
     with PolicyServer(answer) as server:
         assert len(connect(server.address, settings).infer(observation())) == (3 if able else 1)
 
@@ -154,9 +156,9 @@ def test_behaviors_chunks_are_asked_for(able: bool) -> None:
 @pytest.mark.parametrize("chunk", [CHUNK[:2], CHUNK[1:4]], ids=["too short", "begins otherwise"])
 def test_behaviors_chunks_are_as_its_evaluator_wants_them(chunk: Any) -> None:
     """As many as were asked for, and the first is the action."""
-    settings = load_settings("behavior_2026").model_copy(update={**QUICK, "request_chunk": 3})
+    settings = load_settings("behavior_2026").model_copy(update={**QUICK, "answer_s": 20.0, "request_chunk": 3})
     answer = {"action": CHUNK[0], "action_chunk": chunk}
-    with PolicyServer(lambda message: answer) as server, fails("bad_reply", 5.0, "chunk"):
+    with PolicyServer(lambda message: answer) as server, fails("bad_reply", 15.0, "chunk"):
         connect(server.address, settings).infer(observation())
 
 
