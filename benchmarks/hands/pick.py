@@ -108,7 +108,7 @@ def pick_from(draw: Callable[[np.random.Generator], Surface], cluttered: bool = 
         if cluttered:
             crowd(objects, surface, spot, rng, shapes)
         house = room(surface.fixtures)
-        base = arrival(surface.at(*spot), rng, house, objects, surface.opened)
+        base = arrival(surface.at(*spot), rng, house, objects, surface.opened, level_m=surface.z)
         done = lifted(name, surface.z, surface.at(*spot))
         return Trial(house, objects, base, f"pick up the {called(entry)}", done, opened=surface.opened)
 

@@ -65,7 +65,7 @@ def _trial(
 ) -> Trial:  # fmt: skip
     """A trial with a thing in one hand and the robot before a place (2,)."""
     house = room(surface.fixtures)
-    base = arrival(at, rng, house, objects, surface.opened, _REACH_M)
+    base = arrival(at, rng, house, objects, surface.opened, _REACH_M, surface.z)
     held = {SIDES[rng.integers(2)]: name}
     everything = {**objects, name: Placement(entry, pose(_PARKED))}
     return Trial(house, everything, base, prompt, done, budget_s, held, opened=surface.opened)

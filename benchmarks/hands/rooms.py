@@ -101,6 +101,7 @@ def arrival(
     objects: Mapping[str, Placement],
     opened: Mapping[str, Mapping[str, float]],
     ahead_m: float = 0.0,
+    level_m: float = 1.05,
 ) -> Array:
     """(3,) a base pose as navigation hands over: within the handoff distance of a target, facing it, clear of all else.
 
@@ -111,6 +112,7 @@ def arrival(
         objects: What stands in it.
         opened: Its open doors, as in `Trial`.
         ahead_m: How much farther than the body the robot reaches out before it, for what it holds.
+        level_m: Height of what the target lies on; a little above it nothing is between the robot and the target.
 
     Raises:
         BackendError: No such pose was found.
@@ -125,7 +127,7 @@ def arrival(
         ahead = at + ahead_m * np.array([np.cos(yaw), np.sin(yaw)])
         spots = np.array([[*p, z] for p in (at, (at + ahead) / 2, ahead) for z in _HEIGHTS_M])
         if np.abs(at).max() < limit and np.abs(ahead).max() < limit and (around.distance(spots) > _BODY_M).all():
-            between = np.array([[*(at + s * toward), 1.3] for s in np.linspace(0, far - 0.15, 12)])
+            between = np.array([[*(at + s * toward), level_m + 0.25] for s in np.linspace(0, far - 0.15, 12)])
             if (around.distance(between) > 0.02).all():
                 return np.array([*at, yaw])
     raise BackendError(f"no free place for the robot near {np.round(target, 2).tolist()}")
