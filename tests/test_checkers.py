@@ -343,7 +343,21 @@ def test_an_open_cabinet_is_told_from_a_closed_one(door: str) -> None:
         assert judged.complete is so, judged.reason
 
 
-@pytest.mark.parametrize("state", ["turned on", "turned off", "clean", "sprayed"])
+@pytest.mark.parametrize(("color", "on"), [((30, 240, 80), True), ((220, 30, 25), False)])
+def test_the_light_of_a_switch_tells_what_is_on(color: tuple[int, int, int], on: bool) -> None:
+    """Green is on and red is off; where no light is seen, neither is so."""
+    light: Box = ("cabinet.switch", (-0.16, 0.0, 0.5), (-0.15, 0.03, 0.53))
+    image = head([*cabinet("closed"), light])
+    assert image.labels is not None
+    number = next(i for i, name in image.names.items() if name == light[0])
+    image.rgb[image.labels == number] = color
+    assert see("the cabinet is turned on", image).complete is on
+    assert see("the cabinet is switched off", image).complete is not on
+    for word in ("on", "off"):
+        assert not see(f"the cabinet is {word}", head(cabinet("closed"))).complete
+
+
+@pytest.mark.parametrize("state", ["clean", "sprayed"])
 def test_what_no_picture_tells_is_a_no(state: str) -> None:
     """With that as the reason."""
     judged = see(f"the cabinet is {state}", head(cabinet("closed")))

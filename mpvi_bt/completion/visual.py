@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from mpvi_bt.behaviors.protocols import Judgement
 from mpvi_bt.completion.criteria import UNARY, Criterion, named, parse
+from mpvi_bt.perception.detector import SWITCH
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.kinematics import LINK_TO_OPTICAL, inverse, rot_y, transform
 from mpvi_bt.robot.protocol import CameraImage
@@ -34,6 +35,7 @@ class Eyesight:
         rest_m: How exactly a thing's lowest visible points must be level with what it is said to be on.
         share: How much of what is seen of a thing must be in place.
         beside: Two things are next to each other if the gap between them is at most so much of their mean size.
+        light_px: A switch with fewer pixels than this is not seen.
         hollow_m: How far behind its outline what is seen of a thing lies where one looks into it.
         hollow_share: So much of what is seen of an open thing is hollow, and so little of a closed one: a handle is.
     """
@@ -46,6 +48,7 @@ class Eyesight:
     rest_m: float = 0.03
     share: float = 0.5
     beside: float = 1 / 3
+    light_px: int = 4
     hollow_m: float = 0.12
     hollow_share: tuple[float, float] = (0.05, 0.01)
 
@@ -134,6 +137,8 @@ class _Picture:
             return self._lifted(name)
         if asked.relation in ("open", "closed"):
             return self._open(name, asked.relation == "open")
+        if asked.relation in ("on", "off"):
+            return self._lit(name, asked.relation == "on")
         return Judgement(False, f"no picture tells whether {name} is {asked.relation}")
 
     def held(self, name: str, asked: Criterion) -> Judgement:
@@ -208,6 +213,14 @@ class _Picture:
         if np.count_nonzero(((over[:, :2] > lowest) & (over[:, :2] < highest)).all(1)) < self._sight.seen_px:
             return Judgement(False, f"{other} is seen around {name}, not over it")
         return Judgement(True, f"{name} is seen under {other}")
+
+    def _lit(self, name: str, wanted: bool) -> Judgement:
+        """By the light of its switch: green while it is on, red while it is off."""
+        red, green = self._image.rgb[self._mask(name + SWITCH)][:, :2].astype(float).T
+        if len(red) < self._sight.light_px:
+            return Judgement(False, f"the switch of {name} is not seen")
+        lit = float(np.median(green - red)) > 0
+        return Judgement(lit is wanted, f"the light of {name} is seen {'green' if lit else 'red'}")
 
     def _open(self, name: str, wanted: bool) -> Judgement:
         """By whether one looks into it: how far what is seen lies behind the convex outline of all that is seen.
