@@ -8,7 +8,7 @@ from mpvi_bt.manipulation.close import close
 from mpvi_bt.manipulation.hand_over import hand_over
 from mpvi_bt.manipulation.open import open_
 from mpvi_bt.manipulation.pick import pick
-from mpvi_bt.manipulation.place import place_in, place_on
+from mpvi_bt.manipulation.place import place_in, place_next_to, place_on, place_under
 from mpvi_bt.manipulation.pour import pour
 from mpvi_bt.manipulation.press import press
 from mpvi_bt.manipulation.two_hands import either, lift, set_down
@@ -26,6 +26,8 @@ REPERTOIRE: Mapping[str, Perform] = {
     "pick": pick,
     "place_in": place_in,
     "place_on": either(place_on, set_down),
+    "place_next_to": place_next_to,
+    "place_under": place_under,
     "lift": lift,
     "hand_over": hand_over,
     "pour": pour,

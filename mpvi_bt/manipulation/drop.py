@@ -1,0 +1,191 @@
+"""Let a held thing fall into what is open above: a bin, a basket, a sink, a drawer, or what the other hand holds."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mpvi_bt.manipulation.outline import outline
+from mpvi_bt.manipulation.placing import release
+from mpvi_bt.manipulation.stance import Held, Option
+from mpvi_bt.manipulation.work import Work, other
+from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.solids import Array, Solid
+
+_OVER_RIM_M = 0.02  # between the lowest point of the thing and the rim
+_FALL_M = 0.008  # to spare on every side of a thing that falls into a container
+_COVER_M = 0.6  # what is that much higher than a rim does not cover it
+_ELSEWHERE = 0.05  # between two poses, in any number of their matrices [m or the sine of a turn]
+_BEST_RELEASES = 80  # tried of each pose of the container
+_UPRIGHT = 0.9  # a container whose axis is farther from the vertical is not open above
+_TILTS = (0.0, 0.35, -0.35, 0.7)
+_TURNS = tuple(np.arange(-3.0, 3.01, 0.5))
+_STEPS = np.array([0.0, 0.35, -0.35, 0.7, -0.7, 1.0, -1.0])
+
+
+def drop_in(work: Work, side: Side, held: Held, container: str, tried: list[Array]) -> Generator[Array, None, bool]:
+    """Let go over a container that stands somewhere.
+
+    Returns:
+        Whether that could be tried; nothing has moved if not: it is covered, too narrow, or out of reach from above.
+
+    Raises:
+        MotionFailure: "not_released", or a motion's own reason.
+    """
+    search = work.search(side, {container})
+    search.tried.extend(tried)
+    options = []
+    for T, cost in releases(work, held, side, container)[:_BEST_RELEASES]:
+        high = T.copy()
+        high[2, 3] += 0.10
+        options.append(Option(np.stack([high, T]), 2, cost))
+    if not options:
+        return False
+    focus = np.mean([o.waypoints[1, :2, 3] for o in options], axis=0)
+    stance = search.find(focus, options)
+    if stance is None:
+        return False
+    tried.append(stance.base)
+    yield from work.take_up(stance, search)
+    yield from work.lines(side, stance, [1])
+    yield from work.look_at(container)
+    yield from release(work, side)
+    yield from work.rise(side)
+    return True
+
+
+def reach_over(work: Work, side: Side, releases: Sequence[tuple[Array, float]], container: str) -> Actions:
+    """Bring the container in the other hand and this hand over it together, the base standing still."""
+    before = kin.inverse(work.scene.pose(container))
+    motion, hand = work.motion, other(side)
+    now, to_base = motion.hand(hand), kin.inverse(work.base)
+    chest = kin.inverse(kin.chest(motion.torso))
+    best = sorted(releases, key=lambda r: r[1])[:_BEST_RELEASES]
+    goals = np.stack([to_base @ T for T, _ in best]) if best else np.zeros((0, 4, 4))
+    still = work.body()
+    for shown in _presented(now, hand):
+        aside = [motion.arm(hand)] if shown is now else arm_motion.plan_level(still, hand, shown)
+        if aside is None:
+            continue
+        body = replace(still, arms={**still.arms, hand: aside[-1]})
+        if not body.free(side, motion.arm(side))[0]:
+            continue
+        at, q = kin.arm_inverse(chest @ shown @ kin.inverse(now) @ goals, side, swivels=24)
+        for k in np.unique(at):
+            postures = q[at == k]
+            near = postures[np.argsort(kin.posture_distance(postures, motion.arm(side)))[:3]]
+            for goal in near[body.free(side, near, margin=0.005)]:
+                path = arm_motion.plan(body, side, goal, work.rng, iterations=120)
+                if path is not None:
+                    yield from motion.follow(hand, aside, speed=0.8)
+                    yield from motion.follow(side, path, speed=1.0)
+                    # Arms give way under a load, by a centimeter; what counts is where the container hangs now.
+                    hangs = work.scene.pose(container) @ before @ best[k][0]
+                    yield from motion.line(side, kin.inverse(work.base) @ hangs, speed=0.08)
+                    return
+    raise MotionFailure("no_release")
+
+
+def present(work: Work, side: Side, turn: int) -> Actions:
+    """Hold what a hand has out in front of the body, each `turn` in another pose: what one hides another may show.
+
+    Raises:
+        MotionFailure: "no_reach" if there is no other pose to go to.
+    """
+    now, body = work.motion.hand(side), work.body()
+    poses = [T for T in list(_presented(now, side))[1:] if np.abs(T - now).max() > _ELSEWHERE]
+    for shown in poses[turn % len(poses) :] + poses[: turn % len(poses)]:
+        path = arm_motion.plan_level(body, side, shown)
+        if path is not None:
+            yield from work.motion.follow(side, path, speed=0.8)
+            return
+    raise MotionFailure("no_reach")
+
+
+def _presented(now: Array, hand: Side) -> Iterator[Array]:
+    """Poses T_base_tcp to hold a container out to the other hand: where it is, then in front of the body, turned."""
+    yield now
+    for turn in (0.0, 0.6, -0.6, 1.2, -1.2, 1.57, -1.57):
+        for x, y, z in ((0.50, 0.14, 0.72), (0.45, 0.24, 0.72), (0.55, 0.24, 0.72), (0.50, 0.14, 0.82)):
+            yield kin.transform(kin.rot_z(turn) @ now[:3, :3], (x, y * r1.SIGN[hand], z))
+
+
+def releases(work: Work, held: Held, side: Side, container: str) -> list[tuple[Array, float]]:
+    """Hand poses T_world_tcp from which the thing falls into the container, with a cost, the best first.
+
+    The thing's outline, seen from above, has to fit between the walls and past whatever covers the opening, such as a
+    handle or the furniture that a drawer belongs to; its lowest point is over the rim.
+    """
+    found: list[tuple[Array, float]] = []
+    for volume in work.scene.volumes(container):
+        if volume.T[2, 2] > _UPRIGHT:
+            found += _into(work, held, side, volume, container)
+    return sorted(found, key=lambda r: r[1])
+
+
+def _into(work: Work, held: Held, side: Side, volume: Solid, container: str) -> Iterator[tuple[Array, float]]:
+    frame, half = kin.inverse(volume.T), volume.half_m
+    walls = np.stack([s.moved(frame).aabb() for s in work.scene.solids(container)])
+    rim = float(volume.T[2, 3] + half[2])
+    low, high = walls[:, 0], walls[:, 1]
+    across = (high[:, :2] > 1e-3 - half[:2]).all(1) & (low[:, :2] < half[:2] - 1e-3).all(1)
+    covers = walls[across & (high[:, 2] > half[2] - 0.03) & (low[:, 2] < half[2] + _COVER_M)]
+    if volume.kind == "cylinder":
+        covers = covers[(np.abs(covers.mean(1)[:, :2]) < 0.5 * half[0]).all(1)]  # its own staves stand around it
+    lying = [s.moved(frame).aabb() for n in work.scene.within(container) for s in work.scene.solids(n)]
+    R_now = (work.base @ kin.tcp(work.motion.felt.torso, work.motion.felt.arm[side], side))[:3, :3]
+    for turn in _TURNS:
+        for tilt in _TILTS:
+            R = kin.rot_z(turn) @ R_now
+            sideways = np.cross([0, 0, 1.0], R[:, 2])
+            if np.linalg.norm(sideways) > 0.2:
+                R = Rotation.from_rotvec(sideways / np.linalg.norm(sideways) * tilt).as_matrix() @ R
+            elif tilt:
+                continue
+            hanging = [s.moved(kin.transform(R, (0.0, 0.0, 0.0))) for s in held.solids]
+            boxes = np.stack([s.aabb() for s in hanging])
+            low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
+            middle, tall = (low + high)[:2] / 2, float(high[2] - low[2])
+            edge = (outline(hanging) - middle) @ volume.T[:2, :2]  # in the volume's frame
+            reach = np.ptp(edge, axis=0) / 2
+            room = half[:2] - reach - _FALL_M
+            if (room < 0).any():
+                continue
+            grid = np.stack(np.meshgrid(_STEPS * room[0], _STEPS * room[1], indexing="ij"), -1).reshape(-1, 2)
+            rows = grid[:, None] + edge
+            spare = _spare(volume, rows, covers)
+            for at, gap in zip(grid[spare > _FALL_M], spare[spare > _FALL_M], strict=True):
+                below = [float(b[1, 2]) for b in lying if _aside(b, at) < reach.max()]
+                under = max(below, default=-float(half[2]))
+                if under + tall / 2 > half[2] - _FALL_M:
+                    continue  # it would come to lie over the rim
+                over = volume.T[:3, :3] @ [*at, 0.0] + volume.T[:3, 3]
+                p = np.append(over[:2] - middle, rim + _OVER_RIM_M - low[2])
+                cost = 10 * max(0.0, 0.025 - float(gap)) + 0.1 * abs(float(turn)) + 2.0 * abs(tilt)
+                cost += 10 * float(reach.max()) + 0.5 * float(np.hypot(*at)) + 0.5 * (under + float(half[2]))
+                yield kin.transform(R, p), cost
+
+
+def _spare(volume: Solid, rows: Array, covers: Array) -> Array:
+    """(n,) how far outlines (n, m, 2) in a volume's frame keep from its walls and from what covers it [m]."""
+    if volume.kind == "cylinder":
+        spare = volume.half_m[0] - np.linalg.norm(rows, axis=-1).max(1)
+    else:
+        spare = (volume.half_m[:2] - np.abs(rows)).min((1, 2))
+    for low, high in covers[:, :, :2]:
+        off = np.linalg.norm(np.maximum(np.maximum(low - rows, rows - high), 0), axis=-1).min(1)
+        # An outline that holds the cover within it has no point on it, but lies on both sides of it.
+        around = ((rows.min(1) < low) & (rows.max(1) > high)).all(1)
+        spare = np.minimum(spare, np.where(around, 0.0, off))
+    return np.asarray(spare)
+
+
+def _aside(box: Array, at: Array) -> float:
+    """Distance [m], seen from above, of a place (2,) to an axis-aligned box (2, 3)."""
+    return float(np.linalg.norm(np.maximum(np.maximum(box[0, :2] - at, at - box[1, :2]), 0)))

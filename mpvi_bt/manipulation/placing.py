@@ -1,0 +1,167 @@
+"""Set a held thing down in one of some poses: upright, or leaning where there is no room to stay upright."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mpvi_bt.manipulation.hand import FULL_M, opened
+from mpvi_bt.manipulation.stance import Held, Option, Stance
+from mpvi_bt.manipulation.work import Work
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.solids import Array
+
+UPRIGHT = (0.0,)
+LEANING = (
+    0.0,
+    0.35,
+    -0.35,
+    0.8,
+    -0.8,
+    1.2,
+    -1.2,
+    1.5,
+    -1.5,
+)  # [rad] about the closing axis, as a thing hangs in a hand
+TURNS = tuple(np.arange(12) * np.pi / 6 - np.pi)
+_DOWN_M = 0.004  # a thing is let go of so far above the surface,
+_LEANING_DOWN_M = 0.008  # or so far if it leans
+_BACK_M = 0.09  # how far the open hand draws back
+_SPARE_M = 0.03  # opened beyond the width of what was held
+_MENDED_M = 0.04  # more than that a thing does not slip in the hand, nor an arm give way
+_GROUPS = 12  # of poses that are tried
+# How far above the pose to come in [m], how far behind the arm takes its posture [m], and the cost of it.
+_WAYS = ((0.12, 0.0, 0.0), (0.05, 0.0, 0.05), (0.04, 0.4, 0.1), (0.04, 0.25, 0.15))
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A pose to leave a thing in.
+
+    Attributes:
+        T_world_thing: (4, 4).
+        cost: Preference.
+    """
+
+    T_world_thing: Array
+    cost: float
+
+
+def poses(work: Work, held: Held, spot: Array, leans: Sequence[float] = UPRIGHT) -> Iterator[Pose]:
+    """Poses with the middle of the thing's underside on a spot (3,), at several turns, upright first."""
+    frame = kin.inverse(held.T_tcp_thing)
+    solids = [s.moved(frame) for s in held.solids]  # in the thing's frame
+    upright = _upright(work.scene.pose(held.name)[:3, :3])
+    for lean in leans:
+        standing = upright
+        if lean:
+            closing = upright @ frame[:3, 1] * [1, 1, 0]
+            if (length := float(np.linalg.norm(closing))) < 0.5:
+                return
+            standing = Rotation.from_rotvec(closing / length * lean).as_matrix() @ upright
+        for turn in TURNS:
+            R = kin.rot_z(turn) @ standing
+            boxes = np.stack([s.moved(kin.transform(R, (0.0, 0.0, 0.0))).aabb() for s in solids])
+            low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
+            down = _LEANING_DOWN_M if lean else _DOWN_M
+            p = spot - np.append((low + high)[:2] / 2, low[2] - down)
+            yield Pose(kin.transform(R, p), 0.05 * abs(float(turn)) + 1.0 * abs(lean))
+
+
+def place_at(work: Work, side: Side, held: Held, groups: Iterable[Sequence[Pose]], tried: list[Array]
+             ) -> Generator[Array, None, float]:  # fmt: skip
+    """Set what a hand holds down in the first of some poses that can be reached, open the hand and come away.
+
+    Args:
+        work: Robot and world.
+        side: The hand.
+        held: What it holds.
+        groups: Poses, those about one place together; better places first.
+        tried: Base poses that did not do; the one taken is added.
+
+    Returns:
+        Height of the thing's underside in that pose [m]. The arm is not folded: what came of it can be looked at first.
+
+    Raises:
+        MotionFailure: "no_free_spot" if there are no poses, "no_stance", "not_released", or a motion's own reason.
+    """
+    search = work.search(side, ())
+    search.tried.extend(tried)
+    stance: Stance | None = None
+    goal, seen = np.eye(4), 0
+    for group in groups:
+        options = [option for pose in group for option in _options(held, pose, work.motion.felt.gripper_width[side])]
+        if not options:
+            continue
+        seen += 1
+        focus = np.mean([pose.T_world_thing[:2, 3] for pose in group], axis=0)
+        stance = search.find(focus, options)
+        if stance is not None:
+            goal = options[stance.option].waypoints[1] @ held.T_tcp_thing
+            break
+        if seen >= _GROUPS:
+            break
+    if stance is None:
+        raise MotionFailure("no_stance" if seen else "no_free_spot")
+    tried.append(stance.base)
+    try:
+        yield from work.take_up(stance, search)
+        yield from _lower(work, side, stance, goal)
+        yield from work.look_at(held.name)
+        yield from release(work, side, stance.opening_m)
+        yield from work.lines(side, stance, [2])
+    except MotionFailure:
+        yield from work.withdraw(side, stance)
+        raise
+    yield from work.leave(stance)
+    return float(min(s.moved(goal @ kin.inverse(held.T_tcp_thing)).aabb()[0, 2] for s in held.solids))
+
+
+def release(work: Work, side: Side, opening_m: float = FULL_M) -> Actions:
+    """Open a hand as far as there is room for. Raises MotionFailure "not_released" if the fingers do not open."""
+    width = work.motion.felt.gripper_width[side]
+    yield from work.motion.grip(side, opened(opening_m), 0.5)
+    yield from work.motion.wait(0.5)  # what falls into a deep container needs that long
+    if work.motion.felt.gripper_width[side] < min(width + 0.01, 0.8 * FULL_M):
+        raise MotionFailure("not_released")
+
+
+def _lower(work: Work, side: Side, stance: Stance, goal: Array) -> Actions:
+    """Bring the thing to its pose `goal` (4, 4) in the world, from where it really hangs by now."""
+    motion = work.motion
+    planned = kin.inverse(work.base) @ kin.base(stance.base) @ stance.waypoints[1]
+    now = work.held().get(side)
+    if now is not None:
+        felt = kin.tcp(motion.felt.torso, motion.felt.arm[side], side)
+        mended = kin.inverse(work.base) @ goal @ kin.inverse(now.T_tcp_thing)
+        mended[:3, 3] += motion.hand(side)[:3, 3] - felt[:3, 3]  # arms give way under a load
+        if np.linalg.norm(mended[:3, 3] - planned[:3, 3]) < _MENDED_M:
+            planned = mended
+    yield from motion.line(side, planned, speed=0.10)
+
+
+def _options(held: Held, pose: Pose, width_m: float) -> Iterator[Option]:
+    """Ways to bring a thing into a pose from above, and the hand back along its fingers."""
+    T = pose.T_world_thing @ kin.inverse(held.T_tcp_thing)
+    back = T.copy()
+    back[:3, 3] -= _BACK_M * T[:3, 2]
+    for over_m, run_up, cost in _WAYS:
+        over = T.copy()
+        over[2, 3] += over_m
+        opening = min(FULL_M, width_m + _SPARE_M)
+        yield Option(np.stack([over, T, back]), 1, pose.cost + cost, run_up, None, opening)
+
+
+def _upright(R: Array) -> Array:
+    """The rotation (3, 3) next to `R` in which the axis that is nearest to the vertical is vertical."""
+    up = int(np.abs(R[2]).argmax())
+    lean = np.cross(R[:, up] * np.sign(R[2, up]), [0, 0, 1.0])
+    size = float(np.linalg.norm(lean))
+    if size < 1e-6:
+        return R
+    return np.asarray(Rotation.from_rotvec(lean / size * np.arcsin(min(1.0, size))).as_matrix() @ R)

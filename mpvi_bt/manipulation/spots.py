@@ -1,0 +1,169 @@
+"""Where a held thing would have room: on boards inside a container, on the floor, beside and under other things."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpvi_bt.goals.predicates import NEXT_TO_GAP
+from mpvi_bt.manipulation.outline import disc, outline
+from mpvi_bt.manipulation.placing import Pose, poses
+from mpvi_bt.manipulation.stance import Held
+from mpvi_bt.manipulation.work import Work
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.solids import Array, Solid
+
+_CLEAR_M = 0.03  # between things on a surface
+_HEADROOMS_M = (0.35, 0.03)  # above a spot, for the thing and the hand; above the thing if there is no more
+_GRID_M = 0.06
+_FLOOR_REACH_M = 0.9  # from the middle of the robot
+_NEAR_M = 1.7
+_TOUCH_M = 0.005  # what is set down beside a thing keeps that far away,
+_BESIDE_M = (0.006, 0.012, 0.02, 0.03)  # or farther, where that still counts as next to it
+_SECTORS = 12
+_EASY_M = 0.9  # boards at such a height are tried first
+_LEVEL_M = 0.02
+
+
+def size(solids: Sequence[Solid]) -> tuple[Array, float]:
+    """(2, 3) axis-aligned box of solids, and how far they reach sideways from its middle [m]."""
+    boxes = np.stack([s.aabb() for s in solids])
+    return np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)]), disc(solids)[1]
+
+
+def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: bool = False) -> Iterator[list[Pose]]:
+    """Poses on a thing's upper faces, one group a spot; `inside`: only in its container volumes.
+
+    Faces at a comfortable height come first, and what has room above.
+    """
+    box, radius = size([s.moved(work.base @ _hand(work, held)) for s in held.solids])
+    near = work.motion.felt.base_pose[:2]
+    done: list[Array] = []
+    for headroom in (_HEADROOMS_M[0], float(np.ptp(box, axis=0)[2]) + _HEADROOMS_M[1]):
+        spots = list(work.scene.spots(surface, radius + _CLEAR_M, headroom, near))
+        if inside:
+            spots = [s for s in spots if _within(work.scene.volumes(surface), s + [0, 0, 0.02])]
+        for spot in _by_turns(spots):
+            if all(np.linalg.norm(spot - d) > _GRID_M for d in done):
+                done.append(spot)
+                yield list(poses(work, held, spot, leans))
+
+
+def on_floor(work: Work, held: Held) -> Iterator[list[Pose]]:
+    """Poses on the free floor around the robot, the nearest first."""
+    here = work.motion.felt.base_pose
+    steps = np.arange(-_FLOOR_REACH_M, _FLOOR_REACH_M + 1e-9, 2 * _GRID_M)
+    grid = np.stack(np.meshgrid(steps, steps, indexing="ij"), -1).reshape(-1, 2)
+    far = np.linalg.norm(grid, axis=1)
+    grid = grid[(far > 0.45) & (far < _FLOOR_REACH_M)]
+    ahead = grid @ [np.cos(here[2]), np.sin(here[2])] / np.linalg.norm(grid, axis=1)
+    places = here[:2] + grid[np.argsort(np.abs(np.linalg.norm(grid, axis=1) - 0.6) + 0.3 * (1 - ahead))]
+    spots = np.column_stack([places, np.zeros(len(places))])
+    for spot in spots[_room(work, held, spots, _CLEAR_M)]:
+        yield list(poses(work, held, spot))
+
+
+def under(work: Work, held: Held, target: str, leans: Sequence[float]) -> Iterator[list[Pose]]:
+    """Poses on the floor below a thing, nothing of which is below them."""
+    box, _ = size(work.scene.solids(target))
+    height = float(np.ptp(size([s.moved(work.base @ _hand(work, held)) for s in held.solids])[0], axis=0)[2])
+    over = [s.aabb() for s in work.scene.solids(target)]
+    here = work.motion.felt.base_pose[:2]
+    places = np.stack(np.meshgrid(*[np.arange(a, b, _GRID_M) for a, b in box.T[:2]], indexing="ij"), -1).reshape(-1, 2)
+    below = np.array([any((b[0, :2] + 0.03 < p).all() and (p < b[1, :2] - 0.03).all() and b[0, 2] > height
+                          for b in over) for p in places])  # fmt: skip
+    spots = np.column_stack([places, np.zeros(len(places))])[below]
+    spots = spots[_room(work, held, spots, 0.01)]
+    for spot in spots[np.argsort(np.linalg.norm(spots[:, :2] - here, axis=1))]:
+        yield list(poses(work, held, spot, leans))
+
+
+def beside(work: Work, held: Held, target: str) -> Iterator[list[Pose]]:
+    """Poses next to a thing on what it stands on, as near as counts; those on the robot's side of it first."""
+    solids = work.scene.solids(target)
+    theirs, reach = size(solids)
+    middle, floor_z = theirs.mean(0), float(theirs[0, 2])
+    here = work.motion.felt.base_pose[:2]
+    bearing = float(np.arctan2(*(here - middle[:2])[::-1]))
+    wall = Surroundings(solids)
+    frame = kin.inverse(held.T_tcp_thing)
+    mine = [s.moved(frame) for s in held.solids]
+    upright = list(poses(work, held, np.array([0.0, 0.0, floor_z])))
+    groups: list[tuple[float, list[Pose]]] = []
+    for k in range(_SECTORS):
+        angle = 2 * np.pi * k / _SECTORS
+        away = np.array([np.cos(bearing + angle), np.sin(bearing + angle), 0.0])
+        group = []
+        for pose in upright:
+            T = pose.T_world_thing.copy()
+            box, radius = size([s.moved(T) for s in mine])
+            edge = outline([s.moved(T) for s in mine])
+            levels = np.linspace(box[0, 2] + 0.005, min(box[1, 2], theirs[1, 2] + 0.02), 4)
+            rows = np.concatenate([np.column_stack([edge, np.full(len(edge), z)]) for z in levels])
+            at = np.append(middle[:2], 0.0)
+            far = np.arange(0.0, reach + radius + 0.08, 0.004)
+            gaps = np.array([wall.distance(rows + at + away * d).min() for d in far])
+            touching = np.flatnonzero(gaps < _TOUCH_M)
+            first = int(touching[-1]) + 1 if len(touching) else 0
+            for wanted in _BESIDE_M:
+                d = float(far[min(first, len(far) - 1)]) + wanted - _TOUCH_M
+                moved = box + at + away * d
+                if _next_to(moved, theirs):
+                    shifted = T.copy()
+                    shifted[:3, 3] += at + away * d
+                    group.append(Pose(shifted, pose.cost + 2.0 * abs(wanted - 0.012)))
+        spots = np.array([np.append(p.T_world_thing[:2, 3], floor_z) for p in group]).reshape(-1, 3)
+        room = _room(work, held, spots, 0.01, without=target) if len(spots) else np.zeros(0, bool)
+        group = [p for p, free in zip(group, room, strict=True) if free]
+        if group:
+            groups.append((abs(float(kin.wrap(angle))), group))
+    yield from (group for _, group in sorted(groups, key=lambda g: g[0]))
+
+
+def _next_to(box: Array, other: Array) -> bool:
+    """Whether two boxes (2, 3) are near enough for their size, with a margin."""
+    gap = np.maximum(0.0, np.maximum(box[0], other[0]) - np.minimum(box[1], other[1]))
+    return bool(np.linalg.norm(gap) < 0.75 * NEXT_TO_GAP * np.mean(np.ptp(box, axis=0) + np.ptp(other, axis=0)))
+
+
+def _room(work: Work, held: Held, spots: Array, clear_m: float, without: str | None = None) -> NDArray[np.bool_]:
+    """(n,) bool: spots (n, 3) that carry the thing and have room for it, upright."""
+    if not len(spots):
+        return np.zeros(0, bool)
+    box, radius = size([s.moved(work.base @ _hand(work, held)) for s in held.solids])
+    carried = {held.name, *work.scene.within(held.name)}
+    near = work.motion.felt.base_pose[:2]
+    others = work.scene.obstacles(near, _NEAR_M, without={*carried, *([without] if without else [])})
+    below = work.scene.obstacles(near, _NEAR_M, without=carried)
+    ring = np.array([(np.cos(a), np.sin(a), 0.0) for a in np.arange(8) * np.pi / 4])
+    heights = np.linspace(0.02, max(0.03, float(np.ptp(box, axis=0)[2])), 4)
+    body = np.array([[0.0, 0.0, z] for z in heights])
+    free = (others.distance(spots[:, None] + body) > radius + clear_m).all(1)
+    feet = spots[:, None] + 0.6 * radius * ring - [0, 0, 0.008]
+    return np.asarray(free & ((spots[:, 2] < 0.01) | (below.distance(feet) < 0.012).all(1)))
+
+
+def _hand(work: Work, held: Held) -> Array:
+    """T_base_tcp (4, 4), as felt, of the hand that holds a thing."""
+    felt = work.motion.felt
+    side = next(s for s, h in work.held().items() if h.name == held.name)
+    return kin.tcp(felt.torso, felt.arm[side], side)
+
+
+def _within(volumes: Sequence[Solid], p: Array) -> bool:
+    return any((np.abs(kin.inverse(v.T)[:3] @ np.append(p, 1.0)) <= v.half_m).all() for v in volumes)
+
+
+def _by_turns(spots: Sequence[Array]) -> Iterator[Array]:
+    """Spots in their order, but one of each height after the other, comfortable heights first."""
+    levels: dict[int, list[Array]] = {}
+    for spot in spots:
+        levels.setdefault(round(float(spot[2]) / _LEVEL_M), []).append(spot)
+    ranked = sorted(levels.values(), key=lambda level: abs(float(level[0][2]) - _EASY_M))
+    for k in range(max(map(len, ranked), default=0)):
+        for level in ranked:
+            if k < len(level):
+                yield level[k]
