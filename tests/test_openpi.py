@@ -31,7 +31,7 @@ from tests.remote_servers import HOST, PolicyServer, broken, certificate, free_p
 from tests.serving import serving
 
 CHUNK = np.arange(4 * ACTION_SIZE, dtype=np.float32).reshape(4, -1) / 100
-QUICK = {"connect_s": 2.0, "answer_s": 1.0, "tries": 2, "max_mb": 1}  # no test waits longer
+QUICK = {"connect_s": 4.0, "answer_s": 4.0, "tries": 2, "max_mb": 1}  # what is told at once is told within these
 
 
 @pytest.fixture(autouse=True)
@@ -362,7 +362,7 @@ def test_a_server_that_dies_in_mid_chunk_and_comes_back() -> None:
 def test_a_server_that_breaks_every_connection() -> None:
     """It is tried so often as the settings say, then the backend has failed."""
     with talking(broken) as server:
-        with fails("server_closed", 3.0, "the connection broke"):
+        with fails("server_closed", 6.0, "the connection broke"):
             policy_at(server).infer(observation())
         assert server.connections == 1 + QUICK["tries"]
 
@@ -371,8 +371,8 @@ def test_a_server_that_breaks_every_connection() -> None:
 def test_a_server_that_goes_away_politely(code: int) -> None:
     """A close that says "later" or "restarting" is tried again like a broken connection."""
     with talking(lambda c: c.close(code, "bye\nbye")) as server:
-        with fails("server_closed", 5.0, str(code)):
-            policy_at(server, answer_s=3.0).infer(observation())
+        with fails("server_closed", 6.0, str(code)):
+            policy_at(server).infer(observation())
         assert server.connections == 3
 
 
@@ -422,7 +422,7 @@ def test_a_frame_that_ends_in_the_middle() -> None:
         connection.socket.sendall(b"\x82\x7e\xff\xff half")
         broken(connection)
 
-    with talking(halve) as server, fails("server_closed", 3.0):
+    with talking(halve) as server, fails("server_closed", 6.0):
         policy_at(server).infer(observation())
 
 
@@ -438,11 +438,11 @@ def test_a_server_that_never_answers() -> None:
         return {"actions": CHUNK + len(server.received)}
 
     with PolicyServer(answer) as server:
-        policy = policy_at(server)
+        policy = policy_at(server, answer_s=0.7)
         with fails("server_timeout", 3.0):
             policy.infer(observation())
         assert len(server.received) == 1
-        time.sleep(1.0)
+        time.sleep(1.2)
         assert np.array_equal(policy.infer(observation())[:, 3:], (CHUNK + 2)[:, 3:])
 
 
@@ -462,7 +462,7 @@ def test_a_server_that_does_not_read() -> None:
         with connection.protocol_mutex:  # its reader stops
             time.sleep(2.5)
 
-    settings = quick().model_copy(update={"observation": None})
+    settings = quick(observation=None, answer_s=0.7)
     seen = observation()
     image = seen["images"]["head"]
     big = np.zeros((2000, 3000, 3), np.uint8)
@@ -481,7 +481,7 @@ def test_a_server_that_drips() -> None:
             time.sleep(0.1)
 
     with talking(drip) as server, fails("server_timeout", 3.5):
-        policy_at(server).infer(observation())
+        policy_at(server, answer_s=0.7).infer(observation())
 
 
 def test_an_interrupted_wait_leaves_no_answer_behind() -> None:
@@ -516,7 +516,7 @@ def test_an_answer_that_nobody_asked_for() -> None:
         policy = policy_at(server)
         policy.infer(observation())
         time.sleep(0.2)
-        with fails("bad_reply", 1.9, "nobody asked for"):
+        with fails("bad_reply", 3.9, "nobody asked for"):
             policy.infer(observation())
         assert (policy.infer(observation())[:, 3:] >= 0).all()
 
@@ -542,7 +542,7 @@ def test_a_chunk_that_no_robot_can_carry_out(name: str) -> None:
     replies = iter([SPOILED[name], CHUNK])
     with PolicyServer(lambda message: {"actions": next(replies)}) as server:
         policy = policy_at(server)
-        with fails("bad_reply", 1.9):
+        with fails("bad_reply", 3.9):
             policy.infer(observation())
         assert policy.infer(observation()).shape == (4, ACTION_SIZE)
         assert server.connections == 2
@@ -571,14 +571,14 @@ GARBAGE = {
 @pytest.mark.parametrize("name", GARBAGE)
 def test_a_frame_that_is_no_reply(name: str) -> None:
     """Whatever a binary frame holds, it is refused at once."""
-    with PolicyServer(lambda message: GARBAGE[name]) as server, fails("bad_reply", 1.9):
+    with PolicyServer(lambda message: GARBAGE[name]) as server, fails("bad_reply", 3.9):
         policy_at(server).infer(observation())
 
 
 @pytest.mark.parametrize("metadata", [b"\xc1", packed([1]), packed("hello"), b""], ids=repr)
 def test_metadata_that_are_none(metadata: bytes) -> None:
     """The first frame is a mapping, or the server is none of ours."""
-    with PolicyServer(talk=lambda connection, number: connection.send(metadata)) as server, fails("bad_reply", 1.9):
+    with PolicyServer(talk=lambda connection, number: connection.send(metadata)) as server, fails("bad_reply", 3.9):
         policy_at(server).reset()
 
 
@@ -595,7 +595,7 @@ def test_a_server_of_another_kind(said: bytes) -> None:
         client.sendall(said)
         time.sleep(0.2)
 
-    with raw_server(talk) as address, fails("bad_reply", 1.9):
+    with raw_server(talk) as address, fails("bad_reply", 3.9):
         policy_at(address).reset()
 
 
@@ -620,7 +620,7 @@ def test_a_web_server_without_a_policy(status: bytes) -> None:
 
     with (
         raw_server(talk) as address,
-        fails("bad_reply", 1.9, *([] if b"Location" in status else [status[:3].decode()])),
+        fails("bad_reply", 3.9, *([] if b"Location" in status else [status[:3].decode()])),
     ):
         policy_at(address).reset()
 
@@ -630,7 +630,7 @@ def test_a_web_server_without_a_policy(status: bytes) -> None:
 )
 def test_frames_against_the_rules(frame: bytes) -> None:
     """Unknown opcodes, reserved bits, masks and broken UTF-8 are the server's fault."""
-    with talking(lambda c: c.socket.sendall(frame)) as server, fails("bad_reply", 3.0):
+    with talking(lambda c: c.socket.sendall(frame)) as server, fails("bad_reply", 3.9):
         policy_at(server).infer(observation())
 
 
@@ -667,7 +667,7 @@ def test_an_error_frame_is_told_by_its_last_line() -> None:
 
     with PolicyServer(answer) as server:
         policy = policy_at(server)
-        with fails("server_error", 1.9, "KeyError: 'observation/state'"):
+        with fails("server_error", 3.9, "KeyError: 'observation/state'"):
             policy.infer(observation())
         assert len(server.received) == 1
         assert policy.infer(observation()).shape == (4, ACTION_SIZE)
@@ -675,7 +675,7 @@ def test_an_error_frame_is_told_by_its_last_line() -> None:
 
 def test_an_error_without_words() -> None:
     """BEHAVIOR's servers close with 1011 and say nothing more."""
-    with talking(lambda c: c.close(1011, "Internal server error")) as server, fails("server_error", 1.9, "1011"):
+    with talking(lambda c: c.close(1011, "Internal server error")) as server, fails("server_error", 3.9, "1011"):
         policy_at(server).infer(observation())
 
 
@@ -685,14 +685,14 @@ def test_an_error_that_came_before_the_question() -> None:
         policy = policy_at(server, reset_message=True)
         policy.reset()
         time.sleep(0.3)
-        with fails("server_error", 1.9, "KeyError: 'never'"):
+        with fails("server_error", 3.9, "KeyError: 'never'"):
             policy.infer(observation())
 
 
 def test_what_a_server_says_is_no_escape_sequence() -> None:
     """Its words are printed on a terminal: they are made printable, and short."""
     words = "boom\x1b]0;evil\x07\u2028" + "y" * 100_000
-    with talking(lambda c: c.send(words)) as server, fails("server_error", 1.9, "boom ]0;evil yyy"):
+    with talking(lambda c: c.send(words)) as server, fails("server_error", 3.9, "boom ]0;evil yyy"):
         policy_at(server).infer(observation())
 
 
@@ -702,7 +702,7 @@ def test_a_wrong_key(key: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if key:
         monkeypatch.setenv(KEY, key)
     with PolicyServer(key="sesame") as server:
-        with fails("unauthorized", 1.0, "401", KEY):
+        with fails("unauthorized", 5.0, "401", KEY):
             policy_at(server, connect_s=30.0).reset()
         with pytest.raises(PolicyError) as caught:
             policy_at(server).infer(observation())
@@ -712,13 +712,13 @@ def test_a_wrong_key(key: str, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_key_that_no_header_can_carry(monkeypatch: pytest.MonkeyPatch) -> None:
     """Line breaks would forge headers."""
     monkeypatch.setenv(KEY, "a\r\nX-Evil: 1")
-    with PolicyServer() as server, fails("unauthorized", 1.0):
+    with PolicyServer() as server, fails("unauthorized", 5.0):
         policy_at(server).reset()
 
 
 def test_a_session_that_is_refused() -> None:
     """Closed with 1008, policy violation, right after the handshake: a key was wanted."""
-    with PolicyServer(talk=lambda c, n: c.close(1008, "key")) as server, fails("unauthorized", 1.9, "1008"):
+    with PolicyServer(talk=lambda c, n: c.close(1008, "key")) as server, fails("unauthorized", 3.9, "1008"):
         policy_at(server).reset()
 
 
@@ -741,7 +741,7 @@ def served_with(pem: tuple[Path, Path]) -> PolicyServer:
 
 def test_a_certificate_that_nobody_signed(pem: tuple[Path, Path]) -> None:
     """It is refused at once."""
-    with served_with(pem) as server, fails("tls", 1.9, "certificate"):
+    with served_with(pem) as server, fails("tls", 3.9, "certificate"):
         policy_at(f"wss://{HOST}:{server.port}").reset()
 
 
@@ -750,13 +750,13 @@ def test_a_certificate_that_is_trusted(pem: tuple[Path, Path], monkeypatch: pyte
     monkeypatch.setenv("SSL_CERT_FILE", str(pem[0]))
     with served_with(pem) as server:
         check_policy(policy_at(f"wss://{HOST}:{server.port}"))
-        with fails("tls", 1.9, "ertificate"):
+        with fails("tls", 3.9, "ertificate"):
             policy_at(f"wss://localhost:{server.port}").reset()
 
 
 def test_no_tls_where_it_is_asked_for() -> None:
     """wss:// to a server without TLS is a TLS failure, not a wait."""
-    with PolicyServer() as server, fails("tls", 1.9):
+    with PolicyServer() as server, fails("tls", 3.9):
         policy_at(f"wss://{HOST}:{server.port}").reset()
 
 
