@@ -395,6 +395,22 @@ def test_too_many_clients_are_told_so() -> None:
         assert refused.value.response.status_code == 503
 
 
+def test_who_does_not_wait_for_answers_gets_them_in_order() -> None:
+    """Observations that come before an answer are held up on the way, not piled up, and none is lost."""
+    with serving(lambda _: Probe()) as server, client(server) as connection:
+        received(connection)
+        packed = pack(write_observation(observation(size=64)))
+
+        def send() -> None:
+            for _ in range(50):
+                connection.send(packed)
+
+        sender = threading.Thread(target=send)
+        sender.start()
+        assert [received(connection)["note"] for _ in range(50)] == [f"call {n + 1}" for n in range(50)]
+        sender.join(10)
+
+
 def test_clients_are_told_when_the_server_ends() -> None:
     """Code 1001, even to one whose policy hangs."""
     go = threading.Event()

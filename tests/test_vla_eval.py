@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import socket
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -55,6 +58,22 @@ def test_it_keeps_the_contract_of_policies() -> None:
             policy = connect(address)
             check_policy(policy)
             policy.close()
+
+
+@pytest.mark.slow
+def test_the_package_serves_its_own_model_for_our_action() -> None:
+    """Its baseline for BEHAVIOR's R1Pro, started as its users start it, is waited for and drives the robot."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+    command = [sys.executable, "-m", "vla_eval.model_servers.behavior1k_baseline", "--address", address]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        try:
+            policy = connect(address)
+            check_policy(policy)
+            assert not policy.infer(observation(size=224)).any()
+            policy.close()
+        finally:
+            process.kill()
 
 
 def test_a_server_that_keeps_the_chunk_gives_one_action_at_a_time() -> None:
