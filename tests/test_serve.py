@@ -40,7 +40,7 @@ class Probe:
     name = "probe"
 
     def __init__(self, cameras: tuple[str, ...] = (), work: Callable[[], object] = lambda: None) -> None:
-        self.cameras = cameras
+        self.cameras, self.closed = cameras, False
         self._work = work
         self._calls = self._resets = 0
         self.note = "at rest"
@@ -48,6 +48,9 @@ class Probe:
     def reset(self) -> None:
         self._calls = 0
         self._resets += 1
+
+    def close(self) -> None:
+        self.closed = True
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
         self._work()
@@ -228,7 +231,7 @@ def test_what_is_wrong_is_told_before_the_connection_ends(name: str) -> None:
             assert closed.value.rcvd is not None
             assert closed.value.rcvd.code == 1011
         assert ask(other, GOOD)["actions"].shape == (15, 23)
-        assert server.metrics.errors["bad_message"] == 1
+        assert server.metrics.errors == {"bad_message": 1}
 
 
 @pytest.mark.parametrize(
@@ -295,10 +298,16 @@ def _eventually(holds: Callable[[], bool]) -> None:
 
 @pytest.mark.parametrize("when", ["idle", "thinking", "mid_frame"])
 def test_clients_that_vanish_leave_nothing_behind(when: str) -> None:
-    """A connection that is torn down, at rest, in an inference, or in a frame, is forgotten; its thread ends."""
+    """A connection that is torn down, at rest, in an inference, or in a frame, is forgotten; its policy is closed."""
     threads = threading.active_count()
     go = threading.Event()
-    with contextlib.ExitStack() as stack, serving(lambda _: Probe(work=lambda: go.wait(10))) as server:
+    made: list[Probe] = []
+
+    def make(vocabulary: Vocabulary) -> Probe:
+        made.append(Probe(work=lambda: go.wait(10)))
+        return made[-1]
+
+    with contextlib.ExitStack() as stack, serving(make) as server:
         connection = stack.enter_context(client(server))
         connection.recv(timeout=10)
         if when == "thinking":
@@ -311,6 +320,7 @@ def test_clients_that_vanish_leave_nothing_behind(when: str) -> None:
         connection.close_socket()
         _eventually(lambda: server.metrics.clients == 0)
         go.set()
+        _eventually(lambda: made[0].closed)
         with client(server) as again:
             again.recv(timeout=10)
             assert "actions" in ask(again, GOOD)

@@ -15,7 +15,7 @@ import queue
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from http import HTTPStatus
 from typing import Any
 
@@ -28,6 +28,7 @@ from mpvi_bt import __version__
 from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.errors import BadMessage
 from mpvi_bt.remote.codec import MAX_BYTES, pack, unpack
+from mpvi_bt.remote.connection import one_line
 from mpvi_bt.remote.metrics import Metrics
 from mpvi_bt.remote.observation import Vocabulary, read_observation
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ
@@ -47,10 +48,11 @@ class Refused(Exception):
 
     Attributes:
         kind: "bad_message": it is not as docs/policies.md says; "policy_failed": the policy raised.
+        message: What was wrong, or the traceback.
     """
 
     def __init__(self, kind: str, message: str) -> None:
-        self.kind = kind
+        self.kind, self.message = kind, message
         super().__init__(f"{kind}: {message}")
 
 
@@ -79,7 +81,7 @@ class PolicyServer:
         self._authorization = f"Api-Key {api_key}".encode() if api_key else b""
 
     @contextlib.asynccontextmanager
-    async def listening(self, host: str, port: int) -> Any:
+    async def listening(self, host: str, port: int) -> AsyncIterator[PolicyServer]:
         """Serve at an address (port 0: any that is free) within the block; afterwards clients are told to go (1001).
 
         Raises:
@@ -125,7 +127,9 @@ class PolicyServer:
             await self._converse(connection, session, gone)
         except Refused as error:
             self.metrics.errors[error.kind] += 1
-            self._say(f"client {_address(connection)}: {str(error).strip().splitlines()[-1]}")
+            self._say(
+                f"client {_address(connection)}: {error.kind}: {one_line(error.message.strip().splitlines()[-1])}"
+            )
             with contextlib.suppress(ConnectionClosed):
                 await connection.send(str(error))
                 await connection.close(INTERNAL_ERROR, "what went wrong is in the frame before")
@@ -221,6 +225,8 @@ class Session:
     def _work(self) -> None:
         while (call := self._calls.get()) is not None:
             call()
+        with contextlib.suppress(Exception):  # nobody is left to be told
+            getattr(self._policy, "close", lambda: None)()
 
     def _begin(self) -> list[str]:
         self._policy = self._make(self._vocabulary)
