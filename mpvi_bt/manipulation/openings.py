@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from mpvi_bt.manipulation.course import Course
 from mpvi_bt.manipulation.work import Work
-from mpvi_bt.perception.knowledge import normalize
 from mpvi_bt.perception.parts import Bar, Door
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import MotionFailure
@@ -56,8 +55,8 @@ def _plain(phrase: str) -> str:
 def _read(work: Work, words: str) -> tuple[str, list[str]]:
     """The thing and the words that tell its doors apart."""
     found = work.scene.knowledge().find
-    if found(words) and normalize(words) == words:  # nothing in it tells doors apart
-        return work.nearest(words), []
+    if any(words in e.phrases for e in found(words)):
+        return work.nearest(words), []  # it is a name, such as "top hat"
     place = "|".join(_PLACES)
     forms = (
         rf"(?P<places>(?:(?:{place})\s+)*)(?:(?:{_PARTS})\s+)?(?P<rank>(?:number\s+)?(?:{place})\s+)?(?:of|on|in|to)\s+(?:the\s+)?(?P<thing>.+)",
