@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -24,6 +24,7 @@ _RIM_DEPTH_M = 0.018  # of the tcp below a rim
 _RIM_WALL_M = 0.03  # thicker walls are no rims
 _RIM_COST = 0.15
 _TILTS = (0.0, 0.3, 0.6, 0.9, 1.2, 1.4, np.pi / 2)
+_COVERS = 0.8  # cost of a hand right over the opening of a vessel
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -57,7 +58,10 @@ def grasps(scene: Scene, name: str, bearing: float) -> list[Grasp]:
         return [g for bar in bars for g in _on_bar(bar, bearing)]
     solids = list(scene.solids(name))
     found = _pinches(scene.pose(name), solids, bearing)
-    for volume in scene.volumes(name):
+    volumes = scene.volumes(name)
+    if volumes:  # a palm over the opening keeps what is inside from being poured out
+        found = [replace(g, cost=g.cost + _COVERS * max(0.0, float(np.cos(g.tilt_rad)))) for g in found]
+    for volume in volumes:
         found += _rims(volume, solids, bearing)
     return found
 
