@@ -6,11 +6,14 @@ of 2.2 cm and more.
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
+from mpvi_bt.marked_yaml import Record
 from mpvi_bt.robot.solids import Solid, box, pose
 from mpvi_bt.sim.description import Color, Description, Handle, Parts, switch
-from mpvi_bt.sim.dimensions import Count, Length, Rgb, Size
+from mpvi_bt.sim.dimensions import Coordinate, Count, Length, Rgb, Size
 
 _STEEL: Color = (0.75, 0.76, 0.78)
 _INK: Color = (0.18, 0.18, 0.2)
@@ -127,6 +130,39 @@ def trash_can(
     handle = _bail(parts, z, bail_m, y / 2, handle_color)
     interior = box((0, 0, (wall_m + z) / 2), (x - 2 * wall_m, y - 2 * wall_m, z - wall_m))
     return parts.thing(volumes=(interior,), handles=(handle,))
+
+
+class Piece(Record):
+    """One solid of a compound.
+
+    Attributes:
+        kind: Its shape.
+        at: Its middle [m]; the compound stands on z = 0.
+        size_m: Along x, y and z; a cylinder has its diameter twice and its length along `axis`.
+        axis: That a cylinder lies along.
+        color: None for the compound's own.
+    """
+
+    kind: Literal["box", "cylinder", "sphere"]
+    at: tuple[Coordinate, Coordinate, Coordinate]
+    size_m: Size
+    axis: Literal["x", "y", "z"] = "z"
+    color: Rgb | None = None
+
+
+def compound(*, pieces: tuple[Piece, ...], color: Rgb) -> Description:
+    """Solids that are stuck together, such as a hammer: whatever has no family of its own."""
+    parts = Parts()
+    for piece in pieces:
+        paint = piece.color or color
+        if piece.kind == "box":
+            parts.box(piece.at, piece.size_m, paint)
+        elif piece.kind == "sphere":
+            parts.sphere(piece.at, piece.size_m[0], paint)
+        else:
+            along = "xyz".index(piece.axis)
+            parts.cylinder(piece.at, piece.size_m[along - 1], piece.size_m[along], paint, axis=piece.axis)
+    return parts.thing()
 
 
 def _walls(parts: Parts, size: tuple[float, float, float], wall: float, color: Color) -> None:
