@@ -281,7 +281,19 @@ def test_addresses(address: str, url: str) -> None:
 
 @pytest.mark.parametrize(
     "address",
-    ["", "ws://", "http://gpu:8000", "gpu:many", "gpu:99999", "ws://gpu:8000?key=1", "a b", "ws://[", "x\ny", "ws:gpu"],
+    [
+        "",
+        "ws://",
+        "http://gpu:8000",
+        "gpu:many",
+        "gpu:99999",
+        "ws://gpu:8000?key=1",
+        "a b",
+        "ws://[",
+        "x\ny",
+        "ws:gpu",
+        "x" * 70,
+    ],
 )
 def test_what_is_no_address_is_told(address: str) -> None:
     """Before any episode, with the form of one."""
@@ -313,6 +325,17 @@ def test_a_host_that_does_not_exist() -> None:
     """Waiting helps no misspelled name: it is told at once."""
     with fails("server_absent", 8.0, "no such host"):
         policy_at("ws://no-such-host.invalid:8000", connect_s=30.0).reset()
+
+
+@pytest.mark.parametrize("proxy", ["http://127.0.0.1:{port}", "socks5://127.0.0.1:{port}", "gopher://x"])
+def test_a_proxy_that_does_not_work(proxy: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A proxy of the environment leads elsewhere, and its failure is told; to this machine there is none."""
+    for name in ("http_proxy", "https_proxy", "all_proxy", "ws_proxy"):
+        monkeypatch.setenv(name, proxy.format(port=free_port()))
+    with fails("server_absent", 3.0):
+        policy_at("ws://gpu.example:8000", connect_s=0.5).reset()
+    with PolicyServer() as server:
+        policy_at(server).reset()
 
 
 def test_a_server_that_comes_late() -> None:

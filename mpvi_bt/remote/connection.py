@@ -20,7 +20,14 @@ from collections.abc import Iterator
 from typing import Any
 from urllib.parse import urlsplit
 
-from websockets.exceptions import ConnectionClosed, InvalidMessage, InvalidStatus, WebSocketException
+from websockets.exceptions import (
+    ConnectionClosed,
+    InvalidMessage,
+    InvalidProxy,
+    InvalidStatus,
+    ProxyError,
+    WebSocketException,
+)
 from websockets.sync.client import ClientConnection, connect
 
 from mpvi_bt.errors import BadMessage, PolicyError
@@ -145,13 +152,14 @@ def _open(url: str, deadline: float, most_bytes: int) -> ClientConnection:
                 url,
                 compression=None,
                 max_size=most_bytes,
+                max_queue=4,  # frames that nobody asked for take no more memory than so many messages
                 additional_headers=_headers(),
                 proxy=None if _is_near(url) else True,
                 open_timeout=max(deadline - time.monotonic(), 0.01),
                 ping_timeout=None,  # while it infers, a server of openpi answers no ping
                 close_timeout=_CLOSE_S,
             )
-        except (OSError, ValueError, WebSocketException) as error:
+        except (OSError, ValueError, ImportError, WebSocketException) as error:
             failure = _refused(error)
         _wait_until_healthy(url, deadline, failure)
 
@@ -169,6 +177,8 @@ def _refused(error: Exception) -> PolicyError:
         raise PolicyError("tls", f"TLS: {one_line(str(error))}") from None
     if isinstance(error, socket.gaierror) and error.errno != socket.EAI_AGAIN:
         raise PolicyError("server_absent", f"no such host: {one_line(str(error.strerror))}") from None
+    if isinstance(error, InvalidProxy | ProxyError | ImportError):  # a SOCKS proxy needs a library of its own
+        raise PolicyError("server_absent", f"through the proxy of the environment: {one_line(str(error))}") from None
     if isinstance(error, InvalidStatus):
         status = error.response.status_code
         words = f"HTTP {status} {http.client.responses.get(status, '')}".strip()
