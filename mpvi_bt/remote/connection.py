@@ -88,9 +88,9 @@ class Connection:
         """Raise PolicyError if there is a message that nobody asked for: it would be taken for the next answer."""
         with contextlib.suppress(TimeoutError, ConnectionClosed):  # if it is closed, sending will tell
             frame = self._socket.recv(timeout=0)
-            raise (
-                _said(frame) if isinstance(frame, str) else PolicyError("bad_reply", "an answer that nobody asked for")
-            )
+            if isinstance(frame, str):
+                raise _said(frame)
+            raise PolicyError("bad_reply", "an answer that nobody asked for")
 
     def receive(self, deadline: float) -> Any:
         """The next message, unpacked. Raises PolicyError."""

@@ -1,0 +1,51 @@
+"""Clients of policy servers for tests: quick to give up, with something to show and a way to fail."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mpvi_bt.errors import PolicyError
+from mpvi_bt.remote.openpi import OpenpiPolicy, connect
+from mpvi_bt.remote.settings import CAMERAS, Settings, load_settings
+from mpvi_bt.robot.protocol import ACTION_SIZE
+from mpvi_bt.testing.doubles import KinematicRobot
+from tests.remote_servers import PolicyServer
+
+CHUNK = np.arange(4 * ACTION_SIZE, dtype=np.float32).reshape(4, -1) / 100
+QUICK = {"connect_s": 4.0, "answer_s": 4.0, "tries": 2, "max_mb": 1}  # what is told at once is told within these
+
+
+def quick(**changed: Any) -> Settings:
+    """Settings of comet's native server, with short waits."""
+    return load_settings("openpi_comet").model_copy(update={**QUICK, **changed})
+
+
+def policy_at(server: PolicyServer | str, **changed: Any) -> OpenpiPolicy:
+    return connect(server if isinstance(server, str) else server.address, quick(**changed))
+
+
+def observation(cameras: tuple[str, ...] = CAMERAS, prompt: str = "pick up the cup") -> dict[str, Any]:
+    robot = KinematicRobot()
+    return {"prompt": prompt, "proprioception": robot.proprioception(), "images": {c: robot.look(c) for c in cameras}}
+
+
+@contextmanager
+def fails(reason: str, within_s: float, *words: str) -> Iterator[None]:
+    """The block raises a PolicyError of that reason in that time, on one line that has the words."""
+    began = time.monotonic()
+    with pytest.raises(PolicyError) as caught:
+        yield
+    assert caught.value.reason == reason, caught.value
+    assert time.monotonic() - began < within_s
+    message = str(caught.value)
+    assert "\n" not in message
+    assert len(message) < 700
+    assert "openpi:ws" in message
+    for word in words:
+        assert word in message
