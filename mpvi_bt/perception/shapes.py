@@ -206,7 +206,7 @@ def fit(points: Array, around: Array, eye: Array, support: float | None = None) 
     if column is not None:
         return column
     if eye[2] < top + 0.04:  # its top is not in view, so its depth is not either
-        seen = _deepened(seen, eye[:2])
+        seen = _deepened(_cornered(_trimmed(upper[:, :2])), eye[:2])
     return _upright_box(seen, support, top)
 
 
@@ -230,6 +230,24 @@ def _upright_box(seen: Outline, support: float, top: float) -> Shape:
     T = _frame(seen.middle, seen.heading, support, top)
     half = np.array([*np.maximum(seen.sides, 0.004), top - support]) / 2
     return Shape("box", T, (Solid("box", half, T),), support)
+
+
+def _cornered(xy: Array) -> Outline:
+    """The rectangle whose edges points (n, 2) of its sides are nearest to.
+
+    Two sides make a triangle, around which other rectangles are as small.
+    """
+    best, found = np.inf, outline(xy)
+    for heading in np.arange(0, np.pi / 2, np.pi / 90):
+        c, s = np.cos(heading), np.sin(heading)
+        local = xy @ np.array([[c, -s], [s, c]])
+        low, high = local.min(0), local.max(0)
+        off = float(np.minimum(np.minimum(local - low, high - local).min(1), 0.01).mean())
+        if off < best:
+            best, (a, b), middle = off, high - low, (high + low) / 2 @ np.array([[c, s], [-s, c]])
+            turn = 0.0 if a >= b else np.pi / 2
+            found = Outline(middle, np.array([max(a, b), min(a, b)]), float(heading + turn), found.fill)
+    return found
 
 
 def _deepened(seen: Outline, eye: Array) -> Outline:
