@@ -39,7 +39,10 @@ port, messages, answers = sys.argv[1:]
 policy = WebsocketClientPolicy("127.0.0.1", int(port), api_key="sesame")
 answered = [{"metadata": policy.get_server_metadata()}]
 for message in msgpack_numpy.unpackb(open(messages, "rb").read()):
-    answered.append(policy.infer(message))
+    try:
+        answered.append(policy.infer(message))
+    except RuntimeError as error:
+        answered.append(str(error))
 open(answers, "wb").write(msgpack_numpy.packb(answered))
 """
 
@@ -139,6 +142,16 @@ def test_the_published_client_gets_what_a_policy_does_in_process(tmp_path: Path)
         assert server.metrics.errors == {}
     assert first["metadata"]["policy"] == "grip"
     require_the_same(recorder, answers)
+
+
+@pytest.mark.slow
+def test_the_published_client_is_told_what_was_wrong(tmp_path: Path) -> None:
+    """It takes our text frame for what it is, an error of the server's."""
+    bad = write_observation(observation())
+    del bad["proprioception"]["torso"]
+    with serving(api_key="sesame") as server:
+        _, told = replayed(server.port, [bad], tmp_path)
+    assert told == "Error in inference server:\nbad_message: proprioception: torso is missing"
 
 
 def test_our_client_gets_the_same_from_our_server() -> None:

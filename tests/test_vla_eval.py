@@ -221,6 +221,7 @@ REPLIES: dict[str, tuple[Callable[[int], Any], str]] = {
         "bad_reply",
     ),
     "error": (lambda n: _message("error", {"error": "observation_failed: no"}, n), "server_error"),
+    "too_large": (lambda n: bytes(20 << 20), "bad_reply"),
     "silence": (lambda n: [], "server_timeout"),
     "only_late_answers": (lambda n: [_action(GOOD, n - 1)] * 3, "server_timeout"),
 }
