@@ -125,7 +125,16 @@ def test_a_damaged_file_is_one_clear_error(damage: Callable[[Any], Any], said: s
 
 def test_the_settings_of_an_episode_are_what_it_records() -> None:
     """Every setting that a result tells is one that a saved episode has."""
-    full = EpisodeConfig("t", arguments=(("a", "b"),), substitute="rules.yaml", tree="t.yaml", plan="p.json")
+    full = EpisodeConfig(
+        "t",
+        arguments=(("a", "b"),),
+        substitute="rules.yaml",
+        tree="t.yaml",
+        plan="p.json",
+        policy_settings="comet.yaml",
+        policy_horizon=8,
+        policy_ensemble=0.01,
+    )
     assert SavedSettings(**full.record()).model_dump() == full.record()
     outputs = {"video", "picture", "trace", "saved"}
     assert {f.name for f in dataclasses.fields(EpisodeConfig)} - outputs == set(SavedSettings.model_fields)
