@@ -298,25 +298,25 @@ def _ball(points: Array, support: float, top: float) -> Shape | None:
 
 
 def _column(points: Array, seen: Outline, support: float, top: float) -> Shape | None:
-    """An upright cylinder, by the bend of its side or else by its outline."""
-    height = top - support
-    side = points[(points[:, 2] > support + 0.15 * height) & (points[:, 2] < top - max(0.25 * height, 0.008)), :2]
-    if height > 0.03 and len(side) >= 25:
-        middle, radius, noise = circle(side)
-        bend = np.arctan2(*(side - middle).T[::-1])
+    """An upright cylinder, by its outline, or by the bend of its side where something hides a part of it."""
+    height, (long, short) = top - support, seen.sides
+    middle, radius = seen.middle, float(long + short) / 4
+    whole = seen.fill < _ROUND and long - short < max(0.003, 0.06 * long)
+    side = points[(points[:, 2] > support + 0.15 * height) & (points[:, 2] < top - max(0.4 * height, 0.008)), :2]
+    bent = False
+    if seen.fill < _CORNERED and height > 0.03 and len(side) >= 16:
+        m, r, noise = circle(side)
+        bend = np.arctan2(*(side - m).T[::-1])
         turn = np.angle(np.exp(1j * (bend - np.angle(np.exp(1j * bend).mean()))))
         arc = float(np.ptp(np.percentile(turn, [3, 97])))
-        wide = float(seen.sides[0]) / 2
         doubt = 4 * noise / (1 - float(np.cos(arc / 2)) + 1e-6) / float(np.sqrt(len(side)))  # of the radius
-        bent = seen.fill < _CORNERED and noise < max(0.002, 0.04 * radius) and doubt < 0.004
-        if bent and 0.008 < radius < min(0.25, 1.6 * wide + 0.004):
-            T = _frame(middle, 0.0, support, top)
-            return Shape("cylinder", T, (Solid("cylinder", np.array([radius, radius, height / 2]), T),), support)
-    if seen.fill < _ROUND and seen.sides[0] - seen.sides[1] < max(0.012, 0.15 * seen.sides[0]):
-        radius = float(seen.sides.mean()) / 2
-        T = _frame(seen.middle, 0.0, support, top)
-        return Shape("cylinder", T, (Solid("cylinder", np.array([radius, radius, height / 2]), T),), support)
-    return None
+        bent = noise < max(0.002, 0.04 * r) and doubt < 0.004 and 0.008 < r < min(0.25, 0.8 * float(long) + 0.004)
+        if bent:
+            middle, radius = m, r
+    if not (whole or bent) and not (seen.fill < _ROUND and long - short < max(0.012, 0.15 * long)):
+        return None
+    T = _frame(middle, 0.0, support, top)
+    return Shape("cylinder", T, (Solid("cylinder", np.array([radius, radius, height / 2]), T),), support)
 
 
 def _vessel(points: Array, seen: Outline, support: float, top: float) -> Shape | None:
@@ -330,12 +330,14 @@ def _vessel(points: Array, seen: Outline, support: float, top: float) -> Shape |
     around = outline(_trimmed(edge))
     if around.sides[1] < 0.6 * seen.sides[1]:
         return None
-    at = np.abs(around.local(points[:, :2])) / np.maximum(around.sides / 2, 0.01)
+    at, half = np.abs(around.local(points[:, :2])), np.maximum(around.sides / 2, 0.01)
     round_ = around.fill < _ROUND
-    off = np.hypot(at[:, 0], at[:, 1]) if round_ else at.max(1)
-    inner = points[(off < 0.8) & (points[:, 2] < rim + 0.006)]
-    deep = min(0.012, 0.3 * (rim - support))
-    if len(inner) < 6 or (inner[:, 2] > rim - deep).mean() > 0.12:
+    off = np.hypot(*(at / half).T) if round_ else (at / half).max(1)
+    inward = (1 - off) * half.min() if round_ else (half - at).min(1)  # from the outer edge [m]
+    low = points[:, 2] < rim - min(0.012, 0.3 * (rim - support))
+    below_rim = points[:, 2] < rim + 0.006
+    covered = int((~low & below_rim & (off < 0.5)).sum())
+    if int((low & (inward > 0.6 * _WALL_M)).sum()) < 8 or covered > 0.04 * len(points) + 2:
         return None
     bottom = points[(off < 0.6) & (points[:, 2] < rim + 0.006), 2]
     floor = support + _WALL_M
