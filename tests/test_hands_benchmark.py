@@ -17,7 +17,7 @@ from benchmarks.hands.pick import lifted, one_hand
 from benchmarks.hands.place import put
 from benchmarks.hands.rooms import room, things
 from benchmarks.hands.rows import Job, Row, add_row, read_rows
-from benchmarks.hands.runner import run_job
+from benchmarks.hands.runner import run_job, run_jobs
 from benchmarks.hands.scenes import choose, draw, skills
 from benchmarks.hands.table import markdown, table
 from benchmarks.hands.trial import Played, Shapes, Trial, play
@@ -266,6 +266,17 @@ def test_a_run_plays_what_is_missing_and_only_that(tmp_path: Path) -> None:
     written = out.read_bytes()
     assert CliRunner().invoke(main, options).exit_code == 0
     assert out.read_bytes() == written
+
+
+@pytest.mark.slow
+def test_what_raises_or_hangs_is_a_row_that_says_so() -> None:
+    """A trial that cannot be drawn and one that takes too long come back as failures; the others go on."""
+    broken = replace(JOB, case="nowhere")
+    rows = {row.job: row for row in run_jobs([broken, JOB], workers=1)}
+    assert rows[broken].cause.startswith("raised: KeyError at scenes.py:")
+    assert rows[JOB].ok
+    (hung,) = run_jobs([JOB], workers=1, wall_limit_s=0.1)
+    assert (hung.ok, hung.code) == (False, "hung")
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ import pytest
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import CameraImage, Proprioception
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.sim.mistaken import MistakenTruth
 from mpvi_bt.sim.noise import NONE, REALISTIC, Errors, NoisyRobot, Standing
 from mpvi_bt.testing import KinematicRobot
 from tests.small_house import placed, run, small_world
@@ -182,3 +183,42 @@ def test_pictures_are_taken_from_where_the_camera_really_is() -> None:
     aside = seen(Errors(offset_m=0.05)) - straight
     expected = 0.05 * np.random.default_rng([0, 3]).normal(size=2)
     np.testing.assert_allclose(aside[:2], expected, atol=0.015)
+
+
+def test_mistaken_truth_moves_each_thing_whole() -> None:
+    """Pose, solids, knowledge and obstacles of a thing are off by one vector, other things by others, walls not at all;
+    heights are true.
+    """
+    table = "{entry: table, at: [1.5, 0.0]}"
+    world = small_world({"can": placed("can_of_soda", 0.8, 0.5), "cup": placed("coffee_cup", 0.8, -0.5)}, table_1=table)
+    world.settle()
+    truth = MistakenTruth(world, 0.03, seed=1)
+    off = {}
+    for name in ("can", "cup", "table_1"):
+        shift = truth.pose(name)[:3, 3] - world.pose(name)[:3, 3]
+        assert shift[2] == 0.0
+        off[name] = shift
+        for mistaken, true in zip(truth.solids(name), world.solids(name), strict=True):
+            np.testing.assert_allclose(mistaken.T[:3, 3] - true.T[:3, 3], shift, atol=1e-9)
+        (seen,), (known,) = truth.knowledge().find(name), world.knowledge().find(name)
+        np.testing.assert_allclose(seen.lowest - known.lowest, shift, atol=1e-9)
+    assert len({tuple(shift) for shift in off.values()}) == 3
+    near = truth.obstacles(np.array([0.8, 0.5]), 0.1, without=("table_1", "cup"))
+    np.testing.assert_allclose([s.T[:3, 3] for s in near], [s.T[:3, 3] for s in truth.solids("can")])
+    far = [s.T for s in truth.obstacles(np.zeros(2), 5.0, without=("can", "cup", "table_1"))]
+    np.testing.assert_array_equal(far, [wall.solid.T for wall in world.house.walls])
+
+
+def test_truth_that_is_not_mistaken_is_the_truth() -> None:
+    """Without an error everything is where it is, doors and handles too."""
+    world = small_world(
+        {"bin": placed("trash_can", 1.0, 0.0)}, box_1="{entry: base_cabinet, at: [2.0, 0], yaw_deg: 180}"
+    )
+    truth = MistakenTruth(world, 0.0, seed=1)
+    np.testing.assert_allclose(truth.pose("bin"), world.pose("bin"))
+    np.testing.assert_allclose(truth.handles("bin")[0].center, world.handles("bin")[0].center)
+    mistaken, true = truth.doors("box_1")[0], world.doors("box_1")[0]
+    np.testing.assert_allclose(mistaken.origin, true.origin)
+    assert mistaken.bar is not None
+    assert true.bar is not None
+    np.testing.assert_allclose(mistaken.bar.center, true.bar.center)
