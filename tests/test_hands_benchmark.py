@@ -233,6 +233,13 @@ def test_the_table_counts_by_case_policy_and_setting() -> None:
     assert "| pick | floor | expert |  | 2/3 | 9.0 | 2.00 | 20.0 | 1 not_held: pick: no_stance |" in markdown(rows)
 
 
+def test_the_table_sums_up_each_skill() -> None:
+    """After the cases there is one line for each skill that has several."""
+    rows = [Row(JOB, True), Row(replace(JOB, case="table"), False, "not_held"), Row(replace(JOB, skill="push"), True)]
+    summed = [(r["skill"], r["case"], r["ok"], r["n"]) for r in table(rows)]
+    assert summed == [("pick", "floor", 1, 1), ("pick", "table", 0, 1), ("push", "floor", 1, 1), ("pick", "all", 1, 2)]
+
+
 def test_unknown_names_are_told_with_the_nearest() -> None:
     """A skill, case or policy that there is not is answered with those that there are, before anything is played."""
     with pytest.raises(UnknownName, match="pick"):

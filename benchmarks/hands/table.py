@@ -11,11 +11,15 @@ from benchmarks.hands.rows import Job, Row
 
 
 def table(rows: Iterable[Row]) -> list[dict[str, Any]]:
-    """One record for each skill, case, policy and setting, in the order of their first rows."""
-    groups: dict[tuple[str, ...], list[Row]] = {}
+    """One record for each skill, case, policy and setting, then one with case "all" for each skill of several cases."""
+    cases: dict[tuple[str, ...], list[Row]] = {}
+    skills: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
-        groups.setdefault(_group(row.job), []).append(row)
-    return [_record(group, members) for group, members in groups.items()]
+        job = row.job
+        cases.setdefault((job.skill, job.case, job.policy, setting(job)), []).append(row)
+        skills.setdefault((job.skill, "all", job.policy, setting(job)), []).append(row)
+    several = {k: members for k, members in skills.items() if len({row.job.case for row in members}) > 1}
+    return [_record(group, members) for group, members in (*cases.items(), *several.items())]
 
 
 def markdown(rows: Iterable[Row]) -> str:
@@ -39,10 +43,6 @@ def setting(job: Job) -> str:
     parts += [f"{job.perception_cm:g} cm off"] if job.perception_cm else []
     parts += ["assisted"] if job.assisted else []
     return ", ".join(parts)
-
-
-def _group(job: Job) -> tuple[str, ...]:
-    return job.skill, job.case, job.policy, setting(job)
 
 
 def _record(group: tuple[str, ...], rows: list[Row]) -> dict[str, Any]:
