@@ -82,8 +82,9 @@ def crowd(
     for k in rng.permutation(len(others))[:_CLUTTER]:
         entry = others[k]
         r = radius(entry)
-        for _ in range(30):
-            spot = middle + rng.uniform(-_CLUTTER_M, _CLUTTER_M, 2)
+        for _ in range(60):
+            away, toward = _CLUTTER_M * np.sqrt(rng.uniform()), rng.uniform(-np.pi, np.pi)
+            spot = middle + away * np.array([np.cos(toward), np.sin(toward)])
             inside = surface.inset_m <= spot[0] - r and spot[0] + r <= surface.inset_m + surface.depth_m
             if not inside or abs(spot[1]) + r > surface.width_m / 2:
                 continue
