@@ -81,6 +81,22 @@ def test_an_opening_hand_lets_go() -> None:
     assert world.holding("right") is None
 
 
+def test_a_world_that_is_restored_holds_what_it_held() -> None:
+    """Saved with a can in an assisted hand, dropped, and restored: the can is in hand again and does not slip."""
+    world, action = gripping(assisted=True)
+    saved = world.save()
+    opened = action.copy()
+    opened[ActionLayout.GRIPPER["right"]] = 1.0
+    run(world, opened, 1.0)
+    assert world.holding("right") is None
+    world.restore(saved)
+    run(world, action, 0.3)
+    world._objects["can"].rigid_body.mass = 60.0
+    before = in_hand(world)
+    shake(world, action)
+    assert slip(world, before) < 0.02
+
+
 def test_an_open_hand_attaches_nothing() -> None:
     """What an open hand only brushes against stays loose."""
     objects = {"can": placed("can_of_soda", 2.0, 2.0)}

@@ -194,6 +194,9 @@ class World:
         if set(saved["things"]) != movable:
             odd = sorted(movable.symmetric_difference(saved["things"]))
             raise UserError(f"the saved world has not the same things as this one: {', '.join(odd[:5])}")
+        if self._attachments is not None:  # what the hands hold then is found anew, by touch
+            for side in SIDES:
+                self._attachments.release(side)
         for name, motion in saved["things"].items():
             self._things[name].set_motion(motion)
         self.robot.restore(saved["robot"])
