@@ -229,15 +229,18 @@ def test_a_server_that_does_not_read() -> None:
     def talk(connection: ServerConnection, number: int) -> None:
         connection.send(packed({}))
         with connection.protocol_mutex:  # its reader stops
-            time.sleep(2.5)
+            over.wait(20)
 
+    over = threading.Event()
     settings = quick(observation=None, answer_s=0.7)
     seen = observation()
     image = seen["images"]["head"]
     big = np.zeros((2000, 3000, 3), np.uint8)
     seen["images"]["head"] = type(image)("head", big, np.zeros(big.shape[:2], np.float32), None, {}, image.K, np.eye(4))
-    with PolicyServer(talk=talk) as server, fails("server_timeout", 4.0):
-        connect(server.address, settings).infer(seen)
+    with PolicyServer(talk=talk) as server:
+        with fails("server_timeout", 6.0):
+            connect(server.address, settings).infer(seen)
+        over.set()
 
 
 def test_a_server_that_drips() -> None:

@@ -82,6 +82,8 @@ KINDS = st.sampled_from(["|u1", "<f4", "|O", "|V8", "<c16", "<f16", "<M8[s]", "i
     shape=st.one_of(st.lists(st.integers(-2, 2**64 - 1), max_size=20), st.booleans(), st.none(), st.text(max_size=3)),
     key=st.sampled_from([b"__ndarray__", b"__npgeneric__"]),
 )
+@example(data=b"abc", dtype="|u1", shape=[2], key=b"__ndarray__")
+@example(data=b"abc", dtype="<u2", shape=[2], key=b"__ndarray__")
 @example(data=b"", dtype="|u1", shape=[0, 2**50, 2**50], key=b"__ndarray__")
 @example(data=b"", dtype="|u1", shape=[2**32, 2**32], key=b"__ndarray__")
 @example(data=b"", dtype="<U0", shape=[2**62], key=b"__ndarray__")

@@ -116,9 +116,6 @@ class Connection:
         except ConnectionClosed as error:
             if time.monotonic() >= deadline:
                 raise PolicyError("server_timeout", "no answer in time") from None
-            with contextlib.suppress(ConnectionClosed, TimeoutError):
-                if isinstance(last := self._socket.recv(timeout=0), str):
-                    raise _said(last) from None
             raise _closed(error) from None
 
 
