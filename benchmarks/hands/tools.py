@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from benchmarks.hands.rooms import called, facing, placed, room, things
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.robot.protocol import SIDES, Side
-from mpvi_bt.sim.catalogue import Entry
+from mpvi_bt.sim.catalogue import Entry, load_catalogue
 from mpvi_bt.sim.world import World
 
 _CONTENTS_M = 0.03  # what is poured is no wider than this
+_SMALL_TOPS = ("nightstand", "chest_of_drawers")
+_WIPED_M = 0.02  # a tool cleans so far past its outline, as BEHAVIOR's does
+_SPRAYED_M = 0.12
+_LEFT = 0.05  # share of a top that may be left out
 _TABLES = ("table", "breakfast_table", "coffee_table", "desk")
 
 
@@ -66,10 +72,54 @@ def pour_on(table: bool) -> Scene:
     return scene
 
 
+def work_over(sprays: bool) -> Scene:
+    """A held tool, and a piece of furniture with a small top to go over."""
+
+    def scene(rng: np.random.Generator, shapes: Shapes) -> Trial:
+        tool = _one(list(load_catalogue(Path(__file__).parent / "shapes" / f"tools_{shapes}.yaml")), rng)
+        side: Side = SIDES[rng.integers(2)]
+        fixture = _SMALL_TOPS[rng.integers(len(_SMALL_TOPS))]
+        at = rng.uniform(-0.2, 0.2, 2)
+        turn = float(rng.choice([0.0, 90.0, 180.0, 270.0]))
+        house = room({"top_1": {"entry": fixture, "at": at, "yaw_deg": turn}})
+        boxes = np.stack([s.aabb() for s in house.fixtures["top_1"].solids()])
+        low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
+        marks = _marks(low, high)
+        left = np.ones(len(marks), bool)
+
+        def done(world: World) -> str:
+            """Codes: uncovered (a part of the top was not gone over), not_held (the tool was dropped)."""
+            body = np.stack([s.aabb() for s in world.solids("tool")])
+            under = np.array([*body[:, 0].min(0)[:2], *body[:, 1].max(0)[:2]])
+            reach, gap = (_SPRAYED_M, (0.05, 0.35)) if sprays else (_WIPED_M, (-0.01, 0.02))
+            if gap[0] <= float(body[:, 0, 2].min()) - high[2] <= gap[1]:
+                inside = (marks > under[:2] - reach).all(1) & (marks < under[2:] + reach).all(1)
+                left[inside] = False
+            if left.mean() > _LEFT:
+                return "uncovered"
+            return "" if world.holding(side) == "tool" else "not_held"
+
+        name = house.fixtures["top_1"].entry.phrases[0]
+        prompt = f"{'spray' if sprays else 'wipe'} the {name} with the {called(tool)}"
+        base = facing((low + high)[:2] / 2, rng, far_m=(0.9, 1.2), from_rad=(-3.1, 3.1))
+        objects = {"tool": placed(tool, 2.0, 1.5, 0.0)}
+        return Trial(house, objects, base, prompt, done, held={side: "tool"}, budget_s=120.0)
+
+    return scene
+
+
+def _marks(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(n, 2) a grid of 4 cm over a top, a hand's breadth off its edges."""
+    x, y = (np.arange(a + 0.05, b - 0.05, 0.04) for a, b in zip(low[:2], high[:2], strict=True))
+    return np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
+
+
 def _one(entries: list[Entry], rng: np.random.Generator) -> Entry:
     return entries[rng.integers(len(entries))]
 
 
 SKILLS: dict[str, dict[str, Scene]] = {
     "pour": {"floor": pour_on(table=False), "table": pour_on(table=True)},
+    "wipe": {"top": work_over(sprays=False)},
+    "spray": {"top": work_over(sprays=True)},
 }

@@ -11,7 +11,9 @@ from mpvi_bt.manipulation.pick import pick
 from mpvi_bt.manipulation.place import place_in, place_next_to, place_on, place_under
 from mpvi_bt.manipulation.pour import pour
 from mpvi_bt.manipulation.press import press
+from mpvi_bt.manipulation.push import push
 from mpvi_bt.manipulation.two_hands import either, lift, set_down
+from mpvi_bt.manipulation.wipe import spray, wipe
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot.motion import Actions
 from mpvi_bt.robot.solids import Array
@@ -23,6 +25,7 @@ REPERTOIRE: Mapping[str, Perform] = {
     "open": open_,
     "close": close,
     "press": press,
+    "push": push,
     "pick": pick,
     "place_in": place_in,
     "place_on": either(place_on, set_down),
@@ -31,4 +34,6 @@ REPERTOIRE: Mapping[str, Perform] = {
     "lift": lift,
     "hand_over": hand_over,
     "pour": pour,
+    "spray": spray,
+    "wipe": wipe,
 }
