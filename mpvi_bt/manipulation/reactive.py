@@ -15,6 +15,7 @@ from mpvi_bt.plan.skills import Skill, SkillCall, clauses, match
 from mpvi_bt.robot.motion import Actions
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.squeeze import squeezes
 
 # Lift [m] and head tilt [rad] to look around: down, near, ahead, and from low down into compartments.
 _LOOKS = ((0.42, 0.55), (0.42, 0.95), (0.42, 0.10), (0.05, 0.40), (0.05, -0.10), (0.55, -0.30))
@@ -73,12 +74,12 @@ class ReactivePolicy(ScriptedPolicy):
 
     def _look_at_hands(self, work: Work) -> Actions:
         """See what the hands hold already."""
-        for side in SIDES:
-            if work.motion.felt.holds(side):
-                torso = work.motion.torso
-                torso[3] = 0.9
-                yield from work.motion.stand(torso)
-                yield from work.see("head", side)
+        sides = [side for side in SIDES if work.motion.felt.holds(side)]
+        if sides or squeezes(work.motion.felt):
+            torso = work.motion.torso
+            torso[3] = 0.9
+            yield from work.motion.stand(torso)
+            yield from work.see("head", *sides)
 
     def _search(self, work: Work, calls: list[SkillCall]) -> Any:
         """Look around, from one heading after the other; returns the first call that is grounded, or None."""

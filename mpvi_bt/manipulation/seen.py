@@ -27,6 +27,7 @@ from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Obstacles, Surroundings, Together
 from mpvi_bt.robot.protocol import EMPTY_M, SIDES, CameraImage, Proprioception, Side
 from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.robot.squeeze import squeezes
 
 _KEPT = 8  # pictures remembered
 _CARVED = 4  # pictures of the head that the field of obstacles is carved from
@@ -38,6 +39,7 @@ _SEEN_PX = 6  # a mask of fewer pixels is not looked at
 _ALONE_PX = 150  # a wrist's mask of as many pixels is believed against all others
 _THROUGH_M = 0.06  # where the depth is that much farther than a thing, it is gone
 _EXPLAINED_M = 0.025  # points this near a thing's solids are its own
+_PRESSED_M = 0.06  # what two hands press is this near to both of them
 _GRASPED_M = 0.03  # what a closing hand takes hold of is this near its tcp
 _FINE_M, _FINE_CELL_M = 0.6, 0.01  # the finer field about what is worked on
 _TRUSTED_M = 0.04  # how thick surfaces are where hidden space is given the benefit of doubt
@@ -79,6 +81,7 @@ class Seen:
         self._things: dict[str, Thing] = {}
         self._count: dict[str, int] = {}
         self._grip: dict[Side, tuple[str, Array]] = {}  # thing, and its motion's inverse at the grasp
+        self._both: tuple[str, Array] | None = None  # likewise between both hands, by the left one's motion
         self._stand, self._stood, self._way_m = 0, np.full(3, np.inf), 0.0
         self._felt: Proprioception | None = None
         self._field: tuple[object, Obstacles] | None = None
@@ -100,6 +103,8 @@ class Seen:
                 self._release(side, dropped=felt.gripper_width[side] <= EMPTY_M)
             elif closed and gripped and side not in self._grip:
                 self._grasp(side)
+        if squeezes(felt) != (self._both is not None):
+            self._press()
 
     def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:
         """Take in pictures."""
@@ -133,6 +138,20 @@ class Seen:
         self._grip[side] = (thing.name, kin.inverse(T))
         thing.inside, thing.views = None, []
 
+    def _press(self) -> None:
+        """The hands have begun to press the nearest thing between them, or have ceased to."""
+        if self._both is not None:
+            thing = self._things[self._both[0]]
+            thing.shape, self._both = self._shape(thing.name), None
+            thing.views = []
+            return
+        hands = np.stack([self._tcp(side)[:3, 3] for side in SIDES])
+        gaps = {n: float(Surroundings(self.solids(n)).distance(hands).max()) for n in self._things}
+        nearest = min(gaps, key=gaps.__getitem__, default=None)
+        if nearest is not None and gaps[nearest] < _PRESSED_M:
+            self._both = (nearest, kin.inverse(self._tcp("left")))
+            self._things[nearest].inside = None
+
     def _release(self, side: Side, dropped: bool) -> None:
         """The hand has let go: what it held is where it was held, or has fallen into what is below it."""
         name, _ = self._grip[side]
@@ -154,8 +173,10 @@ class Seen:
         """A thing's shape now: what is in a hand moves with it."""
         thing = self._things[name]
         carrier = name
-        if thing.inside is not None and thing.inside in {n for n, _ in self._grip.values()}:
+        if thing.inside is not None and thing.inside in self._held():
             carrier = thing.inside
+        if self._both is not None and self._both[0] == carrier:
+            return thing.shape.moved(self._tcp("left") @ self._both[1])
         for side, (held, T_tcp_world) in self._grip.items():
             if held == carrier:
                 return thing.shape.moved(self._tcp(side) @ T_tcp_world)
@@ -195,7 +216,7 @@ class Seen:
 
     def _update(self, thing: Thing, frame: Frame, mask: NDArray[np.bool_]) -> None:
         """See a thing again."""
-        if any(n == thing.name for n, _ in self._grip.values()):
+        if thing.name in self._held():
             return  # what is in hand is known better by the hand
         thing.views = [(f, m) for f, m in thing.views if frame.way_m - f.way_m < _RECENT_M][-3:]
         thing.views.append((frame, mask))
@@ -230,7 +251,7 @@ class Seen:
 
     def _missed(self, name: str, frame: Frame) -> None:
         """Forget a thing where a picture shows what is behind it."""
-        if any(n == name for n, _ in self._grip.values()) or self._things[name].inside is not None:
+        if name in self._held() or self._things[name].inside is not None:
             return
         depths = frame.depth_at(self._shape(name).box().mean(0))
         if depths is not None and depths[1] > depths[0] + _THROUGH_M:
@@ -249,7 +270,7 @@ class Seen:
     def knowledge(self) -> KnowledgeBase:
         """As `Scene` says."""
         base = KnowledgeBase()
-        carried = {n for n, _ in self._grip.values()}
+        carried = self._held()
         for name, thing in self._things.items():
             low, high = self._shape(name).box()
             held = name in carried or thing.inside in carried
@@ -291,8 +312,8 @@ class Seen:
         return self._grip[side][0] if side in self._grip else None
 
     def between(self) -> str | None:
-        """As `Scene` says."""
-        return None
+        """As `Scene` says: what was nearest to both hands when something began to keep them apart."""
+        return self._both[0] if self._both is not None else None
 
     def within(self, name: str) -> Sequence[str]:
         """As `Scene` says: what was let go over it, or is seen in it."""
@@ -329,7 +350,8 @@ class Seen:
             self._trusting = False
 
     def _held(self) -> set[str]:
-        return {n for n, _ in self._grip.values()}
+        both = () if self._both is None else (self._both[0],)
+        return {*both, *(n for n, _ in self._grip.values())}
 
     def _carved(self) -> list[Frame]:
         """The newest pictures of the head from this place, or else from the last one."""
