@@ -305,7 +305,7 @@ def _press(work: Work, box: _Box, reach: float, speed: float) -> Actions:
     """Bring both hands to `reach` off the sides, from where the base really stands."""
     to_base = kin.inverse(work.base)
     hands = box.hands(reach)
-    lines = [work.motion.line(side, to_base @ hands[side], speed) for side in SIDES]
+    lines = [work.motion.line(side, to_base @ hands[side], speed, give_rad=np.inf) for side in SIDES]
     yield from together(*lines, motion_of=work)
 
 
@@ -364,7 +364,7 @@ def _shift(work: Work, by: Mapping[Side, Array], speed: float) -> Actions:
         for side in SIDES:
             goals[side][:3, 3] += share * by[side]
         if all(arm_motion.trace(motion.torso, side, motion.arm(side), goals[side]) is not None for side in SIDES):
-            lines = [motion.line(side, goals[side], speed) for side in SIDES]
+            lines = [motion.line(side, goals[side], speed, give_rad=np.inf) for side in SIDES]
             yield from together(*lines, motion_of=work)
             return
 

@@ -368,3 +368,36 @@ def self_distance(p, radii, first_hand, own, hands, chest, chest_boxes, lift_box
                 best = min(best, _to_solids(u, v, w, mine[0], mine[1], mine[2], 9.0) - r2[j])
         out[k] = best
     return out
+
+
+@_compiled
+def fastest(at, first, second, speed, acceleration):  # type: ignore
+    """(n,) times [s] at places `at` (n,) of a path with derivatives (n, J), from rest to rest: see `timing`."""
+    n, joints = first.shape
+    square = np.empty(n)  # of the speed along the path
+    for i in range(n):
+        most = np.inf
+        for j in range(joints):
+            v = abs(first[i, j])
+            if v > 1e-9:
+                most = min(most, (speed[j] / v) ** 2)
+            k = abs(second[i, j])
+            if k > 1e-9:
+                most = min(most, 0.5 * acceleration[j] / k)  # the other half is left for speeding up and slowing down
+        square[i] = most
+    square[0] = 0.0
+    square[n - 1] = 0.0
+    for way in range(2):
+        for step in range(n - 1):
+            i = step if way == 0 else n - 1 - step
+            k = i + 1 if way == 0 else i - 1
+            most = np.inf
+            for j in range(joints):
+                v = abs(first[i, j]) + 1e-12
+                most = min(most, max(0.0, acceleration[j] - abs(second[i, j]) * square[i]) / v)
+            square[k] = min(square[k], square[i] + 2 * most * abs(at[k] - at[i]))
+    times = np.zeros(n)
+    for i in range(1, n):
+        pace = math.sqrt(square[i]) + math.sqrt(square[i - 1])
+        times[i] = times[i - 1] + 2 * (at[i] - at[i - 1]) / max(pace, 1e-6)
+    return times

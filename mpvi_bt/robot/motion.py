@@ -1,13 +1,12 @@
 """Turns postures, hand lines and drives into actions, one a control step.
 
 Every motion is a generator of (23,) actions. Whoever plays it writes what the robot feels into `Motion.felt` before
-each step; the hand lines and drives are closed loops around that.
+each step; the hand lines and drives are closed loops around that, and each motion stops where it is held off its way.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Generator, Iterator, Mapping, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -16,13 +15,20 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, Proprioception, Side
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.timing import schedule, timed
 
 Actions = Iterator[Array]
 
-_TORSO_SPEED = np.array([0.25, 0.8, 0.7, 2.0])  # [m/s, rad/s, rad/s, rad/s]
 _PRESSING_RAD = 0.4  # a command farther than this from where the arm is has been given up
-_CARRY_SPEED = 1.0  # of the fastest joint of an arm that moves with the torso [rad/s]
-_JUMP_RAD = 0.5  # a nearest posture farther than this is another elbow, not the next step of a line
+_LEAP_RAD = 0.4  # between neighbors 1 cm apart on a line: another elbow, not the next step
+_HAND = np.array([[1.0, 1.0], [1.5, 4.0]])  # of a hand on a line: acceleration [m/s^2], turning [rad/s, rad/s^2]
+_GENTLY = 0.35  # of the accelerations, for what holds something
+BLOCKED_RAD = 0.06  # an arm held off its command by that much more than at the start has met something
+_BLOCKED_TORSO = np.array([0.015, 0.04, 0.04, 0.2])  # likewise [m, rad, rad, rad]
+_BLOCKED_BASE = np.array([0.06, 0.06, 0.12])  # [m, m, rad]
+_NOTICED = 4  # control steps in a row
+_RELEASED = 10  # control steps
+_TOUCH_M = 0.005  # a hand that feels its way has met something when it is held up by that much
 
 
 class MotionFailure(Exception):
@@ -84,106 +90,150 @@ class Motion:
             self.action[i] = start + (value - start) * k / n
             yield self.still()
 
-    def follow(self, side: Side, path: Sequence[Array], speed: float = 1.3) -> Actions:
-        """Move one arm through postures (7,), the fastest joint at `speed` [rad/s].
+    def follow(self, side: Side, path: Sequence[Array], speed: float = np.inf) -> Actions:
+        """Move one arm through postures (7,), as fast as `speed` [rad/s] and the joints' limits allow.
+
+        The corners of the path are rounded by up to 0.02 rad.
 
         Raises:
-            MotionFailure: "arm_blocked" if the arm does not arrive.
+            MotionFailure: "arm_blocked" if something holds the arm off its way.
         """
-        legs = np.array([max(float(np.abs(b - a).max()), 1e-9) for a, b in pairwise(path)])
-        if len(legs):
-            at = np.concatenate([[0.0], np.cumsum(legs)])
-            n = max(2, round((at[-1] / speed * 1.2 + 0.2) * CONTROL_HZ))
-            for k in range(1, n + 1):
-                x = smooth(k / n) * at[-1]
-                i = min(int(np.searchsorted(at, x, "right")) - 1, len(legs) - 1)
-                self.action[ActionLayout.ARM[side]] = path[i] + (path[i + 1] - path[i]) * min(
-                    1.0, (x - at[i]) / legs[i]
-                )
-                yield self.still()
-        yield from self._arrive(side)
-
-    def line(self, side: Side, T_base_tcp: Array, speed: float = 0.16) -> Actions:
-        """Move a hand along a straight line to a pose in the base frame, at `speed` [m/s].
-
-        Raises:
-            MotionFailure: "no_reach" if the arm cannot stay on the line.
-        """
-        start = self.hand(side)
-        turn = float(np.linalg.norm(Rotation.from_matrix(start[:3, :3].T @ T_base_tcp[:3, :3]).as_rotvec()))
-        n = max(
-            2,
-            round(max(float(np.linalg.norm(T_base_tcp[:3, 3] - start[:3, 3])) / speed, turn / 1.0) * 1.2 * CONTROL_HZ),
-        )
-        turning = Slerp([0, 1], Rotation.from_matrix(np.stack([start[:3, :3], T_base_tcp[:3, :3]])))
-        for k in range(1, n + 1):
-            u = smooth(k / n)
-            self._reach(
-                side, kin.transform(turning(u).as_matrix(), start[:3, 3] + (T_base_tcp[:3, 3] - start[:3, 3]) * u)
-            )
+        watch = _Watch(self, [side])
+        for q in timed(path, np.minimum(r1.ARM_SPEED, speed), self._acceleration(side)):
+            self.action[ActionLayout.ARM[side]] = q
             yield self.still()
-        for _ in range(4):
-            self._reach(side, T_base_tcp)
-            yield self.still()
-
-    def stand(self, torso: Array, arms: Mapping[Side, Sequence[Array]] | None = None) -> Actions:
-        """Move the torso (4,) and meanwhile arms through evenly spaced postures (7,): what `arm_motion.sweep` plans."""
-        start, arms = self.torso, arms or {}
-        seconds = float(np.max(np.abs(torso - start) / _TORSO_SPEED))
-        for path in arms.values():
-            travel = sum(float(np.abs(b - a).max()) for a, b in pairwise(path))
-            seconds = max(seconds, travel / _CARRY_SPEED)
-        n = round(seconds * 1.4 * CONTROL_HZ)
-        for k in range(1, n + 1):
-            u = smooth(k / n)
-            self.action[ActionLayout.TORSO] = start + (torso - start) * u
-            for side, path in arms.items():
-                at = u * (len(path) - 1)
-                i = min(int(at), len(path) - 2)
-                self.action[ActionLayout.ARM[side]] = path[i] + (path[i + 1] - path[i]) * (at - i)
-            yield self.still()
-        if n:
-            yield from self.wait(0.15)
-
-    def drive(self, goal: Array, speed: float = 0.4) -> Actions:
-        """Drive the base straight to `goal` (3,) x, y [m], yaw [rad] in the world, at most `speed` [m/s] and 0.9 rad/s.
-
-        Raises:
-            MotionFailure: "base_blocked" if it does not arrive within 3 cm.
-        """
-        start = self.felt.base_pose.copy()
-        change = np.append(goal[:2] - start[:2], kin.wrap(goal[2] - start[2]))
-        total = 1.5 * max(float(np.linalg.norm(change[:2])) / speed, abs(float(change[2])) / 0.9)
-        n = max(1, round(total * CONTROL_HZ))
-        for k in range(1, n + 60):
-            u = min(1.0, k / n)
-            reference, forward = start + change * smooth(u), change * 6 * u * (1 - u) * CONTROL_HZ / n
-            error = reference - self.felt.base_pose
-            error[2] = kin.wrap(error[2])
-            if k > n and np.linalg.norm(error[:2]) < 0.006 and abs(error[2]) < 0.01:
-                break
-            yield self._moving(forward + 3.0 * error)
-        yield self.still()
-        if np.linalg.norm(goal[:2] - self.felt.base_pose[:2]) > 0.03:
-            raise MotionFailure("base_blocked")
-
-    def _reach(self, side: Side, T_base_tcp: Array) -> None:
-        torso = np.append(
-            self.felt.torso[:3] if np.abs(self.felt.torso - self.torso).max() < 0.02 else self.torso[:3], 0
-        )
-        now = self.arm(side)
-        q = kin.nearest_posture(kin.inverse(kin.chest(torso)) @ T_base_tcp, side, now)
-        if q is None or np.abs(q - now).max() > _JUMP_RAD:
-            raise MotionFailure("no_reach")
-        self.action[ActionLayout.ARM[side]] = q
-
-    def _arrive(self, side: Side) -> Actions:
+            yield from watch.look()
         for _ in range(20):
             yield self.still()
             if np.abs(self.felt.arm[side] - self.arm(side)).max() < 0.02:
                 return
         if np.abs(self.felt.arm[side] - self.arm(side)).max() > 0.08:
             raise MotionFailure("arm_blocked")
+
+    def line(
+        self, side: Side, T_base_tcp: Array, speed: float = 0.2, until_contact: bool = False,
+        give_rad: float = BLOCKED_RAD,
+    ) -> Generator[Array, None, bool]:  # fmt: skip
+        """Move a hand along a straight line to a pose in the base frame.
+
+        Args:
+            side: The hand.
+            T_base_tcp: (4, 4) where to.
+            speed: Of the hand [m/s], at the most.
+            until_contact: Feel the way: stop, without failing, where something holds the hand up. Slowly (0.05 m/s) it
+                presses with some 20 N before it notices.
+            give_rad: How far the arm may be held off its command; infinite for a hand that is meant to press.
+
+        Returns:
+            Whether the hand was held up on its way.
+
+        Raises:
+            MotionFailure: "no_reach" if the arm cannot stay on the line, "arm_blocked" if something holds it off.
+        """
+        start = self.hand(side)
+        way = T_base_tcp[:3, 3] - start[:3, 3]
+        turning = Slerp([0, 1], Rotation.from_matrix(np.stack([start[:3, :3], T_base_tcp[:3, :3]])))
+        length, turn = float(np.linalg.norm(way)), float((turning(0).inv() * turning(1)).magnitude())
+
+        def pose(u: float) -> Array:
+            return kin.transform(turning(u).as_matrix(), start[:3, 3] + way * u)
+
+        watch = _Watch(self, [side], give_rad, way / max(length, 1e-9) if until_contact and length > 1e-6 else None)
+        n = max(20, int(np.ceil(max(length / 0.01, turn / 0.03))))
+        path = [np.append(self.arm(side), (0.0, 0.0))]
+        for u in np.linspace(0, 1, n + 1)[1:]:
+            path.append(np.append(self._reached(side, pose(float(u)), path[-1][:7]), (length * u, turn * u)))
+        postures = np.stack(path)
+        if length > 1e-6 or turn > 1e-6:
+            limits = np.append(r1.ARM_SPEED, (speed, _HAND[1, 0]))
+            for place in schedule(postures, limits, np.append(self._acceleration(side), _HAND[:, 1])):
+                i = min(int(place), n - 1)
+                near = postures[i] + (postures[i + 1] - postures[i]) * (place - i)
+                # From where the torso really is: under a load it gives way.
+                self.action[ActionLayout.ARM[side]] = self._reached(side, pose(float(place) / n), near[:7])
+                yield self.still()
+                if watch.touched():
+                    self.action[ActionLayout.ARM[side]] = self.felt.arm[side]
+                    yield self.still()
+                    return True
+                yield from watch.look()
+        for _ in range(4):
+            self.action[ActionLayout.ARM[side]] = self._reached(side, T_base_tcp, self.arm(side))
+            yield self.still()
+            yield from watch.look()
+        return watch.touched()
+
+    def stand(self, torso: Array, arms: Mapping[Side, Sequence[Array]] | None = None) -> Actions:
+        """Move the torso (4,) and meanwhile arms through evenly spaced postures (7,): what `arm_motion.sweep` plans.
+
+        Raises:
+            MotionFailure: "torso_blocked" or "arm_blocked" if something holds them off their way.
+        """
+        arms = dict(arms or {})
+        count = max([2, *(len(path) for path in arms.values())])
+        u = np.linspace(0, 1, count)
+        columns = [self.torso + (np.asarray(torso, float) - self.torso) * u[:, None]]
+        speeds, accelerations = [r1.TORSO_SPEED], [r1.TORSO_ACCELERATION * self._ease(*SIDES)]
+        for side, path in arms.items():
+            at = np.linspace(0, 1, len(path))
+            columns.append(np.stack([np.interp(u, at, joint) for joint in np.transpose(path)], 1))
+            speeds.append(r1.ARM_SPEED)
+            accelerations.append(self._acceleration(side))
+        watch = _Watch(self, list(arms), torso=True)
+        rows = timed(np.concatenate(columns, 1), np.concatenate(speeds), np.concatenate(accelerations))
+        for row in rows:
+            self.action[ActionLayout.TORSO] = row[:4]
+            for i, side in enumerate(arms):
+                self.action[ActionLayout.ARM[side]] = row[4 + 7 * i : 11 + 7 * i]
+            yield self.still()
+            yield from watch.look()
+        if len(rows):
+            yield from self.wait(0.15)
+
+    def drive(self, goal: Array, speed: float = 0.5) -> Actions:
+        """Drive the base straight to `goal` (3,) x, y [m], yaw [rad] in the world, at most `speed` [m/s] and 1 rad/s.
+
+        Raises:
+            MotionFailure: "base_blocked" if something holds it off its way, or it does not arrive within 3 cm and
+                0.05 rad.
+        """
+        start = self.felt.base_pose.copy()
+        change = np.append(goal[:2] - start[:2], kin.wrap(goal[2] - start[2]))
+        travel = float(np.linalg.norm(change[:2]))
+        limit, ease = np.array([speed, 1.0]), self._ease(*SIDES)
+        u = timed([np.zeros(2), np.array([travel, abs(change[2])])], limit, r1.DRIVE_ACCELERATION * ease)
+        done = np.max(u / np.maximum(u[-1:], 1e-9), axis=1) if len(u) else np.ones(1)
+        lost, before = 0, 0.0
+        for k in range(len(done) + 60):
+            reference = start + change * before
+            ahead = float(done[min(k, len(done) - 1)])
+            forward, before = change * (ahead - before) * CONTROL_HZ, ahead
+            error = reference - self.felt.base_pose
+            error[2] = kin.wrap(error[2])
+            if k >= len(done) and np.linalg.norm(error[:2]) < 0.006 and abs(error[2]) < 0.01:
+                break
+            lost = lost + 1 if (np.abs(error) > _BLOCKED_BASE).any() else 0
+            if lost >= _NOTICED:
+                break
+            yield self._moving(forward + 3.0 * error)
+        yield self.still()
+        off = goal - self.felt.base_pose
+        if np.linalg.norm(off[:2]) > 0.03 or abs(kin.wrap(off[2])) > 0.05:
+            raise MotionFailure("base_blocked")
+
+    def _reached(self, side: Side, T_base_tcp: Array, near: Array) -> Array:
+        """The posture nearest to `near` that has the hand at a pose, from where the torso is."""
+        torso = self.felt.torso if np.abs(self.felt.torso - self.torso).max() < 0.02 else self.torso
+        q = kin.nearest_posture(kin.inverse(kin.chest(torso)) @ T_base_tcp, side, near)
+        if q is None or np.abs(q - near).max() > _LEAP_RAD:
+            raise MotionFailure("no_reach")
+        return q
+
+    def _ease(self, *sides: Side) -> float:
+        return _GENTLY if any(self.felt.holds(s) for s in sides) else 1.0
+
+    def _acceleration(self, side: Side) -> Array:
+        return r1.ARM_ACCELERATION * self._ease(side)
 
     def still(self) -> Array:
         """The present command, the base standing."""
@@ -196,3 +246,63 @@ class Motion:
         vx, vy, w = np.clip(velocity_world, -r1.BASE_SPEED, r1.BASE_SPEED)
         self.action[ActionLayout.BASE] = [c * vx + s * vy, -s * vx + c * vy, w]
         return self.action.copy()
+
+
+class _Watch:
+    """Notices, from what is felt, that something holds arms or torso off the way they are told to go.
+
+    What they give way to from the start, a load or a squeeze, is no hindrance. Nor is their lead: with the velocity
+    fed forward they are half a step ahead of a moving target.
+    """
+
+    def __init__(
+        self, motion: Motion, sides: Sequence[Side], give_rad: float = BLOCKED_RAD, along: Array | None = None,
+        torso: bool = False,
+    ) -> None:  # fmt: skip
+        self._motion, self._sides, self._give, self._along, self._torso = motion, sides, give_rad, along, torso
+        self._told: dict[str, Array] = {}
+        self._off = self._measured()
+        self._blocked, self._touching = 0, 0
+        self._behind = self._held_up()
+
+    def look(self) -> Actions:
+        """To be called after each step. Lets go of the push and raises MotionFailure where the way is barred."""
+        now = self._measured()
+        reasons = ["arm_blocked" for s in self._sides if np.abs(now[s] - self._off[s]).max() > self._give]
+        if self._torso and (np.abs(now["torso"] - self._off["torso"]) > _BLOCKED_TORSO).any():
+            reasons.append("torso_blocked")
+        self._blocked = self._blocked + 1 if reasons else 0
+        if self._blocked < _NOTICED:
+            return
+        motion = self._motion
+        for _ in range(_RELEASED):  # at once it would spring back, and fling what is held
+            for side in self._sides:
+                arm = ActionLayout.ARM[side]
+                motion.action[arm] += 0.3 * (motion.felt.arm[side] - self._off[side] - motion.action[arm])
+            if self._torso:
+                torso = ActionLayout.TORSO
+                motion.action[torso] += 0.3 * (motion.felt.torso - self._off["torso"] - motion.action[torso])
+            yield motion.still()
+        raise MotionFailure(reasons[0])
+
+    def touched(self) -> bool:
+        """Whether a hand that feels its way is held up, at two steps in a row."""
+        if self._along is None:
+            return False
+        self._touching = self._touching + 1 if self._held_up() - self._behind > _TOUCH_M else 0
+        return self._touching >= 2
+
+    def _measured(self) -> dict[str, Array]:
+        motion, off = self._motion, {"torso": self._motion.felt.torso - self._motion.torso}
+        for side in self._sides:
+            told = motion.arm(side)
+            off[side] = motion.felt.arm[side] - told - (told - self._told.get(side, told)) / 2
+            self._told[side] = told
+        return off
+
+    def _held_up(self) -> float:
+        if self._along is None:
+            return 0.0
+        motion, side = self._motion, self._sides[0]
+        felt = kin.tcp(motion.felt.torso, motion.felt.arm[side], side)
+        return float((motion.hand(side) - felt)[:3, 3] @ self._along)

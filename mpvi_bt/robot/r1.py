@@ -43,7 +43,13 @@ ARM_LIMITS: Mapping[Side, Array] = {
     "left": _LEFT_LIMITS,
     "right": np.sort(_LEFT_LIMITS * _MIRROR[:, None], axis=1),
 }
+# What motions are planned with; nothing on the robot enforces the arms' and the torso's.
+ARM_SPEED = np.array([2.0, 2.0, 2.0, 2.0, 2.5, 2.5, 2.5])  # [rad/s]
+ARM_ACCELERATION = np.array([6.0, 6.0, 6.0, 6.0, 8.0, 8.0, 8.0])  # [rad/s^2]
+TORSO_SPEED = np.array([0.25, 0.8, 0.7, 2.0])  # [m/s, rad/s, rad/s, rad/s]
+TORSO_ACCELERATION = np.array([0.8, 2.5, 2.0, 8.0])  # [m/s^2, rad/s^2, rad/s^2, rad/s^2]
 BASE_SPEED = np.array([0.8, 0.8, 1.5])  # [m/s, m/s, rad/s]
+DRIVE_ACCELERATION = np.array([1.0, 2.0])  # of straight drives [m/s^2, rad/s^2]
 
 
 def mirrored(q_left: Array, side: Side) -> Array:
