@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
-from benchmarks.hands.rooms import ROOM_M, arrival, catalogue, placed, room
+from benchmarks.hands.rooms import ROOM_M, arrival, called, catalogue, placed, room, things
 from benchmarks.hands.trial import Scene, Shapes, Trial
+from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.sim.catalogue import Entry
 from mpvi_bt.sim.world import World
 
@@ -229,6 +230,77 @@ def _stood(
     return {"thing_1": {**fixture, "at": [x, y], "shape": {"size_m": size}}}, {}, np.array([far - size[0] - 0.1, y])
 
 
+def pushing(kind: Literal["box", "chair", "table"], toward: bool = False) -> Scene:
+    """Scenes of pushing a thing to a side, away, or up to a table.
+
+    Codes: not_moved (by less than 15 cm where it was to go, or it is farther than 8 cm from what it was to go to),
+    astray (by more than 15 cm elsewhere), toppled, fallen.
+    """
+
+    def scene(rng: np.random.Generator, shapes: Shapes) -> Trial:
+        x, y = rng.uniform(-0.3, 0.3, 2)
+        fixtures: dict[str, dict[str, Any]] = {}
+        z, yaw = 0.0, float(rng.uniform(-np.pi, np.pi))
+        if kind == "table":
+            fixtures["table_1"] = {
+                "entry": "desk",
+                "at": [0.0, 0.0],
+                "yaw_deg": 90,
+                "shape": {"size_m": [0.8, 1.4, 0.74]},
+            }
+            z, entry = 0.74, draw_standing(rng, shapes)
+            x, y = x * 0.3, y * 0.3
+        elif kind == "chair":
+            size = [within(rng, shapes, span) for span in ((0.38, 0.46), (0.38, 0.46), (0.8, 0.96))]
+            entry = replace(catalogue()["chair"].reshaped({"size_m": size}), mass_kg=4.0, friction=0.3)
+        else:
+            size = [within(rng, shapes, span) for span in ((0.24, 0.4), (0.24, 0.4), (0.2, 0.4))]
+            entry = replace(catalogue()["box"].reshaped({"size_m": size}), mass_kg=2.0, friction=0.4)
+        if toward:
+            fixtures["table_1"] = {"entry": "table", "at": [2.4, round(y, 2)], "yaw_deg": 180}
+            x = 2.4 - 0.275 - rng.uniform(0.55, 0.75)
+        objects = {"thing_1": placed(entry, x, y, z, yaw)}
+        house = room(fixtures)
+        base = arrival(np.array([x, y]), rng, house, objects, {})
+        bearing = float(np.arctan2(y - base[1], x - base[0]))
+        direction, turn = [("away", 0.0), ("to the left", np.pi / 2), ("to the right", -np.pi / 2)][rng.integers(3)]
+        if kind == "table":
+            direction, turn = [("to the left", np.pi / 2), ("to the right", -np.pi / 2)][rng.integers(2)]
+        way = np.array([np.cos(bearing + turn), np.sin(bearing + turn)])
+
+        def done(world: World) -> str:
+            T = world.pose("thing_1")
+            if T[2, 2] < 0.9:
+                return "toppled"
+            if T[2, 3] < z - 0.05:
+                return "fallen"
+            moved = T[:2, 3] - [x, y]
+            if toward:
+                gap = min(float(Surroundings([s]).distance(_corners(world)).min()) for s in world.solids("table_1"))
+                return "" if gap < 0.08 else "not_moved"
+            if moved @ way < 0.15:
+                return "not_moved"
+            return "astray" if abs(moved @ [-way[1], way[0]]) > 0.15 else ""
+
+        prompt = f"push the {called(entry)} {'to the table' if toward else direction}"
+        return Trial(house, objects, base, prompt, done)
+
+    return scene
+
+
+def _corners(world: World) -> np.ndarray:
+    """(n, 3) places all over a thing that is pushed."""
+    boxes = [s.aabb() for s in world.solids("thing_1")]
+    grids = [np.stack(np.meshgrid(*np.linspace(low, high, 5).T, indexing="ij"), -1) for low, high in boxes]
+    return np.concatenate([grid.reshape(-1, 3) for grid in grids])
+
+
+def draw_standing(rng: np.random.Generator, shapes: Shapes) -> Entry:
+    """A movable thing that does not roll."""
+    able = [e for e in things(shapes) if e.family in ("block", "can", "cup", "bowl", "bottle")]
+    return able[rng.integers(len(able))]
+
+
 def _each(make: Callable[[str], Scene]) -> dict[str, Scene]:
     return {kind: make(kind) for kind in FURNITURE}
 
@@ -236,6 +308,12 @@ def _each(make: Callable[[str], Scene]) -> dict[str, Scene]:
 SKILLS: dict[str, dict[str, Scene]] = {
     "open": _each(opening),
     "close": _each(closing),
+    "push": {
+        "box": pushing("box"),
+        "chair": pushing("chair"),
+        "chair_to_table": pushing("chair", toward=True),
+        "on_table": pushing("table"),
+    },
     "press": {
         "radio": pressing("radio_receiver", "radio"),
         "lamp": pressing("floor_lamp", "floor lamp"),

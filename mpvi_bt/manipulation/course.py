@@ -108,7 +108,9 @@ class CourseSearch(Search):
         for base in _bases(here, focus, courses[0].heading, self.side):
             if any(np.linalg.norm(base[:2] - b[:2]) < 0.05 and abs(kin.wrap(base[2] - b[2])) < 0.2 for b in self.tried):
                 continue
-            able = [k for k, c in enumerate(courses) if self._fits(c, base)]
+            fits = {id(c.carry): c for c in courses}  # courses of one motion of the base fit alike
+            fitting = {key for key, c in fits.items() if self._fits(c, base)}
+            able = [k for k, c in enumerate(courses) if id(c.carry) in fitting]
             if not able:
                 continue
             route = self._approach(here, base)
@@ -196,6 +198,9 @@ class CourseSearch(Search):
 
     def _touch(self, body: Body, base: Array, back: Array, course: Course, q: Array) -> Array | None:
         """The posture (7,) short of the touch, if the arm can be driven in with it and led on to the touch."""
+        there = replace(body, around=self._then(course, 0.0, base), arms={**body.arms, self.side: q})
+        if not there.free(self.side, q, grasping=True)[0]:
+            return None
         line = arm_motion.trace(body.torso, self.side, q, kin.inverse(kin.base(base)) @ course.before)
         if line is None:
             return None

@@ -35,7 +35,9 @@ _VIAS = ((-0.35, 0.0), (-0.7, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.35, 0.5), (-0.3
 # Where the other hand may bring what it holds: x, y toward its own side, z [m]; reachable from a bent torso too.
 _ASIDE = ((0.50, 0.30, 0.76), (0.52, 0.16, 0.76), (0.42, 0.36, 0.78), (0.50, 0.30, 0.90))
 FLOOR = box((0.0, 0.0, -0.1), (60.0, 60.0, 0.2))
-_HEIGHTS = np.array([[0.0, 0.0, z] for z in (0.04, 0.11, 0.18, 0.25)] + [[-0.1, 0.0, z] for z in (0.35, 0.5, 0.65, 0.8)])
+_HEIGHTS = np.array(
+    [[0.0, 0.0, z] for z in (0.04, 0.11, 0.18, 0.25)] + [[-0.1, 0.0, z] for z in (0.35, 0.5, 0.65, 0.8)]
+)
 _REACHES = np.array([_BASE_CLEAR_M] * 4 + [0.14] * 4)
 
 

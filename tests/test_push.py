@@ -1,0 +1,64 @@
+"""Pushing things: where the hand goes, how the base goes along, and that things really move where they should."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mpvi_bt.manipulation.push import pushes
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.sim.world import Placement, World
+from tests.small_house import CATALOGUE, placed, small_world
+from tests.test_open import play
+
+CHAIR = replace(CATALOGUE["chair"], mass_kg=4.0, friction=0.3)
+
+
+def chair_world(yaw: float = 0.4) -> World:
+    T = kin.transform(kin.rot_z(yaw), (0.4, 0.1, 0.001))
+    return small_world({"seat": Placement(CHAIR, T)}, base=(-0.6, 0.0, 0.1), t="{entry: table, at: [1.6, 0.1]}")
+
+
+@pytest.mark.parametrize("way", [(0.3, 0.0), (0.0, -0.2), (-0.1, 0.1)])
+def test_the_hand_starts_behind_and_ends_ahead_by_the_way(way: tuple[float, float]) -> None:
+    """Every course begins on the far side of the thing's middle, and leads hand and thing by the same way."""
+    world = small_world({"box": placed("box", 0.4, 0.1, yaw=0.3)})
+    solids, middle = world.solids("box"), world.pose("box")[:2, 3]
+    courses = pushes(solids, np.array(way))
+    assert courses
+    for course in courses:
+        start, end = course.hand(0.0), course.hand(1.0)
+        assert (start[:2, 3] - middle) @ way < 0
+        np.testing.assert_allclose(end[:3, 3] - start[:3, 3], (*way, 0.0), atol=1e-9)
+        np.testing.assert_allclose(end[:3, :3], start[:3, :3])
+        shift = course.moving(1.0)[0].T[:3, 3] - solids[0].T[:3, 3]
+        np.testing.assert_allclose(shift, (*way, 0.0), atol=1e-9)
+        assert (course.before[:2, 3] - start[:2, 3]) @ way < 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("direction", ["away", "to the left", "to the right"])
+def test_a_box_goes_where_it_is_pushed(direction: str) -> None:
+    """It has moved at least 15 cm that way, and hardly aside."""
+    world = small_world({"box": placed("box", 0.4, 0.1, yaw=0.2)}, base=(-0.6, 0.1, 0.0))
+    world.settle(0.3)
+    before = world.pose("box")[:2, 3]
+    assert play(world, f"push the box {direction}")[-1] == "done"
+    x, y = world.pose("box")[:2, 3] - before
+    ahead, aside = {"away": (x, y), "to the left": (y, x), "to the right": (-y, x)}[direction]
+    assert ahead > 0.15
+    assert abs(aside) < 0.12
+
+
+@pytest.mark.slow
+def test_a_chair_is_pushed_to_the_table_and_stands() -> None:
+    """It ends up within a few centimeters of the table, upright."""
+    world = chair_world()
+    world.settle(0.3)
+    assert play(world, "push the chair to the table")[-1] == "done"
+    reach = max(solid.aabb()[1, 0] for solid in world.solids("seat"))
+    edge = min(solid.aabb()[0, 0] for solid in world.solids("t"))
+    assert edge - reach < 0.08
+    assert world.pose("seat")[2, 2] > 0.95
