@@ -56,7 +56,7 @@ class _Seeds(click.ParamType[list[int]]):
 @click.option("--again", is_flag=True, help="Play what is there again.")
 @click.option("--show", type=click.Path(path_type=Path, file_okay=False), metavar="FOLDER",
               help="Pictures of the start and the end of every trial.")  # fmt: skip
-@click.option("--video", is_flag=True, help="With --show: films, too.")
+@click.option("--video", is_flag=True, help="With --show: films, too; they count as playing time.")
 @click.option("--list", "listing", is_flag=True, help="Name every skill and case.")
 @click.option("--table", "only_table", is_flag=True, help="Play nothing: print the table of --out.")
 @click.option("--json", "as_json", is_flag=True, help="The table as JSON.")
