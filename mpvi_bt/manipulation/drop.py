@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from mpvi_bt.manipulation.outline import outline
 from mpvi_bt.manipulation.placing import release
-from mpvi_bt.manipulation.stance import Held, Option
+from mpvi_bt.manipulation.stance import Held, Option, Search, Stance
 from mpvi_bt.manipulation.work import Work, other
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
@@ -38,25 +38,30 @@ def drop_in(work: Work, side: Side, held: Held, container: str, tried: list[Arra
     Raises:
         MotionFailure: "not_released", or a motion's own reason.
     """
-    search = work.search(side, {container})
-    search.tried.extend(tried)
-    options = []
-    for T, cost in releases(work, held, side, container)[:_BEST_RELEASES]:
-        high = T.copy()
-        high[2, 3] += 0.10
-        options.append(Option(np.stack([high, T]), 2, cost))
-    if not options:
+
+    def find(search: Search, here_first: bool) -> Stance | None:
+        options = []
+        for T, cost in releases(work, held, side, container)[:_BEST_RELEASES]:
+            high = T.copy()
+            high[2, 3] += 0.10
+            options.append(Option(np.stack([high, T]), 2, cost))
+        if not options:
+            return None
+        focus = np.mean([o.waypoints[1, :2, 3] for o in options], axis=0)
+        return search.find(focus, options, here_first)
+
+    try:
+        stance, search = yield from work.close_in(side, {container}, container, find, tried)
+    except MotionFailure as failure:
+        if failure.reason != "no_stance":
+            raise
         return False
-    focus = np.mean([o.waypoints[1, :2, 3] for o in options], axis=0)
-    stance = search.find(focus, options)
-    if stance is None:
-        return False
-    tried.append(stance.base)
     yield from work.take_up(stance, search)
     yield from work.lines(side, stance, [1])
     yield from work.look_at(container)
     yield from release(work, side)
     yield from work.rise(side)
+    yield from work.see("head")
     return True
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import chain, islice
 
 from mpvi_bt.manipulation import spots
@@ -38,7 +38,9 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
         yield from work.look_at(container)
         yield from release(work, side)
     elif not (yield from drop_in(work, side, held, container, tried)):
-        yield from place_at(work, side, held, spots.on(work, held, container, LEANING, inside=True), tried)
+        yield from place_at(
+            work, side, held, container, lambda: spots.on(work, held, container, LEANING, inside=True), tried
+        )
     missed = held.name not in work.scene.within(container)
     yield from work.settle(without={held.name})
     if missed:
@@ -54,12 +56,15 @@ def place_on(work: Work, words: Words, tried: list[Array]) -> Actions:
     """
     side = work.hand_with(words["object"], words.get("hand"))
     if normalize(words["surface"]).split()[-1:] in [[floor] for floor in _FLOORS]:
-        yield from _place(work, side, spots.on_floor(work, work.held()[side]), tried)
+        yield from _place(work, side, None, lambda: spots.on_floor(work, work.held()[side]), tried)
         return
     surface, held = work.nearest(words["surface"]), work.held()[side]
-    upright = islice(spots.on(work, held, surface, UPRIGHT), _SPOTS)
-    leaning = islice(spots.on(work, held, surface, LEANING[1:]), _SPOTS)
-    yield from _place(work, side, chain(upright, leaning), tried)
+
+    def groups() -> Iterable[Sequence[Pose]]:
+        upright = islice(spots.on(work, held, surface, UPRIGHT), _SPOTS)
+        return chain(upright, islice(spots.on(work, held, surface, LEANING[1:]), _SPOTS))
+
+    yield from _place(work, side, surface, groups, tried)
 
 
 def place_next_to(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -70,7 +75,7 @@ def place_next_to(work: Work, words: Words, tried: list[Array]) -> Actions:
     """
     side = work.hand_with(words["object"], words.get("hand"))
     target = work.nearest(words["target"])
-    yield from _place(work, side, spots.beside(work, work.held()[side], target), tried)
+    yield from _place(work, side, target, lambda: spots.beside(work, work.held()[side], target), tried)
 
 
 def place_under(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -81,15 +86,21 @@ def place_under(work: Work, words: Words, tried: list[Array]) -> Actions:
     """
     side = work.hand_with(words["object"], words.get("hand"))
     target, held = work.nearest(words["target"]), work.held()[side]
-    upright = islice(spots.under(work, held, target, UPRIGHT), _SPOTS)
-    leaning = islice(spots.under(work, held, target, LEANING[1:]), _SPOTS)
-    yield from _place(work, side, chain(upright, leaning), tried)
+
+    def groups() -> Iterable[Sequence[Pose]]:
+        upright = islice(spots.under(work, held, target, UPRIGHT), _SPOTS)
+        return chain(upright, islice(spots.under(work, held, target, LEANING[1:]), _SPOTS))
+
+    yield from _place(work, side, target, groups, tried)
 
 
-def _place(work: Work, side: Side, groups: Iterable[Sequence[Pose]], tried: list[Array]) -> Actions:
+def _place(
+    work: Work, side: Side, about: str | None, groups: Callable[[], Iterable[Sequence[Pose]]], tried: list[Array]
+) -> Actions:
     """Set down, see whether it stayed where it was to lie, fold the arm."""
     held = work.held()[side]
-    bottom = yield from place_at(work, side, held, groups, tried)
+    bottom = yield from place_at(work, side, held, about, groups, tried)
+    yield from work.see("head")
     box, _ = spots.size(work.scene.solids(held.name))
     missed = abs(float(box[0, 2]) - bottom) > _LOST_M
     yield from work.settle(without={held.name})

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mpvi_bt.manipulation.hand import FULL_M, opened
-from mpvi_bt.manipulation.stance import Held, Option, Stance
+from mpvi_bt.manipulation.stance import Held, Option, Search, Stance
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Actions, MotionFailure
@@ -73,15 +73,19 @@ def poses(work: Work, held: Held, spot: Array, leans: Sequence[float] = UPRIGHT)
             yield Pose(kin.transform(R, p), 0.05 * abs(float(turn)) + 1.0 * abs(lean))
 
 
-def place_at(work: Work, side: Side, held: Held, groups: Iterable[Sequence[Pose]], tried: list[Array]
-             ) -> Generator[Array, None, float]:  # fmt: skip
+def place_at(
+    work: Work, side: Side, held: Held, about: str | None, groups: Callable[[], Iterable[Sequence[Pose]]],
+    tried: list[Array],
+) -> Generator[Array, None, float]:  # fmt: skip
     """Set what a hand holds down in the first of some poses that can be reached, open the hand and come away.
 
     Args:
         work: Robot and world.
         side: The hand.
         held: What it holds.
-        groups: Poses, those about one place together; better places first.
+        about: What it is to be set down on, in or beside, to look at; None for the floor.
+        groups: Says what poses there are, as things are known at that time: those about one place together, better
+            places first.
         tried: Base poses that did not do; the one taken is added.
 
     Returns:
@@ -90,25 +94,33 @@ def place_at(work: Work, side: Side, held: Held, groups: Iterable[Sequence[Pose]
     Raises:
         MotionFailure: "no_free_spot" if there are no poses, "no_stance", "not_released", or a motion's own reason.
     """
-    search = work.search(side, ())
-    search.tried.extend(tried)
-    stance: Stance | None = None
     goal, seen = np.eye(4), 0
-    for group in groups:
-        options = [option for pose in group for option in _options(held, pose, work.motion.felt.gripper_width[side])]
-        if not options:
-            continue
-        seen += 1
-        focus = np.mean([pose.T_world_thing[:2, 3] for pose in group], axis=0)
-        stance = search.find(focus, options)
-        if stance is not None:
-            goal = options[stance.option].waypoints[1] @ held.T_tcp_thing
-            break
-        if seen >= _GROUPS:
-            break
-    if stance is None:
-        raise MotionFailure("no_stance" if seen else "no_free_spot")
-    tried.append(stance.base)
+
+    def find(search: Search, here_first: bool) -> Stance | None:
+        nonlocal goal, seen
+        seen = 0
+        for group in groups():
+            options = [
+                option for pose in group for option in _options(held, pose, work.motion.felt.gripper_width[side])
+            ]
+            if not options:
+                continue
+            seen += 1
+            focus = np.mean([pose.T_world_thing[:2, 3] for pose in group], axis=0)
+            stance = search.find(focus, options, here_first)
+            if stance is not None:
+                goal = options[stance.option].waypoints[1] @ held.T_tcp_thing
+                return stance
+            if seen >= _GROUPS:
+                break
+        return None
+
+    try:
+        stance, search = yield from work.close_in(side, (), about, find, tried)
+    except MotionFailure as failure:
+        if failure.reason == "no_stance" and not seen:
+            raise MotionFailure("no_free_spot") from None
+        raise
     try:
         yield from work.take_up(stance, search)
         yield from _lower(work, side, stance, goal)

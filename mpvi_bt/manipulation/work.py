@@ -23,6 +23,7 @@ _NEAR_M = 1.7  # solids farther from the robot than this do not matter to a skil
 _LIFTED_M = 0.10
 _LOOKS = 4  # at a thing that is only seen, with a drive between two
 _HEAD_UP_RAD, _HEAD_DOWN_RAD = 0.5, 0.65
+_FLOOR_RAD = 0.9
 _LEVEL_RAD = 0.3  # a head that is tilted less does not see the floor before it
 _HANDS_RAD = 0.9  # so far down from the chest's horizon the head sees past the folded hands
 _OVERLOOKS = ((0.42, 0.0), (0.42, 0.5), (0.42, 0.8), (0.25, 0.8), (0.25, 1.1), (0.1, 1.1))  # lift [m], pitch [rad]
@@ -164,16 +165,36 @@ class Work:
         Raises:
             MotionFailure: "no_stance", or a drive's own reason.
         """
+
+        def find(search: Search, here_first: bool) -> Stance | None:
+            return search.find(self.scene.pose(name)[:2, 3], options(), here_first)
+
+        return (yield from self.close_in(side, {name}, name, find, tried))
+
+    def close_in(
+        self, side: Side, touched: Collection[str], about: str | None,
+        find: Callable[[Search, bool], Stance | None], tried: list[Array],
+    ) -> Generator[Array, None, tuple[Stance, Search]]:  # fmt: skip
+        """As `approach`, with `find` to search for a stance, the present one first if it is told so.
+
+        Args:
+            side: The hand.
+            touched: Things that it works on.
+            about: The thing to look at; None to look at the floor ahead.
+            find: Finds a stance, or None.
+            tried: Base poses that did not do; those taken are added.
+
+        Raises:
+            MotionFailure: As `approach`.
+        """
         for looks in range(_LOOKS):
-            if self.sight is not None:
-                yield from self.study(name)
-            search = self.search(side, {name})
-            search.tried.extend(tried)
-            stance = search.find(self.scene.pose(name)[:2, 3], options(), here_first=looks > 0)
+            yield from self.study(about)
+            search = replace(self.search(side, touched), tried=list(tried))
+            stance = find(search, looks > 0)
             if stance is None and self.sight is not None:
                 with self.sight.trusting():
-                    search = replace(search, obstacles=self.search(side, {name}).obstacles)
-                stance = search.find(self.scene.pose(name)[:2, 3], options(), here_first=looks > 0)
+                    search = replace(search, obstacles=self.search(side, touched).obstacles)
+                    stance = find(search, looks > 0)
             if stance is None:
                 raise MotionFailure("no_stance")
             tried.append(stance.base)
@@ -183,15 +204,25 @@ class Work:
             if looks < _LOOKS - 1:
                 for base in stance.route:
                     yield from self.motion.drive(base)
+        assert stance is not None
         return stance, search
 
-    def study(self, name: str) -> Actions:
-        """Look at a thing, and above it, or below what is high up; nothing where the scene needs no pictures."""
+    def study(self, name: str | None) -> Actions:
+        """Look at a thing, and above it, or below what is high up; nothing where the scene needs no pictures.
+
+        Without a name it looks at the floor ahead.
+        """
         if self.sight is None:
             return
-        if not self.held():
-            yield from self.motion.stand(self._overlooking(name))
-        yield from self.look_at(name)
+        torso = self.motion.torso
+        if name is None:
+            torso[3] = _FLOOR_RAD
+            yield from self.motion.stand(torso)
+            yield from self.see("head")
+        else:
+            if not self.held():
+                yield from self.motion.stand(self._overlooking(name))
+            yield from self.look_at(name)
         torso = self.motion.torso
         torso[3] += _HEAD_DOWN_RAD if torso[3] < _LEVEL_RAD else -_HEAD_UP_RAD
         yield from self.motion.stand(torso)
