@@ -130,6 +130,15 @@ def test_a_bad_chunk_never_reaches_the_robot(bad: Array) -> None:
     assert np.isfinite(bench.world.robot.action).all()
 
 
+@pytest.mark.parametrize("bad", [None, "up", [[0.0] * 23, [0.0]], np.zeros((1, 23), complex), np.full((1, 23), "0")])
+def test_what_is_no_array_of_numbers_never_reaches_the_robot(bad: Any) -> None:
+    """Neither text nor complex numbers nor lists of different lengths."""
+    bench = Bench(PICK)
+    bench.context.policy.infer = lambda observation: bad  # type: ignore[method-assign]
+    with pytest.raises(NodeError, match="actions that are no numbers"):
+        bench.run()
+
+
 @given(st.integers(0, 22), st.sampled_from([-1e30, -7.0, 7.0, 1e30]), st.integers(1, 40))
 def test_actions_reach_the_robot_within_its_limits_and_rate(joint: int, wild: float, ticks: int) -> None:
     """However wild the policy: speeds and joints stay within their limits, no target jumps, and each clip counts."""

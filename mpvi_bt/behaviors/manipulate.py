@@ -89,13 +89,15 @@ class Manipulate(Leaf):
             images = {camera: context.robot.look(camera) for camera in policy.cameras}
         with context.stopwatch("policy"):
             given = policy.infer({"prompt": self._said, "proprioception": body, "images": images})
-            try:
-                chunk = np.asarray(given, dtype=float)
-            except (TypeError, ValueError):
-                raise PolicyError("bad_reply", f"policy {policy.name}: actions that are no numbers") from None
+        try:
+            chunk = np.asarray(given)
+        except ValueError:  # lists of different lengths
+            chunk = np.empty(0, object)
+        if chunk.dtype.kind not in "fiu":
+            raise PolicyError("bad_reply", f"policy {policy.name}: actions that are no numbers")
         if chunk.ndim != 2 or len(chunk) == 0 or chunk.shape[1] != ACTION_SIZE:
             shape = f"a chunk of shape {chunk.shape}, not (H, {ACTION_SIZE}), H >= 1"
             raise PolicyError("bad_reply", f"policy {policy.name}: {shape}")
         if not np.isfinite(chunk).all():
             raise PolicyError("bad_reply", f"policy {policy.name}: a chunk with numbers that are not finite")
-        return chunk
+        return chunk.astype(float)
