@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 from benchmarks.hands.__main__ import main
 from benchmarks.hands.pick import lifted, one_hand
-from benchmarks.hands.place import put
+from benchmarks.hands.place import fits, put
 from benchmarks.hands.rooms import room, things
 from benchmarks.hands.rows import Job, Row, add_row, read_rows
 from benchmarks.hands.runner import run_job, run_jobs
@@ -291,3 +291,10 @@ def test_the_same_job_has_the_same_outcome() -> None:
     """Two plays of one seed take the same steps."""
     a, b = run_job(JOB), run_job(JOB)
     assert (a.ok, a.steps, a.simulated_s, a.objects) == (b.ok, b.steps, b.simulated_s, b.objects)
+
+
+def test_what_is_to_go_into_a_bin_goes_through_its_opening() -> None:
+    """A bar over the middle of a bin leaves room for a can, not for a plate; a basket takes both."""
+    entries = things("tuning")
+    bin_, basket, can, plate = (entries[n] for n in ("trash_can", "basket", "can_of_soda", "dessert_plate"))
+    assert [fits(can, bin_), fits(plate, bin_), fits(can, basket), fits(plate, basket)] == [True, False, True, True]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from benchmarks.hands import surfaces
-from benchmarks.hands.pick import crowd, draw_thing, lowest, radius
+from benchmarks.hands.pick import crowd, draw_thing, lowest, one_hand, radius
 from benchmarks.hands.rooms import arrival, called, name_in, room, things
 from benchmarks.hands.surfaces import Surface
 from benchmarks.hands.trial import Scene, Shapes, Trial
@@ -59,6 +59,19 @@ def on(name: str, surface: str) -> Placed:
     return lambda world: world.touching(name, surface) and (ontop(world, name, surface) or inside(world, name, surface))
 
 
+def fits(entry: Entry, container: Entry) -> bool:
+    """Whether a thing goes upright through a container's opening with a centimeter to spare on each side.
+
+    A bar over the middle halves the opening.
+    """
+    opening = 2 * container.description.root.volumes[0].half_m[:2]
+    for bar in container.description.root.handles:
+        across = int(abs(bar.axis[1]) > 0.5)  # the bar runs along y: it halves what is along x
+        opening[1 - across] = (opening[1 - across] - bar.thickness_m) / 2
+    low, high = entry.description.extent()
+    return bool((np.sort((high - low)[:2]) + 0.02 <= np.sort(opening)).all())
+
+
 def _trial(
     entry: Entry, prompt: str, surface: Surface, at: Array, done: Callable[[World], str],
     objects: Mapping[str, Placement], name: str, rng: np.random.Generator, budget_s: float = 90.0,
@@ -75,9 +88,11 @@ def put_into(kinds: Iterable[str], draw: Draw) -> Scene:
     """Scenes of putting a thing into a container of certain families that stands on a surface."""
 
     def scene(rng: np.random.Generator, shapes: Shapes) -> Trial:
-        surface, entry = draw(rng), draw_thing(rng, shapes)
-        fitting = [c for c in things(shapes) if "fillable" in c.abilities and c.family in kinds]
-        container = fitting[rng.integers(len(fitting))]
+        surface = draw(rng)
+        containers = [c for c in things(shapes) if "fillable" in c.abilities and c.family in kinds]
+        container = containers[rng.integers(len(containers))]
+        entries = [entry for entry in one_hand(shapes) if fits(entry, container)]
+        entry = entries[rng.integers(len(entries))]
         spot = surface.spot(radius(container), rng)
         at = surface.at(*spot)
         box = name_in({}, container)
