@@ -226,7 +226,8 @@ class _Picture:
         """By whether one looks into it: how far what is seen lies behind the convex outline of all that is seen.
 
         Our choice: of an open door, drawer or lid one sees the inside, or what it has left free; a closed one is convex
-        but for its handles.
+        but for its handles. A tall door that is ajar by less than a third, seen from the side of its hinge, hides what
+        is behind it and passes for closed.
         """
         points = self._points[self._mask(name)]
         points = points[:: max(1, len(points) // 3000)]
