@@ -18,7 +18,8 @@ FAR = pose((2.0, 2.0, 0.001))
 
 def close(world: World, watch: GripWatch, seconds: float) -> list[tuple[float, str]]:
     """Close the right hand evenly and hold; when [s] after that began what was noticed, and when it was first shut."""
-    action, found, shut = world.robot.action, [], False
+    found: list[tuple[float, str]] = []
+    action, shut = world.robot.action, False
     for step in range(1, round(seconds * CONTROL_HZ) + 1):
         action[ActionLayout.GRIPPER["right"]] = max(-1.0, 1.0 - 2.0 * step / (CLOSE_S * CONTROL_HZ))
         world.step(action)
