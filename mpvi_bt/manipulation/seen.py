@@ -19,12 +19,14 @@ from scipy.spatial import cKDTree
 from mpvi_bt.manipulation.frames import Frame, take
 from mpvi_bt.perception.detector import Detector
 from mpvi_bt.perception.field import Field, FineField, View
+from mpvi_bt.perception.fronts import fronts
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.shapes import SeenBar, Shape, fit, main_cluster
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Obstacles, Surroundings, Together
+from mpvi_bt.robot.motion import MotionFailure
 from mpvi_bt.robot.protocol import EMPTY_M, SIDES, CameraImage, Proprioception, Side
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.robot.squeeze import squeezes
@@ -34,13 +36,15 @@ _CARVED = 4  # pictures of the head that the field of obstacles is carved from
 _MOVED = (0.01, 0.015)  # a base that has moved farther than this [m, rad] stands at another place
 _NEAR_M = 0.12  # a mask this near to where a thing was is that thing, from the same place
 _FAR_M = 0.30  # likewise after a drive
-_RECENT_M = 0.45  # of driving: what was seen before is still good enough to be fitted to what is seen now
+_RECENT_M = 1.2  # of driving: what was seen before is still good enough to be fitted to what is seen now
+_SHRUNK = 0.9  # a thing that seems so much smaller than before is partly hidden
+_DRIFTED_M = 0.006  # less than that views may differ without the odometry being to blame
 _SEEN_PX = 6  # a mask of fewer pixels is not looked at
 _ALONE_PX = 150  # a wrist's mask of as many pixels is believed against all others
 _THROUGH_M = 0.06  # where the depth is that much farther than a thing, it is gone
 _EXPLAINED_M = 0.025  # points this near a thing's solids are its own
 _PRESSED_M = 0.06  # what two hands press is this near to both of them
-_GRASPED_M = 0.03  # what a closing hand takes hold of is this near its tcp
+_GRASPED_M = 0.06  # what a closing hand takes hold of is this near its tcp, by what was seen of it
 _FINE_M, _FINE_CELL_M = 0.6, 0.01  # the finer field about what is worked on
 _TRUSTED_M = 0.04  # how thick surfaces are where hidden space is given the benefit of doubt
 _SPOT_M = 0.02  # grid of free places
@@ -85,7 +89,9 @@ class Seen:
         self._stand, self._stood, self._way_m = 0, np.full(3, np.inf), 0.0
         self._felt: Proprioception | None = None
         self._field: tuple[object, Obstacles] | None = None
+        self._fronts: tuple[object, list[Door]] | None = None
         self._trusting = False
+        self._focus: Array | None = None  # what is worked on: obstacles are seen more finely around it
 
     # --- taking in
 
@@ -97,6 +103,9 @@ class Seen:
                 self._way_m += float(np.hypot(*moved[:2])) + r1.BASE_RADIUS_M * abs(float(kin.wrap(moved[2])))
             self._stand, self._stood = self._stand + 1, felt.base_pose.copy()
         self._felt = felt
+        self._feel_hands(felt)
+
+    def _feel_hands(self, felt: Proprioception) -> None:
         for side in SIDES:
             closed, gripped = felt.gripper_command[side] < -0.9, felt.holds(side)
             if side in self._grip and not gripped:
@@ -113,6 +122,7 @@ class Seen:
             frame = take(image, felt, self._detector, self._phrases, self._stand, self._way_m)
             self._frames = [*self._frames, frame][-_KEPT:]
             self._associate(frame)
+        self._feel_hands(felt)  # they may hold what has been seen only now
 
     def _tcp(self, side: Side) -> Array:
         assert self._felt is not None
@@ -171,6 +181,8 @@ class Seen:
 
     def _shape(self, name: str) -> Shape:
         """A thing's shape now: what is in a hand moves with it."""
+        if name not in self._things:
+            raise MotionFailure("lost_sight")
         thing = self._things[name]
         carrier = name
         if thing.inside is not None and thing.inside in self._held():
@@ -215,26 +227,32 @@ class Seen:
             self._things[name] = Thing(name, phrase, shape, [(frame, mask)])
 
     def _update(self, thing: Thing, frame: Frame, mask: NDArray[np.bool_]) -> None:
-        """See a thing again."""
+        """See a thing again; what is in hand is known better by the hand."""
         if thing.name in self._held():
-            return  # what is in hand is known better by the hand
-        thing.views = [(f, m) for f, m in thing.views if frame.way_m - f.way_m < _RECENT_M][-3:]
+            return
+        thing.views = [(f, m) for f, m in thing.views if frame.way_m - f.way_m < _RECENT_M][-5:]
         thing.views.append((frame, mask))
-        shape = self._fitted(thing)
+        shape = self._fitted(thing, [v for v in thing.views if v[0].stand == frame.stand])
+        if shape is None or (np.ptp(shape.box(), axis=0) < _SHRUNK * np.ptp(thing.shape.box(), axis=0))[:2].any():
+            shape = self._fitted(thing, thing.views) or shape  # something hides a part of it now
         if shape is not None:
             thing.shape = shape
             if thing.inside is not None and not self._lies_in(thing, thing.inside):
                 thing.inside = None
 
-    def _fitted(self, thing: Thing) -> Shape | None:
-        """The shape that the views agree on; what the wrist sees, from near, counts for where it is."""
-        newest = thing.views[-1][0].stand
-        whole = [(f, m) for f, m in thing.views if not f.cut(m)]
-        whole = whole if any(f.stand == newest or f.image.camera == "head" for f, _ in whole) else thing.views
+    def _fitted(self, thing: Thing, views: Sequence[tuple[Frame, NDArray[np.bool_]]]) -> Shape | None:
+        """The shape that views agree on; what the wrist sees, from near, counts for where it is."""
+        newest = views[-1][0].stand
+        whole = [(f, m) for f, m in views if not f.cut(m)]
+        whole = whole if any(f.stand == newest or f.image.camera == "head" for f, _ in whole) else list(views)
         head = [(f, m) for f, m in whole if f.image.camera == "head"]
-        head = [(f, m) for f, m in head if f.stand == newest] or head
         wrist = [(f, m) for f, m in whole if f.image.camera != "head" and f.stand == newest][-1:]
         parts = [main_cluster(f.of(m)) for f, m in head]
+        fresh = [p for p, (f, _) in zip(parts, head, strict=True) if f.stand == newest]
+        if fresh and len(fresh) < len(parts):  # what the odometry has done to older views is undone
+            shift = _shift(np.concatenate(parts[: -len(fresh)]), np.concatenate(fresh))
+            if shift is not None and np.linalg.norm(shift) > _DRIFTED_M:
+                parts = [*(p + shift for p in parts[: -len(fresh)]), *fresh]
         support = None if head else thing.shape.support_m
         if wrist:
             near = main_cluster(wrist[0][0].of(wrist[0][1]))
@@ -296,8 +314,15 @@ class Seen:
         return self._shape(name).bars
 
     def doors(self, name: str) -> Sequence[Door]:
-        """As `Scene` says."""
-        return ()
+        """As `Scene` says: the fronts with bars that the newest view of the head from its place shows."""
+        views = [(f, m) for f, m in self._things[name].views if f.image.camera == "head"]
+        if not views:
+            return ()
+        newest = [(f, m) for f, m in views if f.stand == views[-1][0].stand]
+        key = (name, *(id(f) for f, _ in newest))
+        if self._fronts is None or self._fronts[0] != key:
+            self._fronts = (key, fronts(np.concatenate([f.of(m) for f, m in newest]), newest[-1][0].eye))
+        return self._fronts[1]
 
     def switches(self, name: str) -> Sequence[Array]:
         """As `Scene` says."""
@@ -323,20 +348,23 @@ class Seen:
         """As `Scene` says: what the pictures from this place do not show to be free, and what else is known."""
         frames = self._carved()
         thick = _TRUSTED_M if self._trusting else 9.0
-        key = (tuple(map(id, frames)), tuple(sorted(without)), tuple(np.round(xy, 2)), thick)
+        near = [n for n in without if n in self._things and n not in self._held()]
+        if near:
+            self._focus = self._shape(near[0]).box().mean(0)
+        faces = [n for n, t in self._things.items() if t.shape.kind == "furniture"]
+        focus = None if self._focus is None else tuple(np.round(self._focus, 2))
+        key = (tuple(map(id, frames)), tuple(sorted(without)), tuple(np.round(xy, 2)), thick, focus)
         if self._field is None or self._field[0] != key:
-            views = [View(f.image, self._transparent(f, without)) for f in frames]
+            views = [View(f.image, self._transparent(f, {*without, *faces})) for f in frames]
             field: Field | FineField = Field(views, xy, thick_m=thick)
-            near = [n for n in without if n in self._things and n not in self._held()]
-            if near:
-                middle = self._shape(near[0]).box().mean(0)
-                fine = Field(views, middle, (_FINE_M,) * 3, _FINE_CELL_M, _FINE_CELL_M / 2, thick)
+            if self._focus is not None:
+                fine = Field(views, self._focus, (_FINE_M,) * 3, _FINE_CELL_M, _FINE_CELL_M / 2, thick)
                 field = FineField(field, fine)
             self._field = (key, field)
         unseen = [
             s for n, t in self._things.items()
-            if n not in without and t.inside is None and t.shape.kind != "furniture" and n not in self._held()
-            and not any(f is g for f, _ in t.views for g in frames) for s in self.solids(n)
+            if n not in without and t.inside is None and n not in self._held()
+            and (n in faces or not any(f is g for f, _ in t.views for g in frames)) for s in self.solids(n)
         ]  # fmt: skip
         return Together([self._field[1], Surroundings(unseen)])
 
@@ -407,7 +435,9 @@ class Seen:
         cells = np.argwhere(room > radius_m)
         places = low + (cells + 0.5) * _SPOT_M
         cost = np.linalg.norm(places - near, axis=1) - 0.5 * np.minimum(room[tuple(cells.T)], 0.2)
-        return [np.array([*places[k], top]) for k in _spread(places, np.argsort(cost))]
+        found = [np.array([*places[k], top]) for k in _spread(places, np.argsort(cost))]
+        self._focus = found[0] if found else self._focus
+        return found
 
 
 def _spread(places: Array, order: NDArray[np.intp]) -> list[int]:

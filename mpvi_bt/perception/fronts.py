@@ -1,0 +1,281 @@
+"""Doors and drawers, as they show from outside: flat fronts with bars that stand off them.
+
+A bar says most of how a front opens. An upright bar near one edge: it turns about the other edge. A lying bar near the
+top: it turns about its lower edge, and near the bottom about the upper one; in between, or with others above and below:
+a drawer. How far a front stands open is told from the rest of the thing: a door against the directions of its other
+faces, a drawer against the plane of its neighbors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial.transform import Rotation
+
+from mpvi_bt.perception.parts import Door
+from mpvi_bt.perception.shapes import SeenBar
+from mpvi_bt.robot.solids import Array, Solid
+
+_SAMPLES = 300  # pairs of points that upright planes are tried through
+_PLANES = 4
+_FLAT_M = 0.010  # points this near a plane are on it, from 1 m; depth noise grows with the square of the distance
+_NOISE_PER_M = 0.004
+_LEAST_POINTS = 150
+_TALL_M = 0.1  # of the bulk of an upright plane
+_EXPLAINED = 0.8  # share of the rest of a thing that has to lie behind a closed door
+_OFF_M = (0.022, 0.095)  # how far a bar may stand off
+_CELL_M = 0.012
+_BAR_LENGTH_M, _BAR_WIDTH_M = (0.07, 0.6), 0.05
+_BAR_RADIUS_M = 0.009
+_PANEL_M = 0.018
+_NEAR_EDGE = 0.3  # of a front's height: where a lying bar is near an edge
+_DRAWER_M = 0.42  # a front that is lower and has a lying bar is a drawer
+_UPRIGHT_RAD, _FLAP_RAD, _SLIDE_M = 1.6, 1.3, 0.32  # what is taken for the limit
+_AJAR_RAD, _AJAR_M = 0.2, 0.035
+_WIDEST_RAD = 2.3
+_Z = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class _Plane:
+    """An upright plane: n . p = d, with n (3,) toward the eye; u (3,) lies in it, to the right of who faces it."""
+
+    n: Array
+    d: float
+    u: Array
+    own: NDArray[np.bool_]  # which points are on it
+
+
+@dataclass(frozen=True, eq=False)
+class _Front:
+    """A flat face with one bar, in the plane's u and z."""
+
+    plane: _Plane
+    bar: SeenBar
+    low: Array
+    high: Array
+
+
+def fronts(points: Array, eye: Array) -> list[Door]:
+    """The doors and drawers of a thing, as seen.
+
+    Args:
+        points: (n, 3) of the thing, in the world [m].
+        eye: (3,) where they were seen from.
+
+    Returns:
+        Those with a bar, in the world, named by their number; their limits are guesses.
+    """
+    if len(points) < _LEAST_POINTS:
+        return []
+    planes = list(_planes(points, eye))
+    found: list[_Front] = []
+    for plane in planes:
+        found += _fronts_on(points, plane, eye)
+    doors = []
+    for front in found:
+        if not any(_same(front, other) for other in found[: found.index(front)]):
+            doors.append(_door(front, f"front {len(doors) + 1}", found, planes, points))
+    return doors
+
+
+def _planes(points: Array, eye: Array) -> Iterator[_Plane]:
+    """Upright planes through the points, the one with the most points first."""
+    rng = np.random.default_rng(0)
+    left = np.ones(len(points), bool)
+    tolerance = _FLAT_M + _NOISE_PER_M * np.linalg.norm(points - eye, axis=1) ** 2
+    sample = points if len(points) < 4000 else points[rng.choice(len(points), 4000, replace=False)]
+    slack = (
+        tolerance if len(sample) == len(points) else _FLAT_M + _NOISE_PER_M * np.linalg.norm(sample - eye, axis=1) ** 2
+    )
+    free = np.ones(len(sample), bool)
+    for _ in range(_PLANES):
+        if free.sum() < _LEAST_POINTS // 4:
+            return
+        choice = np.flatnonzero(free)
+        a, b = sample[rng.choice(choice, _SAMPLES)], sample[rng.choice(choice, _SAMPLES)]
+        along = (b - a)[:, :2]
+        length = np.linalg.norm(along, axis=1)
+        good = length > 0.08
+        if not good.any():
+            return
+        n = np.stack([-along[good, 1], along[good, 0]], 1) / length[good, None]
+        d = np.einsum("ij,ij->i", n, a[good, :2])
+        off = np.abs(sample[free, :2] @ n.T - d)
+        best = int((off < slack[free, None]).sum(0).argmax())
+        normal, distance = n[best], d[best]
+        for _ in range(3):  # settle on the points themselves
+            near = np.abs(points[:, :2] @ normal - distance) < tolerance
+            if near.sum() < _LEAST_POINTS:
+                return
+            middle = np.median(points[near, :2], axis=0)
+            _, _, axes = np.linalg.svd(points[near, :2] - points[near, :2].mean(0), full_matrices=False)
+            normal = axes[1]
+            distance = float(np.median(points[near, :2] @ normal)) if abs(normal @ middle) >= 0 else 0.0
+        own = (np.abs(points[:, :2] @ normal - distance) < tolerance) & left
+        if own.sum() < _LEAST_POINTS:
+            return
+        free &= np.abs(sample[:, :2] @ normal - distance) > slack
+        left &= ~own
+        if np.ptp(np.percentile(points[own, 2], [15, 85])) < _TALL_M:
+            continue  # a slice of a top
+        sign = 1.0 if normal @ eye[:2] > distance else -1.0
+        n3 = np.append(sign * normal, 0.0)
+        yield _Plane(n3, sign * distance, np.cross(_Z, n3), own)
+
+
+def _fronts_on(points: Array, plane: _Plane, eye: Array) -> list[_Front]:
+    """Faces of a plane that have a bar."""
+    off = points @ plane.n - plane.d
+    u, z = points @ plane.u, points[:, 2]
+    low, high = np.percentile(u[plane.own], [0.5, 99.5]), np.percentile(z[plane.own], [0.5, 99.5])
+    near = (u > low[0] - 0.02) & (u < low[1] + 0.02) & (z > high[0] - 0.02) & (z < high[1] + 0.02)
+    standing = near & (off > _OFF_M[0]) & (off < _OFF_M[1])
+    bars = _bars(points[standing], plane, off[standing])
+    if not bars:
+        return []
+    face = np.array([[low[0], high[0]], [low[1], high[1]]])
+    return [_Front(plane, bar, *_around(bar, bars, face, plane)) for bar in bars]
+
+
+def _bars(points: Array, plane: _Plane, off: Array) -> list[SeenBar]:
+    """Slender things among points that stand off a plane."""
+    if len(points) < 8:
+        return []
+    uz = np.stack([points @ plane.u, points[:, 2]], 1)
+    cells = ((uz - uz.min(0)) / _CELL_M).astype(int)
+    grid = np.zeros(cells.max(0) + 1, bool)
+    grid[tuple(cells.T)] = True
+    whole = ndimage.binary_closing(np.pad(grid, 3), np.ones((3, 3)), iterations=2)[3:-3, 3:-3] | grid
+    parts, count = ndimage.label(whole, np.ones((3, 3)))
+    part = parts[tuple(cells.T)]
+    out = []
+    for k in range(1, count + 1):
+        own = part == k
+        if own.sum() < 8:
+            continue
+        span = np.percentile(uz[own], [2, 98], axis=0)
+        size = span[1] - span[0]
+        longer = int(size.argmax())
+        if not (_BAR_LENGTH_M[0] < size[longer] < _BAR_LENGTH_M[1] and size[1 - longer] < _BAR_WIDTH_M):
+            continue
+        if size[longer] < 2.5 * size[1 - longer]:
+            continue
+        inner = np.abs(uz[own, longer] - span[:, longer].mean()) < 0.4 * size[longer]  # without the posts
+        if inner.sum() < 4:
+            continue
+        outermost = float(np.percentile(off[own][inner], 85)) - _BAR_RADIUS_M
+        across = uz[own][inner][off[own][inner] > outermost - _BAR_RADIUS_M, 1 - longer]
+        at = np.empty(2)
+        at[longer] = span[:, longer].mean()
+        at[1 - longer] = np.percentile(across, [5, 95]).mean() if len(across) else span[:, 1 - longer].mean()
+        center = plane.u * at[0] + _Z * at[1] + plane.n * (plane.d + outermost)
+        out.append(SeenBar(center, (plane.u, _Z)[longer].copy(), plane.n.copy(), float(size[longer])))
+    return out
+
+
+def _around(bar: SeenBar, bars: list[SeenBar], face: Array, plane: _Plane) -> tuple[Array, Array]:
+    """(u, z) of the lowest and highest corner of the part of a face that a bar belongs to."""
+    low, high = face[0].copy(), face[1].copy()
+    at = np.array([bar.center @ plane.u, bar.center[2]])
+    lying = abs(bar.axis[2]) < 0.5
+    for other in bars:
+        if other is bar:
+            continue
+        there = np.array([other.center @ plane.u, other.center[2]])
+        k = 1 if lying else 0
+        if lying != (abs(other.axis[2]) < 0.5) or abs(there[1 - k] - at[1 - k]) > 0.25:
+            continue
+        if lying:  # bars sit alike on their fronts, so fronts begin as far apart as their bars do
+            if there[1] > at[1]:
+                high[1] = min(high[1], (there[1] + at[1]) / 2 + _above(bars, face))
+            else:
+                low[1] = max(low[1], (there[1] + at[1]) / 2 + _above(bars, face))
+        elif there[0] > at[0]:
+            high[0] = min(high[0], (there[0] + at[0]) / 2)
+        else:
+            low[0] = max(low[0], (there[0] + at[0]) / 2)
+    return low, high
+
+
+def _above(bars: list[SeenBar], face: Array) -> float:
+    """How far fronts reach up beyond the middle between their lying bars: from the top one, which is seen whole."""
+    heights = sorted(float(b.center[2]) for b in bars if abs(b.axis[2]) < 0.5)
+    if len(heights) < 2:
+        return 0.0
+    pitch = (heights[-1] - heights[0]) / (len(heights) - 1)
+    return float(np.clip(face[1, 1] - heights[-1] - pitch / 2, -0.3 * pitch, 0.3 * pitch))
+
+
+def _same(a: _Front, b: _Front) -> bool:
+    return bool(np.linalg.norm(a.bar.center - b.bar.center) < 0.06)
+
+
+def _door(front: _Front, name: str, found: list[_Front], planes: list[_Plane], points: Array) -> Door:
+    plane, bar = front.plane, front.bar
+    wide, high = front.high - front.low
+    at = (np.array([bar.center @ plane.u, bar.center[2]]) - front.low) / np.maximum([wide, high], 1e-6)
+    middle = plane.u * (front.low[0] + wide / 2) + _Z * (front.low[1] + high / 2) + plane.n * plane.d
+    T = np.eye(4)
+    T[:3, :3] = np.stack([plane.u, plane.n, _Z], axis=1) * [1, 1, np.linalg.det(np.stack([plane.u, plane.n, _Z], 1))]
+    T[:3, 3] = middle - plane.n * _PANEL_M / 2
+    solids = (Solid("box", np.array([wide, _PANEL_M, high]) / 2, T), _rod(bar))
+    if abs(bar.axis[2]) > 0.5:
+        free = plane.u if at[0] > 0.5 else -plane.u  # from the hinge to the free edge
+        origin = middle - free * wide / 2
+        axis = np.cross(free, plane.n)
+        position = _ajar(origin, free, plane, axis, planes, points)
+        return Door(name, "hinge", origin, axis, position, max(_UPRIGHT_RAD, position), bar, solids)
+    stacked = any(other is not front and abs(other.bar.axis[2]) < 0.5 for other in found)
+    if stacked or high < _DRAWER_M or _NEAR_EDGE < at[1] < 1 - _NEAR_EDGE:
+        position = _pulled(front, planes)
+        return Door(name, "slide", middle, plane.n, position, max(_SLIDE_M, position), bar, solids)
+    up = 1.0 if at[1] > 0.5 else -1.0
+    origin = middle - up * _Z * high / 2
+    return Door(name, "hinge", origin, np.cross(up * _Z, plane.n), 0.0, _FLAP_RAD, bar, solids)
+
+
+def _rod(bar: SeenBar) -> Solid:
+    T = np.eye(4)
+    T[:3, :3] = np.stack([bar.outward, np.cross(bar.axis, bar.outward), bar.axis], axis=1)
+    T[:3, 3] = bar.center
+    return Solid("cylinder", np.array([_BAR_RADIUS_M, _BAR_RADIUS_M, bar.length_m / 2]), T)
+
+
+def _ajar(origin: Array, free: Array, plane: _Plane, axis: Array, planes: list[_Plane], points: Array) -> float:
+    """How far a door is open [rad]: by the turn that brings it before the rest of the thing, along its other faces."""
+    rest = points[~plane.own]
+    rest = rest[np.abs((rest - origin) @ plane.n) > _OFF_M[1]]
+    if not len(rest):
+        return 0.0
+    shares = {0.0: _behind(rest - origin, free, plane.n)}
+    for other in planes:
+        base = float(np.arctan2(np.cross(free, other.u) @ axis, free @ other.u))
+        for turn in base + np.arange(4) * np.pi / 2 if other is not plane else ():
+            back = float(-np.arctan2(np.sin(turn), np.cos(turn)))
+            if _AJAR_RAD < back < _WIDEST_RAD:
+                R = Rotation.from_rotvec(-back * axis).as_matrix()
+                shares[back] = _behind(rest - origin, R @ free, R @ plane.n)
+    if shares[0.0] > _EXPLAINED:
+        return 0.0
+    return max(shares, key=lambda back: shares[back])
+
+
+def _behind(local: Array, free: Array, out: Array) -> float:
+    """Share of points, seen from the hinge, that are behind a door that lies along `free` and faces `out`."""
+    return float(((local @ out < 0.05) & (local @ free > -0.05)).mean())
+
+
+def _pulled(front: _Front, planes: list[_Plane]) -> float:
+    """How far a drawer is open [m]: before the plane of its neighbors or of the frame around it."""
+    out = 0.0
+    for other in planes:
+        if other.n @ front.plane.n > 0.97:
+            gap = front.plane.d - other.d
+            if _AJAR_M < gap < 0.5:
+                out = max(out, float(gap))
+    return out
