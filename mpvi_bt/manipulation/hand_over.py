@@ -65,6 +65,7 @@ def hand_over(work: Work, words: Words, tried: list[Array]) -> Actions:
         yield from motion.line(giver, away, 0.12)
     if not work.gripped(taker):
         raise MotionFailure("dropped")
+    yield from work.tuck()  # out of the way of the other arm
     yield from work.settle(without={held[giver].name})
     if not work.gripped(taker) or scene.holding(taker) not in alike:
         raise MotionFailure("dropped")

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from mpvi_bt.manipulation.in_hand import show
 from mpvi_bt.manipulation.scripted import ScriptedPolicy
 from mpvi_bt.manipulation.seen import Seen
 from mpvi_bt.manipulation.work import Work
@@ -80,6 +81,8 @@ class ReactivePolicy(ScriptedPolicy):
             torso[3] = 0.9
             yield from work.motion.stand(torso)
             yield from work.see("head", *sides)
+            for side in sides:
+                yield from show(work, side)
 
     def _search(self, work: Work, calls: list[SkillCall]) -> Any:
         """Look around, from one heading after the other; returns the first call that is grounded, or None."""

@@ -17,6 +17,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from mpvi_bt.manipulation.frames import Frame, take
+from mpvi_bt.manipulation.in_hand import InHand
 from mpvi_bt.perception.detector import Detector
 from mpvi_bt.perception.field import Field, FineField, View
 from mpvi_bt.perception.fronts import fronts
@@ -85,6 +86,7 @@ class Seen:
         self._things: dict[str, Thing] = {}
         self._count: dict[str, int] = {}
         self._grip: dict[Side, tuple[str, Array]] = {}  # thing, and its motion's inverse at the grasp
+        self._shown: dict[Side, InHand] = {}  # what was first seen in a hand
         self._both: tuple[str, Array] | None = None  # likewise between both hands, by the left one's motion
         self._stand, self._stood, self._way_m = 0, np.full(3, np.inf), 0.0
         self._felt: Proprioception | None = None
@@ -122,7 +124,13 @@ class Seen:
             frame = take(image, felt, self._detector, self._phrases, self._stand, self._way_m)
             self._frames = [*self._frames, frame][-_KEPT:]
             self._associate(frame)
+        before = set(self._grip)
         self._feel_hands(felt)  # they may hold what has been seen only now
+        for side in set(self._grip) - before:
+            thing, self._shown[side] = self._things[self._grip[side][0]], InHand()
+            for frame, mask in thing.views:
+                self._regard(thing, frame, mask)
+            thing.views = []
 
     def _tcp(self, side: Side) -> Array:
         assert self._felt is not None
@@ -146,7 +154,9 @@ class Seen:
             if abs(aside) < _RECENTERED_M:
                 thing.shape = thing.shape.moved(kin.transform(np.eye(3), -aside * T[:3, 1]))
         self._grip[side] = (thing.name, kin.inverse(T))
-        thing.inside, thing.views = None, []
+        thing.inside = None
+        if self._frames and not any(f is self._frames[-1] for f, _ in thing.views):
+            thing.views = []
 
     def _press(self) -> None:
         """The hands have begun to press the nearest thing between them, or have ceased to."""
@@ -168,6 +178,7 @@ class Seen:
         thing = self._things[name]
         thing.shape = self._shape(name)
         del self._grip[side]
+        self._shown.pop(side, None)
         thing.views = []
         middle = thing.shape.box().mean(0)
         for other in self._things.values():
@@ -206,7 +217,7 @@ class Seen:
                 for thing in known:
                     gap = float(np.median(Surroundings(self._shape(thing.name).solids).distance(points)))
                     fresh = bool(thing.views) and thing.views[-1][0].stand == frame.stand
-                    if gap < (_NEAR_M if fresh else _FAR_M):
+                    if gap < (_GRASPED_M if thing.name in self._held() else _NEAR_M if fresh else _FAR_M):
                         pairs.append((gap, i, thing.name))
             done: set[object] = set()
             for _, i, name in sorted(pairs):
@@ -229,6 +240,7 @@ class Seen:
     def _update(self, thing: Thing, frame: Frame, mask: NDArray[np.bool_]) -> None:
         """See a thing again; what is in hand is known better by the hand."""
         if thing.name in self._held():
+            self._regard(thing, frame, mask)
             return
         thing.views = [(f, m) for f, m in thing.views if frame.way_m - f.way_m < _RECENT_M][-5:]
         thing.views.append((frame, mask))
@@ -239,6 +251,17 @@ class Seen:
             thing.shape = shape
             if thing.inside is not None and not self._lies_in(thing, thing.inside):
                 thing.inside = None
+
+    def _regard(self, thing: Thing, frame: Frame, mask: NDArray[np.bool_]) -> None:
+        """See what a hand holds: it is as good as a part of the robot; what was first seen there is seen better now."""
+        for side, (name, _) in self._grip.items():
+            if name == thing.name and side in self._shown:
+                T = self._tcp(side)
+                self._shown[side].add(frame, mask, T)
+                if (shape := self._shown[side].shape(T)) is not None:
+                    thing.shape, self._grip[side] = shape, (name, kin.inverse(T))
+        frame.robot[:] |= ndimage.binary_dilation(mask, iterations=2)
+        self._field = None
 
     def _fitted(self, thing: Thing, views: Sequence[tuple[Frame, NDArray[np.bool_]]]) -> Shape | None:
         """The shape that views agree on; what the wrist sees, from near, counts for where it is."""

@@ -1,0 +1,66 @@
+"""What a hand was found to hold: its shape from pictures that show it in the hand, from one side after the other."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpvi_bt.manipulation.frames import Frame
+from mpvi_bt.manipulation.work import Work
+from mpvi_bt.perception.shapes import Shape, fit, main_cluster
+from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.motion import Actions
+from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.solids import Array
+
+_SEEN_PX = 6  # a mask of fewer pixels is not looked at
+# How a thing is held out to the head: turned about the vertical [rad], at which height [m].
+_SHOWN = ((0.0, 0.75), (1.3, 0.95), (-1.3, 0.85))
+_PLACES = ((0.50, 0.10), (0.45, 0.18), (0.55, 0.22), (0.42, 0.05))  # ahead, and toward its own side [m]
+
+
+class InHand:
+    """Points of one held thing, gathered in the frame of the hand: they stay where they are as the hand moves."""
+
+    def __init__(self) -> None:
+        """Nothing seen yet."""
+        self._points: list[Array] = []
+        self._eye = np.zeros(3)
+
+    def add(self, frame: Frame, mask: NDArray[np.bool_], T_world_tcp: Array) -> None:
+        """Take in one picture of it, with the hand as it was when the picture was taken."""
+        points = main_cluster(frame.of(mask))
+        if len(points) < _SEEN_PX:
+            return
+        T = kin.inverse(T_world_tcp)
+        self._points.append(points @ T[:3, :3].T + T[:3, 3])
+        if frame.image.camera == "head" or not self._eye.any():
+            self._eye = frame.eye
+
+    def shape(self, T_world_tcp: Array) -> Shape | None:
+        """What it is, for the hand where it is now; None if too little was seen. It is taken to be held upright."""
+        if not self._points:
+            return None
+        points = np.concatenate(self._points) @ T_world_tcp[:3, :3].T + T_world_tcp[:3, 3]
+        return fit(points, np.zeros((0, 3)), self._eye)
+
+
+def show(work: Work, side: Side) -> Actions:
+    """Turn what a hand holds before the head, look at it from each side, and bring it back.
+
+    Poses that are out of reach are left out: what is not seen is not known.
+    """
+    home = work.motion.hand(side)
+    for turn, z in _SHOWN:
+        for x, y in _PLACES:
+            T = kin.transform(kin.rot_z(turn * r1.SIGN[side]) @ home[:3, :3], (x, y * r1.SIGN[side], z))
+            if (path := arm_motion.plan_level(work.body(), side, T)) is not None:
+                yield from work.motion.follow(side, path, speed=1.2)
+                if (name := work.scene.holding(side)) is not None:
+                    yield from work.look_at(name)
+                else:
+                    yield from work.see("head", side)
+                break
+    if (path := arm_motion.plan_level(work.body(), side, home)) is not None:
+        yield from work.motion.follow(side, path, speed=1.2)
