@@ -154,9 +154,7 @@ class Seen:
             if abs(aside) < _RECENTERED_M:
                 thing.shape = thing.shape.moved(kin.transform(np.eye(3), -aside * T[:3, 1]))
         self._grip[side] = (thing.name, kin.inverse(T))
-        thing.inside = None
-        if self._frames and not any(f is self._frames[-1] for f, _ in thing.views):
-            thing.views = []
+        thing.inside = None  # its views stay: where it stood it stands no more
 
     def _press(self) -> None:
         """The hands have begun to press the nearest thing between them, or have ceased to."""
