@@ -20,7 +20,8 @@ from mpvi_bt.robot.solids import Array, Solid, pose
 _CELL_M = 0.015  # of the grid in which points hang together
 _AROUND_M = 0.12  # from how far around a thing its support is told
 _ROUND = 0.88  # share of its rectangle that an outline fills: a disc has 0.79, a rectangle 1
-_CORNERED = 0.93  # what fills more of its rectangle is none
+_CORNERED = 0.90  # what fills more of its rectangle is none
+_GRAIN_PER_M = 0.0008  # depth is that much rougher for every square meter of range [m]
 _WALL_M = 0.008  # of vessels
 _FURNITURE_M = 0.55  # what is longer than this is furniture: faces to put things on
 _UPRIGHT_M = 0.9  # likewise what is higher
@@ -199,10 +200,11 @@ def fit(points: Array, around: Array, eye: Array, support: float | None = None) 
     vessel = _vessel(points, seen, support, top) if eye[2] > top + 0.04 else None
     if vessel is not None:
         return vessel
-    ball = _ball(points, support, top)
+    grain = _GRAIN_PER_M * float(np.median(((points - eye) ** 2).sum(1)))
+    ball = _ball(points, float(seen.sides[0]), support, top, grain)
     if ball is not None:
         return ball
-    column = _column(points, seen, support, top)
+    column = _column(points, seen, support, top, grain)
     if column is not None:
         return column
     if eye[2] < top + 0.04:  # its top is not in view, so its depth is not either
@@ -280,7 +282,7 @@ def circle(xy: Array) -> tuple[Array, float, float]:
     return s[:2], radius, float(np.sqrt(np.mean(off**2)))
 
 
-def _ball(points: Array, support: float, top: float) -> Shape | None:
+def _ball(points: Array, width: float, support: float, top: float, grain: float) -> Shape | None:
     """The far half of a ball is unseen: its outline would be too small and too near."""
     if len(points) < 12:
         return None
@@ -290,14 +292,15 @@ def _ball(points: Array, support: float, top: float) -> Shape | None:
     off = np.linalg.norm(points - s[:3], axis=1) - radius
     noise = float(np.sqrt(np.mean(off**2)))
     tall = (top - support) / 2
-    if not 0.006 < radius < 0.10 or noise > max(0.002, 0.06 * radius) or abs(radius - tall) > max(0.004, 0.15 * radius):
+    off_m, tall_m = max(0.002, 0.06 * radius) + grain, max(0.004, 0.15 * radius) + grain
+    if not 0.006 < radius < min(0.10, 0.65 * width + 0.004) or noise > off_m or abs(radius - tall) > tall_m:
         return None
     center = np.array([s[0], s[1], support + tall])
     T = pose(center)
     return Shape("ball", T, (Solid("sphere", np.full(3, (radius + tall) / 2), T),), support)
 
 
-def _column(points: Array, seen: Outline, support: float, top: float) -> Shape | None:
+def _column(points: Array, seen: Outline, support: float, top: float, grain: float) -> Shape | None:
     """An upright cylinder, by its outline, or by the bend of its side where something hides a part of it."""
     height, (long, short) = top - support, seen.sides
     middle, radius = seen.middle, float(long + short) / 4
@@ -310,7 +313,9 @@ def _column(points: Array, seen: Outline, support: float, top: float) -> Shape |
         turn = np.angle(np.exp(1j * (bend - np.angle(np.exp(1j * bend).mean()))))
         arc = float(np.ptp(np.percentile(turn, [3, 97])))
         doubt = 4 * noise / (1 - float(np.cos(arc / 2)) + 1e-6) / float(np.sqrt(len(side)))  # of the radius
-        bent = noise < max(0.002, 0.04 * r) and doubt < 0.004 and 0.008 < r < min(0.25, 0.8 * float(long) + 0.004)
+        bent = (
+            noise < max(0.002, 0.04 * r) + grain and doubt < 0.004 and 0.008 < r < min(0.25, 0.8 * float(long) + 0.004)
+        )
         if bent:
             middle, radius = m, r
     if not (whole or bent) and not (seen.fill < _ROUND and long - short < max(0.012, 0.15 * long)):
@@ -324,14 +329,17 @@ def _vessel(points: Array, seen: Outline, support: float, top: float) -> Shape |
     rim, bar = _rim(points, seen, support, top)
     if seen.sides[1] < 0.045 or rim - support < 0.025:
         return None
-    edge = points[(points[:, 2] > rim - 0.02) & (points[:, 2] < rim + 0.006), :2]
+    edge = points[(points[:, 2] > rim - min(0.02, 0.3 * (rim - support))) & (points[:, 2] < rim + 0.006), :2]
     if len(edge) < 12:
         return None
     around = outline(_trimmed(edge))
     if around.sides[1] < 0.6 * seen.sides[1]:
         return None
     at, half = np.abs(around.local(points[:, :2])), np.maximum(around.sides / 2, 0.01)
-    round_ = around.fill < _ROUND
+    middle, radius, bent = circle(edge)
+    local = np.abs(around.local(edge))
+    straight = float(np.sqrt(np.mean((around.sides / 2 - local).min(1) ** 2)))  # off the sides of the rectangle
+    round_ = bent < straight and 0.4 * around.sides[1] < radius < 0.7 * around.sides[0]
     off = np.hypot(*(at / half).T) if round_ else (at / half).max(1)
     inward = (1 - off) * half.min() if round_ else (half - at).min(1)  # from the outer edge [m]
     low = points[:, 2] < rim - min(0.012, 0.3 * (rim - support))
@@ -346,10 +354,6 @@ def _vessel(points: Array, seen: Outline, support: float, top: float) -> Shape |
         floor = floor if floor < support + 0.35 * (rim - support) else support + _WALL_M
     bars = () if bar is None else (bar,)
     if round_:
-        ring = points[(points[:, 2] > rim - 0.010) & (points[:, 2] < rim + 0.006), :2]
-        middle, radius, _ = circle(ring if len(ring) > 12 else edge)
-        if not 0.4 * around.sides[1] < radius < 0.7 * around.sides[0]:
-            middle, radius = around.middle, float(around.sides.mean()) / 2 - _WALL_M / 2
         return _round_vessel(middle, radius, support, floor, rim, bars)
     return _square_vessel(around, support, floor, rim, bars)
 
@@ -357,10 +361,11 @@ def _vessel(points: Array, seen: Outline, support: float, top: float) -> Shape |
 def _rim(points: Array, seen: Outline, support: float, top: float) -> tuple[float, SeenBar | None]:
     """Height of a vessel's rim, and the bar that spans it higher up, if there is one."""
     edges = np.arange(top + 0.002, support + 0.02, -_SLICE_M)
+    levels = [points[(points[:, 2] <= high) & (points[:, 2] > high - 2 * _SLICE_M), :2] for high in edges]
+    enough = max(8.0, 0.3 * float(np.median([len(level) for level in levels] or [0])))
     rim = top
-    for high in edges:
-        level = points[(points[:, 2] <= high) & (points[:, 2] > high - 2 * _SLICE_M), :2]
-        if len(level) > 8:
+    for high, level in zip(edges, levels, strict=True):
+        if len(level) > enough:
             across = np.percentile(seen.local(level), [3, 97], axis=0)
             if (np.ptp(across, axis=0) > 0.6 * seen.sides).all():
                 rim = min(float(high), top)
