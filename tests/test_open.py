@@ -10,7 +10,7 @@ import pytest
 from mpvi_bt.manipulation.close import is_closed, pushes
 from mpvi_bt.manipulation.expert import ExpertPolicy
 from mpvi_bt.manipulation.open import is_open
-from mpvi_bt.manipulation.openings import moved, parts_meant, swings
+from mpvi_bt.manipulation.openings import doors_meant, moved, swings, thing_meant
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.skills import load_skills
@@ -74,9 +74,10 @@ def play(
 )
 def test_a_phrase_tells_doors_apart(fixture: str, phrase: str, names: list[str]) -> None:
     """Words of place and rank choose among a thing's doors, counted from the top; without them all are meant."""
-    thing, doors = parts_meant(work_in(small_world(thing=fixture)), phrase)
+    work = work_in(small_world(thing=fixture))
+    thing, places = thing_meant(work, phrase)
     assert thing == "thing"
-    assert [door.name for door in doors] == names
+    assert [door.name for door in doors_meant(work, thing, places)] == names
 
 
 def test_left_stays_left_when_a_door_is_open() -> None:
@@ -85,7 +86,8 @@ def test_left_stays_left_when_a_door_is_open() -> None:
     for body in ("left_door", "right_door"):
         world.set_opening("thing", body, 0.75)
         world.refresh()
-        (door,) = parts_meant(work_in(world), f"{body.removesuffix('_door')} door of the cabinet")[1]
+        work = work_in(world)
+        (door,) = doors_meant(work, *thing_meant(work, f"{body.removesuffix('_door')} door of the cabinet"))
         assert door.name == body
 
 
@@ -93,8 +95,9 @@ def test_left_stays_left_when_a_door_is_open() -> None:
 def test_what_cannot_be_opened_says_so(phrase: str, reason: str) -> None:
     """An unknown thing and a thing without doors have reasons of their own."""
     world = small_world(thing="{entry: table, at: [1.0, 0.0]}")
+    work = work_in(world)
     with pytest.raises(MotionFailure) as failure:
-        parts_meant(work_in(world), phrase)
+        doors_meant(work, *thing_meant(work, phrase))
     assert failure.value.reason == reason
 
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from mpvi_bt.manipulation.course import Course, Start
 from mpvi_bt.manipulation.follow import go_along, resistance, take_up, touch
 from mpvi_bt.manipulation.open import course_search, sides, swing, then_leave
-from mpvi_bt.manipulation.openings import moved, panel, parts_meant, upright
+from mpvi_bt.manipulation.openings import doors_meant, look_over, moved, panel, thing_meant, upright
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.robot import kinematics as kin
@@ -19,6 +19,7 @@ from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid
 
 _CLOSED = 0.03  # of its limit
+_MOST_DOORS = 8
 _FIST_M = 0.012  # the fingertips are that far before the tcp
 _SHORT_M = 0.10
 _TURNS = (0.5, 0.75, 0.3, 0.9)
@@ -41,25 +42,22 @@ def close(work: Work, words: Words, tried: list[Array]) -> Actions:
         MotionFailure: "unknown_object", "no_door", "hands_full", "no_stance", "closed_empty", "slipped", "not_closed",
             or a motion's own reason.
     """
-    thing, meant = parts_meant(work, words["object"])
-    for name in [d.name for d in meant if not is_closed(d)]:
-        door = _now(work, thing, name)
-        if door is None or is_closed(door):
-            continue
-        yield from _shut(work, thing, door, tried, words.get("hand"))
-        yield from work.look_at(thing)
-        after = _now(work, thing, name)
-        if after is not None and not is_closed(after):
+    thing, places = thing_meant(work, words["object"])
+    yield from look_over(work, thing)
+    for _ in range(_MOST_DOORS):
+        ajar = [d for d in doors_meant(work, thing, places) if not is_closed(d)]
+        if not ajar:
+            return
+        yield from _shut(work, thing, ajar[0], tried, words.get("hand"))
+        yield from look_over(work, thing)
+        left = [d for d in doors_meant(work, thing, places) if not is_closed(d)]
+        if len(left) >= len(ajar):
             raise MotionFailure("not_closed")
 
 
 def is_closed(door: Door) -> bool:
     """Whether it is closed."""
     return door.position < _CLOSED * door.limit
-
-
-def _now(work: Work, thing: str, name: str) -> Door | None:
-    return next((d for d in work.scene.doors(thing) if d.name == name), None)
 
 
 def _shut(work: Work, thing: str, door: Door, tried: list[Array], hand: str | None) -> Actions:

@@ -8,12 +8,12 @@ import numpy as np
 
 from mpvi_bt.manipulation.course import Course, CourseSearch, Start
 from mpvi_bt.manipulation.follow import back_out, go_along, take_up, touch
-from mpvi_bt.manipulation.openings import moved, panel, parts_meant, swings, upright
+from mpvi_bt.manipulation.openings import doors_meant, look_over, moved, panel, swings, thing_meant, upright
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.perception.parts import Bar, Door
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.solids import Array, Solid
 
 # How far to open [rad], the most first, for there may be no room: enough to reach in. A bottom hinge stops where the
 # bar can still be taken hold of to close it again.
@@ -21,6 +21,8 @@ _UPRIGHT_RAD = (1.5, 1.3, 1.1, 0.9)
 _FLAP_RAD = (1.2, 1.0)
 _SLIDE_M = (0.3, 0.24)
 _OPEN_ENOUGH = 0.8  # of the first of these
+_AROUND_M = 2.5
+_DEEP_M, _BEHIND_M = 0.3, 0.015  # what is behind a front, of which only the front was seen
 _BACK_OUT_M = 0.15
 _BACK_OFF_M = 0.25
 
@@ -37,7 +39,9 @@ def open_(work: Work, words: Words, tried: list[Array]) -> Actions:
         MotionFailure: "unknown_object", "no_door", "no_handle", "hands_full", "no_stance", "closed_empty", "slipped",
             "not_opened", or a motion's own reason.
     """
-    thing, doors = parts_meant(work, words["object"])
+    thing, places = thing_meant(work, words["object"])
+    yield from look_over(work, thing)
+    doors = doors_meant(work, thing, places)
     if any(is_open(door) for door in doors):
         return
     able = [door for door in doors if door.bar is not None]
@@ -45,9 +49,9 @@ def open_(work: Work, words: Words, tried: list[Array]) -> Actions:
         raise MotionFailure("no_handle")
     door = able[0]
     yield from swing(work, thing, door, [min(t, door.limit) for t in targets(door)], tried, words.get("hand"))
-    yield from work.look_at(thing)
-    after = next((d for d in work.scene.doors(thing) if d.name == door.name), None)
-    if after is None or not is_open(after):
+    if work.sight is not None:
+        return  # the hand has felt the bar to the end, and knows better than a look from aside
+    if not any(is_open(d) for d in work.scene.doors(thing) if d.name == door.name):
         raise MotionFailure("not_opened")
 
 
@@ -159,11 +163,32 @@ def course_search(
     held = work.held()
     carried = {n for h in held.values() for n in (h.name, *work.scene.within(h.name))}
     inside = set(work.scene.within(thing)) if door.kind == "slide" else set()
+    without = {*carried, *inside, thing}
     at = work.motion.felt.base_pose[:2]
-    near = work.scene.obstacles(at, 2.5, without={*carried, *inside, thing})
-    parts = list(work.scene.solids(thing))
-    stays = [
-        s for s in parts
-        if not any(np.allclose(s.T, d.T, atol=1e-4) and np.allclose(s.half_m, d.half_m) for d in door.solids)
-    ]  # fmt: skip
+    if work.sight is None:
+        near = work.scene.obstacles(at, _AROUND_M, without)
+        parts = list(work.scene.solids(thing))
+    else:
+        with work.sight.trusting():  # the way leads back and aside, where nobody looks
+            near = work.scene.obstacles(at, _AROUND_M, without)
+        parts = [s for d in work.scene.doors(thing) for s in (*d.solids, _carcass(d))]
+    stays = [s for s in parts if not any(_alike(s, moving) for moving in door.solids)]
     return CourseSearch(work.motion, side, held, near, parts, work.rng, list(tried), stays, bendable)
+
+
+def _alike(a: Solid, b: Solid) -> bool:
+    return np.allclose(a.T, b.T, atol=1e-4) and np.allclose(a.half_m, b.half_m)
+
+
+def _carcass(door: Door) -> Solid:
+    """What is taken to be behind a front when it is closed."""
+    face = panel(door).moved(moved(door, -door.position))
+    through = int(np.argmin(face.half_m))
+    half = face.half_m.copy()
+    half[through] = _DEEP_M / 2
+    T = face.T.copy()
+    normal = face.T[:3, through]
+    if door.bar is not None:
+        normal = normal * np.sign(float(normal @ (moved(door, -door.position)[:3, :3] @ door.bar.outward)))
+    T[:3, 3] -= normal * (_DEEP_M / 2 + _BEHIND_M)
+    return Solid("box", half, T)

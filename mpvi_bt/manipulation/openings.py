@@ -12,7 +12,7 @@ from mpvi_bt.manipulation.course import Course
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.parts import Bar, Door
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.motion import MotionFailure
+from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.solids import Array, Solid
 
 _PARTS = "doors?|drawers?|lids?|hatch|flap|boot|trunk|cover"
@@ -21,30 +21,52 @@ _RANKS = {
     "1": 0, "2": 1, "3": 2, "4": 3, "5": 4, "one": 0, "two": 1, "three": 2, "four": 3, "five": 4,
 }  # fmt: skip
 _PLACES = ("top", "upper", "uppermost", "highest", "bottom", "lower", "lowest", "middle", "left", "right", *_RANKS)
+_LOOKS = 2
+_FACING_RAD = 0.15
 _SHORT_M = 0.11  # the hand waits that far before a bar
 _ALONG = (0.0, 0.3, -0.3)  # where to hold a bar, in lengths from its middle
 # How much of a door's angle the hand turns with it: half is easiest, for the base turns as much.
 _TURNS = (0.5, 0.3, 0.7)
 
 
-def parts_meant(work: Work, phrase: str) -> tuple[str, list[Door]]:
-    """The thing that a phrase names and those of its doors that it may mean.
+def thing_meant(work: Work, phrase: str) -> tuple[str, list[str]]:
+    """The thing that a phrase names, and the words that tell its doors apart.
 
     Args:
         work: Robot and world.
         phrase: Such as "cabinet", "top drawer of the chest of drawers", "left cabinet door".
 
-    Returns:
-        The thing's name and its doors: the one that the phrase tells apart, or all from the top.
+    Raises:
+        MotionFailure: "unknown_object" if nothing is called so.
+    """
+    words = _plain(phrase)
+    found = work.scene.knowledge().find
+    place = "|".join(_PLACES)
+    forms = (
+        rf"(?P<places>(?:(?:{place})\s+)*)(?:(?:{_PARTS})\s+)?(?P<rank>(?:number\s+)?(?:{place})\s+)?"
+        r"(?:of|on|in|to)\s+(?:the\s+)?(?P<thing>.+)",
+        rf"(?P<places>(?:(?:{place})\s+)*)(?P<thing>.+?)(?:\s+(?:{_PARTS}))(?P<rank>\s+(?:number\s+)?(?:{place}))?",
+        rf"(?P<places>(?:(?:{place})\s+)+)(?P<thing>.+)(?P<rank>)",
+    )
+    for form in forms:
+        match = re.fullmatch(form, words)
+        if match and (found(match["thing"]) or found(words)):
+            said = [w for w in f"{match['places']} {match['rank'] or ''}".split() if w != "number"]
+            # What only cameras know is called as it was asked for, place and all.
+            return work.nearest(match["thing"] if found(match["thing"]) else words), said
+    return work.nearest(words), []
+
+
+def doors_meant(work: Work, thing: str, places: Sequence[str]) -> list[Door]:
+    """The doors of a thing that words of place tell apart: one, or all from the top.
 
     Raises:
-        MotionFailure: "unknown_object" if nothing is called so, "no_door" if it has nothing that opens.
+        MotionFailure: "no_door" if it has nothing that opens.
     """
-    thing, places = _read(work, _plain(phrase))
     doors = list(work.scene.doors(thing))
     if not doors:
         raise MotionFailure("no_door")
-    return thing, _ranked(doors, places)
+    return _ranked(doors, places)
 
 
 def _plain(phrase: str) -> str:
@@ -52,23 +74,18 @@ def _plain(phrase: str) -> str:
     return re.sub(r"^(?:the|an?)\s+", "", " ".join(re.sub(r"[_\W]+", " ", phrase.lower()).split()))
 
 
-def _read(work: Work, words: str) -> tuple[str, list[str]]:
-    """The thing and the words that tell its doors apart."""
-    found = work.scene.knowledge().find
-    if any(words in e.phrases for e in found(words)):
-        return work.nearest(words), []  # it is a name, such as "top hat"
-    place = "|".join(_PLACES)
-    forms = (
-        rf"(?P<places>(?:(?:{place})\s+)*)(?:(?:{_PARTS})\s+)?(?P<rank>(?:number\s+)?(?:{place})\s+)?(?:of|on|in|to)\s+(?:the\s+)?(?P<thing>.+)",
-        rf"(?P<places>(?:(?:{place})\s+)*)(?P<thing>.+?)(?:\s+(?:{_PARTS}))(?P<rank>\s+(?:number\s+)?(?:{place}))?",
-        rf"(?P<places>(?:(?:{place})\s+)+)(?P<thing>.+)(?P<rank>)",
-    )
-    for form in forms:
-        match = re.fullmatch(form, words)
-        if match and found(match["thing"]):
-            said = f"{match['places']} {match['rank'] or ''}".split()
-            return work.nearest(match["thing"]), [w for w in said if w != "number"]
-    return work.nearest(words), []
+def look_over(work: Work, thing: str) -> Actions:
+    """See the whole front of a thing: turn to it and look until it is in the picture. The truth needs no look."""
+    if work.sight is None:
+        return
+    for _ in range(_LOOKS):
+        boxes = np.stack([s.aabb() for s in work.scene.solids(thing)])
+        middle = (boxes[:, 0].min(0) + boxes[:, 1].max(0))[:2] / 2
+        x, y, yaw = work.motion.felt.base_pose
+        bearing = float(np.arctan2(middle[1] - y, middle[0] - x))
+        if abs(kin.wrap(bearing - yaw)) > _FACING_RAD:
+            yield from work.motion.drive(np.array([x, y, bearing]))
+        yield from work.study(thing)
 
 
 def _ranked(doors: Sequence[Door], places: Sequence[str]) -> list[Door]:
