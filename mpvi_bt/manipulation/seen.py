@@ -32,7 +32,8 @@ from mpvi_bt.robot.protocol import EMPTY_M, SIDES, CameraImage, Proprioception, 
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.robot.squeeze import squeezes
 
-_KEPT = 8  # pictures remembered
+_PASSED_M = 1.0  # of driving: pictures that old still tell where the base can go
+_KEPT = 20  # pictures remembered
 _CARVED = 4  # pictures of the head that the field of obstacles is carved from
 _MOVED = (0.01, 0.015)  # a base that has moved farther than this [m, rad] stands at another place
 _NEAR_M = 0.12  # a mask this near to where a thing was is that thing, from the same place
@@ -389,6 +390,13 @@ class Seen:
         ]  # fmt: skip
         return Together([self._field[1], Surroundings(unseen)])
 
+    def passable(self) -> Obstacles:
+        """What the base must not drive into, by all pictures of the last meter; what none of them shows is free."""
+        assert self._felt is not None
+        head = [f for f in self._frames if f.image.camera == "head" and self._way_m - f.way_m < _PASSED_M]
+        views = [View(f.image, self._transparent(f, self._held())) for f in head]
+        return Field(views, self._felt.base_pose[:2])
+
     @contextlib.contextmanager
     def trusting(self) -> Iterator[None]:
         """While this lasts, what lies hidden well behind surfaces is not taken for solid."""
@@ -415,6 +423,7 @@ class Seen:
         for name in without:
             if (thing := self._things.get(name)) is not None:
                 solids += self.solids(name)
+                solids += [s for door in self.doors(name) for s in door.solids]
                 for f, mask in thing.views:
                     if f is frame and thing.shape.kind != "furniture":
                         through = through | ndimage.binary_dilation(mask, iterations=1)
