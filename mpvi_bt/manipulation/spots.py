@@ -70,11 +70,14 @@ def under(work: Work, held: Held, target: str, leans: Sequence[float]) -> Iterat
     """Poses on the floor below a thing, nothing of which is below them."""
     box, _ = size(work.scene.solids(target))
     height = float(np.ptp(size([s.moved(work.base @ _hand(work, held)) for s in held.solids])[0], axis=0)[2])
-    over = [s.aabb() for s in work.scene.solids(target)]
     here = work.motion.felt.base_pose[:2]
     places = np.stack(np.meshgrid(*[np.arange(a, b, _GRID_M) for a, b in box.T[:2]], indexing="ij"), -1).reshape(-1, 2)
-    below = np.array([any((b[0, :2] + 0.03 < p).all() and (p < b[1, :2] - 0.03).all() and b[0, 2] > height
-                          for b in over) for p in places])  # fmt: skip
+    ring = 0.03 * np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
+    below = np.zeros(len(places), bool)
+    for top in (s for s in work.scene.solids(target) if s.aabb()[0, 2] > height):
+        around = (places[:, None] + ring).reshape(-1, 2)
+        at = np.column_stack([around, np.full(len(around), top.T[2, 3])])
+        below |= (Surroundings([top]).distance(at) <= 0).reshape(-1, 4).all(1)
     spots = np.column_stack([places, np.zeros(len(places))])[below]
     spots = spots[_room(work, held, spots, 0.01)]
     for spot in spots[np.argsort(np.linalg.norm(spots[:, :2] - here, axis=1))]:
@@ -138,10 +141,11 @@ def _room(work: Work, held: Held, spots: Array, clear_m: float, without: str | N
     near = work.motion.felt.base_pose[:2]
     others = work.scene.obstacles(near, _NEAR_M, without={*carried, *([without] if without else [])})
     below = work.scene.obstacles(near, _NEAR_M, without=carried)
-    ring = np.array([(np.cos(a), np.sin(a), 0.0) for a in np.arange(8) * np.pi / 4])
-    heights = np.linspace(0.02, max(0.03, float(np.ptp(box, axis=0)[2])), 4)
-    body = np.array([[0.0, 0.0, z] for z in heights])
-    free = (others.distance(spots[:, None] + body) > radius + clear_m).all(1)
+    ring = np.array([(np.cos(a), np.sin(a), 0.0) for a in np.arange(12) * np.pi / 6])
+    heights = np.linspace(clear_m + 0.01, max(clear_m + 0.02, float(np.ptp(box, axis=0)[2])), 4)
+    rings = np.concatenate([radius * share * ring for share in (1.0, 0.5)] + [np.zeros((1, 3))])
+    body = (rings[None] + np.array([[0.0, 0.0, z] for z in heights])[:, None]).reshape(-1, 3)
+    free = (others.distance(spots[:, None] + body) > clear_m).all(1)
     feet = spots[:, None] + 0.6 * radius * ring - [0, 0, 0.008]
     return np.asarray(free & ((spots[:, 2] < 0.01) | (below.distance(feet) < 0.012).all(1)))
 

@@ -27,7 +27,8 @@ _PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1)
 _MARGIN_M = 0.012
 _BASE_CLEAR_M = 0.30
 _TOUCH_M = 0.008  # the spheres reach that far beyond what they stand for: what may be near a hand that touches
-_CHECKED_POSTURES = 30  # of one base pose
+_RANKED_POSTURES = 1200  # of one base pose, checked where the hand works
+_CHECKED_POSTURES = 16  # of those, on the whole way
 _CHECKED_BASES = 16  # of one spacing
 _SPACINGS = ((0.12, 0.5), (0.05, 0.25))  # [m, rad] between base poses: what fails here fails a hand's breadth away
 _STEP_M = 0.06  # between checks on the way in
@@ -327,9 +328,12 @@ class Search:
             arms[self.other] = hold[-1]
             if not self.body(self.motion.torso, behind, arms).free(self.other, hold[-1])[0]:
                 return None
+        rows = np.argsort(cost)[:_RANKED_POSTURES]
+        touching = np.array([options[k].contact == key for k, key in zip(able, keys, strict=True)])
+        rows = rows[self._clear(base, torsos, t[rows], q[rows], touching[g[rows]], arms)]
         seen: dict[tuple[int, int], int] = {}
         standing: dict[int, Standing | None] = {}
-        for row in np.argsort(cost)[: 40 * _CHECKED_POSTURES]:
+        for row in rows:
             where = (int(t[row]), int(g[row]))
             if seen.get(where, 0) >= 2:
                 continue
@@ -347,6 +351,22 @@ class Search:
             if path is not None:
                 return Stance(base, torso, k, path, goals[where[1]], hold, stood.level, route, options[k].opening_m)
         return None
+
+    def _clear(self, base: Array, torsos: Array, t: NDArray[np.intp], q: Array, touching: NDArray[np.bool_],
+               arms: Mapping[Side, Array]) -> NDArray[np.bool_]:  # fmt: skip
+        """(n,) bool: postures q (n, 7) with torsos `t` (n,) that are clear where the hand works, the trunk too."""
+        out = np.zeros(len(q), bool)
+        bare = {s: h.load for s, h in self.held.items() if s != self.side}
+        near, loose = self.around(base, touched=True), self.around(base, touched=False)
+        for k in np.unique(t):
+            body = replace(self.body(torsos[k], near, arms), torso=torsos[k])
+            if not body.trunk_free():
+                continue
+            rows = np.flatnonzero((t == k) & touching)
+            out[rows] = replace(body, around=loose, held=bare).free(self.side, q[rows], -_TOUCH_M, grasping=True)
+            rows = np.flatnonzero((t == k) & ~touching)
+            out[rows] = body.free(self.side, q[rows], _MARGIN_M)
+        return out
 
     def _stood(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array]) -> Standing | None:
         """The body once the torso has moved there, the other hand level if it holds something; None if it cannot."""
