@@ -55,10 +55,10 @@ def test_episodes_that_the_policys_backend_failed_are_named_and_are_nobodys_scor
 def test_clipped_actions_and_failed_grasps_are_told() -> None:
     """With their numbers; nothing where there were none."""
     assert troubles(0, 0, 0) == ""
-    assert troubles(3, 1, 2) == "3 actions clipped, 1 empty grasp, 2 lost grasps"
+    assert troubles(3, 1, 2) == "3 actions clipped, 1 closing on nothing, 2 lost grasps"
     changed = RESULTS[EPISODES[0]].model_copy(update={"clipped": 12, "grasps": Grasps(empty=1)})
     text = report_text("four", EPISODES, {**RESULTS, EPISODES[0]: changed}, FAULTS)
-    assert "instance 0: 12 actions clipped, 1 empty grasp\n" in text
+    assert "instance 0: 12 actions clipped, 1 closing on nothing\n" in text
 
 
 def test_an_empty_suite_has_no_means() -> None:

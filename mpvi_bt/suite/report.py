@@ -80,8 +80,8 @@ def report_text(
 
 
 def troubles(clipped: int, empty: int, lost: int) -> str:
-    """What was noticed of actions and grasps, such as "3 actions clipped, 1 empty grasp", or ""."""
-    parts = [(clipped, "action", " clipped"), (empty, "empty grasp", ""), (lost, "lost grasp", "")]
+    """What was noticed of actions and grasps, such as "3 actions clipped, 1 closing on nothing", or ""."""
+    parts = [(clipped, "action", " clipped"), (empty, "closing", " on nothing"), (lost, "lost grasp", "")]
     return ", ".join(f"{n} {what}{'s' * (n > 1)}{after}" for n, what, after in parts if n)
 
 
