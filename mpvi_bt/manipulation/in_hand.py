@@ -7,13 +7,14 @@ from numpy.typing import NDArray
 
 from mpvi_bt.manipulation.frames import Frame
 from mpvi_bt.manipulation.work import Work
-from mpvi_bt.perception.shapes import Shape, fit, main_cluster
+from mpvi_bt.perception.shapes import Shape, fit
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Actions
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
+_REACH_M = 0.35  # what a mask shows that far from the hand is something else
 _SEEN_PX = 6  # a mask of fewer pixels is not looked at
 # How a thing is held out to the head: turned about the vertical [rad], at which height [m].
 _SHOWN = ((0.0, 0.75), (1.3, 0.95), (-1.3, 0.85))
@@ -23,24 +24,26 @@ _PLACES = ((0.50, 0.10), (0.45, 0.18), (0.55, 0.22), (0.42, 0.05))  # ahead, and
 class InHand:
     """Points of one held thing, gathered in the frame of the hand: they stay where they are as the hand moves."""
 
-    def __init__(self) -> None:
-        """Nothing seen yet."""
-        self._points: list[Array] = []
+    def __init__(self, width_m: float) -> None:
+        """Nothing seen yet but, by how far the fingers stand apart, that it reaches from the one to the other."""
+        at = np.stack(np.meshgrid([-0.008, 0.0, 0.008], [-width_m / 2, 0.0, width_m / 2], [0.0]), -1)
+        self._points: list[Array] = [at.reshape(-1, 3)]
         self._eye = np.zeros(3)
 
     def add(self, frame: Frame, mask: NDArray[np.bool_], T_world_tcp: Array) -> None:
         """Take in one picture of it, with the hand as it was when the picture was taken."""
-        points = main_cluster(frame.of(mask))
+        T = kin.inverse(T_world_tcp)
+        points = frame.of(mask) @ T[:3, :3].T + T[:3, 3]
+        points = points[np.linalg.norm(points, axis=1) < _REACH_M]  # fingers part what they hold in two
         if len(points) < _SEEN_PX:
             return
-        T = kin.inverse(T_world_tcp)
-        self._points.append(points @ T[:3, :3].T + T[:3, 3])
+        self._points.append(points)
         if frame.image.camera == "head" or not self._eye.any():
             self._eye = frame.eye
 
     def shape(self, T_world_tcp: Array) -> Shape | None:
         """What it is, for the hand where it is now; None if too little was seen. It is taken to be held upright."""
-        if not self._points:
+        if len(self._points) < 2:
             return None
         points = np.concatenate(self._points) @ T_world_tcp[:3, :3].T + T_world_tcp[:3, 3]
         return fit(points, np.zeros((0, 3)), self._eye)

@@ -97,7 +97,8 @@ class ScriptedPolicy:
 
     def finish(self, work: Work) -> Actions:
         """Everything is done: carry what is held close, look at it, and show it if nobody says that it is complete."""
-        yield from work.tuck()
+        with contextlib.suppress(MotionFailure):  # where it cannot be brought closer it stays
+            yield from work.tuck()
         for side in work.held():
             if (name := work.scene.holding(side)) is not None and work.scene.volumes(name):
                 yield from work.look_at(name)

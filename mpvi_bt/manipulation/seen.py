@@ -128,7 +128,7 @@ class Seen:
         before = set(self._grip)
         self._feel_hands(felt)  # they may hold what has been seen only now
         for side in set(self._grip) - before:
-            thing, self._shown[side] = self._things[self._grip[side][0]], InHand()
+            thing, self._shown[side] = self._things[self._grip[side][0]], InHand(felt.gripper_width[side])
             for frame, mask in thing.views:
                 self._regard(thing, frame, mask)
             thing.views = []
@@ -216,7 +216,7 @@ class Seen:
                 for thing in known:
                     gap = float(np.median(Surroundings(self._shape(thing.name).solids).distance(points)))
                     fresh = bool(thing.views) and thing.views[-1][0].stand == frame.stand
-                    if gap < (_GRASPED_M if thing.name in self._held() else _NEAR_M if fresh else _FAR_M):
+                    if gap < (_NEAR_M if fresh or thing.name in self._held() else _FAR_M):
                         pairs.append((gap, i, thing.name))
             done: set[object] = set()
             for _, i, name in sorted(pairs):
@@ -378,7 +378,7 @@ class Seen:
         key = (tuple(map(id, frames)), tuple(sorted(without)), tuple(np.round(xy, 2)), thick, focus)
         if self._field is None or self._field[0] != key:
             views = [View(f.image, self._transparent(f, {*without, *faces})) for f in frames]
-            field: Field | FineField = Field(views, xy, thick_m=thick)
+            field: Obstacles = Field(views, xy, thick_m=thick)
             if self._focus is not None:
                 fine = Field(views, self._focus, (_FINE_M,) * 3, _FINE_CELL_M, _FINE_CELL_M / 2, thick)
                 field = FineField(field, fine)
