@@ -14,7 +14,8 @@ from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
-_STEP_RAD = 0.5  # how far a tree grows at once
+_STEP_RAD = 2.0  # how far a tree grows at once, if the way is free
+_LEAST_RAD = 0.1  # a shorter step is none
 _CHECK_RAD = 0.07  # spacing of the checks along an edge
 _SWING_M = 0.03  # what hangs from a hand swings that far while torso and arms move
 _SWEEP_LEAP_RAD = 0.7  # likewise while the torso moves
@@ -44,34 +45,33 @@ def plan(
     around, itself = body.clearance(side, begin[None])
     slack = float(min(0.0, around[0] - margin, itself[0])) - 1e-6
 
-    def free(q: Array) -> bool:
-        a, s = body.clearance(side, q)
+    def reach(a: Array, b: Array) -> float:
+        n = max(2, int(np.ceil(np.abs(b - a).max() / _CHECK_RAD)))
+        q = a + (b - a) * np.linspace(0, 1, n + 1)[1:, None]
+        around, itself = body.clearance(side, q)
         near_start = np.abs(q - begin).max(1) < 0.3
         floor = np.where(near_start, slack, 0.0)
-        return bool(((a - margin > floor) & (s > floor)).all())
-
-    def edge(a: Array, b: Array) -> bool:
-        n = max(2, int(np.ceil(np.abs(b - a).max() / _CHECK_RAD)))
-        return free(a + (b - a) * np.linspace(0, 1, n + 1)[1:, None])
+        free = (around - margin > floor) & (itself > floor)
+        return 1.0 if free.all() else float(np.argmin(free)) / n
 
     goal = np.asarray(goal, float)
-    if not free(goal[None]):
+    if not reach(goal, goal):
         return None
-    if edge(begin, goal):
+    if reach(begin, goal) == 1.0:
         return [begin, goal]
     limits = r1.ARM_LIMITS[side]
     trees, parents = [[begin], [goal]], [[-1], [-1]]
     for i in range(iterations):
         this, that = i % 2, 1 - i % 2
         sample = rng.uniform(limits[:, 0], limits[:, 1]) if rng.random() > 0.15 else trees[that][0]
-        new = _grow(trees[this], parents[this], sample, edge)
+        new = _grow(trees[this], parents[this], sample, reach)
         if new is None:
             continue
-        while (reached := _grow(trees[that], parents[that], new, edge)) is not None:
+        while (reached := _grow(trees[that], parents[that], new, reach)) is not None:
             if np.allclose(reached, new):
                 halves = (_trace(trees[this], parents[this]), _trace(trees[that], parents[that]))
                 first, second = halves if this == 0 else halves[::-1]
-                return _shortened(first[::-1] + second[1:], edge, rng)
+                return _shortened(first[::-1] + second[1:], reach, rng)
     return None
 
 
@@ -111,7 +111,7 @@ _DETOURS = np.array([(0.0, 0, 0), (0, 0, 0.15), (0.15, 0, 0), (0.15, 0, 0.15), (
                      (0, 0, 0.3),                     (0.2, 0.15, 0.15), (0, 0, -0.15), (0.25, 0, -0.1)])  # fmt: skip
 
 
-Edge = Callable[[Array, Array], bool]  # whether the way between two postures is free
+Reach = Callable[[Array, Array], float]  # how much of the way between two postures is free, 1 if all of it is
 HandPath = Callable[[float], Array]  # 0..1 to T_base_tcp (4, 4)
 
 
@@ -202,15 +202,19 @@ def _line(body: Body, side: Side, start: Array, goal: Array) -> list[Array] | No
     return path[1:] if (worst[1:] > min(0.0, float(worst[0]) - 1e-6)).all() and worst[-1] > 0 else None
 
 
-def _grow(tree: list[Array], parent: list[int], toward: Array, edge: Edge) -> Array | None:
+def _grow(tree: list[Array], parent: list[int], toward: Array, reach: Reach) -> Array | None:
+    """Add a node as far toward a posture as a step goes and the way is free; None if that is nowhere."""
     nearest = int(((np.array(tree) - toward) ** 2).sum(1).argmin())
     step = toward - tree[nearest]
     length = float(np.linalg.norm(step))
     if length < 1e-9:
         return None
     new = toward if length < _STEP_RAD else tree[nearest] + step / length * _STEP_RAD
-    if not edge(tree[nearest], new):
-        return None
+    free = reach(tree[nearest], new)
+    if free < 1.0:  # up to what is in the way: where all is narrow no whole step may be free
+        new = tree[nearest] + (new - tree[nearest]) * free
+        if np.abs(new - tree[nearest]).max() < _LEAST_RAD:
+            return None
     tree.append(new)
     parent.append(nearest)
     return new
@@ -224,11 +228,11 @@ def _trace(tree: list[Array], parent: list[int]) -> list[Array]:
     return path
 
 
-def _shortened(path: list[Array], edge: Edge, rng: np.random.Generator) -> list[Array]:
+def _shortened(path: list[Array], reach: Reach, rng: np.random.Generator) -> list[Array]:
     for _ in range(25):
         if len(path) < 3:
             break
         i, j = sorted(rng.choice(len(path), 2, replace=False))
-        if j - i > 1 and edge(path[i], path[j]):
+        if j - i > 1 and reach(path[i], path[j]) == 1.0:
             path = path[: i + 1] + path[j:]
     return path
