@@ -7,16 +7,18 @@ from itertools import chain, islice
 
 from mpvi_bt.manipulation import spots
 from mpvi_bt.manipulation.drop import drop_in, reach_over, releases
-from mpvi_bt.manipulation.placing import LEANING, UPRIGHT, Pose, place_at, release
+from mpvi_bt.manipulation.placing import LEANING, SLANTED, UPRIGHT, Pose, place_at, release
 from mpvi_bt.manipulation.work import Words, Work, other
 from mpvi_bt.perception.knowledge import normalize
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
+Groups = Callable[[], Iterable[Sequence[Pose]]]  # poses to leave a thing in, those about one place together
+
 _FLOORS = ("floor", "ground")
 _LOST_M = 0.04  # what came to lie that much higher or lower than it was to lie has fallen over or off
-_SPOTS = 6  # tried with the thing upright, before it may lean
+_SPOTS = 5  # tried with the thing upright, before it may lean
 
 
 def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -59,11 +61,7 @@ def place_on(work: Work, words: Words, tried: list[Array]) -> Actions:
         yield from _place(work, side, None, lambda: spots.on_floor(work, work.held()[side]), tried)
         return
     surface, held = work.nearest(words["surface"]), work.held()[side]
-
-    def groups() -> Iterable[Sequence[Pose]]:
-        upright = islice(spots.on(work, held, surface, UPRIGHT), _SPOTS)
-        return chain(upright, islice(spots.on(work, held, surface, LEANING[1:]), _SPOTS))
-
+    groups = _upright_first(lambda leans: spots.on(work, held, surface, leans), LEANING[1:])
     yield from _place(work, side, surface, groups, tried)
 
 
@@ -74,8 +72,9 @@ def place_next_to(work: Work, words: Words, tried: list[Array]) -> Actions:
         MotionFailure: As `place_on`.
     """
     side = work.hand_with(words["object"], words.get("hand"))
-    target = work.nearest(words["target"])
-    yield from _place(work, side, target, lambda: spots.beside(work, work.held()[side], target), tried)
+    target, held = work.nearest(words["target"]), work.held()[side]
+    groups = _upright_first(lambda leans: spots.beside(work, held, target, leans), SLANTED)
+    yield from _place(work, side, target, groups, tried)
 
 
 def place_under(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -86,17 +85,16 @@ def place_under(work: Work, words: Words, tried: list[Array]) -> Actions:
     """
     side = work.hand_with(words["object"], words.get("hand"))
     target, held = work.nearest(words["target"]), work.held()[side]
-
-    def groups() -> Iterable[Sequence[Pose]]:
-        upright = islice(spots.under(work, held, target, UPRIGHT), _SPOTS)
-        return chain(upright, islice(spots.under(work, held, target, LEANING[1:]), _SPOTS))
-
+    groups = _upright_first(lambda leans: spots.under(work, held, target, leans), LEANING[1:])
     yield from _place(work, side, target, groups, tried)
 
 
-def _place(
-    work: Work, side: Side, about: str | None, groups: Callable[[], Iterable[Sequence[Pose]]], tried: list[Array]
-) -> Actions:
+def _upright_first(groups: Callable[[Sequence[float]], Iterable[Sequence[Pose]]], leans: Sequence[float]) -> Groups:
+    """Poses with the thing upright, then those in which it leans, at the best places of each."""
+    return lambda: chain(islice(groups(UPRIGHT), _SPOTS), islice(groups(leans), _SPOTS))
+
+
+def _place(work: Work, side: Side, about: str | None, groups: Groups, tried: list[Array]) -> Actions:
     """Set down, see whether it stayed where it was to lie, fold the arm."""
     held = work.held()[side]
     bottom = yield from place_at(work, side, held, about, groups, tried)

@@ -17,6 +17,7 @@ from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
 UPRIGHT = (0.0,)
+SLANTED = (0.35, -0.35, 0.7, -0.7)
 LEANING = (
     0.0,
     0.35,

@@ -84,7 +84,7 @@ def under(work: Work, held: Held, target: str, leans: Sequence[float]) -> Iterat
         yield list(poses(work, held, spot, leans))
 
 
-def beside(work: Work, held: Held, target: str) -> Iterator[list[Pose]]:
+def beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Iterator[list[Pose]]:
     """Poses next to a thing on what it stands on, as near as counts; those on the robot's side of it first."""
     solids = work.scene.solids(target)
     theirs, reach = size(solids)
@@ -94,7 +94,7 @@ def beside(work: Work, held: Held, target: str) -> Iterator[list[Pose]]:
     wall = Surroundings(solids)
     frame = kin.inverse(held.T_tcp_thing)
     mine = [s.moved(frame) for s in held.solids]
-    upright = list(poses(work, held, np.array([0.0, 0.0, floor_z])))
+    upright = list(poses(work, held, np.array([0.0, 0.0, floor_z]), leans))
     groups: list[tuple[float, list[Pose]]] = []
     for k in range(_SECTORS):
         angle = 2 * np.pi * k / _SECTORS

@@ -385,25 +385,29 @@ class Search:
         self, body: Body, lane: Array, option: Option, goals: Array, key: int, q_key: Array
     ) -> list[Array] | None:
         """The arm's path to the first waypoint if all of them, and the way in, are reachable and free."""
-        postures: dict[int, Array] = {key: q_key}
-        for order in (range(key - 1, -1, -1), range(key + 1, len(goals))):
-            for k in order:
-                line = arm_motion.trace(body.torso, self.side, postures[k + 1 if k < key else k - 1], goals[k])
-                if line is None:
-                    return None
-                postures[k] = line[-1]
         base = lane[-1]
         before, loose = self.around(base, touched=True), self.around(base, touched=False)
         bare = {s: load for s, load in body.held.items() if s != self.side}
         after = bare if option.load is None else {**bare, self.side: option.load}
-        for k, q in postures.items():
+
+        def free(k: int, q: Array) -> bool:
             if k < option.contact:
-                free = replace(body, around=before).free(self.side, q, _MARGIN_M)[0]
-            else:
-                there = replace(body, around=loose, held=bare if k == option.contact else after)
-                free = there.free(self.side, q, -_TOUCH_M, grasping=True)[0]
-            if not free:
+                return bool(replace(body, around=before).free(self.side, q, _MARGIN_M)[0])
+            there = replace(body, around=loose, held=bare if k == option.contact else after)
+            return bool(there.free(self.side, q, -_TOUCH_M, grasping=True)[0])
+
+        chest = kin.inverse(kin.chest(body.torso))
+        for k, goal in enumerate(goals):  # a glance at the ends of the lines, before the lines themselves
+            near = q_key if k == key else kin.nearest_posture(chest @ goal, self.side, q_key)
+            if near is None or not free(k, near):
                 return None
+        postures: dict[int, Array] = {key: q_key}
+        for order in (range(key - 1, -1, -1), range(key + 1, len(goals))):
+            for k in order:
+                line = arm_motion.trace(body.torso, self.side, postures[k + 1 if k < key else k - 1], goals[k])
+                if line is None or not free(k, line[-1]):
+                    return None
+                postures[k] = line[-1]
         if len(lane) > 1:
             last = replace(body, held=after) if option.contact < len(goals) else body
             if not self._leads(body, lane, postures[0], touched=True):
