@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from mpvi_bt.manipulation.in_hand import show
+from mpvi_bt.manipulation.looking import look_for
 from mpvi_bt.manipulation.scripted import ScriptedPolicy
 from mpvi_bt.manipulation.seen import Seen
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.detector import Detector, LabelDetector
+from mpvi_bt.perception.knowledge import normalize
 from mpvi_bt.plan.skills import Skill, SkillCall, clauses, match
 from mpvi_bt.robot.motion import Actions
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
-# Lift [m] and head tilt [rad] to look around: down, near, ahead, and from low down into compartments.
-_LOOKS = ((0.42, 0.55), (0.42, 0.95), (0.42, 0.10), (0.05, 0.40), (0.05, -0.10), (0.55, -0.30))
-_TURNS = (0.0, 0.6, -0.6)  # of the base, from where it came [rad]
-_NAMES = ("object", "container", "surface", "target", "source", "tool")  # slots that hold the name of a thing
+_TRIES = 3  # of a clause
+_NAMES = ("object", "container", "surface", "target", "tool")  # slots that name things which have to be seen
+_FLOOR = ("floor", "ground")  # is there, seen or not
 
 
 class ReactivePolicy(ScriptedPolicy):
@@ -50,28 +49,47 @@ class ReactivePolicy(ScriptedPolicy):
             return
         self._seen.forget(self._phrases(calls))
         yield from self._look_at_hands(work)
-        left = list(calls)
+        left = [(call, _TRIES) for call in calls]
         while left:
-            call = next((c for c in left if self._grounded(work, c)), None)
-            if call is None:
-                call = yield from self._search(work, left)
-            if call is None:
-                self.note = f"nothing in view for {left[0].skill.name}"
+            k = self._first_grounded(left)
+            if k is None:
+                self.note = f"looking for {', '.join(dict.fromkeys(self._phrases(c for c, _ in left)))}"
+                yield from look_for(work, lambda: self._first_grounded(left) is not None, self._seen.passable)
+                k = self._first_grounded(left)
+            if k is None:
+                self.note = f"nothing in view for {left[0][0].skill.name}"
                 return
-            self.note = call.skill.name
-            if (yield from self.attempt(work, call)):
-                left.remove(call)
+            call, tries = left[k]
+            if (yield from self._do(work, call)):
+                del left[k]
+            elif tries > 1:
+                left[k] = (call, tries - 1)
             else:
                 return
         yield from self.finish(work)
 
-    def _phrases(self, calls: Iterable[SkillCall]) -> list[str]:
-        return [c.arguments[slot] for c in calls for slot in _NAMES if slot in c.arguments]
+    def _do(self, work: Work, call: SkillCall) -> Any:
+        """Try a clause; what it wants in hand and is not is picked up first. Returns whether it succeeded."""
+        self.note = call.skill.name
+        done = yield from self.attempt(work, call)
+        if not done and self.note.endswith("not_held") and "object" in call.arguments and "pick" in self._skills:
+            words = {slot: call.arguments[slot] for slot in ("object", "hand") if slot in call.arguments}
+            self.note = "pick"
+            if (yield from self.attempt(work, SkillCall(self._skills["pick"], words))):
+                self.note = call.skill.name
+                done = yield from self.attempt(work, call)
+        return done
 
-    def _grounded(self, work: Work, call: SkillCall) -> bool:
-        """Whether all things that a call names are known: seen, or held."""
+    def _phrases(self, calls: Iterable[SkillCall]) -> list[str]:
+        """What the calls name, but for the floor."""
+        named = [c.arguments[slot] for c in calls for slot in _NAMES if slot in c.arguments]
+        return [phrase for phrase in named if normalize(phrase) not in _FLOOR]
+
+    def _first_grounded(self, left: Sequence[tuple[SkillCall, int]]) -> int | None:
+        """Index of the first call all of whose things are known: seen, or held."""
         known = self._seen.knowledge()
-        return all(known.find(phrase) for phrase in self._phrases([call]))
+        grounded = (k for k, (c, _) in enumerate(left) if all(known.find(p) for p in self._phrases([c])))
+        return next(grounded, None)
 
     def _look_at_hands(self, work: Work) -> Actions:
         """See what the hands hold already."""
@@ -83,20 +101,3 @@ class ReactivePolicy(ScriptedPolicy):
             yield from work.see("head", *sides)
             for side in sides:
                 yield from show(work, side)
-
-    def _search(self, work: Work, calls: list[SkillCall]) -> Any:
-        """Look around, from one heading after the other; returns the first call that is grounded, or None."""
-        x, y, yaw = work.motion.felt.base_pose
-        for turn in _TURNS:
-            if turn:
-                yield from work.motion.drive(np.array([x, y, yaw + turn]))
-            for lift, tilt in _LOOKS:
-                torso = np.array([lift, 0.0, 0.0, tilt])
-                if work.held():
-                    torso[:3] = work.motion.torso[:3]
-                yield from work.motion.stand(torso)
-                yield from work.see("head")
-                for call in calls:
-                    if self._grounded(work, call):
-                        return call
-        return None

@@ -24,6 +24,8 @@ _LIFTED_M = 0.10
 _LOOKS = 4  # at a thing that is only seen, with a drive between two
 _HEAD_UP_RAD, _HEAD_DOWN_RAD = 0.5, 0.65
 _FLOOR_RAD = 0.9
+_EYES_M = 0.80  # a thing that much above the lift's height is well before the eyes
+_ABOVE = np.array([[0.0, 0.0, z] for z in (0.2, 0.28, 0.36, 0.44)])  # a thing, where a board may be
 _LEVEL_RAD = 0.3  # a head that is tilted less does not see the floor before it
 _HANDS_RAD = 0.9  # so far down from the chest's horizon the head sees past the folded hands
 _OVERLOOKS = ((0.42, 0.0), (0.42, 0.5), (0.42, 0.8), (0.25, 0.8), (0.25, 1.1), (0.1, 1.1))  # lift [m], pitch [rad]
@@ -223,15 +225,30 @@ class Work:
             if not self.held():
                 yield from self.motion.stand(self._overlooking(name))
             yield from self.look_at(name)
+            if not self.held() and self._covered(name):
+                torso = self.motion.torso
+                torso[:3] = [max(0.0, self._middle(name)[2] - _EYES_M), 0.0, 0.0]
+                yield from self.motion.stand(torso)
+                yield from self.look_at(name)
+                return
         torso = self.motion.torso
         torso[3] += _HEAD_DOWN_RAD if torso[3] < _LEVEL_RAD else -_HEAD_UP_RAD
         yield from self.motion.stand(torso)
         yield from self.see("head")
 
+    def _middle(self, name: str) -> Array:
+        boxes = np.stack([s.aabb() for s in self.scene.solids(name)])
+        return np.asarray((boxes[:, 0].min(0) + boxes[:, 1].max(0)) / 2)
+
+    def _covered(self, name: str) -> bool:
+        """Whether something is above a thing, or hides what is there: that is looked into from lower down."""
+        middle = self._middle(name)
+        around = self.scene.obstacles(middle[:2], _NEAR_M, without=self._carried(self.held()) | {name})
+        return bool((around.distance(middle + _ABOVE) < 0.03).any())
+
     def _overlooking(self, name: str) -> Array:
         """A torso posture (4,) in which the folded hands do not hide a thing from the head: bent over what is near."""
-        boxes = np.stack([s.aabb() for s in self.scene.solids(name)])
-        middle = (boxes[:, 0].min(0) + boxes[:, 1].max(0)) / 2
+        middle = self._middle(name)
         body, T = self.body({name}), kin.inverse(self.base)
         for lift, pitch in _OVERLOOKS:
             torso = np.array([max(lift, min(0.55, float(middle[2]) - 0.65)), 0.0, pitch, self.motion.torso[3]])
