@@ -36,7 +36,7 @@ _NEAR_EDGE = 0.3  # of a front's height: where a lying bar is near an edge
 _DRAWER_M = 0.42  # a front that is lower and has a lying bar is a drawer
 _UPRIGHT_RAD, _FLAP_RAD, _SLIDE_M = 1.6, 1.3, 0.32  # what is taken for the limit
 _AJAR_RAD, _AJAR_M = 0.2, 0.035
-_WIDEST_RAD = 2.3
+_WIDEST_RAD, _DOUBT = 2.1, 0.1  # doors rarely stand wide open
 _Z = np.array([0.0, 0.0, 1.0])
 
 
@@ -76,7 +76,7 @@ def fronts(points: Array, eye: Array) -> list[Door]:
     found: list[_Front] = []
     for plane in planes:
         found += _fronts_on(points, plane, eye)
-    doors = []
+    doors: list[Door] = []
     for front in found:
         if not any(_same(front, other) for other in found[: found.index(front)]):
             doors.append(_door(front, f"front {len(doors) + 1}", found, planes, points))
@@ -230,9 +230,9 @@ def _door(front: _Front, name: str, found: list[_Front], planes: list[_Plane], p
         axis = np.cross(free, plane.n)
         position = _ajar(origin, free, plane, axis, planes, points)
         return Door(name, "hinge", origin, axis, position, max(_UPRIGHT_RAD, position), bar, solids)
-    stacked = any(other is not front and abs(other.bar.axis[2]) < 0.5 for other in found)
+    stacked = any(abs(other.bar.axis[2]) < 0.5 and not _same(front, other) for other in found)
     if stacked or high < _DRAWER_M or _NEAR_EDGE < at[1] < 1 - _NEAR_EDGE:
-        position = _pulled(front, planes)
+        position = _pulled(front, found, planes)
         return Door(name, "slide", middle, plane.n, position, max(_SLIDE_M, position), bar, solids)
     up = 1.0 if at[1] > 0.5 else -1.0
     origin = middle - up * _Z * high / 2
@@ -262,7 +262,7 @@ def _ajar(origin: Array, free: Array, plane: _Plane, axis: Array, planes: list[_
                 shares[back] = _behind(rest - origin, R @ free, R @ plane.n)
     if shares[0.0] > _EXPLAINED:
         return 0.0
-    return max(shares, key=lambda back: shares[back])
+    return max(shares, key=lambda back: shares[back] - _DOUBT * back)
 
 
 def _behind(local: Array, free: Array, out: Array) -> float:
@@ -270,12 +270,11 @@ def _behind(local: Array, free: Array, out: Array) -> float:
     return float(((local @ out < 0.05) & (local @ free > -0.05)).mean())
 
 
-def _pulled(front: _Front, planes: list[_Plane]) -> float:
-    """How far a drawer is open [m]: before the plane of its neighbors or of the frame around it."""
-    out = 0.0
-    for other in planes:
-        if other.n @ front.plane.n > 0.97:
-            gap = front.plane.d - other.d
-            if _AJAR_M < gap < 0.5:
-                out = max(out, float(gap))
-    return out
+def _pulled(front: _Front, found: list[_Front], planes: list[_Plane]) -> float:
+    """How far a drawer is open [m]: before the plane of its neighbors or, without any, of the frame around it."""
+    gaps = {
+        front.plane.d - other.d: (any(f.plane is other for f in found), int(other.own.sum()))
+        for other in planes
+        if other.n @ front.plane.n > 0.97 and _AJAR_M < front.plane.d - other.d < _SLIDE_M + 0.2
+    }
+    return max(gaps, key=lambda gap: gaps[gap], default=0.0)
