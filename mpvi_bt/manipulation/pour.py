@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.manipulation.stance import Held, Option
+from mpvi_bt.manipulation.stance import Held, Option, Search, Stance
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Actions, MotionFailure
@@ -37,29 +37,39 @@ def pour(work: Work, words: Words, tried: list[Array]) -> Actions:
     target = work.nearest(words.get("container", ""))
     held = work.held()[side]
     contents = list(scene.within(held.name))
-    yield from work.look_at(target)
-    search = work.search(side, {target})
-    search.tried.extend(tried)
-    place, height = _opening(work, target)
-    stance = None
-    for tipped, higher in _WAYS:
-        stance = stance or search.find(place, list(_options(work, held, place, height + higher, tipped)))
-    if stance is None:
-        raise MotionFailure("no_stance")
-    tried.append(stance.base)
+
+    def find(search: Search, here_first: bool) -> Stance | None:
+        place, height = _opening(work, target)
+        for tipped, higher in _WAYS:
+            options = list(_options(work, held, place, height + higher, tipped))
+            if (stance := search.find(place, options, here_first)) is not None:
+                return stance
+        return None
+
+    stance, search = yield from work.close_in(side, {target}, target, find, tried)
     yield from work.take_up(stance, search)
-    last = _STEPS
-    yield from work.lines(side, stance, range(1, last + 1), speed=0.12)
-    for _ in range(_SHAKES):
-        yield from work.lines(side, stance, [last - 1, last], speed=_SHAKE_M_S)
-    yield from work.motion.wait(0.3)
-    yield from work.lines(side, stance, range(last - 1, -1, -1), speed=0.2)
+    yield from _tip(work, side, stance)
     if not work.gripped(side):
         raise MotionFailure("dropped")
     yield from work.settle(without={target})
     yield from work.look_at(target)
     if scene.volumes(target) and any(name not in scene.within(target) for name in contents):
         raise MotionFailure("missed")
+
+
+def _tip(work: Work, side: Side, stance: Stance) -> Actions:
+    """Down, over the lip, shaken, and upright again, even if not all of that can be done."""
+    at = 0
+    try:
+        for at in range(1, _STEPS + 1):
+            yield from work.lines(side, stance, [at], speed=0.12)
+        for _ in range(_SHAKES):
+            yield from work.lines(side, stance, [_STEPS - 1, _STEPS], speed=_SHAKE_M_S)
+        yield from work.motion.wait(0.3)
+    except MotionFailure:
+        yield from work.lines(side, stance, range(at - 1, -1, -1), speed=0.2)
+        raise
+    yield from work.lines(side, stance, range(_STEPS - 1, -1, -1), speed=0.2)
 
 
 def _pouring_hand(work: Work, words: Words) -> Side:
@@ -102,7 +112,7 @@ def _opening(work: Work, target: str) -> tuple[Array, float]:
 def _options(work: Work, held: Held, place: Array, height: float, tipped: float) -> Iterator[Option]:
     """Ways of the hand: over the place, then tilting about the vessel's lip, which comes down as the vessel tips."""
     inside = max(work.scene.volumes(held.name), key=lambda v: float(np.prod(v.half_m)))
-    T_thing = _upright(work.scene.pose(held.name))
+    T_thing = _upright(work.scene.pose(held.name), inside.T[:3, 2])
     solid = inside.moved(kin.inverse(work.scene.pose(held.name)))
     bodies = [s.moved(kin.inverse(held.T_tcp_thing)).aabb() for s in held.solids]
     deep = max(float(solid.aabb()[1, 2]) - min(float(b[0, 2]) for b in bodies), 0.02)
@@ -128,11 +138,10 @@ def _options(work: Work, held: Held, place: Array, height: float, tipped: float)
             yield Option(np.stack(poses), len(poses), 0.05 * abs(float(kin.wrap(turn))) + 0.5 * aside + 0.5 * dammed)
 
 
-def _upright(T: Array) -> Array:
-    """The same pose without what it leans."""
-    up = int(np.abs(T[2, :3]).argmax())
-    lean = np.cross(T[:3, up] * np.sign(T[2, up]), [0.0, 0.0, 1.0])
-    angle = float(np.arcsin(min(1.0, float(np.linalg.norm(lean)))))
+def _upright(T: Array, axis: Array) -> Array:
+    """The same pose (4, 4), turned by as little as it takes for `axis` (3,) in the world to point up."""
+    lean = np.cross(axis, [0.0, 0.0, 1.0])
+    angle = float(np.arctan2(np.linalg.norm(lean), axis[2]))
     if angle < 1e-6:
         return T
     R = np.asarray(Rotation.from_rotvec(lean / np.linalg.norm(lean) * angle).as_matrix())
