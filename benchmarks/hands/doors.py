@@ -12,7 +12,7 @@ from benchmarks.hands.rooms import ROOM_M, arrival, called, catalogue, placed, r
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.sim.catalogue import Entry
-from mpvi_bt.sim.world import World
+from mpvi_bt.sim.world import Placement, World
 
 # What counts as clearly open [rad or m]: an upright door, a flap, a drawer. What counts as closed [of the limit].
 _UPRIGHT_RAD, _FLAP_RAD, _SLIDE_M = 1.2, 0.9, 0.2
@@ -177,7 +177,7 @@ def pressing(entry: str, phrase: str, kind: str | None = None) -> Scene:
 
     def scene(rng: np.random.Generator, shapes: Shapes) -> Trial:
         fixtures: dict[str, dict[str, Any]] = {}
-        objects = {}
+        objects: dict[str, Placement] = {}
         if kind is not None:
             fixtures, before = against_wall(kind, rng, shapes)
         else:
@@ -214,7 +214,7 @@ def _stood(
         thing: Entry = entry.reshaped({"size_m": size})
         table = {"entry": "table", "at": [far - 0.28, y], "yaw_deg": 180}
         at = (far - 0.28 + rng.uniform(-0.12, 0.12), y + rng.uniform(-0.3, 0.3))
-        objects = {"thing_1": placed(thing, *at, 0.72, rng.uniform(-np.pi, np.pi))}
+        objects = {"thing_1": placed(thing, at[0], at[1], 0.72, rng.uniform(-np.pi, np.pi))}
         return {"table_1": table}, objects, np.array([far - 0.55, at[1]])
     size = [round(s * (within(rng, shapes, (0.9, 1.1)) if i else 1.0), 3) for i, s in enumerate(entry.shape["size_m"])]
     fixture = {"entry": entry_name, "yaw_deg": 180}

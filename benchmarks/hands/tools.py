@@ -53,7 +53,7 @@ def pour_on(table: bool) -> Scene:
             at = np.array([boxes[:, 0, 0].min() + depth / 2 + rng.uniform(0.02, 0.06), rng.uniform(-0.2, 0.2)])
         objects = {
             "vessel": placed(vessel, 2.0, 1.0, 0.0),
-            "receiver": placed(receiver, *at, height, 0.0 if table else rng.uniform(-np.pi, np.pi)),
+            "receiver": placed(receiver, at[0], at[1], height, 0.0 if table else rng.uniform(-np.pi, np.pi)),
             **{name: placed(small, 2.2, 0.3 + 0.1 * k, 0.0) for k, name in enumerate(names)},
         }
         prompt = f"pour the {called(small)} out of the {called(vessel)} into the {called(receiver)}"

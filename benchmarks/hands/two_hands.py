@@ -74,7 +74,7 @@ def lift_from_floor(rng: np.random.Generator, shapes: Shapes) -> Trial:
     """A box on the free floor."""
     entry = draw_large(rng, shapes)
     at = rng.uniform(-0.4, 0.4, 2)
-    thing = placed(entry, *at, 0.0, rng.uniform(-np.pi, np.pi))
+    thing = placed(entry, at[0], at[1], 0.0, rng.uniform(-np.pi, np.pi))
     base = facing(at, rng, far_m=(1.0, 1.3))
     return Trial(room({}), {"box": thing}, base, f"lift the {entry.phrases[0]} with both hands", carried("box", 0.0))
 
@@ -86,7 +86,7 @@ def lift_from_table(rng: np.random.Generator, shapes: Shapes) -> Trial:
     (x0, _), _, top = _top(table)
     length = entry.shape["size_m"][0]
     at = np.array([x0 + length / 2 + rng.uniform(0.01, 0.04), rng.uniform(-0.1, 0.1)])
-    thing = placed(entry, *at, top, rng.uniform(-0.12, 0.12))
+    thing = placed(entry, at[0], at[1], top, rng.uniform(-0.12, 0.12))
     base = facing(at, rng, far_m=(1.0, 1.3), from_rad=(-0.3, 0.3))
     return Trial(table, {"box": thing}, base, f"lift the {entry.phrases[0]} with both hands", carried("box", top))
 
@@ -106,7 +106,7 @@ def set_on_table(rng: np.random.Generator, shapes: Shapes) -> Trial:
     at = np.array([rng.uniform(-0.6, -0.3), rng.uniform(-0.4, 0.4)])
     name = entry.phrases[0]
     prompt = f"lift the {name} with both hands, then put the {name} on the {house.fixtures['table_1'].entry.phrases[0]}"
-    thing = placed(entry, *at, 0.0, rng.uniform(-np.pi, np.pi))
+    thing = placed(entry, at[0], at[1], 0.0, rng.uniform(-np.pi, np.pi))
     base = facing(at, rng, far_m=(1.0, 1.2))
     return Trial(house, {"box": thing}, base, prompt, standing("box", top, (x0, y0, x1, y1)), budget_s=120.0)
 
