@@ -19,7 +19,9 @@ from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
 _TRIES = 3  # of a clause
-_NAMES = ("object", "container", "surface", "target", "tool")  # slots that name things which have to be seen
+_NAMES = ("object", "container", "surface", "target", "tool", "source")  # slots that name things to look for
+_HIDDEN = {"pour": ("object",), "wipe": ("object",)}  # in a vessel, or mere dirt: these need not be seen
+_VESSEL = {"pour": ("source",)}  # elsewhere a source is only where to look
 _FLOOR = ("floor", "ground")  # is there, seen or not
 
 
@@ -47,13 +49,13 @@ class ReactivePolicy(ScriptedPolicy):
         if not calls:
             self.note = f"no skill for {prompt[:60]!r}"
             return
-        self._seen.forget(self._phrases(calls))
+        self._seen.forget(phrase for call in calls for phrase in self._phrases(call, _NAMES))
         yield from self._look_at_hands(work)
         left = [(call, _TRIES) for call in calls]
         while left:
             k = self._first_grounded(left)
             if k is None:
-                self.note = f"looking for {', '.join(dict.fromkeys(self._phrases(c for c, _ in left)))}"
+                self.note = f"looking for {', '.join(dict.fromkeys(p for c, _ in left for p in self._needed(c)))}"
                 yield from look_for(work, lambda: self._first_grounded(left) is not None, self._seen.passable)
                 k = self._first_grounded(left)
             if k is None:
@@ -80,15 +82,21 @@ class ReactivePolicy(ScriptedPolicy):
                 done = yield from self.attempt(work, call)
         return done
 
-    def _phrases(self, calls: Iterable[SkillCall]) -> list[str]:
-        """What the calls name, but for the floor."""
-        named = [c.arguments[slot] for c in calls for slot in _NAMES if slot in c.arguments]
+    def _phrases(self, call: SkillCall, slots: Iterable[str]) -> list[str]:
+        """What a call names in some slots, but for the floor."""
+        named = [call.arguments[slot] for slot in slots if slot in call.arguments]
         return [phrase for phrase in named if normalize(phrase) not in _FLOOR]
+
+    def _needed(self, call: SkillCall) -> list[str]:
+        """What a call names that has to be known before it can be done: seen, or held."""
+        name = call.skill.name
+        hidden = _HIDDEN.get(name, ()) if name not in _VESSEL or "source" in call.arguments else ()
+        return self._phrases(call, [s for s in _NAMES if s not in hidden and (s != "source" or name in _VESSEL)])
 
     def _first_grounded(self, left: Sequence[tuple[SkillCall, int]]) -> int | None:
         """Index of the first call all of whose things are known: seen, or held."""
         known = self._seen.knowledge()
-        grounded = (k for k, (c, _) in enumerate(left) if all(known.find(p) for p in self._phrases([c])))
+        grounded = (k for k, (c, _) in enumerate(left) if all(known.find(p) for p in self._needed(c)))
         return next(grounded, None)
 
     def _look_at_hands(self, work: Work) -> Actions:
