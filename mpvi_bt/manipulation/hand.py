@@ -14,14 +14,17 @@ _FINGER_M = 0.009  # their radius
 _FINGER_HALF_M = 0.0065  # half a finger's thickness: from its pad to the spheres' centers
 
 
-def spheres(opening_m: float | None) -> tuple[Array, Array]:
-    """Centers (n, 3) and radii (n,) [m] of the palm, and of the fingers unless `opening_m` is None."""
-    rows = list(_PALM)
-    if opening_m is not None:
-        y = opening_m / 2 + _FINGER_HALF_M
-        rows += [(0.0, sign * y, float(z), _FINGER_M) for sign in (-1, 1) for z in _FINGER_Z_M]
-    table = np.array(rows)
+def palm() -> tuple[Array, Array]:
+    """Centers (n, 3) and radii (n,) [m] of spheres that stand for the palm; they reach a little beyond it."""
+    table = np.array(_PALM)
     return table[:, :3], table[:, 3]
+
+
+def fingers(opening_m: float) -> tuple[Array, Array]:
+    """Centers (n, 3) and radii (n,) [m] of spheres in the fingers of a hand that is so far open."""
+    y = opening_m / 2 + _FINGER_HALF_M
+    centers = np.array([(0.0, sign * y, z) for sign in (-1, 1) for z in _FINGER_Z_M])
+    return centers, np.full(len(centers), _FINGER_M)
 
 
 def opened(width_m: float) -> float:

@@ -213,13 +213,14 @@ class Search:
         takes = option.load is not None
         for k, T in enumerate(option.waypoints):
             around = self._all if k < option.contact else self._others
-            fingers = k <= option.contact if takes else k >= option.contact
-            parts = [hand.spheres(option.opening_m if fingers else None)]
+            parts = [(*hand.palm(), _TOUCH_M)]
+            if k <= option.contact if takes else k >= option.contact:
+                parts.append((*hand.fingers(option.opening_m), 0.0))
             load = None if k == option.contact else self._load(k, option)
             if load is not None:
-                parts.append((load.centers, load.radii))
-            for centers, radii in parts:
-                if (around.distance(centers @ T[:3, :3].T + T[:3, 3]) < radii - _TOUCH_M).any():
+                parts.append((load.centers, load.radii, _TOUCH_M))
+            for centers, radii, slack in parts:
+                if (around.distance(centers @ T[:3, :3].T + T[:3, 3]) < radii - slack).any():
                     return False
         return True
 
