@@ -18,9 +18,9 @@ from scipy.spatial import cKDTree
 
 from mpvi_bt.manipulation.frames import Frame, take
 from mpvi_bt.manipulation.in_hand import InHand
-from mpvi_bt.perception.detector import Detector
+from mpvi_bt.perception.detector import Detector, switch_of
 from mpvi_bt.perception.field import Field, FineField, View
-from mpvi_bt.perception.fronts import fronts
+from mpvi_bt.perception.fronts import fronts, switch
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.shapes import SeenBar, Shape, fit, main_cluster
@@ -83,6 +83,7 @@ class Seen:
     def forget(self, phrases: Iterable[str]) -> None:
         """Begin anew, with nothing known; from now on look for `phrases`."""
         self._phrases = tuple(dict.fromkeys(phrases))
+        self._asked = (*self._phrases, *map(switch_of, self._phrases))
         self._frames: list[Frame] = []
         self._things: dict[str, Thing] = {}
         self._count: dict[str, int] = {}
@@ -122,7 +123,7 @@ class Seen:
         """Take in pictures."""
         self.feel(felt)
         for image in images.values():
-            frame = take(image, felt, self._detector, self._phrases, self._stand, self._way_m)
+            frame = take(image, felt, self._detector, self._asked, self._stand, self._way_m)
             self._frames = [*self._frames, frame][-_KEPT:]
             self._associate(frame)
         before = set(self._grip)
@@ -206,7 +207,7 @@ class Seen:
 
     def _associate(self, frame: Frame) -> None:
         """Tell which mask is which thing, by place; what should be seen and is not is gone."""
-        for phrase in dict.fromkeys(d.phrase for d in frame.detections):
+        for phrase in dict.fromkeys(d.phrase for d in frame.detections if d.phrase in self._phrases):
             masks = [d.mask for d in frame.detections if d.phrase == phrase]
             seen = [(m, main_cluster(frame.of(m))) for m in masks]
             seen = [(m, p) for m, p in seen if len(p) >= _SEEN_PX]
@@ -214,7 +215,9 @@ class Seen:
             pairs = []
             for i, (_, points) in enumerate(seen):
                 for thing in known:
-                    gap = float(np.median(Surroundings(self._shape(thing.name).solids).distance(points)))
+                    shape = self._shape(thing.name)
+                    solids = shape.solids if shape.extent is None else [shape.extent]
+                    gap = float(np.median(Surroundings(solids).distance(points)))
                     fresh = bool(thing.views) and thing.views[-1][0].stand == frame.stand
                     if gap < (_NEAR_M if fresh or thing.name in self._held() else _FAR_M):
                         pairs.append((gap, i, thing.name))
@@ -291,7 +294,8 @@ class Seen:
 
     def _missed(self, name: str, frame: Frame) -> None:
         """Forget a thing where a picture shows what is behind it."""
-        if name in self._held() or self._things[name].inside is not None:
+        thing = self._things[name]
+        if name in self._held() or thing.inside is not None or thing.shape.extent is not None:
             return
         depths = frame.depth_at(self._shape(name).box().mean(0))
         if depths is not None and depths[1] > depths[0] + _THROUGH_M:
@@ -347,11 +351,30 @@ class Seen:
         return self._fronts[1]
 
     def switches(self, name: str) -> Sequence[Array]:
-        """As `Scene` says."""
+        """As `Scene` says: the one that was seen last."""
+        for frame, mask in self._switch_seen(name):
+            own = [m for f, m in self._things[name].views if f is frame]
+            around = frame.of(own[0]) if own else np.empty((0, 3))
+            if (T := switch(frame.of(mask), around, frame.eye)) is not None:
+                return [T]
         return ()
 
+    def _switch_seen(self, name: str) -> Iterator[tuple[Frame, NDArray[np.bool_]]]:
+        """Where pictures show the switch of a thing, the newest first."""
+        low, high = self._shape(name).box()
+        for frame in reversed(self._frames):
+            for d in frame.detections:
+                points = frame.of(d.mask)
+                if d.phrase == switch_of(self._things[name].phrase) and len(points):
+                    at = np.median(points, axis=0)
+                    if ((at > low - _NEAR_M) & (at < high + _NEAR_M)).all():
+                        yield frame, d.mask
+
     def is_on(self, name: str) -> bool | None:
-        """As `Scene` says."""
+        """As `Scene` says: by the light of its switch, green for on, in the picture that showed it last."""
+        for frame, mask in self._switch_seen(name):
+            red, green, _ = frame.image.rgb[mask].astype(float).mean(0)
+            return bool(green > red)
         return None
 
     def holding(self, side: Side) -> str | None:
@@ -445,8 +468,24 @@ class Seen:
         views = [(f, m) for f, m in thing.views if f.image.camera == "head"]
         if not views:
             return []
+        found: list[tuple[float, Array]] = []
+        for board in thing.shape.solids:
+            if thing.shape.kind == "furniture" or board is thing.shape.solids[0]:
+                found += self._room(views, float(board.aabb()[1, 2]), radius_m, height_m, near)
+        found = sorted(found, key=lambda f: f[0])
+        self._focus = found[0][1] if found else self._focus
+        return [spot for _, spot in found]
+
+    def _room(
+        self,
+        views: Sequence[tuple[Frame, NDArray[np.bool_]]],
+        top: float,
+        radius_m: float,
+        height_m: float,
+        near: Array,
+    ) -> list[tuple[float, Array]]:
+        """Places (3,) with room on the face at a height [m] of what views show, each with a cost."""
         own = np.concatenate([f.of(m) for f, m in views])
-        top = max(thing.shape.solids, key=lambda s: float(np.prod(s.half_m[:2]))).aabb()[1, 2]
         face = own[np.abs(own[:, 2] - top) < 0.012, :2]
         if len(face) < 40:
             return []
@@ -455,8 +494,8 @@ class Seen:
         free = np.zeros(size, bool)
         free[tuple(((face - low) / _SPOT_M).astype(int).T)] = True
         free = ndimage.binary_closing(free, np.ones((3, 3), bool))
-        for frame, mask in views:
-            others = frame.points[frame.measured & ~mask]
+        for frame, _ in views:
+            others = frame.points[frame.measured & ~self._in_hand(frame)]
             others = others[(others[:, 2] > top + 0.012) & (others[:, 2] < top + height_m), :2]
             cells = np.floor((others - low) / _SPOT_M).astype(int)
             cells = cells[((cells >= 0) & (cells < size)).all(1)]
@@ -465,9 +504,18 @@ class Seen:
         cells = np.argwhere(room > radius_m)
         places = low + (cells + 0.5) * _SPOT_M
         cost = np.linalg.norm(places - near, axis=1) - 0.5 * np.minimum(room[tuple(cells.T)], 0.2)
-        found = [np.array([*places[k], top]) for k in _spread(places, np.argsort(cost))]
-        self._focus = found[0] if found else self._focus
-        return found
+        return [(float(cost[k]), np.array([*places[k], top])) for k in _spread(places, np.argsort(cost))]
+
+    def _in_hand(self, frame: Frame) -> NDArray[np.bool_]:
+        """(H, W) bool: pixels of what the hands hold."""
+        held = frame.robot.copy()
+        carried = self._held()
+        solids = [s for n in self._things if n in carried or self._things[n].inside in carried for s in self.solids(n)]
+        if solids and frame.stand == self._stand:
+            boxes = np.stack([s.aabb() for s in solids])
+            low, high = boxes[:, 0].min(0) - _EXPLAINED_M, boxes[:, 1].max(0) + _EXPLAINED_M
+            held |= ((frame.points > low) & (frame.points < high)).all(-1)
+        return held
 
 
 def _spread(places: Array, order: NDArray[np.intp]) -> list[int]:

@@ -25,6 +25,7 @@ _GRAIN_PER_M = 0.0008  # depth is that much rougher for every square meter of ra
 _WALL_M = 0.008  # of vessels
 _FURNITURE_M = 0.55  # what is longer than this is furniture: faces to put things on
 _UPRIGHT_M = 0.9  # likewise what is higher
+_HEADROOM_M = 0.12  # what rises that high above a board makes a compartment of it
 _SLICE_M = 0.01
 _STAVES = 16
 
@@ -50,6 +51,7 @@ class Shape:
         volumes: Container volumes, in the world.
         bars: To carry it by, in the world.
         support_m: Height of what it stands on.
+        extent: Of furniture: the box about all that was seen of it, in the world; its solids are only its faces.
     """
 
     kind: Literal["box", "cylinder", "ball", "vessel", "furniture"]
@@ -58,6 +60,7 @@ class Shape:
     support_m: float
     volumes: tuple[Solid, ...] = ()
     bars: tuple[SeenBar, ...] = ()
+    extent: Solid | None = None
 
     def moved(self, M: Array) -> Shape:
         """The same, carried along by the motion `M` (4, 4) of the world frame into itself."""
@@ -443,13 +446,35 @@ def _furniture(points: Array) -> Shape:
         level[max(k - 3, 0) : k + 4] = 0
         face = points[np.abs(z - height) < 0.012]
         around = outline(_trimmed(face[:, :2]))
-        if around.sides[1] > 0.15:
+        if around.sides[1] > 0.1:
             T = pose((*around.middle, height - 0.0125), around.heading)  # type: ignore[arg-type]
             slabs.append((len(face), Solid("box", np.array([*around.sides / 2, 0.0125]), T)))
     if not slabs:
         around = outline(_trimmed(points[:, :2]))
         low, high = np.percentile(z, [1, 99])
         box = _upright_box(around, float(low), float(high))
-        return replace(box, kind="furniture")
+        return replace(box, kind="furniture", extent=_extent(points))
     slabs.sort(key=lambda s: -s[0])
-    return Shape("furniture", slabs[0][1].T, tuple(s for _, s in slabs), float(z.min()))
+    solids = tuple(s for _, s in slabs)
+    volumes = tuple(v for s in solids if (v := _compartment(s, solids, points)) is not None)
+    return Shape("furniture", slabs[0][1].T, solids, float(z.min()), volumes, extent=_extent(points))
+
+
+def _extent(points: Array) -> Solid:
+    low, high = np.percentile(points, [1, 99], axis=0)
+    return Solid("box", np.maximum((high - low) / 2, 0.01), pose((low + high) / 2))
+
+
+def _compartment(board: Solid, boards: Sequence[Solid], points: Array) -> Solid | None:
+    """The space above a board, up to the next one or as high as the furniture rises around it; None if it is open."""
+    face = float(board.aabb()[1, 2])
+    local = np.abs((points[:, :2] - board.T[:2, 3]) @ board.T[:2, :2]) - board.half_m[:2]
+    around = points[(local < 0.05).all(1) & (points[:, 2] > face + _HEADROOM_M), 2]
+    if len(around) < 20:
+        return None
+    above = [float(b.aabb()[0, 2]) for b in boards if b.aabb()[0, 2] > face + _HEADROOM_M]
+    high = min([*above, float(np.percentile(around, 98))])
+    half = np.append(board.half_m[:2], (high - face) / 2)
+    T = board.T.copy()
+    T[2, 3] = (face + high) / 2
+    return Solid("box", half, T)
