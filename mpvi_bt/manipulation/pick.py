@@ -17,7 +17,7 @@ from mpvi_bt.robot.solids import Array
 _STANDOFF_M = 0.10
 _SLANTED_RAD = 0.8  # from straight down; such hands may reach into compartments
 # How far to lift, how far behind the arm takes its posture [m], and the cost of it.
-_WAYS = ((0.08, 0.0, 0.0), (0.03, 0.4, 0.3), (0.03, 0.25, 0.4))
+_WAYS = ((0.15, 0.0, 0.0), (0.06, 0.0, 0.1), (0.03, 0.4, 0.3), (0.03, 0.25, 0.4))
 
 
 def pick(work: Work, words: Words, tried: list[Array]) -> Actions:

@@ -32,12 +32,12 @@ LEANING = (
 TURNS = tuple(np.arange(12) * np.pi / 6 - np.pi)
 _DOWN_M = 0.004  # a thing is let go of so far above the surface,
 _LEANING_DOWN_M = 0.008  # or so far if it leans
-_BACK_M = 0.09  # how far the open hand draws back
 _SPARE_M = 0.03  # opened beyond the width of what was held
 _MENDED_M = 0.04  # more than that a thing does not slip in the hand, nor an arm give way
 _GROUPS = 12  # of poses that are tried
-# How far above the pose to come in [m], how far behind the arm takes its posture [m], and the cost of it.
-_WAYS = ((0.12, 0.0, 0.0), (0.05, 0.0, 0.05), (0.04, 0.4, 0.1), (0.04, 0.25, 0.15))
+# How far above the pose to come in, how far to draw the open hand back, how far behind the arm takes its posture [m],
+# and the cost of it. A hand that is well above its neighbors folds without sweeping them away.
+_WAYS = ((0.12, 0.20, 0.0, 0.0), (0.05, 0.09, 0.0, 0.1), (0.04, 0.09, 0.4, 0.1), (0.04, 0.09, 0.25, 0.15))
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,11 +161,10 @@ def _lower(work: Work, side: Side, stance: Stance, goal: Array) -> Actions:
 def _options(held: Held, pose: Pose, width_m: float) -> Iterator[Option]:
     """Ways to bring a thing into a pose from above, and the hand back along its fingers."""
     T = pose.T_world_thing @ kin.inverse(held.T_tcp_thing)
-    back = T.copy()
-    back[:3, 3] -= _BACK_M * T[:3, 2]
-    for over_m, run_up, cost in _WAYS:
-        over = T.copy()
+    for over_m, back_m, run_up, cost in _WAYS:
+        over, back = T.copy(), T.copy()
         over[2, 3] += over_m
+        back[:3, 3] -= back_m * T[:3, 2]
         opening = min(FULL_M, width_m + _SPARE_M)
         yield Option(np.stack([over, T, back]), 1, pose.cost + cost, run_up, None, opening)
 
