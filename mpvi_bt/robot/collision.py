@@ -149,7 +149,9 @@ class Body:
         p, hands, radii, own = self._arm_points(side, q, grasping)
         around = (self.around.distance(p) - radii).min(1)
         other: Side = "left" if side == "right" else "right"
-        p2, hands2, r2, own2 = self._others[other]
+        if other not in self._standing:
+            self._standing[other] = self._arm_points(other, self.arms[other], False)
+        p2, hands2, r2, own2 = self._standing[other]
         theirs = self.held[other].solids.seen_from(kin.inverse(hands2[0])) if other in self.held else NOTHING
         mine = self.held[side].solids if side in self.held else NOTHING
         itself = kernels.self_distance(
@@ -181,8 +183,8 @@ class Body:
         return kin.inverse(self._chest)
 
     @cached_property
-    def _others(self) -> Mapping[Side, tuple[Array, Array, Array, int]]:
-        return {side: self._arm_points(side, self.arms[side], False) for side in SIDES}
+    def _standing(self) -> dict[Side, tuple[Array, Array, Array, int]]:
+        return {}  # `_arm_points` of the arms as they stand, once they are asked for
 
     def _arm_points(self, side: Side, q: Array, grasping: bool) -> tuple[Array, Array, Array, int]:
         """Centers (n, m, 3) in the base frame, T_base_tcp (n, 4, 4), radii (m,) and how many are the arm's own."""
