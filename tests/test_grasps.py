@@ -7,9 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.manipulation.grasps import MAX_WIDTH_M, Grasp, grasps
+from mpvi_bt.manipulation import hand
+from mpvi_bt.manipulation.grasps import MAX_WIDTH_M, Grasp, grasps, lowest
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.kinematics import hand_rotation
 from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.sim.builder import Thing
 from mpvi_bt.sim.world import World
@@ -49,14 +51,15 @@ def test_candidates_are_sound(name: str, yaw: float, bearing: float) -> None:
         np.testing.assert_allclose(R.T @ R, np.eye(3), atol=1e-9)
         assert np.linalg.det(R) == pytest.approx(1.0)
         assert -R[2, 2] == pytest.approx(np.cos(grasp.tilt_rad), abs=1e-6)
-        assert R[2, 1] == pytest.approx(0.0, abs=1e-6)  # it closes sideways
+        if not WORLD.handles(name):
+            assert R[2, 1] == pytest.approx(0.0, abs=1e-6)  # it closes sideways
         assert grasp.cost >= 0
         assert (p > low - 0.02).all()
         assert (p < high + 0.02).all()
         if not WORLD.handles(name):
             assert p[2] + 0.016 * R[2, 2] > -1e-6  # the tips
         # the open fingers stand clear of it, and between them there is something of it
-        tips = np.array([p + s * 0.05 * R[:, 1] for s in (1.0, -1.0)])
+        tips = np.array([p + s * grasp.opening_m / 2 * R[:, 1] for s in (1.0, -1.0)])
         assert (around.distance(tips) > 1e-3).all()
         across = np.array([p + s * R[:, 1] for s in np.linspace(-0.04, 0.04, 17)])
         assert around.distance(across).min() < 0.012
@@ -88,22 +91,67 @@ def test_grasps_move_with_the_thing(turn: float, x: float, y: float) -> None:
     np.testing.assert_allclose(there, pose((x, y, 0.0), turn) @ here, atol=1e-5)
 
 
-@pytest.mark.parametrize("name", ["bowl", "book"])
-def test_what_is_too_wide_has_no_grasp(name: str) -> None:
-    """What is broader than the hand opens, without a handle, has none."""
-    assert np.ptp(CATALOGUE[name].description.extent(), axis=0)[:2].min() > MAX_WIDTH_M
-    assert grasps(TrueScene(WORLD), name, 0.0) == []
+def test_what_is_too_wide_has_no_grasp() -> None:
+    """What is broader than the hand opens, without a handle or a rim, has none."""
+    assert np.ptp(CATALOGUE["book"].description.extent(), axis=0)[:2].min() > MAX_WIDTH_M
+    assert grasps(TrueScene(WORLD), "book", 0.0) == []
+
+
+@settings(deadline=None, max_examples=15)
+@given(yaw=st.floats(-3.1, 3.1), bearing=st.floats(-3.1, 3.1))
+def test_a_bowl_is_taken_by_its_rim(yaw: float, bearing: float) -> None:
+    """Candidates for a bowl have one finger inside it, one outside, the wall between them, and the palm above it."""
+    put("bowl", yaw, (0.1, 0.2, 0.0))
+    found = grasps(TrueScene(WORLD), "bowl", bearing)
+    assert found
+    wall = Surroundings(list(WORLD.solids("bowl")))
+    (inside,) = WORLD.volumes("bowl")
+    for grasp in found:
+        R, p = grasp.T_world_tcp[:3, :3], grasp.T_world_tcp[:3, 3]
+        assert wall.distance(p[None])[0] == 0.0
+        tips = np.array([p + s * grasp.opening_m / 2 * R[:, 1] for s in (1.0, -1.0)])
+        assert (wall.distance(tips) > 0.01).all()
+        radii = np.sort(np.linalg.norm((tips - inside.T[:3, 3])[:, :2], axis=1))
+        assert radii[0] < inside.half_m[0] < radii[1]
+        assert wall.distance((p - 0.043 * R[:, 2])[None])[0] > 0.0
+        assert p[2] > 0.015
 
 
 @pytest.mark.parametrize("yaw", np.arange(-3.0, 3.1, 0.5))
 def test_a_bin_is_taken_by_its_bar(yaw: float) -> None:
-    """Candidates for a thing with a bar close across the bar, at its middle, from above."""
+    """Candidates for a thing with a bar close across the bar, at its middle, straight from above before slantwise."""
     put("trash_can", yaw, (0.2, 0.1, 0.0))
     (bar,) = WORLD.handles("trash_can")
-    for grasp in grasps(TrueScene(WORLD), "trash_can", 0.0):
+    found = grasps(TrueScene(WORLD), "trash_can", 0.0)
+    for grasp in found:
         np.testing.assert_allclose(grasp.T_world_tcp[:3, 3], bar.center, atol=1e-6)
         assert abs(grasp.T_world_tcp[:3, 1] @ bar.axis) < 1e-6
-        assert grasp.tilt_rad == 0.0
+        assert abs(grasp.T_world_tcp[:3, 2] @ bar.axis) < 1e-6
+    assert min(found, key=lambda g: g.cost).tilt_rad == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_lying_bin_is_taken_from_its_open_side() -> None:
+    """The bar of a bin on its side is taken from where it stands out, never through the bin or from below."""
+    T = pose((0.2, 0.1, 0.14))
+    T[:3, :3] = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    thing(WORLD, "trash_can").place(T)
+    (bar,) = WORLD.handles("trash_can")
+    found = grasps(TrueScene(WORLD), "trash_can", 0.0)
+    assert found
+    for grasp in found:
+        assert grasp.T_world_tcp[:3, 2] @ bar.outward < 0
+        assert grasp.T_world_tcp[2, 2] < 0.21
+
+
+@pytest.mark.parametrize("tilt", np.linspace(0.0, np.pi / 2, 9))
+def test_the_lowest_hand_is_clear_of_the_floor(tilt: float) -> None:
+    """At the least height of its tilt neither the fingers nor the palm reach below the surface."""
+    R = hand_rotation((np.sin(tilt), 0.0, -np.cos(tilt)), (0.0, 1.0, 0.0))
+    centers, radii = hand.fingers(0.1)
+    corners = np.concatenate([centers - [s * 0.002, 0, 0] for s in (-1, 1)])
+    assert (lowest(tilt) + (corners @ R.T)[:, 2] > np.tile(radii, 2) - 1e-3).all()
+    palm = np.array([(x, y, z) for x in (-0.025, 0.025) for y in (-0.075, 0.075) for z in (-0.103, -0.043)])
+    assert (lowest(tilt) + (palm @ R.T)[:, 2] > 0).all()
 
 
 def test_a_lying_can_is_taken_across() -> None:
