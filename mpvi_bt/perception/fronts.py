@@ -28,6 +28,8 @@ _LEAST_POINTS = 150
 _TALL_M = 0.1  # of the bulk of an upright plane
 _EXPLAINED = 0.8  # share of the rest of a thing that has to lie behind a closed door
 _OFF_M = (0.022, 0.095)  # how far a bar may stand off
+_STRIP_M = (0.012, 0.045)  # beside a bar, where the face that it stands on shows
+_CLEAR_M, _BEFORE = 0.2, 0.15  # from what is before a bar, and how many points of it there may be for one of the bar
 _CELL_M = 0.012
 _BAR_LENGTH_M, _BAR_WIDTH_M = (0.07, 0.6), 0.05
 _BAR_RADIUS_M = 0.009
@@ -37,6 +39,9 @@ _DRAWER_M = 0.42  # a front that is lower and has a lying bar is a drawer
 _UPRIGHT_RAD, _FLAP_RAD, _SLIDE_M = 1.6, 1.3, 0.32  # what is taken for the limit
 _AJAR_RAD, _AJAR_M = 0.2, 0.035
 _WIDEST_RAD, _DOUBT = 2.1, 0.1  # doors rarely stand wide open
+_SWITCH_POINTS = 4
+_BESIDE_M = 0.035  # of a button, from how far around it the surface is told
+_FLATNESS = 0.35  # points that spread less through a surface than this share of along it tell its direction
 _Z = np.array([0.0, 0.0, 1.0])
 
 
@@ -81,6 +86,37 @@ def fronts(points: Array, eye: Array) -> list[Door]:
         if not any(_same(front, other) for other in found[: found.index(front)]):
             doors.append(_door(front, f"front {len(doors) + 1}", found, planes, points))
     return doors
+
+
+def switch(points: Array, around: Array, eye: Array) -> Array | None:
+    """T_world_switch (4, 4) of a button, z out of the surface that it sits on.
+
+    Args:
+        points: (n, 3) of the button [m].
+        around: (m, 3) of the thing that it belongs to.
+        eye: (3,) where they were seen from.
+
+    Returns:
+        None if hardly anything of it was measured.
+    """
+    if len(points) < _SWITCH_POINTS:
+        return None
+    center = np.median(points, axis=0)
+    near = np.concatenate([points, around[np.linalg.norm(around - center, axis=1) < _BESIDE_M]])
+    sight = (eye - center) / np.linalg.norm(eye - center)
+    _, spread, axes = np.linalg.svd(near - near.mean(0), full_matrices=False)
+    flat = spread[2] < _FLATNESS * spread[1]
+    z = axes[2] * np.sign(axes[2] @ sight) if flat else sight * [1.0, 1.0, 0.0]
+    if abs(z[2]) > 0.85:
+        z = _Z * np.sign(z[2])
+    elif abs(z[2]) < 0.4:
+        z = z * [1.0, 1.0, 0.0]
+    z = z / np.linalg.norm(z)
+    x = np.cross(_Z if abs(z[2]) < 0.9 else [0.0, 1.0, 0.0], z)
+    x /= np.linalg.norm(x)
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = np.stack([x, np.cross(z, x), z], axis=1), center
+    return T
 
 
 def _planes(points: Array, eye: Array) -> Iterator[_Plane]:
@@ -135,15 +171,17 @@ def _fronts_on(points: Array, plane: _Plane, eye: Array) -> list[_Front]:
     low, high = np.percentile(u[plane.own], [0.5, 99.5]), np.percentile(z[plane.own], [0.5, 99.5])
     near = (u > low[0] - 0.02) & (u < low[1] + 0.02) & (z > high[0] - 0.02) & (z < high[1] + 0.02)
     standing = near & (off > _OFF_M[0]) & (off < _OFF_M[1])
-    bars = _bars(points[standing], plane, off[standing])
+    beyond = near & (off >= _OFF_M[1]) & (off < _OFF_M[1] + _CLEAR_M)
+    uz = np.stack([u, z], 1)
+    bars = [b for b in _bars(points[standing], plane, off[standing], uz[beyond]) if _backed(b, uz[plane.own], plane)]
     if not bars:
         return []
     face = np.array([[low[0], high[0]], [low[1], high[1]]])
     return [_Front(plane, bar, *_around(bar, bars, face, plane)) for bar in bars]
 
 
-def _bars(points: Array, plane: _Plane, off: Array) -> list[SeenBar]:
-    """Slender things among points that stand off a plane."""
+def _bars(points: Array, plane: _Plane, off: Array, beyond: Array) -> list[SeenBar]:
+    """Slender things among points that stand off a plane, with nothing before them (u and z of points `beyond`)."""
     if len(points) < 8:
         return []
     uz = np.stack([points @ plane.u, points[:, 2]], 1)
@@ -161,6 +199,9 @@ def _bars(points: Array, plane: _Plane, off: Array) -> list[SeenBar]:
         span = np.percentile(uz[own], [2, 98], axis=0)
         size = span[1] - span[0]
         longer = int(size.argmax())
+        before = ((beyond > span[0] - _CELL_M) & (beyond < span[1] + _CELL_M)).all(1)
+        if before.sum() > _BEFORE * own.sum():
+            continue  # the edge of a board, or of another front
         if not (_BAR_LENGTH_M[0] < size[longer] < _BAR_LENGTH_M[1] and size[1 - longer] < _BAR_WIDTH_M):
             continue
         if size[longer] < 2.5 * size[1 - longer]:
@@ -176,6 +217,19 @@ def _bars(points: Array, plane: _Plane, off: Array) -> list[SeenBar]:
         center = plane.u * at[0] + _Z * at[1] + plane.n * (plane.d + outermost)
         out.append(SeenBar(center, (plane.u, _Z)[longer].copy(), plane.n.copy(), float(size[longer])))
     return out
+
+
+def _backed(bar: SeenBar, face: Array, plane: _Plane) -> bool:
+    """Whether there is a face (points (n, 2) in u and z) on both sides of a bar: else it is an edge of something."""
+    along = int(abs(bar.axis[2]) > 0.5)
+    local = face - [bar.center @ plane.u, bar.center[2]]
+    beside = local[np.abs(local[:, along]) < bar.length_m / 2]
+    cells = max(1, int(bar.length_m / _CELL_M))
+    shares = []
+    for sign in (-1, 1):
+        strip = beside[(sign * beside[:, 1 - along] > _STRIP_M[0]) & (sign * beside[:, 1 - along] < _STRIP_M[1])]
+        shares.append(len(np.unique((strip[:, along] / _CELL_M).astype(int))) / cells)
+    return min(shares) > 0.3
 
 
 def _around(bar: SeenBar, bars: list[SeenBar], face: Array, plane: _Plane) -> tuple[Array, Array]:

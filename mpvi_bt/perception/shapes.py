@@ -336,6 +336,9 @@ def _vessel(points: Array, seen: Outline, support: float, top: float) -> Shape |
     if len(edge) < 12:
         return None
     around = outline(_trimmed(edge))
+    below = points[(points[:, 2] > support + 0.4 * (rim - support)) & (points[:, 2] < rim + 0.006), :2]
+    if ((wide := outline(_trimmed(below))).sides - around.sides).max() > _WALL_M * 3:
+        around = wide  # a bar may hide a part of the rim, not of the wall below it
     if around.sides[1] < 0.6 * seen.sides[1]:
         return None
     at, half = np.abs(around.local(points[:, :2])), np.maximum(around.sides / 2, 0.01)
@@ -372,11 +375,12 @@ def _rim(points: Array, seen: Outline, support: float, top: float) -> tuple[floa
             across = np.percentile(seen.local(level), [3, 97], axis=0)
             if (np.ptp(across, axis=0) > 0.6 * seen.sides).all():
                 rim = min(float(high), top)
+                near = points[(points[:, 2] <= rim) & (points[:, 2] > rim - 2 * _SLICE_M), 2]
+                counts, bins = np.histogram(near, np.arange(rim - 2 * _SLICE_M, rim + 0.004, 0.004))
+                rim = min(rim, float(bins[np.flatnonzero(counts > 0.3 * counts.max())[-1] + 1]))
                 break
     if top - rim < 0.025:
         return top, None
-    near = points[(points[:, 2] > rim - _SLICE_M) & (points[:, 2] < rim + 0.004), 2]
-    rim = float(np.percentile(near, 90)) if len(near) > 8 else rim
     above = points[points[:, 2] > max(top - 0.03, rim + 0.015)]
     if len(above) < 8:
         return rim, None
