@@ -1,0 +1,145 @@
+"""The reactive policy: what it knows is what it has seen."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from mpvi_bt.goals.predicates import inside, ontop
+from mpvi_bt.manipulation.reactive import ReactivePolicy
+from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.sim.world import World
+from mpvi_bt.testing import check_policy
+from tests.small_house import placed, small_world
+
+SKILLS = load_skills()
+TABLE = "{entry: table, at: [1.0, 0.0]}"
+VOCABULARY = {"can": ("can of soda",), "bin": ("trash can",), "table_1": ("table",)}
+
+
+def reactive(seed: int = 0) -> ReactivePolicy:
+    return ReactivePolicy(SKILLS, seed, vocabulary=VOCABULARY)
+
+
+@dataclass
+class Played:
+    """What came of a prompt."""
+
+    note: str = ""
+    pictures: int = 0
+    actions: list[Array] = field(default_factory=list)
+
+
+def play(world: World, policy: ReactivePolicy, prompt: str, limit_s: float) -> Played:
+    """Have the policy follow a prompt until its note is "done", or for `limit_s`."""
+    played = Played()
+    for _ in range(round(limit_s * CONTROL_HZ)):
+        images = {camera: world.robot.look(camera) for camera in policy.cameras}
+        played.pictures += len(images)
+        felt = world.robot.proprioception()
+        (action,) = policy.infer({"prompt": prompt, "proprioception": felt, "images": images})
+        world.step(action)
+        played.actions.append(action)
+        if policy.note == "done":
+            break
+    played.note = policy.note
+    world.refresh()
+    return played
+
+
+def calm(world: World) -> World:
+    world.settle()
+    return world
+
+
+def test_it_is_given_no_world() -> None:
+    """Its constructor takes skills, a seed, a timer, a detector and words; nothing that could answer for the truth."""
+    parameters = inspect.signature(ReactivePolicy).parameters
+    assert list(parameters) == ["skills", "seed", "timer", "detector", "vocabulary"]
+
+
+@pytest.mark.render
+@pytest.mark.parametrize("prompt", ["pick up the can of soda", "sing a song", "", "pick up the elephant"])
+def test_it_keeps_the_policys_contract(prompt: str) -> None:
+    """It passes the check that every policy passes, whatever it is told."""
+    world = calm(small_world({"can": placed("can_of_soda", 1.0, 0.0)}, render=True))
+    images = {camera: world.robot.look(camera) for camera in ("head", *SIDES)}
+    felt = world.robot.proprioception()
+    observation: Mapping[str, object] = {"prompt": prompt, "proprioception": felt, "images": images}
+    check_policy(reactive(), observation)
+
+
+@pytest.mark.render
+def test_what_moves_unseen_changes_nothing_until_it_is_seen() -> None:
+    """Worlds that differ only in where an unseen thing is give the same actions until a picture shows it."""
+    runs = []
+    for y in (0.0, 0.6):
+        world = calm(small_world({"can": placed("can_of_soda", -1.5, y)}, render=True))
+        runs.append(np.stack(play(world, reactive(3), "pick up the can of soda", 5.0).actions))
+    np.testing.assert_array_equal(runs[0], runs[1])
+
+
+@pytest.mark.render
+def test_the_same_observations_give_the_same_actions() -> None:
+    """Two policies of one seed in worlds that are alike do alike, number for number."""
+
+    def actions() -> Array:
+        world = calm(small_world({"can": placed("can_of_soda", 0.9, 0.2)}, render=True))
+        return np.stack(play(world, reactive(3), "pick up the can of soda", 4.0).actions)
+
+    np.testing.assert_array_equal(actions(), actions())
+
+
+@pytest.mark.render
+def test_it_asks_for_pictures_only_when_it_looks() -> None:
+    """Most steps need no picture: rendering is what costs."""
+    world = calm(small_world({"can": placed("can_of_soda", 0.9, 0.2)}, render=True))
+    played = play(world, reactive(), "pick up the can of soda", 6.0)
+    assert 1 <= played.pictures <= 0.05 * len(played.actions)
+
+
+@pytest.mark.render
+def test_an_unknown_skill_is_said_and_nothing_moves() -> None:
+    """What no skill's phrase fits is left alone, with a note."""
+    world = calm(small_world({"can": placed("can_of_soda", 0.9, 0.2)}, render=True))
+    played = play(world, reactive(), "sing a song", 1.0)
+    assert "no skill" in played.note
+    assert np.linalg.norm(world.robot.proprioception().base_pose[:2]) < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.render
+@pytest.mark.parametrize("at", [(0.9, 0.1), (0.7, -0.6), (-0.9, 0.2)])
+def test_a_can_is_picked_up_from_the_floor(at: tuple[float, float]) -> None:
+    """It finds the can, behind it too, and takes it."""
+    world = calm(small_world({"can": placed("can_of_soda", *at)}, render=True))
+    assert play(world, reactive(), "pick up the can of soda", 90.0).note == "done"
+    assert "can" in [world.holding(s) for s in SIDES]
+    assert world.pose("can")[2, 3] > 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.render
+def test_a_clause_that_wants_a_thing_in_hand_has_it_picked_up_first() -> None:
+    """Told only to put the can into the bin it picks it up and does so; the hands end up empty."""
+    world = calm(small_world({"can": placed("can_of_soda", 0.9, 0.4), "bin": placed("trash_can", 0.9, -0.6)},
+                             render=True))  # fmt: skip
+    assert play(world, reactive(), "put the can of soda in the trash can", 120.0).note == "done"
+    assert inside(world, "can", "bin")
+    assert [world.holding(s) for s in SIDES] == [None, None]
+
+
+@pytest.mark.slow
+@pytest.mark.render
+def test_a_can_is_set_down_on_a_table() -> None:
+    """From the floor to the table, standing."""
+    world = calm(small_world({"can": placed("can_of_soda", 0.2, 0.9)}, render=True, table_1=TABLE))
+    prompt = "pick up the can of soda, then put the can of soda on the table"
+    assert play(world, reactive(), prompt, 150.0).note == "done"
+    assert ontop(world, "can", "table_1")
