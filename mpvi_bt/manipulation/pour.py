@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mpvi_bt.manipulation.stance import Held, Option, Search, Stance
 from mpvi_bt.manipulation.work import Words, Work
+from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
@@ -19,9 +21,12 @@ _ABOVE_M = 0.06  # from where the vessel comes down
 _STEPS = 6  # straight lines from upright to tipped
 # How far to tip [rad] and from how much higher [m], as the arms allow: the first is the surest to empty a vessel.
 _WAYS = ((2.45, 0.0), (2.45, 0.1), (2.0, 0.0), (2.0, 0.1))
-_SHAKES = 3
+_LEVEL = 0.75  # cosine of how far it may lean on the way
+_SHAKES = 2
 _SHAKE_M_S = 0.5
 _TURNS = tuple(np.arange(12) * np.pi / 6)  # of the vessel about the vertical
+# Off the middle of the way there, y toward the own side [m].
+_DETOURS = np.array([(0.0, 0, 0), (0, 0, 0.15), (0, 0.15, 0), (0, 0.1, 0.25), (0.15, 0, 0.1), (0, 0.25, 0)])
 _LIPS = tuple(np.arange(8) * np.pi / 4)  # where on its rim it is poured over
 
 
@@ -35,10 +40,10 @@ def pour(work: Work, words: Words, tried: list[Array]) -> Actions:
     scene = work.scene
     side = _pouring_hand(work, words)
     target = work.nearest(words.get("container", ""))
-    held = work.held()[side]
-    contents = list(scene.within(held.name))
+    contents = list(scene.within(str(scene.holding(side))))
 
     def find(search: Search, here_first: bool) -> Stance | None:
+        held = work.held()[side]
         place, height = _opening(work, target)
         for tipped, higher in _WAYS:
             options = list(_options(work, held, place, height + higher, tipped))
@@ -47,7 +52,11 @@ def pour(work: Work, words: Words, tried: list[Array]) -> Actions:
         return None
 
     stance, search = yield from work.close_in(side, {target}, target, find, tried)
-    yield from work.take_up(stance, search)
+    for base in stance.route:
+        yield from work.motion.drive(base)
+    if search.other is not None and len(stance.aside) > 1:
+        yield from work.motion.follow(search.other, stance.aside, speed=0.8)
+    yield from _bring(work, side, stance)
     yield from _tip(work, side, stance)
     if not work.gripped(side):
         raise MotionFailure("dropped")
@@ -55,6 +64,33 @@ def pour(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from work.look_at(target)
     if scene.volumes(target) and any(name not in scene.within(target) for name in contents):
         raise MotionFailure("missed")
+
+
+def _bring(work: Work, side: Side, stance: Stance) -> Actions:
+    """Torso and hand together to the first waypoint, so that nothing is spilled on the way."""
+    motion, body, now = work.motion, work.body(), work.motion.hand(side)
+    over = kin.inverse(work.base) @ kin.base(stance.base) @ stance.waypoints[0]
+    others = {s: arm_motion.stay(motion.hand(s)) for s in body.held if s != side}
+    for detour in _DETOURS:
+        way = arm_motion.glide(now, over, detour * [1, r1.SIGN[side], 1])
+        if (arms := arm_motion.sweep(body, stance.torso, {**others, side: way})) is not None:
+            yield from motion.stand(stance.torso, arms)
+            elbow = arm_motion.plan(work.body(), side, stance.path[-1], work.rng)
+            if elbow is not None and _level(work, side, stance.torso, elbow):
+                yield from motion.follow(side, elbow, speed=1.0)
+            return
+    if not _level(work, side, stance.torso, stance.path):
+        raise MotionFailure("no_path")
+    yield from motion.stand(stance.torso, stance.level)
+    yield from motion.follow(side, stance.path)
+
+
+def _level(work: Work, side: Side, torso: Array, path: Sequence[Array]) -> bool:
+    """Whether a hand keeps as level as it is now along a path, so that what lies in what it holds stays there."""
+    up = work.motion.hand(side)[2, :3]
+    between = [a + (b - a) * u for a, b in pairwise(path) for u in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    hands = [kin.tcp(torso, q, side) for q in (path[0], *between)]
+    return all(float(T[2, :3] @ up) > _LEVEL for T in hands)
 
 
 def _tip(work: Work, side: Side, stance: Stance) -> Actions:
@@ -69,7 +105,7 @@ def _tip(work: Work, side: Side, stance: Stance) -> Actions:
     except MotionFailure:
         yield from work.lines(side, stance, range(at - 1, -1, -1), speed=0.2)
         raise
-    yield from work.lines(side, stance, range(_STEPS - 1, -1, -1), speed=0.2)
+    yield from work.lines(side, stance, range(_STEPS - 2, -1, -2), speed=0.2)
 
 
 def _pouring_hand(work: Work, words: Words) -> Side:
