@@ -1,0 +1,271 @@
+"""What has been seen and felt: things, told apart by place, and what the hands hold of them.
+
+Things are known by phrase and number, such as "can of soda 1": a detector's masks carry no names, so which mask is
+which thing in the next picture is told by where it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from mpvi_bt.manipulation.fitting import View, fitted
+from mpvi_bt.manipulation.frames import Frame, take
+from mpvi_bt.manipulation.in_hand import InHand
+from mpvi_bt.perception.detector import Detector, switch_of
+from mpvi_bt.perception.parts import Door
+from mpvi_bt.perception.shapes import Shape, fit, main_cluster
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot import r1
+from mpvi_bt.robot.collision import Obstacles, Surroundings
+from mpvi_bt.robot.motion import MotionFailure
+from mpvi_bt.robot.protocol import EMPTY_M, SIDES, CameraImage, Proprioception, Side
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.squeeze import squeezes
+
+_KEPT = 20  # pictures remembered
+_MOVED = (0.01, 0.015)  # a base that has moved farther than this [m, rad] stands at another place
+_NEAR_M = 0.12  # a mask this near to where a thing was is that thing, from the same place
+_FAR_M = 0.30  # likewise after a drive
+_RECENT_M = 1.2  # of driving: what was seen before is still good enough to be fitted to what is seen now
+_SHRUNK = 0.9  # a thing that seems so much smaller than before is partly hidden
+_SEEN_PX = 6  # a mask of fewer pixels is not looked at
+_THROUGH_M = 0.06  # where the depth is that much farther than a thing, it is gone
+_PRESSED_M = 0.06  # what two hands press is this near to both of them
+_GRASPED_M = 0.06  # what a closing hand takes hold of is this near its tcp, by what was seen of it
+_RECENTERED_M = 0.04  # fingers that close shift what they take by less than this
+
+
+@dataclass(eq=False)
+class Thing:
+    """One thing that was seen.
+
+    Attributes:
+        name, phrase: "can of soda 1", "can of soda".
+        shape: What it is taken to be, where it was seen or put last.
+        views: Frames that show it, with its mask, newest last.
+        inside: The container that it is in.
+    """
+
+    name: str
+    phrase: str
+    shape: Shape
+    views: list[View] = field(default_factory=list)
+    inside: str | None = None
+
+
+class Memory:
+    """What pictures and proprioception have told of things since the policy was last reset."""
+
+    def __init__(self, detector: Detector) -> None:
+        """See through `detector`."""
+        self._detector = detector
+        self.forget(())
+
+    def forget(self, phrases: Iterable[str]) -> None:
+        """Begin anew, with nothing known; from now on look for `phrases`."""
+        self._phrases = tuple(dict.fromkeys(phrases))
+        self._asked = (*self._phrases, *map(switch_of, self._phrases))
+        self._frames: list[Frame] = []
+        self._things: dict[str, Thing] = {}
+        self._count: dict[str, int] = {}
+        self._grip: dict[Side, tuple[str, Array]] = {}  # thing, and its motion's inverse at the grasp
+        self._shown: dict[Side, InHand] = {}  # what was first seen in a hand
+        self._both: tuple[str, Array] | None = None  # likewise between both hands, by the left one's motion
+        self._stand, self._stood, self._way_m = 0, np.full(3, np.inf), 0.0
+        self._felt: Proprioception | None = None
+        self._field: tuple[object, Obstacles] | None = None
+        self._fronts: tuple[object, list[Door]] | None = None
+        self._trusting = False
+        self._focus: Array | None = None  # what is worked on: obstacles are seen more finely around it
+
+    def feel(self, felt: Proprioception) -> None:
+        """Take in one step of proprioception: the base that moves, the hands that take and let go."""
+        moved = felt.base_pose - self._stood
+        if np.linalg.norm(moved[:2]) > _MOVED[0] or abs(kin.wrap(moved[2])) > _MOVED[1]:
+            if self._stand:
+                self._way_m += float(np.hypot(*moved[:2])) + r1.BASE_RADIUS_M * abs(float(kin.wrap(moved[2])))
+            self._stand, self._stood = self._stand + 1, felt.base_pose.copy()
+        self._felt = felt
+        self._feel_hands(felt)
+
+    def _feel_hands(self, felt: Proprioception) -> None:
+        for side in SIDES:
+            closed, gripped = felt.gripper_command[side] < -0.9, felt.holds(side)
+            if side in self._grip and not gripped:
+                self._release(side, dropped=felt.gripper_width[side] <= EMPTY_M)
+            elif closed and gripped and side not in self._grip:
+                self._grasp(side)
+        if squeezes(felt) != (self._both is not None):
+            self._press()
+
+    def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:
+        """Take in pictures."""
+        self.feel(felt)
+        for image in images.values():
+            frame = take(image, felt, self._detector, self._asked, self._stand, self._way_m)
+            self._frames = [*self._frames, frame][-_KEPT:]
+            self._associate(frame)
+        before = set(self._grip)
+        self._feel_hands(felt)  # they may hold what has been seen only now
+        for side in set(self._grip) - before:
+            thing, self._shown[side] = self._things[self._grip[side][0]], InHand(felt.gripper_width[side])
+            for frame, mask in thing.views:
+                self._regard(thing, frame, mask)
+            thing.views = []
+
+    def _tcp(self, side: Side) -> Array:
+        assert self._felt is not None
+        return kin.base(self._felt.base_pose) @ kin.tcp(self._felt.torso, self._felt.arm[side], side)
+
+    def _grasp(self, side: Side) -> None:
+        """The hand has closed on something: the nearest thing, which its fingers have brought between them."""
+        T = self._tcp(side)
+        taken = {n for n, _ in self._grip.values()}
+        near = [
+            (float(Surroundings(self._shape(n).solids).distance(T[None, :3, 3])[0]), n)
+            for n in self._things
+            if n not in taken and self._things[n].shape.kind != "furniture"
+        ]
+        if not near or min(near)[0] > _GRASPED_M:
+            return
+        thing = self._things[min(near)[1]]
+        if thing.shape.kind != "vessel":
+            boxes = np.stack([s.moved(kin.inverse(T)).aabb() for s in thing.shape.solids])
+            aside = float(boxes[:, 0, 1].min() + boxes[:, 1, 1].max()) / 2
+            if abs(aside) < _RECENTERED_M:
+                thing.shape = thing.shape.moved(kin.transform(np.eye(3), -aside * T[:3, 1]))
+        self._grip[side] = (thing.name, kin.inverse(T))
+        thing.inside = None  # its views stay: where it stood it stands no more
+
+    def _press(self) -> None:
+        """The hands have begun to press the nearest thing between them, or have ceased to."""
+        if self._both is not None:
+            thing = self._things[self._both[0]]
+            thing.shape, self._both = self._shape(thing.name), None
+            thing.views = []
+            return
+        hands = np.stack([self._tcp(side)[:3, 3] for side in SIDES])
+        gaps = {n: float(Surroundings(self._shape(n).solids).distance(hands).max()) for n in self._things}
+        nearest = min(gaps, key=gaps.__getitem__, default=None)
+        if nearest is not None and gaps[nearest] < _PRESSED_M:
+            self._both = (nearest, kin.inverse(self._tcp("left")))
+            self._things[nearest].inside = None
+
+    def _release(self, side: Side, dropped: bool) -> None:
+        """The hand has let go: what it held is where it was held, or has fallen into what is below it."""
+        name, _ = self._grip[side]
+        thing = self._things[name]
+        thing.shape = self._shape(name)
+        del self._grip[side]
+        self._shown.pop(side, None)
+        thing.views = []
+        middle = thing.shape.box().mean(0)
+        for other in self._things.values():
+            for volume in self._shape(other.name).volumes if other is not thing else ():
+                low, high = volume.aabb()
+                if not dropped and ((middle[:2] > low[:2]) & (middle[:2] < high[:2])).all() and middle[2] > low[2]:
+                    thing.inside = other.name
+                    fall = thing.shape.box()[0, 2] - low[2]
+                    thing.shape = thing.shape.moved(kin.transform(np.eye(3), (0.0, 0.0, -float(fall))))
+                    return
+
+    def _shape(self, name: str) -> Shape:
+        """A thing's shape now: what is in a hand moves with it."""
+        if name not in self._things:
+            raise MotionFailure("lost_sight")
+        thing = self._things[name]
+        carrier = name
+        if thing.inside is not None and thing.inside in self._held():
+            carrier = thing.inside
+        if self._both is not None and self._both[0] == carrier:
+            return thing.shape.moved(self._tcp("left") @ self._both[1])
+        for side, (held, T_tcp_world) in self._grip.items():
+            if held == carrier:
+                return thing.shape.moved(self._tcp(side) @ T_tcp_world)
+        return thing.shape
+
+    def _held(self) -> set[str]:
+        both = () if self._both is None else (self._both[0],)
+        return {*both, *(n for n, _ in self._grip.values())}
+
+    def _associate(self, frame: Frame) -> None:
+        """Tell which mask is which thing, by place; what should be seen and is not is gone."""
+        for phrase in dict.fromkeys(d.phrase for d in frame.detections if d.phrase in self._phrases):
+            masks = [d.mask for d in frame.detections if d.phrase == phrase]
+            seen = [(m, main_cluster(frame.of(m))) for m in masks]
+            seen = [(m, p) for m, p in seen if len(p) >= _SEEN_PX]
+            known = [t for t in self._things.values() if t.phrase == phrase]
+            pairs = []
+            for i, (_, points) in enumerate(seen):
+                for thing in known:
+                    shape = self._shape(thing.name)
+                    solids = shape.solids if shape.extent is None else [shape.extent]
+                    gap = float(np.median(Surroundings(solids).distance(points)))
+                    fresh = bool(thing.views) and thing.views[-1][0].stand == frame.stand
+                    if gap < (_NEAR_M if fresh or thing.name in self._held() else _FAR_M):
+                        pairs.append((gap, i, thing.name))
+            done: set[object] = set()
+            for _, i, name in sorted(pairs):
+                if i not in done and name not in done:
+                    done |= {i, name}
+                    self._update(self._things[name], frame, seen[i][0])
+            for i, (mask, points) in enumerate(seen):
+                if i not in done:
+                    self._discover(phrase, frame, mask, points)
+        for name in [n for n, t in self._things.items() if not (t.views and t.views[-1][0] is frame)]:
+            self._missed(name, frame)
+
+    def _discover(self, phrase: str, frame: Frame, mask: NDArray[np.bool_], points: Array) -> None:
+        shape = fit(points, frame.points[frame.measured & ~mask], frame.eye)
+        if shape is not None:
+            self._count[phrase] = self._count.get(phrase, 0) + 1
+            name = f"{phrase} {self._count[phrase]}"
+            self._things[name] = Thing(name, phrase, shape, [(frame, mask)])
+
+    def _update(self, thing: Thing, frame: Frame, mask: NDArray[np.bool_]) -> None:
+        """See a thing again; what is in hand is known better by the hand."""
+        if thing.name in self._held():
+            self._regard(thing, frame, mask)
+            return
+        thing.views = [(f, m) for f, m in thing.views if frame.way_m - f.way_m < _RECENT_M][-5:]
+        thing.views.append((frame, mask))
+        shape = fitted([v for v in thing.views if v[0].stand == frame.stand], thing.shape.support_m)
+        if shape is None or (np.ptp(shape.box(), axis=0) < _SHRUNK * np.ptp(thing.shape.box(), axis=0))[:2].any():
+            shape = fitted(thing.views, thing.shape.support_m) or shape  # something hides a part of it now
+        if shape is not None:
+            thing.shape = shape
+            if thing.inside is not None and not self._lies_in(thing, thing.inside):
+                thing.inside = None
+
+    def _regard(self, thing: Thing, frame: Frame, mask: NDArray[np.bool_]) -> None:
+        """See what a hand holds: it is as good as a part of the robot; what was first seen there is seen better now."""
+        for side, (name, _) in self._grip.items():
+            if name == thing.name and side in self._shown:
+                T = self._tcp(side)
+                self._shown[side].add(frame, mask, T)
+                if (shape := self._shown[side].shape(T)) is not None:
+                    thing.shape, self._grip[side] = shape, (name, kin.inverse(T))
+        frame.robot[:] |= ndimage.binary_dilation(mask, iterations=2)
+        self._field = None
+
+    def _missed(self, name: str, frame: Frame) -> None:
+        """Forget a thing where a picture shows what is behind it."""
+        thing = self._things[name]
+        if name in self._held() or thing.inside is not None or thing.shape.extent is not None:
+            return
+        depths = frame.depth_at(self._shape(name).box().mean(0))
+        if depths is not None and depths[1] > depths[0] + _THROUGH_M:
+            del self._things[name]
+
+    def _lies_in(self, thing: Thing, container: str) -> bool:
+        middle = thing.shape.box().mean(0)
+        for volume in self._shape(container).volumes:
+            low, high = volume.aabb()
+            if (middle > low - 0.02).all() and (middle[:2] < high[:2] + 0.02).all() and middle[2] < high[2] + 0.06:
+                return True
+        return False
