@@ -7,7 +7,7 @@ from itertools import chain, islice
 
 from mpvi_bt.manipulation import spots
 from mpvi_bt.manipulation.drop import drop_in, reach_over, releases
-from mpvi_bt.manipulation.placing import LEANING, SLANTED, UPRIGHT, Pose, place_at, release
+from mpvi_bt.manipulation.placing import LYING, SLANTED, UPRIGHT, Pose, place_at, release
 from mpvi_bt.manipulation.work import Words, Work, other
 from mpvi_bt.perception.knowledge import normalize
 from mpvi_bt.robot.motion import Actions, MotionFailure
@@ -18,7 +18,7 @@ Groups = Callable[[], Iterable[Sequence[Pose]]]  # poses to leave a thing in, th
 
 _FLOORS = ("floor", "ground")
 _LOST_M = 0.04  # what came to lie that much higher or lower than it was to lie has fallen over or off
-_SPOTS = 5  # tried with the thing upright, before it may lean
+_SPOTS = 4  # tried with the thing upright, before it may lean
 
 
 def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -40,9 +40,8 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
         yield from work.look_at(container)
         yield from release(work, side)
     elif not (yield from drop_in(work, side, held, container, tried)):
-        yield from place_at(
-            work, side, held, container, lambda: spots.on(work, held, container, LEANING, inside=True), tried
-        )
+        groups = _upright_first(lambda leans: spots.on(work, held, container, leans, inside=True), LYING)
+        yield from place_at(work, side, held, container, groups, tried)
     missed = held.name not in work.scene.within(container)
     yield from work.settle(without={held.name})
     if missed:
@@ -61,7 +60,7 @@ def place_on(work: Work, words: Words, tried: list[Array]) -> Actions:
         yield from _place(work, side, None, lambda: spots.on_floor(work, work.held()[side]), tried)
         return
     surface, held = work.nearest(words["surface"]), work.held()[side]
-    groups = _upright_first(lambda leans: spots.on(work, held, surface, leans), LEANING[1:])
+    groups = _upright_first(lambda leans: spots.on(work, held, surface, leans), LYING)
     yield from _place(work, side, surface, groups, tried)
 
 
@@ -85,13 +84,13 @@ def place_under(work: Work, words: Words, tried: list[Array]) -> Actions:
     """
     side = work.hand_with(words["object"], words.get("hand"))
     target, held = work.nearest(words["target"]), work.held()[side]
-    groups = _upright_first(lambda leans: spots.under(work, held, target, leans), LEANING[1:])
+    groups = _upright_first(lambda leans: spots.under(work, held, target, leans), LYING)
     yield from _place(work, side, target, groups, tried)
 
 
 def _upright_first(groups: Callable[[Sequence[float]], Iterable[Sequence[Pose]]], leans: Sequence[float]) -> Groups:
     """Poses with the thing upright, then those in which it leans, at the best places of each."""
-    return lambda: chain(islice(groups(UPRIGHT), _SPOTS), islice(groups(leans), _SPOTS))
+    return lambda: chain(islice(groups(UPRIGHT), _SPOTS), islice(groups(leans), 2 * _SPOTS))
 
 
 def _place(work: Work, side: Side, about: str | None, groups: Groups, tried: list[Array]) -> Actions:

@@ -17,24 +17,16 @@ from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
 UPRIGHT = (0.0,)
-SLANTED = (0.35, -0.35, 0.7, -0.7)
-LEANING = (
-    0.0,
-    0.35,
-    -0.35,
-    0.8,
-    -0.8,
-    1.2,
-    -1.2,
-    1.5,
-    -1.5,
-)  # [rad] about the closing axis, as a thing hangs in a hand
+SLANTED = (0.25, -0.25, 0.5, -0.5, 0.8, -0.8)
+LYING = (0.25, -0.25, 1.5, -1.5, 1.2, -1.2)  # [rad] about the closing axis, as a thing hangs in a hand
 TURNS = tuple(np.arange(12) * np.pi / 6 - np.pi)
+_STANDS = 0.8  # of the lean at which a thing tips over
+_LIES_RAD = 1.1
 _DOWN_M = 0.004  # a thing is let go of so far above the surface,
 _LEANING_DOWN_M = 0.008  # or so far if it leans
 _SPARE_M = 0.03  # opened beyond the width of what was held
 _MENDED_M = 0.04  # more than that a thing does not slip in the hand, nor an arm give way
-_GROUPS = 12  # of poses that are tried
+_GROUPS = 14  # of poses that are tried
 # How far above the pose to come in, how far to draw the open hand back, how far behind the arm takes its posture [m],
 # and the cost of it. A hand that is well above its neighbors folds without sweeping them away.
 _WAYS = ((0.12, 0.20, 0.0, 0.0), (0.05, 0.09, 0.0, 0.1), (0.04, 0.09, 0.4, 0.1), (0.04, 0.09, 0.25, 0.15))
@@ -53,18 +45,34 @@ class Pose:
     cost: float
 
 
+def leaning(work: Work, held: Held, lean: float) -> Array | None:
+    """The rotation (3, 3) of a thing that leans so far; None if it would fall over from there.
+
+    What leans a little comes to stand, what lies nearly flat comes to lie; what is between falls anywhere, but a ball.
+    """
+    upright = _upright(work.scene.pose(held.name)[:3, :3])
+    if not lean:
+        return upright
+    frame = kin.inverse(held.T_tcp_thing)
+    boxes = np.stack([s.moved(kin.transform(upright, (0.0, 0.0, 0.0)) @ frame).aabb() for s in held.solids])
+    size = boxes[:, 1].max(0) - boxes[:, 0].min(0)
+    stands = abs(lean) < _STANDS * float(np.arctan2(size[:2].min(), size[2]))
+    if not (stands or abs(lean) > _LIES_RAD or all(s.kind == "sphere" for s in held.solids)):
+        return None
+    closing = upright @ frame[:3, 1] * [1, 1, 0]
+    if (length := float(np.linalg.norm(closing))) < 0.5:
+        return None
+    return np.asarray(Rotation.from_rotvec(closing / length * lean).as_matrix() @ upright)
+
+
 def poses(work: Work, held: Held, spot: Array, leans: Sequence[float] = UPRIGHT) -> Iterator[Pose]:
     """Poses with the middle of the thing's underside on a spot (3,), at several turns, upright first."""
     frame = kin.inverse(held.T_tcp_thing)
     solids = [s.moved(frame) for s in held.solids]  # in the thing's frame
-    upright = _upright(work.scene.pose(held.name)[:3, :3])
     for lean in leans:
-        standing = upright
-        if lean:
-            closing = upright @ frame[:3, 1] * [1, 1, 0]
-            if (length := float(np.linalg.norm(closing))) < 0.5:
-                return
-            standing = Rotation.from_rotvec(closing / length * lean).as_matrix() @ upright
+        standing = leaning(work, held, lean)
+        if standing is None:
+            continue
         for turn in TURNS:
             R = kin.rot_z(turn) @ standing
             boxes = np.stack([s.moved(kin.transform(R, (0.0, 0.0, 0.0))).aabb() for s in solids])

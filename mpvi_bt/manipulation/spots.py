@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mpvi_bt.goals.predicates import NEXT_TO_GAP
 from mpvi_bt.manipulation.outline import disc, outline
-from mpvi_bt.manipulation.placing import Pose, poses
+from mpvi_bt.manipulation.placing import Pose, leaning, poses
 from mpvi_bt.manipulation.stance import Held
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
@@ -26,6 +26,7 @@ _BESIDE_M = (0.006, 0.012, 0.02, 0.03)  # or farther, where that still counts as
 _SECTORS = 12
 _EASY_M = 0.9  # boards at such a height are tried first
 _LEVEL_M = 0.02
+_SPOTS = 3  # of one lean and headroom
 
 
 def size(solids: Sequence[Solid]) -> tuple[Array, float]:
@@ -39,17 +40,21 @@ def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: boo
 
     Faces at a comfortable height come first, and what has room above.
     """
-    box, radius = size([s.moved(work.base @ _hand(work, held)) for s in held.solids])
     near = work.motion.felt.base_pose[:2]
-    done: list[Array] = []
-    for headroom in (_HEADROOMS_M[0], float(np.ptp(box, axis=0)[2]) + _HEADROOMS_M[1]):
-        spots = list(work.scene.spots(surface, radius + _CLEAR_M, headroom, near))
-        if inside:
-            spots = [s for s in spots if _within(work.scene.volumes(surface), s + [0, 0, 0.02])]
-        for spot in _by_turns(spots):
-            if all(np.linalg.norm(spot - d) > _GRID_M for d in done):
-                done.append(spot)
-                yield list(poses(work, held, spot, leans))
+    frame = kin.inverse(held.T_tcp_thing)
+    for lean in dict.fromkeys(map(abs, leans)):  # to either side
+        if (R := leaning(work, held, lean)) is None:
+            continue
+        box, radius = size([s.moved(kin.transform(R, (0.0, 0.0, 0.0)) @ frame) for s in held.solids])
+        done: list[Array] = []
+        for headroom in (_HEADROOMS_M[0], float(np.ptp(box, axis=0)[2]) + _HEADROOMS_M[1]):
+            spots = list(work.scene.spots(surface, radius + _CLEAR_M, headroom, near))
+            if inside:
+                spots = [s for s in spots if _within(work.scene.volumes(surface), s + [0, 0, 0.02])]
+            for spot in _by_turns(spots)[:_SPOTS]:
+                if all(np.linalg.norm(spot - d) > _GRID_M for d in done):
+                    done.append(spot)
+                    yield list(poses(work, held, spot, [a for a in leans if abs(a) == lean]))
 
 
 def on_floor(work: Work, held: Held) -> Iterator[list[Pose]]:
@@ -161,13 +166,11 @@ def _within(volumes: Sequence[Solid], p: Array) -> bool:
     return any((np.abs(kin.inverse(v.T)[:3] @ np.append(p, 1.0)) <= v.half_m).all() for v in volumes)
 
 
-def _by_turns(spots: Sequence[Array]) -> Iterator[Array]:
+def _by_turns(spots: Sequence[Array]) -> list[Array]:
     """Spots in their order, but one of each height after the other, comfortable heights first."""
     levels: dict[int, list[Array]] = {}
     for spot in spots:
         levels.setdefault(round(float(spot[2]) / _LEVEL_M), []).append(spot)
     ranked = sorted(levels.values(), key=lambda level: abs(float(level[0][2]) - _EASY_M))
-    for k in range(max(map(len, ranked), default=0)):
-        for level in ranked:
-            if k < len(level):
-                yield level[k]
+    rounds = range(max(map(len, ranked), default=0))
+    return [level[k] for k in rounds for level in ranked if k < len(level)]

@@ -29,7 +29,7 @@ _BASE_CLEAR_M = 0.30
 _TOUCH_M = 0.008  # the spheres reach that far beyond what they stand for: what may be near a hand that touches
 _RANKED_POSTURES = 1200  # of one base pose, checked where the hand works
 _CHECKED_POSTURES = 16  # of those, on the whole way
-_CHECKED_BASES = 16  # of one spacing
+_CHECKED_BASES = 12  # of one spacing
 _SPACINGS = ((0.12, 0.5), (0.05, 0.25))  # [m, rad] between base poses: what fails here fails a hand's breadth away
 _STEP_M = 0.06  # between checks on the way in
 _VIAS = ((-0.35, 0.0), (-0.7, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.35, 0.5), (-0.35, -0.5))  # ahead and left of here [m]
@@ -248,7 +248,7 @@ class Search:
         for run_up, some in ways.items():
             ready = base - np.array([np.cos(base[2]), np.sin(base[2]), 0.0]) * run_up
             lane = _lane(ready, base)
-            if not self._stands(lane).all() or (route := self._route(here, ready)) is None:
+            if not self._stands(lane).all() or (route := self.route(here, ready)) is None:
                 continue
             worked = True
             for hold in self._holds:
@@ -256,7 +256,7 @@ class Search:
                     return found, True
         return None, worked
 
-    def _route(self, here: Array, goal: Array) -> list[Array] | None:
+    def route(self, here: Array, goal: Array) -> list[Array] | None:
         """Base poses to drive to `goal` by: straight, or by one place on the way."""
         if self.drivable(here, goal):
             return [goal]
