@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 
-from mpvi_bt.goals.predicates import inside, ontop
+from mpvi_bt.goals.predicates import inside, nextto, ontop, under
 from mpvi_bt.manipulation.expert import ExpertPolicy
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
@@ -167,3 +168,83 @@ def test_one_hand_holds_the_bin_while_the_other_fills_it(side: Side) -> None:
     assert inside(world, "can", "bin")
     assert world.holding(side) == "bin"
     assert world.holding(other) is None
+
+
+def opened(world: World, fixture: str) -> World:
+    """The world with a fixture's door wide open."""
+    world.set_opening(fixture, "door", 0.9)
+    return calm(world)
+
+
+@pytest.mark.slow
+def test_a_carton_is_taken_out_of_a_fridge_and_put_back() -> None:
+    """From a board with another one 35 cm above a carton is taken, and set down inside again; neither arm stays in."""
+    world = small_world(
+        {"milk": placed("carton_of_milk", 1.35, 0.05, 0.85)}, fridge="{entry: refrigerator, at: [1.5, 0], yaw_deg: 180}"
+    )
+    opened(world, "fridge")
+    assert inside(world, "milk", "fridge")
+    assert play(world, "pick up the carton of milk", limit_s=90).note == "done"
+    assert "milk" in (world.holding("left"), world.holding("right"))
+    assert not inside(world, "milk", "fridge")
+    assert play(world, "put the carton of milk in the fridge", limit_s=90).note == "done"
+    assert inside(world, "milk", "fridge")
+    assert [world.holding(s) for s in SIDES] == [None, None]
+
+
+@pytest.mark.slow
+def test_a_bowl_is_taken_by_its_rim_and_set_down_upright_on_the_floor() -> None:
+    """What is too wide for the hand is lifted by its wall; the floor is a surface like others."""
+    world = small_world({"bowl": placed("bowl", 0.85, -0.1, 0.73)}, table_1=TABLE)
+    calm(world)
+    played = play(world, "pick up the bowl, then put the bowl on the floor", limit_s=90)
+    assert played.note == "done"
+    assert world.touching("bowl", "floor_hall")
+    assert world.pose("bowl")[2, 2] > 0.99
+
+
+@pytest.mark.slow
+def test_a_cup_is_set_down_next_to_a_bowl() -> None:
+    """On the same table, near enough to count as next to it, and the bowl stays where it is."""
+    world = small_world(
+        {"cup": placed("coffee_cup", -0.9, 0.6), "bowl": placed("bowl", 0.95, 0.2, 0.73)}, table_1=TABLE
+    )
+    calm(world)
+    before = world.pose("bowl")
+    played = play(world, "pick up the coffee cup, then put the coffee cup next to the bowl", limit_s=90)
+    assert played.note == "done"
+    assert nextto(world, "cup", "bowl")
+    assert ontop(world, "cup", "table_1")
+    assert np.linalg.norm((world.pose("bowl") - before)[:3, 3]) < 0.01
+
+
+@pytest.mark.slow
+def test_a_can_is_set_down_under_a_desk() -> None:
+    """On the floor, below the top of the desk."""
+    world = calm(small_world({"can": placed("can_of_soda", -0.6, 0.6)}, desk_1="{entry: desk, at: [1.2, 0.0]}"))
+    played = play(world, "pick up the can of soda, then put the can of soda under the desk", limit_s=90)
+    assert played.note == "done"
+    assert under(world, "can", "desk_1")
+    assert world.touching("can", "floor_hall")
+
+
+@pytest.mark.slow
+def test_a_thing_amid_others_is_picked_and_the_others_stand() -> None:
+    """A can with neighbors all around is lifted out between them; none of them falls."""
+    ring = {f"candle_{k}": placed("candle", *(np.array([0.9, 0.0]) + 0.13 * np.array([np.cos(a), np.sin(a)])))
+            for k, a in enumerate(np.arange(6) * np.pi / 3)}  # fmt: skip
+    world = calm(small_world({"can": placed("can_of_soda", 0.9, 0.0), **ring}))
+    assert play(world, "pick up the can of soda", limit_s=90).note == "done"
+    assert "can" in (world.holding("left"), world.holding("right"))
+    assert all(world.pose(name)[2, 2] > 0.95 for name in ring)
+
+
+@pytest.mark.slow
+def test_a_bin_on_its_side_takes_no_minutes() -> None:
+    """Whether or not it can be picked up: every search is bounded, so that nothing stands still for long."""
+    fallen = placed("trash_can", 0.9, 0.0, 0.15)
+    fallen.T_world[:3, :3] = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    world = calm(small_world({"bin": fallen}))
+    started = time.process_time()
+    play(world, "pick up the trash can", limit_s=30)
+    assert time.process_time() - started < 60

@@ -81,6 +81,8 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
         raise
     yield from work.leave(stance)
     yield from work.settle(without={name})
+    if work.covered(side):
+        yield from work.back_off()
     if not work.gripped(side):
         raise MotionFailure("dropped")
 

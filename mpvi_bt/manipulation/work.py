@@ -316,6 +316,12 @@ class Work:
                 yield from self.motion.drive(here - ahead * by)
                 return
 
+    def covered(self, side: Side) -> bool:
+        """Whether there is something above a hand: a board, the top of a compartment."""
+        at = (self.base @ self.motion.hand(side))[:3, 3] + np.array([[0.0, 0.0, z] for z in np.arange(0.1, 1.2, 0.04)])
+        near = self.scene.obstacles(self.motion.felt.base_pose[:2], _NEAR_M, without=self._carried(self.held()))
+        return bool((near.distance(at) < 0.03).any())
+
     def lines(self, side: Side, stance: Stance, waypoints: Sequence[int], speed: float = 0.16) -> Actions:
         """Straight lines through some of a stance's waypoints, corrected for where the base really stands."""
         shift = kin.inverse(self.base) @ kin.base(stance.base)
