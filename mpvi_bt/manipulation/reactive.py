@@ -7,6 +7,7 @@ from typing import Any
 
 from mpvi_bt.manipulation.in_hand import show
 from mpvi_bt.manipulation.looking import look_for
+from mpvi_bt.manipulation.readings import count, readings
 from mpvi_bt.manipulation.scripted import ScriptedPolicy
 from mpvi_bt.manipulation.seen import Seen
 from mpvi_bt.manipulation.work import Work
@@ -49,9 +50,9 @@ class ReactivePolicy(ScriptedPolicy):
         if not calls:
             self.note = f"no skill for {prompt[:60]!r}"
             return
-        self._seen.forget(phrase for call in calls for phrase in self._phrases(call, _NAMES))
+        self._seen.forget(phrase for call in calls for r in readings(call) for phrase in self._phrases(r, _NAMES))
         yield from self._look_at_hands(work)
-        left = [(call, _TRIES) for call in calls]
+        left = [(call, _TRIES) for call in calls for _ in range(count(call))]
         while left:
             k = self._first_grounded(left)
             if k is None:
@@ -62,7 +63,9 @@ class ReactivePolicy(ScriptedPolicy):
                 self.note = f"nothing in view for {left[0][0].skill.name}"
                 return
             call, tries = left[k]
-            if (yield from self._do(work, call)):
+            understood = self._grounded(call)
+            assert understood is not None
+            if (yield from self._do(work, understood)):
                 del left[k]
             elif tries > 1:
                 left[k] = (call, tries - 1)
@@ -93,11 +96,19 @@ class ReactivePolicy(ScriptedPolicy):
         hidden = _HIDDEN.get(name, ()) if name not in _VESSEL or "source" in call.arguments else ()
         return self._phrases(call, [s for s in _NAMES if s not in hidden and (s != "source" or name in _VESSEL)])
 
+    def _grounded(self, call: SkillCall) -> SkillCall | None:
+        """The first reading of a call all of whose things are known; of several, one that is not put away yet."""
+        known, several = self._seen.knowledge(), count(call) > 1
+        for reading in readings(call):
+            found = {p: known.find(p) for p in self._needed(reading)}
+            away = several and all(e.inside for e in found.get(reading.arguments["object"], []))
+            if all(found.values()) and not away:
+                return reading
+        return None
+
     def _first_grounded(self, left: Sequence[tuple[SkillCall, int]]) -> int | None:
-        """Index of the first call all of whose things are known: seen, or held."""
-        known = self._seen.knowledge()
-        grounded = (k for k, (c, _) in enumerate(left) if all(known.find(p) for p in self._needed(c)))
-        return next(grounded, None)
+        """Index of the first call that can be grounded."""
+        return next((k for k, (call, _) in enumerate(left) if self._grounded(call) is not None), None)
 
     def _look_at_hands(self, work: Work) -> Actions:
         """See what the hands hold already."""
