@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from mpvi_bt.manipulation.course import Course, Start
 from mpvi_bt.manipulation.follow import go_along, resistance, take_up, touch
 from mpvi_bt.manipulation.open import course_search, sides, swing, then_leave
-from mpvi_bt.manipulation.openings import doors_meant, look_over, moved, panel, thing_meant, upright
+from mpvi_bt.manipulation.openings import doors_meant, look_from_aside, look_over, moved, panel, thing_meant, upright
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.robot import kinematics as kin
@@ -28,6 +28,7 @@ _INSET_M = (0.07, 0.12, 0.2)  # from the free edge
 _NEARLY = 0.85  # of the way
 _SHUT_M = 0.010
 _BEYOND_RAD = 0.03  # the fist goes on that far: arms give way
+_UNSURE, _UNSURE_RAD = 0.6, 0.2  # likewise, if the door's place is only seen
 
 
 def close(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -44,6 +45,7 @@ def close(work: Work, words: Words, tried: list[Array]) -> Actions:
     """
     thing, places = thing_meant(work, words["object"])
     yield from look_over(work, thing)
+    yield from look_from_aside(work, thing)
     for _ in range(_MOST_DOORS):
         ajar = [d for d in doors_meant(work, thing, places) if not is_closed(d)]
         if not ajar:
@@ -62,7 +64,8 @@ def is_closed(door: Door) -> bool:
 
 def _shut(work: Work, thing: str, door: Door, tried: list[Array], hand: str | None) -> Actions:
     if upright(door):
-        courses = pushes(door)
+        # How far it stands open is only seen: the fist goes on until it feels the door shut.
+        courses = pushes(door, _BEYOND_RAD if work.sight is None else _UNSURE_RAD)
         for side in sides(work, door, thing, hand):
             search = course_search(work, thing, door, side, tried)
             start = search.start(courses)
@@ -80,7 +83,8 @@ def _push_home(work: Work, course: Course, start: Start, side: Side, idle: Side 
     motion = work.motion
 
     def shut(x: float) -> bool:  # a shut door resists; to go on pushing would only shove the robot back
-        return x > _NEARLY and resistance(motion, side) > _SHUT_M
+        nearly = _NEARLY if work.sight is None else _UNSURE
+        return x > nearly and resistance(motion, side) > _SHUT_M
 
     def push() -> Actions:
         yield from touch(work, course, side)
@@ -91,8 +95,13 @@ def _push_home(work: Work, course: Course, start: Start, side: Side, idle: Side 
     yield from then_leave(work, side, push())
 
 
-def pushes(door: Door) -> list[Course]:
-    """Ways to push an upright door shut with the fist, on its outer face near the free edge, clear of its bar."""
+def pushes(door: Door, beyond_rad: float = 0.03) -> list[Course]:
+    """Ways to push an upright door shut with the fist, on its outer face near the free edge, clear of its bar.
+
+    Args:
+        door: As it stands.
+        beyond_rad: How far beyond the closed door the fist goes if nothing stops it: arms give way.
+    """
     face, shut = panel(door), moved(door, -door.position)
     axes, half = face.T[:3, :3], face.half_m
     up = int(np.abs(door.axis @ axes).argmax())
@@ -116,7 +125,7 @@ def pushes(door: Door) -> list[Course]:
                 for flip in (1.0, -1.0):
                     straight = kin.hand_rotation(-(shut[:3, :3] @ outward), flip * np.cross(rise, outward))
                     cost = 1.5 * abs(turn - 0.5) + 3.0 * (inset - _INSET_M[0]) + bias
-                    out.append(_push(door, point, straight, turn, cost))
+                    out.append(_push(door, point, straight, turn, beyond_rad, cost))
     return out
 
 
@@ -138,17 +147,17 @@ def _near_bar(door: Door, point: Array) -> bool:
     return bool(np.hypot(beyond, max(0.0, float(np.linalg.norm(flat)) - 0.06)) < _BESIDE_M - 0.03)
 
 
-def _push(door: Door, point: Array, straight: Array, turn: float, cost: float) -> Course:
+def _push(door: Door, point: Array, straight: Array, turn: float, beyond: float, cost: float) -> Course:
     start = door.position
 
     def hand(x: float) -> Array:
-        at = start - (start + _BEYOND_RAD) * x
+        at = start - (start + beyond) * x
         R = Rotation.from_rotvec(door.axis * turn * at).as_matrix() @ straight
         T = moved(door, at - start)
         return kin.transform(R, T[:3, :3] @ point + T[:3, 3] - _FIST_M * R[:, 2])
 
     def carry(x: float) -> Array:
-        R = kin.rot_z(-float(np.sign(door.axis[2])) * turn * (start + _BEYOND_RAD) * x)
+        R = kin.rot_z(-float(np.sign(door.axis[2])) * turn * (start + beyond) * x)
         return kin.transform(R, (hand(x)[:3, 3] - R @ hand(0.0)[:3, 3]) * [1.0, 1.0, 0.0])
 
     def moving(x: float) -> Sequence[Solid]:

@@ -142,7 +142,7 @@ class CourseSearch(Search):
         """A way to a little behind a base pose, from where it is straight in."""
         ahead = np.array([np.cos(base[2]), np.sin(base[2]), 0.0])
         for run_up in _RUN_UPS_M:
-            if (route := self._route(here, base - ahead * run_up)) is not None:
+            if (route := self.route(here, base - ahead * run_up)) is not None:
                 return route
         return None
 

@@ -23,6 +23,7 @@ _RANKS = {
 _PLACES = ("top", "upper", "uppermost", "highest", "bottom", "lower", "lowest", "middle", "left", "right", *_RANKS)
 _LOOKS = 2
 _FACING_RAD = 0.15
+_ASIDE_M, _ASIDE_RAD = 1.2, (0.7, -0.7, 1.2, -1.2)  # from where the outside of an open door may be seen
 _SHORT_M = 0.11  # the hand waits that far before a bar
 _ALONG = (0.0, 0.3, -0.3)  # where to hold a bar, in lengths from its middle
 # How much of a door's angle the hand turns with it: half is easiest, for the base turns as much.
@@ -86,6 +87,29 @@ def look_over(work: Work, thing: str) -> Actions:
         if abs(kin.wrap(bearing - yaw)) > _FACING_RAD:
             yield from work.motion.drive(np.array([x, y, bearing]))
         yield from work.study(thing)
+
+
+def look_from_aside(work: Work, thing: str) -> Actions:
+    """Go where the outside of an open door shows, for from within it hides its bar; nothing if a front is seen."""
+    if work.sight is None or work.scene.doors(thing):
+        return
+    boxes = np.stack([s.aabb() for s in work.scene.solids(thing)])
+    middle = (boxes[:, 0].min(0) + boxes[:, 1].max(0))[:2] / 2
+    x, y, _ = start = work.motion.felt.base_pose.copy()
+    far = max(_ASIDE_M, float(np.hypot(middle[0] - x, middle[1] - y)))
+    bearing = float(np.arctan2(y - middle[1], x - middle[0]))
+    for turn in _ASIDE_RAD:
+        with work.sight.trusting():
+            search = work.search("right", {thing})
+            place = middle + far * np.array([np.cos(bearing + turn), np.sin(bearing + turn)])
+            route = search.route(start, np.append(place, float(kin.wrap(bearing + turn + np.pi))))
+        for base in route or ():
+            yield from work.motion.drive(base)
+        if route is not None:
+            yield from look_over(work, thing)
+            start = work.motion.felt.base_pose.copy()
+        if work.scene.doors(thing):
+            return
 
 
 def _ranked(doors: Sequence[Door], places: Sequence[str]) -> list[Door]:

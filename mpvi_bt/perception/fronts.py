@@ -307,15 +307,22 @@ def _ajar(origin: Array, free: Array, plane: _Plane, axis: Array, planes: list[_
     if not len(rest):
         return 0.0
     shares = {0.0: _behind(rest - origin, free, plane.n)}
+    aligned = 0.0  # points on faces along or across the door, less those on others
     for other in planes:
         base = float(np.arctan2(np.cross(free, other.u) @ axis, free @ other.u))
+        if other is not plane:
+            askew = abs((base + np.pi / 4) % (np.pi / 2) - np.pi / 4)
+            tall = float(np.ptp(np.percentile(points[other.own, 2], [15, 85])))  # slices of a top are not
+            aligned += float(other.own.sum()) * tall**2 * (1 if askew < _AJAR_RAD else -1)
         for turn in base + np.arange(4) * np.pi / 2 if other is not plane else ():
             back = float(-np.arctan2(np.sin(turn), np.cos(turn)))
             if _AJAR_RAD < back < _WIDEST_RAD:
                 R = Rotation.from_rotvec(-back * axis).as_matrix()
                 shares[back] = _behind(rest - origin, R @ free, R @ plane.n)
-    if shares[0.0] > _EXPLAINED:
+    if shares[0.0] > _EXPLAINED and aligned >= 0:
         return 0.0
+    if aligned < 0 and len(shares) > 1:
+        del shares[0.0]
     return max(shares, key=lambda back: shares[back] - _DOUBT * back)
 
 
