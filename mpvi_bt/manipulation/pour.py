@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +13,7 @@ from mpvi_bt.manipulation.stance import Held, Option, Search, Stance
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, Solid
@@ -21,9 +23,12 @@ _ABOVE_M = 0.06  # from where the vessel comes down
 _STEPS = 6  # straight lines from upright to tipped
 # How far to tip [rad] and from how much higher [m], as the arms allow: the first is the surest to empty a vessel.
 _WAYS = ((2.45, 0.0), (2.45, 0.1), (2.0, 0.0), (2.0, 0.1))
+_LEVEL_TRIES = 4  # at ways to turn the vessel that it can be brought to level
+_ALIKE = 0.8  # cosine between two that are as good as one
 _LEVEL = 0.75  # cosine of how far it may lean on the way
+_TIP_RAD_S, _RIGHT_RAD_S = 0.8, 1.5
 _SHAKES = 2
-_SHAKE_M_S = 0.5
+_SHAKEN = 10  # postures, a tenth of a radian apart: what has slid down to the palm slides out past it
 _TURNS = tuple(np.arange(12) * np.pi / 6)  # of the vessel about the vertical
 # Off the middle of the way there, y toward the own side [m].
 _DETOURS = np.array([(0.0, 0, 0), (0, 0, 0.15), (0, 0.15, 0), (0, 0.1, 0.25), (0.15, 0, 0.1), (0, 0.25, 0)])
@@ -45,19 +50,31 @@ def pour(work: Work, words: Words, tried: list[Array]) -> Actions:
     def find(search: Search, here_first: bool) -> Stance | None:
         held = work.held()[side]
         place, height = _opening(work, target)
+        last: Stance | None = None
         for tipped, higher in _WAYS:
-            options = list(_options(work, held, place, height + higher, tipped))
-            if (stance := search.find(place, options, here_first)) is not None:
-                return stance
-        return None
+            options = list(_options(work, held, place, height + higher, tipped, len(tried)))
+            for _ in range(_LEVEL_TRIES):
+                if (stance := search.find(place, options, here_first)) is None:
+                    break
+                around = search.around(stance.route[-1], touched=True)
+                if _course(work, replace(work.body(), around=around), side, stance, stance.waypoints) is not None:
+                    return stance
+                last, turned = last or stance, options[stance.option].waypoints[0][:3, 0]
+                options = [o for o in options if o.waypoints[0][:3, 0] @ turned < _ALIKE]
+        return last
 
     stance, search = yield from work.close_in(side, {target}, target, find, tried)
     for base in stance.route:
         yield from work.motion.drive(base)
     if search.other is not None and len(stance.aside) > 1:
         yield from work.motion.follow(search.other, stance.aside, speed=0.8)
-    yield from _bring(work, side, stance)
-    yield from _tip(work, side, stance)
+    waypoints = kin.inverse(work.base) @ kin.base(stance.base) @ stance.waypoints
+    course = _course(work, work.body(), side, stance, waypoints)
+    if course is None:
+        raise MotionFailure("no_path")
+    yield from work.motion.stand(stance.torso, course.arms)
+    yield from work.motion.follow(side, course.path)
+    yield from _tip(work, side, course.tipping)
     if not work.gripped(side):
         raise MotionFailure("dropped")
     yield from work.settle(without={target})
@@ -66,46 +83,77 @@ def pour(work: Work, words: Words, tried: list[Array]) -> Actions:
         raise MotionFailure("missed")
 
 
-def _bring(work: Work, side: Side, stance: Stance) -> Actions:
-    """Torso and hand together to the first waypoint, so that nothing is spilled on the way."""
-    motion, body, now = work.motion, work.body(), work.motion.hand(side)
-    over = kin.inverse(work.base) @ kin.base(stance.base) @ stance.waypoints[0]
-    others = {s: arm_motion.stay(motion.hand(s)) for s in body.held if s != side}
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """How to bring a vessel over a place and to tip it there.
+
+    Attributes:
+        arms: Postures (7,) of the arms while the torso moves.
+        path: Postures of the pouring arm after that.
+        tipping: Those from upright to tipped.
+    """
+
+    arms: Mapping[Side, Sequence[Array]]
+    path: list[Array]
+    tipping: list[Array]
+
+
+def _course(work: Work, body: Body, side: Side, stance: Stance, waypoints: Array) -> _Course | None:
+    """A free course on which the vessel stays level until it is tipped: else it is emptied on the way.
+
+    Args:
+        work: The robot as it stands.
+        body: The same, among what is around the base where it will pour.
+        side: The pouring hand.
+        stance: Where it will stand.
+        waypoints: (K, 4, 4) T_base_tcp: the first over the place, then tipping.
+    """
+    now = work.motion.hand(side)
+    ways: list[tuple[Mapping[Side, Sequence[Array]], list[Array]]] = []
+    others = {s: arm_motion.stay(work.motion.hand(s)) for s in body.held if s != side}
     for detour in _DETOURS:
-        way = arm_motion.glide(now, over, detour * [1, r1.SIGN[side], 1])
-        if (arms := arm_motion.sweep(body, stance.torso, {**others, side: way})) is not None:
-            yield from motion.stand(stance.torso, arms)
-            elbow = arm_motion.plan(work.body(), side, stance.path[-1], work.rng)
-            if elbow is not None and _level(work, side, stance.torso, elbow):
-                yield from motion.follow(side, elbow, speed=1.0)
-            return
-    if not _level(work, side, stance.torso, stance.path):
-        raise MotionFailure("no_path")
-    yield from motion.stand(stance.torso, stance.level)
-    yield from motion.follow(side, stance.path)
+        glide = arm_motion.glide(now, waypoints[0], detour * [1, r1.SIGN[side], 1])
+        if (arms := arm_motion.sweep(body, stance.torso, {**others, side: glide})) is not None:
+            ways.append((arms, [arms[side][-1]]))
+    if _level(stance.torso, side, now, stance.path):
+        ways.append((stance.level, stance.path))
+    for arms, path in ways:
+        ends = {**body.arms, **{s: q[-1] for s, q in arms.items()}, side: path[-1]}
+        there, tipping = replace(body, torso=stance.torso, arms=ends), [path[-1]]
+        for T in waypoints[1:]:
+            line = arm_motion.trace(stance.torso, side, tipping[-1], T)
+            if line is None:
+                break
+            tipping += line[1:]
+        else:
+            if there.free(side, np.stack(tipping)).all():
+                return _Course(arms, path, tipping)
+    return None
 
 
-def _level(work: Work, side: Side, torso: Array, path: Sequence[Array]) -> bool:
-    """Whether a hand keeps as level as it is now along a path, so that what lies in what it holds stays there."""
-    up = work.motion.hand(side)[2, :3]
-    between = [a + (b - a) * u for a, b in pairwise(path) for u in (0.0, 0.25, 0.5, 0.75, 1.0)]
-    hands = [kin.tcp(torso, q, side) for q in (path[0], *between)]
-    return all(float(T[2, :3] @ up) > _LEVEL for T in hands)
+def _level(torso: Array, side: Side, now: Array, path: Sequence[Array]) -> bool:
+    """Whether a hand keeps about as level as T_base_tcp `now` (4, 4) along a path, so that contents stay inside."""
+    between = [a + (b - a) * u for a, b in pairwise(path) for u in (0.25, 0.5, 0.75, 1.0)]
+    return all(float(kin.tcp(torso, q, side)[2, :3] @ now[2, :3]) > _LEVEL for q in (path[0], *between))
 
 
-def _tip(work: Work, side: Side, stance: Stance) -> Actions:
-    """Down, over the lip, shaken, and upright again, even if not all of that can be done."""
-    at = 0
+def _tip(work: Work, side: Side, path: list[Array]) -> Actions:
+    """Down, over the lip, shaken, and upright again, whatever happens."""
+    motion, shake = work.motion, path[-_SHAKEN:]
+    blocked: MotionFailure | None = None
     try:
-        for at in range(1, _STEPS + 1):
-            yield from work.lines(side, stance, [at], speed=0.12)
+        yield from motion.follow(side, path, _TIP_RAD_S)
         for _ in range(_SHAKES):
-            yield from work.lines(side, stance, [_STEPS - 1, _STEPS], speed=_SHAKE_M_S)
-        yield from work.motion.wait(0.3)
-    except MotionFailure:
-        yield from work.lines(side, stance, range(at - 1, -1, -1), speed=0.2)
-        raise
-    yield from work.lines(side, stance, range(_STEPS - 2, -1, -2), speed=0.2)
+            yield from motion.follow(side, shake[::-1])
+            yield from motion.follow(side, shake)
+        yield from motion.wait(0.3)
+    except MotionFailure as failure:
+        blocked = failure
+    now = motion.arm(side)
+    nearest = int(np.argmin([np.abs(q - now).max() for q in path]))
+    yield from motion.follow(side, [now, *path[nearest::-1]], _RIGHT_RAD_S)
+    if blocked is not None:
+        raise blocked
 
 
 def _pouring_hand(work: Work, words: Words) -> Side:
@@ -145,7 +193,9 @@ def _opening(work: Work, target: str) -> tuple[Array, float]:
     return max(places, key=room), float(high[2])
 
 
-def _options(work: Work, held: Held, place: Array, height: float, tipped: float) -> Iterator[Option]:
+def _options(
+    work: Work, held: Held, place: Array, height: float, tipped: float, tries: int
+) -> Iterator[Option]:  # fmt: skip
     """Ways of the hand: over the place, then tilting about the vessel's lip, which comes down as the vessel tips."""
     inside = max(work.scene.volumes(held.name), key=lambda v: float(np.prod(v.half_m)))
     T_thing = _upright(work.scene.pose(held.name), inside.T[:3, 2])
@@ -168,10 +218,12 @@ def _options(work: Work, held: Held, place: Array, height: float, tipped: float)
                     z += _ABOVE_M
                 goal = np.array([*(place - 0.01 * out[:2]), z])
                 poses.append(kin.transform(Q, goal - Q @ lip) @ to_tcp)
-            # Fingers dam what flows out past them: away from the hand, and across the way that it closes.
+            # The palm covers the rim along the way that the hand closes, and fingers dam what flows to their side.
             aside = float(hand @ out[:2]) / max(float(np.linalg.norm(hand)), 0.02)
             dammed = abs(float((R @ to_tcp[:3, 1]) @ out))
-            yield Option(np.stack(poses), len(poses), 0.05 * abs(float(kin.wrap(turn))) + 0.5 * aside + 0.5 * dammed)
+            again = float(work.rng.random()) if tries else 0.0  # what stuck one way may come out another
+            cost = 0.05 * abs(float(kin.wrap(turn))) + 0.5 * aside + dammed + again
+            yield Option(np.stack(poses), len(poses), cost)
 
 
 def _upright(T: Array, axis: Array) -> Array:
