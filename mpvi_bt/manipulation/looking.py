@@ -12,7 +12,7 @@ from mpvi_bt.manipulation.stance import base_clear
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Obstacles
-from mpvi_bt.robot.motion import MotionFailure
+from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array
 
@@ -56,6 +56,19 @@ def look_for(work: Work, found: Found, passable: Callable[[], Obstacles]) -> Gen
         if (yield from _look(work, found, 4)):
             return True
     return False
+
+
+def look_from_elsewhere(work: Work, place: Array, passable: Callable[[], Obstacles]) -> Actions:
+    """Go to look at a place (2,) from the first other side to which the way is seen to be free; stay where none is."""
+    here = work.motion.felt.base_pose
+    bearing = float(np.arctan2(place[1] - here[1], place[0] - here[0]))
+    around = passable()
+    for goal in _views(np.append(place - _BEFORE_M * np.array([np.cos(bearing), np.sin(bearing)]), bearing)):
+        if _free(work, goal, around):
+            with contextlib.suppress(MotionFailure):
+                yield from work.motion.drive(goal)
+            yield from _look(work, lambda: False, 3)
+            return
 
 
 def _look(work: Work, found: Found, looks: int) -> Generator[Array, None, bool]:

@@ -174,12 +174,15 @@ class Memory:
                     thing.shape = thing.shape.moved(kin.transform(np.eye(3), (0.0, 0.0, -float(fall))))
                     return
 
-    def _shape(self, name: str) -> Shape:
-        """A thing's shape now: what is in a hand moves with it."""
+    def _known(self, name: str) -> Thing:
+        """A thing. Raises MotionFailure "lost_sight" if it is not where it was seen any more."""
         if name not in self._things:
             raise MotionFailure("lost_sight")
-        thing = self._things[name]
-        carrier = name
+        return self._things[name]
+
+    def _shape(self, name: str) -> Shape:
+        """A thing's shape now: what is in a hand moves with it."""
+        thing, carrier = self._known(name), name
         if thing.inside is not None and thing.inside in self._held():
             carrier = thing.inside
         if self._both is not None and self._both[0] == carrier:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from mpvi_bt.manipulation.in_hand import show
-from mpvi_bt.manipulation.looking import look_for
+from mpvi_bt.manipulation.looking import look_for, look_from_elsewhere
 from mpvi_bt.manipulation.readings import count, readings
 from mpvi_bt.manipulation.scripted import ScriptedPolicy
 from mpvi_bt.manipulation.seen import Seen
@@ -69,6 +69,9 @@ class ReactivePolicy(ScriptedPolicy):
                 del left[k]
             elif tries > 1:
                 left[k] = (call, tries - 1)
+                place = self._last_named(understood)
+                if place is not None:
+                    yield from look_from_elsewhere(work, place, self._seen.passable)
             else:
                 return
         yield from self.finish(work)
@@ -95,6 +98,12 @@ class ReactivePolicy(ScriptedPolicy):
         name = call.skill.name
         hidden = _HIDDEN.get(name, ()) if name not in _VESSEL or "source" in call.arguments else ()
         return self._phrases(call, [s for s in _NAMES if s not in hidden and (s != "source" or name in _VESSEL)])
+
+    def _last_named(self, call: SkillCall) -> Array | None:
+        """Where the last thing is that a call names and no hand holds, (2,): what it was to be done at."""
+        known = self._seen.knowledge()
+        found = [e for p in self._needed(call) for e in known.find(p) if not e.held]
+        return found[-1].center[:2] if found else None
 
     def _grounded(self, call: SkillCall) -> SkillCall | None:
         """The first reading of a call all of whose things are known; of several, one that is not put away yet."""

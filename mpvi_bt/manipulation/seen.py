@@ -65,7 +65,7 @@ class Seen(Memory):
 
     def doors(self, name: str) -> Sequence[Door]:
         """As `Scene` says: the fronts with bars that the newest view of the head from its place shows."""
-        views = [(f, m) for f, m in self._things[name].views if f.image.camera == "head"]
+        views = [(f, m) for f, m in self._known(name).views if f.image.camera == "head"]
         if not views:
             return ()
         newest = [(f, m) for f, m in views if f.stand == views[-1][0].stand]
@@ -77,7 +77,7 @@ class Seen(Memory):
     def switches(self, name: str) -> Sequence[Array]:
         """As `Scene` says: the one that was seen last."""
         for frame, mask in self._switch_seen(name):
-            own = [m for f, m in self._things[name].views if f is frame]
+            own = [m for f, m in self._known(name).views if f is frame]
             around = frame.of(own[0]) if own else np.empty((0, 3))
             if (T := switch(frame.of(mask), around, frame.eye)) is not None:
                 return [T]
@@ -185,7 +185,7 @@ class Seen(Memory):
 
     def spots(self, surface: str, radius_m: float, height_m: float, near: Array) -> list[Array]:
         """As `Scene` says: on the largest horizontal face that is seen of it, by distance to its edge and to things."""
-        thing = self._things[surface]
+        thing = self._known(surface)
         views = [(f, m) for f, m in thing.views if f.image.camera == "head"]
         if not views:
             return []
