@@ -15,6 +15,7 @@ from mpvi_bt.robot.protocol import SIDES, CameraImage, Proprioception
 from mpvi_bt.robot.solids import Array
 
 _OWN_PX = 2  # the robot's mask is grown so far: the edges of masks are never exact
+_NOISE_PER_M = 0.009  # three times the standard deviation of a good depth camera's pixel at 1 m [m]
 _FLOOR_M = 0.025  # what is lower than this is taken for the floor
 
 
@@ -82,8 +83,11 @@ def take(
     base = kin.base(felt.base_pose)
     side = next((s for s in SIDES if s == image.camera), None)
     camera = kin.head_camera(felt.torso) if side is None else kin.wrist_camera(felt.torso, felt.arm[side], side)
-    # Single pixels are noisy; a median of nine keeps edges. A hole stays a hole: nothing is known there.
-    depth = np.where(image.depth > 0, ndimage.median_filter(image.depth, 3), 0.0).astype(np.float32)
+    # Single pixels are noisy. What stands out from its neighbors by more than noise is an edge, or thin, and stays; a
+    # hole stays a hole: nothing is known there.
+    near = ndimage.median_filter(image.depth, 3)
+    smooth = (image.depth > 0) & (np.abs(near - image.depth) < _NOISE_PER_M * image.depth**2)
+    depth = np.where(smooth, near, image.depth).astype(np.float32)
     image = replace(image, T_world_camera=base @ camera, depth=depth)
     found = detector.detect(image, [ROBOT, *phrases])
     own = np.zeros(image.depth.shape, bool)

@@ -18,6 +18,7 @@ from scipy.spatial import ConvexHull, QhullError
 from mpvi_bt.robot.solids import Array, Solid, pose
 
 _CELL_M = 0.015  # of the grid in which points hang together
+_LARGE_M, _LARGE_CELL_M = 0.15, 0.04  # that of large things: what holds a bail may be too thin to be seen
 _AROUND_M = 0.12  # from how far around a thing its support is told
 _ROUND = 0.88  # share of its rectangle that an outline fills: a disc has 0.79, a rectangle 1
 _CORNERED = 0.90  # what fills more of its rectangle is none
@@ -81,10 +82,12 @@ def main_cluster(points: Array) -> Array:
     """The largest part of points (n, 3) that hangs together: drops what a mask catches of the background."""
     if len(points) < 4:
         return points
-    cells = ((points - points.min(0)) / _CELL_M).astype(int)
+    large = np.ptp(np.percentile(points, [10, 90], axis=0), axis=0).max() > _LARGE_M
+    cell = _LARGE_CELL_M if large else _CELL_M
+    cells = ((points - points.min(0)) / cell).astype(int)
     if cells.max() > 300:  # a speck far away would make the grid huge
-        points = points[np.abs(points - np.median(points, axis=0)).max(1) < 150 * _CELL_M]
-        cells = ((points - points.min(0)) / _CELL_M).astype(int)
+        points = points[np.abs(points - np.median(points, axis=0)).max(1) < 150 * cell]
+        cells = ((points - points.min(0)) / cell).astype(int)
     grid = np.zeros(cells.max(0) + 1, bool)
     grid[tuple(cells.T)] = True
     parts, count = ndimage.label(grid, np.ones((3, 3, 3)))

@@ -1,0 +1,173 @@
+"""The scene that pictures show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mpvi_bt.manipulation.seen import Seen
+from mpvi_bt.perception.detector import LabelDetector
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.motion import MotionFailure
+from mpvi_bt.robot.protocol import ActionLayout, Proprioception
+from mpvi_bt.sim.world import World
+from tests.small_house import placed, run, small_world
+
+pytestmark = pytest.mark.render
+
+VOCABULARY = {"can_1": ("can of soda",), "can_2": ("can of soda",), "bin": ("trash can",), "table_1": ("table",)}
+TABLE = "{entry: table, at: [1.0, 0.0]}"
+
+
+def tilted(world: World, tilt: float = 0.75) -> World:
+    """The head looks down."""
+    action = world.robot.action
+    action[ActionLayout.TORSO] = [0.42, 0.0, 0.0, tilt]
+    world.settle(0.3)
+    run(world, action, 1.5)
+    return world
+
+
+def looking(world: World, *phrases: str) -> Seen:
+    seen = Seen(LabelDetector(VOCABULARY))
+    seen.forget(phrases)
+    look(world, seen)
+    return seen
+
+
+def look(world: World, seen: Seen, camera: str = "head") -> None:
+    seen.see({camera: world.robot.look(camera)}, world.robot.proprioception())
+
+
+def cans() -> World:
+    return tilted(small_world({"can_1": placed("can_of_soda", 1.0, 0.2), "can_2": placed("can_of_soda", 1.0, -0.2)},
+                              render=True))  # fmt: skip
+
+
+def names(seen: Seen, phrase: str) -> list[str]:
+    return [e.name for e in seen.knowledge().find(phrase)]
+
+
+def test_things_are_where_they_are_and_as_large() -> None:
+    """Two cans are two things, each within 5 mm of the truth."""
+    world = cans()
+    seen = looking(world, "can of soda")
+    known = sorted(seen.knowledge().find("can of soda"), key=lambda e: e.center[1])
+    assert len(known) == 2
+    for entry, name in zip(known, ("can_2", "can_1"), strict=True):
+        (solid,) = world.solids(name)
+        np.testing.assert_allclose([entry.lowest, entry.highest], solid.aabb(), atol=0.005)
+
+
+def test_a_second_look_finds_the_same_things() -> None:
+    """What is seen again is the same thing by place: names and count stay."""
+    world = cans()
+    seen = looking(world, "can of soda")
+    before = names(seen, "can of soda")
+    look(world, seen)
+    assert names(seen, "can of soda") == before
+
+
+def test_what_is_not_asked_for_is_no_thing() -> None:
+    """Only what a prompt names is tracked; the rest is in the way, without a name."""
+    world = cans()
+    assert names(looking(world, "trash can"), "can of soda") == []
+
+
+def test_a_thing_that_is_gone_is_forgotten() -> None:
+    """Where a picture shows the floor behind a thing, the thing is not there any more; asking for it says so."""
+    world = cans()
+    seen = looking(world, "can of soda")
+    gone = min(seen.knowledge().find("can of soda"), key=lambda e: e.center[1]).name
+    T = world.pose("can_2")
+    T[0, 3] = -2.0
+    world.place("can_2", T)
+    assert gone in names(seen, "can of soda")
+    look(world, seen)
+    assert gone not in names(seen, "can of soda")
+    with pytest.raises(MotionFailure, match="lost_sight"):
+        seen.pose(gone)
+
+
+def test_what_is_worked_on_is_not_in_the_way() -> None:
+    """The field is blocked where a can stands, and free there once the can is left out; the space before it is free."""
+    world = cans()
+    seen = looking(world, "can of soda")
+    can = names(seen, "can of soda")[0]
+    at = seen.knowledge().entries[can].center
+    here = world.robot.proprioception().base_pose[:2]
+    assert seen.obstacles(here, 1.7).distance(at) < 0.03
+    assert seen.obstacles(here, 1.7, without={can}).distance(at) > 0.05
+    assert seen.obstacles(here, 1.7).distance(np.array([0.6, 0.0, 0.3])) > 0.1
+
+
+def test_a_bin_has_a_volume_and_a_bar() -> None:
+    """What things can be put into, and what it is carried by, is seen."""
+    world = tilted(small_world({"bin": placed("trash_can", 1.0, 0.0, yaw=0.3)}, render=True))
+    seen = looking(world, "trash can")
+    (name,) = names(seen, "trash can")
+    (volume,), (true,) = seen.volumes(name), world.volumes("bin")
+    np.testing.assert_allclose(volume.aabb(), true.aabb(), atol=0.03)
+    (bar,), (handle,) = seen.handles(name), world.handles("bin")
+    np.testing.assert_allclose(bar.center, handle.center, atol=0.01)
+
+
+def test_spots_lie_on_the_table_and_clear_of_what_stands_there() -> None:
+    """Every spot has its radius on the table and keeps it from the can."""
+    world = small_world({"can_1": placed("can_of_soda", 0.9, 0.0, 0.76)}, base=(-0.2, 0.0, 0.0), render=True,
+                        table_1=TABLE)  # fmt: skip
+    seen = looking(tilted(world, 0.5), "table")
+    (table,) = names(seen, "table")
+    top = max(s.aabb()[1, 2] for s in world.solids("table_1"))
+    spots = seen.spots(table, 0.08, 0.3, np.array([0.5, 0.0]))
+    assert spots
+    boxes = np.stack([s.aabb() for s in world.solids("table_1")])
+    for spot in spots:
+        assert spot[2] == pytest.approx(top, abs=0.006)
+        assert (boxes[:, 0].min(0)[:2] < spot[:2] - 0.06).all()
+        assert (spot[:2] + 0.06 < boxes[:, 1].max(0)[:2]).all()
+        assert np.linalg.norm(spot[:2] - world.pose("can_1")[:2, 3]) > 0.08 + 0.02
+
+
+def test_what_fingers_close_on_moves_with_the_hand_until_they_open() -> None:
+    """The nearest thing is held once closed fingers feel something; it goes where the hand goes, and stays after."""
+    world = cans()
+    seen = looking(world, "can of soda")
+    can = names(seen, "can of soda")[0]
+    felt = world.robot.proprioception()
+    at = seen.pose(can)[:3, 3]
+    tcp = (kin.base(felt.base_pose) @ kin.tcp(felt.torso, felt.arm["left"], "left"))[:3, 3]
+
+    def gripping(base: np.ndarray, closed: bool) -> Proprioception:
+        command, width = {**felt.gripper_command}, {**felt.gripper_width}
+        if closed:
+            command["left"], width["left"] = -1.0, 0.06
+        return replace(felt, base_pose=base, gripper_command=command, gripper_width=width)
+
+    near = felt.base_pose + np.append(at[:2] - tcp[:2], 0.0)  # the hand over the can, were it lower
+    torso = felt.torso.copy()
+    torso[0] += at[2] - tcp[2]
+    felt = replace(felt, torso=torso)
+    seen.feel(gripping(near, closed=False))
+    assert seen.holding("left") is None
+    seen.feel(gripping(near, closed=True))
+    assert seen.holding("left") == can
+    seen.feel(gripping(near + [0.0, 0.3, 0.0], closed=True))
+    np.testing.assert_allclose(seen.pose(can)[:2, 3], at[:2] + [0.0, 0.3], atol=0.04)
+    seen.feel(gripping(near + [0.0, 0.3, 0.0], closed=False))
+    assert seen.holding("left") is None
+    seen.feel(gripping(near, closed=False))
+    np.testing.assert_allclose(seen.pose(can)[:2, 3], at[:2] + [0.0, 0.3], atol=0.04)
+
+
+def test_the_camera_is_where_the_joints_say() -> None:
+    """The picture's own word on where it was taken is not heeded: a real one has none."""
+    world = cans()
+    seen, felt, image = Seen(LabelDetector(VOCABULARY)), world.robot.proprioception(), world.robot.look("head")
+    seen.forget(["can of soda"])
+    seen.see({"head": replace(image, T_world_camera=np.eye(4))}, felt)
+    other = looking(world, "can of soda")
+    for a, b in zip(seen.knowledge(), other.knowledge(), strict=True):
+        np.testing.assert_array_equal(a.center, b.center)
