@@ -108,16 +108,13 @@ class CourseSearch(Search):
         for base in _bases(here, focus, courses[0].heading, self.side):
             if any(np.linalg.norm(base[:2] - b[:2]) < 0.05 and abs(kin.wrap(base[2] - b[2])) < 0.2 for b in self.tried):
                 continue
-            fits = {id(c.carry): c for c in courses}  # courses of one motion of the base fit alike
-            fitting = {key for key, c in fits.items() if self._fits(c, base)}
-            able = [k for k, c in enumerate(courses) if id(c.carry) in fitting]
-            if not able:
+            if not self._stands(base[None])[0]:
                 continue
             route = self._approach(here, base)
             if route is None:
                 continue
             for hold in self._holds:
-                if (found := self._begin(base, route, courses, able, hold)) is not None:
+                if (found := self._begin(base, route, courses, hold)) is not None:
                     return found
             checked += 1
             if checked >= _CHECKED_BASES:
@@ -146,23 +143,21 @@ class CourseSearch(Search):
                 return route
         return None
 
-    def _begin(
-        self, base: Array, route: list[Array], courses: Sequence[Course], able: Sequence[int], hold: list[Array]
-    ) -> Start | None:
+    def _begin(self, base: Array, route: list[Array], courses: Sequence[Course], hold: list[Array]) -> Start | None:
         back = route[-1]
         T = kin.inverse(kin.base(base))
         torsos = np.array([(lift, 0.0, pitch, r1.TRAVEL_TORSO[3]) for lift in _LIFTS for pitch in _PITCHES])
         chests = kin.inverse(kin.chest(torsos))
-        touches = np.stack([T @ courses[k].hand(0.0) for k in able])
+        touches = np.stack([T @ course.hand(0.0) for course in courses])
         at, q = kin.arm_inverse((chests[:, None] @ touches[None]).reshape(-1, 4, 4), self.side, swivels=16)
         if not len(at):
             return None
-        t, g = at // len(able), at % len(able)
+        t, g = at // len(courses), at % len(courses)
         limits = r1.ARM_LIMITS[self.side]
         edge = np.maximum(np.abs(q - limits.mean(1)) / (np.ptp(limits, axis=1) / 2) - 0.8, 0).sum(1)
         cost = (
             3 * edge + 0.6 * torsos[t, 2] + 0.5 * np.abs(torsos[t, 0] - self.motion.torso[0])
-            + np.array([courses[k].cost for k in able])[g] + 0.1 * np.abs(q - self.motion.arm(self.side)).sum(1)
+            + np.array([course.cost for course in courses])[g] + 0.1 * np.abs(q - self.motion.arm(self.side)).sum(1)
         )  # fmt: skip
         arms = {s: self.motion.arm(s) for s in SIDES}
         if self.other is not None:
@@ -170,16 +165,22 @@ class CourseSearch(Search):
         behind = self.around(back, touched=True)
         if self.other is not None and not self.body(self.motion.torso, behind, arms).free(self.other, hold[-1])[0]:
             return None
+        fits: dict[int, bool] = {}
         seen: dict[tuple[int, int], int] = {}
         standing: dict[int, Standing | None] = {}
         for row in np.argsort(cost):
             where = (int(t[row]), int(g[row]))
+            course = courses[where[1]]
+            if id(course.carry) not in fits:  # courses of one motion of the base fit alike
+                fits[id(course.carry)] = self._fits(course, base)
+            if not fits[id(course.carry)]:
+                continue
             if seen.get(where, 0) >= 2:
                 continue
             seen[where] = seen.get(where, 0) + 1
             if len(seen) > _CHECKED_POSTURES:
                 break
-            torso, course = torsos[t[row]], courses[able[where[1]]]
+            torso = torsos[t[row]]
             if where[0] not in standing:
                 standing[where[0]] = self._stood(torso, behind, arms)
             stood = standing[where[0]]
@@ -193,7 +194,7 @@ class CourseSearch(Search):
                 continue
             path = arm_motion.plan(stood.body, self.side, short, self.rng, margin=0.005)
             if path is not None:
-                return Start(base, route, torso, after, able[where[1]], path, hold, stood.level)
+                return Start(base, route, torso, after, where[1], path, hold, stood.level)
         return None
 
     def _touch(self, body: Body, base: Array, back: Array, course: Course, q: Array) -> Array | None:
