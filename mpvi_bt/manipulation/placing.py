@@ -18,10 +18,21 @@ from mpvi_bt.robot.solids import Array
 
 UPRIGHT = (0.0,)
 SLANTED = (0.25, -0.25, 0.5, -0.5, 0.8, -0.8)
-LYING = (0.25, -0.25, 1.5, -1.5, 1.2, -1.2)  # [rad] about the closing axis, as a thing hangs in a hand
+LYING = (
+    0.25,
+    -0.25,
+    0.55,
+    -0.55,
+    0.9,
+    -0.9,
+    1.5,
+    -1.5,
+    1.2,
+    -1.2,
+)  # [rad] about the closing axis, as a thing hangs in a hand
 TURNS = tuple(np.arange(12) * np.pi / 6 - np.pi)
 _STANDS = 0.8  # of the lean at which a thing tips over
-_LIES_RAD = 1.1
+LIES_RAD = 1.1
 _DOWN_M = 0.004  # a thing is let go of so far above the surface,
 _LEANING_DOWN_M = 0.008  # or so far if it leans
 _SPARE_M = 0.03  # opened beyond the width of what was held
@@ -57,7 +68,7 @@ def leaning(work: Work, held: Held, lean: float) -> Array | None:
     boxes = np.stack([s.moved(kin.transform(upright, (0.0, 0.0, 0.0)) @ frame).aabb() for s in held.solids])
     size = boxes[:, 1].max(0) - boxes[:, 0].min(0)
     stands = abs(lean) < _STANDS * float(np.arctan2(size[:2].min(), size[2]))
-    if not (stands or abs(lean) > _LIES_RAD or all(s.kind == "sphere" for s in held.solids)):
+    if not (stands or abs(lean) > LIES_RAD or all(s.kind == "sphere" for s in held.solids)):
         return None
     closing = upright @ frame[:3, 1] * [1, 1, 0]
     if (length := float(np.linalg.norm(closing))) < 0.5:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mpvi_bt.goals.predicates import NEXT_TO_GAP
 from mpvi_bt.manipulation.outline import disc, outline
-from mpvi_bt.manipulation.placing import Pose, leaning, poses
+from mpvi_bt.manipulation.placing import LIES_RAD, Pose, leaning, poses
 from mpvi_bt.manipulation.stance import Held
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
@@ -42,9 +42,11 @@ def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: boo
     """
     near = work.motion.felt.base_pose[:2]
     frame = kin.inverse(held.T_tcp_thing)
-    for lean in dict.fromkeys(map(abs, leans)):  # to either side
-        if (R := leaning(work, held, lean)) is None:
+    for part in ([a for a in leans if abs(a) < LIES_RAD], [a for a in leans if abs(a) >= LIES_RAD]):
+        able = [(lean, R) for lean in part if (R := leaning(work, held, lean)) is not None]
+        if not able:
             continue
+        R = able[0][1]
         box, radius = size([s.moved(kin.transform(R, (0.0, 0.0, 0.0)) @ frame) for s in held.solids])
         done: list[Array] = []
         for headroom in (_HEADROOMS_M[0], float(np.ptp(box, axis=0)[2]) + _HEADROOMS_M[1]):
@@ -54,7 +56,7 @@ def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: boo
             for spot in _by_turns(spots)[:_SPOTS]:
                 if all(np.linalg.norm(spot - d) > _GRID_M for d in done):
                     done.append(spot)
-                    yield list(poses(work, held, spot, [a for a in leans if abs(a) == lean]))
+                    yield list(poses(work, held, spot, [lean for lean, _ in able]))
 
 
 def on_floor(work: Work, held: Held) -> Iterator[list[Pose]]:

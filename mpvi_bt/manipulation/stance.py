@@ -29,6 +29,7 @@ _BASE_CLEAR_M = 0.30
 _TOUCH_M = 0.008  # the spheres reach that far beyond what they stand for: what may be near a hand that touches
 _RANKED_POSTURES = 1200  # of one base pose, checked where the hand works
 _CHECKED_POSTURES = 16  # of those, on the whole way
+_GLANCE = 0.25  # of a full check: no posture was clear even where the hand works
 _CHECKED_BASES = 12  # of one spacing
 _SPACINGS = ((0.12, 0.5), (0.05, 0.25))  # [m, rad] between base poses: what fails here fails a hand's breadth away
 _STEP_M = 0.06  # between checks on the way in
@@ -181,16 +182,16 @@ class Search:
         bases = bases[self._stands(bases)]
         failed: list[Array] = list(self.tried)
         for apart_m, apart_rad in _SPACINGS:
-            checked = 0
+            checked = 0.0
             for base in bases:
                 if any(np.linalg.norm(base[:2] - b[:2]) < apart_m and abs(kin.wrap(base[2] - b[2])) < apart_rad
                        for b in failed):  # fmt: skip
                     continue
-                found, worked = self._from(here, base, options, able)
+                found, effort = self._from(here, base, options, able)
                 if found is not None:
                     return found
                 failed.append(base)
-                checked += worked
+                checked += effort
                 if checked >= _CHECKED_BASES:
                     break
         return None
@@ -204,7 +205,8 @@ class Search:
             if run_up and not self._stands(lane).all():
                 continue
             for hold in self._holds:
-                if (found := self._at(lane, [here.copy()], options, some, hold)) is not None:
+                found, _ = self._at(lane, [here.copy()], options, some, hold)
+                if found is not None:
                     return found
         return None
 
@@ -239,9 +241,9 @@ class Search:
 
     def _from(
         self, here: Array, base: Array, options: Sequence[Option], able: Sequence[int]
-    ) -> tuple[Stance | None, bool]:
-        """A stance there; and whether looking for it took more than a glance."""
-        worked = False
+    ) -> tuple[Stance | None, float]:
+        """A stance there; and what looking for it took, 1 for a full check."""
+        effort = 0.0
         ways: dict[float, list[int]] = {}
         for k in able:
             ways.setdefault(options[k].run_up_m, []).append(k)
@@ -250,11 +252,13 @@ class Search:
             lane = _lane(ready, base)
             if not self._stands(lane).all() or (route := self.route(here, ready)) is None:
                 continue
-            worked = True
+            effort = max(effort, _GLANCE)
             for hold in self._holds:
-                if (found := self._at(lane, route, options, some, hold)) is not None:
-                    return found, True
-        return None, worked
+                found, looked = self._at(lane, route, options, some, hold)
+                if found is not None:
+                    return found, 1.0
+                effort = 1.0 if looked else effort
+        return None, effort
 
     def route(self, here: Array, goal: Array) -> list[Array] | None:
         """Base poses to drive to `goal` by: straight, or by one place on the way."""
@@ -304,8 +308,11 @@ class Search:
         return True
 
     def _at(self, lane: Array, route: list[Array], options: Sequence[Option], able: Sequence[int], hold: list[Array]
-            ) -> Stance | None:  # fmt: skip
-        """A stance at the end of a lane (n, 3) of base poses that lead straight in, from where the arm moves."""
+            ) -> tuple[Stance | None, bool]:  # fmt: skip
+        """A stance at the end of a lane (n, 3) of base poses that lead straight in, from where the arm moves.
+
+        Also whether that took more than a glance.
+        """
         base = lane[-1]
         T = kin.inverse(kin.base(base))
         goals = [np.stack([T @ w for w in options[k].waypoints]) for k in able]
@@ -315,7 +322,7 @@ class Search:
         key_goals = np.stack([g[key] for g, key in zip(goals, keys, strict=True)])
         at, q = kin.arm_inverse((chests[:, None] @ key_goals[None]).reshape(-1, 4, 4), self.side, swivels=12)
         if not len(at):
-            return None
+            return None, False
         t, g = at // len(able), at % len(able)
         limits = r1.ARM_LIMITS[self.side]
         edge = np.maximum(np.abs(q - limits.mean(1)) / (np.ptp(limits, axis=1) / 2) - 0.8, 0).sum(1)
@@ -328,7 +335,7 @@ class Search:
         if self.other is not None:
             arms[self.other] = hold[-1]
             if not self.body(self.motion.torso, behind, arms).free(self.other, hold[-1])[0]:
-                return None
+                return None, False
         rows = np.argsort(cost)[:_RANKED_POSTURES]
         touching = np.array([options[k].contact == key for k, key in zip(able, keys, strict=True)])
         rows = rows[self._clear(base, torsos, t[rows], q[rows], touching[g[rows]], arms)]
@@ -350,8 +357,10 @@ class Search:
             k = able[where[1]]
             path = self._reached(stood.body, lane, options[k], goals[where[1]], keys[where[1]], q[row])
             if path is not None:
-                return Stance(base, torso, k, path, goals[where[1]], hold, stood.level, route, options[k].opening_m)
-        return None
+                return Stance(
+                    base, torso, k, path, goals[where[1]], hold, stood.level, route, options[k].opening_m
+                ), True
+        return None, len(rows) > 0
 
     def _clear(self, base: Array, torsos: Array, t: NDArray[np.intp], q: Array, touching: NDArray[np.bool_],
                arms: Mapping[Side, Array]) -> NDArray[np.bool_]:  # fmt: skip
@@ -372,12 +381,13 @@ class Search:
     def _stood(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array]) -> Standing | None:
         """The body once the torso has moved there, the other hand level if it holds something; None if it cannot."""
         body = self.body(self.motion.torso, around, arms)
-        hands = (
-            {}
-            if self.other is None
-            else {self.other: arm_motion.stay(kin.tcp(body.torso, arms[self.other], self.other))}
-        )
-        level = arm_motion.sweep(body, torso, hands, samples=6)
+        level = None
+        # What the hands hold keeps its place while the torso moves, or rides along with it.
+        for still in ({self.other, self.side} & set(self.held), {self.other} - {None}):
+            hands = {s: arm_motion.stay(kin.tcp(body.torso, arms[s], s)) for s in SIDES if s in still}
+            level = arm_motion.sweep(body, torso, hands, samples=6)
+            if level is not None or self.side not in self.held:
+                break
         if level is None:
             return None
         return Standing(replace(body, torso=torso, arms={**arms, **{s: q[-1] for s, q in level.items()}}), level)
