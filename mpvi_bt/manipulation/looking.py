@@ -18,7 +18,8 @@ from mpvi_bt.robot.solids import Array
 
 # Lift [m] and head tilt [rad] to look around: down, near, ahead, and from low down and high up into compartments.
 _LOOKS = ((0.42, 0.55), (0.42, 0.95), (0.42, 0.10), (0.05, 0.40), (0.05, -0.10), (0.55, -0.30))
-_TURNS = (0.0, 0.6, -0.6)  # of the base, from where it came [rad]
+# Turns of the base from where it came [rad], and how many of the looks there: what it is to work on is ahead, mostly.
+_TURNS = ((0.0, 6), (0.6, 6), (-0.6, 6), (-1.8, 2), (3.0, 2), (1.8, 2))
 _BEFORE_M = 0.9  # a robot that is handed over stands about so far from what it is to work on,
 _AROUND = (0.9, -0.9, 1.6, -1.6, 2.4, -2.4)  # which other bearings may show [rad]
 _STROLLS = 40  # tried on from there, at random
@@ -43,10 +44,10 @@ def look_for(work: Work, found: Found, passable: Callable[[], Obstacles]) -> Gen
         Whether it was found before there was nowhere else to go.
     """
     start = work.motion.felt.base_pose.copy()
-    for turn in _TURNS:
+    for turn, looks in _TURNS:
         if turn:
             yield from work.motion.drive(start + [0, 0, turn])
-        if (yield from _look(work, found, len(_LOOKS))):
+        if (yield from _look(work, found, looks)):
             return True
     for goal in chain(_views(start), _strolls(work)):
         if not _free(work, goal, passable()):
