@@ -454,7 +454,7 @@ def _furniture(points: Array) -> Shape:
         face = points[np.abs(z - height) < 0.012]
         around = outline(_trimmed(face[:, :2]))
         if around.sides[1] > 0.1:
-            T = pose((*around.middle, height - 0.0125), around.heading)  # type: ignore[arg-type]
+            T = pose((*around.middle, height - 0.0125), around.heading)
             slabs.append((len(face), Solid("box", np.array([*around.sides / 2, 0.0125]), T)))
     if not slabs:
         around = outline(_trimmed(points[:, :2]))
