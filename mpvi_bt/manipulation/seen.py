@@ -91,7 +91,8 @@ class Seen(Memory):
                 points = frame.of(d.mask)
                 if d.phrase == switch_of(self._things[name].phrase) and len(points):
                     at = np.median(points, axis=0)
-                    if ((at > low - _NEAR_M) & (at < high + _NEAR_M)).all():
+                    # of a lamp only the shade may be known: heights do not count
+                    if ((at > low - _NEAR_M) & (at < high + _NEAR_M))[:2].all():
                         yield frame, d.mask
 
     def is_on(self, name: str) -> bool | None:
