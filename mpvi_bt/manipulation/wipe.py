@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.manipulation.stance import Held, Option
+from mpvi_bt.manipulation.stance import Held, Option, Search, Stance
 from mpvi_bt.manipulation.work import Words, Work
+from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.solids import Array, box
 
 _PATCH_M = 0.34  # largest side of what is wiped from one stance
 _OVER_M = 0.08  # above the surface on the way there
 _WIPE_M = 0.002  # of the tool's underside over the surface: the arm's give does the pressing
 _SPRAY_M = 0.15
-_TURNS = tuple(np.arange(8) * np.pi / 4)
-_SPEED_M_S = 0.25
+_TURNS = tuple(np.arange(4) * np.pi / 2)
+_SPEED_RAD_S = 1.2
 _SPRAY_S = 1.0  # over every patch
+_ROUNDS = 2  # what failed is tried once more
+_LANES = 0.85  # how far lanes are apart, in widths of the tool
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,28 +58,69 @@ def _work_over(work: Work, words: Words, tried: list[Array], height: float, stro
     side = _tool_hand(work, words)
     target = work.nearest(words.get("target", ""))
     yield from work.look_at(target)
-    held = work.held()[side]
-    patches = _patches(work, target)
-    if not patches:
+    left = _patches(work, target)
+    if not left:
         raise MotionFailure("no_surface")
-    done = 0
-    for patch in patches:
-        search = work.search(side, {target})
-        stance = search.find(patch.middle[:2], list(_options(work, held, patch, height, strokes)), here_first=True)
-        if stance is None:
-            continue  # out of reach from everywhere, such as the far side of a table at a wall
-        done += 1
-        yield from work.take_up(stance, search)
-        yield from work.lines(side, stance, range(1, len(stance.waypoints)), speed=_SPEED_M_S)
-        if not strokes:
-            yield from work.motion.wait(_SPRAY_S)
-        if not work.gripped(side):
-            raise MotionFailure("dropped")
-        with contextlib.suppress(MotionFailure):  # where the hand cannot rise, the next drive takes it away
-            yield from work.rise(side, _OVER_M)
-    if not done:
-        raise MotionFailure("no_stance")
+    reason, near = "", False
+    for _ in range(_ROUNDS):
+        failed = []
+        for patch in left:
+            try:
+                yield from _over(work, side, target, patch, height, strokes, near)
+                near = True
+            except MotionFailure as failure:
+                if failure.reason == "dropped":
+                    raise
+                near = False
+                reason = failure.reason if reason in ("", "no_stance") else reason
+                failed.append(patch)
+        if len(failed) == len(left):
+            break
+        left = failed
+    if reason not in ("", "no_stance") or len(failed) == len(_patches(work, target)):
+        raise MotionFailure(reason)  # else: out of reach from everywhere, such as the far side of a table at a wall
     yield from work.settle(without={target})
+
+
+def _over(
+    work: Work, side: Side, target: str, patch: _Patch, height: float, strokes: bool, near: bool
+) -> Actions:  # fmt: skip
+    """Go over one patch of a surface, if `near` without another look at it."""
+
+    def find(search: Search, here_first: bool) -> Stance | None:
+        seen = min(_patches(work, target), key=lambda p: float(np.linalg.norm(p.middle - patch.middle)))
+        options = list(_options(work, work.held()[side], seen, height, strokes))
+        return _grounded(work, search, target).find(seen.middle[:2], options, here_first)
+
+    search = work.search(side, {target})
+    stance = find(search, True) if near else None
+    if stance is None:
+        stance, search = yield from work.close_in(side, {target}, target, find, [])
+    yield from work.take_up(stance, search)
+    motion, path = work.motion, [work.motion.arm(side)]
+    for T in kin.inverse(work.base) @ kin.base(stance.base) @ stance.waypoints[1:]:
+        line = arm_motion.trace(motion.torso, side, path[-1], T)
+        if line is None:
+            raise MotionFailure("no_reach")
+        path += line[1:]
+    up = len(line) - 1  # postures of the last line, off the surface
+    yield from motion.follow(side, path[:-up], _SPEED_RAD_S)  # at one go: stopping at each turn takes twice as long
+    if not strokes:
+        yield from motion.wait(_SPRAY_S)
+    yield from motion.follow(side, path[-up - 1 :], _SPEED_RAD_S)
+    if not work.gripped(side):
+        raise MotionFailure("dropped")
+
+
+def _grounded(work: Work, search: Search, target: str) -> Search:
+    """Keep the base out from under what is wiped where that is only seen: from near, its front is out of view."""
+    if work.sight is None:
+        return search
+    columns = []
+    for low, high in (s.aabb() for s in work.scene.solids(target)):
+        size = np.array([*(high - low)[:2], max(float(low[2]), 0.02)])
+        columns.append(box((low[0] + size[0] / 2, low[1] + size[1] / 2, size[2] / 2), size))
+    return replace(search, touched=[*search.touched, *columns])
 
 
 def _tool_hand(work: Work, words: Words) -> Side:
@@ -124,34 +167,41 @@ def _options(work: Work, held: Held, patch: _Patch, height: float, strokes: bool
     if (sine := float(np.linalg.norm(lean))) > 1e-6:
         R_now = np.asarray(Rotation.from_rotvec(lean / sine * np.arcsin(min(1.0, sine))).as_matrix()) @ R_now
     to_tcp = kin.inverse(held.T_tcp_thing)
-    for turn in _TURNS:
-        R = kin.rot_z(turn) @ R_now
-        boxes = np.stack([s.moved(kin.transform(R, (0.0, 0.0, 0.0)) @ to_tcp).aabb() for s in held.solids])
+    along = R_now[:, (up + 1) % 3]
+    aligned = patch.yaw - float(np.arctan2(along[1], along[0]))
+    for turn in _TURNS:  # as the patch lies, so that its outline is a rectangle there
+        R = kin.rot_z(aligned + turn) @ R_now
+        lying = kin.transform(kin.rot_z(-patch.yaw) @ R, (0.0, 0.0, 0.0)) @ to_tcp
+        boxes = np.stack([s.moved(lying).aabb() for s in held.solids])
         low = boxes[:, 0].min(0)
         underside = boxes[boxes[:, 0, 2] < low[2] + 0.01]
         middle = (underside[:, 0].min(0) + underside[:, 1].max(0))[:2] / 2
         reach = (underside[:, 1].max(0) - underside[:, 0].min(0))[:2] / 2
+        off = kin.rot_z(patch.yaw)[:2, :2] @ middle
         poses = []
-        for k, at in enumerate(_strokes(patch, reach) if strokes else [patch.middle[:2]]):
-            z = patch.middle[2] + height - low[2]
-            T = kin.transform(R, (at[0] - middle[0], at[1] - middle[1], z)) @ to_tcp
-            if k == 0:
-                over = T.copy()
-                over[2, 3] += _OVER_M
-                poses.append(over)
-            poses.append(T)
-        yield Option(np.stack(poses), 1, 0.1 * abs(float(kin.wrap(turn))))
+        for k, at in enumerate(strokes_over(patch.half, reach) if strokes else [np.zeros(2)]):
+            x, y = patch.middle[:2] + kin.rot_z(patch.yaw)[:2, :2] @ at - off
+            T = kin.transform(R, (x, y, patch.middle[2] + height - low[2])) @ to_tcp
+            poses += [T] if k else [_raised(T), T]
+        poses.append(_raised(poses[-1]))
+        yield Option(np.stack(poses), 1, 0.1 * abs(float(kin.wrap(aligned + turn))))
 
 
-def _strokes(patch: _Patch, reach: Array) -> Sequence[Array]:
-    """Turning points (2,) of a way there and back that takes a tool of half sizes (2,) [m] over a patch."""
-    turned = kin.rot_z(patch.yaw)[:2, :2]
-    reach = np.abs(turned.T) @ reach  # of the tool's outline along the patch's own axes, at most
-    reach = np.minimum(reach, patch.half)
-    rest = patch.half - reach
-    lanes = int(np.ceil(rest[1] / (reach[1]))) + 1
+def _raised(T: Array) -> Array:
+    return kin.transform(T[:3, :3], T[:3, 3] + [0.0, 0.0, _OVER_M])
+
+
+def strokes_over(half: Array, reach: Array) -> list[Array]:
+    """Turning points (2,) [m] of a way there and back that takes a tool over a patch, about their middles.
+
+    Args:
+        half: (2,) half sizes of the patch.
+        reach: (2,) half sizes of the tool, turned as the patch; where it is larger it stays in the middle.
+    """
+    rest = half - np.minimum(reach, half)
+    lanes = int(np.ceil(rest[1] / (_LANES * reach[1]))) + 1 if rest[1] > 0 else 1
     points = []
     for lane, y in enumerate(np.linspace(-rest[1], rest[1], lanes) if lanes > 1 else [0.0]):
-        for x in (-rest[0], rest[0]) if lane % 2 == 0 else (rest[0], -rest[0]):
-            points.append(patch.middle[:2] + turned @ [x, y])
+        ends = (-rest[0], rest[0]) if lane % 2 == 0 else (rest[0], -rest[0])
+        points += [np.array([x, y]) for x in (ends if rest[0] > 0 else ends[:1])]
     return points
