@@ -40,11 +40,11 @@ def hand_over(work: Work, words: Words, tried: list[Array]) -> Actions:
     held = work.held()
     if taker in held:
         raise MotionFailure("hands_full")
-    takes = list(_takes(held[giver]))
-    if not takes:
+    ways = list(takes(held[giver]))
+    if not ways:
         raise MotionFailure("no_grasp")
     yield from motion.grip(taker, 1.0, 0.3)
-    found = _meeting(work, giver, held[giver], takes)
+    found = _meeting(work, giver, held[giver], ways)
     if found is None:
         raise MotionFailure("no_release")
     shown, path, grasp = found
@@ -71,7 +71,7 @@ def hand_over(work: Work, words: Words, tried: list[Array]) -> Actions:
         raise MotionFailure("dropped")
 
 
-def _takes(held: Held) -> Iterator[Array]:
+def takes(held: Held) -> Iterator[Array]:
     """T_giver_taker (4, 4) tcp frames: ways for another hand to take hold of what a hand holds."""
     frame = kin.inverse(held.T_tcp_thing)
     corners = np.stack([s.moved(frame).aabb() for s in held.solids])
@@ -106,12 +106,12 @@ def _opposed(T_giver_taker: Array) -> bool:
     return bool(T_giver_taker[2, 2] < -0.3)
 
 
-def _meeting(work: Work, giver: Side, held: Held, takes: list[Array]) -> tuple[list[Array], list[Array], Array] | None:
+def _meeting(work: Work, giver: Side, held: Held, ways: list[Array]) -> tuple[list[Array], list[Array], Array] | None:
     """Paths of the giving hand to where it shows the thing and of the taking one to before it, and T_giver_taker."""
     motion, taker = work.motion, other(giver)
     now, still = motion.hand(giver), work.body()
     chest = kin.inverse(kin.chest(motion.torso))
-    goals = np.stack(takes)
+    goals = np.stack(ways)
     for shown in _shown(now, giver):
         aside = [motion.arm(giver)] if shown is now else arm_motion.plan_level(still, giver, shown)
         if aside is None:

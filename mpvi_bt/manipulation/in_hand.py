@@ -32,14 +32,17 @@ class InHand:
 
     def add(self, frame: Frame, mask: NDArray[np.bool_], T_world_tcp: Array) -> None:
         """Take in one picture of it, with the hand as it was when the picture was taken."""
+        self.take_in(frame.of(mask), frame.eye if frame.image.camera == "head" else None, T_world_tcp)
+
+    def take_in(self, points: Array, eye: Array | None, T_world_tcp: Array) -> None:
+        """Take in points (n, 3) of it in the world; `eye` (3,) is where the head's camera was, if it saw them."""
         T = kin.inverse(T_world_tcp)
-        points = frame.of(mask) @ T[:3, :3].T + T[:3, 3]
+        points = points @ T[:3, :3].T + T[:3, 3]
         points = points[np.linalg.norm(points, axis=1) < _REACH_M]  # fingers part what they hold in two
         if len(points) < _SEEN_PX:
             return
         self._points.append(points)
-        if frame.image.camera == "head" or not self._eye.any():
-            self._eye = frame.eye
+        self._eye = self._eye if eye is None else eye
 
     def shape(self, T_world_tcp: Array) -> Shape | None:
         """What it is, for the hand where it is now; None if too little was seen. It is taken to be held upright."""

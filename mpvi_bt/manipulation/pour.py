@@ -198,7 +198,7 @@ def _options(
 ) -> Iterator[Option]:  # fmt: skip
     """Ways of the hand: over the place, then tilting about the vessel's lip, which comes down as the vessel tips."""
     inside = max(work.scene.volumes(held.name), key=lambda v: float(np.prod(v.half_m)))
-    T_thing = _upright(work.scene.pose(held.name), inside.T[:3, 2])
+    T_thing = righted(work.scene.pose(held.name), inside.T[:3, 2])
     solid = inside.moved(kin.inverse(work.scene.pose(held.name)))
     bodies = [s.moved(kin.inverse(held.T_tcp_thing)).aabb() for s in held.solids]
     deep = max(float(solid.aabb()[1, 2]) - min(float(b[0, 2]) for b in bodies), 0.02)
@@ -208,7 +208,7 @@ def _options(
         hand = (R @ (to_tcp[:3, 3] - solid.T[:3, 3]))[:2]  # of where the hand is, off the vessel's middle
         for at in _LIPS:
             out = np.array([np.cos(at), np.sin(at), 0.0])
-            lip = _lip(solid, R, out)
+            edge = lip(solid, R, out)
             axis = np.cross([0.0, 0.0, 1.0], out)
             poses: list[Array] = []
             for tilt in (0.0, *np.linspace(0.0, tipped, _STEPS)):
@@ -217,7 +217,7 @@ def _options(
                 if not poses:
                     z += _ABOVE_M
                 goal = np.array([*(place - 0.01 * out[:2]), z])
-                poses.append(kin.transform(Q, goal - Q @ lip) @ to_tcp)
+                poses.append(kin.transform(Q, goal - Q @ edge) @ to_tcp)
             # The palm covers the rim along the way that the hand closes, and fingers dam what flows to their side.
             aside = float(hand @ out[:2]) / max(float(np.linalg.norm(hand)), 0.02)
             dammed = abs(float((R @ to_tcp[:3, 1]) @ out))
@@ -226,7 +226,7 @@ def _options(
             yield Option(np.stack(poses), len(poses), cost)
 
 
-def _upright(T: Array, axis: Array) -> Array:
+def righted(T: Array, axis: Array) -> Array:
     """The same pose (4, 4), turned by as little as it takes for `axis` (3,) in the world to point up."""
     lean = np.cross(axis, [0.0, 0.0, 1.0])
     angle = float(np.arctan2(np.linalg.norm(lean), axis[2]))
@@ -236,7 +236,7 @@ def _upright(T: Array, axis: Array) -> Array:
     return kin.transform(R @ T[:3, :3], T[:3, 3])
 
 
-def _lip(volume: Solid, R: Array, out: Array) -> Array:
+def lip(volume: Solid, R: Array, out: Array) -> Array:
     """(3,) the point of the rim, in the vessel's frame, that lies farthest toward `out` (3,) in the world."""
     toward = volume.T[:3, :3].T @ (R.T @ out)
     if volume.kind == "box":

@@ -37,7 +37,7 @@ _SPOTS = 40
 
 
 @dataclass(frozen=True, eq=False)
-class _Box:
+class Box:
     """The upright box about a thing: middle (3,), full length along `heading`, width across it, and height [m]."""
 
     middle: Array
@@ -48,6 +48,7 @@ class _Box:
 
     @property
     def bottom(self) -> float:
+        """Height of its underside [m]."""
         return float(self.middle[2]) - self.height / 2
 
     def hands(self, reach: float) -> dict[Side, Array]:
@@ -70,7 +71,7 @@ class _Box:
 class _Grip:
     """Where to stand and how to press: a base pose, a torso, and postures of the arms wide, touching and pressing."""
 
-    box: _Box
+    box: Box
     base: Array
     torso: Array
     arms: Mapping[Side, list[Array]]
@@ -90,7 +91,9 @@ def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
     if work.held() or squeezes(motion.felt):
         raise MotionFailure("hands_full")
     yield from work.look_at(name)
-    boxes = [b for b in _boxes(scene.pose(name), list(scene.solids(name))) if _WIDTHS_M[0] < b.width < _WIDTHS_M[1]]
+    boxes = [
+        b for b in boxes_about(scene.pose(name), list(scene.solids(name))) if _WIDTHS_M[0] < b.width < _WIDTHS_M[1]
+    ]
     if not boxes:
         raise MotionFailure("no_grasp")
     search = work.search("right", {name})
@@ -176,7 +179,7 @@ def together(*motions: Actions, motion_of: Work) -> Actions:
             yield motion_of.motion.action.copy()
 
 
-def _boxes(T: Array, solids: list[Solid]) -> Iterator[_Box]:
+def boxes_about(T: Array, solids: list[Solid]) -> Iterator[Box]:
     """The box about a thing's solids as seen from each of its four sides."""
     up = int(np.abs(T[2, :3]).argmax())
     ahead = T[:3, (up + 1) % 3]
@@ -188,17 +191,17 @@ def _boxes(T: Array, solids: list[Solid]) -> Iterator[_Box]:
     x, y, z = (high - low).tolist()
     for quarter in range(4):
         length, width = (x, y) if quarter % 2 == 0 else (y, x)
-        yield _Box(middle, float(kin.wrap(yaw + quarter * np.pi / 2)), length, width, z)
+        yield Box(middle, float(kin.wrap(yaw + quarter * np.pi / 2)), length, width, z)
 
 
-def _seen_box(work: Work, name: str) -> _Box:
+def _seen_box(work: Work, name: str) -> Box:
     """The box about a thing as the robot sees it that holds it before itself."""
     yaw = float(work.motion.felt.base_pose[2])
-    boxes = _boxes(work.scene.pose(name), list(work.scene.solids(name)))
+    boxes = boxes_about(work.scene.pose(name), list(work.scene.solids(name)))
     return min(boxes, key=lambda b: abs(float(kin.wrap(b.heading - yaw))))
 
 
-def _find(work: Work, search: Search, boxes: list[_Box]) -> _Grip | None:
+def _find(work: Work, search: Search, boxes: list[Box]) -> _Grip | None:
     """The first good grip, the nearest base poses first."""
     here = work.motion.felt.base_pose
     ranked = []
@@ -229,7 +232,7 @@ def _behind(base: Array) -> Array:
     return base - [_BACK_M * np.cos(base[2]), _BACK_M * np.sin(base[2]), 0.0]
 
 
-def _grip_at(work: Work, search: Search, base: Array, box: _Box) -> _Grip | None:
+def _grip_at(work: Work, search: Search, base: Array, box: Box) -> _Grip | None:
     """A torso and postures of both arms for one base pose."""
     to_base = kin.inverse(kin.base(base))
     pressed, touching, wide = (box.hands(r) for r in (-_PRESS_M, 0.0, _WIDE_M))
@@ -301,7 +304,7 @@ def _go_behind(work: Work, grip: _Grip, search: Search) -> Actions:
         yield from motion.follow(side, path)
 
 
-def _press(work: Work, box: _Box, reach: float, speed: float) -> Actions:
+def _press(work: Work, box: Box, reach: float, speed: float) -> Actions:
     """Bring both hands to `reach` off the sides, from where the base really stands."""
     to_base = kin.inverse(work.base)
     hands = box.hands(reach)
@@ -369,7 +372,7 @@ def _shift(work: Work, by: Mapping[Side, Array], speed: float) -> Actions:
             return
 
 
-def _find_place(work: Work, search: Search, box: _Box, spots: list[Array]) -> tuple[Array, Array] | None:
+def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tuple[Array, Array] | None:
     """A base pose (3,) from which the held box comes to stand on one of the spots (3,), and that spot."""
     motion = work.motion
     here = motion.felt.base_pose

@@ -1,0 +1,64 @@
+"""Handing over: what ways there are to take a thing out of another hand, and that it really changes hands."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from benchmarks.hands.rows import Job
+from benchmarks.hands.runner import run_job
+from mpvi_bt.manipulation.grasps import MAX_WIDTH_M
+from mpvi_bt.manipulation.hand_over import takes
+from mpvi_bt.manipulation.in_hand import InHand
+from mpvi_bt.manipulation.stance import Held
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Load
+from mpvi_bt.robot.solids import Solid
+
+
+def held(half: tuple[float, float, float]) -> Held:
+    """A block whose middle is at the tcp, its axes those of the hand."""
+    solids = (Solid("box", np.array(half), np.eye(4)),)
+    return Held("block", np.eye(4), solids, Load(solids))
+
+
+@given(st.tuples(st.floats(0.01, 0.04), st.floats(0.01, 0.04), st.floats(0.01, 0.15)))
+def test_takes_are_around_the_thing_and_off_the_giving_hand(half: tuple[float, float, float]) -> None:
+    """A taking hand's tcp lies on the thing, where its fingers have room; the hands are apart or come from opposite."""
+    for T in takes(held(half)):
+        closing = int(np.abs(T[:3, 1]).argmax())
+        assert 2 * half[closing] <= MAX_WIDTH_M
+        assert (np.abs(T[:3, 3]) <= np.array(half) + 1e-6).all()
+        assert np.linalg.norm(T[:3, 3]) > 0.05 or T[2, 2] < -0.3
+
+
+def test_what_is_too_wide_every_way_cannot_be_taken() -> None:
+    """No finger goes around a block of 12 cm."""
+    assert not list(takes(held((0.06, 0.06, 0.06))))
+
+
+def test_what_was_seen_in_a_hand_moves_with_it() -> None:
+    """Points from two pictures, taken with the hand in two places, make one thing, where the hand is now."""
+    rng = np.random.default_rng(0)
+    block = rng.uniform(-1, 1, (900, 3))
+    block[np.arange(900), rng.integers(0, 3, 900)] = rng.choice([-1.0, 1.0], 900)
+    block *= [0.03, 0.02, 0.05]
+    seen = InHand(width_m=0.04)
+    for yaw, half in ((0.0, block[block[:, 0] > 0]), (2.0, block[block[:, 0] <= 0])):
+        T = kin.transform(kin.rot_z(yaw), (0.5, 0.1, 0.8))
+        seen.take_in(half @ T[:3, :3].T + T[:3, 3], np.array([0.0, 0.0, 1.3]), T)
+    now = kin.transform(kin.rot_z(0.7), (0.2, -0.3, 1.0))
+    shape = seen.shape(now)
+    assert shape is not None
+    np.testing.assert_allclose(shape.T[:3, 3], now[:3, 3], atol=0.006)
+    np.testing.assert_allclose(sorted(shape.solids[0].half_m), [0.02, 0.03, 0.05], atol=0.006)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("policy", ["expert", pytest.param("reactive", marks=pytest.mark.render)])
+def test_a_thing_changes_hands(policy: str) -> None:
+    """Both fingers of the other hand are on it, and the first hand is empty, by simulator truth."""
+    row = run_job(Job("hand_over", "any", policy, 0, "tuning"))
+    assert row.ok, row.cause

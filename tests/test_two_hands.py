@@ -1,0 +1,77 @@
+"""Lifting with both hands: boxes about things, motions in step, and that heavy boxes really leave the floor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from benchmarks.hands.rows import Job
+from benchmarks.hands.runner import run_job
+from mpvi_bt.manipulation.two_hands import boxes_about, together
+from mpvi_bt.manipulation.work import Work
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.protocol import SIDES, ActionLayout
+from mpvi_bt.robot.solids import Array, Solid
+from tests.small_house import small_world
+
+half_sizes = st.tuples(*[st.floats(0.03, 0.3)] * 3)
+
+
+@given(half_sizes, st.floats(-3.1, 3.1), st.floats(-2, 2), st.floats(-2, 2))
+def test_a_box_is_seen_from_its_four_sides(half: tuple[float, float, float], yaw: float, x: float, y: float) -> None:
+    """All four are the box itself, a quarter turn apart; length and width change places from each to the next."""
+    T = kin.transform(kin.rot_z(yaw), (x, y, half[2]))
+    boxes = list(boxes_about(T, [Solid("box", np.array(half), T)]))
+    assert len(boxes) == 4
+    for k, box in enumerate(boxes):
+        np.testing.assert_allclose(box.middle, T[:3, 3], atol=1e-9)
+        sizes = (2 * half[0], 2 * half[1]) if abs(np.cos(box.heading - yaw)) > 0.5 else (2 * half[1], 2 * half[0])
+        np.testing.assert_allclose((box.length, box.width, box.height), (*sizes, 2 * half[2]), atol=1e-9)
+        assert box.bottom == pytest.approx(0.0, abs=1e-9)
+        turn = float(kin.wrap(boxes[(k + 1) % 4].heading - box.heading))
+        assert abs(turn) == pytest.approx(np.pi / 2)
+
+
+@given(half_sizes, st.floats(-3.1, 3.1), st.floats(-0.08, 0.08))
+def test_hands_face_each_other_across_the_box(half: tuple[float, float, float], yaw: float, reach: float) -> None:
+    """They come from the two sides, as far off as is asked for, and are nearer to each other than without."""
+    T = kin.transform(kin.rot_z(yaw), (0.0, 0.0, half[2]))
+    for box in boxes_about(T, [Solid("box", np.array(half), T)]):
+        hands = box.hands(reach)
+        tips = {s: hands[s][:3, 3] + 0.012 * hands[s][:3, 2] for s in SIDES}
+        assert np.linalg.norm(tips["left"] - tips["right"]) == pytest.approx(abs(box.width + 2 * reach), abs=1e-6)
+        across = tips["right"] - tips["left"]
+        if box.width + 2 * reach > 0.01:
+            assert hands["left"][:3, 2] @ across > 0
+            assert hands["right"][:3, 2] @ across < 0
+
+
+def test_motions_run_in_step_until_the_last_has_ended() -> None:
+    """Each action carries what all of them did at that step; none runs ahead of the others."""
+    world = small_world({})
+    work = Work(None, Motion(world.robot.proprioception()), np.random.default_rng(0))  # type: ignore[arg-type]
+    motion, count = work.motion, {"left": 12, "right": 5}
+
+    def closing(side: str) -> Iterator[Array]:
+        for k in range(count[side]):
+            motion.action[ActionLayout.GRIPPER[side]] = -k / 20  # type: ignore[index]
+            yield motion.still()
+
+    actions = list(together(closing("left"), closing("right"), motion_of=work))
+    assert len(actions) == 12
+    for k, action in enumerate(actions):
+        assert action[ActionLayout.GRIPPER["left"]] == -k / 20
+        assert action[ActionLayout.GRIPPER["right"]] == -min(k, 4) / 20
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("policy", ["expert", pytest.param("reactive", marks=pytest.mark.render)])
+def test_a_box_is_lifted_off_the_floor(policy: str) -> None:
+    """By friction alone, level, and off everything, by simulator truth."""
+    row = run_job(Job("lift", "floor", policy, 0, "tuning"))
+    assert row.ok, row.cause
