@@ -238,8 +238,10 @@ class Memory:
         thing.views = [(f, m) for f, m in thing.views if frame.way_m - f.way_m < _RECENT_M][-5:]
         thing.views.append((frame, mask))
         shape = fitted([v for v in thing.views if v[0].stand == frame.stand], thing.shape.support_m)
-        if shape is None or (np.ptp(shape.box(), axis=0) < _SHRUNK * np.ptp(thing.shape.box(), axis=0))[:2].any():
+        if shape is None or _shrunk(shape, thing.shape):
             shape = fitted(thing.views, thing.shape.support_m) or shape  # something hides a part of it now
+        if thing.shape.kind == "furniture" and (shape is None or _shrunk(shape, thing.shape)):
+            return  # from near only a part of it is in view
         if shape is not None:
             thing.shape = shape
             if thing.inside is not None and not self._lies_in(thing, thing.inside):
@@ -272,3 +274,8 @@ class Memory:
             if (middle > low - 0.02).all() and (middle[:2] < high[:2] + 0.02).all() and middle[2] < high[2] + 0.06:
                 return True
         return False
+
+
+def _shrunk(shape: Shape, before: Shape) -> bool:
+    """Whether a thing seems so much smaller than before, seen from above, that it must be partly hidden."""
+    return bool((np.ptp(shape.box(), axis=0) < _SHRUNK * np.ptp(before.box(), axis=0))[:2].any())

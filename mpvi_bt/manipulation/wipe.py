@@ -23,6 +23,7 @@ _SPRAY_M = 0.15
 _TURNS = tuple(np.arange(4) * np.pi / 2)
 _SPEED_RAD_S = 1.2
 _SPRAY_S = 1.0  # over every patch
+_ALIKE_M = 0.03  # a patch that differs by less is the same, seen better
 _ROUNDS = 2  # what failed is tried once more
 _LANES = 0.85  # how far lanes are apart, in widths of the tool
 
@@ -88,7 +89,9 @@ def _over(
     """Go over one patch of a surface, if `near` without another look at it."""
 
     def find(search: Search, here_first: bool) -> Stance | None:
-        seen = min(_patches(work, target), key=lambda p: float(np.linalg.norm(p.middle - patch.middle)))
+        seen = min(_patches(work, target), key=lambda p: float(np.linalg.norm(p.middle - patch.middle)), default=patch)
+        if np.abs(seen.half - patch.half).max() > _ALIKE_M or np.linalg.norm(seen.middle - patch.middle) > _ALIKE_M:
+            seen = patch  # from near the robot sees less of it, or takes it for something else
         options = list(_options(work, work.held()[side], seen, height, strokes))
         return _grounded(work, search, target).find(seen.middle[:2], options, here_first)
 
