@@ -12,10 +12,10 @@ import pytest
 from mpvi_bt.goals.predicates import inside, ontop
 from mpvi_bt.manipulation.reactive import ReactivePolicy
 from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.world import World
-from mpvi_bt.testing import check_policy
+from mpvi_bt.testing import KinematicRobot, check_policy
 from tests.small_house import placed, small_world
 
 SKILLS = load_skills()
@@ -143,3 +143,31 @@ def test_a_can_is_set_down_on_a_table() -> None:
     prompt = "pick up the can of soda, then put the can of soda on the table"
     assert play(world, reactive(), prompt, 150.0).note == "done"
     assert ontop(world, "can", "table_1")
+
+
+class Stuck(KinematicRobot):
+    """A robot whose torso, base or arms do not follow."""
+
+    def __init__(self, part: str) -> None:
+        super().__init__()
+        self._part = part
+
+    def advance(self, action: Array) -> None:
+        """Leave out what concerns the part."""
+        parts = {"base": [ActionLayout.BASE], "torso": [ActionLayout.TORSO], "arms": list(ActionLayout.ARM.values())}
+        kept, action = self._targets, action.copy()
+        for part in parts[self._part]:
+            action[part] = kept[part]
+        super().advance(action)
+
+
+@pytest.mark.parametrize("part", ["torso", "base", "arms"])
+def test_a_robot_that_does_not_follow_makes_it_fail_not_crash(part: str) -> None:
+    """Where a motion does not succeed it goes on with another, or stands still with a note; infer never raises."""
+    robot, policy = Stuck(part), reactive()
+    for _ in range(1500):
+        images = {camera: robot.look(camera) for camera in policy.cameras}
+        observation = {"prompt": "pick up the cup", "proprioception": robot.proprioception(), "images": images}
+        (action,) = policy.infer(observation)
+        robot.advance(action)
+    assert policy.note

@@ -15,6 +15,7 @@ from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
 _REACH_M = 0.35  # what a mask shows that far from the hand is something else
+_KEPT = 8  # pictures of it remembered: what hangs in a hand swings a little
 _SEEN_PX = 6  # a mask of fewer pixels is not looked at
 # How a thing is held out to the head: turned about the vertical [rad], at which height [m].
 _SHOWN = ((0.0, 0.75), (1.3, 0.95), (-1.3, 0.85))
@@ -28,7 +29,7 @@ class InHand:
         """Nothing seen yet but, by how far the fingers stand apart, that it reaches from the one to the other."""
         at = np.stack(np.meshgrid([-0.008, 0.0, 0.008], [-width_m / 2, 0.0, width_m / 2], [0.0]), -1)
         self._points: list[Array] = [at.reshape(-1, 3)]
-        self._eye = np.zeros(3)
+        self._eyes: list[Array] = []  # of the head, in the hand's frame
 
     def add(self, frame: Frame, mask: NDArray[np.bool_], T_world_tcp: Array) -> None:
         """Take in one picture of it, with the hand as it was when the picture was taken."""
@@ -41,15 +42,18 @@ class InHand:
         points = points[np.linalg.norm(points, axis=1) < _REACH_M]  # fingers part what they hold in two
         if len(points) < _SEEN_PX:
             return
-        self._points.append(points)
-        self._eye = self._eye if eye is None else eye
+        self._points = [self._points[0], *self._points[1:][1 - _KEPT :], points]
+        if eye is not None:
+            self._eyes = [*self._eyes[1 - _KEPT :], T[:3, :3] @ eye + T[:3, 3]]
 
     def shape(self, T_world_tcp: Array) -> Shape | None:
         """What it is, for the hand where it is now; None if too little was seen. It is taken to be held upright."""
         if len(self._points) < 2:
             return None
         points = np.concatenate(self._points) @ T_world_tcp[:3, :3].T + T_world_tcp[:3, 3]
-        return fit(points, np.zeros((0, 3)), self._eye)
+        eyes = np.reshape(self._eyes, (-1, 3)) @ T_world_tcp[:3, :3].T + T_world_tcp[:3, 3]
+        # what was once seen from above stays seen
+        return fit(points, np.zeros((0, 3)), eyes[eyes[:, 2].argmax()] if len(eyes) else np.zeros(3))
 
 
 def show(work: Work, side: Side) -> Actions:

@@ -46,7 +46,8 @@ def look_for(work: Work, found: Found, passable: Callable[[], Obstacles]) -> Gen
     start = work.motion.felt.base_pose.copy()
     for turn, looks in _TURNS:
         if turn:
-            yield from work.motion.drive(start + [0, 0, turn])
+            with contextlib.suppress(MotionFailure):  # what it does not turn to it does not see
+                yield from work.motion.drive(start + [0, 0, turn])
         if (yield from _look(work, found, looks)):
             return True
     for goal in chain(_views(start), _strolls(work)):
@@ -78,7 +79,8 @@ def _look(work: Work, found: Found, looks: int) -> Generator[Array, None, bool]:
         torso = np.array([lift, 0.0, 0.0, tilt])
         if held:
             torso[:3] = work.motion.torso[:3]
-        yield from work.motion.stand(torso)
+        with contextlib.suppress(MotionFailure):  # a picture from where it got to shows something, too
+            yield from work.motion.stand(torso)
         yield from work.see("head")
         if found():
             return True

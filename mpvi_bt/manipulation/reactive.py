@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -14,7 +15,7 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.detector import Detector, LabelDetector
 from mpvi_bt.perception.knowledge import normalize
 from mpvi_bt.plan.skills import Skill, SkillCall, clauses, match
-from mpvi_bt.robot.motion import Actions
+from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
@@ -23,6 +24,12 @@ _TRIES = 3  # of a clause
 _NAMES = ("object", "container", "surface", "target", "tool", "source")  # slots that name things to look for
 _HIDDEN = {"pour": ("object",), "wipe": ("object",)}  # in a vessel, or mere dirt: these need not be seen
 _VESSEL = {"pour": ("source",)}  # elsewhere a source is only where to look
+# Slots of what a skill wants in hand, the first that is said: picked up first where it is not.
+_IN_HAND = {
+    **dict.fromkeys(("place_in", "place_on", "place_next_to", "place_under", "hand_over"), ("object",)),
+    **dict.fromkeys(("wipe", "spray"), ("tool",)),
+    "pour": ("source", "object"),
+}
 _FLOOR = ("floor", "ground")  # is there, seen or not
 
 
@@ -78,15 +85,19 @@ class ReactivePolicy(ScriptedPolicy):
 
     def _do(self, work: Work, call: SkillCall) -> Any:
         """Try a clause; what it wants in hand and is not is picked up first. Returns whether it succeeded."""
-        self.note = call.skill.name
-        done = yield from self.attempt(work, call)
-        if not done and self.note.endswith("not_held") and "object" in call.arguments and "pick" in self._skills:
-            words = {slot: call.arguments[slot] for slot in ("object", "hand") if slot in call.arguments}
+        slot = next((s for s in _IN_HAND.get(call.skill.name, ()) if s in call.arguments), None)
+        if slot is not None and "pick" in self._skills and not self._carries(work, call.arguments[slot]):
+            words = {s: w for s, w in (("object", call.arguments[slot]), ("hand", call.arguments.get("hand"))) if w}
             self.note = "pick"
-            if (yield from self.attempt(work, SkillCall(self._skills["pick"], words))):
-                self.note = call.skill.name
-                done = yield from self.attempt(work, call)
-        return done
+            if not (yield from self.attempt(work, SkillCall(self._skills["pick"], words))):
+                return False
+        self.note = call.skill.name
+        return (yield from self.attempt(work, call))
+
+    def _carries(self, work: Work, phrase: str) -> bool:
+        """Whether the robot carries something that a phrase names."""
+        carried = {work.scene.between(), *(work.scene.holding(side) for side in SIDES)}
+        return any(e.name in carried for e in self._seen.knowledge().find(phrase))
 
     def _phrases(self, call: SkillCall, slots: Iterable[str]) -> list[str]:
         """What a call names in some slots, but for the floor."""
@@ -125,7 +136,9 @@ class ReactivePolicy(ScriptedPolicy):
         if sides or squeezes(work.motion.felt):
             torso = work.motion.torso
             torso[3] = 0.9
-            yield from work.motion.stand(torso)
+            with contextlib.suppress(MotionFailure):
+                yield from work.motion.stand(torso)
             yield from work.see("head", *sides)
             for side in sides:
-                yield from show(work, side)
+                with contextlib.suppress(MotionFailure):  # what is not seen is not known
+                    yield from show(work, side)

@@ -68,7 +68,7 @@ class ScriptedPolicy:
             self._calls += 1
             rng = np.random.default_rng([self._seed, self._calls])
             self._work = Work(self._scene, Motion(felt), rng, self._sight)
-            self._actions = self.perform(self._work, self._prompt)
+            self._actions = self._performed(self._work, self._prompt)
         work = self._work
         work.motion.felt, work.images = felt, observation["images"]
         started = self._timer() if self._timer else 0.0
@@ -78,6 +78,13 @@ class ScriptedPolicy:
         if action is None:
             action = work.motion.still()
         return action[None]
+
+    def _performed(self, work: Work, prompt: str) -> Actions:
+        """Everything that it does about a prompt; a motion that fails outside of any attempt ends it, with a note."""
+        try:
+            yield from self.perform(work, prompt)
+        except MotionFailure as failure:
+            self.note = f"{self.note}: {failure.reason}" if self.note else failure.reason
 
     def perform(self, work: Work, prompt: str) -> Actions:
         """Everything that it does about a prompt."""
@@ -101,7 +108,8 @@ class ScriptedPolicy:
             yield from work.tuck()
         for side in work.held():
             if (name := work.scene.holding(side)) is not None and work.scene.volumes(name):
-                yield from work.look_at(name)
+                with contextlib.suppress(MotionFailure):
+                    yield from work.look_at(name)
         self.note = "done"
         yield from self._show(work)
 
