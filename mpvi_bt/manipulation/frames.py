@@ -59,8 +59,10 @@ class Frame:
         return self.points[mask & self.measured]
 
     def cut(self, mask: NDArray[np.bool_]) -> bool:
-        """Whether a mask is cut by the edge of the picture."""
-        return bool(mask[:2].any() or mask[-2:].any() or mask[:, :2].any() or mask[:, -2:].any())
+        """Whether a mask is cut by the edge of the picture or, before the head, by the robot's own arms."""
+        edge = mask[:2].any() or mask[-2:].any() or mask[:, :2].any() or mask[:, -2:].any()
+        near = self.image.camera == "head" and not edge and ndimage.binary_dilation(mask, iterations=_OWN_PX)
+        return bool(edge or (near & self.robot).any())
 
     def depth_at(self, p_world: Array) -> tuple[float, float] | None:
         """(depth of a point, depth measured there) [m], or None if it is out of the picture or nothing was measured."""
