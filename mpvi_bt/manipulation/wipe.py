@@ -16,7 +16,8 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, box
 
-_PATCH_M = 0.34  # largest side of what is wiped from one stance
+_WIPED_M, _SPRAYED_M = 0.34, 0.30  # largest side of what is wiped from one stance, or sprayed from one place
+_LEAST_M = 0.2  # what is not in reach is parted down to this
 _OVER_M = 0.08  # above the surface on the way there
 _WIPE_M = 0.002  # of the tool's underside over the surface: the arm's give does the pressing
 _SPRAY_M = 0.15
@@ -24,7 +25,7 @@ _TURNS = tuple(np.arange(4) * np.pi / 2)
 _SPEED_RAD_S = 1.2
 _SPRAY_S = 1.0  # over every patch
 _ALIKE_M = 0.03  # a patch that differs by less is the same, seen better
-_ROUNDS = 2  # what failed is tried once more
+_AGAIN = 3  # times that something which was held up is tried again
 _LANES = 0.85  # how far lanes are apart, in widths of the tool
 
 
@@ -35,6 +36,13 @@ class _Patch:
     middle: Array
     half: Array
     yaw: float
+
+    def halves(self) -> list[_Patch]:
+        """The two parts that it has along its longer side."""
+        along = (self.half == self.half.max()) & [True, self.half[0] != self.half[1]]
+        half = np.where(along, self.half / 2, self.half)
+        step = np.append(kin.rot_z(self.yaw)[:2, :2] @ np.where(along, half, 0.0), 0.0)
+        return [_Patch(self.middle + sign * step, half, self.yaw) for sign in (-1, 1)]
 
 
 def wipe(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -59,27 +67,27 @@ def _work_over(work: Work, words: Words, tried: list[Array], height: float, stro
     side = _tool_hand(work, words)
     target = work.nearest(words.get("target", ""))
     yield from work.look_at(target)
-    left = _patches(work, target)
+    left = _patches(work, target, strokes)
     if not left:
         raise MotionFailure("no_surface")
-    reason, near = "", False
-    for _ in range(_ROUNDS):
-        failed = []
-        for patch in left:
-            try:
-                yield from _over(work, side, target, patch, height, strokes, near)
-                near = True
-            except MotionFailure as failure:
-                if failure.reason == "dropped":
-                    raise
-                near = False
-                reason = failure.reason if reason in ("", "no_stance") else reason
-                failed.append(patch)
-        if len(failed) == len(left):
-            break
-        left = failed
-    if reason not in ("", "no_stance") or len(failed) == len(_patches(work, target)):
-        raise MotionFailure(reason)  # else: out of reach from everywhere, such as the far side of a table at a wall
+    near, done, again = False, 0, 0
+    while left:
+        patch = left.pop(0)
+        try:
+            yield from _over(work, side, target, patch, height, strokes, near)
+            near, done = True, done + 1
+        except MotionFailure as failure:
+            if failure.reason == "dropped" or (failure.reason != "no_stance" and again >= _AGAIN):
+                raise
+            near = False
+            if failure.reason != "no_stance":
+                again += 1
+                left.append(patch)
+            elif 2 * patch.half.max() > _LEAST_M:
+                left[:0] = patch.halves()
+            # else: out of reach from everywhere, such as the far side of a table at a wall
+    if not done:
+        raise MotionFailure("no_stance")
     yield from work.settle(without={target})
 
 
@@ -89,7 +97,9 @@ def _over(
     """Go over one patch of a surface, if `near` without another look at it."""
 
     def find(search: Search, here_first: bool) -> Stance | None:
-        seen = min(_patches(work, target), key=lambda p: float(np.linalg.norm(p.middle - patch.middle)), default=patch)
+        seen = min(
+            _patches(work, target, strokes), key=lambda p: float(np.linalg.norm(p.middle - patch.middle)), default=patch
+        )
         if np.abs(seen.half - patch.half).max() > _ALIKE_M or np.linalg.norm(seen.middle - patch.middle) > _ALIKE_M:
             seen = patch  # from near the robot sees less of it, or takes it for something else
         options = list(_options(work, work.held()[side], seen, height, strokes))
@@ -136,7 +146,7 @@ def _tool_hand(work: Work, words: Words) -> Side:
     raise MotionFailure("not_held")
 
 
-def _patches(work: Work, target: str) -> list[_Patch]:
+def _patches(work: Work, target: str, strokes: bool) -> list[_Patch]:
     """The highest upper face of a thing in parts that one stance can serve, the nearest first."""
     faces = [s for s in work.scene.solids(target) if s.kind != "sphere"]
     if not faces:
@@ -144,7 +154,7 @@ def _patches(work: Work, target: str) -> list[_Patch]:
     top = max(float(s.aabb()[1, 2]) for s in faces)
     face = max((s for s in faces if s.aabb()[1, 2] > top - 0.01), key=lambda s: float(np.prod(_flat(s.T, s.half_m)[0])))
     half, yaw = _flat(face.T, face.half_m)
-    counts = np.maximum(1, np.ceil(2 * half / _PATCH_M - 0.2)).astype(int)
+    counts = np.maximum(1, np.ceil(2 * half / (_WIPED_M if strokes else _SPRAYED_M) - 0.2)).astype(int)
     step = half / counts
     here = work.motion.felt.base_pose[:2]
     out = []
