@@ -12,6 +12,7 @@ _PALM = [(0.0, y, 0.085 - r1.TCP_M, 0.030) for y in (-0.06, -0.02, 0.02, 0.06)]
 _FINGER_Z_M = np.array([0.125, 0.143, 0.161]) - r1.TCP_M  # of spheres along a finger
 _FINGER_M = 0.009  # their radius
 _FINGER_HALF_M = 0.0065  # half a finger's thickness: from its pad to the spheres' centers
+CLOSED_HALF_M = 2 * _FINGER_HALF_M  # from the tcp to the outside of closed fingers
 
 
 def palm() -> tuple[Array, Array]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mpvi_bt.manipulation.draw_out import draw_out
 from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.hand import opened
 from mpvi_bt.manipulation.stance import Option
@@ -59,7 +60,13 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
     """
     motion, scene = work.motion, work.scene
     yield from motion.grip(side, 1.0, 0.1)
-    stance, search = yield from work.approach(side, name, lambda: _options(work, name), tried)
+    try:
+        stance, search = yield from work.approach(side, name, lambda: _options(work, name), tried)
+    except MotionFailure as failure:
+        if failure.reason != "no_stance":
+            raise
+        yield from draw_out(work, name, side)
+        stance, search = yield from work.approach(side, name, lambda: _options(work, name), tried)
     yield from motion.grip(side, opened(stance.opening_m), 0.2)
     try:
         yield from work.take_up(stance, search)
