@@ -127,7 +127,7 @@ class Memory:
         T = self._tcp(side)
         taken = {n for n, _ in self._grip.values()}
         near = [
-            (float(Surroundings(self._shape(n).solids).distance(T[None, :3, 3])[0]), n)
+            (self._gap(n, T[:3, 3]), n)
             for n in self._things
             if n not in taken and self._things[n].shape.kind != "furniture"
         ]
@@ -141,6 +141,13 @@ class Memory:
                 thing.shape = thing.shape.moved(kin.transform(np.eye(3), -aside * T[:3, 1]))
         self._grip[side] = (thing.name, kin.inverse(T))
         thing.inside = None  # its views stay: where it stood it stands no more
+
+    def _gap(self, name: str, p_world: Array) -> float:
+        """Distance of a point (3,) to a thing [m]: to its shape, or to what is seen of it where that misses a part."""
+        views = [v for v in self._things[name].views if v[0].stand == self._stand]
+        seen = [np.linalg.norm(frame.of(mask) - p_world, axis=1) for frame, mask in views]
+        shape = float(Surroundings(self._shape(name).solids).distance(p_world[None])[0])
+        return min([shape, *(float(gaps.min()) for gaps in seen if len(gaps) >= _SEEN_PX)])
 
     def _press(self) -> None:
         """The hands have begun to press the nearest thing between them, or have ceased to."""
