@@ -113,8 +113,8 @@ def _course(work: Work, body: Body, side: Side, stance: Stance, waypoints: Array
     others = {s: arm_motion.stay(work.motion.hand(s)) for s in body.held if s != side}
     for detour in _DETOURS:
         glide = arm_motion.glide(now, waypoints[0], detour * [1, r1.SIGN[side], 1])
-        if (arms := arm_motion.sweep(body, stance.torso, {**others, side: glide})) is not None:
-            ways.append((arms, [arms[side][-1]]))
+        if (swept := arm_motion.sweep(body, stance.torso, {**others, side: glide})) is not None:
+            ways.append((swept, [swept[side][-1]]))
     if _level(stance.torso, side, now, stance.path):
         ways.append((stance.level, stance.path))
     for arms, path in ways:

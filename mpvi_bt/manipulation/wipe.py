@@ -110,17 +110,16 @@ def _over(
     if stance is None:
         stance, search = yield from work.close_in(side, {target}, target, find, [])
     yield from work.take_up(stance, search)
-    motion, path = work.motion, [work.motion.arm(side)]
+    motion, path, up = work.motion, [work.motion.arm(side)], 0
     for T in kin.inverse(work.base) @ kin.base(stance.base) @ stance.waypoints[1:]:
         line = arm_motion.trace(motion.torso, side, path[-1], T)
         if line is None:
             raise MotionFailure("no_reach")
-        path += line[1:]
-    up = len(line) - 1  # postures of the last line, off the surface
+        path, up = path + line[1:], len(line) - 1
     yield from motion.follow(side, path[:-up], _SPEED_RAD_S)  # at one go: stopping at each turn takes twice as long
     if not strokes:
         yield from motion.wait(_SPRAY_S)
-    yield from motion.follow(side, path[-up - 1 :], _SPEED_RAD_S)
+    yield from motion.follow(side, path[-up - 1 :], _SPEED_RAD_S)  # the last line leads off the surface
     if not work.gripped(side):
         raise MotionFailure("dropped")
 
@@ -131,8 +130,8 @@ def _grounded(work: Work, search: Search, target: str) -> Search:
         return search
     columns = []
     for low, high in (s.aabb() for s in work.scene.solids(target)):
-        size = np.array([*(high - low)[:2], max(float(low[2]), 0.02)])
-        columns.append(box((low[0] + size[0] / 2, low[1] + size[1] / 2, size[2] / 2), size))
+        (x, y, z), (wide, deep, _) = low.tolist(), (high - low).tolist()
+        columns.append(box((x + wide / 2, y + deep / 2, z / 2), (wide, deep, max(z, 0.02))))
     return replace(search, touched=[*search.touched, *columns])
 
 
