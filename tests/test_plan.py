@@ -126,9 +126,9 @@ def test_what_no_skill_covers_matches_none(description: str) -> None:
 def test_clauses_split_what_the_compiler_joined() -> None:
     """The clauses of a prompt are the descriptions that it was made of."""
     parts = ["pick up a cup", "put the cup in the sink", "open the tap"]
-    assert clauses(", then ".join(parts)) == parts
-    assert clauses("pick up a cup and then put it down; wait.") == ["pick up a cup", "put it down", "wait"]
-    assert clauses("  ") == []
+    assert clauses(", then ".join(parts), SKILLS) == parts
+    assert clauses("pick up a cup and then put it down; wait.", SKILLS) == ["pick up a cup", "put the cup down", "wait"]
+    assert clauses("  ", SKILLS) == []
 
 
 @pytest.mark.parametrize(

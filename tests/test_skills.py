@@ -31,9 +31,10 @@ def test_slots_come_back_as_they_went_in(name: str, phrase: str, data: st.DataOb
     """What a phrase reads like, filled with plain nouns, is matched to its own skill with those nouns."""
     text = example(phrase)
     words = {slot: LISTED.get(slot) or data.draw(nouns) for slot in re.findall(r"\{(\w+)\}", text)}
+    listed = dict(re.findall(r"\{(\w+):(\w+)", phrase))  # of which the example has the first word
     call = match(filled(text, words) or "", SKILLS)
     assert call is not None
-    assert (call.skill.name, dict(call.arguments)) == (name, words)
+    assert (call.skill.name, dict(call.arguments)) == (name, words | listed)
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ class ReactivePolicy(ScriptedPolicy):
 
     def perform(self, work: Work, prompt: str) -> Actions:
         """Do the first clause that can be grounded in view, then the next such one; look around if there is none."""
-        calls = [c for clause in clauses(prompt) if (c := match(clause, self._skills)) is not None]
+        calls = [c for clause in clauses(prompt, self._skills) if (c := match(clause, self._skills)) is not None]
         if not calls:
             self.note = f"no skill for {prompt[:60]!r}"
             return

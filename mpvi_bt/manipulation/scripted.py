@@ -89,7 +89,7 @@ class ScriptedPolicy:
     def perform(self, work: Work, prompt: str) -> Actions:
         """Everything that it does about a prompt."""
         calls: list[SkillCall] = []
-        for clause in clauses(prompt):
+        for clause in clauses(prompt, self._skills):
             call = match(clause, self._skills)
             if call is None:
                 self.note = f"no skill for {clause!r}"

@@ -1,8 +1,8 @@
 """What a manipulation primitive is, from skill files: the phrases that name it, what shows that it ended, its time.
 
 A phrase is a small pattern: plain words, `(one|another)` for alternatives, `[...]` for what may be left out, and slots
-such as `{object}` whose words become the call's arguments. The first alternative that fits wins, so longer ones come
-first: `(take hold of|take)`.
+such as `{object}` whose words become the call's arguments; those of `{object:button|switch}` end in one of the words
+listed. The first alternative that fits wins, so longer ones come first: `(take hold of|take)`.
 
 Slots: `object` is what the hands do something to; `container`, `surface` and `target` are where it goes, or what a
 `tool` is held over; `source` is where it comes from. Four have words of their own: `hand` and, of a thing that changes
@@ -33,10 +33,39 @@ _WORDS = {
     "direction": "left|right|forward|backward|away|aside",
 }
 _LISTED = set("|".join(_WORDS.values()).split("|"))
-_TOKEN = re.compile(r"\{(\w*)\}|[\[\]()|]|[^\[\](){}|]+|.")
+_TOKEN = re.compile(r"\{(\w*)(?::([\w\s|-]+))?\}|[\[\]()|]|[^\[\](){}|]+|.")
 _SLOT = re.compile(r"\{(\w*)\}")
+_ENDING = re.compile(r"\{\w*:([\w\s-]+)[^{}]*\}")
 _BRACKETS = {"[": "(?:", "]": ")?", "(": "(?:", ")": ")", "|": "|"}
 _ARTICLE = re.compile(r"(?:an?|the|its|your|my)\s+", re.IGNORECASE)
+_ITS_ARTICLE = r"(?>(?:(?:an?|the|its|your|my)\s+)?)"  # no thing alone: "press the button" is no button of "the"
+
+# What names a thing begins with no preposition ("in the chair"), has none of motion in it ("box across the table") and
+# ends in no word that belongs to the verb ("door open").
+_BEFORE = (
+    r"(?!(?:in|into|inside|within|on|onto|upon|off|out|of|from|to|towards?|at|by|with|using|under|underneath|beneath|"
+    r"below|over|above|across|along|against|behind|between|beside|near|next|through|up|down|away|and|then)(?:\s|$))"
+)
+_WITHIN = r"(?:(?!\s(?:into|onto|off|out|towards?|across|through|until)\s).)*?"
+_VERBAL = ("in", "into", "on", "onto", "off", "out", "up", "down", "over", "away", "back", "open", "shut", "closed")
+_AFTER = "".join(rf"(?<!\s{word})" for word in _VERBAL)
+# Where something comes from or goes to is no side of itself, nor a side of nothing.
+_NOT_A_SIDE = r"(?!its\s|(?:the\s+)?(?:left|right|side)(?:\s+side)?(?:$|\s+(?:of|with|using)\s))"
+_PLACES = ("source", "surface", "container")
+
+_MANNER = re.compile(
+    r"(?:^|(?<=\s))(?:please|now|again|gently|carefully|slowly|quickly|firmly|softly|fully|completely|tightly|securely)"
+    r"(?=[\s,.;!]|$)",
+    re.IGNORECASE,
+)
+_THEN = re.compile(r"(?:,|;)?\s+(?:and\s+)?then\s+|;\s+", re.IGNORECASE)
+_JOINT = re.compile(r"(,?\s+and\s+|[,.!]\s+)", re.IGNORECASE)
+_THING = r"(?:an?|the|its?|them|your|my|this|that|these|those|both|all|some|one|two|three|four|five|six|\d+)\b"
+_PARTICLE = r"(?:\s+(?:up|down|off|out|away|back|open|shut|hold\s+of{}))?"
+# What follows a verb, so that it is one: "brush the ...". After an "and", "brush on the table" may be one more thing.
+_AFTER_AND = re.compile(rf"\w+{_PARTICLE.format('')}\s+{_THING}", re.IGNORECASE)
+_AFTER_COMMA = re.compile(rf"\w+{_PARTICLE.format('|on|in|over')}\s+{_THING}", re.IGNORECASE)
+_PRONOUN = re.compile(r"(?<![\w$])(?:it|them)\b", re.IGNORECASE)
 
 
 def pattern(phrase: str) -> re.Pattern[str]:
@@ -55,7 +84,7 @@ def pattern(phrase: str) -> re.Pattern[str]:
             if slot in seen:
                 raise ValueError(f"slot {slot!r} twice in one phrase")
             seen.add(slot)
-            source += f"(?P<{slot}>{_WORDS[slot]})" if slot in _WORDS else rf"(?P<{slot}>\S(?:.*?\S)?)"
+            source += f"(?P<{slot}>{_named(slot, token.group(2))})"
         elif text in "{}":
             raise ValueError(f"a {text!r} without its other half; a slot is written {{object}}")
         else:
@@ -66,12 +95,32 @@ def pattern(phrase: str) -> re.Pattern[str]:
         raise ValueError("brackets that do not match; known: (a|b), [may be left out], {slot}") from None
 
 
+def _named(slot: str, ending: str | None) -> str:
+    """What the words of a slot may be, as a regular expression."""
+    if slot in _WORDS:
+        return _WORDS[slot]
+    before = _BEFORE + (_NOT_A_SIDE if slot in _PLACES else "")
+    if ending is not None:
+        words = "|".join(re.escape(word.strip()) for word in ending.split("|"))
+        return rf"{before}{_ITS_ARTICLE}(?:\S{_WITHIN}\s)?(?:{words})"
+    return rf"{before}{_ITS_ARTICLE}\S(?:{_WITHIN}\S)?{_AFTER}"
+
+
 def example(phrase: str) -> str:
     """What a phrase reads like, such as "pick up {object}": first alternatives, and nothing that may be left out."""
-    text = phrase
+    text = _ENDING.sub(r"\1", phrase)
     while (shorter := re.sub(r"\[[^\[\]]*\]|\(([^()|\[\]]*)(?:\|[^()\[\]]*)?\)", r"\1", text)) != text:
         text = shorter
     return " ".join(text.split())
+
+
+def _first_words(phrase: str) -> list[str]:
+    """What a phrase may begin with: "take" and "grab" of `(take hold of|grab) {object}`."""
+    leading = re.match(r"\s*(?:\[[^\[\]]*\]\s*)?(?:\(((?:[^()]|\([^()]*\))*)\)|(\w+))", phrase)
+    if leading is None:
+        return []
+    plain = re.sub(r"\([^()]*\)", "", leading[1] or leading[2])
+    return [words.split()[0].lower() for words in plain.split("|") if words.split()]
 
 
 def filled(template: str, arguments: Mapping[str, str]) -> str | None:
@@ -142,6 +191,11 @@ class Skill(Record):
         """Its phrases as regular expressions."""
         return tuple(map(pattern, self.phrases))
 
+    @cached_property
+    def verbs(self) -> frozenset[str]:
+        """The words that its phrases begin with, in lower case."""
+        return frozenset(verb for phrase in self.phrases for verb in _first_words(phrase))
+
 
 @dataclass(frozen=True)
 class SkillCall:
@@ -198,31 +252,76 @@ def load_skills(folders: Iterable[str | Path] | None = None) -> dict[str, Skill]
     return skills
 
 
-def clauses(prompt: str) -> list[str]:
-    """The single descriptions that a prompt joins: "pick up the cup, then put the cup in the sink" has two."""
-    parts = re.split(r"(?:,|;)?\s+(?:and\s+)?then\s+|;\s+", prompt, flags=re.IGNORECASE)
-    return [part.strip(" ,.;") for part in parts if part.strip(" ,.;")]
+def clauses(prompt: str, skills: Mapping[str, Skill]) -> list[str]:
+    """The single descriptions that a prompt joins: "pick up the cup and put it in the sink" has two.
+
+    They end at "then" and ";", and at "and", "," and "." where a skill's verb and what it is done to follow: "salt and
+    pepper" are one thing. "It" and "them" become what was last done something to, "put the cup in the sink", of
+    several things the last that the clause does not name itself.
+    """
+    found: list[str] = []
+    things: list[str] = []
+    for clause in _parts(prompt, skills):
+        if things and _PRONOUN.search(clause):
+            thing = next((t for t in reversed(things) if t.lower() not in clause.lower()), things[-1])
+            clause = _PRONOUN.sub(lambda _, thing=thing: f"the {thing}", clause)  # type: ignore[misc]
+        found.append(clause)
+        call = _call(clause, skills)
+        if call is not None and (thing := _head(call.arguments)):
+            things.append(thing)
+    return found
 
 
 def match(description: str, skills: Mapping[str, Skill]) -> SkillCall | None:
-    """The skill that one description names, or None.
+    """The skill that one description names, or None; of one that joins several, too.
 
     Our choice where several fit: the reading with the shortest object, or target or source if it has none ("put the
     apple in the bowl on the table" is place_in), then the one that fills more slots, then the one with the fewest
     letters in them ("in front of the sofa" is not in the "front of the sofa"), then the skills' order.
     """
-    text = " ".join(description.split()).strip(" .")
+    parts = _parts(description, skills)
+    return _call(parts[0], skills) if len(parts) == 1 else None
+
+
+def _parts(prompt: str, skills: Mapping[str, Skill]) -> list[str]:
+    """A prompt's clauses in its own words, but for those that say how carefully or how politely."""
+    found: list[str] = []
+    for text in _THEN.split(" ".join(_MANNER.sub("", prompt).split())):
+        first, *more = _JOINT.split(text)
+        found.append(first)
+        for joint, words in zip(more[::2], more[1::2], strict=True):
+            if _is_clause(words, "and" in joint.lower(), skills):
+                found.append(words)
+            else:
+                found[-1] += joint + words
+    return [part.strip(" ,.;!") for part in found if part.strip(" ,.;!")]
+
+
+def _is_clause(words: str, joined: bool, skills: Mapping[str, Skill]) -> bool:
+    """Whether words that follow an "and" (`joined`) or a comma are a clause, not one more thing."""
+    verb = words.partition(" ")[0].lower()
+    if not any(verb in skill.verbs for skill in skills.values()):
+        return False
+    if not joined:
+        return _AFTER_COMMA.match(words) is not None
+    return _AFTER_AND.match(words) is not None or _call(words.strip(" ,.;!"), skills) is not None
+
+
+def _call(text: str, skills: Mapping[str, Skill]) -> SkillCall | None:
+    """As `match`, of a single clause."""
     readings: list[tuple[int, int, int, SkillCall]] = []
     for skill in skills.values():
         for regex in skill.patterns:
             if found := regex.fullmatch(text):
                 words = {slot: _bare(value) for slot, value in found.groupdict().items() if value is not None}
-                if any(_ARTICLE.fullmatch(f"{value} ") for value in words.values()):
-                    continue  # "press the button" is no button of "the"
                 letters = sum(map(len, words.values()))
-                head = words.get("object", words.get("target", words.get("source", "")))
-                readings.append((len(head), -len(words), letters, SkillCall(skill, words)))
+                readings.append((len(_head(words)), -len(words), letters, SkillCall(skill, words)))
     return min(readings, key=lambda r: r[:3])[3] if readings else None
+
+
+def _head(words: Mapping[str, str]) -> str:
+    """What something is done to."""
+    return words.get("object", words.get("target", words.get("source", "")))
 
 
 def _bare(words: str) -> str:

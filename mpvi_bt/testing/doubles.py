@@ -213,7 +213,7 @@ class GripPolicy:
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
         """(15, 23) actions."""
-        parts = clauses(observation["prompt"])
+        parts = clauses(observation["prompt"], self._skills)
         call = match(parts[min(self._chunks // 3, len(parts) - 1)], self._skills) if parts else None
         self._chunks += 1
         body: Proprioception = observation["proprioception"]

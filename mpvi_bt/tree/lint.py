@@ -252,7 +252,7 @@ class _Linter:
     def prompt(self, node: NodeSpec) -> Iterator[Problem]:
         if self.skills is None:
             return
-        for clause in clauses(node.parameters.prompt):  # type: ignore[attr-defined]
+        for clause in clauses(node.parameters.prompt, self.skills):  # type: ignore[attr-defined]
             if "$" not in clause and match(clause, self.skills) is None:
                 near = self.meant(clause)
                 message = f"no skill is named by {shown(clause)}.{did_you_mean(near, self.examples)}"
