@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from mpvi_bt.cli.score import score
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.progress import Progress
 from mpvi_bt.suite.report import report_data, report_text, troubles
@@ -59,6 +60,16 @@ def test_clipped_actions_and_failed_grasps_are_told() -> None:
     changed = RESULTS[EPISODES[0]].model_copy(update={"clipped": 12, "grasps": Grasps(empty=1)})
     text = report_text("four", EPISODES, {**RESULTS, EPISODES[0]: changed}, FAULTS)
     assert "instance 0: 12 actions clipped, 1 closing on nothing\n" in text
+
+
+def test_assisted_grasps_are_named_in_every_report() -> None:
+    """Of a suite and of one episode; where friction alone holds, nothing is said."""
+    assisted = [EpisodeConfig("picking_up_trash", instance, assisted=True) for instance in range(2)]
+    results = {c: Result.model_validate(fake_result(c)) for c in assisted}
+    assert "assisted grasping" in report_text("two", assisted, results, {})
+    assert "assisted" in score(results[assisted[0]].model_dump(mode="json"))
+    assert "assisted" not in report_text("four", EPISODES, RESULTS, FAULTS)
+    assert "assisted" not in score(RESULTS[EPISODES[0]].model_dump(mode="json"))
 
 
 def test_an_empty_suite_has_no_means() -> None:

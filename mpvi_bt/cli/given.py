@@ -121,6 +121,9 @@ def backends(command: Any) -> Any:
             metavar="DECAY",
             help="Ask at every step, and average what chunks foresee for it with weights exp(-DECAY i).",
         ),
+        click.option(
+            "--assisted", is_flag=True, help="A closing hand fixes what it pinches to itself; every report says so."
+        ),
     ]
     for option in reversed(options):
         command = option(command)

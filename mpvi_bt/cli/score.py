@@ -30,6 +30,11 @@ def score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | No
         *_failed(result),
         *((("hands", felt),) if (felt := _felt(result)) else ()),
         ("wall", _wall(result["wall"])),
+        *(
+            [("grasps", "assisted: fixed to the hand, not held by friction")]
+            if result["config"].get("assisted")
+            else []
+        ),
         ("truth", f"read by {', '.join(result['privileged']) or 'none'}"),
     ]
     head = f"{_verdict(result)}  q = {result['q_score']['final']:.3f}, tree: {ended}"

@@ -22,6 +22,7 @@ class EpisodeConfig:
         policy_horizon: How many actions of each chunk are carried out before the policy is asked again; None: all.
         policy_ensemble: Decay of the weights where the policy is asked at every step and what its chunks foresee for a
             step is averaged; None: they are not averaged.
+        assisted: Whether a closing hand fixes what it pinches to itself; otherwise grasps hold by friction alone.
         tree: Name or file of a tree to run instead of compiling a plan, or None.
         plan: Name or file of a plan instead of the task's own, or None.
         arguments: Names and values of that tree's parameters.
@@ -41,6 +42,7 @@ class EpisodeConfig:
     policy_settings: str | None = None
     policy_horizon: int | None = None
     policy_ensemble: float | None = None
+    assisted: bool = False
     tree: str | None = None
     plan: str | None = None
     arguments: tuple[tuple[str, str], ...] = ()
@@ -69,8 +71,9 @@ class EpisodeConfig:
         """What a result says of it: everything that can change the outcome, so not where pictures go."""
         entries = {key: value for key, value in asdict(self).items() if key not in _OUTPUTS}
         entries["arguments"] = dict(self.arguments)
-        return {key: value for key, value in entries.items() if value not in (None, {}) or key not in _RARE}
+        return {key: value for key, value in entries.items() if value not in (None, {}, False) or key not in _RARE}
 
 
 _OUTPUTS = {"video", "picture", "trace", "saved"}
-_RARE = {"arguments", "substitute", "policy_settings", "policy_horizon", "policy_ensemble"}  # left out where not used
+# Left out where they are not used.
+_RARE = {"arguments", "substitute", "policy_settings", "policy_horizon", "policy_ensemble", "assisted"}

@@ -153,7 +153,7 @@ def _world(
             start = sample(house, catalogue, problem, task.bindings, rng)
         except BackendError:
             continue
-        world = World(house, start.objects, start.base_pose, render=_renders(config))
+        world = World(house, start.objects, start.base_pose, render=_renders(config), assisted=config.assisted)
         world.settle()
         truth = truth_in(world, start.scene_names)
         early = [k for k, true in snapshot(problem, truth).items() if true and k not in stated]

@@ -75,6 +75,8 @@ def report_text(
         lines.append(f"failed by the policy's backend, not by the policy: {', '.join(failed)}; run again, or leave out")
     if data["privileged"]:
         lines.append(f"backends that read simulator truth: {', '.join(data['privileged'])}")
+    if any(config.assisted for config in episodes):
+        lines.append("assisted grasping: a closing hand fixed what it pinched to itself")
     lines.append("q, met (share of the goal's literals): higher is better; time and distances: lower is better")
     return "\n\n".join([*blocks, "\n".join(lines)])
 

@@ -40,6 +40,7 @@ class SavedSettings(Record):
     policy_settings: str | None = None
     policy_horizon: Annotated[int, Field(ge=1)] | None = None
     policy_ensemble: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
+    assisted: bool = False
     tree: str | None
     plan: str | None
     arguments: dict[str, str] = {}
