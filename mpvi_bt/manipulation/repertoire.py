@@ -12,7 +12,8 @@ from mpvi_bt.manipulation.place import place_in, place_next_to, place_on, place_
 from mpvi_bt.manipulation.pour import pour
 from mpvi_bt.manipulation.press import press
 from mpvi_bt.manipulation.push import push
-from mpvi_bt.manipulation.two_hands import either, lift, set_down
+from mpvi_bt.manipulation.set_down import either, set_down
+from mpvi_bt.manipulation.two_hands import lift
 from mpvi_bt.manipulation.wipe import spray, wipe
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot.motion import Actions

@@ -1,8 +1,8 @@
-"""What is too wide for one hand: a box is pressed from both sides with open hands, raised, carried and set down."""
+"""What is too wide for one hand: a box is pressed from both sides with open hands, raised and carried."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,13 +27,10 @@ _LIFT_M = 0.15
 _BACK_M = 0.4
 _OUTWARD_M = 0.07
 _CARRY_M = 0.62  # height of the hands to carry at, if the arms get there
-_OVER_M = 0.05  # between a box and the surface that it is driven in over
 _LIFTS = (0.0, 0.1, 0.2, 0.3, 0.42, 0.55)
 _PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1, 1.35)
 _CHECKED_BASES = 24
 _CHECKED_TORSOS = 8
-_HEADINGS = tuple(np.arange(16) * np.pi / 8)
-_SPOTS = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,66 +105,15 @@ def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
     for reach, speed in ((0.0, 0.12), (-_PRESS_M, 0.10)):
         yield from _press(work, grip.box, reach, speed)
     if not squeezes(motion.felt):
-        yield from _open_wide(work)
+        yield from open_wide(work)
         raise MotionFailure("not_squeezed")
-    yield from _raise(work, _LIFT_M)
+    yield from raise_both(work, _LIFT_M)
     x, y, yaw = motion.felt.base_pose
     yield from motion.drive(np.array([x - _BACK_M * np.cos(yaw), y - _BACK_M * np.sin(yaw), yaw]), speed=0.25)
     yield from _carry_height(work)
     yield from work.see("head")
     if not squeezes(motion.felt) or scene.between() != name:
         raise MotionFailure("slipped")
-
-
-def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
-    """Set the thing that both hands hold between them down on `words["surface"]`.
-
-    Raises:
-        MotionFailure: "not_held", "unknown_object", "no_free_spot", "no_stance", "slipped", "missed", or a motion's own
-            reason.
-    """
-    scene, motion = work.scene, work.motion
-    name = scene.between()
-    if name is None or name not in {e.name for e in scene.knowledge().find(words["object"])}:
-        raise MotionFailure("not_held")
-    surface = work.nearest(words["surface"])
-    box = _seen_box(work, name)
-    spots = scene.spots(surface, max(box.length, box.width) / 2 + 0.01, box.height + 0.1, motion.felt.base_pose[:2])
-    if not spots:
-        raise MotionFailure("no_free_spot")
-    search = work.search("right", {name})
-    search.tried.extend(tried)
-    found = _find_place(work, search, box, list(spots))
-    if found is None:
-        raise MotionFailure("no_stance")
-    base, spot = found
-    tried.append(base)
-    back = base - [_BACK_M * np.cos(base[2]), _BACK_M * np.sin(base[2]), 0.0]
-    yield from _raise(work, max(0.0, spot[2] + _OVER_M - box.bottom))
-    yield from motion.drive(back, speed=0.3)
-    if scene.between() != name:
-        raise MotionFailure("slipped")
-    yield from motion.drive(base, speed=0.2)
-    yield from _raise(work, spot[2] + 0.004 - _seen_box(work, name).bottom, seconds_per_m=7.0)
-    yield from motion.wait(0.2)
-    yield from _open_wide(work)
-    yield from motion.drive(back, speed=0.3)
-    yield from work.settle(without={name, surface})
-    yield from work.look_at(name)
-    if abs(min(s.aabb()[0, 2] for s in scene.solids(name)) - spot[2]) > 0.04:
-        raise MotionFailure("missed")
-
-
-Perform = Callable[[Work, Words, list[Array]], Actions]
-
-
-def either(one: Perform, both: Perform) -> Perform:
-    """The way of one hand or, while two hands hold a thing between them, the way of both."""
-
-    def perform(work: Work, words: Words, tried: list[Array]) -> Actions:
-        return (both if squeezes(work.motion.felt) else one)(work, words, tried)
-
-    return perform
 
 
 def together(*motions: Actions, motion_of: Work) -> Actions:
@@ -194,7 +140,7 @@ def boxes_about(T: Array, solids: list[Solid]) -> Iterator[Box]:
         yield Box(middle, float(kin.wrap(yaw + quarter * np.pi / 2)), length, width, z)
 
 
-def _seen_box(work: Work, name: str) -> Box:
+def seen_box(work: Work, name: str) -> Box:
     """The box about a thing as the robot sees it that holds it before itself."""
     yaw = float(work.motion.felt.base_pose[2])
     boxes = boxes_about(work.scene.pose(name), list(work.scene.solids(name)))
@@ -217,7 +163,7 @@ def _find(work: Work, search: Search, boxes: list[Box]) -> _Grip | None:
     for _, base, box in sorted(ranked, key=lambda r: r[0]):
         if any(np.linalg.norm(base[:2] - b[:2]) < 0.03 and abs(kin.wrap(base[2] - b[2])) < 0.3 for b in search.tried):
             continue
-        back = _behind(base)
+        back = behind(base)
         if not (search.drivable(here, back) and search.drivable(back, base)):
             continue
         if (grip := _grip_at(work, search, base, box)) is not None:
@@ -228,7 +174,8 @@ def _find(work: Work, search: Search, boxes: list[Box]) -> _Grip | None:
     return None
 
 
-def _behind(base: Array) -> Array:
+def behind(base: Array) -> Array:
+    """The base pose (3,) from which the base drives straight in to another."""
     return base - [_BACK_M * np.cos(base[2]), _BACK_M * np.sin(base[2]), 0.0]
 
 
@@ -249,7 +196,7 @@ def _grip_at(work: Work, search: Search, base: Array, box: Box) -> _Grip | None:
             found[side].setdefault(int(at[row]), []).append(q[row])
     shared = sorted(set(found["left"]) & set(found["right"]), key=lambda t: 0.6 * torsos[t, 2] - 0.2 * torsos[t, 0])
     loose, all_around = search.around(base, touched=False), search.around(base, touched=True)
-    behind = search.around(_behind(base), touched=True)
+    rear = search.around(behind(base), touched=True)
     for t in shared[:_CHECKED_TORSOS]:
         torso = torsos[t]
         arms: dict[Side, list[Array]] = {}
@@ -260,7 +207,7 @@ def _grip_at(work: Work, search: Search, base: Array, box: Box) -> _Grip | None:
                     continue
                 body = Body(torso, {**r1.TRAVEL_ARM, **{s: p[0] for s, p in arms.items()}}, {}, loose)
                 open_body = Body(torso, body.arms, {}, all_around)
-                backed = Body(torso, body.arms, {}, behind)
+                backed = Body(torso, body.arms, {}, rear)
                 if (
                     body.free(side, np.stack(path[1:]), grasping=True).all()
                     and open_body.free(side, path[0], grasping=True)[0]
@@ -291,7 +238,7 @@ def _widening(torso: Array, side: Side, q: Array, touching: Array, wide: Array) 
 def _go_behind(work: Work, grip: _Grip, search: Search) -> Actions:
     """Form the arms some way before the box, where there is room."""
     motion = work.motion
-    back = _behind(grip.base)
+    back = behind(grip.base)
     yield from motion.drive(back)
     torso = np.append(grip.torso[:3], motion.torso[3])
     yield from motion.stand(torso)
@@ -312,7 +259,7 @@ def _press(work: Work, box: Box, reach: float, speed: float) -> Actions:
     yield from together(*lines, motion_of=work)
 
 
-def _raise(work: Work, by_m: float, seconds_per_m: float = 5.0) -> Actions:
+def raise_both(work: Work, by_m: float, seconds_per_m: float = 5.0) -> Actions:
     """Raise what is held, negative lowers: by the torso with the arms frozen, so that the squeeze stays, then by both
     arms.
     """
@@ -349,10 +296,10 @@ def _carry_height(work: Work) -> Actions:
                 if (arms := arm_motion.sweep(body, torso, paths)) is not None:
                     yield from motion.stand(torso, arms)
                     return
-    yield from _raise(work, max(0.0, min(r1.TORSO_LIMITS[0, 1] - motion.torso[0], _CARRY_M - height)))
+    yield from raise_both(work, max(0.0, min(r1.TORSO_LIMITS[0, 1] - motion.torso[0], _CARRY_M - height)))
 
 
-def _open_wide(work: Work) -> Actions:
+def open_wide(work: Work) -> Actions:
     """Take both hands off what they press, outward."""
     for side in SIDES:  # from where the hands are, not from where they press to
         work.motion.action[ActionLayout.ARM[side]] = work.motion.felt.arm[side]
@@ -370,23 +317,3 @@ def _shift(work: Work, by: Mapping[Side, Array], speed: float) -> Actions:
             lines = [motion.line(side, goals[side], speed, give_rad=np.inf) for side in SIDES]
             yield from together(*lines, motion_of=work)
             return
-
-
-def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tuple[Array, Array] | None:
-    """A base pose (3,) from which the held box comes to stand on one of the spots (3,), and that spot."""
-    motion = work.motion
-    here = motion.felt.base_pose
-    held_at = (kin.inverse(work.base) @ np.append(box.middle, 1.0))[:2]
-    arms = {s: motion.arm(s) for s in SIDES}
-    for spot in spots[:_SPOTS]:
-        for heading in sorted(_HEADINGS, key=lambda h: abs(float(kin.wrap(h - here[2])))):
-            base = np.array([*(spot[:2] - kin.rot_z(heading)[:2, :2] @ held_at), kin.wrap(heading)])
-            if any(np.linalg.norm(base - b) < 0.05 for b in search.tried):
-                continue
-            around = search.around(base, touched=False)
-            if not (search.drivable(here, _behind(base)) and search.drivable(_behind(base), base)):
-                continue
-            body = Body(motion.torso, arms, {}, around)
-            if all(body.free(side, arms[side], grasping=True)[0] for side in SIDES) and body.trunk_free():
-                return base, spot
-    return None

@@ -1,0 +1,92 @@
+"""Setting down what two hands hold between them: the base drives it in over the surface."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from mpvi_bt.manipulation.stance import Search
+from mpvi_bt.manipulation.two_hands import Box, behind, open_wide, raise_both, seen_box
+from mpvi_bt.manipulation.work import Words, Work
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import SIDES
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.squeeze import squeezes
+
+_OVER_M = 0.05  # between a box and the surface that it is driven in over
+_HEADINGS = tuple(np.arange(16) * np.pi / 8)
+_SPOTS = 40
+
+
+Perform = Callable[[Work, Words, list[Array]], Actions]
+
+
+def either(one: Perform, both: Perform) -> Perform:
+    """The way of one hand or, while two hands hold a thing between them, the way of both."""
+
+    def perform(work: Work, words: Words, tried: list[Array]) -> Actions:
+        return (both if squeezes(work.motion.felt) else one)(work, words, tried)
+
+    return perform
+
+
+def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
+    """Set the thing that both hands hold between them down on `words["surface"]`.
+
+    Raises:
+        MotionFailure: "not_held", "unknown_object", "no_free_spot", "no_stance", "slipped", "missed", or a motion's own
+            reason.
+    """
+    scene, motion = work.scene, work.motion
+    name = scene.between()
+    if name is None or name not in {e.name for e in scene.knowledge().find(words["object"])}:
+        raise MotionFailure("not_held")
+    surface = work.nearest(words["surface"])
+    box = seen_box(work, name)
+    spots = scene.spots(surface, max(box.length, box.width) / 2 + 0.01, box.height + 0.1, motion.felt.base_pose[:2])
+    if not spots:
+        raise MotionFailure("no_free_spot")
+    search = work.search("right", {name})
+    search.tried.extend(tried)
+    found = _find_place(work, search, box, list(spots))
+    if found is None:
+        raise MotionFailure("no_stance")
+    base, spot = found
+    tried.append(base)
+    back = behind(base)
+    yield from raise_both(work, max(0.0, spot[2] + _OVER_M - box.bottom))
+    yield from motion.drive(back, speed=0.3)
+    if scene.between() != name:
+        raise MotionFailure("slipped")
+    yield from motion.drive(base, speed=0.2)
+    yield from raise_both(work, spot[2] + 0.004 - seen_box(work, name).bottom, seconds_per_m=7.0)
+    yield from motion.wait(0.2)
+    yield from open_wide(work)
+    yield from motion.drive(back, speed=0.3)
+    yield from work.settle(without={name, surface})
+    yield from work.look_at(name)
+    if abs(min(s.aabb()[0, 2] for s in scene.solids(name)) - spot[2]) > 0.04:
+        raise MotionFailure("missed")
+
+
+def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tuple[Array, Array] | None:
+    """A base pose (3,) from which the held box comes to stand on one of the spots (3,), and that spot."""
+    motion = work.motion
+    here = motion.felt.base_pose
+    held_at = (kin.inverse(work.base) @ np.append(box.middle, 1.0))[:2]
+    arms = {s: motion.arm(s) for s in SIDES}
+    for spot in spots[:_SPOTS]:
+        for heading in sorted(_HEADINGS, key=lambda h: abs(float(kin.wrap(h - here[2])))):
+            base = np.array([*(spot[:2] - kin.rot_z(heading)[:2, :2] @ held_at), kin.wrap(heading)])
+            if any(np.linalg.norm(base - b) < 0.05 for b in search.tried):
+                continue
+            around = search.around(base, touched=False)
+            if not (search.drivable(here, behind(base)) and search.drivable(behind(base), base)):
+                continue
+            body = Body(motion.torso, arms, {}, around)
+            if all(body.free(side, arms[side], grasping=True)[0] for side in SIDES) and body.trunk_free():
+                return base, spot
+    return None
