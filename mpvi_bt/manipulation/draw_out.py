@@ -23,6 +23,7 @@ from mpvi_bt.robot.solids import Array
 
 _NEAR_M = 1.7
 _BEHIND_M = 0.03  # less room than that behind a side is none for a finger
+_SUPPORT_M = 0.008
 _BEFORE_M = 0.10
 _OFF_M = 0.012  # between the fingers and the end of the thing, before and afterward
 _PRESS_M = 0.012  # how far beyond its end the hand is told to go, more and more along the arc:
@@ -96,7 +97,11 @@ def _swings(work: Work, name: str) -> Iterator[_Swing]:
             continue
         across = np.array([-ahead[1], ahead[0], 0.0]) * box.width / 2
         for sign in (1.0, -1.0):
-            yield _Swing(box, (back + sign * across)[:2], (back - sign * across)[:2])
+            swing = _Swing(box, (back + sign * across)[:2], (back - sign * across)[:2])
+            out = kin.rot_z(-sign * _ARC_RAD[-1]) @ (box.middle - back + sign * across)
+            below = np.append(swing.pivot + out[:2], box.bottom - _SUPPORT_M)
+            if below[2] < 0 or near.distance(below) <= 2 * _SUPPORT_M:
+                yield swing
 
 
 def _ways(swing: _Swing) -> Iterator[Option]:
