@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt.behaviors.protocols import Policy
+from mpvi_bt.errors import PolicyError, UserError
 from mpvi_bt.manipulation.chunks import RecedingHorizon, TemporalEnsemble
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import ACTION_SIZE
@@ -79,6 +80,40 @@ def test_what_was_foreseen_is_dropped_at_a_handoff_and_with_another_prompt(chang
         policy.reset()
         assert inner.resets == 1
     assert ask(policy, "pick up the cup" if change == "reset" else "put it down")[0, 0] == 5.0
+
+
+class Giving(Foreseeing):
+    """Gives what it is told to."""
+
+    def infer(self, observation: Mapping[str, Any]) -> Any:
+        return self.what
+
+
+@pytest.mark.parametrize("wrap", [lambda p: RecedingHorizon(p, 4), TemporalEnsemble])
+@pytest.mark.parametrize(
+    "given",
+    [[[1.0, 2.0], [3.0]], None, "text", np.zeros(23), np.zeros((0, 23)), np.zeros((2, 3)), np.full((1, 23), np.nan)],
+    ids=str,
+)
+def test_what_is_no_chunk_is_a_bad_reply_through_a_wrapper_too(wrap: Any, given: Any) -> None:
+    """As it is where nothing is wrapped around the policy."""
+    with pytest.raises(PolicyError) as caught:
+        ask(wrap(Giving(1, given)))
+    assert caught.value.reason == "bad_reply"
+
+
+@pytest.mark.parametrize("horizon", [0, -1, 2.5, True, "8", None])
+def test_a_horizon_is_a_whole_number_of_actions(horizon: Any) -> None:
+    """At least one: less would carry out nothing, or the wrong end of the chunk."""
+    with pytest.raises(UserError, match="at least 1"):
+        RecedingHorizon(Foreseeing(3, lambda call, j: 0.0), horizon)
+
+
+@pytest.mark.parametrize("decay", [-0.1, np.inf, np.nan, True, "0.1", None])
+def test_a_decay_is_a_finite_number(decay: Any) -> None:
+    """Not below zero: then chunks would count the more the older they are, without limit."""
+    with pytest.raises(UserError, match="at least 0"):
+        TemporalEnsemble(Foreseeing(3, lambda call, j: 0.0), decay)
 
 
 @pytest.mark.parametrize("wrap", [lambda p: RecedingHorizon(p, 4), TemporalEnsemble])

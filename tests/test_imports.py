@@ -34,8 +34,8 @@ RANKS = [
     {"cli"},
 ]
 RANK = {part: rank for rank, parts in enumerate(RANKS) for part in parts}
-# Protocols and plain data that modules of lower rank may share with the behaviors that use them.
-SHARED = {"mpvi_bt.behaviors.protocols"}
+# Protocols, plain data and the check of it that modules of lower rank may share with the behaviors that use them.
+SHARED = {"mpvi_bt.behaviors.protocols", "mpvi_bt.behaviors.chunk"}
 
 ONLY_IN = {"sapien": {"sim"}, "mani_skill": {"sim/maniskill.py"}, "py_trees": {"behaviors", "tree", "executive"}}
 DISTRIBUTION = {"yaml": "pyyaml", "pydantic_core": "pydantic", "cv2": "sapien", "imageio_ffmpeg": "imageio-ffmpeg"}

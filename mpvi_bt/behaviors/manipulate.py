@@ -7,12 +7,12 @@ from collections import deque
 import numpy as np
 from py_trees.common import Status
 
+from mpvi_bt.behaviors.chunk import ask
 from mpvi_bt.behaviors.context import Notice
 from mpvi_bt.behaviors.node import Leaf
-from mpvi_bt.errors import PolicyError
 from mpvi_bt.robot.grip import GripWatch
 from mpvi_bt.robot.limits import within_reach_of
-from mpvi_bt.robot.protocol import ACTION_SIZE, Proprioception
+from mpvi_bt.robot.protocol import Proprioception
 from mpvi_bt.robot.solids import Array
 
 _CLIPPED = 1e-3  # [m, rad, m/s]: what is brought within the limits by less is no more than noise
@@ -84,20 +84,7 @@ class Manipulate(Leaf):
     def _infer(self, body: Proprioception) -> Array:
         """(H, 23) actions from the policy. Raises PolicyError unless they are that, and finite."""
         context = self.context
-        policy = context.policy
         with context.stopwatch("rendering"):
-            images = {camera: context.robot.look(camera) for camera in policy.cameras}
+            images = {camera: context.robot.look(camera) for camera in context.policy.cameras}
         with context.stopwatch("policy"):
-            given = policy.infer({"prompt": self._said, "proprioception": body, "images": images})
-        try:
-            chunk = np.asarray(given)
-        except ValueError:  # lists of different lengths
-            chunk = np.empty(0, object)
-        if chunk.dtype.kind not in "fiu":
-            raise PolicyError("bad_reply", f"policy {policy.name}: actions that are no numbers")
-        if chunk.ndim != 2 or len(chunk) == 0 or chunk.shape[1] != ACTION_SIZE:
-            shape = f"a chunk of shape {chunk.shape}, not (H, {ACTION_SIZE}), H >= 1"
-            raise PolicyError("bad_reply", f"policy {policy.name}: {shape}")
-        if not np.isfinite(chunk).all():
-            raise PolicyError("bad_reply", f"policy {policy.name}: a chunk with numbers that are not finite")
-        return chunk.astype(float)
+            return ask(context.policy, {"prompt": self._said, "proprioception": body, "images": images})

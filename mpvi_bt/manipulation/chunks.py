@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from mpvi_bt.behaviors.chunk import ask
 from mpvi_bt.behaviors.protocols import Policy
-from mpvi_bt.errors import PolicyError
+from mpvi_bt.errors import UserError, shown
 from mpvi_bt.robot.solids import Array
 
 DECAY = 0.01  # per step of age; the value that ACT was published with
@@ -47,15 +49,20 @@ class RecedingHorizon(_Wrapped):
     Args:
         policy: Whose chunks.
         horizon: How many actions of each, at least 1; a chunk that is shorter is carried out whole.
+
+    Raises:
+        UserError: The horizon is none.
     """
 
     def __init__(self, policy: Policy, horizon: int) -> None:
         super().__init__(policy)
+        if not isinstance(horizon, int) or isinstance(horizon, bool) or horizon < 1:
+            raise UserError(f"a horizon is a whole number of actions, at least 1, not {shown(horizon)}")
         self._horizon = horizon
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
-        """(h, 23), h at most the horizon."""
-        return np.asarray(self._policy.infer(observation))[: self._horizon]
+        """(h, 23), h at most the horizon. Raises PolicyError if the policy gives no chunk."""
+        return ask(self._policy, observation)[: self._horizon]
 
 
 class TemporalEnsemble(_Wrapped):
@@ -68,10 +75,15 @@ class TemporalEnsemble(_Wrapped):
     Args:
         policy: Whose chunks.
         decay: Per step, at least 0: every chunk counts the same.
+
+    Raises:
+        UserError: The decay is none.
     """
 
     def __init__(self, policy: Policy, decay: float = DECAY) -> None:
         super().__init__(policy)
+        if isinstance(decay, bool) or not isinstance(decay, int | float) or not 0 <= decay < math.inf:
+            raise UserError(f"a decay is a finite number, at least 0, not {shown(decay)}")
         self._decay = decay
         self._prompt: str | None = None
         self._chunks: list[Array] = []  # the oldest first; each begins at the present step
@@ -82,16 +94,12 @@ class TemporalEnsemble(_Wrapped):
         self._chunks.clear()
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
-        """(1, 23). Raises PolicyError if the policy's chunks cannot be averaged."""
+        """(1, 23). Raises PolicyError if the policy gives no chunk."""
         if observation["prompt"] != self._prompt:
             self._prompt = str(observation["prompt"])
             self._chunks.clear()
-        newest = np.array(self._policy.infer(observation), float)
-        if newest.ndim != 2 or (self._chunks and newest.shape[1] != self._chunks[0].shape[1]):
-            raise PolicyError("bad_reply", f"policy {self.name}: a chunk of shape {newest.shape}, not (H, 23)")
+        newest = ask(self._policy, observation)
         self._chunks = [chunk[1:] for chunk in self._chunks if len(chunk) > 1][-_OLDEST:] + [newest]
-        if not len(newest):
-            return newest
         weights = np.exp(-self._decay * np.arange(len(self._chunks)))
         now = np.stack([chunk[0] for chunk in self._chunks])
         return np.asarray(weights @ now / weights.sum())[None]
