@@ -57,6 +57,22 @@ def test_a_tree_is_drawn_with_its_parameters(mpvi: Shell) -> None:
         assert mpvi("run", "--dry", "--tree", "pick_up", "--param", param).returncode == 2
 
 
+@pytest.mark.parametrize("decay", ["nan", "inf", "-inf", "-1", "much"])
+def test_a_decay_that_is_no_finite_number_is_told_in_one_line(decay: str, mpvi: Shell) -> None:
+    """Before anything is set up."""
+    done = mpvi("run", "picking_up_trash", "--policy-ensemble", decay)
+    assert (done.returncode, done.stderr.count("\n"), "--policy-ensemble" in done.stderr) == (2, 1, True)
+
+
+@pytest.mark.parametrize(
+    "words", [("--policy-settings", "nope"), ("--policy-horizon", "3"), ("--policy-ensemble", "0.1")]
+)
+def test_a_dry_run_takes_no_word_on_how_to_drive_a_policy(words: tuple[str, str], mpvi: Shell) -> None:
+    """Since it drives none."""
+    done = mpvi("run", "--dry", "--tree", "hello", *words)
+    assert (done.returncode, f"{words[0]} can't be given" in done.stderr) == (2, True)
+
+
 def test_a_tree_in_the_place_of_a_task_is_told(mpvi: Shell) -> None:
     """With the command that was meant."""
     assert "It is a tree: mpvi run --dry --tree hello." in mpvi("run", "hello", "--dry").stderr

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -89,6 +90,17 @@ class Choice(click.ParamType[str]):
         return _items((f"{n}:" if b.address else n for n, b in BACKENDS[self.kind].items()), incomplete)
 
 
+class Finite(click.FloatRange):
+    """A number in a range, and neither infinite nor none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number. Raises BadParameter for inf and nan."""
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value} is no finite number.", param, ctx)
+        return number
+
+
 def backends(command: Any) -> Any:
     """The options that choose the backends of an episode, and how the policy is driven."""
     options = [
@@ -117,7 +129,7 @@ def backends(command: Any) -> Any:
         ),
         click.option(
             "--policy-ensemble",
-            type=click.FloatRange(min=0),
+            type=Finite(min=0),
             metavar="DECAY",
             help="Ask at every step, and average what chunks foresee for it with weights exp(-DECAY i).",
         ),

@@ -153,6 +153,8 @@ def _asked_for(
         raise click.UsageError("Missing argument 'TASK'; only with --dry a tree runs without one.")
     if task is None and settings["instance"]:
         raise click.UsageError("--instance is one of a TASK, and none is given.")
+    if dry:
+        _refuse_in_a_dry_run()
     config = EpisodeConfig(task or "", arguments=tuple(values.items()), **settings)
     if not dry:
         return config, prepare_episode(config), dry
@@ -244,13 +246,25 @@ def _left(config: EpisodeConfig) -> Path | None:
 
 def _refuse_beside_resume() -> None:
     """Raises UsageError if anything was given that the saved episode says itself."""
-    context = click.get_current_context()
     own = {"resume", "breaks", "step", "video", "picture", "out", "trace", "watch", "unicode", "as_json"}
-    for parameter in context.command.params:
-        name = str(parameter.name)
-        if name not in own and context.get_parameter_source(name) == click.core.ParameterSource.COMMANDLINE:
+    for parameter in _given():
+        if parameter.name not in own:
             given = parameter.opts[0] if parameter.param_type_name == "option" else "TASK"
             raise click.UsageError(f"--resume goes on with what FILE says; {given} can't be given beside it.")
+
+
+def _refuse_in_a_dry_run() -> None:
+    """Raises UsageError if it was said how to drive a policy: stand-ins do its work."""
+    for parameter in _given():
+        if str(parameter.name).startswith("policy_"):
+            raise click.UsageError(f"A dry run asks no policy; {parameter.opts[0]} can't be given with it.")
+
+
+def _given() -> list[click.Parameter]:
+    """The parameters that are on the command line."""
+    context = click.get_current_context()
+    said = click.core.ParameterSource.COMMANDLINE
+    return [p for p in context.command.params if context.get_parameter_source(str(p.name)) == said]
 
 
 def _check_writable(folder: Path) -> None:
