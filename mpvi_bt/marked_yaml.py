@@ -219,7 +219,8 @@ def _problems(
             message = f"missing key {str(context.get('discriminator', '')).strip(chr(39))!r}"
         elif kind in ("literal_error", "enum", "union_tag_invalid"):
             given = context.get("tag", item["input"])
-            known = sorted(re.findall(r"'([^']*)'", str(context.get("expected", context.get("expected_tags", "")))))
+            expected = str(context.get("expected", context.get("expected_tags", "")))
+            known = sorted(re.findall(r"'([^']*)'", expected) or re.findall(r"-?\d+", expected))  # words, or numbers
             near = nearest(str(given), known)
             message = f"{shown(given)} is not valid.{did_you_mean(near, known, 99)}"
             if kind == "union_tag_invalid":

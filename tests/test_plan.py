@@ -147,6 +147,25 @@ def test_a_bad_phrase_is_refused(phrase: str, what: str) -> None:
         pattern(phrase)
 
 
+@pytest.mark.parametrize(
+    ("line", "what", "near"),
+    [
+        ("phrases: ['{object}']", 3, "slots alone catch every sentence"),
+        ("phrases: ['[pick up ]{object}[ {target}]']", 3, "slots alone catch every sentence"),
+        ("phrases: ['pick up {object}']\nshows: the {object} is in the {container}", 4, "no phrase gives 'container'"),
+        ("phrases: ['pick up {object}']\nhands: 3", 4, "Known: 1, 2."),
+    ],
+)
+def test_a_skill_that_could_never_work_is_told(line: str, what: int, near: str, tmp_path: Path) -> None:
+    """A phrase that names everything, what the judge is never told, and a third hand, each at its place."""
+    path = tmp_path / "pick.yaml"
+    path.write_text(f"name: pick\nabout: x\n{line}\ntriggers: [{{event: grasp, camera: hand}}]\ntimeout_s: 1\n")
+    with pytest.raises(FileProblems) as caught:
+        load_skill(path)
+    assert [p.line for p in caught.value.problems] == [what]
+    assert near in str(caught.value)
+
+
 def test_a_broken_skill_is_placed(tmp_path: Path) -> None:
     """A wrong trigger, time and phrase are each found."""
     path = tmp_path / "pick.yaml"

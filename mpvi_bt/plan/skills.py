@@ -18,7 +18,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from mpvi_bt.errors import FileProblems, UnknownName
 from mpvi_bt.file_kinds import expect
@@ -139,8 +139,11 @@ def filled(template: str, arguments: Mapping[str, str]) -> str | None:
 
 
 def _is_phrase(phrase: str) -> str:
-    if pattern(phrase).fullmatch(""):
+    regex = pattern(phrase)
+    if regex.fullmatch(""):
         raise ValueError("a phrase must not match an empty text")
+    if any(regex.fullmatch(" ".join(["%"] * count)) for count in range(1, len(SLOTS) + 1)):
+        raise ValueError("a phrase needs a word of its own: slots alone catch every sentence")
     return phrase
 
 
@@ -185,6 +188,16 @@ class Skill(Record):
     shows: Annotated[Phrase, AfterValidator(_is_template)] | None = None
     triggers: tuple[Trigger, ...] = Field(min_length=1)
     timeout_s: float = Field(gt=0, le=86_400, allow_inf_nan=False, strict=True)
+
+    @field_validator("shows")
+    @classmethod
+    def _is_said(cls, shows: str | None, info: ValidationInfo) -> str | None:
+        """Raises ValueError for a slot that no phrase has words for: the judge would never be told anything."""
+        given = [slot for phrase in info.data.get("phrases", ()) for slot in pattern(phrase).groupindex]
+        for slot in _SLOT.findall(shows or "") if given else ():
+            if slot not in given:
+                raise ValueError(f"no phrase gives {slot!r}; they give: {', '.join(dict.fromkeys(given))}")
+        return shows
 
     @cached_property
     def patterns(self) -> tuple[re.Pattern[str], ...]:
