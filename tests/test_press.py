@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.press import options
+from mpvi_bt.manipulation.press import options, press
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot.motion import Motion, MotionFailure
@@ -46,6 +46,15 @@ def test_what_has_no_switch_says_so() -> None:
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     with pytest.raises(MotionFailure, match="no_switch"):
         options(work, "t")
+
+
+@pytest.mark.parametrize("words", [{}, {"object": ""}, {"object": "button"}], ids=str)
+def test_a_call_that_names_nothing_known_fails_and_does_not_break(words: dict[str, str]) -> None:
+    """Whatever the phrases of a skill's file leave out."""
+    world = radio()
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    with pytest.raises(MotionFailure, match="unknown_object"):
+        next(iter(press(work, words, [])))
 
 
 @pytest.mark.parametrize(("on", "prompt"), [(True, "turn on the radio"), (False, "turn the radio off")])

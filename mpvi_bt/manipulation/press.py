@@ -38,7 +38,7 @@ def press(work: Work, words: Words, tried: list[Array]) -> Actions:
         MotionFailure: "unknown_object", "no_switch", "hands_full", "no_stance", "not_pressed", or a motion's own
             reason.
     """
-    name = work.nearest(_thing(words["object"]))
+    name = work.nearest(_thing(work, words.get("object", "")))
     if not work.scene.switches(name):
         yield from work.study(name)
     before = work.scene.is_on(name)
@@ -57,8 +57,10 @@ def press(work: Work, words: Words, tried: list[Array]) -> Actions:
         raise MotionFailure("not_pressed")
 
 
-def _thing(phrase: str) -> str:
+def _thing(work: Work, phrase: str) -> str:
     """The thing whose switch a phrase may be about: "power button of the radio" is about the radio."""
+    if work.scene.knowledge().find(phrase):
+        return phrase  # such as a light switch on the wall
     return re.sub(r"^.*\b(?:button|switch|lever|knob)\s+(?:of|on)\s+|\s+(?:button|switch|lever|knob)$", "", phrase)
 
 
