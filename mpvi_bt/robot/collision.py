@@ -104,7 +104,7 @@ def carries(face: Solid, spot: Array, radius: float) -> bool:
     """Whether a disc about a spot (3,) lies on a solid: the corners of its bounding box may not, if round or turned."""
     angles = np.arange(8) * np.pi / 4
     rim = spot + np.stack([np.cos(angles) * radius, np.sin(angles) * radius, np.full(8, -0.002)], -1)
-    return bool((Surroundings([face]).distance(rim) <= 0).all())
+    return bool((Surroundings([face]).distance(rim) <= 1e-9).all())  # a disc may reach right to an edge
 
 
 class Load:
