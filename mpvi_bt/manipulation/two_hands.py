@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -303,7 +304,8 @@ def open_wide(work: Work) -> Actions:
     """Take both hands off what they press, outward."""
     for side in SIDES:  # from where the hands are, not from where they press to
         work.motion.action[ActionLayout.ARM[side]] = work.motion.felt.arm[side]
-    yield from _shift(work, {side: np.array([0.0, r1.SIGN[side] * _OUTWARD_M, 0.0]) for side in SIDES}, 0.12)
+    with suppress(MotionFailure):  # hands that have let go, if not by the whole way, are good enough
+        yield from _shift(work, {side: np.array([0.0, r1.SIGN[side] * _OUTWARD_M, 0.0]) for side in SIDES}, 0.12)
 
 
 def _shift(work: Work, by: Mapping[Side, Array], speed: float) -> Actions:
