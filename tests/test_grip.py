@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mpvi_bt.robot import r1
 from mpvi_bt.robot.grip import GripWatch
 from mpvi_bt.robot.protocol import CONTROL_HZ, Proprioception
 from mpvi_bt.testing import KinematicRobot
@@ -60,6 +61,26 @@ def test_a_good_grasp_and_a_release_are_no_news(width_m: float) -> None:
     """Holding, letting go and opening notice nothing."""
     ways = (0.4, -1.0, 0.1, width_m), (2.0, -1.0, width_m, width_m), (0.3, 1.0, width_m, 0.1), (1.0, 1.0, 0.1, 0.1)
     assert go(GripWatch(felt(0.1, 1.0)), *ways) == []
+
+
+@given(command=st.floats(-1.0, 0.3), over_m=st.floats(0.01, 0.03), after_s=st.floats(0.3, 3.0))
+def test_what_slips_out_is_lost_whatever_the_hand_is_told(command: float, over_m: float, after_s: float) -> None:
+    """The fingers end where they are told to be, wide apart perhaps; one notice, and none before."""
+    end_m = (command + 1) * r1.FINGER_TRAVEL_M
+    width_m = end_m + over_m
+    held = (0.4, command, 0.1, width_m), (after_s, command, width_m, width_m)
+    found = go(GripWatch(felt(0.1, 1.0)), *held, (0.1, command, width_m, end_m), (2.0, command, end_m, end_m))
+    assert [kind for _, kind in found] == ["lost"]
+    assert 0.4 + after_s - 0.05 <= found[0][0] <= 0.4 + after_s + 0.2
+
+
+@given(width_m=st.floats(0.01, 0.08), seconds=st.floats(0.2, 3.0))
+def test_a_hand_that_is_opened_little_by_little_loses_nothing(width_m: float, seconds: float) -> None:
+    """What is let go on purpose is no news, however slowly: the fingers follow once they are told to be wider."""
+    watch = GripWatch(felt(width_m, -1.0))
+    for command in np.linspace(-1.0, 1.0, round(seconds * CONTROL_HZ)):
+        told_m = (float(command) + 1) * r1.FINGER_TRAVEL_M
+        assert list(watch.update(felt(max(width_m, told_m), float(command)))) == []
 
 
 def test_each_try_is_told_of() -> None:

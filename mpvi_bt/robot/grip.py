@@ -16,37 +16,47 @@ class GripWatch:
     """Watches the fingers: both kinds of notice come as soon as they meet, once for each time that they do.
 
     Our choice: a closed hand narrower than `EMPTY_M` is empty, at once; one that stays wider than it is told to be
-    holds something. Waiting for the arm to come to rest, as completion does, would cost seconds.
+    holds something, and has lost it when it gets about as narrow as told, which need not be shut: learned policies
+    seldom say -1. Waiting for the arm to come to rest, as completion does, would cost seconds.
     """
 
     def __init__(self, felt: Proprioception) -> None:
         """Take a hand as it is: one that is closed on nothing now is no news."""
         self._width = dict(felt.gripper_width)
         self._steady = dict.fromkeys(SIDES, _STEADY_STEPS)
-        self._holds = {side: self._stopped(felt, side) for side in SIDES}
+        self._held_m = {side: felt.gripper_width[side] if _stopped(felt, side) else None for side in SIDES}
         self._told = {side: _shut(felt, side) for side in SIDES}
 
     def update(self, felt: Proprioception) -> Iterator[tuple[Literal["empty", "lost"], Side]]:
         """What is new at this step; to be asked once a step."""
         for side in SIDES:
-            width = felt.gripper_width[side]
+            width, held_m = felt.gripper_width[side], self._held_m[side]
             steady = abs(width - self._width[side]) < _STEADY_M
             self._steady[side] = self._steady[side] + 1 if steady else 0
             self._width[side] = width
             if felt.gripper_command[side] >= 0:
-                self._holds[side] = self._told[side] = False
+                self._told[side] = False
+            if held_m is not None and held_m <= _narrowest_m(felt, side):
+                self._held_m[side] = None  # it was told to let go
+            elif held_m is not None and not _stopped(felt, side):
+                yield "lost", side
+                self._held_m[side], self._told[side] = None, True
             elif _shut(felt, side):
                 if not self._told[side]:
-                    yield ("lost" if self._holds[side] else "empty"), side
-                self._holds[side], self._told[side] = False, True
-            elif self._steady[side] >= _STEADY_STEPS and self._stopped(felt, side):
-                self._holds[side], self._told[side] = True, False
+                    yield "empty", side
+                self._told[side] = True
+            elif self._steady[side] >= _STEADY_STEPS and _stopped(felt, side):
+                self._held_m[side], self._told[side] = width, False
 
-    @staticmethod
-    def _stopped(felt: Proprioception, side: Side) -> bool:
-        """Whether something keeps the fingers of a closing hand farther apart than it is told to have them."""
-        told_m = (felt.gripper_command[side] + 1.0) * r1.FINGER_TRAVEL_M
-        return felt.holds(side) and felt.gripper_width[side] > told_m + EMPTY_M
+
+def _narrowest_m(felt: Proprioception, side: Side) -> float:
+    """The narrowest thing that keeps the fingers apart, told to be where they are told to be."""
+    return (felt.gripper_command[side] + 1.0) * r1.FINGER_TRAVEL_M + EMPTY_M
+
+
+def _stopped(felt: Proprioception, side: Side) -> bool:
+    """Whether something keeps the fingers farther apart than they are told to be."""
+    return felt.gripper_width[side] > _narrowest_m(felt, side)
 
 
 def _shut(felt: Proprioception, side: Side) -> bool:
