@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import random
 import re
@@ -103,6 +104,45 @@ def test_a_server_that_is_starting() -> None:
         assert server.health == 3
     with PolicyServer(starting=1000) as server, fails("server_absent", 2.0, "503"):
         policy_at(server, connect_s=0.5).reset()
+
+
+def raw_web(healthz: Callable[[socket.socket], None]) -> Callable[[socket.socket], None]:
+    """A web server that is starting, and answers /healthz otherwise."""
+
+    def talk(client: socket.socket) -> None:
+        if b"/healthz" in client.recv(4096):
+            healthz(client)
+        else:
+            client.sendall(b"HTTP/1.1 503 Starting\r\nContent-Length: 0\r\n\r\n")
+
+    return talk
+
+
+def test_health_that_drips() -> None:
+    """A byte of /healthz now and then keeps nobody longer than a connection may take."""
+
+    def drip(client: socket.socket) -> None:
+        client.sendall(b"HTTP/1.1 200 OK\r\nX: ")
+        for _ in range(60):
+            client.sendall(b"x")
+            time.sleep(0.1)
+
+    with raw_server(raw_web(drip)) as address, fails("server_absent", 2.5, "503"):
+        policy_at(address, connect_s=1.0).reset()
+
+
+def test_health_that_points_elsewhere() -> None:
+    """Nobody else is asked: where /healthz is said to be is not looked at."""
+    asked: list[bytes] = []
+
+    def other(client: socket.socket) -> None:
+        asked.append(client.recv(4096))
+
+    with raw_server(other) as elsewhere:
+        there = f"HTTP/1.1 302 Found\r\nLocation: http{elsewhere[2:]}/\r\nContent-Length: 0\r\n\r\n".encode()
+        with raw_server(raw_web(lambda client: client.sendall(there))) as address, fails("server_absent", 2.5, "503"):
+            policy_at(address, connect_s=1.0).reset()
+    assert not asked
 
 
 # A server that breaks
@@ -241,6 +281,43 @@ def test_a_server_that_does_not_read() -> None:
         with fails("server_timeout", 6.0):
             connect(server.address, settings).infer(seen)
         over.set()
+
+
+def pinging(during: Callable[[ServerConnection], None] = lambda c: None) -> PolicyServer:
+    """A server that pings without end and reads nothing, so that the client's receiving thread waits to answer."""
+
+    def talk(connection: ServerConnection, number: int) -> None:
+        connection.send(packed({}))
+        during(connection)
+        end = threading.Timer(12.0, broken, [connection])
+        end.start()
+        with connection.protocol_mutex, contextlib.suppress(OSError):  # its reader stops
+            while True:
+                connection.socket.sendall((b"\x89\x7d" + bytes(125)) * 100)
+        end.cancel()
+
+    return PolicyServer(talk=talk)
+
+
+def test_a_server_that_pings_and_does_not_read() -> None:
+    """A client that is stuck in answering pings still ends when its time is up."""
+    with pinging(lambda c: c.recv()) as server, fails("server_timeout", 4.0):
+        policy_at(server, answer_s=0.7).infer(observation())
+
+
+@pytest.mark.parametrize("dropped", [False, True])
+def test_leaving_a_server_that_pings_and_does_not_read(dropped: bool) -> None:
+    """To close the policy, or only to drop it, takes no longer than a farewell."""
+    with pinging() as server:
+        policy = policy_at(server)
+        policy.reset()
+        time.sleep(0.7)  # until both ends are stuck
+        began = time.monotonic()
+        if dropped:
+            del policy
+        else:
+            policy.close()
+        assert time.monotonic() - began < 3.0
 
 
 def test_a_server_that_drips() -> None:
@@ -459,6 +536,23 @@ def test_an_error_that_came_before_the_question() -> None:
         time.sleep(0.3)
         with fails("server_error", 3.9, "KeyError: 'never'"):
             policy.infer(observation())
+
+
+@pytest.mark.parametrize("where", ["reply", "metadata"])
+@pytest.mark.parametrize("wanted", [np.array(["head", "left"]), ["head"], {"head": 1}, None, 7])
+def test_cameras_that_are_no_names_are_passed_over(where: str, wanted: Any) -> None:
+    """A list of cameras that has anything but names in it changes nothing, and breaks nothing."""
+    said = {"cameras": [wanted]}
+    with PolicyServer(lambda message: {"actions": CHUNK, **said}, said if where == "metadata" else None) as server:
+        policy = policy_at(server)
+        assert policy.infer(observation()).shape == (4, ACTION_SIZE)
+        assert policy.cameras == ("head", "left", "right")
+
+
+def test_keys_of_a_server_are_no_escape_sequences() -> None:
+    """What its reply has in place of actions is told in printable words."""
+    with PolicyServer(lambda message: {"\x1b]0;evil\x07\n\x00": 1}) as server, fails("bad_reply", 3.9, "evil"):
+        policy_at(server).infer(observation())
 
 
 def test_what_a_server_says_is_no_escape_sequence() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+import tracemalloc
 from typing import Any
 
 import msgpack
@@ -82,6 +83,7 @@ KINDS = st.sampled_from(["|u1", "<f4", "|O", "|V8", "<c16", "<f16", "<M8[s]", "i
     shape=st.one_of(st.lists(st.integers(-2, 2**64 - 1), max_size=20), st.booleans(), st.none(), st.text(max_size=3)),
     key=st.sampled_from([b"__ndarray__", b"__npgeneric__"]),
 )
+@example(data=b"", dtype="<U999999999", shape=[0], key=b"__ndarray__")
 @example(data=b"abc", dtype="|u1", shape=[2], key=b"__ndarray__")
 @example(data=b"abc", dtype="<u2", shape=[2], key=b"__ndarray__")
 @example(data=b"", dtype="|u1", shape=[0, 2**50, 2**50], key=b"__ndarray__")
@@ -147,6 +149,34 @@ def test_a_message_has_a_largest_size() -> None:
     with pytest.raises(BadMessage, match="101 bytes"):
         unpack(bytes(101), most_bytes=100)
     assert MAX_BYTES < 1 << 27
+
+
+BOMBS = {
+    "empty lists": b"\xdd\x00\x08\x00\x00" + b"\x90" * (1 << 19),
+    "empty mappings": b"\xdd\x00\x08\x00\x00" + b"\x80" * (1 << 19),
+    "lists of empty lists": b"\xdc\x20\x00" + (b"\xdc\x00\x40" + b"\x90" * 64) * (1 << 13),
+    "numbers": b"\xdd\x00\x08\x00\x00" + b"\xcd\x01\x01" * (1 << 19),
+    "keys": b"\xdf\x00\x02\x00\x00" + b"".join(b"\xa4%04x\xc0" % n for n in range(1 << 16)) * 2,
+    "lists in lists that never come": b"\xdd\x00\x80\x00\x00" * 300,
+}
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_a_small_message_is_no_large_value(name: str) -> None:
+    """However many items it says that it has, it is refused before they take the memory."""
+    tracemalloc.start()
+    try:
+        with pytest.raises(BadMessage):
+            unpack(BOMBS[name])
+        assert tracemalloc.get_traced_memory()[1] < 12_000_000
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_message_may_have_as_many_items_as_a_house() -> None:
+    """What a camera sees, and what thousands of things are called, is no bomb."""
+    called = {f"thing.n.01_{n}": ["thing", "object", "piece of a house"] for n in range(5000)}
+    assert unpack(pack(called)) == called
 
 
 def test_what_was_received_cannot_be_written_to() -> None:

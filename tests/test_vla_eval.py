@@ -22,7 +22,7 @@ from mpvi_bt.remote.settings import load_settings
 from mpvi_bt.remote.vla_eval import VlaEvalPolicy, connect
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.testing import check_policy
-from tests.remote_servers import PolicyServer
+from tests.remote_servers import PolicyServer, packed
 from tests.serving import observation
 from tests.vla_eval_server import Model, model_server
 
@@ -220,6 +220,15 @@ REPLIES: dict[str, tuple[Callable[[int], Any], str]] = {
         lambda n: _action({"__ndarray__": True, "data": b"", "dtype": "<f4", "shape": [1 << 40, 23]}, n),
         "bad_reply",
     ),
+    "text_of_no_length": (
+        lambda n: _action({"__ndarray__": True, "data": b"", "dtype": "<U999999999", "shape": [0]}, n),
+        "bad_reply",
+    ),
+    "array_for_type": (lambda n: packed({"type": np.array([1, 1]), "payload": {}, "seq": n}), "bad_reply"),
+    "very_deep": (
+        lambda n: b"\x83\xa4type\xa6action\xa3seq\x01\xa7payload" + b"\x81\xa1a" * 500 + b"\xc0",
+        "bad_reply",
+    ),
     "error": (lambda n: _message("error", {"error": "observation_failed: no"}, n), "server_error"),
     "too_large": (lambda n: bytes(20 << 20), "bad_reply"),
     "silence": (lambda n: [], "server_timeout"),
@@ -254,6 +263,7 @@ def test_late_answers_are_passed_over() -> None:
     [
         ({"protocol_version": 2}, "version 2"),
         ({}, "version nothing"),
+        (packed({"type": "hello", "payload": {"protocol_version": np.array([1, 1])}, "seq": 1}), "version array"),
         (_message("action", {}, 1), "in answer to hello"),
         (b"\xc1", "msgpack"),
     ],
@@ -267,11 +277,20 @@ def test_servers_that_speak_otherwise_are_refused(hello: Any, said: str) -> None
         assert failed.value.reason == "bad_reply"
 
 
+def test_whether_a_state_is_read_is_true_or_false() -> None:
+    """What is neither, such as an array, is not taken for either, and fails nothing."""
+    wants = {**HELLO, "observation_params": {"send_state": np.array([1, 1])}}
+    with _scripted(lambda n: _action(GOOD, n), packed({"type": "hello", "payload": wants, "seq": 1})) as server:
+        policy = VlaEvalPolicy(server.address, QUICK)
+        policy.reset()
+        assert policy.infer(observation()).shape == (2, 23)
+
+
 def test_an_openpi_server_is_no_model_server() -> None:
     """It speaks first, and not this protocol."""
     with PolicyServer() as server:
         policy = VlaEvalPolicy(server.address, QUICK)
-        with pytest.raises(PolicyError, match="without a payload") as failed:
+        with pytest.raises(PolicyError, match="without a type, a payload") as failed:
             policy.reset()
         assert failed.value.reason == "bad_reply"
 

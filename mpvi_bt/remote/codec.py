@@ -18,6 +18,7 @@ import numpy as np
 from mpvi_bt.errors import BadMessage, shown
 
 MAX_BYTES = 64 << 20  # of one message; three pictures of 720x720 with depth take 14 MB
+MOST_ITEMS = 1 << 16  # of all lists and mappings of a message: an item takes up to 80 times the bytes that say it
 _MAX_DIMENSIONS = 16
 # Truth values, integers and floats of up to 64 bits, bytes, text. openpi also lets longer floats and dates through, of
 # arrays only: it cannot pack their scalars.
@@ -43,12 +44,29 @@ def unpack(message: bytes, most_bytes: int = MAX_BYTES) -> Any:
     """The value of a message. Arrays are read-only views of it.
 
     Raises:
-        BadMessage: It is longer than `most_bytes`, is not msgpack, or has an array that no one should build.
+        BadMessage: It is longer than `most_bytes`, has more than `MOST_ITEMS`, is not msgpack, or has an array that
+            no one should build.
     """
     if len(message) > most_bytes:
         raise BadMessage(f"a message of {len(message)} bytes; {most_bytes} are allowed")
+    items = 0
+
+    def counted(value: Any) -> Any:
+        nonlocal items
+        items += 1 + len(value)
+        if items > MOST_ITEMS:
+            raise BadMessage(f"a message of more than {MOST_ITEMS} items")
+        return value
+
     try:
-        return msgpack.unpackb(message, object_hook=_decoded, ext_hook=_refuse_extension)
+        return msgpack.unpackb(
+            message,
+            object_hook=lambda value: _decoded(counted(value)),
+            list_hook=counted,
+            ext_hook=_refuse_extension,
+            max_array_len=MOST_ITEMS,
+            max_map_len=MOST_ITEMS,
+        )
     except BadMessage:
         raise
     except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as error:
@@ -83,7 +101,10 @@ def _decoded(value: dict[Any, Any]) -> Any:
 def _dtype(given: Any) -> np.dtype[Any]:
     if not (isinstance(given, str) and _DTYPE.fullmatch(given)):
         raise BadMessage(f"an array of dtype {shown(given)}: numbers and text are allowed")
-    return np.dtype(given)
+    try:
+        return np.dtype(given)
+    except (ValueError, TypeError):  # text that is longer than numpy can have
+        raise BadMessage(f"an array of dtype {shown(given)}, which there is not") from None
 
 
 def array_of(data: Any, kind: Any, shape: Any) -> np.ndarray[Any, Any]:

@@ -13,8 +13,6 @@ import socket
 import ssl
 import threading
 import time
-import urllib.error
-import urllib.request
 import weakref
 from collections.abc import Iterator
 from typing import Any
@@ -64,7 +62,10 @@ class Connection:
         self._most_bytes = most_bytes
         stack = contextlib.ExitStack()
         self._socket = stack.enter_context(_open(url, deadline, most_bytes))
-        self._end = weakref.finalize(self, stack.close)  # when a policy is dropped, its server should know
+        self._end = weakref.finalize(
+            self, _close, stack, self._socket.socket
+        )  # when a policy is dropped, its server should know
+        self._end.atexit = False  # when no more threads can be started, to end the wait
         try:
             if hello:
                 self.send(hello, deadline)
@@ -74,19 +75,14 @@ class Connection:
             raise
 
     def send(self, message: bytes, deadline: float) -> None:
-        """Send a message, which a server that does not read would hold up forever. Raises PolicyError."""
-        stop = threading.Timer(max(deadline - time.monotonic(), 0.0), _cut, [self._socket])
-        stop.daemon = True
-        stop.start()
-        try:
-            with self._failures(deadline):
-                self._socket.send(message)
-        finally:
-            stop.cancel()
+        """Send a message. Raises PolicyError."""
+        with self._failures(deadline):
+            self._socket.send(message)
 
-    def expect_silence(self) -> None:
+    def expect_silence(self, deadline: float) -> None:
         """Raise PolicyError if there is a message that nobody asked for: it would be taken for the next answer."""
-        with contextlib.suppress(TimeoutError, ConnectionClosed):  # if it is closed, sending will tell
+        # If it is closed, sending will tell.
+        with contextlib.suppress(TimeoutError, ConnectionClosed), _broken_off(self._socket.socket, deadline):
             frame = self._socket.recv(timeout=0)
             if isinstance(frame, str):
                 raise _said(frame)
@@ -104,13 +100,14 @@ class Connection:
             raise PolicyError("bad_reply", str(error)) from None
 
     def close(self) -> None:
-        """End it, politely if the server answers soon. Safe to call twice."""
+        """End it, politely if the server answers within a second. Safe to call twice."""
         self._end()
 
     @contextlib.contextmanager
     def _failures(self, deadline: float) -> Iterator[None]:
         try:
-            yield
+            with _broken_off(self._socket.socket, deadline):
+                yield
         except TimeoutError:
             raise PolicyError("server_timeout", "no answer in time") from None
         except ConnectionClosed as error:
@@ -119,9 +116,30 @@ class Connection:
             raise _closed(error) from None
 
 
-def _cut(connection: ClientConnection) -> None:
-    with contextlib.suppress(OSError):
-        connection.socket.shutdown(socket.SHUT_RDWR)
+def _close(stack: contextlib.ExitStack, channel: socket.socket) -> None:
+    with _broken_off(channel, time.monotonic() + _CLOSE_S):
+        stack.close()
+
+
+@contextlib.contextmanager
+def _broken_off(channel: socket.socket, deadline: float) -> Iterator[None]:
+    """Shut a socket down if the block is not done by then, which ends whatever waits for it.
+
+    Timeouts alone do not: to close or to send, websockets waits for its receiving thread, which a server that sends
+    pings and reads no pongs holds up for ever.
+    """
+    stop = threading.Timer(max(deadline - time.monotonic(), 0.0), _shut_down, [channel])
+    stop.daemon = True
+    stop.start()
+    try:
+        yield
+    finally:
+        stop.cancel()
+
+
+def _shut_down(channel: socket.socket) -> None:
+    with contextlib.suppress(OSError):  # it is closed
+        channel.shutdown(socket.SHUT_RDWR)
 
 
 def _said(text: str) -> PolicyError:
@@ -158,7 +176,12 @@ def _open(url: str, deadline: float, most_bytes: int) -> ClientConnection:
             )
         except (OSError, ValueError, ImportError, WebSocketException) as error:
             failure = _refused(error)
-        _wait_until_healthy(url, deadline, failure)
+        starting = True
+        while starting:
+            time.sleep(max(min(_POLL_S, deadline - time.monotonic()), 0.0))
+            starting = _health(url, deadline) in _STARTING
+            if time.monotonic() >= deadline:
+                raise failure
 
 
 def _headers() -> dict[str, str]:
@@ -195,23 +218,20 @@ def _refused(error: Exception) -> PolicyError:
     return PolicyError("server_absent", os.strerror(error.errno).lower() if error.errno else one_line(str(error)))
 
 
-def _wait_until_healthy(url: str, deadline: float, failure: PolicyError) -> None:
-    """Return once /healthz answers, by whatever a server that is there answers. Raises `failure` when time is up."""
+def _health(url: str, deadline: float) -> int | None:
+    """The HTTP status of /healthz, wherever it may point to; None if there is no answer by then."""
     parts = urlsplit(url)
-    health = f"{'https' if parts.scheme == 'wss' else 'http'}://{parts.netloc}/healthz"
-    opener = urllib.request.build_opener(*([urllib.request.ProxyHandler({})] if _is_near(url) else []))
-    while (left := deadline - time.monotonic()) > 0:
-        time.sleep(min(_POLL_S, left))
-        try:
-            with opener.open(health, timeout=max(min(2.0, deadline - time.monotonic()), 0.01)):
-                return
-        except urllib.error.HTTPError as error:
-            error.close()
-            if error.code not in _STARTING:
-                return
-        except (OSError, http.client.HTTPException, ValueError):
-            continue
-    raise failure
+    kind = http.client.HTTPSConnection if parts.scheme == "wss" else http.client.HTTPConnection
+    server = kind(parts.hostname or "", parts.port, timeout=max(deadline - time.monotonic(), 0.01))
+    try:
+        server.connect()
+        with _broken_off(server.sock, deadline):  # its timeout is for each read
+            server.request("GET", "/healthz")
+            return server.getresponse().status
+    except (OSError, http.client.HTTPException, ValueError):
+        return None
+    finally:
+        server.close()
 
 
 def _is_near(url: str) -> bool:

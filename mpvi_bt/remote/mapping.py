@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.errors import PolicyError
+from mpvi_bt.errors import PolicyError, shown
 from mpvi_bt.remote.settings import Action, Felt, Image, Observation, Piece, Vector
 from mpvi_bt.robot import kinematics
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout, CameraImage, Proprioception, Side
@@ -151,8 +151,10 @@ def actions_of(reply: Any, layout: Action, held: Proprioception) -> Array:
     given = reply
     for name in layout.key.split("."):
         if not isinstance(given, dict) or name not in given:
-            keys = ", ".join(sorted(map(str, given))[:12])[:200] if isinstance(given, dict) else type(given).__name__
-            raise _bad(f"no {layout.key!r} in the reply, which has: {keys or 'nothing'}")
+            keys = [shown(key) for key in sorted(map(str, given))[:12]] if isinstance(given, dict) else [shown(given)]
+            raise PolicyError(
+                "bad_reply", f"no {layout.key!r} in the reply, which has: {', '.join(keys)[:200] or 'nothing'}"
+            )
         given = given[name]
     theirs = _checked(given, layout)
     if not layout.parts:
@@ -161,24 +163,24 @@ def actions_of(reply: Any, layout: Action, held: Proprioception) -> Array:
     for piece in layout.parts:
         ours[:, _OURS[piece.part]] = _converted(theirs, piece)
     if not np.isfinite(ours).all():
-        raise _bad("actions that are not finite once scaled")
+        raise PolicyError("bad_reply", "actions that are not finite once scaled")
     return ours
 
 
 def _checked(given: Any, layout: Action) -> Array:
     """(H, size) float64, finite."""
     if not isinstance(given, np.ndarray):
-        raise _bad(f"{layout.key!r} is a {type(given).__name__}, not an array")
+        raise PolicyError("bad_reply", f"{layout.key!r} is a {type(given).__name__}, not an array")
     if given.dtype.kind not in "fiu":
-        raise _bad(f"actions of dtype {given.dtype}, not numbers")
+        raise PolicyError("bad_reply", f"actions of dtype {given.dtype}, not numbers")
     shape = given.shape
     while given.ndim > 2 and given.shape[0] == 1:  # a batch of one
         given = given[0]
     given = given[None] if given.ndim == 1 else given
     if given.ndim != 2 or given.shape[1] != layout.size or not 1 <= len(given) <= MOST_ACTIONS:
-        raise _bad(f"actions of shape {shape}, not (H, {layout.size}), 1 <= H <= {MOST_ACTIONS}")
+        raise PolicyError("bad_reply", f"actions of shape {shape}, not (H, {layout.size}), 1 <= H <= {MOST_ACTIONS}")
     if not np.isfinite(given).all():
-        raise _bad("actions that are not finite")
+        raise PolicyError("bad_reply", "actions that are not finite")
     return np.array(given, float)  # a copy: what was received is read-only
 
 
@@ -195,7 +197,3 @@ def still(held: Proprioception) -> Array:
         action[ActionLayout.ARM[side]] = held.arm_command.get(side, held.arm[side])
         action[ActionLayout.GRIPPER[side]] = held.gripper_command[side]
     return action
-
-
-def _bad(message: str) -> PolicyError:
-    return PolicyError("bad_reply", message)

@@ -165,7 +165,7 @@ class OpenpiPolicy:
         asked = self._settings.request_chunk
         if asked is not None:
             message["__action_chunk_size__"] = asked
-        connection.expect_silence()
+        connection.expect_silence(deadline)
         connection.send(pack(message), deadline)
         reply = connection.receive(deadline)
         actions = actions_of(reply, action, held)
@@ -185,7 +185,7 @@ class OpenpiPolicy:
         if not isinstance(message, dict):
             raise PolicyError("bad_reply", f"metadata that are {shown(message)}, not a mapping")
         wanted = message.get("cameras")
-        if isinstance(wanted, list) and all(camera in CAMERAS for camera in wanted):
+        if isinstance(wanted, list) and all(isinstance(c, str) and c in CAMERAS for c in wanted):
             self.cameras = tuple(camera for camera in self._settings.cameras if camera in wanted)
         if isinstance(note := message.get("note"), str):
             self.note = one_line(note)

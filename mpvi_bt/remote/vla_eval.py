@@ -73,18 +73,20 @@ class VlaEvalPolicy(OpenpiPolicy):
         """Check what the server says of itself against the settings. Raises PolicyError."""
         kind, payload, _ = _read(message)
         if kind != "hello":
-            raise _bad(f"a message of type {shown(kind)} in answer to hello")
-        if payload.get("protocol_version") != VERSION:
-            raise _bad(f"version {shown(payload.get('protocol_version'))} of the protocol; {VERSION} is spoken here")
+            raise PolicyError("bad_reply", f"a message of type {shown(kind)} in answer to hello")
+        version = payload.get("protocol_version")
+        if not (isinstance(version, int) and version == VERSION):
+            raise PolicyError("bad_reply", f"version {shown(version)} of the protocol; {VERSION} is spoken here")
         sizes = _sizes(payload.get("action_spec"))
         if sizes and all(sizes.values()) and sum(sizes.values()) != self._settings.action.size:
             parts = ", ".join(f"{one_line(name, 40)} {size}" for name, size in sizes.items())
-            raise _bad(
-                f"actions of {sum(sizes.values())} numbers ({parts}); the settings say {self._settings.action.size}"
+            raise PolicyError(
+                "bad_reply",
+                f"actions of {sum(sizes.values())} numbers ({parts}); the settings say {self._settings.action.size}",
             )
         wants = payload.get("observation_params")
-        if isinstance(wants, dict) and wants.get("send_state") and not self._layout.state:
-            raise _bad("it reads a state, and the settings send none")
+        if isinstance(wants, dict) and wants.get("send_state") is True and not self._layout.state:
+            raise PolicyError("bad_reply", "it reads a state, and the settings send none")
 
     def _begin(self, connection: Connection, deadline: float) -> None:
         """The episode is started with its first observation, which has the prompt."""
@@ -111,22 +113,25 @@ def _answer(connection: Connection, number: int, deadline: float) -> dict[str, A
         if kind == "error":
             raise PolicyError("server_error", f"the server says: {one_line(str(payload.get('error')))}")
         if kind != "action" or answered > number:
-            raise _bad(f"a message of type {shown(kind)}, number {answered}; an action, number {number}, is awaited")
+            raise PolicyError(
+                "bad_reply",
+                f"a message of type {shown(kind)}, number {answered}; an action, number {number}, is awaited",
+            )
         if answered == number:  # a lower one comes late: a server that infers on its own may send several
             return payload
 
 
-def _read(message: Any) -> tuple[Any, dict[str, Any], int]:
+def _read(message: Any) -> tuple[str, dict[str, Any], int]:
     """Type, payload and number of a message, arrays unpacked. Raises PolicyError."""
     if not isinstance(message, dict):
-        raise _bad(f"a message that is {shown(message)}")
+        raise PolicyError("bad_reply", f"a message that is {shown(message)}")
     kind, payload, number = (message.get(key) for key in ("type", "payload", "seq"))
-    if not isinstance(payload, dict) or not isinstance(number, int):
-        raise _bad("a message without a payload or a number")
+    if not isinstance(kind, str) or not isinstance(payload, dict) or not isinstance(number, int):
+        raise PolicyError("bad_reply", "a message without a type, a payload or a number")
     try:
         return kind, _unpacked(payload), number
-    except BadMessage as error:
-        raise _bad(str(error)) from None
+    except (BadMessage, RecursionError) as error:
+        raise PolicyError("bad_reply", str(error)) from None
 
 
 def _unpacked(value: Any) -> Any:
@@ -152,7 +157,3 @@ def _sizes(spec: Any) -> dict[str, int]:
         return {}
     sizes = {str(name): part.get("dims") if isinstance(part, dict) else 0 for name, part in spec.items()}
     return {name: size if isinstance(size, int) else 0 for name, size in sizes.items()}
-
-
-def _bad(message: str) -> PolicyError:
-    return PolicyError("bad_reply", message)
