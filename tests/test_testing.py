@@ -129,6 +129,75 @@ def test_a_good_policy_passes_all_of_the_check() -> None:
         check_policy(nameless)
 
 
+class Counting:
+    """Drives a little farther at each step, and does not begin anew."""
+
+    name = "counting"
+    cameras = ("head",)
+
+    def __init__(self) -> None:
+        self.step = 0
+
+    def reset(self) -> None:
+        pass
+
+    def infer(self, observation: Mapping[str, Any]) -> Any:
+        self.step += 1
+        chunk = np.zeros((2, ACTION_SIZE))
+        chunk[:, 0] = 0.01 * self.step
+        return chunk
+
+
+def test_a_reset_that_does_nothing_is_caught() -> None:
+    """A count of steps that goes on is a memory, too, though prompts make no difference to it."""
+    with pytest.raises(AssertionError, match="reset must forget"):
+        check_policy(Counting(), make=Counting)
+
+
+@pytest.mark.parametrize("part", ["proprioception", "picture", "depth", "prompt"])
+def test_what_is_changed_in_place_is_caught(part: str) -> None:
+    """Arrays that a policy writes into are those of whoever asked."""
+
+    class Writing(Counting):
+        def infer(self, observation: Any) -> Any:
+            if part == "prompt":
+                observation["prompt"] = "another"
+            elif part == "proprioception":
+                observation["proprioception"].arm["left"][:] = 9.0
+            else:
+                image = observation["images"]["head"]
+                (image.rgb if part == "picture" else image.depth)[:] = 9
+            return super().infer(observation)
+
+    with pytest.raises(AssertionError, match="not to be changed"):
+        check_policy(Writing())
+
+
+@pytest.mark.parametrize("part", ["name", "cameras", "reset", "infer"])
+def test_what_a_policy_lacks_is_named(part: str) -> None:
+    """In words, not as an AttributeError from within the check."""
+    parts = {"name": "x", "cameras": (), "reset": lambda self: None, "infer": Counting.infer}
+    del parts[part]
+    with pytest.raises(AssertionError, match=f"a policy has '{part}'"):
+        check_policy(type("Lacking", (), parts)())
+
+
+@pytest.mark.parametrize(
+    ("does", "said"),
+    [
+        (lambda observation: [[1.0, 2.0], [3.0]], "different lengths"),
+        (lambda observation: observation["images"]["left"], r"the pictures of \('head',\).*KeyError: 'left'"),
+    ],
+    ids=["ragged", "a picture not asked for"],
+)
+def test_what_breaks_within_a_policy_is_told_in_words(does: Any, said: str) -> None:
+    """As every other breach of the contract."""
+    policy = Counting()
+    policy.infer = does  # type: ignore[method-assign]
+    with pytest.raises(AssertionError, match=said):
+        check_policy(policy)
+
+
 class YesMan(ScriptedChecker):
     """Says yes to everything."""
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -86,6 +88,8 @@ def check_policy(
     Raises:
         AssertionError: What it breaks.
     """
+    for part in ("name", "cameras", "reset", "infer"):
+        _require(hasattr(policy, part), f"a policy has {part!r}")
     _require(isinstance(policy.name, str) and bool(policy.name), "a policy has a name")
     robot = KinematicRobot()
     shown = dict(observation or {"prompt": "pick up the cup", "proprioception": robot.proprioception(), "images": {}})
@@ -111,19 +115,20 @@ def check_policy(
 
 
 def _check_memory(make: Callable[[], Policy], shown: Mapping[str, Any], every: Mapping[str, CameraImage]) -> None:
-    """Equal policies do the same, and forget at a reset."""
+    """Equal policies do the same, and forget at a reset, whatever was asked for before it and how often."""
 
-    def after(policy: Policy, prompt: str) -> list[Array]:
+    def after(policy: Policy, prompt: str, calls: int) -> list[Array]:
         policy.reset()
-        before = [_chunk(policy, {**shown, "prompt": prompt}, every) for _ in range(3)]
+        before = [_chunk(policy, {**shown, "prompt": prompt}, every) for _ in range(calls)]
         policy.reset()
         return before + [_chunk(policy, shown, every) for _ in range(3)]
 
-    first, twin = after(make(), shown["prompt"]), after(make(), shown["prompt"])
+    first, twin = after(make(), shown["prompt"], 3), after(make(), shown["prompt"], 3)
     _require(all(map(np.array_equal, first, twin)), "equal policies with one seed must act alike")
-    other = after(make(), "put the bowl on the table")
-    same = all(map(np.array_equal, first[3:], other[3:]))
-    _require(same, "reset must forget: what was asked for before it changes what is done after it")
+    for prompt, calls in (("put the bowl on the table", 3), (shown["prompt"], 1), (shown["prompt"], 5)):
+        other = after(make(), prompt, calls)
+        same = all(map(np.array_equal, first[-3:], other[-3:]))
+        _require(same, "reset must forget: what was asked for before it, or how often, changes what is done after it")
 
 
 def _chunk(policy: Policy, observation: Mapping[str, Any], every: Mapping[str, CameraImage]) -> Array:
@@ -132,14 +137,35 @@ def _chunk(policy: Policy, observation: Mapping[str, Any], every: Mapping[str, C
     _require(isinstance(cameras, tuple), "cameras is a tuple")
     _require(set(cameras) <= set(CAMERAS), f"cameras are among {', '.join(CAMERAS)}, not {cameras}")
     images = {camera: every[camera] for camera in cameras}
-    given = {**observation, "images": dict(images)}
-    actions = _actions(policy.infer(given))
-    _require(given == {**observation, "images": images}, "an observation is not to be changed")
+    given, before = {**observation, "images": dict(images)}, copy.deepcopy({**observation, "images": images})
+    try:
+        said = policy.infer(given)
+    except BackendError:
+        raise  # what it needs is away or broke; that breaks no contract
+    except Exception as error:
+        kind = f"{type(error).__name__}: {error}"
+        raise AssertionError(f"infer raised, with the pictures of {cameras} that it asked for: {kind}") from error
+    actions = _actions(said)
+    _require(_same(given, before), "an observation is not to be changed")
     return actions
 
 
+def _same(one: Any, other: Any) -> bool:
+    """Whether two observations, or parts of them, hold the same, arrays by what is in them."""
+    if isinstance(one, np.ndarray):
+        return isinstance(other, np.ndarray) and np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
+    if isinstance(one, Mapping):
+        return isinstance(other, Mapping) and one.keys() == other.keys() and all(_same(one[k], other[k]) for k in one)
+    if dataclasses.is_dataclass(one):
+        return type(one) is type(other) and _same(vars(one), vars(other))
+    return bool(one == other)
+
+
 def _actions(given: Any) -> Array:
-    chunk = np.asarray(given)
+    try:
+        chunk = np.asarray(given)
+    except ValueError:
+        raise AssertionError(f"infer must give (H, {ACTION_SIZE}), not lists of different lengths") from None
     _require(chunk.ndim == 2 and len(chunk) >= 1, f"infer must give (H, {ACTION_SIZE}), H >= 1, not {chunk.shape}")
     _require(chunk.shape[1] == ACTION_SIZE, f"infer must give (H, {ACTION_SIZE}), not {chunk.shape}")
     _require(chunk.dtype.kind in "fiu", f"actions are real numbers, not {chunk.dtype}")
