@@ -71,7 +71,11 @@ class EpisodeConfig:
         """What a result says of it: everything that can change the outcome, so not where pictures go."""
         entries = {key: value for key, value in asdict(self).items() if key not in _OUTPUTS}
         entries["arguments"] = dict(self.arguments)
-        return {key: value for key, value in entries.items() if value not in (None, {}, False) or key not in _RARE}
+        return {
+            key: value
+            for key, value in entries.items()
+            if key not in _RARE or (value is not False and value not in (None, {}))
+        }
 
 
 _OUTPUTS = {"video", "picture", "trace", "saved"}
