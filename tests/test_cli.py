@@ -104,6 +104,16 @@ def test_what_cannot_be_written_is_refused_before_the_run(
     assert "not a directory" in said
 
 
+def test_a_list_says_which_of_its_files_are_broken(mpvi: Shell, tmp_path: Path) -> None:
+    """One that lacks keys reads well and yet cannot be used."""
+    (tmp_path / "skills").mkdir()
+    (tmp_path / "skills" / "wave.yaml").write_text("name: wave\nabout: Wave a hand.\n")
+    done = mpvi("list", "skills", MPVI_PATH=str(tmp_path))
+    assert "(broken; see `mpvi check" in done.stdout
+    assert "Wave a hand." not in done.stdout
+    assert done.stdout.count("broken") == 1
+
+
 def test_unknown_command_names_the_nearest(mpvi: Shell) -> None:
     """A typing error is answered with the command that was meant."""
     done = mpvi("docter")

@@ -87,13 +87,17 @@ def _whose(path: Path) -> str:
 
 def _about(path: Path) -> str:
     """The line that a file says of itself: its `about`, `description` or `instruction`, or its first comment."""
+    from mpvi_bt.cli.check import problems_in
     from mpvi_bt.marked_yaml import parse_marked, read_text
 
+    broken = f"(broken; see `mpvi check {path}`)"
+    if path.parent.name != "trees" and problems_in(str(path)):  # of trees, these may be mere warnings
+        return broken
     try:
         text = read_text(path)
         content = parse_marked(text, str(path))[0]
     except UserError:
-        return f"(broken; see `mpvi check {path}`)"
+        return broken
     if isinstance(content, dict):
         for key in ("about", "description", "instruction"):
             if isinstance(content.get(key), str):
