@@ -354,13 +354,29 @@ MISTAKES = {
     "answer_s: .inf\n": (1, 11, "out-of-range"),
     "connect_s: 1\ntries: -1\n": (2, 8, "out-of-range"),
     "action: {}\nmax_mb: 65\n": (2, 9, "out-of-range"),
+    'action: {}\nmax_mb: "16"\n': (2, 9, "wrong-type"),
+    'action: {}\nreset_message: "yes"\n': (2, 16, "wrong-type"),
+    "action: {}\ntries: true\n": (2, 8, "wrong-type"),
+    "action: {}\nrequest_chunk: 8.0\n": (2, 16, "wrong-type"),
+    "action:\n  size: '23'\n": (2, 9, "wrong-type"),
+    "observation:\n  state:\n    s: { size: 8.0, parts: [{ part: torso, at: 0 }] }\n": (3, 16, "wrong-type"),
+    "observation:\n  images:\n    a: { camera: head, size: [224] }\n": (3, 30, "wrong-length"),
+    "observation:\n  images:\n    a: { camera: head, size: [224, '224'] }\n": (3, 36, "wrong-type"),
+    "observation:\n  images:\n    b..c: { camera: head }\n": (3, 11, "invalid-value"),
+    "observation:\n  state:\n    s: { parts: [{ part: torso, at: -1 }] }\n": (3, 37, "out-of-range"),
+    "observation:\n  state:\n    s: { parts: [{ part: torso, at: x }] }\n": (3, 37, "wrong-type"),
+    "action:\n  parts: [{ part: torso, at: 0, offset: .nan }]\n": (2, 41, "out-of-range"),
+    "action:\n  parts: [{ part: torso, at: 0, scale: [1, x, 1, 1] }]\n": (2, 44, "wrong-type"),
+    "observation:\n  constants: { a: .nan }\n": (2, 19, "out-of-range"),
+    "observation:\n  constants: { a: 99999999999999999999 }\n": (2, 19, "out-of-range"),
+    "observation:\n  constants: { a: {} }\n": (2, 19, "wrong-type"),
 }
 
 
 @pytest.mark.parametrize("text", MISTAKES, ids=lambda text: text.split("{")[-1].strip()[:40])
 def test_a_mistake_is_told_with_its_place(text: str, tmp_path: Path) -> None:
-    """Each mistake in a file of settings is found, at its line and column."""
-    assert MISTAKES[text] in problems(text, tmp_path)
+    """Each mistake in a file of settings is found, at its line and column, and told once."""
+    assert problems(text, tmp_path) == [MISTAKES[text]]
 
 
 def test_an_unknown_name_gets_the_nearest() -> None:

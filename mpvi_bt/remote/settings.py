@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from mpvi_bt import paths
+from mpvi_bt.errors import shown
 from mpvi_bt.file_kinds import expect
 from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
 from mpvi_bt.robot.protocol import ACTION_SIZE
@@ -30,8 +31,43 @@ MOST_NUMBERS = 4096  # of a vector
 
 Index = Annotated[int, Field(strict=True, ge=0, lt=MOST_NUMBERS)]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e6, le=1e6)]
-Key = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^.]+(\.[^.]+)*$")]
+Whole = Annotated[int, Field(strict=True, ge=-(2**63), lt=2**63)]
+Truth = Annotated[bool, Field(strict=True)]
+Pixels = Annotated[int, Field(strict=True, ge=1, le=2048)]
 Seconds = Annotated[float, Field(strict=True, gt=0, le=3600, allow_inf_nan=False)]
+
+
+def _key(given: str) -> str:
+    if not 1 <= len(given) <= 200 or "" in given.split("."):
+        raise ValueError(f"{shown(given)} is no key: 1 to 200 characters, with names before, after and between dots")
+    return given
+
+
+# Which member of a union is meant, so that only what is wrong with that one is told.
+def _one_or_all(given: Any) -> str:
+    return "all" if isinstance(given, list | tuple) else "one"
+
+
+def _kind(given: Any) -> str:
+    if isinstance(given, list | tuple):
+        return "wholes" if all(type(item) is int for item in given) else "numbers"
+    return {bool: "truth", int: "whole", str: "text"}.get(type(given), "number")
+
+
+Key = Annotated[str, AfterValidator(_key)]
+Indices = Annotated[Annotated[Index, Tag("one")] | Annotated[tuple[Index, ...], Tag("all")], Discriminator(_one_or_all)]
+Numbers = Annotated[
+    Annotated[Number, Tag("one")] | Annotated[tuple[Number, ...], Tag("all")], Discriminator(_one_or_all)
+]
+Constant = Annotated[
+    Annotated[Truth, Tag("truth")]
+    | Annotated[Whole, Tag("whole")]
+    | Annotated[Number, Tag("number")]
+    | Annotated[str, Tag("text")]
+    | Annotated[tuple[Whole, ...], Tag("wholes")]
+    | Annotated[tuple[Number, ...], Tag("numbers")],
+    Discriminator(_kind),
+]
 
 
 def size_of(part: str) -> int:
@@ -50,9 +86,9 @@ class Piece(Record):
     """
 
     part: str
-    at: Index | tuple[Index, ...]
-    scale: Number | tuple[Number, ...] = 1.0
-    offset: Number | tuple[Number, ...] = 0.0
+    at: Indices
+    scale: Numbers = 1.0
+    offset: Numbers = 0.0
 
     @model_validator(mode="after")
     def _fits(self) -> Piece:
@@ -116,7 +152,7 @@ class Vector(Record):
     """
 
     parts: tuple[FeltPiece, ...] = Field(min_length=1)
-    size: Annotated[int, Field(ge=1, le=MOST_NUMBERS)] | None = None
+    size: Annotated[int, Field(strict=True, ge=1, le=MOST_NUMBERS)] | None = None
     dtype: Literal["float32", "float64"] = "float32"
 
     @model_validator(mode="after")
@@ -142,7 +178,7 @@ class Image(Record):
 
     camera: CameraName
     show: Literal["rgb", "rgba", "depth"] = "rgb"
-    size: tuple[Annotated[int, Field(ge=1, le=2048)], Annotated[int, Field(ge=1, le=2048)]] | None = None
+    size: Annotated[tuple[Pixels, ...], Field(min_length=2, max_length=2)] | None = None
     layout: Literal["hwc", "chw"] = "hwc"
 
 
@@ -159,7 +195,7 @@ class Observation(Record):
     prompt: Key | None = "prompt"
     images: dict[Key, Image] = {}
     state: dict[Key, Vector] = {}
-    constants: dict[Key, bool | int | Number | str | tuple[int, ...] | tuple[Number, ...]] = {}
+    constants: dict[Key, Constant] = {}
 
     @model_validator(mode="after")
     def _keys_differ(self) -> Observation:
@@ -175,8 +211,8 @@ class Observation(Record):
     @property
     def cameras(self) -> tuple[CameraName, ...]:
         """Cameras whose pictures are sent."""
-        shown = {image.camera for image in self.images.values()}
-        return tuple(camera for camera in CAMERAS if camera in shown)
+        sent = {image.camera for image in self.images.values()}
+        return tuple(camera for camera in CAMERAS if camera in sent)
 
 
 class Action(Record):
@@ -190,7 +226,7 @@ class Action(Record):
     """
 
     key: Key = "actions"
-    size: Annotated[int, Field(ge=1, le=MOST_NUMBERS)] = ACTION_SIZE
+    size: Annotated[int, Field(strict=True, ge=1, le=MOST_NUMBERS)] = ACTION_SIZE
     parts: tuple[CommandedPiece, ...] = ()
 
     @model_validator(mode="after")
@@ -223,12 +259,12 @@ class Settings(Record):
     about: Annotated[str, Field(min_length=1, max_length=200)] = "a remote policy"
     observation: Observation | None = None
     action: Action = Action()
-    reset_message: bool = False
-    request_chunk: Annotated[int, Field(ge=2, le=1000)] | None = None
+    reset_message: Truth = False
+    request_chunk: Annotated[int, Field(strict=True, ge=2, le=1000)] | None = None
     connect_s: Seconds = 30.0
     answer_s: Seconds = 120.0
-    tries: Annotated[int, Field(ge=0, le=100)] = 3
-    max_mb: Annotated[int, Field(ge=1, le=64)] = 16
+    tries: Annotated[int, Field(strict=True, ge=0, le=100)] = 3
+    max_mb: Annotated[int, Field(strict=True, ge=1, le=64)] = 16
 
     @property
     def cameras(self) -> tuple[CameraName, ...]:
