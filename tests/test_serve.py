@@ -116,10 +116,12 @@ def test_a_policy_begins_anew_when_told_and_when_the_prompt_changes() -> None:
 def test_a_client_says_what_its_labels_are_called() -> None:
     """The policy is made with it, and made anew when it changes; saying the same again changes nothing."""
     made = []
+    policies: list[Probe] = []
 
     def make(vocabulary: Vocabulary) -> Probe:
         made.append(dict(vocabulary))
-        return Probe()
+        policies.append(Probe())
+        return policies[-1]
 
     with serving(make) as server, client(server) as connection:
         received(connection)
@@ -127,6 +129,8 @@ def test_a_client_says_what_its_labels_are_called() -> None:
             ask(connection, write_observation(observation(), vocabulary=called))["note"]
             for called in (None, {"a": ["cup"]}, {"a": ["cup"]}, None, {"a": ["cup", "mug"]})
         ]
+        assert [policy.closed for policy in policies] == [True, True, False]  # the old one is of no more use
+        assert policies[-1]._resets == 1
     assert calls == ["call 1", "call 1", "call 2", "call 3", "call 1"]
     assert made == [{}, {"a": ["cup"]}, {"a": ["cup", "mug"]}]
 
@@ -403,6 +407,26 @@ def test_too_many_clients_are_told_so() -> None:
         with pytest.raises(InvalidStatus) as refused:
             connect(f"ws://127.0.0.1:{server.port}")
         assert refused.value.response.status_code == 503
+
+
+def test_a_client_counts_until_its_policy_is_done() -> None:
+    """Who asks and leaves, again and again, gets no more threads than clients that stay."""
+    go = threading.Event()
+    with serving(lambda _: Probe(work=lambda: go.wait(30))) as server, contextlib.ExitStack() as stack:
+        stack.callback(go.set)
+        for _ in range(MOST_CLIENTS):
+            with client(server) as connection:
+                connection.recv(timeout=10)
+                connection.send(pack(GOOD))
+        _eventually(lambda: server.metrics.clients == 0)
+        with pytest.raises(InvalidStatus) as refused:
+            connect(f"ws://127.0.0.1:{server.port}")
+        assert refused.value.response.status_code == 503
+        go.set()
+        _eventually(lambda: not any(session.is_at_work() for session in server._sessions))
+        with client(server) as again:
+            again.recv(timeout=10)
+            assert "actions" in ask(again, GOOD)
 
 
 def test_who_does_not_wait_for_answers_gets_them_in_order() -> None:

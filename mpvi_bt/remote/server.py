@@ -78,6 +78,7 @@ class PolicyServer:
         self.metrics = Metrics()
         self.port = 0
         self.name, self._make, self._say = name, make, say
+        self._sessions: list[Session] = []
         self._authorization = f"Api-Key {api_key}".encode() if api_key else b""
 
     @contextlib.asynccontextmanager
@@ -113,7 +114,8 @@ class PolicyServer:
         given = " ".join(request.headers.get_all("Authorization")).encode()
         if self._authorization and not hmac.compare_digest(given, self._authorization):
             return connection.respond(HTTPStatus.UNAUTHORIZED, "An Authorization: Api-Key header is wanted.\n")
-        if self.metrics.clients >= MOST_CLIENTS:
+        self._sessions = [session for session in self._sessions if session.is_at_work()]
+        if len(self._sessions) >= MOST_CLIENTS:
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"There are {MOST_CLIENTS} clients already.\n")
         return None
 
@@ -121,7 +123,7 @@ class PolicyServer:
         """One client, from its first frame to its last."""
         self.metrics.clients += 1
         self.metrics.connections += 1
-        session = Session(self._make)
+        self._sessions.append(session := Session(self._make))
         gone = asyncio.ensure_future(connection.wait_closed())
         try:
             await self._converse(connection, session, gone)
@@ -186,7 +188,8 @@ class Session:
         self._vocabulary: Vocabulary = {}
         self._prompt: str | None = None
         self._calls: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
-        threading.Thread(target=self._work, name="policy", daemon=True).start()
+        self._thread = threading.Thread(target=self._work, name="policy", daemon=True)
+        self._thread.start()
 
     def begin(self) -> asyncio.Future[list[str]]:
         """Make the policy; the cameras that it wants first. The future raises Refused."""
@@ -199,6 +202,10 @@ class Session:
     def end(self) -> None:
         """Let the thread end after what it is doing."""
         self._calls.put(None)
+
+    def is_at_work(self) -> bool:
+        """Whether the thread has not ended yet, be the client gone or not."""
+        return self._thread.is_alive()
 
     def _later(self, call: Callable[[], Any]) -> asyncio.Future[Any]:
         loop = asyncio.get_running_loop()
@@ -225,10 +232,14 @@ class Session:
     def _work(self) -> None:
         while (call := self._calls.get()) is not None:
             call()
-        with contextlib.suppress(Exception):  # nobody is left to be told
+        self._close()
+
+    def _close(self) -> None:
+        with contextlib.suppress(Exception):  # its client is gone, or has no more use for it
             getattr(self._policy, "close", lambda: None)()
 
     def _begin(self) -> list[str]:
+        self._close()
         self._policy = self._make(self._vocabulary)
         self._policy.reset()
         return list(self._policy.cameras)
@@ -256,12 +267,12 @@ class Session:
         if isinstance(frame, str):
             raise BadMessage("a text frame; an observation is a binary frame of msgpack")
         question = read_observation(unpack(frame))
+        assert self._policy is not None
+        prompt = question.observation["prompt"]
         if question.vocabulary is not None and question.vocabulary != self._vocabulary:
             self._vocabulary = question.vocabulary
             self._begin()
-        assert self._policy is not None
-        prompt = question.observation["prompt"]
-        if question.reset or prompt != self._prompt:
+        elif question.reset or prompt != self._prompt:
             self._policy.reset()
         self._prompt = prompt
         for camera in self._policy.cameras:
