@@ -217,6 +217,8 @@ def test_addresses(address: str, url: str) -> None:
         "http://gpu:8000",
         "gpu:many",
         "gpu:99999",
+        "gpu:0",
+        "ws://gpu:00/path",
         "ws://gpu:8000?key=1",
         "a b",
         "ws://[",

@@ -51,6 +51,8 @@ def url_of(address: str) -> str:
         parts = urlsplit(address if "://" in address else f"ws://{address}")
         host, port = parts.hostname, parts.port
         (host or "").encode("idna")
+        if port == 0:
+            raise ValueError("nobody listens at port 0")
     except ValueError as error:
         raise UserError(f"{shown(address)} is no address of a policy server: {error}. {form}") from None
     if parts.username is not None or parts.query or parts.fragment:
