@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 import urllib.request
 from typing import Any
 
@@ -66,6 +67,23 @@ def test_a_port_that_is_taken_is_bad_usage() -> None:
     assert str(error) == f"cannot listen at 127.0.0.1:{port}: address already in use"
 
 
+def test_no_host_is_bad_usage() -> None:
+    """An empty one, from a variable that is not set perhaps, would let everybody in."""
+    error = _invoke("reactive", "--host", "").exception
+    assert isinstance(error, UserError)
+    assert "--host is empty" in str(error)
+
+
+@pytest.mark.parametrize("key", ["a\r\nX: 1", "caf\u00e9", " a", "a\n"])
+def test_a_key_that_no_client_can_send_is_told(key: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before anybody is turned away for it, and without the key."""
+    monkeypatch.setenv("OPENPI_API_KEY", key)
+    error = _invoke("openpi:localhost:1", "--port", "0").exception
+    assert isinstance(error, UserError)
+    assert "OPENPI_API_KEY" in str(error)
+    assert key not in str(error)
+
+
 def test_tab_offers_what_can_be_served(mpvi: Shell) -> None:
     """Policies that need no simulator, with the colon where an address follows."""
     done = mpvi(_MPVI_COMPLETE="bash_complete", COMP_WORDS="mpvi serve ", COMP_CWORD="2")
@@ -74,17 +92,8 @@ def test_tab_offers_what_can_be_served(mpvi: Shell) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_serves_until_it_is_told_to_end(number: int) -> None:
-    """It says where it listens, answers, tells clients when it is stopped, and ends with 0 and a summary."""
-    command = [
-        sys.executable,
-        "-c",
-        "from mpvi_bt.cli import main; main()",
-        "serve",
-        "reactive",
-        "--port",
-        "0",
-        "--json",
-    ]
+    """It says where it listens, answers, tells clients when it is stopped; told again and again, it still ends with 0."""
+    command = [sys.executable, "-m", "mpvi_bt.cli", "serve", "reactive", "--port", "0", "--json"]
     environment = {**os.environ, "OPENPI_API_KEY": "sesame"}
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
@@ -101,6 +110,9 @@ def test_it_serves_until_it_is_told_to_end(number: int) -> None:
                 process.send_signal(number)
                 with pytest.raises(ConnectionClosed) as closed:
                     connection.recv(timeout=30)
+            while process.poll() is None:  # who is impatient asks again
+                process.send_signal(number)
+                time.sleep(0.01)
             out, error = process.communicate(timeout=30)
         finally:
             process.kill()

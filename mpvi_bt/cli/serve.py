@@ -15,7 +15,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from mpvi_bt.cli.given import Choice, File
-from mpvi_bt.errors import UserError
+from mpvi_bt.errors import PolicyError, UserError
 from mpvi_bt.suite.backends import BACKENDS, choose
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from mpvi_bt.remote.server import PolicyServer
 
 EVERY_S = 1.0  # the status line is drawn anew
+_ENDS = (signal.SIGINT, signal.SIGTERM)
 
 
 def _complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -61,8 +62,10 @@ def serve(policy: str, settings: str | None, host: str, port: int, seed: int, as
             f"{policy} reads the simulator itself, which no client can send: it cannot be served. "
             f"These can: {', '.join(_servable())}."
         )
+    if not host:
+        raise UserError("--host is empty. 127.0.0.1 is this machine, 0.0.0.0 lets other machines in.")
     from mpvi_bt.plan.skills import load_skills
-    from mpvi_bt.remote.connection import KEY
+    from mpvi_bt.remote.connection import KEY, key_of_environment
     from mpvi_bt.remote.server import PolicyServer
     from mpvi_bt.suite.policies import Ground, make_policy
 
@@ -72,7 +75,10 @@ def serve(policy: str, settings: str | None, host: str, port: int, seed: int, as
         return make_policy(policy, Ground(skills, vocabulary, seed=seed), settings)
 
     make({})  # what cannot be made is told now, not to the first client
-    status, key = Status(), os.environ.get(KEY, "")
+    try:
+        status, key = Status(), key_of_environment()
+    except PolicyError as error:
+        raise UserError(f"{error}: no client could send it.") from None
     if not key and host not in ("127.0.0.1", "::1", "localhost"):
         status.say(f"{KEY} is not set: whoever reaches this machine may use it")
     server = PolicyServer(policy, make, key, status.say)
@@ -90,9 +96,15 @@ def _reason(error: OSError) -> str:
 
 async def _until_stopped(server: PolicyServer, host: str, port: int, status: Status, as_json: bool) -> None:
     """Serve until Ctrl-C, or a request to end."""
-    stop = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().add_signal_handler(number, stop.set)
+    stop, loop = asyncio.Event(), asyncio.get_running_loop()
+
+    def end(number: int, frame: object) -> None:
+        for again in _ENDS:  # ending does not take long, and has an exit code of its own
+            signal.signal(again, signal.SIG_IGN)
+        loop.call_soon_threadsafe(stop.set)
+
+    for number in _ENDS:
+        signal.signal(number, end)
     async with server.listening(host, port):
         address = f"ws://{f'[{host}]' if ':' in host else host}:{server.port}"
         status.say(f"serving {server.name} at {address}; Ctrl-C ends it")

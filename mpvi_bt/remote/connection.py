@@ -185,10 +185,16 @@ def _open(url: str, deadline: float, most_bytes: int) -> ClientConnection:
 
 
 def _headers() -> dict[str, str]:
-    key = os.environ.get(KEY, "")
-    if not (key.isascii() and key.isprintable()):
-        raise PolicyError("unauthorized", f"the key in {KEY} has characters that no header can carry")
+    key = key_of_environment()
     return {"Authorization": f"Api-Key {key}"} if key else {}
+
+
+def key_of_environment() -> str:
+    """What clients send and servers ask for; "": nothing. Raises PolicyError."""
+    key = os.environ.get(KEY, "")
+    if not (key.isascii() and key.isprintable() and key == key.strip()):
+        raise PolicyError("unauthorized", f"the key in {KEY} has characters that no header can carry")
+    return key
 
 
 def _refused(error: Exception) -> PolicyError:
