@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mpvi_bt.manipulation.hand import FULL_M, opened
-from mpvi_bt.manipulation.stance import Held, Option, Search, Stance
+from mpvi_bt.manipulation.stance import SPACINGS, Held, Option, Search, Stance
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Actions, MotionFailure
@@ -118,21 +118,22 @@ def place_at(
 
     def find(search: Search, here_first: bool) -> Stance | None:
         nonlocal goal, seen
-        seen = 0
-        for group in groups():
-            options = [
-                option for pose in group for option in _options(held, pose, work.motion.felt.gripper_width[side])
-            ]
-            if not options:
-                continue
-            seen += 1
-            focus = np.mean([pose.T_world_thing[:2, 3] for pose in group], axis=0)
-            stance = search.find(focus, options, here_first)
-            if stance is not None:
-                goal = options[stance.option].waypoints[1] @ held.T_tcp_thing
-                return stance
-            if seen >= _GROUPS:
-                break
+        for spacing in range(len(SPACINGS)):  # a coarse look at every place before a closer one at any
+            seen = 0
+            for group in groups():
+                options = [
+                    option for pose in group for option in _options(held, pose, work.motion.felt.gripper_width[side])
+                ]
+                if not options:
+                    continue
+                seen += 1
+                focus = np.mean([pose.T_world_thing[:2, 3] for pose in group], axis=0)
+                stance = search.find(focus, options, here_first and not spacing, (spacing,))
+                if stance is not None:
+                    goal = options[stance.option].waypoints[1] @ held.T_tcp_thing
+                    return stance
+                if seen >= _GROUPS:
+                    break
         return None
 
     try:

@@ -12,15 +12,18 @@ import numpy as np
 from mpvi_bt.manipulation.drop import present
 from mpvi_bt.manipulation.repertoire import REPERTOIRE
 from mpvi_bt.manipulation.scene import Scene, Sight
+from mpvi_bt.manipulation.stance import Effort
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.skills import Skill, SkillCall, clauses, match
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.robot.protocol import SIDES, Proprioception
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception
 from mpvi_bt.robot.solids import Array
 
 _PATIENCE_S = 2.0  # longer than a trigger takes to fire
 _ATTEMPTS = 4  # of one skill
 _ROUNDS = 3  # of a whole prompt
+_CHECKS = 100.0  # base poses that searches for a prompt may check at the start,
+_EARNED = 2.0 / CONTROL_HZ  # and more with every step: planning keeps well ahead of playing
 _ANYWHERE = ("unknown_object", "unknown_skill", "not_a_container", "not_held", "hands_full")  # backing off mends none
 
 
@@ -67,10 +70,11 @@ class ScriptedPolicy:
             self._prompt = str(observation["prompt"])
             self._calls += 1
             rng = np.random.default_rng([self._seed, self._calls])
-            self._work = Work(self._scene, Motion(felt), rng, self._sight)
+            self._work = Work(self._scene, Motion(felt), rng, self._sight, effort=Effort(_CHECKS))
             self._actions = self._performed(self._work, self._prompt)
         work = self._work
         work.motion.felt, work.images = felt, observation["images"]
+        work.effort.left += _EARNED
         started = self._timer() if self._timer else 0.0
         action = next(self._actions, None)
         if self._timer:

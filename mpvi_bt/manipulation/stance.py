@@ -31,7 +31,7 @@ _RANKED_POSTURES = 1200  # of one base pose, checked where the hand works
 _CHECKED_POSTURES = 16  # of those, on the whole way
 _GLANCE = 0.25  # of a full check: no posture was clear even where the hand works
 _CHECKED_BASES = 12  # of one spacing
-_SPACINGS = ((0.12, 0.5), (0.05, 0.25))  # [m, rad] between base poses: what fails here fails a hand's breadth away
+SPACINGS = ((0.12, 0.5), (0.05, 0.25))  # [m, rad] between base poses: what fails here fails a hand's breadth away
 _STEP_M = 0.06  # between checks on the way in
 _VIAS = ((-0.35, 0.0), (-0.7, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.35, 0.5), (-0.35, -0.5))  # ahead and left of here [m]
 # Where the other hand may bring what it holds: x, y toward its own side, z [m]; reachable from a bent torso too.
@@ -124,6 +124,20 @@ class Standing:
     level: Mapping[Side, list[Array]]
 
 
+@dataclass(eq=False)
+class Effort:
+    """What stance searches may still take, counted and not timed so that the same seed plans the same motions.
+
+    Attributes:
+        left: Base poses that may still be checked in full; what is played earns more.
+        failed: Base poses (3,) that did not do, by what was searched for, since a search last found something: a retry
+            goes on where the last try ended.
+    """
+
+    left: float = np.inf
+    failed: dict[bytes, list[Array]] = field(default_factory=dict)
+
+
 @dataclass(frozen=True, eq=False)
 class Search:
     """What a stance search is about.
@@ -135,6 +149,8 @@ class Search:
         obstacles: What is in the way, in the world, without what is held.
         touched: Those solids in the world that the hand works on: obstacles to the base and until contact.
         rng: Randomness of arm planning.
+        tried: Base poses (3,) that did not do.
+        effort: What it may take.
     """
 
     motion: Motion
@@ -144,6 +160,7 @@ class Search:
     touched: Sequence[Solid]
     rng: np.random.Generator
     tried: list[Array] = field(default_factory=list)
+    effort: Effort = field(default_factory=Effort)
 
     @property
     def other(self) -> Side | None:
@@ -164,13 +181,16 @@ class Search:
                 holds.append(path)
         return holds
 
-    def find(self, focus_xy: Array, options: Sequence[Option], here_first: bool = False) -> Stance | None:
+    def find(
+        self, focus_xy: Array, options: Sequence[Option], here_first: bool = False, spacings: Sequence[int] = (0, 1)
+    ) -> Stance | None:
         """The nearest good stance for one of `options` about a place in the world (2,), or None.
 
         Args:
             focus_xy: What to stand about.
             options: Ways to do it; one is enough.
             here_first: Whether a stance that needs no drive is good enough if it serves, tried before or not.
+            spacings: How closely to look, one after the other: 0 coarsely, 1 finely.
         """
         able = [k for k, option in enumerate(options) if self.fits(option)]
         if not able:
@@ -180,21 +200,33 @@ class Search:
             return found
         bases = _bases(here, focus_xy, self.side)
         bases = bases[self._stands(bases)]
-        failed: list[Array] = list(self.tried)
-        for apart_m, apart_rad in _SPACINGS:
+        before = self.effort.failed.setdefault(self._sought(options, able), [])
+        failed: list[Array] = [*self.tried, *before]
+        for apart_m, apart_rad in (SPACINGS[k] for k in spacings):
             checked = 0.0
             for base in bases:
                 if any(np.linalg.norm(base[:2] - b[:2]) < apart_m and abs(kin.wrap(base[2] - b[2])) < apart_rad
                        for b in failed):  # fmt: skip
                     continue
+                if self.effort.left <= 0:
+                    return None
                 found, effort = self._from(here, base, options, able)
+                self.effort.left -= effort
                 if found is not None:
+                    self.effort.failed.clear()
                     return found
                 failed.append(base)
+                if effort:
+                    before.append(base)
                 checked += effort
                 if checked >= _CHECKED_BASES:
                     break
         return None
+
+    def _sought(self, options: Sequence[Option], able: Sequence[int]) -> bytes:
+        """The same for searches for the same with the same hand, to the centimeter."""
+        at = np.stack([options[k].waypoints[min(options[k].contact, len(options[k].waypoints) - 1)] for k in able])
+        return self.side.encode() + np.round(at[:, :3, 3] * 100).astype(int).tobytes()
 
     def _here(self, here: Array, options: Sequence[Option], able: Sequence[int]) -> Stance | None:
         """A stance whose arm takes its posture where the robot stands."""
@@ -348,14 +380,16 @@ class Search:
             seen[where] = seen.get(where, 0) + 1
             if len(seen) > _CHECKED_POSTURES:
                 break
-            torso = torsos[t[row]]
+            torso, k, key = torsos[t[row]], able[where[1]], keys[where[1]]
+            posed = replace(self.body(torso, behind, arms), torso=torso)
+            if not self._postures_clear(posed, base, options[k], goals[where[1]], key, q[row]):
+                continue
             if where[0] not in standing:
                 standing[where[0]] = self._stood(torso, behind, arms)
             stood = standing[where[0]]
             if stood is None:
                 continue
-            k = able[where[1]]
-            path = self._reached(stood.body, lane, options[k], goals[where[1]], keys[where[1]], q[row])
+            path = self._reached(stood.body, lane, options[k], goals[where[1]], key, q[row])
             if path is not None:
                 return Stance(
                     base, torso, k, path, goals[where[1]], hold, stood.level, route, options[k].opening_m
@@ -392,35 +426,47 @@ class Search:
             return None
         return Standing(replace(body, torso=torso, arms={**arms, **{s: q[-1] for s, q in level.items()}}), level)
 
+    def _postures_clear(self, body: Body, base: Array, option: Option, goals: Array, key: int, q_key: Array) -> bool:
+        """A glance at the ends of the lines, before the lines themselves and before the torso's way is looked at."""
+        chest = kin.inverse(kin.chest(body.torso))
+        for k, goal in enumerate(goals):
+            near = q_key if k == key else kin.nearest_posture(chest @ goal, self.side, q_key)
+            if near is None or not self._free(body, base, option, k, near):
+                return False
+        return True
+
+    def _free(self, body: Body, base: Array, option: Option, k: int, q: Array) -> bool:
+        """Whether posture q (7,) is clear at waypoint `k`."""
+        if k < option.contact:
+            there = replace(body, around=self.around(base, touched=True))
+            return bool(there.free(self.side, q, _MARGIN_M)[0])
+        held = self._after(body, option) if k > option.contact else self._bare(body)
+        there = replace(body, around=self.around(base, touched=False), held=held)
+        return bool(there.free(self.side, q, -_TOUCH_M, grasping=True)[0])
+
+    def _bare(self, body: Body) -> dict[Side, Load]:
+        """What the other hand holds."""
+        return {s: load for s, load in body.held.items() if s != self.side}
+
+    def _after(self, body: Body, option: Option) -> dict[Side, Load]:
+        """What the hands hold after the contact."""
+        bare = self._bare(body)
+        return bare if option.load is None else {**bare, self.side: option.load}
+
     def _reached(
         self, body: Body, lane: Array, option: Option, goals: Array, key: int, q_key: Array
     ) -> list[Array] | None:
         """The arm's path to the first waypoint if all of them, and the way in, are reachable and free."""
         base = lane[-1]
-        before, loose = self.around(base, touched=True), self.around(base, touched=False)
-        bare = {s: load for s, load in body.held.items() if s != self.side}
-        after = bare if option.load is None else {**bare, self.side: option.load}
-
-        def free(k: int, q: Array) -> bool:
-            if k < option.contact:
-                return bool(replace(body, around=before).free(self.side, q, _MARGIN_M)[0])
-            there = replace(body, around=loose, held=bare if k == option.contact else after)
-            return bool(there.free(self.side, q, -_TOUCH_M, grasping=True)[0])
-
-        chest = kin.inverse(kin.chest(body.torso))
-        for k, goal in enumerate(goals):  # a glance at the ends of the lines, before the lines themselves
-            near = q_key if k == key else kin.nearest_posture(chest @ goal, self.side, q_key)
-            if near is None or not free(k, near):
-                return None
         postures: dict[int, Array] = {key: q_key}
         for order in (range(key - 1, -1, -1), range(key + 1, len(goals))):
             for k in order:
                 line = arm_motion.trace(body.torso, self.side, postures[k + 1 if k < key else k - 1], goals[k])
-                if line is None or not free(k, line[-1]):
+                if line is None or not self._free(body, base, option, k, line[-1]):
                     return None
                 postures[k] = line[-1]
         if len(lane) > 1:
-            last = replace(body, held=after) if option.contact < len(goals) else body
+            last = replace(body, held=self._after(body, option)) if option.contact < len(goals) else body
             if not self._leads(body, lane, postures[0], touched=True):
                 return None
             if not self._leads(last, lane, postures[len(goals) - 1], touched=option.load is None, slack=_TOUCH_M):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mpvi_bt.manipulation.scene import Scene, Sight
-from mpvi_bt.manipulation.stance import Held, Option, Search, Stance, base_clear
+from mpvi_bt.manipulation.stance import Effort, Held, Option, Search, Stance, base_clear
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Load
@@ -51,6 +51,7 @@ class Work:
         sight: What takes pictures in; None where the scene needs none.
         wanted: Cameras whose pictures the next step has to bring.
         images: The pictures that it brought.
+        effort: What searches may take.
     """
 
     scene: Scene
@@ -59,6 +60,7 @@ class Work:
     sight: Sight | None = None
     wanted: tuple[str, ...] = ()
     images: Mapping[str, CameraImage] = field(default_factory=dict)
+    effort: Effort = field(default_factory=Effort)
 
     @property
     def base(self) -> Array:
@@ -72,6 +74,7 @@ class Work:
             yield self.motion.still()
             self.wanted = ()
             self.sight.see({c: self.images[c] for c in cameras}, self.motion.felt)
+            self.effort.failed.clear()  # there may be room where there seemed to be none
 
     def nearest(self, phrase: str) -> str:
         """The thing that a phrase names, what is still to be picked up first, then the nearest.
@@ -133,7 +136,7 @@ class Work:
         at = self.motion.felt.base_pose[:2]
         near = self.scene.obstacles(at, _NEAR_M, without={*carried, *touched})
         own: list[Solid] = [s for n in touched if n not in carried for s in self.scene.solids(n)]
-        return Search(self.motion, side, held, near, own, self.rng)
+        return Search(self.motion, side, held, near, own, self.rng, effort=self.effort)
 
     def _carried(self, held: Mapping[Side, Held]) -> set[str]:
         """What the robot carries, in one hand or between both, with what lies in it."""
@@ -195,6 +198,7 @@ class Work:
             stance = find(search, looks > 0)
             if stance is None and self.sight is not None:
                 with self.sight.trusting():
+                    self.effort.failed.clear()
                     search = replace(search, obstacles=self.search(side, touched).obstacles)
                     stance = find(search, looks > 0)
             if stance is None:
