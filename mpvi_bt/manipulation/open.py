@@ -173,7 +173,7 @@ def course_search(
             near = work.scene.obstacles(at, _AROUND_M, without)
         parts = [s for d in work.scene.doors(thing) for s in (*d.solids, _carcass(d))]
     stays = [s for s in parts if not any(_alike(s, moving) for moving in door.solids)]
-    return CourseSearch(work.motion, side, held, near, parts, work.rng, list(tried), stays, bendable)
+    return CourseSearch(work.motion, side, held, near, parts, work.rng, list(tried), stays=stays, bendable=bendable)
 
 
 def _alike(a: Solid, b: Solid) -> bool:

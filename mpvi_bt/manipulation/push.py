@@ -122,7 +122,7 @@ def _search(work: Work, name: str, side: Side, tried: list[Array]) -> CourseSear
     moved = {name, *work.scene.within(name)}
     near = work.scene.obstacles(work.motion.felt.base_pose[:2], 2.5, without={*carried, *moved})
     touched = [s for n in moved for s in work.scene.solids(n)]
-    return CourseSearch(work.motion, side, held, near, touched, work.rng, list(tried), ())
+    return CourseSearch(work.motion, side, held, near, touched, work.rng, list(tried))
 
 
 def pushes(solids: Sequence[Solid], way: Array) -> list[Course]:
