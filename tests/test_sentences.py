@@ -26,6 +26,8 @@ grab the pan by the handle with the left hand | pick | object pan, hand left
 take the milk out of the fridge | pick | object milk, source fridge
 take out the milk from the fridge | pick | object milk, source fridge
 take the lid off the jar | pick | object lid, source jar
+take off the lid | pick | object lid
+pick up the toy in front of the sofa | pick | object toy in front of the sofa
 take the pen in the cup | pick | object pen, source cup
 remove the lid from the pot | pick | object lid, source pot
 retrieve the ball from under the couch | pick | object ball, source couch
@@ -118,6 +120,7 @@ hang the coat on the hook; move the chair to the table; use the remote to turn o
 turn the knob; tip over the bucket; turn the pan over; empty the bottle; pour out the water; turn the cup upside down
 push the box off the table; move the box off the table; put the cup on its side; put the cup on the left
 put the spoon between the fork and the plate; cut the apple with the knife; fill the kettle with water
+place the cup upside down on the table
 release the cup; reach for the cup; rinse the plate under the tap; stir the soup with the spoon; unlock the door
 pick up the cup and put it in the sink; open the door, then close it; move the cup from the left hand to the table
 """

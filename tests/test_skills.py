@@ -86,6 +86,19 @@ def test_the_ways_in_which_people_ask(description: str, skill: str, arguments: s
     )
 
 
+NEEDED = {
+    "pour": {"container"}, "place_in": {"object", "container"}, "place_on": {"object", "surface"},
+    "place_next_to": {"object", "target"}, "place_under": {"object", "target"}, "wipe": {"target"}, "spray": {"target"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "phrase"), PHRASES)
+def test_every_phrase_gives_what_its_motion_needs(name: str, phrase: str) -> None:
+    """A call without a place to pour to, say, could only fail."""
+    given = set(re.findall(r"\{(\w+)", re.sub(r"\[[^\[\]]*\]", "", re.sub(r"\[[^\[\]]*\]", "", phrase))))
+    assert given >= NEEDED.get(name, {"object"})
+
+
 @pytest.mark.parametrize(
     ("description", "criterion"),
     [

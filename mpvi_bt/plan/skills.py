@@ -47,10 +47,10 @@ _BEFORE = (
     r"below|over|above|across|along|against|behind|between|beside|near|next|through|up|down|away|and|then)(?:\s|$))"
 )
 _WITHIN = r"(?:(?!\s(?:into|onto|off|out|towards?|across|through|until)\s).)*?"
-_VERBAL = ("in", "into", "on", "onto", "off", "out", "up", "down", "over", "away", "back", "open", "shut", "closed")
-_AFTER = "".join(rf"(?<!\s{word})" for word in _VERBAL)
+_VERBAL = "in|into|on|onto|off|out|up|down|over|away|back|open|shut|closed|upside"
+_AFTER = "".join(rf"(?<!\s{word})" for word in _VERBAL.split("|"))
 # Where something comes from or goes to is no side of itself, nor a side of nothing.
-_NOT_A_SIDE = r"(?!its\s|(?:the\s+)?(?:left|right|side)(?:\s+side)?(?:$|\s+(?:of|with|using)\s))"
+_NOT_A_SIDE = r"(?!its\s|(?:the\s+)?(?:left|right|side|front)(?:\s+side)?(?:$|\s+(?:of|with|using)\s))"
 _PLACES = ("source", "surface", "container")
 
 _MANNER = re.compile(
