@@ -33,7 +33,7 @@ from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.remote.codec import pack, unpack
 from mpvi_bt.remote.mapping import message_of
 from mpvi_bt.remote.observation import Vocabulary, write_observation
-from mpvi_bt.remote.openpi import connect
+from mpvi_bt.remote.openpi import OpenpiPolicy
 from mpvi_bt.remote.server import PolicyServer
 from mpvi_bt.remote.settings import load_settings
 from mpvi_bt.robot.solids import Array
@@ -113,7 +113,7 @@ def measured(
     server.start()
     port = near.recv()
     layout = load_settings(settings).observation
-    policy = connect(f"127.0.0.1:{port}", settings)
+    policy = OpenpiPolicy(f"127.0.0.1:{port}", settings)
     policy.reset()
     with tempfile.NamedTemporaryFile() as file:
         file.write(pack(write_observation(seen) if layout is None else message_of(seen, layout)))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from mpvi_bt.errors import PolicyError
-from mpvi_bt.remote.openpi import OpenpiPolicy, connect
+from mpvi_bt.remote.openpi import OpenpiPolicy
 from mpvi_bt.remote.settings import CAMERAS, Settings, load_settings
 from mpvi_bt.robot.protocol import ACTION_SIZE
 from mpvi_bt.testing.doubles import KinematicRobot
@@ -27,7 +27,7 @@ def quick(**changed: Any) -> Settings:
 
 
 def policy_at(server: PolicyServer | str, **changed: Any) -> OpenpiPolicy:
-    return connect(server if isinstance(server, str) else server.address, quick(**changed))
+    return OpenpiPolicy(server if isinstance(server, str) else server.address, quick(**changed))
 
 
 def observation(cameras: tuple[str, ...] = CAMERAS, prompt: str = "pick up the cup") -> dict[str, Any]:

@@ -92,7 +92,7 @@ def test_tab_offers_what_can_be_served(mpvi: Shell) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_serves_until_it_is_told_to_end(number: int) -> None:
-    """It says where it listens, answers, tells clients when it is stopped; told again and again, it still ends with 0."""
+    """It says where it listens, answers, tells clients when it is stopped; told again and again, it ends with 0."""
     command = [sys.executable, "-m", "mpvi_bt.cli", "serve", "reactive", "--port", "0", "--json"]
     environment = {**os.environ, "OPENPI_API_KEY": "sesame"}
     with subprocess.Popen(

@@ -18,7 +18,7 @@ from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.remote.connection import KEY
-from mpvi_bt.remote.openpi import connect
+from mpvi_bt.remote.openpi import OpenpiPolicy
 from mpvi_bt.remote.settings import Settings
 from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout
 from mpvi_bt.testing import KinematicWorld, scripted_context
@@ -71,7 +71,7 @@ def episode(server: PolicyServer | str, trace: Path, max_time_s: float = 20.0) -
     settings = Settings(connect_s=2.0, answer_s=1.0, tries=2, max_mb=1)
     world = KinematicWorld()
     context = scripted_context(world, SKILLS, PLACES, {})
-    context = dataclasses.replace(context, policy=connect(address, settings))
+    context = dataclasses.replace(context, policy=OpenpiPolicy(address, settings))
     return run_episode(Tree(SPEC), world, context, [Recorder(trace)], max_time_s=max_time_s), world
 
 

@@ -19,7 +19,7 @@ from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.remote.codec import pack, unpack
 from mpvi_bt.remote.observation import Vocabulary, write_observation
-from mpvi_bt.remote.openpi import connect
+from mpvi_bt.remote.openpi import OpenpiPolicy
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.suite.policies import Ground, make_policy
@@ -158,7 +158,7 @@ def test_our_client_gets_the_same_from_our_server() -> None:
     """With the settings `mpvi`, which send everything: actions, cameras, note."""
     moving(recorder := Recorder(grip()))
     with serving() as server:
-        policy = connect(f"127.0.0.1:{server.port}")
+        policy = OpenpiPolicy(f"127.0.0.1:{server.port}")
         for (seen, fresh), (actions, cameras) in zip(recorder.asked, recorder.acted, strict=True):
             if fresh:
                 policy.reset()
@@ -208,7 +208,7 @@ def test_our_client_gets_what_reactive_does_in_process(picked: tuple[Recorder, V
     """The same with our own client, which asks for the same pictures on the way."""
     recorder, vocabulary = picked
     with serving(reactive) as server:
-        policy = connect(f"127.0.0.1:{server.port}", vocabulary=vocabulary)
+        policy = OpenpiPolicy(f"127.0.0.1:{server.port}", vocabulary=vocabulary)
         policy.reset()
         for (seen, _), (actions, cameras) in zip(recorder.asked, recorder.acted, strict=True):
             assert np.array_equal(policy.infer(seen), actions)

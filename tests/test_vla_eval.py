@@ -19,7 +19,7 @@ from websockets.sync.server import ServerConnection
 
 from mpvi_bt.errors import PolicyError, UserError
 from mpvi_bt.remote.settings import load_settings
-from mpvi_bt.remote.vla_eval import VlaEvalPolicy, connect
+from mpvi_bt.remote.vla_eval import VlaEvalPolicy
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.testing import check_policy
 from tests.remote_servers import PolicyServer, packed
@@ -34,7 +34,7 @@ def test_a_model_sees_what_the_robot_sees_and_moves_it() -> None:
     """Pictures come through bit by bit, with the prompt and the state; its chunk comes back in our order and units."""
     seen = observation("pick up the cup", size=224)
     with model_server(model := Model(horizon=4)) as address:
-        policy = connect(address)
+        policy = VlaEvalPolicy(address)
         policy.reset()
         chunk = policy.infer(seen)
         policy.close()
@@ -55,7 +55,7 @@ def test_it_keeps_the_contract_of_policies() -> None:
     """As every policy does, for a server that gives out a chunk step by step, too."""
     for model in (Model(), Model(chunk_size=4)):
         with model_server(model) as address:
-            policy = connect(address)
+            policy = VlaEvalPolicy(address)
             check_policy(policy)
             policy.close()
 
@@ -68,7 +68,7 @@ def test_the_package_serves_its_own_model_for_our_action() -> None:
     command = [sys.executable, "-m", "vla_eval.model_servers.behavior1k_baseline", "--address", address]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         try:
-            policy = connect(address)
+            policy = VlaEvalPolicy(address)
             check_policy(policy)
             assert not policy.infer(observation(size=224)).any()
             policy.close()
@@ -79,7 +79,7 @@ def test_the_package_serves_its_own_model_for_our_action() -> None:
 def test_a_server_that_keeps_the_chunk_gives_one_action_at_a_time() -> None:
     """It infers once for four observations, and anew after a reset: what is left of the chunk is flushed."""
     with model_server(model := Model(horizon=4, chunk_size=4)) as address:
-        policy = connect(address)
+        policy = VlaEvalPolicy(address)
         policy.reset()
         rows = [policy.infer(observation()) for _ in range(2)]
         policy.reset()
@@ -93,7 +93,7 @@ def test_a_server_that_keeps_the_chunk_gives_one_action_at_a_time() -> None:
 def test_every_reset_is_an_episode() -> None:
     """Started with the prompt as its task, ended before the next one and when the connection closes."""
     with model_server(model := Model()) as address:
-        policy = connect(address)
+        policy = VlaEvalPolicy(address)
         for prompt in ("pick up the cup", "open the fridge"):
             policy.reset()
             policy.infer(observation(prompt))
@@ -109,7 +109,7 @@ def test_every_reset_is_an_episode() -> None:
 def test_an_error_of_the_model_is_told_and_need_not_last() -> None:
     """Its text comes through as "server_error"; the next call is answered, in an episode of its own."""
     with model_server(model := Model(broken=True)) as address:
-        policy = connect(address)
+        policy = VlaEvalPolicy(address)
         policy.reset()
         with pytest.raises(PolicyError, match="RuntimeError: out of memory") as failed:
             policy.infer(observation())
@@ -133,7 +133,7 @@ def test_actions_of_another_robot_are_refused_at_once() -> None:
 def test_a_server_need_not_say_what_its_actions_are() -> None:
     """Most declare them raw."""
     with model_server(Model(action_spec={"actions": RAW})) as address:
-        policy = connect(address)
+        policy = VlaEvalPolicy(address)
         policy.reset()
         assert policy.infer(observation()).shape == (4, 23)
         policy.close()
@@ -155,7 +155,7 @@ def test_a_server_that_restarts_gets_the_episode_again() -> None:
 def test_settings_must_say_what_a_model_reads() -> None:
     """The whole observation is for `mpvi serve` alone."""
     with pytest.raises(UserError, match="observation"):
-        connect("localhost:1", "mpvi")
+        VlaEvalPolicy("localhost:1", "mpvi")
 
 
 def test_a_state_that_is_asked_for_must_be_sent() -> None:
@@ -300,7 +300,7 @@ def test_nothing_else_is_sent() -> None:
     seen = observation()
     seen["proprioception"] = replace(seen["proprioception"], torso=np.array([0.1, 0.2, 0.3, 0.4]))
     with model_server(model := Model()) as address:
-        policy = connect(address)
+        policy = VlaEvalPolicy(address)
         policy.reset()
         policy.infer(seen)
         policy.close()

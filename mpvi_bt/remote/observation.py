@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from mpvi_bt.errors import BadMessage, UnknownName, shown
+from mpvi_bt.remote.settings import CAMERAS
 from mpvi_bt.robot.protocol import SIDES, CameraImage, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 
-CAMERAS = ("head", *SIDES)
 _BODY = ("base_pose", "base_velocity", "torso", "arm", "arm_velocity", "gripper_width", "gripper_command")
 
 

@@ -29,21 +29,6 @@ _PAUSE_S = 0.25  # before a lost connection is made anew
 Result = TypeVar("Result")
 
 
-def connect(address: str, settings: Settings | str = DEFAULT, vocabulary: Vocabulary | None = None) -> OpenpiPolicy:
-    """The policy at an address; the connection is made when it is first needed.
-
-    Args:
-        address: "ws://host:port", "wss://host:port" or "host:port"; the port is 8000 where none is given.
-        settings: Or the name or path of their file.
-        vocabulary: As `OpenpiPolicy` takes it.
-
-    Raises:
-        UserError: The address or the settings are not valid.
-    """
-    loaded = load_settings(settings) if isinstance(settings, str) else settings
-    return OpenpiPolicy(address, loaded, vocabulary)
-
-
 def url_of(address: str) -> str:
     """The websocket's URL of an address. Raises UserError."""
     form = "An address is ws://HOST:PORT, wss://HOST:PORT or HOST:PORT."
@@ -64,12 +49,15 @@ def url_of(address: str) -> str:
 
 
 class OpenpiPolicy:
-    """A remote policy.
+    """A remote policy; it is connected to when it is first needed.
 
     Args:
-        address: As `connect` takes it.
-        settings: How the server is spoken to.
+        address: "ws://host:port", "wss://host:port" or "host:port"; the port is 8000 where none is given.
+        settings: How the server is spoken to, or the name or path of their file.
         vocabulary: What labels of pictures are called; told to a server that takes the whole observation.
+
+    Raises:
+        UserError: The address or the settings are not valid.
 
     Attributes:
         name: "openpi:" and the URL.
@@ -80,11 +68,12 @@ class OpenpiPolicy:
 
     kind = "openpi"
 
-    def __init__(self, address: str, settings: Settings, vocabulary: Vocabulary | None = None) -> None:
+    def __init__(self, address: str, settings: Settings | str = DEFAULT, vocabulary: Vocabulary | None = None) -> None:
         self._url = url_of(address)
-        self._settings, self._vocabulary = settings, vocabulary
+        self._settings = load_settings(settings) if isinstance(settings, str) else settings
+        self._vocabulary = vocabulary
         self.name = f"{self.kind}:{self._url}"
-        self.cameras: tuple[str, ...] = settings.cameras
+        self.cameras: tuple[str, ...] = self._settings.cameras
         self.note = ""
         self.connections = 0
         self._connection: Connection | None = None

@@ -18,7 +18,7 @@ from mpvi_bt.remote.codec import array_of, pack
 from mpvi_bt.remote.connection import Connection, one_line
 from mpvi_bt.remote.mapping import actions_of, message_of
 from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.remote.settings import Observation, Settings, load_settings
+from mpvi_bt.remote.settings import Observation, Settings
 from mpvi_bt.robot.protocol import Proprioception
 from mpvi_bt.robot.solids import Array
 
@@ -27,37 +27,24 @@ DEFAULT = "vla_eval"  # settings
 _ARRAY = "__ndarray__"
 
 
-def connect(address: str, settings: Settings | str = DEFAULT) -> VlaEvalPolicy:
-    """The policy at an address; the connection is made when it is first needed.
-
-    Args:
-        address: "ws://host:port", "wss://host:port" or "host:port"; the port is 8000 where none is given.
-        settings: Or the name or path of their file.
-
-    Raises:
-        UserError: The address or the settings are not valid.
-    """
-    return VlaEvalPolicy(address, load_settings(settings) if isinstance(settings, str) else settings)
-
-
 class VlaEvalPolicy(OpenpiPolicy):
     """A remote policy that speaks vla-eval's protocol.
 
     Args:
-        address: As `connect` takes it.
-        settings: How the server is spoken to; they say what an observation is.
+        address: As `OpenpiPolicy` takes it.
+        settings: How the server is spoken to, or the name or path of their file; they say what an observation is.
 
     Raises:
-        UserError: They do not, or the address is none.
+        UserError: They do not, or the address or the settings are not valid.
     """
 
     kind = "vla_eval"
 
-    def __init__(self, address: str, settings: Settings) -> None:
+    def __init__(self, address: str, settings: Settings | str = DEFAULT) -> None:
         super().__init__(address, settings)
-        if settings.observation is None:
+        if self._settings.observation is None:
             raise UserError(f"{self.name}: its settings must say in 'observation' what the model reads.")
-        self._layout: Observation = settings.observation
+        self._layout: Observation = self._settings.observation
         self._number = 0
         self._episode: Connection | None = None  # the one on which an episode has been started
 

@@ -90,15 +90,15 @@ def _reactive(ground: Ground, address: str, settings: str | None) -> Policy:
 
 
 def _openpi(ground: Ground, address: str, settings: str | None) -> Policy:
-    from mpvi_bt.remote.openpi import DEFAULT, connect
+    from mpvi_bt.remote.openpi import DEFAULT, OpenpiPolicy
 
-    return connect(address, settings or DEFAULT, ground.vocabulary)
+    return OpenpiPolicy(address, settings or DEFAULT, ground.vocabulary)
 
 
 def _vla_eval(ground: Ground, address: str, settings: str | None) -> Policy:
-    from mpvi_bt.remote.vla_eval import connect
+    from mpvi_bt.remote.vla_eval import DEFAULT, VlaEvalPolicy
 
-    return connect(address, settings) if settings else connect(address)
+    return VlaEvalPolicy(address, settings or DEFAULT)
 
 
 _MAKERS: Mapping[str, Callable[[Ground, str, str | None], Policy]] = {
