@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import gc
+import re
+import subprocess
+import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,12 +15,12 @@ import pytest
 
 from mpvi_bt.errors import UserError
 from mpvi_bt.remote.connection import KEY
-from mpvi_bt.remote.openpi import connect, url_of
+from mpvi_bt.remote.openpi import OpenpiPolicy, url_of
 from mpvi_bt.remote.settings import CAMERAS, Settings, load_settings
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
 from mpvi_bt.testing import check_policy
 from tests.remote_clients import CHUNK, QUICK, fails, observation, policy_at, quick
-from tests.remote_servers import HOST, PolicyServer
+from tests.remote_servers import HOST, PolicyServer, free_port
 from tests.serving import serving
 
 
@@ -58,7 +62,7 @@ def test_a_behavior_server_is_spoken_to_as_its_evaluator_does(name: str) -> None
     """A reset is a message without a reply; observations have flattened names; one action is under `action`."""
     server = PolicyServer(lambda message: None if "reset" in message else {"action": CHUNK[:1]})
     with server:
-        policy = connect(server.address, load_settings(name).model_copy(update={**QUICK, "answer_s": 20.0}))
+        policy = OpenpiPolicy(server.address, load_settings(name).model_copy(update={**QUICK, "answer_s": 20.0}))
         check_policy(policy)
         policy.reset()
         assert policy.infer(observation()).shape == (1, ACTION_SIZE)
@@ -80,7 +84,7 @@ def test_behaviors_chunks_are_asked_for(able: bool) -> None:
         update={**QUICK, "answer_s": 20.0, "request_chunk": 3, "reset_message": False}
     )
     with PolicyServer(answer) as server:
-        assert len(connect(server.address, settings).infer(observation())) == (3 if able else 1)
+        assert len(OpenpiPolicy(server.address, settings).infer(observation())) == (3 if able else 1)
 
 
 @pytest.mark.parametrize("chunk", [CHUNK[:2], CHUNK[1:4]], ids=["too short", "begins otherwise"])
@@ -89,7 +93,7 @@ def test_behaviors_chunks_are_as_its_evaluator_wants_them(chunk: Any) -> None:
     settings = load_settings("behavior_2026").model_copy(update={**QUICK, "answer_s": 20.0, "request_chunk": 3})
     answer = {"action": CHUNK[0], "action_chunk": chunk}
     with PolicyServer(lambda message: answer) as server, fails("bad_reply", 15.0, "chunk"):
-        connect(server.address, settings).infer(observation())
+        OpenpiPolicy(server.address, settings).infer(observation())
 
 
 def test_our_own_client_and_server_agree() -> None:
@@ -115,7 +119,7 @@ def test_our_own_client_and_server_agree() -> None:
 
     alone = Looker()
     with serving(lambda _: Looker()) as server:
-        remote = connect(f"{HOST}:{server.port}", Settings().model_copy(update=QUICK))
+        remote = OpenpiPolicy(f"{HOST}:{server.port}", Settings().model_copy(update=QUICK))
         for _ in range(2):
             alone.reset()
             remote.reset()
@@ -130,7 +134,7 @@ def test_our_own_client_and_server_agree() -> None:
 def test_our_own_server_gets_the_whole_observation() -> None:
     """Without a layout everything goes, pictures with depth and labels, and whether to begin anew."""
     with PolicyServer(lambda message: {"actions": CHUNK}) as server:
-        policy = connect(server.address, Settings().model_copy(update=QUICK))
+        policy = OpenpiPolicy(server.address, Settings().model_copy(update=QUICK))
         policy.reset()
         seen = observation()
         policy.infer(seen)
@@ -194,6 +198,28 @@ def test_a_policy_that_is_dropped_hangs_up() -> None:
         assert server.open[0].close_code == 1000
 
 
+def test_the_server_of_the_page_is_one(tmp_path: Path) -> None:
+    """What the page tells authors of servers is enough: its server, with its settings, drives a robot."""
+    page = (Path(__file__).parent.parent / "docs" / "policies.md").read_text(encoding="utf-8")
+    section = page.partition("## Writing a server")[2].partition("\n## ")[0]
+    (code,) = re.findall(r"^```python\n(.*?)^```$", section, re.MULTILINE | re.DOTALL)
+    (settings,) = re.findall(r"^```yaml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    (tmp_path / "mine.yaml").write_text(settings)
+    port = free_port()
+    assert "8000" in code
+    command = [sys.executable, "-u", "-c", code.replace("8000", str(port))]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            policy = OpenpiPolicy(f"{HOST}:{port}", str(tmp_path / "mine.yaml"))
+            policy.reset()
+            assert policy.infer(observation(prompt="pick up the cup")).shape == (8, ACTION_SIZE)
+            assert process.stdout is not None
+            assert process.stdout.readline() == "pick up the cup (18,) (224, 224, 3)\n"
+            policy.close()
+        finally:
+            process.kill()
+
+
 @pytest.mark.parametrize(
     ("address", "url"),
     [
@@ -230,12 +256,12 @@ def test_addresses(address: str, url: str) -> None:
 def test_what_is_no_address_is_told(address: str) -> None:
     """Before any episode, with the form of one."""
     with pytest.raises(UserError, match=r"ws://HOST:PORT"):
-        connect(address, quick())
+        OpenpiPolicy(address, quick())
 
 
 def test_a_key_in_an_address_is_not_repeated() -> None:
     """Keys come from the environment; one that was typed into an address is not shown again."""
     with pytest.raises(UserError) as caught:
-        connect("ws://user:secret@gpu:8000", quick())
+        OpenpiPolicy("ws://user:secret@gpu:8000", quick())
     assert "secret" not in str(caught.value)
     assert KEY in str(caught.value)
