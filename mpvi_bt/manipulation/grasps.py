@@ -19,12 +19,14 @@ MAX_WIDTH_M = 0.086  # what 10 cm of opening takes with a margin
 _PALM_M = 0.038  # how far behind the tcp a thing may reach before it meets the palm
 _SPARE_M = 0.035  # opening beyond the width of what is to be taken, both sides together
 _BEFORE_M = 0.05  # the most that the fingers close before the middle of a thing that is deep for the palm
+_PAD_M = 0.006  # from the tcp to the middle of the pads' lower half
 _RIM_OPENING_M = 0.056
 _RIM_DEPTH_M = 0.018  # of the tcp below a rim
 _RIM_WALL_M = 0.03  # thicker walls are no rims
 _RIM_COST = 0.15
 _TILTS = (0.0, 0.3, 0.6, 0.9, 1.2, 1.4, np.pi / 2)
 _COVERS = 0.8  # cost of a hand right over the opening of a vessel
+_PALM_REACH_M = 0.07  # how far over an opening a palm reaches from the rim that is pinched
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -118,7 +120,15 @@ def _pinches(T: Array, solids: Sequence[Solid], bearing: float) -> list[Grasp]:
             if tilt > 0.2 and aside > 1.5:
                 continue
             out += _pinch(middle, (bottom, top), heading, tilt, aside, radius, width)
-    return out
+    inside = Surroundings(solids)
+    return [grasp for grasp in out if _between(grasp.T_world_tcp, inside)]
+
+
+def _between(T_world_tcp: Array, inside: Surroundings) -> bool:
+    """Whether something of a thing is between the fingers' pads: over a part of it that juts out there may be none."""
+    y = np.arange(-MAX_WIDTH_M / 2, MAX_WIDTH_M / 2 + 1e-9, 0.004)
+    pads = T_world_tcp[:3, 3] + _PAD_M * T_world_tcp[:3, 2] + y[:, None] * T_world_tcp[:3, 1]
+    return bool((inside.distance(pads) <= 0).any())
 
 
 def _pinch(middle: Array, heights: tuple[float, float], heading: float, tilt: float, aside: float, radius: float,
@@ -152,6 +162,7 @@ def _rims(volume: Solid, solids: Sequence[Solid], bearing: float) -> Iterator[Gr
     inner_floor = float(rim[2] - 2 * half[2])
     support = float(min(s.aabb()[0, 2] for s in solids))
     wall = Surroundings(solids)
+    covered = max(0.0, min(1.0, _PALM_REACH_M / float(half[:2].min()) - 1.0))  # none of a bowl, nearly all of a cup
     for edge, outward in _edges(volume):
         reach = np.arange(-0.004, _RIM_WALL_M + 0.002, 0.001)
         inside = wall.distance(rim + edge - 0.008 * up + reach[:, None] * outward) <= 0
@@ -171,7 +182,8 @@ def _rims(volume: Solid, solids: Sequence[Solid], bearing: float) -> Iterator[Gr
             approach = -np.cos(tilt) * _UP + np.sin(tilt) * np.cross(_UP, outward)
             for sign in (1.0, -1.0):
                 T = transform(hand_rotation(approach, sign * outward), np.array([at[0], at[1], z]))
-                yield Grasp(T, abs(tilt), _RIM_COST + 0.15 * far + 0.4 * abs(tilt), _RIM_OPENING_M)
+                cost = _RIM_COST + 0.15 * far + 0.4 * abs(tilt) + _COVERS * covered
+                yield Grasp(T, abs(tilt), cost, _RIM_OPENING_M)
 
 
 def _edges(volume: Solid) -> Iterator[tuple[Array, Array]]:

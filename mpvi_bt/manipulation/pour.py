@@ -20,14 +20,15 @@ from mpvi_bt.robot.solids import Array, Solid
 
 _OVER_M = 0.04  # the lip over the rim of what it is poured into
 _ABOVE_M = 0.06  # from where the vessel comes down
+_PALM_M = 0.05  # behind the tcp
 _STEPS = 6  # straight lines from upright to tipped
 # How far to tip [rad] and from how much higher [m], as the arms allow: the first is the surest to empty a vessel.
-_WAYS = ((2.45, 0.0), (2.45, 0.1), (2.0, 0.0), (2.0, 0.1))
+_WAYS = ((2.75, 0.05), (2.45, 0.0), (2.45, 0.1), (2.0, 0.0), (2.0, 0.1))
 _LEVEL_TRIES = 4  # at ways to turn the vessel that it can be brought to level
 _ALIKE = 0.8  # cosine between two that are as good as one
 _LEVEL = 0.75  # cosine of how far it may lean on the way
 _TIP_RAD_S, _RIGHT_RAD_S = 0.8, 1.5
-_SHAKES = 2
+_SHAKES = 3
 _SHAKEN = 10  # postures, a tenth of a radian apart: what has slid down to the palm slides out past it
 _TURNS = tuple(np.arange(12) * np.pi / 6)  # of the vessel about the vertical
 # Off the middle of the way there, y toward the own side [m].
@@ -205,7 +206,9 @@ def _options(
     to_tcp = kin.inverse(held.T_tcp_thing)
     for turn in _TURNS:
         R = kin.rot_z(turn) @ T_thing[:3, :3]
-        hand = (R @ (to_tcp[:3, 3] - solid.T[:3, 3]))[:2]  # of where the hand is, off the vessel's middle
+        palm = to_tcp[:3, 3] - _PALM_M * to_tcp[:3, 2]
+        hand = (R @ (palm - solid.T[:3, 3]))[:2]  # of where the palm is, off the vessel's middle
+        from_above = max(0.0, -float((R @ to_tcp[:3, 2])[2]))  # 0 for a hand that has it from outside
         for at in _LIPS:
             out = np.array([np.cos(at), np.sin(at), 0.0])
             edge = lip(solid, R, out)
@@ -220,7 +223,7 @@ def _options(
                 poses.append(kin.transform(Q, goal - Q @ edge) @ to_tcp)
             # The palm covers the rim along the way that the hand closes, and fingers dam what flows to their side.
             aside = float(hand @ out[:2]) / max(float(np.linalg.norm(hand)), 0.02)
-            dammed = abs(float((R @ to_tcp[:3, 1]) @ out))
+            dammed = from_above * abs(float((R @ to_tcp[:3, 1]) @ out))
             again = float(work.rng.random()) if tries else 0.0  # what stuck one way may come out another
             cost = 0.05 * abs(float(kin.wrap(turn))) + 0.5 * aside + dammed + again
             yield Option(np.stack(poses), len(poses), cost)
