@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ from tests.test_open import play
 
 TABLE = "{entry: table, at: [0.9, 0.0], yaw_deg: 180}"
 COUNTER = "{entry: counter, at: [1.05, 0.0], yaw_deg: 180}"
-FIXTURES = {
+FIXTURES: dict[str, Any] = {
     "floor lamp": {"thing": "{entry: floor_lamp, at: [0.9, 0.0], yaw_deg: 180}"},
     "microwave": {"c": COUNTER, "thing": "{entry: microwave, at: [1.0, 0.0], yaw_deg: 180, z_m: 0.901}"},
     "stove": {"c": COUNTER, "thing": "{entry: stove, at: [1.05, 0.0], yaw_deg: 180, z_m: 0.901}"},
