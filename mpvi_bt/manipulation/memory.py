@@ -37,6 +37,7 @@ _SEEN_PX = 6  # a mask of fewer pixels is not looked at
 _THROUGH_M = 0.06  # where the depth is that much farther than a thing, it is gone
 _PRESSED_M = 0.06  # what two hands press is this near to both of them
 _GRASPED_M = 0.06  # what a closing hand takes hold of is this near its tcp, by what was seen of it
+_DEEPER_M = 0.1  # than it seems a vessel in hand may be
 _RECENTERED_M = 0.04  # fingers that close shift what they take by less than this
 
 
@@ -117,6 +118,11 @@ class Memory:
             for frame, mask in thing.views:
                 self._regard(thing, frame, mask)
             thing.views = []
+        for thing in self._things.values():  # what is seen in a vessel is in it
+            if thing.inside is None and thing.name not in self._held() and thing.shape.kind != "furniture":
+                vessels = [n for n, t in self._things.items() if t is not thing and t.shape.kind == "vessel"]
+                if (vessel := next((n for n in vessels if self._lies_in(thing.shape, n)), None)) is not None:
+                    self._put(thing, vessel)
 
     def _tcp(self, side: Side) -> Array:
         assert self._felt is not None
@@ -153,7 +159,8 @@ class Memory:
         """The hands have begun to press the nearest thing between them, or have ceased to."""
         if self._both is not None:
             thing = self._things[self._both[0]]
-            thing.shape, self._both = self._shape(thing.name), None
+            self._lay(thing.name)
+            self._both = None
             thing.views = []
             return
         hands = np.stack([self._tcp(side)[:3, 3] for side in SIDES])
@@ -167,7 +174,7 @@ class Memory:
         """The hand has let go: what it held is where it was held, or has fallen into what is below it."""
         name, _ = self._grip[side]
         thing = self._things[name]
-        thing.shape = self._shape(name)
+        self._lay(name)
         del self._grip[side]
         self._shown.pop(side, None)
         thing.views = []
@@ -176,10 +183,22 @@ class Memory:
             for volume in self._shape(other.name).volumes if other is not thing else ():
                 low, high = volume.aabb()
                 if not dropped and ((middle[:2] > low[:2]) & (middle[:2] < high[:2])).all() and middle[2] > low[2]:
-                    thing.inside = other.name
                     fall = thing.shape.box()[0, 2] - low[2]
                     thing.shape = thing.shape.moved(kin.transform(np.eye(3), (0.0, 0.0, -float(fall))))
+                    self._put(thing, other.name)
                     return
+
+    def _put(self, thing: Thing, container: str) -> None:
+        """Take a thing, whose shape is known where it is now, to be in a container, and to be carried along with it."""
+        thing.inside = container
+        if (carried := self._carried(container)) is not None:
+            thing.shape = thing.shape.moved(kin.inverse(carried))
+
+    def _lay(self, name: str) -> None:
+        """Know a thing, and what is in it, where it is now: it is carried no more, or from now on otherwise."""
+        laid = {n: self._shape(n) for n, t in self._things.items() if name in (n, t.inside)}
+        for n, shape in laid.items():
+            self._things[n].shape = shape
 
     def _known(self, name: str) -> Thing:
         """A thing. Raises MotionFailure "lost_sight" if it is not where it was seen any more."""
@@ -192,12 +211,17 @@ class Memory:
         thing, carrier = self._known(name), name
         if thing.inside is not None and thing.inside in self._held():
             carrier = thing.inside
-        if self._both is not None and self._both[0] == carrier:
-            return thing.shape.moved(self._tcp("left") @ self._both[1])
+        carried = self._carried(carrier)
+        return thing.shape if carried is None else thing.shape.moved(carried)
+
+    def _carried(self, name: str) -> Array | None:
+        """The motion (4, 4) of a thing since the robot took it; None if it does not hold it."""
+        if self._both is not None and self._both[0] == name:
+            return self._tcp("left") @ self._both[1]
         for side, (held, T_tcp_world) in self._grip.items():
-            if held == carrier:
-                return thing.shape.moved(self._tcp(side) @ T_tcp_world)
-        return thing.shape
+            if held == name:
+                return self._tcp(side) @ T_tcp_world
+        return None
 
     def _held(self) -> set[str]:
         both = () if self._both is None else (self._both[0],)
@@ -242,6 +266,12 @@ class Memory:
         if thing.name in self._held():
             self._regard(thing, frame, mask)
             return
+        if thing.inside in self._held():  # it has come along: older views show where it was
+            thing.views = [(frame, mask)]
+            shape = fitted(thing.views, thing.shape.support_m)
+            if shape is not None and not self._lies_in(shape, str(thing.inside)):
+                thing.shape, thing.inside = shape, None
+            return
         thing.views = [(f, m) for f, m in thing.views if frame.way_m - f.way_m < _RECENT_M][-5:]
         thing.views.append((frame, mask))
         shape = fitted([v for v in thing.views if v[0].stand == frame.stand], thing.shape.support_m)
@@ -250,9 +280,9 @@ class Memory:
         if thing.shape.kind == "furniture" and (shape is None or _shrunk(shape, thing.shape)):
             return  # from near only a part of it is in view
         if shape is not None:
-            thing.shape = shape
-            if thing.inside is not None and not self._lies_in(thing, thing.inside):
-                thing.inside = None
+            thing.shape, container, thing.inside = shape, thing.inside, None
+            if container is not None and self._lies_in(shape, container):
+                self._put(thing, container)
 
     def _regard(self, thing: Thing, frame: Frame, mask: NDArray[np.bool_]) -> None:
         """See what a hand holds: it is as good as a part of the robot; what was first seen there is seen better now."""
@@ -261,6 +291,7 @@ class Memory:
                 T = self._tcp(side)
                 self._shown[side].add(frame, mask, T)
                 if (shape := self._shown[side].shape(T)) is not None:
+                    self._lay(name)
                     thing.shape, self._grip[side] = shape, (name, kin.inverse(T))
         frame.robot[:] |= ndimage.binary_dilation(mask, iterations=2)
         self._field = None
@@ -274,11 +305,16 @@ class Memory:
         if depths is not None and depths[1] > depths[0] + _THROUGH_M:
             del self._things[name]
 
-    def _lies_in(self, thing: Thing, container: str) -> bool:
-        middle = thing.shape.box().mean(0)
+    def _lies_in(self, shape: Shape, container: str) -> bool:
+        """Whether what has a shape, where it is now, is in a container; how deep one in hand is may be out of view."""
+        middle, deeper = shape.box().mean(0), _DEEPER_M if container in self._held() else 0.0
         for volume in self._shape(container).volumes:
             low, high = volume.aabb()
-            if (middle > low - 0.02).all() and (middle[:2] < high[:2] + 0.02).all() and middle[2] < high[2] + 0.06:
+            if (
+                (middle > low - [0.02, 0.02, 0.02 + deeper]).all()
+                and (middle[:2] < high[:2] + 0.02).all()
+                and middle[2] < high[2] + 0.06
+            ):
                 return True
         return False
 

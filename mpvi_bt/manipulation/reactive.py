@@ -117,11 +117,15 @@ class ReactivePolicy(ScriptedPolicy):
         return found[-1].center[:2] if found else None
 
     def _grounded(self, call: SkillCall) -> SkillCall | None:
-        """The first reading of a call all of whose things are known; of several, one that is not put away yet."""
+        """The first reading of a call all of whose things are known; of several, one that is not put away yet.
+
+        What is in a vessel that the robot carries is put away.
+        """
         known, several = self._seen.knowledge(), count(call) > 1
         for reading in readings(call):
             found = {p: known.find(p) for p in self._needed(reading)}
-            away = several and all(e.inside for e in found.get(reading.arguments["object"], []))
+            things = found.get(reading.arguments.get("object", ""), [])
+            away = bool(things) and all(e.inside and (several or e.held) for e in things)
             if all(found.values()) and not away:
                 return reading
         return None
