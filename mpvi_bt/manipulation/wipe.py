@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -16,8 +17,10 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, box
 
-_WIPED_M, _SPRAYED_M = 0.34, 0.30  # largest side of what is wiped from one stance, or sprayed from one place
+_WIPED_M, _SPRAYED_M = 0.46, 0.30  # largest side of what is wiped from one stance, or sprayed from one place
 _LEAST_M = 0.2  # what is not in reach is parted down to this
+_PAST_M = 0.03  # the edge of what is wiped, where there is room: by sight an edge is not known better
+_MISSED = 0.05  # share of a top that may be out of reach
 _OVER_M = 0.08  # above the surface on the way there
 _WIPE_M = 0.002  # of the tool's underside over the surface: the arm's give does the pressing
 _SPRAY_M = 0.15
@@ -37,6 +40,11 @@ class _Patch:
     half: Array
     yaw: float
 
+    @property
+    def area(self) -> float:
+        """In square meters."""
+        return float(4 * np.prod(self.half))
+
     def halves(self) -> list[_Patch]:
         """The two parts that it has along its longer side."""
         along = (self.half == self.half.max()) & [True, self.half[0] != self.half[1]]
@@ -49,7 +57,8 @@ def wipe(work: Work, words: Words, tried: list[Array]) -> Actions:
     """Move a held tool, `words["tool"]` if that is said, over the top of `words["target"]` in touch with it.
 
     Raises:
-        MotionFailure: "not_held", "unknown_object", "no_surface", "no_stance", "dropped", or a motion's own reason.
+        MotionFailure: "not_held", "unknown_object", "no_surface", "no_stance", "dropped", "uncovered" (more than a
+            twentieth was out of reach), or a motion's own reason.
     """
     yield from _work_over(work, words, tried, _WIPE_M, strokes=True)
 
@@ -70,31 +79,38 @@ def _work_over(work: Work, words: Words, tried: list[Array], height: float, stro
     left = _patches(work, target, strokes)
     if not left:
         raise MotionFailure("no_surface")
-    near, done, again = False, 0, 0
+    whole, missed = sum(p.area for p in left), 0.0
+    near, again = False, 0
     while left:
         patch = left.pop(0)
         try:
-            yield from _over(work, side, target, patch, height, strokes, near)
-            near, done = True, done + 1
+            left[:0] = yield from _over(work, side, target, patch, height, strokes, near)
+            near = True
         except MotionFailure as failure:
             if failure.reason == "dropped" or (failure.reason != "no_stance" and again >= _AGAIN):
                 raise
             near = False
-            if failure.reason != "no_stance":
+            if failure.reason == "no_stance":
+                missed += patch.area  # out of reach from everywhere, such as the far side of a table at a wall
+            else:
                 again += 1
                 left.append(patch)
-            elif 2 * patch.half.max() > _LEAST_M:
-                left[:0] = patch.halves()
-            # else: out of reach from everywhere, such as the far side of a table at a wall
-    if not done:
+    if missed > whole * (1 - _MISSED):
         raise MotionFailure("no_stance")
     yield from work.settle(without={target})
+    if missed > whole * _MISSED:
+        raise MotionFailure("uncovered")
 
 
 def _over(
     work: Work, side: Side, target: str, patch: _Patch, height: float, strokes: bool, near: bool
-) -> Actions:  # fmt: skip
-    """Go over one patch of a surface, if `near` without another look at it."""
+) -> Generator[Array, None, list[_Patch]]:  # fmt: skip
+    """Go over a patch of a surface or, where no stance serves all of it, a part; if `near` without another look.
+
+    Returns:
+        The parts of the patch that are left.
+    """
+    left: list[_Patch] = []
 
     def find(search: Search, here_first: bool) -> Stance | None:
         seen = min(
@@ -102,8 +118,15 @@ def _over(
         )
         if np.abs(seen.half - patch.half).max() > _ALIKE_M or np.linalg.norm(seen.middle - patch.middle) > _ALIKE_M:
             seen = patch  # from near the robot sees less of it, or takes it for something else
-        options = list(_options(work, work.held()[side], seen, height, strokes))
-        return _grounded(work, search, target).find(seen.middle[:2], options, here_first)
+        grounded, parts = _grounded(work, search, target), [seen]
+        while parts:
+            for k, part in enumerate(parts):
+                options = list(_options(work, work.held()[side], part, height, strokes))
+                if (stance := grounded.find(part.middle[:2], options, here_first)) is not None:
+                    left[:] = parts[:k] + parts[k + 1 :]
+                    return stance
+            parts = [half for part in parts if 2 * part.half.max() > _LEAST_M for half in part.halves()]
+        return None
 
     search = work.search(side, {target})
     stance = find(search, True) if near else None
@@ -116,12 +139,14 @@ def _over(
         if line is None:
             raise MotionFailure("no_reach")
         path, up = path + line[1:], len(line) - 1
-    yield from motion.follow(side, path[:-up], _SPEED_RAD_S)  # at one go: stopping at each turn takes twice as long
+    # At one go: stopping at each turn takes twice as long.
+    yield from motion.follow(side, path[:-up], _SPEED_RAD_S, gently=False)
     if not strokes:
         yield from motion.wait(_SPRAY_S)
     yield from motion.follow(side, path[-up - 1 :], _SPEED_RAD_S)  # the last line leads off the surface
     if not work.gripped(side):
         raise MotionFailure("dropped")
+    return left
 
 
 def _grounded(work: Work, search: Search, target: str) -> Search:
@@ -181,7 +206,8 @@ def _options(work: Work, held: Held, patch: _Patch, height: float, strokes: bool
     to_tcp = kin.inverse(held.T_tcp_thing)
     along = R_now[:, (up + 1) % 3]
     aligned = patch.yaw - float(np.arctan2(along[1], along[0]))
-    for turn in _TURNS:  # as the patch lies, so that its outline is a rectangle there
+    for turn, past in product(_TURNS, (_PAST_M, 0.0) if strokes else (0.0,)):
+        # As the patch lies, so that its outline is a rectangle there.
         R = kin.rot_z(aligned + turn) @ R_now
         lying = kin.transform(kin.rot_z(-patch.yaw) @ R, (0.0, 0.0, 0.0)) @ to_tcp
         boxes = np.stack([s.moved(lying).aabb() for s in held.solids])
@@ -191,12 +217,12 @@ def _options(work: Work, held: Held, patch: _Patch, height: float, strokes: bool
         reach = (underside[:, 1].max(0) - underside[:, 0].min(0))[:2] / 2
         off = kin.rot_z(patch.yaw)[:2, :2] @ middle
         poses = []
-        for k, at in enumerate(strokes_over(patch.half, reach) if strokes else [np.zeros(2)]):
+        for k, at in enumerate(strokes_over(patch.half + past, reach) if strokes else [np.zeros(2)]):
             x, y = patch.middle[:2] + kin.rot_z(patch.yaw)[:2, :2] @ at - off
             T = kin.transform(R, (x, y, patch.middle[2] + height - low[2])) @ to_tcp
             poses += [T] if k else [_raised(T), T]
         poses.append(_raised(poses[-1]))
-        yield Option(np.stack(poses), 1, 0.1 * abs(float(kin.wrap(aligned + turn))))
+        yield Option(np.stack(poses), 1, 0.1 * abs(float(kin.wrap(aligned + turn))) + 10 * (_PAST_M - past))
 
 
 def _raised(T: Array) -> Array:

@@ -90,16 +90,18 @@ class Motion:
             self.action[i] = start + (value - start) * k / n
             yield self.still()
 
-    def follow(self, side: Side, path: Sequence[Array], speed: float = np.inf) -> Actions:
+    def follow(self, side: Side, path: Sequence[Array], speed: float = np.inf, gently: bool = True) -> Actions:
         """Move one arm through postures (7,), as fast as `speed` [rad/s] and the joints' limits allow.
 
-        The corners of the path are rounded by up to 0.02 rad.
+        The corners of the path are rounded by up to 0.02 rad. What the hand holds is accelerated `gently`, or like an
+        empty hand: a tool, in which nothing can be spilled.
 
         Raises:
             MotionFailure: "arm_blocked" if something holds the arm off its way.
         """
         watch = _Watch(self, [side])
-        for q in timed(path, np.minimum(r1.ARM_SPEED, speed), self._acceleration(side)):
+        acceleration = self._acceleration(side) if gently else r1.ARM_ACCELERATION
+        for q in timed(path, np.minimum(r1.ARM_SPEED, speed), acceleration):
             self.action[ActionLayout.ARM[side]] = q
             yield self.still()
             yield from watch.look()
