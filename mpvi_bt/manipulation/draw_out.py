@@ -57,9 +57,9 @@ def draw_out(work: Work, name: str, side: Side) -> Actions:
         MotionFailure: "no_stance" if nothing stands behind it or no end of it is in reach, or a motion's own reason.
     """
     motion = work.motion
-    yield from motion.grip(side, -1.0, 0.3)
     tried: list[Array] = []
     stance, search = yield from work.approach(side, name, lambda: options(work, name), tried)
+    yield from motion.grip(side, -1.0, 0.3)
     try:
         yield from work.take_up(stance, search)
         if work.sight is not None:

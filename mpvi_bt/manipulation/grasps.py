@@ -19,6 +19,7 @@ MAX_WIDTH_M = 0.086  # what 10 cm of opening takes with a margin
 _PALM_M = 0.038  # how far behind the tcp a thing may reach before it meets the palm
 _SPARE_M = 0.035  # opening beyond the width of what is to be taken, both sides together
 _BEFORE_M = 0.05  # the most that the fingers close before the middle of a thing that is deep for the palm
+_LEVELS = 4  # heights of parts that a pinch may be at
 _PAD_M = 0.006  # from the tcp to the middle of the pads' lower half
 _RIM_OPENING_M = 0.056
 _RIM_DEPTH_M = 0.018  # of the tcp below a rim
@@ -113,15 +114,20 @@ def _pinches(T: Array, solids: Sequence[Solid], bearing: float) -> list[Grasp]:
                 closing = T[:3, i]
                 heading = float(np.arctan2(-closing[0], closing[1]))
                 headings += [(heading + flip, float(size[j]) / 2, float(size[i])) for flip in (0.0, np.pi)]
+    inside = Surroundings(solids)
+    tops = sorted({top, *(round(float(solid.aabb()[1, 2]), 2) for solid in solids)}, reverse=True)[:_LEVELS]
     out: list[Grasp] = []
     for heading, radius, width in headings:
         aside = abs(float(wrap(heading - bearing)))
         for tilt in _TILTS:
             if tilt > 0.2 and aside > 1.5:
                 continue
-            out += _pinch(middle, (bottom, top), heading, tilt, aside, radius, width)
-    inside = Surroundings(solids)
-    return [grasp for grasp in out if _between(grasp.T_world_tcp, inside)]
+            for level in tops:
+                found = _pinch(middle, (bottom, top, level), heading, tilt, aside, radius, width)
+                if full := [grasp for grasp in found if _between(grasp.T_world_tcp, inside)]:
+                    out += full
+                    break
+    return out
 
 
 def _between(T_world_tcp: Array, inside: Surroundings) -> bool:
@@ -131,13 +137,16 @@ def _between(T_world_tcp: Array, inside: Surroundings) -> bool:
     return bool((inside.distance(pads) <= 0).any())
 
 
-def _pinch(middle: Array, heights: tuple[float, float], heading: float, tilt: float, aside: float, radius: float,
+def _pinch(middle: Array, heights: tuple[float, float, float], heading: float, tilt: float, aside: float, radius: float,
            width: float) -> Iterator[Grasp]:  # fmt: skip
-    """One pinch, as deep as palm and support allow; none if the thing is too flat or too deep for it."""
-    bottom, top = heights
+    """One pinch, as deep as palm and support allow; none if the thing is too flat or too deep for it.
+
+    `heights` are those of the thing's underside, its top, and the top of what is to be between the fingers.
+    """
+    bottom, top, level = heights
     s, c = float(np.sin(tilt)), float(np.cos(tilt))
     z = top - max(0.012, (_PALM_M - radius * s) / max(c, 0.3))
-    z = max(min(max(z, bottom + 0.45 * (top - bottom)), top - 0.012), bottom + lowest(tilt))
+    z = max(min(max(z, bottom + 0.45 * (top - bottom)), level - 0.012), bottom + lowest(tilt))
     if z > top + 0.004:
         return
     before = max(0.0, radius * s + (top - z) * c - _PALM_M + 0.004)

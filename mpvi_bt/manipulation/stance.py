@@ -26,6 +26,7 @@ _LIFTS = (0.0, 0.1, 0.2, 0.3, 0.42, 0.55)
 _PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1)
 _MARGIN_M = 0.012
 _BASE_CLEAR_M = 0.30
+_KNOWN_M = 1.4  # from here; farther off there may be walls that are not among the obstacles
 _TOUCH_M = 0.008  # the spheres reach that far beyond what they stand for: what may be near a hand that touches
 _RANKED_POSTURES = 1200  # of one base pose, checked where the hand works
 _CHECKED_POSTURES = 16  # of those, on the whole way
@@ -269,7 +270,8 @@ class Search:
         p = np.empty((len(bases), len(_HEIGHTS), 3))
         p[..., :2] = bases[:, None, :2] + ahead[:, None] * _HEIGHTS[:, :1]
         p[..., 2] = _HEIGHTS[:, 2]
-        return np.asarray((self._standing.distance(p) >= _REACHES).all(1))
+        known = np.linalg.norm(bases[:, :2] - self.motion.felt.base_pose[:2], axis=1) <= _KNOWN_M
+        return np.asarray((self._standing.distance(p) >= _REACHES).all(1) & known)
 
     def _from(
         self, here: Array, base: Array, options: Sequence[Option], able: Sequence[int]
