@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -25,10 +25,18 @@ _SHORT_M = 0.10
 _TURNS = (0.5, 0.75, 0.3, 0.9)
 _BESIDE_M = 0.09  # from the bar's end, or from its axis, to the middle of the fist
 _INSET_M = (0.07, 0.12, 0.2)  # from the free edge
+_INSET_UNSEEN_M = (0.14, 0.2)  # likewise, where its bar is hidden: farther in than bars are
 _NEARLY = 0.85  # of the way
 _SHUT_M = 0.010
 _BEYOND_RAD = 0.03  # the fist goes on that far: arms give way
-_UNSURE, _UNSURE_RAD = 0.6, 0.2  # likewise, if the door's place is only seen
+_UNSURE_RAD, _UNSURE_M = 0.2, 0.06  # likewise, if the door's place is only seen
+_STOPPED_M, _STOPPED, _SLOWLY = 0.02, 3, 1.6  # held off so far, at so many steps in a row, a slow fist is stopped
+_MOVING = 0.15  # of the way; before it a door that begins to move resists, too
+_HOME = 0.1  # of the way, at which the fist has brought the door home
+_WIDE = 0.3  # of its limit: a door that is open so far is seen to be open
+_SAME_M = 0.1
+_ASIDE = (0.4, -0.4, 0.6, -0.6, 0.0)  # where to push a drawer, in half widths from its middle: beside its bar
+_MOST_COURSES = 48
 
 
 def close(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -50,11 +58,23 @@ def close(work: Work, words: Words, tried: list[Array]) -> Actions:
         ajar = [d for d in doors_meant(work, thing, places) if not is_closed(d)]
         if not ajar:
             return
-        yield from _shut(work, thing, ajar[0], tried, words.get("hand"))
+        felt = yield from _shut(work, thing, ajar[0], tried, words.get("hand"))
         yield from look_over(work, thing)
-        left = [d for d in doors_meant(work, thing, places) if not is_closed(d)]
-        if len(left) >= len(ajar):
+        left = [d for d in work.scene.doors(thing) if not is_closed(d)]
+        # A gap as wide as a finger does not show; a hand that has felt a door stop where it has to be knows better.
+        if felt and not any(_wide_open(d) for d in left):
+            return
+        if len(left) >= len(ajar) and any(np.linalg.norm(_edge(d) - _edge(ajar[0])) < _SAME_M for d in left):
             raise MotionFailure("not_closed")
+
+
+def _wide_open(door: Door) -> bool:
+    return door.position > _WIDE * door.limit
+
+
+def _edge(door: Door) -> Array:
+    """(3,) the middle of what moves."""
+    return panel(door).T[:3, 3]
 
 
 def is_closed(door: Door) -> bool:
@@ -62,71 +82,102 @@ def is_closed(door: Door) -> bool:
     return door.position < _CLOSED * door.limit
 
 
-def _shut(work: Work, thing: str, door: Door, tried: list[Array], hand: str | None) -> Actions:
-    if upright(door):
-        # How far it stands open is only seen: the fist goes on until it feels the door shut.
-        courses = pushes(door, _BEYOND_RAD if work.sight is None else _UNSURE_RAD)
+def _shut(work: Work, thing: str, door: Door, tried: list[Array], hand: str | None) -> Generator[Array, None, bool]:
+    """Push a door home, or bring it home by its bar; returns whether it was felt to stop where it has to be."""
+    flap = door.kind == "hinge" and not upright(door)
+    if work.sight is not None or upright(door):
+        courses, further = pushes(door), pushes(door, _beyond(work, door))
         for side in sides(work, door, thing, hand):
-            search = course_search(work, thing, door, side, tried)
+            search = course_search(work, thing, door, side, tried, bendable=flap)
             start = search.start(courses)
             if start is None:
                 continue
             tried.append(start.base)
-            yield from _push_home(work, courses[start.course], start, side, search.other)
-            return
+            return (yield from _push_home(work, door, further[start.course], start, side, search.other))
     if door.bar is None:
         raise MotionFailure("no_stance")
     yield from swing(work, thing, door, [0.0], tried, hand)
+    return False
 
 
-def _push_home(work: Work, course: Course, start: Start, side: Side, idle: Side | None) -> Actions:
-    motion = work.motion
+def _beyond(work: Work, door: Door) -> float:
+    """How far the fist goes beyond the closed door [rad or m] if nothing stops it."""
+    if work.sight is None:
+        return _BEYOND_RAD
+    return _UNSURE_M if door.kind == "slide" else _UNSURE_RAD
+
+
+def _push_home(
+    work: Work, door: Door, course: Course, start: Start, side: Side, idle: Side | None
+) -> Generator[Array, None, bool]:
+    motion, way = work.motion, door.position + _beyond(work, door)
+    held_up, left = 0, door.position
 
     def shut(x: float) -> bool:  # a shut door resists; to go on pushing would only shove the robot back
-        nearly = _NEARLY if work.sight is None else _UNSURE
-        return x > nearly and resistance(motion, side) > _SHUT_M
+        nonlocal held_up, left
+        if work.sight is None:
+            return x > _NEARLY and resistance(motion, side) > _SHUT_M
+        held_up = held_up + 1 if resistance(motion, side) > _STOPPED_M and x > _MOVING else 0
+        left = door.position - way * x
+        return held_up >= _STOPPED
 
     def push() -> Actions:
-        yield from touch(work, course, side)
-        yield from go_along(motion, course, side, start.torso_after, shut)
+        yield from touch(work, course, side, until_contact=work.sight is not None)
+        yield from go_along(motion, course, side, start.torso_after, shut, 1.0 if work.sight is None else _SLOWLY)
 
     yield from motion.grip(side, -1.0, 0.3)
     yield from take_up(work, start, side, idle)
     yield from then_leave(work, side, push())
+    return held_up >= _STOPPED and left < _HOME * way
 
 
-def pushes(door: Door, beyond_rad: float = 0.03) -> list[Course]:
-    """Ways to push an upright door shut with the fist, on its outer face near the free edge, clear of its bar.
+def pushes(door: Door, beyond: float = 0.03) -> list[Course]:
+    """Ways to push a door, a flap or a drawer shut with the fist, on its outer face, clear of its bar.
+
+    What turns is pushed near its free edge, what slides anywhere.
 
     Args:
         door: As it stands.
-        beyond_rad: How far beyond the closed door the fist goes if nothing stops it: arms give way.
+        beyond: How far beyond the closed door the fist goes [rad or m] if nothing stops it: arms give way.
     """
     face, shut = panel(door), moved(door, -door.position)
     axes, half = face.T[:3, :3], face.half_m
-    up = int(np.abs(door.axis @ axes).argmax())
-    through = int(np.argmin(np.where(np.arange(3) == up, np.inf, half)))
+    if door.kind == "slide":
+        through = int(np.abs(door.axis @ axes).argmax())
+        up = int(np.where(np.arange(3) == through, -1.0, np.abs(axes[2])).argmax())
+    else:
+        up = int(np.abs(door.axis @ axes).argmax())
+        through = int(np.argmin(np.where(np.arange(3) == up, np.inf, half)))
     wide = 3 - up - through
     center = face.T[:3, 3]
-    away = axes[:, wide] * np.sign(float((center - door.origin) @ axes[:, wide]))  # from the hinge to the free edge
-    # Opening moves the free edge toward the outer side.
-    outer = np.cross(door.axis, away)
+    if door.kind == "slide":
+        away, outer = axes[:, wide], door.axis
+    else:
+        away = axes[:, wide] * np.sign(float((center - door.origin) @ axes[:, wide]))  # from the hinge to the free edge
+        outer = np.cross(door.axis, away)  # opening moves the free edge toward the outer side
     outward = axes[:, through] * np.sign(float(axes[:, through] @ outer))
-    rise = axes[:, up] * np.sign(axes[2, up])
+    rise = axes[:, up] * (1.0 if axes[2, up] >= 0 else -1.0)
     out = []
-    for inset in _INSET_M:
-        for height, bias in _heights(door, center, rise, float(half[up])):
-            point = center + away * (half[wide] - inset) + rise * height + outward * half[through]
-            if inset >= half[wide] * 1.5:
-                continue
-            if door.bar is not None and _near_bar(door, point):
-                continue
-            for turn in _TURNS:
-                for flip in (1.0, -1.0):
-                    straight = kin.hand_rotation(-(shut[:3, :3] @ outward), flip * np.cross(rise, outward))
-                    cost = 1.5 * abs(turn - 0.5) + 3.0 * (inset - _INSET_M[0]) + bias
-                    out.append(_push(door, point, straight, turn, beyond_rad, cost))
-    return out
+    for point, bias in _points(door, center, away, rise, float(half[wide]), float(half[up])):
+        point = point + outward * half[through]
+        if door.bar is not None and _near_bar(door, point):
+            continue
+        for turn in _TURNS if door.kind == "hinge" else (0.0,):
+            for flip in (1.0, -1.0):
+                straight = kin.hand_rotation(-(shut[:3, :3] @ outward), flip * np.cross(rise, outward))
+                out.append(_push(door, point, straight, turn, beyond, 1.5 * abs(turn - 0.5) + bias))
+    return sorted(out, key=lambda course: course.cost)[:_MOST_COURSES]
+
+
+def _points(door: Door, center: Array, away: Array, rise: Array, wide: float, high: float) -> list[tuple[Array, float]]:
+    """Points [m] in the middle plane of a panel to push it at, with their costs."""
+    if door.kind == "slide":
+        return [(center + away * u * wide + rise * v * high, abs(u) / 10 + abs(v)) for u in _ASIDE for v in (0.0, -0.3)]
+    return [
+        (center + away * (wide - inset) + rise * height, 3.0 * (inset - _INSET_M[0]) + bias)
+        for inset in (_INSET_M if door.bar is not None else _INSET_UNSEEN_M) if inset < wide * 1.5
+        for height, bias in _heights(door, center, rise, high)
+    ]  # fmt: skip
 
 
 def _heights(door: Door, center: Array, rise: Array, half: float) -> list[tuple[float, float]]:
@@ -152,12 +203,15 @@ def _push(door: Door, point: Array, straight: Array, turn: float, beyond: float,
 
     def hand(x: float) -> Array:
         at = start - (start + beyond) * x
-        R = Rotation.from_rotvec(door.axis * turn * at).as_matrix() @ straight
+        R = straight
+        if door.kind == "hinge":
+            R = Rotation.from_rotvec(door.axis * turn * at).as_matrix() @ straight
         T = moved(door, at - start)
         return kin.transform(R, T[:3, :3] @ point + T[:3, 3] - _FIST_M * R[:, 2])
 
     def carry(x: float) -> Array:
-        R = kin.rot_z(-float(np.sign(door.axis[2])) * turn * (start + beyond) * x)
+        yaw = -float(np.sign(door.axis[2])) * turn * (start + beyond) * x if upright(door) else 0.0
+        R = kin.rot_z(yaw)
         return kin.transform(R, (hand(x)[:3, 3] - R @ hand(0.0)[:3, 3]) * [1.0, 1.0, 0.0])
 
     def moving(x: float) -> Sequence[Solid]:

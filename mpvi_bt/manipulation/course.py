@@ -27,6 +27,7 @@ _LEAP_RAD = 0.9  # between samples; more is another elbow
 _CHECKED_POSTURES = 24  # of one base pose
 _CHECKED_BASES = 40
 _MARGIN_M = 0.01
+_ALIKE_M = 0.05  # and as many radians
 _BENT_RAD = -0.4  # of the elbow: a stretched arm cannot make up for a base that trails its goal
 
 
@@ -165,15 +166,16 @@ class CourseSearch(Search):
         behind = self.around(back, touched=True)
         if self.other is not None and not self.body(self.motion.torso, behind, arms).free(self.other, hold[-1])[0]:
             return None
-        fits: dict[int, bool] = {}
+        fits: dict[tuple[float, ...], bool] = {}
         seen: dict[tuple[int, int], int] = {}
         standing: dict[int, Standing | None] = {}
         for row in np.argsort(cost):
             where = (int(t[row]), int(g[row]))
             course = courses[where[1]]
-            if id(course.carry) not in fits:  # courses of one motion of the base fit alike
-                fits[id(course.carry)] = self._fits(course, base)
-            if not fits[id(course.carry)]:
+            end = tuple(np.round(course.base(1.0, base) / _ALIKE_M))  # courses that end alike fit alike
+            if end not in fits:
+                fits[end] = self._fits(course, base)
+            if not fits[end]:
                 continue
             if seen.get(where, 0) >= 2:
                 continue

@@ -41,13 +41,15 @@ def take_up(work: Work, start: Start, side: Side, idle: Side | None) -> Actions:
     yield from motion.drive(start.base, speed=0.3)
 
 
-def touch(work: Work, course: Course, side: Side, speed: float = 0.16) -> Actions:
+def touch(work: Work, course: Course, side: Side, speed: float = 0.16, until_contact: bool = False) -> Actions:
     """Bring the hand to where the course begins, in a straight line from wherever the base really stands.
+
+    With `until_contact` it stops where something holds it up: what was only seen may be nearer.
 
     Raises:
         MotionFailure: "no_reach" if the arm cannot.
     """
-    yield from work.motion.line(side, kin.inverse(work.base) @ course.hand(0.0), speed)
+    yield from work.motion.line(side, kin.inverse(work.base) @ course.hand(0.0), speed, until_contact)
 
 
 def go_along(

@@ -18,6 +18,7 @@ from mpvi_bt.perception.detector import switch_of
 from mpvi_bt.perception.field import Field, FineField
 from mpvi_bt.perception.fronts import fronts, switch
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
+from mpvi_bt.perception.leaves import leaf, with_leaf
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.shapes import SeenBar
 from mpvi_bt.robot.collision import Obstacles, Surroundings, Together
@@ -64,14 +65,15 @@ class Seen(Memory):
         return self._shape(name).bars
 
     def doors(self, name: str) -> Sequence[Door]:
-        """As `Scene` says: the fronts with bars that the newest view of the head from its place shows."""
+        """As `Scene` says: what stands open, and fronts with bars, by the views of the head from its newest place."""
         views = [(f, m) for f, m in self._known(name).views if f.image.camera == "head"]
         if not views:
             return ()
         newest = [(f, m) for f, m in views if f.stand == views[-1][0].stand]
         key = (name, *(id(f) for f, _ in newest))
         if self._fronts is None or self._fronts[0] != key:
-            self._fronts = (key, fronts(np.concatenate([f.of(m) for f, m in newest]), newest[-1][0].eye))
+            points, eye = np.concatenate([f.of(m) for f, m in newest]), newest[-1][0].eye
+            self._fronts = (key, with_leaf(fronts(points, eye), leaf(points, eye)))
         return self._fronts[1]
 
     def switches(self, name: str) -> Sequence[Array]:
