@@ -32,6 +32,7 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
     """
     side = work.hand_with(words["object"], words.get("hand"))
     container = work.nearest(words["container"])
+    yield from work.unwedge()
     held = work.held()[side]
     if not work.scene.volumes(container):
         raise MotionFailure("not_a_container")
@@ -95,6 +96,7 @@ def _upright_first(groups: Callable[[Sequence[float]], Iterable[Sequence[Pose]]]
 
 def _place(work: Work, side: Side, about: str | None, groups: Groups, tried: list[Array]) -> Actions:
     """Set down, see whether it stayed where it was to lie, fold the arm."""
+    yield from work.unwedge()
     held = work.held()[side]
     bottom = yield from place_at(work, side, held, about, groups, tried)
     yield from work.see("head")

@@ -355,6 +355,14 @@ class Work:
             yield from self.back_off()
             yield from self._settle(without)
 
+    def unwedge(self) -> Actions:
+        """Where what is held hangs so near the body that the torso could not move, bring it to the chest."""
+        body = self.body()
+        hands = {s: arm_motion.stay(self.motion.hand(s)) for s in body.held}
+        if arm_motion.sweep(body, self.motion.torso, hands, samples=1) is None:
+            with suppress(MotionFailure):
+                yield from self.settle()
+
     def _settle(self, without: Collection[str]) -> Actions:
         held = self.held()
         for side in (s for s in SIDES if s not in held):
