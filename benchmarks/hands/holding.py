@@ -12,12 +12,13 @@ from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
-from mpvi_bt.robot.collision import Body, Load, Surroundings
+from mpvi_bt.robot.collision import Body, Load, Obstacles
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
 from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.sim.world import World
 
 _CLOSING_S = 1.0
+_NEAR_M = 1.7  # what is farther off is in nobody's way
 # Where the underside of a thing may be carried, x, y toward the own side, z [m] and its turn [rad], the best first.
 _PLACES = [
     (x, y, z, yaw)
@@ -41,8 +42,9 @@ def put_in_hands(world: World, held: Mapping[Side, str]) -> None:
     arms = {s: felt.arm[s] for s in SIDES}
     loads: dict[Side, Load] = {}
     poses: dict[Side, Array] = {}
+    around = TrueScene(world).obstacles(T_world_base[:2, 3], _NEAR_M, set(held.values())).seen_from(T_world_base)
     for side, name in held.items():
-        poses[side], arms[side], loads[side] = _posture(world, T_world_base, side, name, arms, loads)
+        poses[side], arms[side], loads[side] = _posture(world, T_world_base, side, name, arms, loads, around)
     world.robot.stand(arms)
     action = world.robot.action
     for side in held:
@@ -82,7 +84,13 @@ def fill(world: World, filled: Mapping[str, Sequence[str]]) -> None:
 
 
 def _posture(
-    world: World, T_world_base: Array, side: Side, name: str, arms: Mapping[Side, Array], loads: Mapping[Side, Load]
+    world: World,
+    T_world_base: Array,
+    side: Side,
+    name: str,
+    arms: Mapping[Side, Array],
+    loads: Mapping[Side, Load],
+    around: Obstacles,
 ) -> tuple[Array, Array, Load]:
     """T_world_thing (4, 4), the arm's posture (7,) and what the hand will hold, in its tcp frame."""
     for x, y, z, yaw in _PLACES:
@@ -99,7 +107,7 @@ def _posture(
             _, found = kin.arm_inverse(T_chest_tcp, side)
             if not len(found):
                 continue
-            body = Body(r1.TRAVEL_TORSO[:3], dict(arms), {**loads, side: load}, Surroundings(()))
+            body = Body(r1.TRAVEL_TORSO[:3], dict(arms), {**loads, side: load}, around)
             free = found[body.free(side, found, margin=0.01)]
             if len(free):
                 best = kin.posture_distance(free, r1.TRAVEL_ARM[side]).argmin()
