@@ -25,6 +25,8 @@ from mpvi_bt.robot.solids import Array, Solid, box
 _LIFTS = (0.0, 0.1, 0.2, 0.3, 0.42, 0.55)
 _PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1)
 _MARGIN_M = 0.012
+# Of the arm's way to where the hand works, the wide berth first: an arm in motion runs up to 2 cm beside its path.
+_WAY_MARGINS_M = (0.03, 0.005)
 _BASE_CLEAR_M = 0.30
 _KNOWN_M = 1.4  # from here; farther off there may be walls that are not among the obstacles
 _TOUCH_M = 0.008  # the spheres reach that far beyond what they stand for: what may be near a hand that touches
@@ -473,7 +475,11 @@ class Search:
                 return None
             if not self._leads(last, lane, postures[len(goals) - 1], touched=option.load is None, slack=_TOUCH_M):
                 return None
-        return arm_motion.plan(body, self.side, postures[0], self.rng, margin=0.005)
+        for margin in _WAY_MARGINS_M:
+            path = arm_motion.plan(body, self.side, postures[0], self.rng, margin)
+            if path is not None:
+                return path
+        return None
 
     def _leads(self, body: Body, lane: Array, q: Array, touched: bool, slack: float = 0.0) -> bool:
         """Whether the robot, its arm in posture `q`, is clear of everything all along a lane."""
