@@ -131,3 +131,30 @@ def test_upright_options_come_down() -> None:
     np.testing.assert_allclose(option.waypoints[1], T)
     np.testing.assert_allclose(option.waypoints[0] - T, np.array([[0] * 4, [0] * 4, [0, 0, 0, 0.2], [0] * 4]))
     assert option.cost == 0.7
+
+
+def test_a_search_ends_when_nothing_is_left_to_spend(world: World) -> None:
+    """A search that may check no base pose finds nothing, whatever there is to find."""
+    search = work(world).search("right", {"can"})
+    search.effort.left = 0.0
+    assert search.find(world.pose("can")[:2, 3], options(world)) is None
+
+
+def test_what_failed_is_not_searched_again(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A retry checks other base poses than the try before; once a stance was found everything may be tried again."""
+    checked: list[Array] = []
+    checks = Search._from
+
+    def fail(self: Search, here: Array, base: Array, *rest: object) -> tuple[None, float]:
+        checked.append(base)
+        return None, 1.0
+
+    monkeypatch.setattr(Search, "_from", fail)
+    search = work(world).search("right", {"can"})
+    ways = options(world)
+    for _ in range(2):
+        assert search.find(world.pose("can")[:2, 3], ways, spacings=(0,)) is None
+    assert len({tuple(base) for base in checked}) == len(checked) > 12
+    monkeypatch.setattr(Search, "_from", checks)
+    assert search.find(world.pose("can")[:2, 3], ways) is not None
+    assert not search.effort.failed

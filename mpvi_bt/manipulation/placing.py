@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import tee
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -118,9 +119,10 @@ def place_at(
 
     def find(search: Search, here_first: bool) -> Stance | None:
         nonlocal goal, seen
-        for spacing in range(len(SPACINGS)):  # a coarse look at every place before a closer one at any
+        # A coarse look at every place before a closer one at any.
+        for spacing, found in enumerate(tee(groups(), len(SPACINGS))):
             seen = 0
-            for group in groups():
+            for group in found:
                 options = [
                     option for pose in group for option in _options(held, pose, work.motion.felt.gripper_width[side])
                 ]
@@ -132,7 +134,7 @@ def place_at(
                 if stance is not None:
                     goal = options[stance.option].waypoints[1] @ held.T_tcp_thing
                     return stance
-                if seen >= _GROUPS:
+                if seen >= _GROUPS or search.effort.left <= 0:
                     break
         return None
 
