@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mpvi_bt.perception.shapes import Shape, circle, fit, main_cluster, outline, support_height, thinned
+from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.solids import Array, Solid, box, pose
 
 EYE = np.array([-0.7, 0.0, 1.4])
@@ -240,3 +241,20 @@ def test_a_circle_ignores_a_few_strays() -> None:
     middle, radius, _ = circle(np.concatenate([xy, [[0.06, 0.01], [0.03, 0.02], [0.0, 0.06]]]))
     np.testing.assert_allclose(middle, 0, atol=0.006)
     assert radius == pytest.approx(0.05, abs=0.006)
+
+
+def test_walls_are_no_faces_and_a_basin_is_an_opening_in_its_counter() -> None:
+    """The face around the opening is solid, and the basin a volume from its bottom to the rim."""
+    step = 0.008
+    x, y = (g.ravel() for g in np.meshgrid(np.arange(-0.37, 0.37, step), np.arange(-0.31, 0.31, step)))
+    hole = (np.abs(x) < 0.24) & (np.abs(y) < 0.18)
+    rim, bottom = np.c_[x, y, 0 * x + 0.9][~hole], np.c_[x, y, 0 * x + 0.7][hole]
+    u, z = (g.ravel() for g in np.meshgrid(np.arange(-0.24, 0.24, step), np.arange(0.7, 0.9, step)))
+    walls = [np.c_[u, 0 * u + 0.18, z], np.c_[0 * u + 0.24, 0.75 * u, z], np.c_[0 * u - 0.24, 0.75 * u, z]]
+    shape = fit(np.concatenate([rim, bottom, *walls]), np.zeros((0, 3)), np.array([0.0, -1.0, 1.5]))
+    assert shape is not None
+    assert shape.kind == "furniture"
+    assert Surroundings(shape.solids).distance(np.array([[0.0, 0.0, 0.9]]))[0] > 0.1
+    low, high = shape.volumes[0].aabb()
+    np.testing.assert_allclose([*low, *high], [-0.24, -0.18, 0.7, 0.24, 0.18, 0.9], atol=0.03)
+    assert {round(float(s.aabb()[1, 2]), 2) for s in shape.solids} <= {0.9, 0.7}
