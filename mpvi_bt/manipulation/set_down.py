@@ -19,6 +19,8 @@ from mpvi_bt.robot.squeeze import squeezes
 _OVER_M = 0.05  # between a box and the surface that it is driven in over
 _HEADINGS = tuple(np.arange(16) * np.pi / 8)
 _SPOTS = 40
+_FAR_M, _OFF_M, _LEG_M = 1.7, 1.3, 1.2  # a spot that far off is driven up to, in legs within what is known around
+_LEGS = 4
 
 
 Perform = Callable[[Work, Words, list[Array]], Actions]
@@ -45,11 +47,19 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     if name is None or name not in {e.name for e in scene.knowledge().find(words["object"])}:
         raise MotionFailure("not_held")
     surface = work.nearest(words["surface"])
-    box = seen_box(work, name)
-    spots = scene.spots(surface, max(box.length, box.width) / 2 + 0.01, box.height + 0.1, motion.felt.base_pose[:2])
-    if not spots:
-        raise MotionFailure("no_free_spot")
-    search = work.search("right", {name})
+    for _ in range(_LEGS):
+        box = seen_box(work, name)
+        spots = scene.spots(surface, max(box.length, box.width) / 2 + 0.01, box.height + 0.1, motion.felt.base_pose[:2])
+        if not spots:
+            raise MotionFailure("no_free_spot")
+        search = work.search("right", {name})
+        nearer = _toward(motion.felt.base_pose, spots[0])
+        route = None if nearer is None else search.route(motion.felt.base_pose, nearer)
+        if route is None:
+            break
+        for base in route:
+            yield from motion.drive(base, speed=0.3)
+        yield from work.look_at(surface)
     search.tried.extend(tried)
     found = _find_place(work, search, box, list(spots))
     if found is None:
@@ -70,6 +80,15 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from work.look_at(name)
     if abs(min(s.aabb()[0, 2] for s in scene.solids(name)) - spot[2]) > 0.04:
         raise MotionFailure("missed")
+
+
+def _toward(here: Array, spot: Array) -> Array | None:
+    """A base pose (3,) on the straight way to a spot that is too far off for what is known around; else None."""
+    way = spot[:2] - here[:2]
+    far = float(np.linalg.norm(way))
+    if far < _FAR_M:
+        return None
+    return np.array([*(here[:2] + way * min(_LEG_M, far - _OFF_M) / far), np.arctan2(way[1], way[0])])
 
 
 def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tuple[Array, Array] | None:
