@@ -102,9 +102,8 @@ def beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Itera
     frame = kin.inverse(held.T_tcp_thing)
     mine = [s.moved(frame) for s in held.solids]
     upright = list(poses(work, held, np.array([0.0, 0.0, floor_z]), leans))
-    groups: list[tuple[float, list[Pose]]] = []
-    for k in range(_SECTORS):
-        angle = 2 * np.pi * k / _SECTORS
+    angles = 2 * np.pi * np.arange(_SECTORS) / _SECTORS
+    for angle in sorted(angles, key=lambda a: abs(float(kin.wrap(a)))):
         away = np.array([np.cos(bearing + angle), np.sin(bearing + angle), 0.0])
         group = []
         for pose in upright:
@@ -115,7 +114,7 @@ def beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Itera
             rows = np.concatenate([np.column_stack([edge, np.full(len(edge), z)]) for z in levels])
             at = np.append(middle[:2], 0.0)
             far = np.arange(0.0, reach + radius + 0.08, 0.004)
-            gaps = np.array([wall.distance(rows + at + away * d).min() for d in far])
+            gaps = wall.distance(rows + at + far[:, None, None] * away).min(1)
             touching = np.flatnonzero(gaps < _TOUCH_M)
             first = int(touching[-1]) + 1 if len(touching) else 0
             for wanted in _BESIDE_M:
@@ -129,8 +128,7 @@ def beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Itera
         room = _room(work, held, spots, 0.01, without=target) if len(spots) else np.zeros(0, bool)
         group = [p for p, free in zip(group, room, strict=True) if free]
         if group:
-            groups.append((abs(float(kin.wrap(angle))), group))
-    yield from (group for _, group in sorted(groups, key=lambda g: g[0]))
+            yield group
 
 
 def _next_to(box: Array, other: Array) -> bool:

@@ -195,6 +195,8 @@ class Search:
             here_first: Whether a stance that needs no drive is good enough if it serves, tried before or not.
             spacings: How closely to look, one after the other: 0 coarsely, 1 finely.
         """
+        if self.effort.left <= 0:
+            return None
         able = [k for k, option in enumerate(options) if self.fits(option)]
         if not able:
             return None
