@@ -16,7 +16,7 @@ _CONTENTS_M = 0.03  # what is poured is no wider than this
 _SMALL_TOPS = ("nightstand", "chest_of_drawers")
 _WIPED_M = 0.02  # a tool cleans so far past its outline, as BEHAVIOR's does
 _SPRAYED_M = 0.12
-_OVER_S = 180.0  # to go over half a square meter with what is as wide as a hand
+_WIPING_S, _SPRAYING_S = 120.0, 90.0  # as plans allow for it
 _LEFT = 0.05  # share of a top that may be left out
 _TABLES = ("table", "breakfast_table", "coffee_table", "desk")
 
@@ -104,7 +104,9 @@ def work_over(sprays: bool) -> Scene:
         prompt = f"{'spray' if sprays else 'wipe'} the {name} with the {called(tool)}"
         base = facing((low + high)[:2] / 2, rng, far_m=(0.9, 1.2), from_rad=(-3.1, 3.1))
         objects = {"tool": placed(tool, 2.0, 1.5, 0.0)}
-        return Trial(house, objects, base, prompt, done, held={side: "tool"}, budget_s=_OVER_S)
+        return Trial(
+            house, objects, base, prompt, done, held={side: "tool"}, budget_s=_SPRAYING_S if sprays else _WIPING_S
+        )
 
     return scene
 
