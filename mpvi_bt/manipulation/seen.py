@@ -28,6 +28,7 @@ from mpvi_bt.robot.solids import Array, Solid
 _PASSED_M = 1.0  # of driving: pictures that old still tell where the base can go
 _CARVED = 4  # pictures of the head that the field of obstacles is carved from
 _NEAR_M = 0.12  # a mask this near to where a thing was is that thing, from the same place
+_FACE_PX = 30  # what is seen of less is not searched for doors
 _EXPLAINED_M = 0.025  # points this near a thing's solids are its own
 _FINE_M, _FINE_CELL_M = 0.6, 0.01  # the finer field about what is worked on
 _TRUSTED_M = 0.04  # how thick surfaces are where hidden space is given the benefit of doubt
@@ -73,7 +74,8 @@ class Seen(Memory):
         key = (name, *(id(f) for f, _ in newest))
         if self._fronts is None or self._fronts[0] != key:
             points, eye = np.concatenate([f.of(m) for f, m in newest]), newest[-1][0].eye
-            self._fronts = (key, with_leaf(fronts(points, eye), leaf(points, eye)))
+            enough = len(points) >= _FACE_PX
+            self._fronts = (key, with_leaf(fronts(points, eye), leaf(points, eye)) if enough else [])
         return self._fronts[1]
 
     def switches(self, name: str) -> Sequence[Array]:
