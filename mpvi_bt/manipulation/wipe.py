@@ -17,7 +17,7 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, box
 
-_WIPED_M, _SPRAYED_M = 0.46, 0.30  # largest side of what is wiped from one stance, or sprayed from one place
+_WIPED_M, _SPRAYED_M = 0.34, 0.30  # largest side of what is wiped from one stance, or sprayed from one place
 _LEAST_M = 0.2  # what is not in reach is parted down to this
 _PAST_M = 0.03  # the edge of what is wiped, where there is room: by sight an edge is not known better
 _MISSED = 0.05  # share of a top that may be out of reach
