@@ -10,6 +10,7 @@ from mpvi_bt.manipulation.stance import Search
 from mpvi_bt.manipulation.two_hands import Box, behind, open_wide, raise_both, seen_box
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES
@@ -105,7 +106,9 @@ def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tup
             around = search.around(base, touched=False)
             if not (search.drivable(here, behind(base)) and search.drivable(behind(base), base)):
                 continue
-            body = Body(motion.torso, arms, {}, around)
+            torso = motion.torso  # raised by then, as `raise_both` does: lower down the arms would meet the surface
+            torso[0] = np.clip(torso[0] + max(0.0, spot[2] + _OVER_M - box.bottom), *r1.TORSO_LIMITS[0])
+            body = Body(torso, arms, {}, around)
             if all(body.free(side, arms[side], grasping=True)[0] for side in SIDES) and body.trunk_free():
                 return base, spot
     return None
