@@ -21,8 +21,8 @@ def test_strokes_cover_a_patch_with_any_tool(half: tuple[float, float], reach: t
     """Every point of the patch is under the tool at some place between two turning points."""
     patch, tool = np.array(half), np.array(reach)
     points = np.stack(strokes_over(patch, tool))
-    way = [a + (b - a) * u for a, b in pairwise(points) for u in np.linspace(0, 1, 30)]
-    way = np.stack([points[0], *way, points[-1]])
+    between = [a + (b - a) * u for a, b in pairwise(points) for u in np.linspace(0, 1, 30)]
+    way = np.stack([points[0], *between, points[-1]])
     grid = np.stack(np.meshgrid(*(np.linspace(-h, h, 9) for h in half)), -1).reshape(-1, 2)
     step = np.abs(np.diff(way, axis=0)).max() if len(way) > 1 else 0.0
     under = (np.abs(grid[:, None] - way[None]) <= tool + step + 1e-9).all(-1).any(1)
