@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.perception.shapes import Shape, circle, fit, main_cluster, outline, support_height, thinned
+from mpvi_bt.perception.fit import fit
+from mpvi_bt.perception.outlines import circle, main_cluster, outline, support_height, thinned
+from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.solids import Array, Solid, box, pose
 

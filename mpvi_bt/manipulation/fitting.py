@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mpvi_bt.manipulation.frames import Frame
-from mpvi_bt.perception.shapes import Shape, fit, main_cluster
+from mpvi_bt.perception.fit import fit
+from mpvi_bt.perception.outlines import main_cluster
+from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot.solids import Array
 
 _DRIFTED_M = 0.006  # less than that views may differ without the odometry being to blame

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from mpvi_bt.manipulation.frames import Frame
 from mpvi_bt.manipulation.work import Work
-from mpvi_bt.perception.shapes import Shape, fit
+from mpvi_bt.perception.fit import fit
+from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Actions

@@ -17,8 +17,10 @@ from mpvi_bt.manipulation.fitting import View, fitted
 from mpvi_bt.manipulation.frames import Frame, take
 from mpvi_bt.manipulation.in_hand import InHand
 from mpvi_bt.perception.detector import Detector, switch_of
+from mpvi_bt.perception.fit import fit
+from mpvi_bt.perception.outlines import main_cluster
 from mpvi_bt.perception.parts import Door
-from mpvi_bt.perception.shapes import Shape, fit, main_cluster
+from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Obstacles, Surroundings

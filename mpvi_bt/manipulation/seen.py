@@ -20,7 +20,7 @@ from mpvi_bt.perception.fronts import fronts, switch
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
 from mpvi_bt.perception.leaves import leaf, with_leaf
 from mpvi_bt.perception.parts import Door
-from mpvi_bt.perception.shapes import SeenBar
+from mpvi_bt.perception.shape import SeenBar
 from mpvi_bt.robot.collision import Obstacles, Surroundings, Together
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid

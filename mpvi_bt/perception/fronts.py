@@ -17,7 +17,7 @@ from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from mpvi_bt.perception.parts import Door
-from mpvi_bt.perception.shapes import SeenBar
+from mpvi_bt.perception.shape import SeenBar
 from mpvi_bt.robot.solids import Array, Solid
 
 _SAMPLES = 300  # pairs of points that upright planes are tried through

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mpvi_bt.perception.outlines import main_cluster
 from mpvi_bt.perception.parts import Door
-from mpvi_bt.perception.shapes import main_cluster
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.solids import Array, Solid

@@ -1,0 +1,168 @@
+"""Furniture by the points that are seen of it: its level faces, openings in them, and the compartments between."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy import ndimage
+
+from mpvi_bt.perception.outlines import Outline, outline, trimmed
+from mpvi_bt.perception.shape import Shape, upright_box
+from mpvi_bt.robot.solids import Array, Solid, pose
+
+_HEADROOM_M = 0.12  # what rises that high above a board makes a compartment of it
+_HOLE_CELL_M = 0.02
+_SUNK_M = 0.05  # what is that much lower than a board is seen through it
+_LEVEL = 0.5  # share of the points near a face's height that are on it
+_WALLED = 0.4  # share of a side along which furniture has to rise for a wall
+
+
+def furniture(points: Array) -> Shape:
+    """Slabs under the large horizontal faces, and the frame of the largest."""
+    slabs: list[tuple[int, Solid]] = []
+    faces: list[Array] = []
+    z = points[:, 2]
+    counts, edges = np.histogram(z, np.arange(z.min() - 0.01, z.max() + 0.03, 0.01))
+    level = counts.astype(float)
+    for _ in range(4):
+        k = int(level.argmax())
+        if level[k] < 40:
+            break
+        height = float(np.median(z[(z > edges[k] - 0.01) & (z < edges[k + 1] + 0.01)]))
+        level[max(k - 3, 0) : k + 4] = 0
+        face = _level(points, height)
+        if len(face) < 40:
+            continue
+        around = outline(trimmed(face[:, :2]))
+        if around.sides[1] > 0.1:
+            if slabs:  # what is seen of a face in part may be a triangle: boards lie as the largest one does
+                around = _along(trimmed(face[:, :2]), float(np.arctan2(*slabs[0][1].T[1::-1, 0])))
+            T = pose((*around.middle, height - 0.0125), around.heading)
+            slabs.append((len(face), Solid("box", np.array([*around.sides / 2, 0.0125]), T)))
+            faces.append(face)
+    if not slabs:
+        around = outline(trimmed(points[:, :2]))
+        low, high = np.percentile(z, [1, 99])
+        box = upright_box(around, float(low), float(high))
+        return replace(box, kind="furniture", extent=_extent(points))
+    order = sorted(range(len(slabs)), key=lambda k: -slabs[k][0])
+    boards, faces = [slabs[k][1] for k in order], [faces[k] for k in order]
+    solids: list[Solid] = []
+    volumes: list[Solid] = []
+    for board, face in zip(boards, faces, strict=True):
+        below = points[z < board.T[2, 3] - _SUNK_M]
+        if (found := _hole(board, face, below)) is None:
+            solids.append(board)
+        else:
+            rest, basin = _cut_out(board, *found)
+            solids += rest
+            volumes.append(basin)
+    for board in boards:
+        if (volume := _compartment(board, boards, points)) is not None:
+            volumes.append(volume)
+    return Shape("furniture", boards[0].T, tuple(solids), float(z.min()), tuple(volumes), extent=_extent(points))
+
+
+def _level(points: Array, height: float) -> Array:
+    """The points (n, 3) of a level face: where walls are seen as many points lie above and below it as on it."""
+    near = points[np.abs(points[:, 2] - height) < 0.04]
+    cells = np.floor((near[:, :2] - near[:, :2].min(0)) / 0.03).astype(np.int64)
+    own = cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1]
+    on = np.abs(near[:, 2] - height) < 0.012
+    share = np.bincount(own, on) / np.maximum(np.bincount(own), 1)
+    return np.asarray(near[on & (share[own] > _LEVEL)])
+
+
+def _hole(board: Solid, face: Array, below: Array) -> tuple[Array, float] | None:
+    """An opening in the middle of a board through which what is below is seen, such as that of a basin in a counter.
+
+    Args:
+        board: The board.
+        face: (n, 3) points of its face.
+        below: (m, 3) points lower than that.
+
+    Returns:
+        (2, 2) its lowest and highest corner in the board's axes, and the height down to which is seen; None if there
+        is none.
+    """
+    half, axes = board.half_m[:2], board.T[:2, :2]
+    size = np.maximum(np.ceil(2 * half / _HOLE_CELL_M).astype(int), 1)
+    closed = np.zeros(size, bool)
+    cells = [np.floor(((p[:, :2] - board.T[:2, 3]) @ axes + half) / _HOLE_CELL_M).astype(int) for p in (face, below)]
+    on, under = (((c >= 0) & (c < size)).all(1) for c in cells)
+    closed[tuple(cells[0][on].T)] = True
+    parts, count = ndimage.label(~(closed | ndimage.binary_closing(closed)))
+    own = parts[tuple(cells[1][under].T)]
+    counts = np.bincount(own, minlength=count + 1)
+    edge = np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]])
+    counts[np.append(edge, 0)] = 0  # at the edge: what is below is beside the board
+    part = int(counts.argmax())
+    if counts[part] < 40:
+        return None
+    at = np.argwhere(parts == part)
+    low, high = at.min(0) * _HOLE_CELL_M - half, (at.max(0) + 1) * _HOLE_CELL_M - half
+    filled = len(at) * _HOLE_CELL_M**2 / float(np.prod(high - low))
+    if filled < 0.7 or (high - low).min() < 0.1:
+        return None
+    return np.stack([low, high]), float(np.percentile(below[under][own == part, 2], 3))
+
+
+def _cut_out(board: Solid, hole: Array, bottom: float) -> tuple[list[Solid], Solid]:
+    """What is left of a board around an opening, and the volume below that down to a height [m]."""
+    (x0, y0), (x1, y1) = hole
+    a, b, thick = board.half_m
+    parts = [(-a, x0, -b, b), (x1, a, -b, b), (x0, x1, -b, y0), (x0, x1, y1, b)]
+    rest = [
+        Solid("box", np.array([(right - left) / 2, (far - near) / 2, thick]),
+              board.T @ pose(((left + right) / 2, (near + far) / 2, 0.0)))
+        for left, right, near, far in parts if right - left > 0.01 and far - near > 0.01
+    ]  # fmt: skip
+    deep = (float(board.aabb()[1, 2]) - bottom) / 2
+    middle = pose(((x0 + x1) / 2, (y0 + y1) / 2, thick - deep))
+    return rest, Solid("box", np.array([(x1 - x0) / 2, (y1 - y0) / 2, deep]), board.T @ middle)
+
+
+def _along(xy: Array, heading: float) -> Outline:
+    """The rectangle of a heading around points (n, 2)."""
+    axes = Outline(np.zeros(2), np.zeros(2), heading, 1.0).frame
+    low, high = (xy @ axes).min(0), (xy @ axes).max(0)
+    return Outline(axes @ (low + high) / 2, high - low, heading, 1.0)
+
+
+def _extent(points: Array) -> Solid:
+    low, high = np.percentile(points, [1, 99], axis=0)
+    return Solid("box", np.maximum((high - low) / 2, 0.01), pose((low + high) / 2))
+
+
+def _compartment(board: Solid, boards: Sequence[Solid], points: Array) -> Solid | None:
+    """The space above a board, up to the next one or as high as the furniture rises; None if it has no two walls."""
+    face = float(board.aabb()[1, 2])
+    at = (points[:, :2] - board.T[:2, 3]) @ board.T[:2, :2]
+    risen = (np.abs(at) < board.half_m[:2] + 0.05).all(1) & (points[:, 2] > face + _HEADROOM_M)
+    around, at = points[risen, 2], at[risen]
+    walls = 0
+    for axis in (0, 1):
+        for sign in (-1, 1):
+            wall = at[sign * at[:, axis] > board.half_m[axis] - 0.05, 1 - axis]
+            bins = max(3, round(2 * float(board.half_m[1 - axis]) / 0.06))
+            counts, _ = np.histogram(wall, bins, (-board.half_m[1 - axis], board.half_m[1 - axis]))
+            walls += int((counts > 2).mean() > _WALLED)
+    if len(around) < 20 or walls < 2:
+        return None
+    above = [float(b.aabb()[0, 2]) for b in boards if b.aabb()[0, 2] > face + _HEADROOM_M]
+    high = min([*above, float(np.percentile(around, 98))])
+    roofs = [b for b in boards if b.aabb()[0, 2] > face + _HEADROOM_M]
+    low, up = -board.half_m[:2], board.half_m[:2]
+    if roofs:  # only what is under the next board: a thing falls past what is before it
+        roof = min(roofs, key=lambda b: float(b.T[2, 3]))
+        half = np.abs(board.T[:2, :2].T @ roof.T[:2, :2]) @ roof.half_m[:2]
+        middle = (roof.T[:2, 3] - board.T[:2, 3]) @ board.T[:2, :2]
+        low, up = np.maximum(low, middle - half), np.minimum(up, middle + half)
+        if (up - low < 0.05).any():
+            return None
+    T = board.T @ pose((*(low + up) / 2, 0.0))
+    T[2, 3] = (face + high) / 2
+    half = np.append((up - low) / 2, (high - face) / 2)
+    return Solid("box", half, T)

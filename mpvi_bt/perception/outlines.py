@@ -1,0 +1,140 @@
+"""Points of one thing: what hangs together, what it stands on, and the outline that it has from above."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial import ConvexHull, QhullError
+
+from mpvi_bt.robot.solids import Array
+
+_CELL_M = 0.015  # of the grid in which points hang together
+_LARGE_M, _LARGE_CELL_M = 0.15, 0.04  # that of large things: what holds a bail may be too thin to be seen
+_AROUND_M = 0.12  # from how far around a thing its support is told
+
+
+def main_cluster(points: Array) -> Array:
+    """The largest part of points (n, 3) that hangs together: drops what a mask catches of the background."""
+    if len(points) < 4:
+        return points
+    large = np.ptp(np.percentile(points, [10, 90], axis=0), axis=0).max() > _LARGE_M
+    cell = _LARGE_CELL_M if large else _CELL_M
+    cells = ((points - points.min(0)) / cell).astype(int)
+    if cells.max() > 300:  # a speck far away would make the grid huge
+        points = points[np.abs(points - np.median(points, axis=0)).max(1) < 150 * cell]
+        cells = ((points - points.min(0)) / cell).astype(int)
+    grid = np.zeros(cells.max(0) + 1, bool)
+    grid[tuple(cells.T)] = True
+    parts, count = ndimage.label(grid, np.ones((3, 3, 3)))
+    if count < 2:
+        return points
+    own = parts[tuple(cells.T)]
+    return points[own == np.bincount(own).argmax()]
+
+
+def thinned(points: Array, cell_m: float = 0.004) -> Array:
+    """One point a cell that points (n, 3) lie in, their mean: a picture from near must not outvote the others."""
+    if len(points) < 2:
+        return points
+    cells = np.floor((points - points.min(0)) / cell_m).astype(np.int64)
+    size = cells.max(0) + 1
+    _, own, counts = np.unique((cells[:, 0] * size[1] + cells[:, 1]) * size[2] + cells[:, 2],
+                               return_inverse=True, return_counts=True)  # fmt: skip
+    own = own.ravel()
+    return np.stack([np.bincount(own, points[:, k]) for k in range(3)], 1) / counts[:, None]
+
+
+def support_height(points: Array, around: Array, eye: Array) -> float:
+    """Height [m] of what a thing with `points` (n, 3) stands on, from points (m, 3) of everything else.
+
+    What is seen level with the thing's lowest points is believed first; what lies lower may be another board.
+    """
+    lowest = float(np.percentile(points[:, 2], 2))
+    if eye[2] < lowest + 0.03:
+        return lowest  # the face that it stands on cannot be seen from below
+    low, high = points[:, :2].min(0) - _AROUND_M, points[:, :2].max(0) + _AROUND_M
+    z = around[((around[:, :2] > low) & (around[:, :2] < high)).all(1), 2]
+    z = z[(z < lowest + 0.012) & (z > lowest - 0.10)]
+    level = z[z > lowest - 0.012]
+    z = level if len(level) > 25 else z
+    if len(z) < 10:
+        return lowest
+    counts, edges = np.histogram(z, np.arange(z.min() - 0.002, z.max() + 0.006, 0.004))
+    k = int(counts.argmax())
+    return float(np.median(z[(z >= edges[k] - 0.004) & (z <= edges[k + 1] + 0.004)]))
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """The smallest rectangle around points seen from above.
+
+    Attributes:
+        middle: (2,) [m].
+        sides: (2,) the long and the short one [m].
+        heading: Of the long side [rad].
+        fill: Share of it that the points' convex hull fills.
+    """
+
+    middle: Array
+    sides: Array
+    heading: float
+    fill: float
+
+    @property
+    def frame(self) -> Array:
+        """(2, 2) its axes as columns, the long one first."""
+        c, s = np.cos(self.heading), np.sin(self.heading)
+        return np.array([[c, -s], [s, c]])
+
+    def local(self, xy: Array) -> Array:
+        """(n, 2) points in its axes, about its middle."""
+        return np.asarray((xy - self.middle) @ self.frame)
+
+
+def outline(xy: Array) -> Outline:
+    """The smallest rectangle around points (n, 2)."""
+    try:
+        hull = ConvexHull(xy)
+        corners, area = xy[hull.vertices], float(hull.volume)
+    except (QhullError, ValueError):  # on a line, or too few
+        corners, area = xy, 0.0
+    sides = np.roll(corners, -1, axis=0) - corners
+    headings = np.unique(np.round(np.arctan2(sides[:, 1], sides[:, 0]) % (np.pi / 2), 4))
+    c, s = np.cos(headings), np.sin(headings)
+    u, v = corners[:, :1] * c + corners[:, 1:] * s, corners[:, 1:] * c - corners[:, :1] * s
+    size = np.stack([np.ptp(u, axis=0), np.ptp(v, axis=0)])
+    k = int((size[0] * size[1]).argmin())
+    middle = np.array([u[:, k].max() + u[:, k].min(), v[:, k].max() + v[:, k].min()]) / 2
+    heading, (a, b) = float(headings[k]), size[:, k]
+    center = np.array([c[k] * middle[0] - s[k] * middle[1], s[k] * middle[0] + c[k] * middle[1]])
+    if a < b:
+        a, b, heading = b, a, heading + np.pi / 2
+    return Outline(center, np.array([a, b]), heading, area / max(float(a * b), 1e-9))
+
+
+def trimmed(xy: Array) -> Array:
+    """Without the few points that stick out: half a percent on each side, along the axes and the diagonals."""
+    keep = np.ones(len(xy), bool)
+    if len(xy) < 60:
+        return xy
+    for angle in np.arange(4) * np.pi / 4:
+        along = xy @ [np.cos(angle), np.sin(angle)]
+        low, high = np.percentile(along, [0.5, 99.5])
+        keep &= (along >= low - 1e-3) & (along <= high + 1e-3)
+    return xy[keep]
+
+
+def circle(xy: Array) -> tuple[Array, float, float]:
+    """Middle (2,), radius and typical deviation [m] of the circle through points (n, 2), outliers dropped once."""
+    for _ in range(2):
+        A = np.c_[2 * xy, np.ones(len(xy))]
+        s = np.linalg.lstsq(A, (xy**2).sum(1), rcond=None)[0]
+        radius = float(np.sqrt(max(s[2] + s[0] ** 2 + s[1] ** 2, 1e-8)))
+        off = np.abs(np.linalg.norm(xy - s[:2], axis=1) - radius)
+        keep = off <= 2.5 * np.median(off) + 1e-4
+        if keep.all() or keep.sum() < 8:
+            break
+        xy = xy[keep]
+    return s[:2], radius, float(np.sqrt(np.mean(off**2)))
