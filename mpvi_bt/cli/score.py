@@ -32,7 +32,7 @@ def score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | No
         ("wall", _wall(result["wall"])),
         *(
             [("grasps", "assisted: fixed to the hand, not held by friction")]
-            if result["config"].get("assisted")
+            if result.get("config", {}).get("assisted")
             else []
         ),
         ("truth", f"read by {', '.join(result['privileged']) or 'none'}"),
