@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import multiprocessing
 import statistics
 import subprocess
@@ -28,6 +29,7 @@ from typing import Any
 
 import numpy as np
 from websockets.asyncio.server import ServerConnection, serve
+from websockets.exceptions import ConnectionClosed
 
 from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.remote.codec import pack, unpack
@@ -78,10 +80,11 @@ async def plain(port: Callable[[int], None]) -> None:
 
     async def client(connection: ServerConnection) -> None:
         await connection.send(pack({}))
-        async for frame in connection:
-            assert isinstance(frame, bytes)
-            unpack(frame)
-            await connection.send(pack({"actions": np.zeros((HORIZON, 23)), "server_timing": {"infer_ms": 0.0}}))
+        with contextlib.suppress(ConnectionClosed):  # clients come and go
+            async for frame in connection:
+                assert isinstance(frame, bytes)
+                unpack(frame)
+                await connection.send(pack({"actions": np.zeros((HORIZON, 23)), "server_timing": {"infer_ms": 0.0}}))
 
     async with serve(client, "127.0.0.1", 0, compression=None, max_size=None) as server:
         port(next(iter(server.sockets)).getsockname()[1])
