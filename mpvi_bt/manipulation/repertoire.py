@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from mpvi_bt.manipulation.close import close
 from mpvi_bt.manipulation.hand_over import hand_over
@@ -15,12 +15,7 @@ from mpvi_bt.manipulation.push import push
 from mpvi_bt.manipulation.set_down import either, set_down
 from mpvi_bt.manipulation.two_hands import lift
 from mpvi_bt.manipulation.wipe import spray, wipe
-from mpvi_bt.manipulation.work import Words, Work
-from mpvi_bt.robot.motion import Actions
-from mpvi_bt.robot.solids import Array
-
-# work, the words of the call, and base poses that were tried before, to which each try adds its own
-Perform = Callable[[Work, Words, list[Array]], Actions]
+from mpvi_bt.manipulation.work import Perform
 
 REPERTOIRE: Mapping[str, Perform] = {
     "open": open_,

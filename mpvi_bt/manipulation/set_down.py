@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from mpvi_bt.manipulation.stance import Search
 from mpvi_bt.manipulation.two_hands import Box, behind, open_wide, raise_both, seen_box
-from mpvi_bt.manipulation.work import Words, Work
+from mpvi_bt.manipulation.work import Perform, Words, Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Body
@@ -22,9 +20,6 @@ _HEADINGS = tuple(np.arange(16) * np.pi / 8)
 _SPOTS = 40
 _FAR_M, _OFF_M, _LEG_M = 1.7, 1.3, 1.2  # a spot that far off is driven up to, in legs within what is known around
 _LEGS = 4
-
-
-Perform = Callable[[Work, Words, list[Array]], Actions]
 
 
 def either(one: Perform, both: Perform) -> Perform:

@@ -480,3 +480,7 @@ def upright_options(poses: Sequence[tuple[Array, float]], above_m: float, contac
         high[2, 3] += above_m
         out.append(Option(np.stack([high, T]), contact, cost))
     return out
+
+
+# What performs a skill: work, the words of the call, and base poses tried before, to which each try adds its own.
+Perform = Callable[[Work, Words, list[Array]], Actions]
