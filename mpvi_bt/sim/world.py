@@ -20,6 +20,7 @@ from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.sim.assisted import Attachments
 from mpvi_bt.sim.builder import Thing, build_house, build_object
+from mpvi_bt.sim.bumps import Bumps
 from mpvi_bt.sim.cameras import Cameras
 from mpvi_bt.sim.catalogue import Entry
 from mpvi_bt.sim.description import Handle
@@ -54,6 +55,7 @@ class World:
     Attributes:
         robot: The robot; behaviors command it.
         cameras: None where the world was built without rendering.
+        bumps: What the robot bumped into, once `measure_bumps` was called; None before.
         steps: Control steps taken.
         physics_s: Wall time spent stepping.
     """
@@ -96,6 +98,7 @@ class World:
         self._prior, self._map = knowledge(house), prior_map(house)
         self._known: tuple[int, KnowledgeBase] | None = None
         self._attachments = Attachments(self._scene) if assisted else None
+        self.bumps: Bumps | None = None
         self.steps = 0
         self.physics_s = 0.0
 
@@ -113,12 +116,21 @@ class World:
         self.robot.apply()
         for _ in range(PHYSICS_HZ // CONTROL_HZ):
             self._scene.step()
+            if self.bumps is not None:
+                self.bumps.update()
         self.steps += 1
         if self._attachments is not None:
             self._assist(self._attachments)
         if self._switches.on:
             self._switches.step(self.robot.fingertips_world())
         self.physics_s += time.perf_counter() - started
+
+    def measure_bumps(self) -> Bumps:
+        """Measure from now on how hard the robot bumps into walls and fixtures; it costs time in each physics step."""
+        robot = (link.entity for link in self.robot.links.values())
+        house = {n: t.entities.values() for n, t in self._fixtures.items() if not n.startswith("floor_")}
+        self.bumps = Bumps(self._scene, robot, house, 1 / PHYSICS_HZ)
+        return self.bumps
 
     def settle(self, seconds: float = 1.0) -> None:
         """Let everything come to rest before the episode begins; does not advance its clock."""
