@@ -57,8 +57,8 @@ class Course:
 
     def base(self, x: float, start: Array) -> Array:
         """(3,) where the base is by then if it stood at `start` (3,)."""
-        T = self.carry(x) @ kin.base(start)
         turn = self.carry(x)
+        T = turn @ kin.base(start)
         return np.array([T[0, 3], T[1, 3], start[2] + np.arctan2(turn[1, 0], turn[0, 0])])
 
 
@@ -166,18 +166,19 @@ class CourseSearch(Search):
         behind = self.around(back, touched=True)
         if self.other is not None and not self.body(self.motion.torso, behind, arms).free(self.other, hold[-1])[0]:
             return None
-        fits: dict[tuple[float, ...], bool] = {}
+        fits: dict[int, bool] = {}
+        alike: dict[tuple[float, ...], bool] = {}  # courses that end alike fit alike
         seen: dict[tuple[int, int], int] = {}
         standing: dict[int, Standing | None] = {}
         for row in np.argsort(cost):
             where = (int(t[row]), int(g[row]))
             course = courses[where[1]]
-            end = tuple(np.round(course.base(1.0, base) / _ALIKE_M))  # courses that end alike fit alike
-            if end not in fits:
-                fits[end] = self._fits(course, base)
-            if not fits[end]:
-                continue
-            if seen.get(where, 0) >= 2:
+            if where[1] not in fits:
+                end = tuple(np.round(course.base(1.0, base) / _ALIKE_M))
+                if end not in alike:
+                    alike[end] = self._fits(course, base)
+                fits[where[1]] = alike[end]
+            if not fits[where[1]] or seen.get(where, 0) >= 2:
                 continue
             seen[where] = seen.get(where, 0) + 1
             if len(seen) > _CHECKED_POSTURES:
