@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
+from mpvi_bt.perception.phrases import normalize as normalize
+from mpvi_bt.perception.phrases import whole as whole
 from mpvi_bt.robot.solids import Array
 
 
@@ -69,25 +70,3 @@ class KnowledgeBase:
         if room:
             hits = [e for e in hits if e.room is None or normalize(e.room) == room]
         return sorted(hits, key=lambda e: (e.held, e.inside is not None))
-
-
-_ARTICLES = re.compile(r"^(?:an?|the|one|another|some|any|next|first|second|third|last)\s+")
-
-
-_WHERE = r"(?:front|top|upper|middle|lower|bottom|left|right)"
-_PART = rf"(?:{_WHERE} )?(?:door|lid|drawer|cover|flap|handle)s?"
-_OF_THING = re.compile(rf"{_PART} (?:of|on) (?P<a>.+)|(?P<b>(?!{_WHERE} \w+$).+?) {_PART}")
-
-
-def whole(phrase: str) -> str | None:
-    """The thing whose part a phrase names, such as "fridge" of "the fridge door" and of "the door of the fridge"."""
-    found = _OF_THING.fullmatch(normalize(phrase))
-    return normalize(found["a"] or found["b"]) if found else None
-
-
-def normalize(phrase: str) -> str:
-    """Lower case, words split by single spaces, without leading articles and counting words."""
-    text = " ".join(re.sub(r"[_\W]+", " ", phrase.lower()).split())
-    while (shorter := _ARTICLES.sub("", text)) != text:
-        text = shorter
-    return text
