@@ -1,49 +1,48 @@
-"""How hard the robot, and what it carries, runs into things."""
+"""How hard the robot bumps into the house: a measurement for benchmarks and tests, nothing that the robot feels."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterable, Mapping
 
-from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.world import World
+import numpy as np
+import sapien
 
 
 class Bumps:
-    """Records the forces between the robot with its load and everything else, at every step of physics.
+    """The largest force [N] between robot and each thing, over all physics steps since it was made.
 
-    The floor does not count, nor what the hands hold. Manipulation touches things on purpose: watch drives only.
+    Contacts of what it grips and of the floor under its wheels are none: only `things` are looked at.
 
     Attributes:
-        worst_n: The largest force [N] that each thing has met since the last `forget`, by name: the sum over all of the
-            thing's contacts with the robot, or with its load, in one step of physics.
+        forces: By name of the thing; what was never touched is not in it.
     """
 
-    def __init__(self, world: World) -> None:
-        """Begin to watch `world`; it has one watcher at a time."""
-        self._world = world
-        self._held: tuple[int, set[str]] = (-1, set())
-        self.worst_n: dict[str, float] = {}
-        world.after_physics = self._look
+    def __init__(
+        self,
+        scene: sapien.Scene,
+        robot: Iterable[sapien.Entity],
+        things: Mapping[str, Iterable[sapien.Entity]],
+        step_s: float,
+    ) -> None:
+        self._scene, self._step_s = scene, step_s
+        self._robot = {entity.per_scene_id for entity in robot}
+        self._things = {entity.per_scene_id: name for name, entities in things.items() for entity in entities}
+        self.forces: dict[str, float] = {}
 
     @property
-    def peak_n(self) -> float:
-        """The largest of all forces [N]."""
-        return max(self.worst_n.values(), default=0.0)
+    def worst(self) -> float:
+        """The largest of all [N]; 0 where nothing was touched."""
+        return max(self.forces.values(), default=0.0)
 
-    def forget(self) -> None:
-        """Begin anew."""
-        self.worst_n = {}
-
-    def _look(self) -> None:
-        if self._held[0] != self._world.steps:
-            self._held = (self._world.steps, {e.name for e in self._world.knowledge() if e.held})
-        ours = {"robot"} | self._held[1]
-        sums: dict[str, Array] = {}
-        for first, second, force in self._world.contacts():
-            if (first in ours) == (second in ours):
-                continue
-            name = second if first in ours else first
-            if not name.startswith("floor_"):
-                sums[name] = sums.get(name, np.zeros(3)) + (force if first in ours else -force)
-        for name, force in sums.items():
-            self.worst_n[name] = max(self.worst_n.get(name, 0.0), float(np.linalg.norm(force)))
+    def update(self) -> None:
+        """Take in the contacts of the last physics step."""
+        now: dict[str, float] = {}
+        for contact in self._scene.get_contacts():
+            first, second = (body.entity.per_scene_id for body in contact.bodies)
+            ids = (first, second) if first in self._robot else (second, first)
+            if ids[0] in self._robot and (name := self._things.get(ids[1])) is not None:
+                impulse = np.sum([p.impulse for p in contact.points], axis=0) if contact.points else np.zeros(3)
+                now[name] = now.get(name, 0.0) + float(np.linalg.norm(impulse)) / self._step_s
+        for name, force in now.items():
+            if force > 0.0:
+                self.forces[name] = max(force, self.forces.get(name, 0.0))
