@@ -125,9 +125,14 @@ class World:
             self._switches.step(self.robot.fingertips_world())
         self.physics_s += time.perf_counter() - started
 
-    def measure_bumps(self) -> Bumps:
-        """Measure from now on how hard the robot bumps into walls and fixtures; it costs time in each physics step."""
-        robot = (link.entity for link in self.robot.links.values())
+    def measure_bumps(self, carried: Collection[str] = ()) -> Bumps:
+        """Measure from now on how hard the robot bumps into walls and fixtures; it costs time in each physics step.
+
+        Args:
+            carried: Movable things that count as the robot's own parts: what it holds.
+        """
+        robot = [link.entity for link in self.robot.links.values()]
+        robot += [entity for name in carried for entity in self._objects[name].entities.values()]
         house = {n: t.entities.values() for n, t in self._fixtures.items() if not n.startswith("floor_")}
         self.bumps = Bumps(self._scene, robot, house, 1 / PHYSICS_HZ)
         return self.bumps
