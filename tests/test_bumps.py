@@ -16,8 +16,8 @@ def test_a_wall_that_is_driven_into() -> None:
     action = world.robot.action.copy()
     run(world, action, 1.0)
     assert bumps.forces == {}
-    assert bumps.worst_force == 0.0
+    assert bumps.worst == 0.0
     action[ActionLayout.BASE] = 0.5, 0.0, 0.0
     run(world, action, 5.0)
     assert set(bumps.forces) == {"wall_hall"}
-    assert 20.0 < bumps.worst_force < np.inf
+    assert 20.0 < bumps.worst < np.inf
