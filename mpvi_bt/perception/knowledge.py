@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Any, Literal
 
+import numpy as np
+from pydantic import Field, FiniteFloat, JsonValue
+
+from mpvi_bt.marked_yaml import Record
 from mpvi_bt.perception.phrases import normalize as normalize
 from mpvi_bt.perception.phrases import whole as whole
 from mpvi_bt.robot.solids import Array
+
+LIKELY = 0.5  # what is less likely than that to be there is not told to those who ask where a thing is
+
+Kind = Literal["room", "fixture", "object"]
 
 
 @dataclass
@@ -24,17 +32,23 @@ class Entry:
         source: Who said so: "prior", "oracle", a detector's name.
         held: Carried by the robot now, or inside something that is.
         inside: Name of the movable container that it is in, or None.
+        confidence: Probability that it is there, 0 to 1.
+        seen_s: Simulated time at which it was last seen; None if it never was.
+        view: (3,) base pose x, y [m] and yaw [rad] that it was last seen from.
     """
 
     name: str
     phrases: tuple[str, ...]
-    kind: Literal["room", "fixture", "object"]
+    kind: Kind
     lowest: Array
     highest: Array
     room: str | None = None
     source: str = "prior"
     held: bool = False
     inside: str | None = None
+    confidence: float = 1.0
+    seen_s: float | None = None
+    view: Array | None = None
 
     @property
     def center(self) -> Array:
@@ -52,11 +66,18 @@ class KnowledgeBase:
         """Add or replace an entry."""
         self.entries[entry.name] = entry
 
+    def drop(self, name: str) -> None:
+        """Forget an entry; what was inside it is inside nothing known from now on."""
+        del self.entries[name]
+        for entry in self:
+            if entry.inside == name:
+                entry.inside, entry.held = None, False
+
     def __iter__(self) -> Iterator[Entry]:
         return iter(self.entries.values())
 
     def find(self, phrase: str, room: str | None = None) -> list[Entry]:
-        """Entries that `phrase` names, what is not yet put away first.
+        """Entries that `phrase` names and that are likely enough there (`LIKELY`), what is not yet put away first.
 
         Our choice: things that are neither carried nor in a movable container come before those that are, so that
         "a can of soda" means one that is still to be picked up. Within that the order of entry is kept. A part stands
@@ -64,9 +85,55 @@ class KnowledgeBase:
         """
         wanted = normalize(phrase)
         room = room and normalize(room)
-        hits = [e for e in self if wanted in map(normalize, e.phrases) or wanted == normalize(e.name)]
+        likely = (e for e in self if e.confidence >= LIKELY)
+        hits = [e for e in likely if wanted in map(normalize, e.phrases) or wanted == normalize(e.name)]
         if not hits and (thing := whole(phrase)) is not None:
             return self.find(thing, room)
         if room:
             hits = [e for e in hits if e.room is None or normalize(e.room) == room]
         return sorted(hits, key=lambda e: (e.held, e.inside is not None))
+
+    def save(self) -> list[JsonValue]:
+        """What was learned, as JSON values: every entry but those known beforehand and never seen since."""
+        learned = [e for e in self if e.source != "prior" or e.seen_s is not None]
+        return [SavedEntry(**_plain(e)).model_dump(mode="json") for e in learned]
+
+    def restore(self, saved: Iterable[Any]) -> None:
+        """Bring a base with the same prior entries to what was saved.
+
+        Raises:
+            ValueError: What was saved is not as `save` writes it.
+        """
+        entries = [SavedEntry.model_validate(given).entry() for given in saved]
+        self.entries = {e.name: e for e in self if e.source == "prior"}
+        self.entries.update((e.name, e) for e in entries)
+
+
+Place = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+
+
+class SavedEntry(Record):
+    """An `Entry` as JSON has it."""
+
+    name: str
+    phrases: tuple[str, ...]
+    kind: Kind
+    lowest: Place
+    highest: Place
+    room: str | None
+    source: str
+    held: bool
+    inside: str | None
+    confidence: Annotated[float, Field(ge=0, le=1)]
+    seen_s: FiniteFloat | None
+    view: Place | None
+
+    def entry(self) -> Entry:
+        """The entry of this record."""
+        view = None if self.view is None else np.array(self.view)
+        places = {"lowest": np.array(self.lowest), "highest": np.array(self.highest), "view": view}
+        return Entry(**{**dict(self), **places})
+
+
+def _plain(entry: Entry) -> dict[str, Any]:
+    return {key: tuple(v.tolist()) if isinstance(v, np.ndarray) else v for key, v in vars(entry).items()}
