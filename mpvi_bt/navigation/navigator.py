@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from mpvi_bt.behaviors.protocols import Progress, Report
 from mpvi_bt.errors import nearest
-from mpvi_bt.navigation.driver import DEFAULTS, Driver, GaveUp, NavigationParameters, Stow
+from mpvi_bt.navigation.driver import DEFAULTS, Driver, GaveUp, NavigationParameters, Stow, never
 from mpvi_bt.navigation.goals import Goal, at_target, object_goals, room_goals
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, normalize
@@ -17,7 +17,7 @@ from mpvi_bt.robot.solids import Array
 
 
 @dataclass
-class _Trip:
+class Trip:
     """One drive, from `start` to its end."""
 
     target: str
@@ -40,7 +40,7 @@ class KnownPlaceNavigator:
     def __init__(
         self,
         robot: Robot,
-        grid_map: OccupancyMap,
+        grid_map: OccupancyMap | Callable[[], OccupancyMap],
         knowledge: KnowledgeBase | Callable[[], KnowledgeBase],
         stow: Stow | None = None,
         footprint_radius_m: Callable[[], float] | None = None,
@@ -50,15 +50,16 @@ class KnownPlaceNavigator:
 
         Args:
             robot: The robot to drive.
-            grid_map: The prior map.
+            grid_map: The map, or a function that gives that of now.
             knowledge: What is known now, or a function that says so.
             stow: Tucks the arms before each drive; None leaves them as they are.
             footprint_radius_m: The footprint's radius [m] with all that is held now; None: that of the parameters.
             parameters: Distances and speeds.
         """
-        self._robot, self._map, self.parameters = robot, grid_map, parameters
+        self._robot, self.parameters = robot, parameters
+        self._map = grid_map if callable(grid_map) else lambda: grid_map
         self._knowledge = knowledge if callable(knowledge) else lambda: knowledge
-        self._driver = Driver(robot, lambda: grid_map, self._knowledge, stow, footprint_radius_m, parameters)
+        self._driver = Driver(robot, self._map, self._knowledge, stow, footprint_radius_m, parameters)
         self._work: Iterator[Report] | None = None
         self._last = Report(Progress.FAILED, "not_started")
 
@@ -70,7 +71,7 @@ class KnownPlaceNavigator:
     def start(self, target: str, room: str | None) -> None:
         """Begin driving to `target`; see `Navigator`."""
         self._driver.forget()
-        self._work = self._drive(_Trip(target, room))
+        self._work = self._drive(Trip(target, room))
 
     def step(self) -> Report:
         """Write one step's command; see `Navigator`. After the end it goes on reporting the end."""
@@ -94,7 +95,7 @@ class KnownPlaceNavigator:
 
     # ------------------------------------------------------------------------------------------ the drive
 
-    def _drive(self, trip: _Trip) -> Iterator[Report]:
+    def _drive(self, trip: Trip) -> Iterator[Report]:
         """One report a step until the base has arrived. Raises GaveUp."""
         entries, room = self._look_up(trip)
         if not entries and room is None:
@@ -108,8 +109,10 @@ class KnownPlaceNavigator:
                 raise GaveUp("unknown_target", f"{trip.target} is not known in {room}")
         yield from self._drive_to(trip, entries, room)
 
-    def _drive_to(self, trip: _Trip, entries: list[Entry], room: str | None) -> Iterator[Report]:
-        """Drive to the best of `entries`, or into `room` if there are none. Raises GaveUp."""
+    def _drive_to(
+        self, trip: Trip, entries: list[Entry], room: str | None, until: Callable[[], bool] = never
+    ) -> Iterator[Report]:
+        """Drive to the best of `entries`, or into `room` if there are none; no farther than `until`. Raises GaveUp."""
         place = trip.target if entries else str(room)
         if self._is_there(entries, room):
             return
@@ -120,7 +123,7 @@ class KnownPlaceNavigator:
             return [g for e in entries for g in object_goals(e, start, grid, self.parameters.handoff, most=_GOALS)]
 
         def there() -> bool:  # a base that was stopped near enough need not get to its goal
-            return self._driver.halted and self._is_there(entries, room)
+            return until() or (self._driver.halted and self._is_there(entries, room))
 
         try:
             yield from self._driver.to(goals, f"driving to {place}", there)
@@ -130,13 +133,13 @@ class KnownPlaceNavigator:
     def _names(self) -> list[str]:
         """What targets may be called."""
         phrases = {normalize(phrase) for entry in self._knowledge() for phrase in entry.phrases}
-        return sorted(phrases | {normalize(room) for room in self._map.room_names})
+        return sorted(phrases | {normalize(room) for room in self._map().room_names})
 
-    def _look_up(self, trip: _Trip) -> tuple[list[Entry], str | None]:
+    def _look_up(self, trip: Trip) -> tuple[list[Entry], str | None]:
         """The entries that the target names, the best kind first only, and the map's room that was meant, if any."""
         knowledge = self._knowledge()
         hits = knowledge.find(trip.target, trip.room) or knowledge.find(trip.target)
-        rooms = {normalize(name): name for name in self._map.room_names}
+        rooms = {normalize(name): name for name in self._map().room_names}
         for hit in hits:
             if hit.kind == "room" and normalize(hit.name) in rooms:
                 trip.target = rooms[normalize(hit.name)]
@@ -151,6 +154,6 @@ class KnownPlaceNavigator:
     def _is_there(self, entries: list[Entry], room: str | None) -> bool:
         pose = self._robot.proprioception().base_pose
         if not entries:
-            return self._map.room_at(pose[:2]) == room
+            return self._map().room_at(pose[:2]) == room
         grid = self._driver.grid()
         return any(at_target(entry, pose, grid, self.parameters.handoff) for entry in entries)
