@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from benchmarks.hands.trial import Shapes
+from benchmarks.rows import append, lines_of
 from mpvi_bt.errors import UserError
 
 
@@ -81,12 +81,9 @@ def read_rows(path: Path) -> list[Row]:
         UserError: A line is no row.
     """
     rows: dict[Job, Row] = {}
-    lines = path.read_text(encoding="utf-8").splitlines(keepends=True) if path.exists() else []
-    for number, line in enumerate(lines, start=1):
-        if not line.endswith("\n"):
-            break
+    for number, data in lines_of(path):
         try:
-            row = _row(json.loads(line))
+            row = _row(data)
         except (ValueError, TypeError, KeyError) as error:
             raise UserError(f"{path}:{number}: no result of a trial ({error})") from None
         rows[row.job] = row
@@ -94,23 +91,8 @@ def read_rows(path: Path) -> list[Row]:
 
 
 def add_row(path: Path, row: Row) -> None:
-    """Append a row, whole; a half-written line before it is cut off first.
-
-    Raises:
-        UserError: The file cannot be written.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("ab+") as file:
-            size = file.tell()
-            if size:
-                file.seek(0)
-                whole = file.read().rfind(b"\n") + 1
-                if whole != size:
-                    file.truncate(whole)
-            file.write(json.dumps(_flat(row)).encode() + b"\n")
-    except OSError as error:
-        raise UserError(f"{path}: {(error.strerror or 'cannot be written').lower()}") from None
+    """Append a row, whole. Raises UserError if the file cannot be written."""
+    append(path, _flat(row))
 
 
 def _flat(row: Row) -> dict[str, Any]:

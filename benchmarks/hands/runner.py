@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 import traceback
 from collections.abc import Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-
-from pebble import ProcessExpired, ProcessPool
 
 from benchmarks.hands.policies import POLICIES
 from benchmarks.hands.rows import Job, Row
 from benchmarks.hands.scenes import draw
 from benchmarks.hands.show import Film
 from benchmarks.hands.trial import play
+from benchmarks.pool import play_all
 from mpvi_bt.errors import BackendError, NoRenderingDevice, UserError
 from mpvi_bt.robot.protocol import CONTROL_HZ
 from mpvi_bt.sim.noise import NONE, REALISTIC, NoisyRobot
-from mpvi_bt.suite.runner import THREAD_LIMITS
-from mpvi_bt.suite.worker import prepare
 
 ERRORS = {"none": NONE, "realistic": REALISTIC}  # of the senses of policies that see
 WALL_LIMIT_S = 600.0  # Our choice: only a hung trial takes that long
-_TRIALS_A_PROCESS = 40  # the renderer keeps some memory of every scene
 
 
 def run_job(job: Job, show: Path | None = None, video: bool = False) -> Row:
@@ -75,23 +69,14 @@ def run_jobs(
         UserError: A scene cannot be set up: its trials would all be like that.
         KeyboardInterrupt: After the workers were stopped.
     """
-    os.environ.update({name: "1" for name in THREAD_LIMITS if name not in os.environ})  # each core has its worker
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPool(workers, max_tasks=_TRIALS_A_PROCESS, initializer=prepare, context=context)
-    try:
-        waiting: dict[Future[Row | str], Job] = {
-            pool.schedule(_guarded, args=(job, show, video), timeout=wall_limit_s): job for job in jobs
-        }  # fmt: skip
-        while waiting:
-            done, _ = wait(waiting, timeout=0.5, return_when=FIRST_COMPLETED)
-            for future in done:
-                yield _taken(future, waiting.pop(future), wall_limit_s)
-        pool.close()  # type: ignore[no-untyped-call]
-    except BaseException:
-        pool.stop()  # type: ignore[no-untyped-call]
-        raise
-    finally:
-        pool.join()
+    for row in play_all(partial(_guarded, show=show, video=video), _failed, jobs, workers, wall_limit_s):
+        if isinstance(row, str):
+            raise UserError(row)
+        yield row
+
+
+def _failed(job: Job, cause: str) -> Row | str:
+    return Row(job, False, cause)
 
 
 def _guarded(job: Job, show: Path | None, video: bool) -> Row | str:
@@ -99,20 +84,8 @@ def _guarded(job: Job, show: Path | None, video: bool) -> Row | str:
     try:
         return run_job(job, show, video)
     except (UserError, NoRenderingDevice) as error:
-        return str(error)
+        return f"{job.name}: {error}"
     except Exception as error:
         where = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{Path(where.filename).name}:{where.lineno}"
         return Row(job, False, f"raised: {type(error).__name__} at {place}: {' '.join(str(error).split())[:200]}")
-
-
-def _taken(future: Future[Row | str], job: Job, wall_limit_s: float) -> Row:
-    try:
-        result = future.result()
-    except TimeoutError:
-        return Row(job, False, f"hung: no result within {wall_limit_s:g} s of wall time")
-    except ProcessExpired as error:
-        return Row(job, False, f"died: the worker process ended with exit code {error.exitcode}")
-    if isinstance(result, str):
-        raise UserError(f"{job.name}: {result}")
-    return result
