@@ -231,7 +231,7 @@ class Work:
             yield from self.look_at(name)
             if not self.held() and self._covered(name):
                 torso = self.motion.torso
-                torso[:3] = [max(0.0, self._middle(name)[2] - _EYES_M), 0.0, 0.0]
+                torso[:3] = [np.clip(self._middle(name)[2] - _EYES_M, *r1.TORSO_LIMITS[0]), 0.0, 0.0]
                 yield from self.motion.stand(torso)
                 yield from self.look_at(name)
                 return
