@@ -81,22 +81,30 @@ def _run(cost: Cost, start: Cell, goal: Cell | None) -> tuple[Cost, NDArray[np.u
     keys, items = np.empty(8 * size + 1, np.float32), np.empty(8 * size + 1, np.int64)
     target = -1 if goal is None else goal[0] * columns + goal[1]
     start_index = start[0] * columns + start[1]
-    _kernel()(flat, columns, start_index, target, reached, parent, closed, keys, items, _STEP_ROW, _STEP_COLUMN)
+    _search(flat, columns, start_index, target, reached, parent, closed, keys, items, _STEP_ROW, _STEP_COLUMN)
     return reached.reshape(cost.shape), parent.reshape(cost.shape)
 
 
-@cache
-def _kernel() -> Callable[..., None]:
-    """The compiled search. numba keeps it beside this file or, where that is read-only, in the user's cache folder."""
-    import numba
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function, compiled by numba on its first call; it takes positional arguments only.
 
-    try:
-        compiled: Any = numba.njit(cache=True)(_search)
-    except RuntimeError:  # no folder that can be written: compile anew in each process
-        compiled = numba.njit(_search)
-    return compiled
+    numba keeps the result beside the function's file or, where that is read-only, in the user's cache folder.
+    """
+
+    @cache
+    def kernel() -> Callable[..., Any]:
+        import numba
+
+        try:
+            made: Any = numba.njit(cache=True, error_model="numpy")(function)
+        except RuntimeError:  # no folder that can be written: compile anew in each process
+            made = numba.njit(error_model="numpy")(function)
+        return made
+
+    return lambda *arguments: kernel()(*arguments)
 
 
+@compiled
 def _search(cost, columns, start, target, reached, parent, closed, keys, items, step_row, step_column):  # type: ignore
     """Dijkstra (target < 0) or A* with a binary heap. Writes `reached` and `parent` in place; every array is flat."""
     rows = cost.size // columns
