@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot import kinematics as kin

