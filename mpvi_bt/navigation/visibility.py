@@ -59,7 +59,14 @@ class VisibilityMap:
         depth = np.ascontiguousarray(image.depth, np.float32)
         return self._look(image.T_world_camera, yaw, half, occupied, depth, image, True)
 
-    def would_see(self, xy: Array, yaw: float, fov_rad: float, occupied: NDArray[np.bool_]) -> int:
+    def would_see(
+        self,
+        xy: Array,
+        yaw: float,
+        fov_rad: float,
+        occupied: NDArray[np.bool_],
+        wanted: NDArray[np.bool_] | None = None,
+    ) -> int:
         """How many unseen cells a look would add if depth showed nothing that the map lacks.
 
         Floor that the last picture's camera, moved there, would not have in its picture does not count, such as that
@@ -101,7 +108,7 @@ class VisibilityMap:
             to_world[:3, 2] = self._origin[0], self._origin[1], LOOK_M
             project = picture.K @ inverse(T_world_camera)[:3] @ to_world
         count: int = _cast(
-            np.ascontiguousarray(occupied), self.seen, fresh, int(low[0]), int(low[1]), float(y), float(x), yaw, half,
+            np.ascontiguousarray(occupied), seen, fresh, int(low[0]), int(low[1]), float(y), float(x), yaw, half,
             rays, reach, height, width, depth, project,
         )  # fmt: skip
         if keep and count:
