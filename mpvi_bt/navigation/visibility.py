@@ -57,7 +57,7 @@ class VisibilityMap:
         self._last = image
         yaw, half = _field_of_view(image)
         depth = np.ascontiguousarray(image.depth, np.float32)
-        return self._look(image.T_world_camera, yaw, half, occupied, depth, image, True)
+        return self._look(image.T_world_camera, yaw, half, occupied, self.seen, depth, image, True)
 
     def would_see(
         self,
@@ -77,6 +77,7 @@ class VisibilityMap:
             yaw: Where it would look [rad].
             fov_rad: Its horizontal field of view.
             occupied: (H, W) bool, what sight is blocked by.
+            wanted: (H, W) bool, the cells that count; None: all that are unseen.
         """
         T = np.eye(4)
         if self._last is not None:
@@ -84,11 +85,12 @@ class VisibilityMap:
             T[:3, :3] = rot_z(turn) @ self._last.T_world_camera[:3, :3]
             T[2, 3] = self._last.T_world_camera[2, 3]
         T[:2, 3] = np.asarray(xy, float)[:2]
-        return self._look(T, yaw, fov_rad / 2, occupied, _NO_DEPTH, self._last, False)
+        seen = self.seen if wanted is None else ~wanted
+        return self._look(T, yaw, fov_rad / 2, occupied, seen, _NO_DEPTH, self._last, False)
 
     def _look(
-        self, T_world_camera: Array, yaw: float, half: float, occupied: NDArray[np.bool_], depth: NDArray[np.float32],
-        picture: CameraImage | None, keep: bool,
+        self, T_world_camera: Array, yaw: float, half: float, occupied: NDArray[np.bool_], seen: NDArray[np.bool_],
+        depth: NDArray[np.float32], picture: CameraImage | None, keep: bool,
     ) -> int:  # fmt: skip
         """Cast rays `half` to each side of `yaw`; floor counts that a picture like `picture` would have in it."""
         if occupied.shape != self.seen.shape:
