@@ -7,6 +7,7 @@ MpviError                  exit code 3  a fault of the machine or a backend
 ├── BackendError           exit code 3  a backend broke or refused
 │   ├── NoRenderingDevice               pictures were asked for and this machine can draw none
 │   ├── PolicyError                     a policy's server is away or answers what no policy may; has a reason code
+│   ├── DetectorError                   a detector broke, hangs or answers what no detector may; has a reason code
 │   └── BadMessage                      bytes from elsewhere are not what the protocol says
 └── NodeError              exit code 3  a behavior raised; names the path of its node in the tree
 
@@ -110,6 +111,18 @@ class PolicyError(BackendError):
 
     Attributes:
         reason: Stable code, such as "server_absent"; docs/policies.md lists them.
+    """
+
+    def __init__(self, reason: str, message: str) -> None:
+        self.reason = reason
+        super().__init__(message)
+
+
+class DetectorError(BackendError):
+    """A detector broke, hangs, cannot be loaded, or answers what no detector may.
+
+    Attributes:
+        reason: Stable code, such as "bad_box"; docs/detectors.md lists them.
     """
 
     def __init__(self, reason: str, message: str) -> None:

@@ -1,56 +1,154 @@
-"""The detector of labels: masks by phrase, and nothing else."""
+"""The guard around detectors: whatever goes wrong in one is an error with a reason, and nothing hangs."""
 
 from __future__ import annotations
+
+import re
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from mpvi_bt.perception.detector import ROBOT, LabelDetector
+import mpvi_bt
+from mpvi_bt.errors import DetectorError
+from mpvi_bt.perception.detector import Detection, Guarded
 from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.testing import KinematicRobot, check_detector
 
-VOCABULARY = {"can.n.01_1": ("can of soda", "soda can"), "can.n.01_2": ("can of soda",), "bin": ("trash can",)}
-NAMES = {1: "can.n.01_1", 2: "can.n.01_2", 3: "bin", 4: "robot", 5: "robot"}
-
-
-def picture(labels: list[list[int]] | None) -> CameraImage:
-    shape = np.shape(labels) if labels is not None else (2, 2)
-    array = None if labels is None else np.array(labels, np.int32)
-    depth = np.ones(shape, np.float32)
-    return CameraImage("head", np.zeros((*shape, 3), np.uint8), depth, array, NAMES, np.eye(3), np.eye(4))
+IMAGE = KinematicRobot().look("head")
+HEIGHT, WIDTH = IMAGE.depth.shape
+BOX = np.array([1, 1, 4, 5])
+MASK = np.zeros((HEIGHT, WIDTH), bool)
+MASK[1:5, 1:4] = True
 
 
-LABELS = [[0, 1, 1, 4], [2, 0, 3, 5]]
+class Saying:
+    """A detector that answers, raises or waits as it is told; by default it sees a cup in every picture."""
+
+    name = "saying"
+
+    def __init__(self, answer: Callable[[Sequence[str]], Any] | None = None) -> None:
+        self._answer = answer or self._cup
+
+    @staticmethod
+    def _cup(phrases: Sequence[str]) -> list[Detection]:
+        return [Detection("cup", 0.9, BOX.copy(), MASK.copy())] if "cup" in phrases else []
+
+    def detect(self, image: CameraImage, phrases: Sequence[str]) -> list[Detection]:
+        return self._answer(phrases)
 
 
-@pytest.mark.parametrize("phrase", ["can of soda", "a can of soda", "Can  of soda"])
-def test_a_phrase_finds_every_thing_that_is_called_so(phrase: str) -> None:
-    """Each thing has its own mask and box; the phrase comes back as it was asked."""
-    found = LabelDetector(VOCABULARY).detect(picture(LABELS), [phrase])
-    assert [d.phrase for d in found] == [phrase, phrase]
-    np.testing.assert_array_equal(found[0].mask, np.array(LABELS) == 1)
-    np.testing.assert_array_equal(found[0].box, [1, 0, 3, 1])
-    np.testing.assert_array_equal(found[1].box, [0, 1, 1, 2])
+def fails(answer: Callable[[Sequence[str]], Any], limit_s: float = 5.0) -> DetectorError:
+    with pytest.raises(DetectorError) as caught:
+        Guarded(Saying(answer), limit_s).detect(IMAGE, ["cup"])
+    return caught.value
 
 
-def test_a_detection_does_not_tell_which_thing_it_is() -> None:
-    """No name of a label goes through: what the next picture shows is told by place alone."""
-    for detection in LabelDetector(VOCABULARY).detect(picture(LABELS), ["can of soda", "trash can", ROBOT]):
-        said = (detection.phrase, detection.score)
-        assert not any(name in str(said) for name in VOCABULARY)
+def test_what_a_good_detector_finds_goes_through() -> None:
+    """The guard takes nothing away, adds nothing, and keeps the contract and the name."""
+    guarded = Guarded(Saying())
+    check_detector(lambda: Guarded(Saying()), [IMAGE], ["cup", "bowl"])
+    assert guarded.name == "saying"
+    (found,) = guarded.detect(IMAGE, ["cup"])
+    np.testing.assert_array_equal(found.box, BOX)
+    (found,) = Guarded(Saying(lambda _: (Detection("cup", 1, BOX),))).detect(IMAGE, ["cup"])
+    assert found.mask is None
 
 
-def test_the_robot_is_one_thing() -> None:
-    """All of the robot's parts are one mask."""
-    (found,) = LabelDetector(VOCABULARY).detect(picture(LABELS), [ROBOT])
-    np.testing.assert_array_equal(found.mask, np.array(LABELS) >= 4)
+def _raise(error: BaseException) -> Callable[[Sequence[str]], Any]:
+    def answer(_: Sequence[str]) -> Any:
+        raise error
+
+    return answer
 
 
-@pytest.mark.parametrize("labels", [None, [[0, 0], [0, 0]]])
-def test_where_there_is_nothing_nothing_is_found(labels: list[list[int]] | None) -> None:
-    """Without labels, or with none that is asked for, there are no detections."""
-    assert LabelDetector(VOCABULARY).detect(picture(labels), ["can of soda", ROBOT]) == []
+@pytest.mark.parametrize("error", [ValueError("no cup"), RecursionError(), MemoryError(), SystemExit(3)])
+def test_what_a_detector_raises_is_a_reason(error: BaseException) -> None:
+    """Whatever its kind, and with what it said."""
+    caught = fails(_raise(error))
+    assert caught.reason == "raised"
+    assert type(error).__name__ in str(caught)
+    assert str(error) in str(caught)
+    assert caught.__cause__ is error
 
 
-def test_what_is_not_in_the_vocabulary_is_not_found() -> None:
-    """A phrase that nobody uses finds nothing, even where it is the label itself."""
-    assert LabelDetector(VOCABULARY).detect(picture(LABELS), ["can.n.01_1", "elephant"]) == []
+def test_a_reason_that_a_detector_gives_itself_stays() -> None:
+    """Its own word is not wrapped into another."""
+    assert fails(_raise(DetectorError("not_loaded", "no weights"))).reason == "not_loaded"
+
+
+def cup(**changed: Any) -> Callable[[Sequence[str]], Any]:
+    given: dict[str, Any] = {"phrase": "cup", "score": 0.5, "box": BOX, "mask": MASK} | changed
+    return lambda _: [Detection(**given)]
+
+
+@pytest.mark.parametrize(
+    ("answer", "reason"),
+    [
+        (lambda _: None, "bad_answer"),
+        (lambda _: {"cup": BOX}, "bad_answer"),
+        (lambda _: ["cup"], "bad_answer"),
+        (lambda _: [Detection("cup", 0.5, BOX)] * 20_000, "bad_answer"),
+        (cup(phrase="bowl"), "bad_phrase"),
+        (cup(phrase=None), "bad_phrase"),
+        (cup(score=np.nan), "bad_score"),
+        (cup(score=1.2), "bad_score"),
+        (cup(score=-0.1), "bad_score"),
+        (cup(score="high"), "bad_score"),
+        (cup(score=np.array([0.5, 0.6])), "bad_score"),
+        (cup(box=np.array([-1, 0, 4, 5])), "bad_box"),
+        (cup(box=np.array([0, 0, WIDTH + 1, 5])), "bad_box"),
+        (cup(box=np.array([0, 0, 4, HEIGHT + 1])), "bad_box"),
+        (cup(box=np.array([4, 1, 4, 5])), "bad_box"),
+        (cup(box=np.array([4, 1, 1, 5])), "bad_box"),
+        (cup(box=np.array([1, 1, 4])), "bad_box"),
+        (cup(box=np.array([1.5, 1, 4, 5])), "bad_box"),
+        (cup(box=np.array([np.nan, 1, 4, 5])), "bad_box"),
+        (cup(box=None), "bad_box"),
+        (cup(box=[[1], [2, 3]]), "bad_box"),
+        (cup(mask=MASK[:-1]), "bad_mask"),
+        (cup(mask=MASK.T if HEIGHT != WIDTH else MASK[0]), "bad_mask"),
+        (cup(mask=MASK.astype(float)), "bad_mask"),
+        (cup(mask=np.zeros_like(MASK)), "bad_mask"),
+        (cup(mask=[True]), "bad_mask"),
+    ],
+)  # fmt: skip
+def test_what_is_no_detection_is_refused(answer: Callable[[Sequence[str]], Any], reason: str) -> None:
+    """Each kind of nonsense has its reason, and the message names the detector."""
+    error = fails(answer)
+    assert error.reason == reason
+    assert "detector saying" in str(error)
+
+
+def test_a_detector_that_hangs_is_left_alone_until_it_comes_back() -> None:
+    """The wait is bounded, the next call is refused at once, and what comes too late is thrown away."""
+    free = threading.Event()
+    answers = iter([lambda: (free.wait(20), [Detection("cup", 0.1, BOX)])[1], lambda: [Detection("cup", 0.2, BOX)]])
+    guarded = Guarded(Saying(lambda _: next(answers)()), limit_s=0.2)
+    started = time.monotonic()
+    for _ in range(3):
+        with pytest.raises(DetectorError) as caught:
+            guarded.detect(IMAGE, ["cup"])
+        assert caught.value.reason == "hangs"
+    assert time.monotonic() - started < 5.0
+    free.set()
+    deadline = time.monotonic() + 10
+    while True:
+        try:
+            (found,) = guarded.detect(IMAGE, ["cup"])
+            break
+        except DetectorError:
+            assert time.monotonic() < deadline
+    assert found.score == 0.2
+
+
+def test_every_reason_is_in_the_page() -> None:
+    """docs/detectors.md lists what the source says, and nothing else."""
+    package = Path(mpvi_bt.__file__).parent
+    page = (package.parent / "docs" / "detectors.md").read_text(encoding="utf-8")
+    source = "".join(path.read_text(encoding="utf-8") for path in (package / "perception").glob("*.py"))
+    said = set(re.findall(r'DetectorError\(\s*"([a-z_]+)"', source)) | set(re.findall(r'"(bad_[a-z]+)"', source))
+    assert said == set(re.findall(r"^\| `([a-z_]+)` \|", page.split("## When a detector fails")[1], re.MULTILINE))

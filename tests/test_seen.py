@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mpvi_bt.manipulation.seen import Seen
-from mpvi_bt.perception.detector import LabelDetector
+from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Proprioception
@@ -31,7 +31,7 @@ def tilted(world: World, tilt: float = 0.75) -> World:
 
 
 def looking(world: World, *phrases: str) -> Seen:
-    seen = Seen(LabelDetector(VOCABULARY))
+    seen = Seen(SegmentationDetector(VOCABULARY, least_px=1))
     seen.forget(phrases)
     look(world, seen)
     return seen
@@ -165,7 +165,8 @@ def test_what_fingers_close_on_moves_with_the_hand_until_they_open() -> None:
 def test_the_camera_is_where_the_joints_say() -> None:
     """The picture's own word on where it was taken is not heeded: a real one has none."""
     world = cans()
-    seen, felt, image = Seen(LabelDetector(VOCABULARY)), world.robot.proprioception(), world.robot.look("head")
+    seen = Seen(SegmentationDetector(VOCABULARY, least_px=1))
+    felt, image = world.robot.proprioception(), world.robot.look("head")
     seen.forget(["can of soda"])
     seen.see({"head": replace(image, T_world_camera=np.eye(4))}, felt)
     other = looking(world, "can of soda")

@@ -9,7 +9,7 @@ import pytest
 
 from mpvi_bt.errors import UnknownName
 from mpvi_bt.goals.predicates import toggled_on
-from mpvi_bt.perception.detector import LabelDetector
+from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.switches import PRESSED_STEPS, SWITCH_M
 from mpvi_bt.sim.world import World
@@ -121,7 +121,7 @@ def test_cameras_see_whether_it_is_on() -> None:
     T = np.eye(4)
     T[:3, :3] = np.array([[0.0, -0.7071, 0.7071], [-1.0, 0, 0], [0, -0.7071, -0.7071]])
     T[:3, 3] = at + [-0.25, 0, 0.25]
-    detector = LabelDetector({"radio": ["radio"]})
+    detector = SegmentationDetector({"radio": ["radio"]})
     for on in (False, True):
         world.turn("radio", on)
         image = world.look_from(T, (160, 120), 0.6)

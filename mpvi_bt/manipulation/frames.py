@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from mpvi_bt.perception.detector import ROBOT, Detection, Detector
+from mpvi_bt.perception.detector import ROBOT, Detector
+from mpvi_bt.perception.localize import pixels
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import SIDES, CameraImage, Proprioception
 from mpvi_bt.robot.solids import Array
@@ -17,6 +18,19 @@ from mpvi_bt.robot.solids import Array
 _OWN_PX = 2  # the robot's mask is grown so far: the edges of masks are never exact
 _NOISE_PER_M = 0.009  # three times the standard deviation of a good depth camera's pixel at 1 m [m]
 _FLOOR_M = 0.025  # what is lower than this is taken for the floor
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """The pixels that a detector found for a phrase.
+
+    Attributes:
+        phrase: As asked for.
+        mask: (H, W) bool.
+    """
+
+    phrase: str
+    mask: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +49,7 @@ class Frame:
     image: CameraImage
     points: Array
     robot: NDArray[np.bool_]
-    detections: tuple[Detection, ...]
+    detections: tuple[Shown, ...]
     stand: int
     way_m: float
 
@@ -91,11 +105,11 @@ def take(
     smooth = (image.depth > 0) & (np.abs(near - image.depth) < _NOISE_PER_M * image.depth**2)
     depth = np.where(smooth, near, image.depth).astype(np.float32)
     image = replace(image, T_world_camera=base @ camera, depth=depth)
-    found = detector.detect(image, [ROBOT, *phrases])
+    found = [Shown(d.phrase, pixels(d, image)) for d in detector.detect(image, [ROBOT, *phrases])]
     own = np.zeros(image.depth.shape, bool)
-    for detection in found:
-        if detection.phrase == ROBOT:
-            own |= detection.mask
+    for shown in found:
+        if shown.phrase == ROBOT:
+            own |= shown.mask
     own = ndimage.binary_dilation(own, np.ones((3, 3), bool), iterations=_OWN_PX)
-    things = tuple(d for d in found if d.phrase != ROBOT)
+    things = tuple(shown for shown in found if shown.phrase != ROBOT)
     return Frame(image, image.points_world(), own, things, stand, way_m)

@@ -12,8 +12,9 @@ from mpvi_bt.manipulation.readings import count, readings
 from mpvi_bt.manipulation.scripted import ScriptedPolicy
 from mpvi_bt.manipulation.seen import Seen
 from mpvi_bt.manipulation.work import Work
-from mpvi_bt.perception.detector import Detector, LabelDetector
-from mpvi_bt.perception.knowledge import normalize
+from mpvi_bt.perception.detector import Detector
+from mpvi_bt.perception.phrases import normalize
+from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.plan.skills import Skill, SkillCall, clauses, match
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES
@@ -43,7 +44,7 @@ class ReactivePolicy(ScriptedPolicy):
         detector: Detector | None = None, vocabulary: Mapping[str, Iterable[str]] | None = None,
     ) -> None:  # fmt: skip
         """See through `detector`, by default the picture's labels and a vocabulary: label to phrases."""
-        self._seen = Seen(detector or LabelDetector(vocabulary or {}))
+        self._seen = Seen(detector or SegmentationDetector(vocabulary or {}, least_px=1))
         super().__init__(self._seen, skills, seed, timer, sight=self._seen)
 
     def infer(self, observation: Mapping[str, Any]) -> Array:

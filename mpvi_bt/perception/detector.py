@@ -1,19 +1,23 @@
-"""Open-vocabulary detection: where a picture shows what a phrase names."""
+"""Open-vocabulary detection: where a picture shows what a phrase names, and a guard around whatever says so."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import queue
+import threading
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.perception.knowledge import normalize, whole
+from mpvi_bt.errors import DetectorError, shown
+from mpvi_bt.perception.phrases import normalize
 from mpvi_bt.robot.protocol import CameraImage
 
 ROBOT = "robot"  # the phrase that finds the robot's own parts
 SWITCH = ".switch"  # ends the label of a thing's switch
+MOST_DETECTIONS = 10_000  # in one picture: more is a fault
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,13 +28,13 @@ class Detection:
         phrase: As asked for.
         score: Confidence, 0 to 1.
         box: (4,) left, top, right, bottom [px], the last ones exclusive.
-        mask: (H, W) bool, its pixels.
+        mask: (H, W) bool, its pixels, or None from a detector that only draws boxes.
     """
 
     phrase: str
     score: float
     box: NDArray[np.intp]
-    mask: NDArray[np.bool_]
+    mask: NDArray[np.bool_] | None = None
 
 
 class Detector(Protocol):
@@ -43,52 +47,120 @@ class Detector(Protocol):
     name: str
 
     def detect(self, image: CameraImage, phrases: Sequence[str]) -> list[Detection]:
-        """What of `phrases` the picture shows; `ROBOT` finds the robot's own parts, all in one."""
+        """What of `phrases` the picture shows; `ROBOT` finds the robot's own parts, all in one.
+
+        A phrase that names nothing finds nothing. The picture is not changed, and what is returned is the caller's.
+        """
         ...
 
 
-class LabelDetector:
-    """Reads the picture's label channel: the stand-in for an open-vocabulary detector, blind to what the label says.
+class Guarded:
+    """A detector around another one, of which nothing is taken on trust.
 
-    It hands out masks by phrase, not names: two cans are two detections of "can", and nothing tells which is which.
-    A switch has a label of its own; it is called by its thing, as "switch of the radio".
+    Whatever goes wrong in it is a `DetectorError` with a reason that docs/detectors.md lists. It works in a thread of
+    its own: one that hangs is left alone, and refused until it has come back.
 
     Attributes:
-        name: "labels".
+        name: The other one's.
     """
 
-    name = "labels"
+    def __init__(self, detector: Detector, limit_s: float = 60.0) -> None:
+        """Guard `detector`.
 
-    def __init__(self, vocabulary: Mapping[str, Iterable[str]]) -> None:
-        """Take the vocabulary: label of each thing to what people call it."""
-        self._called = {label: {normalize(p) for p in phrases} for label, phrases in vocabulary.items()}
+        Args:
+            detector: Any.
+            limit_s: Wall time that it may take for a picture. Our choice: far more than any needs, since how fast a
+                machine is must not change what an episode does.
+        """
+        self._detector, self._limit_s = detector, limit_s
+        self._work: queue.SimpleQueue[tuple[CameraImage, Sequence[str]]] = queue.SimpleQueue()
+        self._done: queue.SimpleQueue[tuple[Any, BaseException | None]] = queue.SimpleQueue()
+        self._thread: threading.Thread | None = None
+        self._hangs = False
+        self.name = str(getattr(detector, "name", type(detector).__name__))
 
     def detect(self, image: CameraImage, phrases: Sequence[str]) -> list[Detection]:
-        """As `Detector` says; a picture without labels shows nothing."""
-        if image.labels is None:
-            return []
-        ids: dict[str, list[int]] = {}
-        for label in np.unique(image.labels).tolist():
-            if label in image.names:
-                ids.setdefault(image.names[label], []).append(label)
-        found = []
-        for phrase in phrases:
-            wanted = normalize(phrase)
-            if (thing := whole(wanted)) is not None and not any(wanted in names for names in self._called.values()):
-                wanted = thing
-            for label, own in ids.items():
-                if label == ROBOT if phrase == ROBOT else wanted in self._names(label):
-                    mask = np.isin(image.labels, own)
-                    rows, columns = np.nonzero(mask.any(1))[0], np.nonzero(mask.any(0))[0]
-                    box = np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1])
-                    found.append(Detection(phrase, 1.0, box, mask))
-        return found
+        """As `Detector` says.
 
-    def _names(self, label: str) -> set[str]:
-        """What people call what has a label."""
-        thing = label.removesuffix(SWITCH)
-        called = self._called.get(thing, set())
-        return called if thing == label else {switch_of(p) for p in called}
+        Raises:
+            DetectorError: It raised, hangs, or answered what is no detection in this picture.
+        """
+        if self._hangs and self._done.empty():
+            raise DetectorError("hangs", f"detector {self.name} has not come back from an earlier picture")
+        if self._hangs:
+            self._done.get()  # what it found is of a picture long past
+            self._hangs = False
+        if self._thread is None:
+            # a daemon: one that never comes back must not keep the process from ending
+            self._thread = threading.Thread(target=self._serve, daemon=True, name=f"detector {self.name}")
+            self._thread.start()
+        self._work.put((image, tuple(phrases)))
+        try:
+            found, error = self._done.get(timeout=self._limit_s)
+        except queue.Empty:
+            self._hangs = True
+            message = f"detector {self.name} has found nothing and said nothing for {self._limit_s:g} s"
+            raise DetectorError("hangs", message) from None
+        if isinstance(error, DetectorError):
+            raise error
+        if error is not None:
+            raise DetectorError("raised", f"detector {self.name}: {type(error).__name__}: {error}") from error
+        if not isinstance(found, list | tuple):
+            raise DetectorError("bad_answer", f"detector {self.name} answered no list: {shown(found)}")
+        if len(found) > MOST_DETECTIONS:
+            raise DetectorError("bad_answer", f"detector {self.name} found {len(found)} things in one picture")
+        for detection in found:
+            check_detection(detection, image, phrases, f"detector {self.name}")
+        return list(found)
+
+    def _serve(self) -> None:
+        while True:
+            image, phrases = self._work.get()
+            try:
+                answer: tuple[Any, BaseException | None] = (self._detector.detect(image, phrases), None)
+            except BaseException as error:
+                answer = (None, error)
+            self._done.put(answer)
+
+
+def check_detection(given: Any, image: CameraImage, phrases: Sequence[str], where: str) -> None:
+    """Refuse what is no detection of one of `phrases` in a picture.
+
+    Raises:
+        DetectorError: What is wrong with it, after `where`.
+    """
+
+    def refuse(unless: bool, reason: str, what: Callable[[], str]) -> None:
+        if not unless:
+            raise DetectorError(reason, f"{where}: {what()}")
+
+    refuse(isinstance(given, Detection), "bad_answer", lambda: f"{shown(given)} is no Detection")
+    refuse(given.phrase in phrases, "bad_phrase", lambda: f"{shown(given.phrase)} was not asked for")
+    score = given.score
+    good = isinstance(score, int | float | np.number) and bool(0 <= score <= 1)
+    refuse(good, "bad_score", lambda: f"the score of {shown(given.phrase)} is {score!r:.40}, not 0 to 1")
+    height, width = image.depth.shape
+    box = given.box
+    refuse(
+        isinstance(box, np.ndarray) and box.shape == (4,) and box.dtype.kind in "iu",
+        "bad_box",
+        lambda: f"the box of {shown(given.phrase)} is {box!r:.60}, not an array of four whole numbers",
+    )
+    left, top, right, bottom = box.tolist()
+    refuse(
+        0 <= left < right <= width and 0 <= top < bottom <= height,
+        "bad_box",
+        lambda: f"the box of {shown(given.phrase)}, {box.tolist()}, is empty or not within {width}x{height} pixels",
+    )
+    mask = given.mask
+    if mask is None:
+        return
+    refuse(
+        isinstance(mask, np.ndarray) and mask.dtype == bool and mask.shape == (height, width),
+        "bad_mask",
+        lambda: f"the mask of {shown(given.phrase)} is not ({height}, {width}) bool",
+    )
+    refuse(bool(mask.any()), "bad_mask", lambda: f"the mask of {shown(given.phrase)} is empty")
 
 
 def switch_of(phrase: str) -> str:

@@ -1,16 +1,17 @@
-"""The contracts of robots, policies, navigators and checkers, as checks that fakes and real ones pass."""
+"""The contracts of robots, policies, navigators, checkers and detectors, as checks that fakes and real ones pass."""
 
 from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from mpvi_bt.behaviors.protocols import Checker, Navigator, Policy, Progress, Report
-from mpvi_bt.errors import BackendError
+from mpvi_bt.errors import BackendError, DetectorError, shown
+from mpvi_bt.perception.detector import ROBOT, Detection, Detector, check_detection
 from mpvi_bt.robot.protocol import (
     ACTION_SIZE,
     SIDES,
@@ -156,6 +157,8 @@ def _same(one: Any, other: Any) -> bool:
         return isinstance(other, np.ndarray) and np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
     if isinstance(one, Mapping):
         return isinstance(other, Mapping) and one.keys() == other.keys() and all(_same(one[k], other[k]) for k in one)
+    if isinstance(one, list):
+        return isinstance(other, list) and len(one) == len(other) and all(map(_same, one, other))
     if dataclasses.is_dataclass(one):
         return type(one) is type(other) and _same(vars(one), vars(other))
     return bool(one == other)
@@ -222,3 +225,60 @@ def check_checker(checker: Checker) -> None:
         judgement = checker.check(criterion, image)
         _require(judgement.complete is False, f"{criterion!r:.30} cannot be decided, so it is a no")
         _require(isinstance(judgement.reason, str) and bool(judgement.reason), "a judgement has a reason")
+
+
+def check_detector(
+    make: Callable[[], Detector],
+    pictures: Sequence[CameraImage] = (),
+    phrases: Sequence[str] = ("cup", "can of soda", "trash can"),
+) -> None:
+    """The contract of a Detector.
+
+    Args:
+        make: Makes one, each time with the same seed.
+        pictures: What to show it; by default what a robot at rest sees, without labels.
+        phrases: What to ask for.
+
+    Raises:
+        AssertionError: What it breaks.
+    """
+    detector = make()
+    _require(isinstance(getattr(detector, "name", None), str) and bool(detector.name), "a detector has a name")
+    views = list(pictures) or [KinematicRobot().look("head")]
+    first = views[0]
+    unmeasured = dataclasses.replace(first, depth=np.full_like(first.depth, np.nan))
+    absurd = ["", " ", "?!", "the", "x" * 5000, "word " * 400, "\u2603 \U0001f916", "a. b. c.", "\x00"]
+    for image in (*views, unmeasured, dataclasses.replace(first, labels=None, names={})):
+        for asked in (list(phrases), list(phrases[:1]) * 2, [ROBOT], absurd, []):
+            _detections(detector, image, asked)
+    for image in views:
+        found = _detections(detector, image, [*absurd, *phrases])
+        _require(not any(d.phrase in absurd for d in found), "a phrase that names nothing must find nothing")
+    one, other = make(), make()
+    for image in views * 2:
+        twice = [_detections(each, image, phrases) for each in (one, other)]
+        _require(_same([vars(d) for d in twice[0]], [vars(d) for d in twice[1]]), "equal detectors must find the same")
+        for detection in twice[0]:  # they are the caller's now: the next ones must not be made of them
+            for array in (detection.box, detection.mask):
+                if array is not None and array.flags.writeable:
+                    array[:] = 0
+
+
+def _detections(detector: Detector, image: CameraImage, phrases: Sequence[str]) -> list[Detection]:
+    """What it finds, all of it well formed; neither the picture nor the phrases are changed."""
+    given, before = list(phrases), copy.deepcopy(image)
+    try:
+        found = detector.detect(image, given)
+    except BackendError:
+        raise  # what it needs is away or broke; that breaks no contract
+    except Exception as error:
+        raise AssertionError(f"detect raised for {shown(given)}: {type(error).__name__}: {error}") from error
+    _require(_same(image, before), "a picture is not to be changed")
+    _require(given == list(phrases), "phrases are not to be changed")
+    _require(isinstance(found, list), "detect must give a list")
+    try:
+        for detection in found:
+            check_detection(detection, image, phrases, "detect")
+    except DetectorError as error:
+        raise AssertionError(str(error)) from None
+    return found

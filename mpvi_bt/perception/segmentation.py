@@ -1,0 +1,207 @@
+"""The `segmentation` detector: reads the label channel of a rendered picture, and errs where it is asked to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from mpvi_bt.errors import UnknownName, UserError, shown
+from mpvi_bt.perception.detector import ROBOT, SWITCH, Detection, switch_of
+from mpvi_bt.perception.phrases import Vocabulary, read
+from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.robot.solids import Array
+
+NAME = "segmentation"
+LEAST_PX = 20
+_MOST_JITTER_PX = 50.0
+_TABLE = 1 << 20  # label ids below this are looked up in a table
+
+
+@dataclass(frozen=True)
+class DetectionErrors:
+    """How often and how far the detector errs; 0 switches a mistake off.
+
+    Each thing that a picture shows is missed, or taken for another, by a draw of its own; the robot's own parts never
+    are. Our choice: draws of one picture say nothing of the next one.
+
+    Attributes:
+        miss: Probability that a thing is not seen.
+        confuse: Probability that a thing, asked for or not, is taken for what another of the phrases asks for.
+        jitter: Standard deviation of each edge of a box [px]; its mask is stretched along.
+    """
+
+    miss: float = 0.0
+    confuse: float = 0.0
+    jitter: float = 0.0
+
+    def __str__(self) -> str:
+        """One line for a person."""
+        return f"misses {self.miss:.1%}, confuses {self.confuse:.1%}, edges off by {self.jitter:g} px"
+
+    @classmethod
+    def read(cls, address: str) -> DetectionErrors:
+        """The errors of an address such as "miss=0.1,confuse=0.05,jitter=2"; what it does not name is off.
+
+        Raises:
+            UnknownName: There is no such mistake.
+            UserError: It is not written so, a size is out of range, or given twice.
+        """
+        most = {"miss": 1.0, "confuse": 1.0, "jitter": _MOST_JITTER_PX}
+        sizes: dict[str, float] = {}
+        for part in address.split(",") if address else []:
+            name, equals, text = (side.strip() for side in part.partition("="))
+            where = f"detector {NAME}"
+            if not equals:
+                raise UserError(f"{where}: {shown(part)} is not NAME=SIZE, such as miss=0.1,confuse=0.05,jitter=2.")
+            if name not in most:
+                raise UnknownName("mistake", name, most, where)
+            if name in sizes:
+                raise UserError(f"{where}: {name} is given twice.")
+            try:
+                size = float(text)
+            except ValueError:
+                raise UserError(f"{where}: {name}={text[:40]} is no number.") from None
+            if not (math.isfinite(size) and 0 <= size <= most[name]):
+                raise UserError(f"{where}: {name} is 0 to {most[name]:g}, not {text[:40]}.")
+            sizes[name] = size
+        return cls(**sizes)
+
+    @property
+    def address(self) -> str:
+        """As `read` takes it, what is off left out."""
+        sizes = {f.name: getattr(self, f.name) for f in fields(self)}
+        return ",".join(f"{name}={size:g}" for name, size in sizes.items() if size)
+
+
+NO_ERRORS = DetectionErrors()
+
+
+class SegmentationDetector:
+    """Reads the picture's label channel: the stand-in for an open-vocabulary detector, blind to what the label says.
+
+    It hands out masks by phrase, not names: two cans are two detections of "can", and nothing tells which is which.
+    Only visible pixels count. A switch has a label of its own; it is called by its thing, as "switch of the radio".
+
+    The mistakes follow from the seed and from how many pictures came before: the same pictures in the same order have
+    the same ones, whatever is asked for.
+
+    Attributes:
+        name: "segmentation", with its errors' address if they are on.
+        note: One line on the errors to be printed; "" if they are off.
+    """
+
+    def __init__(
+        self,
+        vocabulary: Mapping[str, Iterable[str]],
+        least_px: int = LEAST_PX,
+        errors: DetectionErrors = NO_ERRORS,
+        seed: int = 0,
+    ) -> None:
+        """Take the vocabulary.
+
+        Args:
+            vocabulary: Label of each thing to what people call it.
+            least_px: A thing of fewer visible pixels is not seen. Its default is measured, see docs/detectors.md.
+            errors: Mistakes to make.
+            seed: Of the mistakes.
+        """
+        called = {label: list(phrases) for label, phrases in vocabulary.items()}
+        switches = {label + SWITCH: [switch_of(p) for p in phrases] for label, phrases in called.items()}
+        self._vocabulary = Vocabulary({**called, **switches})
+        self._least_px, self._errors, self._seed = least_px, errors, seed
+        self._pictures = 0
+        self.name = f"{NAME}:{errors.address}" if errors.address else NAME
+        self.note = f"detector {NAME} errs on purpose: {errors}, seed {seed}" if errors.address else ""
+
+    def detect(self, image: CameraImage, phrases: Sequence[str]) -> list[Detection]:
+        """As `Detector` says; a picture without labels shows nothing."""
+        rng = np.random.default_rng([self._seed, self._pictures]) if self.note else None
+        self._pictures += 1
+        if image.labels is None:
+            return []
+        meant = {p: {ROBOT} if p == ROBOT else set(self._vocabulary.named(p)) for p in phrases}
+        sensible = [phrase for phrase in meant if phrase != ROBOT and read(phrase) is not None]
+        found: dict[str, list[Detection]] = {phrase: [] for phrase in meant}
+        for label, seen in self._visible(image.labels, image.names):
+            called = [phrase for phrase, labels in meant.items() if label in labels]
+            if rng is not None and label != ROBOT:
+                others = [phrase for phrase in sensible if phrase not in called]
+                called, seen = self._mistaken(called, others, seen, image.labels.shape, rng)
+            for phrase in called:
+                found[phrase].append(Detection(phrase, 1.0, seen.box.copy(), seen.spread(image.labels.shape)))
+        return [detection for detections in found.values() for detection in detections]
+
+    def _visible(self, labels: NDArray[np.int32], names: Mapping[int, str]) -> list[tuple[str, _Seen]]:
+        """Each thing that enough of is seen, and where, in the order of their labels."""
+        known = sorted(set(names.values()))
+        index = {name: k + 1 for k, name in enumerate(known)}
+        last = int(labels.max(initial=0))
+        if last < _TABLE and labels.min(initial=0) >= 0:
+            table = np.zeros(last + 1, np.int32)
+            for id_, name in names.items():
+                if 0 <= id_ <= last:
+                    table[id_] = index[name]
+            shown = table[labels]
+        else:  # ids that come from elsewhere may be any numbers
+            ids, places = np.unique(labels, return_inverse=True)
+            table = np.array([index.get(names.get(id_, ""), 0) for id_ in ids.tolist()], np.int32)
+            shown = table[places].reshape(labels.shape)
+        counts = np.bincount(shown.ravel(), minlength=len(known) + 1).tolist()
+        boxes = ndimage.find_objects(shown, len(known))
+        return [
+            (label, _Seen(np.array([columns.start, rows.start, columns.stop, rows.stop]), shown[rows, columns] == k))
+            for k, label in enumerate(known, start=1)
+            if counts[k] >= (1 if label == ROBOT else max(1, self._least_px))
+            for rows, columns in [boxes[k - 1]]
+        ]
+
+    def _mistaken(
+        self, called: list[str], others: list[str], seen: _Seen, shape: tuple[int, ...], rng: np.random.Generator
+    ) -> tuple[list[str], _Seen]:
+        """What a thing is taken for, and where it seems to be. Each takes as many draws as any other."""
+        missed, confused, which = rng.random(3)
+        edges = rng.normal(0.0, self._errors.jitter, 4)
+        if confused < self._errors.confuse:
+            called = [others[int(which * len(others))]] if others else []
+        moved = seen.stretched(edges, shape) if self._errors.jitter else seen
+        return (called, moved) if missed >= self._errors.miss and moved is not None else ([], seen)
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """The pixels of a thing.
+
+    Attributes:
+        box: (4,) left, top, right, bottom [px], the last ones exclusive.
+        mask: (bottom - top, right - left) bool, within it.
+    """
+
+    box: NDArray[np.intp]
+    mask: NDArray[np.bool_]
+
+    def spread(self, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+        """(H, W) bool: the mask of the whole picture."""
+        mask = np.zeros(shape, bool)
+        left, top, right, bottom = self.box
+        mask[top:bottom, left:right] = self.mask
+        return mask
+
+    def stretched(self, edges: Array, shape: tuple[int, ...]) -> _Seen | None:
+        """With its box's edges moved by (4,) [px], as far as it is in the picture; None if nothing of it is."""
+        left, top, right, bottom = np.rint(self.box + edges).astype(int).tolist()
+        right, bottom = max(right, left + 1), max(bottom, top + 1)
+        height, width = self.mask.shape
+        rows = (np.arange(max(top, 0), min(bottom, shape[0])) - top) * height // (bottom - top)
+        columns = (np.arange(max(left, 0), min(right, shape[1])) - left) * width // (right - left)
+        mask = self.mask[np.ix_(rows, columns)]
+        (inside,) = ndimage.find_objects(mask.astype(np.uint8), 1)
+        if inside is None:
+            return None
+        tall, wide = inside
+        corner = np.array([max(left, 0), max(top, 0)] * 2)
+        return _Seen(corner + [wide.start, tall.start, wide.stop, tall.stop], mask[tall, wide])
