@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field
+from enum import Enum
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -11,14 +14,26 @@ import numpy as np
 from mpvi_bt.behaviors.protocols import Progress, Report
 from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.goals import Goal, Handoff
-from mpvi_bt.navigation.grid import shortest_path
+from mpvi_bt.navigation.grid import cost_to_reach, shortest_path
 from mpvi_bt.navigation.pursuit import CARRYING, Limits, PathFollower, Tolerance
-from mpvi_bt.navigation.traversability import ClearanceCost, Traversability, floor_obstacles, traversability
+from mpvi_bt.navigation.traversability import (
+    Box,
+    ClearanceCost,
+    Disc,
+    Traversability,
+    floor_obstacles,
+    occupied,
+    snapped,
+    traversability,
+)
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.map import OccupancyMap
-from mpvi_bt.robot.kinematics import wrap
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Proprioception, Robot
+from mpvi_bt.robot.kinematics import rot_z, wrap
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Robot
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.squeeze import squeezes
+
+_BACK_M_S = 0.15  # backing off
 
 
 class Stow(Protocol):
@@ -41,11 +56,15 @@ class NavigationParameters:
         footprint_m: Radius of the robot's footprint with its arms tucked.
         handoff: Where to stand before a target.
         limits: With empty hands.
-        carrying: With something in a hand.
+        carrying: With something in a hand, or between both.
         tolerance: When the goal pose counts as reached.
         clearance: What passing close to obstacles costs.
         stall_s: No motion for so long while driving means that something blocks the way.
+        idle_s: Nor may it come no nearer to its goal for so long.
         back_off_m: How far to drive back from what blocks it, before planning anew.
+        halts: So many halts on the way are answered by another plan; the next one ends the drive.
+        replans: So many plans may be given up because the map showed something in the way.
+        look_again_s: A map that stays the same is compared with what is known of loose things once in so long.
     """
 
     footprint_m: float = 0.33
@@ -55,7 +74,11 @@ class NavigationParameters:
     tolerance: Tolerance = field(default_factory=Tolerance)
     clearance: ClearanceCost = field(default_factory=ClearanceCost)
     stall_s: float = 3.0
+    idle_s: float = 12.0
     back_off_m: float = 0.20
+    halts: int = 3
+    replans: int = 30
+    look_again_s: float = 0.5
 
 
 DEFAULTS = NavigationParameters()
@@ -83,6 +106,14 @@ def never() -> bool:
     return False
 
 
+class _End(Enum):
+    """How following a path ended."""
+
+    ARRIVED = "arrived"
+    HALTED = "halted"  # it commands motion, and nothing moves
+    OBSTRUCTED = "obstructed"  # the map shows something in the way
+
+
 class Driver:
     """Drives the base; one report a step, for which the robot's command has been written.
 
@@ -107,7 +138,7 @@ class Driver:
 
         Args:
             robot: The robot to drive.
-            occupancy_map: What is known now of where the base may go.
+            occupancy_map: What is known now of where the base may go; another object whenever that has changed.
             knowledge: What is known now of the things that stand there and that are carried.
             stow: Tucks the arms before each drive; None leaves them as they are.
             footprint_radius_m: The footprint's radius [m] with all that is held now; None: that of the parameters.
@@ -116,61 +147,123 @@ class Driver:
         self._robot, self._map, self._knowledge, self._stow = robot, occupancy_map, knowledge, stow
         self.parameters = parameters
         self._footprint = footprint_radius_m or (lambda: parameters.footprint_m)
-        self.blocks: list[tuple[float, float, float]] = []
+        self._traversability = lru_cache(maxsize=4)(self._make_grid)
+        self.blocks: list[Disc] = []
         self.halted = False
         self.goal: Array | None = None
         self.path: Array | None = None
+        self._checked: tuple[OccupancyMap | None, tuple[Box, ...]] = (None, ())
 
     def forget(self) -> None:
         """Forget what brought the base to a halt: it may have been taken away since."""
         self.blocks = []
 
     def grid(self, blocks: bool = False) -> Traversability:
-        """The planning grid of now; with or without the places that brought the base to a halt."""
-        boxes = floor_obstacles(self._knowledge())
-        discs = self.blocks if blocks else []
-        return traversability(self._map(), self._footprint(), boxes, discs, self.parameters.clearance)
+        """The planning grid of now; with or without the places that brought the base to a halt.
+
+        It is made anew only when map, footprint or loose things have changed.
+        """
+        grid_map = self._map()
+        boxes = snapped(grid_map, floor_obstacles(self._knowledge()))
+        return self._traversability(grid_map, self._footprint(), boxes, tuple(self.blocks) if blocks else ())
 
     def to(self, goals: Goals, feedback: str, until: Callable[[], bool] = never) -> Iterator[Report]:
-        """Drive to the best of the goals that can be reached.
+        """Drive to the best of the goals that can be reached, or to the next best where one proves blocked.
 
         Args:
             goals: Ranked poses; asked for anew with each plan.
             feedback: What the reports say.
-            until: Ends the drive early, where the base is then, once it is true; asked each step.
+            until: Ends the drive early, as soon as the base has braked, once it is true; asked each step.
 
         Raises:
-            GaveUp: "no_path", or "blocked" if the base came to a halt, backed off, planned around the place and came
-                to a halt again.
+            GaveUp: "no_path": no goal can be reached. "goal_in_obstacle": there is nowhere free to stand.
+                "start_in_collision": the base stands in obstacles that it cannot leave. "blocked": something was in the
+                way, again and again. "no_pose": the robot does not know where it is.
         """
-        self.halted = False
+        self.halted, halts = False, list[Array]()  # goals before which the base came to a halt
         yield from self._tuck()
-        for _ in range(2):
-            follower = self._plan(goals)
-            if follower is None:
-                raise GaveUp("no_path", "no free way")
-            if not (yield from self._follow(follower, feedback, until)):
-                return
-            self.halted = True
-            if until():
-                return
-            yield from self._back_off(follower)
-            self.halted = False
-        raise GaveUp("blocked", "something blocks the way")
+        follower = self._plan(goals, halts, self._moving())
+        replans = 0
+        while (end := (yield from self._follow(follower, feedback, until))) is not _End.ARRIVED:
+            if end is _End.HALTED:
+                self.halted = True
+                if until():
+                    return
+                halts.append(follower.goal[:2])
+                if len(halts) > self.parameters.halts:
+                    raise GaveUp("blocked", f"something blocks the way: the base came to a halt {len(halts)} times")
+                yield from self._back_off(follower)
+                self.halted = False
+            elif (replans := replans + 1) > self.parameters.replans:
+                yield from self._brake(follower)
+                raise GaveUp("blocked", f"the way was blocked again and again: {replans} plans failed")
+            try:
+                follower = self._plan(goals, halts, follower.velocity)
+            except GaveUp:
+                yield from self._brake(follower)  # the map may have become clearer meanwhile
+                follower = self._plan(goals, halts, np.zeros(3))
 
     def turn(self, yaw_rad: float, feedback: str, until: Callable[[], bool] = never) -> Iterator[Report]:
         """Turn on the spot to a yaw [rad] in the world.
 
         Raises:
-            GaveUp: "blocked" if the base does not turn.
+            GaveUp: "blocked" if the base does not turn, "no_pose" if the robot does not know where it is.
         """
         self.halted = False
         yield from self._tuck()
-        place = self._robot.proprioception().base_pose[:2]
-        self.goal, self.path = np.array([*place, yaw_rad]), place[None]
-        follower = PathFollower(self.path, self.goal, self.grid(), self._limits(), self.parameters.tolerance)
-        if (yield from self._follow(follower, feedback, until)):
+        goal = np.array([*self._pose()[:2], yaw_rad])
+        follower = self._follower(goal[None, :2], goal, self.grid(), self._moving())
+        if (yield from self._follow(follower, feedback, until, watchful=False)) is _End.HALTED:
+            self.halted = True
             raise GaveUp("blocked", "something keeps the base from turning")
+
+    # ------------------------------------------------------------------------------------------ planning
+
+    def _make_grid(
+        self, grid_map: OccupancyMap, footprint_m: float, boxes: tuple[Box, ...], discs: tuple[Disc, ...]
+    ) -> Traversability:
+        return traversability(grid_map, footprint_m, boxes, discs, self.parameters.clearance)
+
+    def _pose(self) -> Array:
+        pose = self._robot.proprioception().base_pose
+        if not np.isfinite(pose).all():
+            raise GaveUp("no_pose", "the robot does not know where it is")
+        return pose
+
+    def _moving(self) -> Array:
+        """(3,) the base's velocity now, in the world."""
+        body = self._robot.proprioception()
+        velocity = rot_z(float(body.base_pose[2])) @ body.base_velocity  # the third is a rate and stays
+        return velocity if np.isfinite(velocity).all() else np.zeros(3)
+
+    def _plan(self, goals: Goals, halts: list[Array], velocity: Array) -> PathFollower:
+        """The way to the best goal; around what stopped the base before, if there is such a way."""
+        start = self._pose()[:2]
+        footprint = self._takes_up()
+        for blocks in [True, False] if self.blocks else [False]:
+            free = self.grid(blocks)
+            grid = free.escaping(start)
+            ranked = [goal for goal in goals(grid, start) if np.isfinite(goal.pose).all()]
+            left = [goal for goal in ranked if np.isfinite(goal.score) and not _given_up(goal, halts)]
+            for goal in sorted(left, key=lambda g: (footprint.slack(grid, g.pose) < 0, g.score)):
+                found = shortest_path(grid.cost, grid.map.cell(start), grid.map.cell(goal.pose[:2]))
+                if found is not None:
+                    return self._follower(grid.points(found[0]), goal.pose, grid, velocity)
+        raise _why(free, grid, start, ranked, halts)
+
+    def _follower(self, path: Array, goal: Array, grid: Traversability, velocity: Array) -> PathFollower:
+        body = self._robot.proprioception()
+        carrying = squeezes(body) or any(body.holds(side) for side in SIDES)
+        limits = self.parameters.carrying if carrying else self.parameters.limits
+        self.goal, self.path = goal, path
+        return PathFollower(
+            path, goal, grid, limits, self.parameters.tolerance, footprint=self._takes_up(), velocity=velocity
+        )
+
+    def _takes_up(self) -> Footprint:
+        return Footprint.of(self._footprint(), self._robot.proprioception(), self._knowledge())
+
+    # ------------------------------------------------------------------------------------------ motion
 
     def _tuck(self) -> Iterator[Report]:
         if self._stow is None:
@@ -182,58 +275,73 @@ class Driver:
                 return
             yield Report(Progress.RUNNING, "", "tucking the arms")
 
-    def _limits(self) -> Limits:
-        holding = _holding(self._robot.proprioception())
-        return self.parameters.carrying if holding else self.parameters.limits
-
-    def _plan(self, goals: Goals) -> PathFollower | None:
-        """The way to the best goal; around what stopped the base before, if there is such a way."""
-        body = self._robot.proprioception()
-        start = body.base_pose[:2]
-        footprint = Footprint.carrying(self._footprint(), body.base_pose, self._knowledge())
-        for blocks in [True, False] if self.blocks else [False]:
-            grid = self.grid(blocks).escaping(start)
-            ranked = sorted(goals(grid, start), key=lambda g: (footprint.slack(grid, g.pose) < 0, g.score))
-            for goal in ranked:
-                found = shortest_path(grid.cost, grid.map.cell(start), grid.map.cell(goal.pose[:2]))
-                if found is not None:
-                    self.goal, self.path = goal.pose, grid.points(found[0])
-                    limits, tolerance = self._limits(), self.parameters.tolerance
-                    return PathFollower(self.path, goal.pose, grid, limits, tolerance, footprint=footprint)
-        return None
-
     def _follow(
-        self, follower: PathFollower, feedback: str, until: Callable[[], bool]
-    ) -> Generator[Report, None, bool]:
-        """Follow to the end; its value is whether the base came to a halt on the way."""
-        window = int(self.parameters.stall_s * CONTROL_HZ)
-        poses: list[Array] = []
+        self, follower: PathFollower, feedback: str, until: Callable[[], bool], watchful: bool = True
+    ) -> Generator[Report, None, _End]:
+        """Follow to the end; `watchful`: or until the map shows something in the way."""
+        progress = _Progress(self.parameters)
+        lost, self._checked = 0, (follower.grid.map, ())
         while True:
             body = self._robot.proprioception()
-            if follower.reached(body.base_pose, body.base_velocity) or until():
-                return False
-            poses.append(body.base_pose)
-            if len(poses) > window and _still(poses[-1 - window], poses[-1]):
-                return True
             self._robot.hold()
+            if not np.isfinite(body.base_pose).all():
+                if (lost := lost + 1) > self.parameters.stall_s * CONTROL_HZ:
+                    self._pose()
+                yield Report(Progress.RUNNING, "", feedback)
+                continue
+            if follower.reached(body.base_pose, body.base_velocity):
+                return _End.ARRIVED
+            if until():
+                yield from self._brake(follower)
+                return _End.ARRIVED
+            if watchful and self._obstructed(follower, progress.steps):
+                return _End.OBSTRUCTED
+            if progress.stalled(body.base_pose, follower):
+                return _End.HALTED
             self._write_base(follower.command(body.base_pose))
             yield Report(Progress.RUNNING, "", feedback)
 
+    def _obstructed(self, follower: PathFollower, steps: int) -> bool:
+        """Whether something that was not there when the path was planned is on what remains of it."""
+        grid_map = self._map()
+        if grid_map is self._checked[0] and steps % round(self.parameters.look_again_s * CONTROL_HZ):
+            return False
+        now = grid_map, snapped(grid_map, floor_obstacles(self._knowledge()))
+        if now == self._checked:
+            return False
+        self._checked = now
+        return follower.meets(grid_map, occupied(*now))
+
     def _back_off(self, follower: PathFollower) -> Iterator[Report]:
-        """Note where the base was stopped, and drive a little the other way."""
-        pose = self._robot.proprioception().base_pose
-        ahead = follower.aim - pose[:2]
-        ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-6)
-        at = pose[:2] + ahead * (self._footprint() + 0.10)
+        """Note where the base was stopped, and drive a little the other way, as straight back as there is room."""
+        pose = self._pose()
+        ahead = math.atan2(*(follower.aim - pose[:2])[::-1])
+        at = pose[:2] + (self._footprint() + 0.10) * np.array([math.cos(ahead), math.sin(ahead)])
         self.blocks.append((float(at[0]), float(at[1]), 0.15))
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        away = -np.array([c * ahead[0] + s * ahead[1], -s * ahead[0] + c * ahead[1]])
-        steps = round(self.parameters.back_off_m / 0.15 * CONTROL_HZ)
+        for aside in (0.0, 0.6, -0.6, 1.2, -1.2):
+            away = np.array([math.cos(ahead + math.pi + aside), math.sin(ahead + math.pi + aside)])
+            if follower.may_go(pose[:2], away * self.parameters.back_off_m):
+                break
+        else:
+            return
+        forward = rot_z(float(pose[2]))[:2, :2].T @ away
+        steps = round(self.parameters.back_off_m / _BACK_M_S * CONTROL_HZ)
         for i in range(steps):
             ramp = min(1.0, 4.0 * min(i + 1, steps - i) / steps)
             self._robot.hold()
-            self._write_base(np.array([*(0.15 * ramp * away), 0.0]))
+            self._write_base(np.array([*(_BACK_M_S * ramp * forward), 0.0]))
             yield Report(Progress.RUNNING, "", "backing off")
+
+    def _brake(self, follower: PathFollower) -> Iterator[Report]:
+        """Come to rest within the limits."""
+        while np.abs(follower.velocity).max() > 1e-6:
+            pose = self._robot.proprioception().base_pose
+            if not np.isfinite(pose).all():
+                break
+            self._robot.hold()
+            self._write_base(follower.brake(pose))
+            yield Report(Progress.RUNNING, "", "stopping")
+        self._robot.hold()
 
     def _write_base(self, velocity: Array) -> None:
         action = self._robot.action.copy()
@@ -241,10 +349,39 @@ class Driver:
         self._robot.act(action)
 
 
-def _holding(body: Proprioception) -> bool:
-    """Whether a hand seems to hold something: commanded closed and not closed."""
-    return any(body.holds(side) for side in SIDES)
+class _Progress:
+    """Tells when a base that is told to move does not, or comes no nearer to its goal."""
+
+    def __init__(self, parameters: NavigationParameters) -> None:
+        self._still, self._idle = (round(t * CONTROL_HZ) for t in (parameters.stall_s, parameters.idle_s))
+        self._pose, self._moved = np.full(3, np.inf), 0  # where it was when it had last moved, and at which step
+        self._least, self._nearer = math.inf, 0  # what remained at the least, and at which step
+        self.steps = 0
+
+    def stalled(self, pose: Array, follower: PathFollower) -> bool:
+        """Whether it has come to a halt; asked once a step."""
+        self.steps += 1
+        if math.dist(pose[:2], self._pose[:2]) >= 0.05 or abs(wrap(pose[2] - self._pose[2])) >= 0.1:
+            self._pose, self._moved = pose, self.steps
+        remaining = follower.remaining_m(pose)
+        if remaining < self._least - 0.05:
+            self._least, self._nearer = remaining, self.steps
+        return self.steps - self._moved > self._still or self.steps - self._nearer > self._idle
 
 
-def _still(before: Array, now: Array) -> bool:
-    return float(np.linalg.norm(now[:2] - before[:2])) < 0.05 and abs(float(wrap(now[2] - before[2]))) < 0.1
+def _given_up(goal: Goal, halts: list[Array]) -> bool:
+    """Whether the base came to a halt twice before it reached the place of this goal."""
+    return sum(math.dist(goal.pose[:2], at) < 0.3 for at in halts) >= 2
+
+
+def _why(free: Traversability, grid: Traversability, start: Array, goals: list[Goal], halts: list[Array]) -> GaveUp:
+    """Why there is no plan; `grid` is `free` for a robot that may leave where it stands."""
+    reach = cost_to_reach(grid.cost, grid.map.cell(start))
+    if not (np.isfinite(reach) & np.isfinite(free.cost)).any():
+        return GaveUp("start_in_collision", "the base stands in obstacles that it cannot leave")
+    if halts:
+        return GaveUp("blocked", "something blocks the way, and there is no other")
+    cells = [free.map.cell(goal.pose[:2]) for goal in goals]
+    if not any(free.map.inside(*cell) and np.isfinite(grid.cost[cell]) for cell in cells):
+        return GaveUp("goal_in_obstacle", "nowhere to stand")
+    return GaveUp("no_path", "no free way")

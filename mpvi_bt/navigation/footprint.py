@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -9,8 +10,13 @@ import numpy as np
 
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.perception.knowledge import Entry
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot import r1
 from mpvi_bt.robot.kinematics import rot_z
+from mpvi_bt.robot.protocol import SIDES, Proprioception
 from mpvi_bt.robot.solids import Array
+
+_ARM_M, _HAND_M = 0.06, 0.07  # radii: elbow and wrist, hand
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +44,26 @@ class Footprint:
             if e.held and e.inside is None
         ]
         return cls(base_m, np.array(loads, float).reshape(-1, 3))
+
+    @classmethod
+    def of(cls, base_m: float, body: Proprioception, entries: Iterable[Entry]) -> Footprint:
+        """Of a robot as it feels itself, which carries those of `entries` that are held.
+
+        Its arms take up room, too, where they reach out over the base: they keep what they hold before the body.
+        """
+        around = []
+        for side in SIDES:
+            _, elbow, hand = (kin.chest(body.torso) @ T for T in kin.arm_frames(body.arm[side], side))
+            wrist = hand[:3, 3] - r1.TCP_M * hand[:3, 2]
+            parts = [
+                (elbow[:3, 3], _ARM_M),
+                (wrist, _ARM_M),
+                ((wrist + hand[:3, 3]) / 2, _HAND_M),
+                (hand[:3, 3], _HAND_M),
+            ]
+            around += [(p[0], p[1], radius) for p, radius in parts if math.hypot(p[0], p[1]) + radius > base_m]
+        load = cls.carrying(base_m, body.base_pose, entries)
+        return cls(base_m, np.concatenate([load.loads, np.array(around, float).reshape(-1, 3)]))
 
     def slack(self, grid: Traversability, pose: Array) -> float:
         """How far [m] the loads keep from obstacles with the base at `pose` (3,); negative within, 9 without loads."""

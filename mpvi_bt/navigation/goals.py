@@ -40,7 +40,7 @@ class Goal:
 
     Attributes:
         pose: (3,) x, y [m], yaw [rad] in the world.
-        score: What the ranking goes by, lower is better; about metres of driving.
+        score: What the ranking goes by, lower is better; about metres of driving; inf where it cannot be reached.
     """
 
     pose: Array
@@ -83,27 +83,28 @@ def at_target(entry: Entry, pose: Array, grid: Traversability, handoff: Handoff)
 
 
 def object_goals(entry: Entry, start: Array, grid: Traversability, handoff: Handoff, most: int = 20) -> list[Goal]:
-    """Poses from which the target can be manipulated, best first.
+    """Poses from which the target can be manipulated, best first, a little apart so that they are alternatives.
 
     Each is free for the footprint, reachable from `start` (2,), in the target's room, within the handoff distance,
     faces the target, and has no obstacle between but the furniture that the target is or stands on. Where no such
-    pose exists, those within `slack_m` more. The best are cheap to reach, not nearer than preferred, and square to
-    the middle of the target's side (Our choice).
+    pose exists, those within `slack_m` more; where none of these can be reached, they are scored inf. The best are
+    cheap to reach, not nearer than preferred, and square to the middle of the target's side (Our choice).
     """
+    if not np.isfinite((entry.lowest, entry.highest)).all():
+        return []
     effort = cost_to_reach(grid.cost, grid.map.cell(start)) * grid.map.resolution_m
     margin = 2 * grid.map.resolution_m
     for reach in (handoff.distance_m - margin, handoff.distance_m + handoff.slack_m):
         cells = _ring(entry, grid, grid.footprint_m + handoff.gap_m, reach)
-        cells = cells[np.isfinite(effort[cells[:, 0], cells[:, 1]])]
         points = grid.points(cells)
         keep = _same_room(entry, points, grid)
         cells, points = cells[keep], points[keep]
         keep = _in_sight(entry, points, grid)
         cells, points = cells[keep], points[keep]
-        if len(cells):
+        reached = np.isfinite(effort[cells[:, 0], cells[:, 1]])
+        if reached.any():
+            cells, points = cells[reached], points[reached]
             break
-    else:
-        return []
     nearest = nearest_point(entry, points)
     distance = np.linalg.norm(nearest - points, axis=1)
     aside = np.linalg.norm(nearest - entry.center[:2], axis=1) - _half_depth(entry, points)
@@ -114,30 +115,40 @@ def object_goals(entry: Entry, start: Array, grid: Traversability, handoff: Hand
         + 1.0 * np.maximum(0.0, aside)
     )
     yaw = facing_yaw(entry, points)
-    order = np.argsort(score, kind="stable")[:most]
+    order = _apart(cells, score.astype(float))[:most]
     return [Goal(np.array([*points[i], yaw[i]]), float(score[i])) for i in order]
 
 
 def room_goals(room: str, start: Array, grid: Traversability, inset_m: float = 0.6, most: int = 20) -> list[Goal]:
     """Poses well inside a room, best first: the nearest cells `inset_m` from its boundary, facing its middle.
 
-    In a room too small for the inset, the cells deepest in it.
+    In a room too small for the inset, the cells deepest in it; in one that cannot be reached, scored inf.
     """
     if room not in grid.map.room_names:
         return []
     effort = cost_to_reach(grid.cost, grid.map.cell(start)) * grid.map.resolution_m
     inside = grid.map.rooms == grid.map.room_names.index(room)
     depth = ndimage.distance_transform_edt(np.pad(inside, 1))[1:-1, 1:-1] * grid.map.resolution_m
-    reachable = inside & np.isfinite(effort)
-    if not reachable.any():
+    free = inside & np.isfinite(grid.cost)
+    if not free.any():
         return []
+    reachable = free & np.isfinite(effort)
+    if not reachable.any():
+        reachable = free
     cells = np.argwhere(reachable & (depth >= min(inset_m, depth[reachable].max())))
     points = grid.points(cells)
     score = effort[cells[:, 0], cells[:, 1]]
     toward = grid.points(np.argwhere(inside)).mean(0) - points
     yaw = np.arctan2(toward[:, 1], toward[:, 0])
-    order = np.argsort(score, kind="stable")[:most]
+    order = _apart(cells, score.astype(float))[:most]
     return [Goal(np.array([*points[i], yaw[i]]), float(score[i])) for i in order]
+
+
+def _apart(cells: NDArray[np.int64], score: Array) -> NDArray[np.int64]:
+    """Which of the cells (N, 2) to take, best first: of each square of 3 x 3 the best."""
+    order = np.argsort(score, kind="stable")
+    _, first = np.unique(cells[order] // 3, axis=0, return_index=True)
+    return np.asarray(order[np.sort(first)], np.int64)
 
 
 def _ring(entry: Entry, grid: Traversability, inner_m: float, outer_m: float) -> NDArray[np.int64]:

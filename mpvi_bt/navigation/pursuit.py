@@ -6,10 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.grid import segment_free
 from mpvi_bt.navigation.traversability import Traversability
+from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.protocol import CONTROL_HZ
 from mpvi_bt.robot.solids import Array
@@ -17,20 +19,31 @@ from mpvi_bt.robot.solids import Array
 
 @dataclass(frozen=True)
 class Limits:
-    """How fast the base may go. Our choice: slow enough that tucked arms and held things do not swing."""
+    """How fast the base may go. Our choice: slow enough that tucked arms and held things do not swing.
+
+    Attributes:
+        speed_m_s, turn_rad_s: In the open.
+        acceleration_m_s2, turn_acceleration_rad_s2: Up and down.
+        tight_m_s: Speed where the footprint touches an obstacle.
+        roomy_m: So far beyond the footprint there is room for full speed; it grows evenly up to there.
+    """
 
     speed_m_s: float = 0.6
     turn_rad_s: float = 1.2
     acceleration_m_s2: float = 1.0
     turn_acceleration_rad_s2: float = 2.5
+    tight_m_s: float = 0.25
+    roomy_m: float = 0.25
 
 
 CARRYING = Limits(speed_m_s=0.6, turn_rad_s=1.0, acceleration_m_s2=0.5, turn_acceleration_rad_s2=1.2)
 """Limits with something in a hand: a step in velocity flings what friction holds."""
 
 
+AT_REST: Array = np.zeros(3)
 _ROOMY_M = 0.25  # around a load: here it may turn either way
 _CREEP_M_S = 0.15
+_EASY = 0.7  # of the acceleration limit is planned with; the rest is for corrections
 
 
 @dataclass(frozen=True)
@@ -61,6 +74,7 @@ class PathFollower:
         lookahead_m: float = 0.40,
         arrive_m: float = 0.45,
         footprint: Footprint | None = None,
+        velocity: Array = AT_REST,
     ) -> None:
         """Take a path.
 
@@ -73,16 +87,18 @@ class PathFollower:
             lookahead_m: How far along the path the base aims.
             arrive_m: Distance to go from which the base turns to the goal's yaw.
             footprint: What is carried, which must not be swung into anything; None: nothing.
+            velocity: (3,) vx, vy [m/s] in the world and yaw rate [rad/s] that the base has now.
         """
         self.path = np.vstack([path[:-1], goal[:2]]) if len(path) > 1 else goal[None, :2].copy()
         self.goal, self.limits, self.tolerance = goal, limits, tolerance
-        self._blocked, self._cells = grid.blocked, grid.cells(self.path)
-        self._grid = grid
+        self.grid, self._blocked, self._cells = grid, grid.blocked, grid.cells(self.path)
         self._lookahead_m, self._arrive_m = lookahead_m, arrive_m
         steps = np.linalg.norm(np.diff(self.path, axis=0), axis=1)
         self._to_go = np.append(np.cumsum(steps[::-1])[::-1], 0.0)  # (N,) distance to the end along the path
         self._at = 0  # index of the path's point nearest to the base; it never runs back
-        self._command = np.zeros(3)  # of the last step: vx, vy in the world, yaw rate
+        self._most = self._speeds()
+        self.velocity = np.array(velocity, float)
+        """(3,) of the last command: vx, vy [m/s] in the world, yaw rate [rad/s]."""
         self._aim_at = 0
         self._footprint = footprint
         self._way_round = 0.0  # sign of the long way round while the short one would hit something
@@ -122,7 +138,7 @@ class PathFollower:
         turn = float(wrap(heading - pose[2]))
 
         limits = self.limits
-        speed = min(limits.speed_m_s, _stopping_speed(to_go, limits.acceleration_m_s2, dt_s))
+        speed = min(float(self._most[self._at]), _stopping_speed(to_go, limits.acceleration_m_s2, dt_s))
         if not arriving:
             speed *= max(0.0, math.cos(min(abs(turn) * 1.5, math.pi / 2)))  # turn first, then go
         distance = float(np.linalg.norm(delta))
@@ -131,18 +147,62 @@ class PathFollower:
             min(limits.turn_rad_s, _stopping_speed(abs(turn), limits.turn_acceleration_rad_s2, dt_s)), turn
         )
         world, rate = self._with_care(pose, world, rate)
-        # The velocity of the last step, which the base now has, turned with the base: limits hold in the world frame.
-        before = self._command
+        return self._changed(pose, world, rate, dt_s)
+
+    def brake(self, pose: Array, dt_s: float = 1.0 / CONTROL_HZ) -> Array:
+        """(3,) as `command`, but on the way to a standstill."""
+        return self._changed(pose, np.zeros(2), 0.0, dt_s)
+
+    def _changed(self, pose: Array, world: Array, rate: float, dt_s: float) -> Array:
+        """Change the velocity toward (2,) [m/s] in the world and a yaw rate, within limits; (3,) in the base frame."""
+        before, limits = self.velocity, self.limits
         change = world - before[:2]
         most = limits.acceleration_m_s2 * dt_s
-        size = float(np.linalg.norm(change))
+        size = math.hypot(*change)
         world = before[:2] + change * min(1.0, most / size) if size > 1e-9 else world
         most = limits.turn_acceleration_rad_s2 * dt_s
-        rate = before[2] + float(np.clip(rate - before[2], -most, most))
-        self._command = np.array([world[0], world[1], rate])
+        rate = before[2] + min(max(rate - before[2], -most), most)
+        self.velocity = np.array([world[0], world[1], rate])
         yaw = pose[2] + 0.5 * rate * dt_s  # feed forward: the base turns while the step lasts
         c, s = math.cos(yaw), math.sin(yaw)
         return np.array([c * world[0] + s * world[1], -s * world[0] + c * world[1], rate])
+
+    def meets(self, grid_map: OccupancyMap, occupied: NDArray[np.bool_]) -> bool:
+        """Whether cells that have been occupied since the path was planned are within the footprint on its rest."""
+        grid = self.grid
+        if occupied.shape != grid.occupied.shape or not np.array_equal(grid_map.origin_m, grid.map.origin_m):
+            return True
+        new = occupied & ~grid.occupied
+        if not new.any():
+            return False
+        reach = (grid.footprint_m + grid.map.resolution_m / 2) / grid.map.resolution_m
+        n = math.ceil(reach)
+        offsets = np.argwhere(np.hypot(*np.ogrid[-n : n + 1, -n : n + 1]) < reach) - n
+        rest = np.floor(self._cells[self._at :]).astype(int)
+        rows, columns = np.moveaxis(rest[:, None] + offsets, -1, 0)
+        return bool(new[rows.clip(0, new.shape[0] - 1), columns.clip(0, new.shape[1] - 1)].any())
+
+    def may_go(self, xy: Array, move: Array) -> bool:
+        """Whether a straight move (2,) [m] from a place (2,) keeps off obstacles, or comes no nearer to them."""
+        along = xy + np.linspace(0, 1, 2 + math.ceil(math.hypot(*move) / self.grid.map.resolution_m))[:, None] * move
+        cells = np.floor(self.grid.cells(along)).astype(int)
+        if cells.min() < 0 or (cells >= self.grid.occupied.shape).any():
+            return False
+        clear = self.grid.clearance_m[cells[:, 0], cells[:, 1]]
+        return bool((clear >= min(self.grid.footprint_m, clear[0])).all())
+
+    def _speeds(self) -> Array:
+        """(N,) the most speed [m/s] at each point of the path: slow near obstacles, and in time before them."""
+        cells = np.floor(self._cells).astype(int).clip(0, np.array(self._blocked.shape) - 1)
+        room = (self.grid.clearance_m[cells[:, 0], cells[:, 1]] - self.grid.footprint_m) / self.limits.roomy_m
+        slow, fast = self.limits.tight_m_s, self.limits.speed_m_s
+        caps = slow + (fast - slow) * room.clip(0.0, 1.0)
+        twice = 2.0 * _EASY * self.limits.acceleration_m_s2
+        # From v at i, w at j is reached in time if v^2 <= w^2 + 2 a (s_j - s_i): the least over all later j counts.
+        energy = caps**2 - twice * self._to_go
+        later = np.minimum.accumulate(energy[::-1])[::-1]
+        speeds: Array = np.sqrt(later + twice * self._to_go)
+        return speeds
 
     def _with_care(self, pose: Array, velocity: Array, rate: float) -> tuple[Array, float]:
         """The wanted velocity (2,) [m/s] and yaw rate, or what of them does not swing a load into something.
@@ -151,7 +211,7 @@ class PathFollower:
         """
         if self._footprint is None or not len(self._footprint.loads):
             return velocity, rate
-        here = self._footprint.slack(self._grid, pose)
+        here = self._footprint.slack(self.grid, pose)
         if here > _ROOMY_M or abs(rate) < 0.05:
             self._way_round = 0.0
         still = np.zeros(2)
@@ -176,7 +236,7 @@ class PathFollower:
         assert self._footprint is not None
         for seconds in (0.2, 0.5, 0.8):
             ahead = np.array([*(pose[:2] + velocity * seconds), pose[2] + rate * seconds])
-            if self._footprint.slack(self._grid, ahead) < min(0.0, here):
+            if self._footprint.slack(self.grid, ahead) < min(0.0, here):
                 return False
         return True
 
@@ -189,7 +249,7 @@ class PathFollower:
         index = self._at
         while index + 1 < len(self.path) and self._to_go[self._at] - self._to_go[index] < self._lookahead_m:
             index += 1
-        here = self._grid.cells(xy)
+        here = self.grid.cells(xy)
         while index > self._at and not segment_free(self._blocked, here, self._cells[index]):
             index -= 1
         return max(index, min(self._at + 1, len(self.path) - 1))
@@ -197,4 +257,4 @@ class PathFollower:
 
 def _stopping_speed(distance: float, acceleration: float, dt_s: float) -> float:
     """The speed from which a stop within `distance` is possible, with a linear end: no chatter at the goal."""
-    return min(math.sqrt(2.0 * 0.7 * acceleration * distance), distance * min(4.0, 0.3 / dt_s))
+    return min(math.sqrt(2.0 * _EASY * acceleration * distance), distance * min(4.0, 0.3 / dt_s))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,13 @@ from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.solids import Array
 
+Box = tuple[tuple[float, float], tuple[float, float]]  # lowest and highest corner [m], of floor that is taken
+Disc = tuple[float, float, float]  # x, y, radius [m]
+
 ESCAPE_COST = 20.0  # of a cell that is too near an obstacle, which only a robot that stands there already may use
+
+
+Corners = tuple[Array | tuple[float, float], Array | tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -62,15 +68,18 @@ class Traversability:
     def escaping(self, xy: Array, reach_m: float = 0.6) -> Traversability:
         """The same grid for a robot that stands closer to an obstacle than its footprint: it may leave.
 
-        Cells within `reach_m` of `xy` that are no closer to an obstacle than it is now become dear instead of
-        blocked. Manipulation leaves the base in such places.
+        Cells within `reach_m` of `xy` that are no closer to an obstacle than it is now, or no deeper in one, become
+        dear instead of blocked. Manipulation leaves the base in such places.
         """
         row, column = self.map.cell(xy)
         if not self.map.inside(row, column) or not np.isinf(self.cost[row, column]):
             return self
         rows, columns = np.ogrid[: self.cost.shape[0], : self.cost.shape[1]]
         near = np.hypot(rows - row, columns - column) * self.map.resolution_m <= reach_m
-        leave = near & np.isinf(self.cost) & (self.clearance_m >= self.clearance_m[row, column] - 1e-9)
+        clear = self.clearance_m
+        if self.occupied[row, column]:
+            clear = clear - ndimage.distance_transform_edt(self.occupied) * self.map.resolution_m
+        leave = near & np.isinf(self.cost) & (clear >= clear[row, column] - 1e-9)
         cost = np.where(leave, np.float32(ESCAPE_COST), self.cost)
         return Traversability(self.map, self.occupied, self.clearance_m, cost, self.footprint_m)
 
@@ -78,8 +87,8 @@ class Traversability:
 def traversability(
     grid_map: OccupancyMap,
     footprint_m: float,
-    boxes: Iterable[tuple[Array, Array]] = (),
-    discs: Sequence[tuple[float, float, float]] = (),
+    boxes: Iterable[Corners] = (),
+    discs: Iterable[Disc] = (),
     clearance_cost: ClearanceCost = ClearanceCost(),
 ) -> Traversability:
     """Inflate a map by the robot's radius, with obstacles that the map lacks.
@@ -92,23 +101,41 @@ def traversability(
         clearance_cost: How dear it is to pass close by.
     """
     res = grid_map.resolution_m
-    occupied = grid_map.occupied.copy()
-    for lowest, highest in boxes:
-        r0, c0 = grid_map.cell(lowest)
-        r1, c1 = grid_map.cell(highest)
-        occupied[max(r0, 0) : max(r1 + 1, 0), max(c0, 0) : max(c1 + 1, 0)] = True
-    if discs:
-        rows, columns = np.indices(occupied.shape)
-        x, y = (columns + 0.5) * res + grid_map.origin_m[0], (rows + 0.5) * res + grid_map.origin_m[1]
-        for disc_x, disc_y, radius in discs:
-            occupied |= np.hypot(x - disc_x, y - disc_y) <= radius
-    framed = np.pad(occupied, 1, constant_values=True)  # what lies beyond the map cannot be entered
+    taken = occupied(grid_map, boxes, discs)
+    framed = np.pad(taken, 1, constant_values=True)  # what lies beyond the map cannot be entered
     to_center = ndimage.distance_transform_edt(~framed)[1:-1, 1:-1] * res
     clearance = np.maximum(to_center - res / 2, 0.0)
     near = np.clip((footprint_m + clearance_cost.margin_m - clearance) / clearance_cost.margin_m, 0.0, 1.0)
     cost = (1.0 + clearance_cost.weight * near**2).astype(np.float32)
     cost[clearance < footprint_m] = np.inf
-    return Traversability(grid_map, occupied, clearance, cost, footprint_m)
+    return Traversability(grid_map, taken, clearance, cost, footprint_m)
+
+
+def occupied(grid_map: OccupancyMap, boxes: Iterable[Corners] = (), discs: Iterable[Disc] = ()) -> NDArray[np.bool_]:
+    """(H, W) bool; the map's obstacles with boxes and discs besides; see `traversability`."""
+    taken = grid_map.occupied.copy()
+    for lowest, highest in boxes:
+        (r0, c0), (r1, c1) = grid_map.cell(lowest), grid_map.cell(highest)
+        taken[max(r0, 0) : max(r1 + 1, 0), max(c0, 0) : max(c1 + 1, 0)] = True
+    for x, y, radius in discs:
+        (r0, c0), (r1, c1) = (grid_map.cell((x + d, y + d)) for d in (-radius, radius))
+        rows, columns = slice(max(r0, 0), max(r1 + 1, 0)), slice(max(c0, 0), max(c1 + 1, 0))
+        window = taken[rows, columns]
+        if window.size:
+            r, c = np.ogrid[: window.shape[0], : window.shape[1]]
+            away = grid_map.center(rows.start, columns.start) - (x, y)
+            window |= np.hypot(r * grid_map.resolution_m + away[1], c * grid_map.resolution_m + away[0]) <= radius
+    return taken
+
+
+def snapped(grid_map: OccupancyMap, boxes: Iterable[Corners]) -> tuple[Box, ...]:
+    """The same boxes, from center to center of their outermost cells: what rests does not seem to move."""
+
+    def center(corner: Array | tuple[float, float]) -> tuple[float, float]:
+        x, y = grid_map.center(*grid_map.cell(corner)).tolist()
+        return x, y
+
+    return tuple(sorted({(center(lowest), center(highest)) for lowest, highest in boxes}))
 
 
 def floor_obstacles(entries: Iterable[Entry], low_m: float = 0.30) -> list[tuple[Array, Array]]:
@@ -121,4 +148,5 @@ def floor_obstacles(entries: Iterable[Entry], low_m: float = 0.30) -> list[tuple
         (e.lowest, e.highest)
         for e in entries
         if e.kind == "object" and not e.held and e.inside is None and e.lowest[2] < low_m
+        if np.isfinite((e.lowest, e.highest)).all()
     ]
