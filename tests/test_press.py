@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from mpvi_bt.manipulation.press import options, press
+from mpvi_bt.manipulation.seen import Seen
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
+from mpvi_bt.perception.detector import LabelDetector
 from mpvi_bt.robot.motion import Motion, MotionFailure
+from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.sim.world import World
-from tests.small_house import placed, small_world
+from tests.small_house import placed, run, small_world
 from tests.test_open import play
 
 TABLE = "{entry: table, at: [0.9, 0.0], yaw_deg: 180}"
@@ -68,6 +71,33 @@ def test_what_is_so_already_is_left(on: bool, prompt: str) -> None:
     assert play(world, prompt, limit_s=3.0)[-1] == "done"
     assert world.toggled_on("radio") is on
     np.testing.assert_allclose(world.robot.proprioception().base_pose, before.base_pose, atol=0.01)
+
+
+@pytest.mark.render
+@pytest.mark.parametrize("name", ["television", "floor lamp"])
+def test_a_seen_switch_is_known_and_may_be_touched(name: str) -> None:
+    """Of a screen only the foot may be known as a solid, of a lamp the shade: the switch is theirs all the same.
+
+    A hand that comes straight from outside is clear of everything up to the touch.
+    """
+    world = small_world(base=(-0.2, 0.1, 0.0), render=True, **FIXTURES[name])
+    seen = Seen(LabelDetector({"thing": (name,)}))
+    seen.forget((name,))
+    work = Work(seen, Motion(world.robot.proprioception()), np.random.default_rng(0), seen)
+    action = world.robot.action
+    for tilt in (0.3, 0.6):
+        action[ActionLayout.TORSO] = [0.42, 0.0, 0.0, tilt]
+        run(world, action, 1.0)
+        seen.feel(world.robot.proprioception())
+        seen.see({"head": world.robot.look("head")}, world.robot.proprioception())
+    work.motion.felt = world.robot.proprioception()
+    thing = work.nearest(name)  # what is seen of a lamp may fall apart into two things
+    (T,) = seen.switches(thing)
+    (true,) = world.switches("thing")
+    assert np.linalg.norm((T - true)[:3, 3]) < 0.02
+    assert T[:3, 2] @ true[:3, 2] > 0.9
+    search = work.search("right", {thing})
+    assert any(search.fits(option) for option in options(work, thing))
 
 
 @pytest.mark.slow

@@ -30,6 +30,7 @@ _CARVED = 4  # pictures of the head that the field of obstacles is carved from
 _NEAR_M = 0.12  # a mask this near to where a thing was is that thing, from the same place
 _FACE_PX = 30  # what is seen of less is not searched for doors
 _EXPLAINED_M = 0.025  # points this near a thing's solids are its own
+_BUTTON_M = 0.02  # about a switch, what is touched with it
 _FINE_M, _FINE_CELL_M = 0.6, 0.01  # the finer field about what is worked on
 _TRUSTED_M = 0.04  # how thick surfaces are where hidden space is given the benefit of doubt
 
@@ -88,16 +89,19 @@ class Seen(Memory):
         return ()
 
     def _switch_seen(self, name: str) -> Iterator[tuple[Frame, NDArray[np.bool_]]]:
-        """Where pictures show the switch of a thing, the newest first."""
+        """Where pictures show the switch of a thing, the newest first, in each the nearest one first."""
         low, high = self._shape(name).box()
         for frame in reversed(self._frames):
+            near = []
             for d in frame.detections:
                 points = frame.of(d.mask)
                 if d.phrase == switch_of(self._things[name].phrase) and len(points):
                     at = np.median(points, axis=0)
-                    # of a lamp only the shade may be known: heights do not count
-                    if ((at > low - _NEAR_M) & (at < high + _NEAR_M))[:2].all():
-                        yield frame, d.mask
+                    gap = self._gap(name, at)
+                    # of a lamp only the shade may be known, of a screen its foot: the pole is below, the rest is seen
+                    if gap < _NEAR_M or ((at > low - _NEAR_M) & (at < high + _NEAR_M))[:2].all():
+                        near.append((gap, d))
+            yield from ((frame, d.mask) for _, d in sorted(near, key=lambda n: n[0]))
 
     def is_on(self, name: str) -> bool | None:
         """As `Scene` says: by the light of its switch, green for on, in the picture that showed it last."""
@@ -173,6 +177,7 @@ class Seen(Memory):
             if (thing := self._things.get(name)) is not None:
                 solids += self.solids(name)
                 solids += [s for door in self.doors(name) for s in door.solids]
+                solids += [Solid("sphere", np.full(3, _BUTTON_M), T) for T in self.switches(name)]
                 for f, mask in thing.views:
                     if f is frame and thing.shape.kind != "furniture":
                         through = through | ndimage.binary_dilation(mask, iterations=1)
