@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, FiniteFloat, JsonValue
 
 from mpvi_bt.marked_yaml import Record
+from mpvi_bt.perception.phrases import Vocabulary
 from mpvi_bt.perception.phrases import normalize as normalize
 from mpvi_bt.perception.phrases import whole as whole
 from mpvi_bt.robot.solids import Array
@@ -79,16 +81,15 @@ class KnowledgeBase:
     def find(self, phrase: str, room: str | None = None) -> list[Entry]:
         """Entries that `phrase` names and that are likely enough there (`LIKELY`), what is not yet put away first.
 
-        Our choice: things that are neither carried nor in a movable container come before those that are, so that
-        "a can of soda" means one that is still to be picked up. Within that the order of entry is kept. A part stands
-        for its thing where nothing is called like the part, see `whole`.
+        What is called just so comes before what the words may mean, see `calls`: where there is the one, the other is
+        left out. Our choice: things that are neither carried nor in a movable container come before those that are, so
+        that "a can of soda" means one that is still to be picked up. Within that the order of entry is kept.
         """
         wanted = normalize(phrase)
         room = room and normalize(room)
-        likely = (e for e in self if e.confidence >= LIKELY)
+        likely = [e for e in self if e.confidence >= LIKELY]
         hits = [e for e in likely if wanted in map(normalize, e.phrases) or wanted == normalize(e.name)]
-        if not hits and (thing := whole(phrase)) is not None:
-            return self.find(thing, room)
+        hits = hits or [e for e in likely if calls(e.phrases, phrase)]
         if room:
             hits = [e for e in hits if e.room is None or normalize(e.room) == room]
         return sorted(hits, key=lambda e: (e.held, e.inside is not None))
@@ -107,6 +108,12 @@ class KnowledgeBase:
         entries = [SavedEntry.model_validate(given).entry() for given in saved]
         self.entries = {e.name: e for e in self if e.source == "prior"}
         self.entries.update((e.name, e) for e in entries)
+
+
+@lru_cache(maxsize=10_000)
+def calls(phrases: tuple[str, ...], query: str) -> bool:
+    """Whether a thing with these names may be what `query` means, by the rule of `mpvi_bt.perception.phrases`."""
+    return bool(Vocabulary({"": phrases}).named(query))
 
 
 Place = tuple[FiniteFloat, FiniteFloat, FiniteFloat]

@@ -1,0 +1,236 @@
+"""What the hands hold of what is known, by touch: it moves with them, and is put where they let go of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.protocol import SIDES, Proprioception
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.squeeze import squeezes
+
+Hand = Literal["left", "right", "both"]
+HANDS: tuple[Hand, Hand, Hand] = ("left", "right", "both")
+
+PUT = 0.6  # what was let go is believed to be where it was, until it is seen: not more than so
+_STEADY_M, _STEADY_STEPS = 0.0005, 3  # fingers that move less than that so many steps in a row have met something
+_GRASPED_M, _PRESSED_M = 0.08, 0.15  # what one hand takes, or two hands press, is known to be that near to them
+_OUTER = 1.2  # what contains a thing covers that much more floor than it
+
+
+@dataclass(eq=False)
+class Grip:
+    """What a hand took.
+
+    Attributes:
+        name: The entry's.
+        T_tcp_world: (4, 4) inverse of the hand's pose when it took it; of both hands the left one's counts.
+        boxes: (2, 3) lowest and highest corner at that time, of it and of what was in it, by name.
+    """
+
+    name: str
+    T_tcp_world: Array
+    boxes: dict[str, Array]
+
+
+class Carrying:
+    """Follows what is held through a knowledge base, told by proprioception alone.
+
+    Attributes:
+        grips: What each hand holds that is known; None for something that nobody knows.
+    """
+
+    def __init__(self, knowledge: KnowledgeBase) -> None:
+        """Hold nothing."""
+        self._knowledge = knowledge
+        self.grips: dict[Hand, Grip | None] = {}
+        self._width: dict[str, float] = {}
+        self._steady = dict.fromkeys(SIDES, 0)
+
+    def feel(self, body: Proprioception) -> list[str]:
+        """Take in one step of proprioception. Returns the names of what was let go."""
+        let_go = []
+        for side in SIDES:
+            width = body.gripper_width[side]
+            still = abs(width - self._width.get(side, np.inf)) < _STEADY_M
+            self._steady[side], self._width[side] = self._steady[side] + 1 if still else 0, width
+            holds = body.holds(side)
+            if side in self.grips and not holds:
+                let_go += self._release(side, body)
+            elif holds and side not in self.grips and self._steady[side] >= _STEADY_STEPS:
+                self._take(side, body, self._knowledge)
+        pressed = squeezes(body)
+        if "both" in self.grips and not pressed:
+            let_go += self._release("both", body)
+        elif pressed and "both" not in self.grips:
+            self._take("both", body, self._knowledge)
+        self.move(body)
+        return let_go
+
+    def move(self, body: Proprioception) -> None:
+        """Bring what is held to where the hands are now."""
+        moved: set[str] = set()
+        for hand, grip in self.grips.items():
+            if grip is None or grip.name in moved:
+                continue
+            moved.add(grip.name)
+            motion = _tcps(hand, body)[0] @ grip.T_tcp_world
+            for entry in self._with_contents(grip.name):
+                if entry.name in grip.boxes:
+                    entry.lowest, entry.highest = _moved(grip.boxes[entry.name], motion)
+
+    def adopt(self, entries: Iterable[Entry], body: Proprioception) -> None:
+        """Let hands that hold something unknown hold what was just found in them."""
+        found = list(entries)
+        for hand in [hand for hand, grip in self.grips.items() if grip is None]:
+            self._take(hand, body, found)
+
+    def enclosing(self, entry: Entry) -> Entry | None:
+        """The smallest movable thing in whose box the middle of a movable thing is."""
+        center = entry.center
+        boxes = [c for c in self._larger(entry) if (center >= c.lowest).all() and (center <= c.highest).all()]
+        return min(boxes, key=_floor, default=None)
+
+    def put_in(self, entry: Entry, container: Entry | None) -> None:
+        """Know a thing to be in a container, and carried along with it, or in none."""
+        entry.inside = container.name if container is not None else None
+        entry.held = container is not None and container.held
+
+    # ------------------------------------------------------------------------------------------ hands
+
+    def _take(self, hand: Hand, body: Proprioception, among: Iterable[Entry]) -> None:
+        """A hand has begun to hold something: the nearest thing, if one is known near it."""
+        poses = _tcps(hand, body)
+        reach = _PRESSED_M if hand == "both" else _GRASPED_M
+        points = np.stack([T[:3, 3] for T in poses])
+        near = []
+        for entry in among:
+            if entry.kind == "object":
+                gap = float(np.linalg.norm(points - np.clip(points, entry.lowest, entry.highest), axis=1).max())
+                if gap < reach:  # of things in one another the one whose middle is near, too
+                    near.append((gap + float(np.linalg.norm(points.mean(0) - entry.center)) / 2, entry.name))
+        if not near:
+            self.grips[hand] = None
+            return
+        entry = self._knowledge.entries[min(near)[1]]
+        entry.inside = None
+        self._grip(hand, entry, poses[0])
+
+    def _grip(self, hand: Hand, entry: Entry, T: Array) -> None:
+        carried = self._with_contents(entry.name)
+        for one in carried:
+            one.held = True
+        self.grips[hand] = Grip(entry.name, kin.inverse(T), {e.name: np.stack([e.lowest, e.highest]) for e in carried})
+
+    def _release(self, hand: Hand, body: Proprioception) -> list[str]:
+        """A hand has let go, or lost what it held. Returns the names of what is held no more."""
+        self.move(body)
+        grip = self.grips.pop(hand)
+        if grip is None or grip.name not in self._knowledge.entries or self._holding(grip.name) is not None:
+            return []
+        entry = self._knowledge.entries[grip.name]
+        carried = self._with_contents(grip.name)
+        for one in carried:
+            one.held, one.confidence = False, min(one.confidence, PUT)
+        self._fall(entry, body)
+        return [one.name for one in carried]
+
+    def _fall(self, entry: Entry, body: Proprioception) -> None:
+        """Put what was let go over a container into it.
+
+        Our choice: a movable thing that covers more floor and is half as high counts as one. What is let go over its
+        rim comes to lie within it; how deep shows when it is seen.
+        """
+        center, height = entry.center, float(np.ptp([entry.lowest[2], entry.highest[2]]))
+        over = [
+            c
+            for c in self._larger(entry)
+            if (center[:2] >= c.lowest[:2]).all() and (center[:2] <= c.highest[:2]).all()
+            and center[2] > c.lowest[2] and c.highest[2] - c.lowest[2] > height / 2
+        ]  # fmt: skip
+        if not over:
+            return
+        container = max(over, key=lambda c: float(c.highest[2]))
+        drop = np.array([0.0, 0.0, max(float(entry.highest[2] - container.highest[2]), 0.0)])
+        for one in self._with_contents(entry.name):
+            one.lowest, one.highest = one.lowest - drop, one.highest - drop
+        self.put_in(entry, container)
+        if (hand := self._holding(container.name)) is not None:  # from now on it is carried along
+            self._grip(hand, container, _tcps(hand, body)[0])
+
+    def _holding(self, name: str) -> Hand | None:
+        """The hand that holds an entry."""
+        return next((hand for hand, grip in self.grips.items() if grip is not None and grip.name == name), None)
+
+    def _with_contents(self, name: str) -> list[Entry]:
+        """An entry, if it is still known, and what is in it."""
+        return [e for e in self._knowledge if e.name == name or e.inside == name]
+
+    def _larger(self, entry: Entry) -> Iterator[Entry]:
+        """The movable things that cover enough more floor than a thing to contain it, and are not in it."""
+        least = _OUTER * _floor(entry)
+        for other in self._knowledge:
+            if other.kind == "object" and other is not entry and other.inside != entry.name and _floor(other) > least:
+                yield other
+
+    # ------------------------------------------------------------------------------------------ saving
+
+    def save(self) -> dict[str, Any]:
+        """How the hands are, as JSON values."""
+        return {
+            "width": dict(self._width),
+            "steady": dict(self._steady),
+            "grips": {
+                hand: grip and {
+                    "name": grip.name, "T": grip.T_tcp_world.tolist(),
+                    "boxes": {name: box.tolist() for name, box in grip.boxes.items()},
+                }
+                for hand, grip in self.grips.items()
+            },
+        }  # fmt: skip
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Bring the hands to what was saved.
+
+        Raises:
+            KeyError, TypeError, ValueError: What was saved is not as `save` writes it.
+        """
+        grips: dict[Hand, Grip | None] = {}
+        for hand, grip in saved["grips"].items():
+            if hand not in HANDS:
+                raise ValueError(f"there is no hand {hand!r:.40}")
+            boxes = grip and {str(name): _array(box, (2, 3)) for name, box in grip["boxes"].items()}
+            grips[cast("Hand", hand)] = grip and Grip(str(grip["name"]), _array(grip["T"], (4, 4)), boxes)
+        self._width = {side: float(saved["width"][side]) for side in SIDES if side in saved["width"]}
+        self._steady = {side: int(saved["steady"][side]) for side in SIDES}
+        self.grips = grips
+
+
+def _tcps(hand: Hand, body: Proprioception) -> list[Array]:
+    """T_world_tcp (4, 4) of a hand, or of both."""
+    T = kin.base(body.base_pose)
+    sides = SIDES if hand == "both" else (hand,)
+    return [T @ kin.tcp(body.torso, body.arm[side], side) for side in sides]
+
+
+def _moved(box: Array, motion: Array) -> tuple[Array, Array]:
+    """The axis-aligned box about a box (2, 3) that is carried along by `motion` (4, 4)."""
+    center, half = box.mean(0), (box[1] - box[0]) / 2
+    center, half = motion[:3, :3] @ center + motion[:3, 3], np.abs(motion[:3, :3]) @ half
+    return center - half, center + half
+
+
+def _floor(entry: Entry) -> float:
+    return float(np.prod((entry.highest - entry.lowest)[:2]))
+
+
+def _array(given: Any, shape: tuple[int, ...]) -> Array:
+    array = np.array(given, float)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise ValueError(f"{shape} finite numbers are due, not {given!r:.60}")
+    return array

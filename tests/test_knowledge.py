@@ -1,0 +1,116 @@
+"""Laws of what is known: who is told of it, what is forgotten, and that it survives as JSON."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mpvi_bt.perception.belief import Belief
+from mpvi_bt.perception.knowledge import LIKELY, Entry, KnowledgeBase
+from tests.navigation_maps import thing
+
+
+def base(*entries: Entry) -> KnowledgeBase:
+    return KnowledgeBase({entry.name: entry for entry in entries})
+
+
+def can(name: str = "can", **more: object) -> Entry:
+    return thing(name, (1, 2, 0.1), (0.06, 0.06, 0.12), **more)
+
+
+@given(st.floats(0, 1))
+def test_only_what_is_likely_there_is_told(confidence: float) -> None:
+    """Below even odds an entry stays known, but nobody is sent to it."""
+    known = base(can(confidence=confidence))
+    assert bool(known.find("can")) == (confidence >= LIKELY)
+    assert [e.name for e in known] == ["can"]
+
+
+def test_other_words_for_a_thing_find_it_but_do_not_rival_its_name() -> None:
+    """A fridge is a refrigerator; where something is called just so, nothing else is meant."""
+    known = base(thing("refrigerator", (0, 0, 1), (1, 1, 2)))
+    assert [e.name for e in known.find("the fridge")] == ["refrigerator"]
+    known.put(thing("fridge", (5, 0, 1), (1, 1, 2)))
+    assert [e.name for e in known.find("the fridge")] == ["fridge"]
+
+
+def test_what_was_in_a_forgotten_thing_is_in_nothing_known() -> None:
+    """Its contents stay known, loose."""
+    known = base(can("bin", held=True), can("inner", inside="bin", held=True), can("other", inside="box"))
+    known.drop("bin")
+    assert [(e.name, e.inside, e.held) for e in known] == [("inner", None, False), ("other", "box", False)]
+
+
+number = st.floats(-1e3, 1e3)
+place = st.tuples(number, number, number).map(np.array)
+entries = st.builds(
+    Entry,
+    name=st.text(min_size=1, max_size=9),
+    phrases=st.lists(st.text(max_size=9)).map(tuple),
+    kind=st.sampled_from(["room", "fixture", "object"]),
+    lowest=place,
+    highest=place,
+    room=st.none() | st.text(max_size=9),
+    source=st.sampled_from(["prior", "segmentation"]),
+    held=st.booleans(),
+    inside=st.none() | st.text(max_size=9),
+    confidence=st.floats(0, 1),
+    seen_s=st.none() | st.floats(0, 1e4),
+    view=st.none() | place,
+)
+
+
+@given(st.lists(entries, max_size=4))
+def test_what_was_learned_comes_back_from_json(given_entries: list[Entry]) -> None:
+    """Saved, and restored into a base that knows just what was known beforehand, everything is as it was."""
+    known = base(*given_entries)
+    fresh = base(*(e for e in known if e.source == "prior" and e.seen_s is None), can("stale", source="segmentation"))
+    fresh.restore(json.loads(json.dumps(known.save())))
+    assert {name: repr(e) for name, e in fresh.entries.items()} == {name: repr(e) for name, e in known.entries.items()}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"confidence": 1.5}, {"lowest": [0, 0]}, {"highest": [0, 0, float("nan")]}, {"kind": "cat"}, {"more": 1}],
+    ids=str,
+)
+def test_what_was_not_saved_so_is_refused(change: dict[str, object]) -> None:
+    """A damaged file ends as a ValueError, and changes nothing."""
+    known = base(can(source="segmentation"))
+    (saved,) = known.save()
+    assert isinstance(saved, dict)
+    with pytest.raises(ValueError, match=next(iter(change))):
+        known.restore([{**saved, **change}])
+    assert list(known.entries) == ["can"]
+
+
+@given(st.floats(0, 1), st.floats(0, 1))
+def test_two_detections_are_enough_whatever_their_scores(first: float, second: float) -> None:
+    """One is, too, if its score is high."""
+    belief = Belief()
+    once = belief.first(first)
+    assert once >= LIKELY or first < 0.78
+    assert once < LIKELY or first > 0.77
+    assert belief.seen(once, second) >= LIKELY
+
+
+@given(st.floats(0, 0.98))
+def test_a_few_looks_in_vain_are_enough(confidence: float) -> None:
+    """Each makes a thing less likely, and after three at most it is given up, however often it was seen."""
+    belief, looks = Belief(), 0
+    while confidence >= belief.given_up:
+        assert belief.missed(confidence) < confidence
+        confidence, looks = belief.missed(confidence), looks + 1
+    assert looks <= 3
+
+
+@given(st.floats(0.02, 0.98), st.floats(0, 1))
+def test_evidence_counts_alike_in_any_order(before: float, score: float) -> None:
+    """A detection and a look in vain: which came first does not matter, short of certainty."""
+    belief = Belief()
+    if belief.seen(before, score) < 0.98:
+        assert belief.missed(belief.seen(before, score)) == pytest.approx(belief.seen(belief.missed(before), score))
