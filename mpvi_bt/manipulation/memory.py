@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from mpvi_bt.manipulation.fitting import View, fitted
 from mpvi_bt.manipulation.frames import Frame, take
@@ -242,6 +243,8 @@ class Memory:
                     shape = self._shape(thing.name)
                     solids = shape.solids if shape.extent is None else [shape.extent]
                     gap = float(np.median(Surroundings(solids).distance(points)))
+                    if all(f.cut(m) for f, m in thing.views):  # only a part was in the picture: where is that now?
+                        gap = min([gap, *(_apart(main_cluster(f.of(m)), points) for f, m in thing.views[-1:])])
                     fresh = bool(thing.views) and thing.views[-1][0].stand == frame.stand
                     if gap < (_NEAR_M if fresh or thing.name in self._held() else _FAR_M):
                         pairs.append((gap, i, thing.name))
@@ -319,6 +322,11 @@ class Memory:
             ):
                 return True
         return False
+
+
+def _apart(part: Array, points: Array) -> float:
+    """How far points (n, 3) of a part of a thing are from points (m, 3) of all of it [m], the median."""
+    return float(np.median(cKDTree(points).query(part)[0])) if len(part) else np.inf
 
 
 def _shrunk(shape: Shape, before: Shape) -> bool:
