@@ -10,7 +10,18 @@ from scipy.spatial.transform import Rotation
 from mpvi_bt.manipulation.course import Course, Start
 from mpvi_bt.manipulation.follow import go_along, resistance, take_up, touch
 from mpvi_bt.manipulation.open import course_search, sides, swing, then_leave
-from mpvi_bt.manipulation.openings import doors_meant, look_from_aside, look_over, moved, panel, thing_meant, upright
+from mpvi_bt.manipulation.openings import (
+    doors_meant,
+    look_from_aside,
+    look_over,
+    moved,
+    outward,
+    panel,
+    seen_twice,
+    stand_before,
+    thing_meant,
+    upright,
+)
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.robot import kinematics as kin
@@ -53,11 +64,15 @@ def close(work: Work, words: Words, tried: list[Array]) -> Actions:
     """
     thing, places = thing_meant(work, words["object"])
     yield from look_over(work, thing)
-    yield from look_from_aside(work, thing)
+    if not work.scene.doors(thing):
+        yield from look_from_aside(work, thing)  # from within, an open door hides its bar
     for _ in range(_MOST_DOORS):
-        ajar = [d for d in doors_meant(work, thing, places) if not is_closed(d)]
+        doors = doors_meant(work, thing, places)
+        ajar = [d for d in doors if not is_closed(d)]
         if not ajar:
-            return
+            if (yield from seen_twice(work, thing, doors)):
+                return
+            continue
         felt = yield from _shut(work, thing, ajar[0], tried, words.get("hand"))
         yield from look_over(work, thing)
         left = [d for d in work.scene.doors(thing) if not is_closed(d)]
@@ -65,7 +80,8 @@ def close(work: Work, words: Words, tried: list[Array]) -> Actions:
         if felt and not any(_wide_open(d) for d in left):
             return
         if len(left) >= len(ajar) and any(np.linalg.norm(_edge(d) - _edge(ajar[0])) < _SAME_M for d in left):
-            raise MotionFailure("not_closed")
+            break
+    raise MotionFailure("not_closed")
 
 
 def _wide_open(door: Door) -> bool:
@@ -95,6 +111,7 @@ def _shut(work: Work, thing: str, door: Door, tried: list[Array], hand: str | No
             tried.append(start.base)
             return (yield from _push_home(work, door, further[start.course], start, side, search.other))
     if door.bar is None:
+        yield from stand_before(work, thing, door)
         raise MotionFailure("no_stance")
     yield from swing(work, thing, door, [0.0], tried, hand)
     return False
@@ -127,7 +144,7 @@ def _push_home(
 
     yield from motion.grip(side, -1.0, 0.3)
     yield from take_up(work, start, side, idle)
-    yield from then_leave(work, side, push())
+    yield from then_leave(work, side, push(), fist=True)
     return held_up >= _STOPPED and left < _HOME * way
 
 
@@ -140,31 +157,25 @@ def pushes(door: Door, beyond: float = 0.03) -> list[Course]:
         door: As it stands.
         beyond: How far beyond the closed door the fist goes [rad or m] if nothing stops it: arms give way.
     """
-    face, shut = panel(door), moved(door, -door.position)
+    face, shut, out_of = panel(door), moved(door, -door.position), outward(door)
     axes, half = face.T[:3, :3], face.half_m
-    if door.kind == "slide":
-        through = int(np.abs(door.axis @ axes).argmax())
-        up = int(np.where(np.arange(3) == through, -1.0, np.abs(axes[2])).argmax())
-    else:
-        up = int(np.abs(door.axis @ axes).argmax())
-        through = int(np.argmin(np.where(np.arange(3) == up, np.inf, half)))
+    through = int(np.abs(out_of @ axes).argmax())
+    rising = -np.abs(axes[2]) if door.kind == "slide" else -np.abs(door.axis @ axes)
+    up = int(np.where(np.arange(3) == through, 1.0, rising).argmin())
     wide = 3 - up - through
     center = face.T[:3, 3]
-    if door.kind == "slide":
-        away, outer = axes[:, wide], door.axis
-    else:
-        away = axes[:, wide] * np.sign(float((center - door.origin) @ axes[:, wide]))  # from the hinge to the free edge
-        outer = np.cross(door.axis, away)  # opening moves the free edge toward the outer side
-    outward = axes[:, through] * np.sign(float(axes[:, through] @ outer))
+    away = axes[:, wide]
+    if door.kind == "hinge":
+        away = away * np.sign(float((center - door.origin) @ away))  # from the hinge to the free edge
     rise = axes[:, up] * (1.0 if axes[2, up] >= 0 else -1.0)
     out = []
     for point, bias in _points(door, center, away, rise, float(half[wide]), float(half[up])):
-        point = point + outward * half[through]
+        point = point + out_of * half[through]
         if door.bar is not None and _near_bar(door, point):
             continue
         for turn in _TURNS if door.kind == "hinge" else (0.0,):
             for flip in (1.0, -1.0):
-                straight = kin.hand_rotation(-(shut[:3, :3] @ outward), flip * np.cross(rise, outward))
+                straight = kin.hand_rotation(-(shut[:3, :3] @ out_of), flip * np.cross(rise, out_of))
                 out.append(_push(door, point, straight, turn, beyond, 1.5 * abs(turn - 0.5) + bias))
     return sorted(out, key=lambda course: course.cost)[:_MOST_COURSES]
 

@@ -25,7 +25,8 @@ _ELBOW = 3
 _SAMPLES = 5  # of a course, for checks
 _LEAP_RAD = 0.9  # between samples; more is another elbow
 _CHECKED_POSTURES = 12  # of one base pose
-_CHECKED_BASES = 40
+_MOST_EFFORT = 24.0  # of one search; a base pose takes 1,
+_GLANCE = 0.25  # or that if no posture is worth a look at its whole way
 _MARGIN_M = 0.01
 _ALIKE_M = 0.05  # and as many radians
 _BENT_RAD = -0.4  # of the elbow: a stretched arm cannot make up for a base that trails its goal
@@ -104,7 +105,7 @@ class CourseSearch(Search):
         """A good place to begin one of `courses` from, which lead the same thing along; None if there is none."""
         if not courses:
             return None
-        here, checked = self.motion.felt.base_pose, 0
+        here, spent = self.motion.felt.base_pose, 0.0
         focus = np.mean([c.hand(0.0)[:2, 3] for c in courses], axis=0)
         for base in _bases(here, focus, courses[0].heading, self.side):
             if any(np.linalg.norm(base[:2] - b[:2]) < 0.05 and abs(kin.wrap(base[2] - b[2])) < 0.2 for b in self.tried):
@@ -114,12 +115,13 @@ class CourseSearch(Search):
             route = self._approach(here, base)
             if route is None:
                 continue
-            for hold in self._holds:
-                if (found := self._begin(base, route, courses, hold)) is not None:
-                    return found
-            checked += 1
-            if checked >= _CHECKED_BASES:
+            if spent >= _MOST_EFFORT or self.effort.left <= 0:
                 break
+            for hold in self._holds:
+                found, effort = self._begin(base, route, courses, hold)
+                spent, self.effort.left = spent + effort, self.effort.left - effort
+                if found is not None:
+                    return found
         return None
 
     def _then(self, course: Course, x: float, base: Array) -> Obstacles:
@@ -144,7 +146,10 @@ class CourseSearch(Search):
                 return route
         return None
 
-    def _begin(self, base: Array, route: list[Array], courses: Sequence[Course], hold: list[Array]) -> Start | None:
+    def _begin(
+        self, base: Array, route: list[Array], courses: Sequence[Course], hold: list[Array]
+    ) -> tuple[Start | None, float]:
+        """A start there; and what looking for it took, 1 for a full check."""
         back = route[-1]
         T = kin.inverse(kin.base(base))
         torsos = np.array([(lift, 0.0, pitch, r1.TRAVEL_TORSO[3]) for lift in _LIFTS for pitch in _PITCHES])
@@ -152,7 +157,7 @@ class CourseSearch(Search):
         touches = np.stack([T @ course.hand(0.0) for course in courses])
         at, q = kin.arm_inverse((chests[:, None] @ touches[None]).reshape(-1, 4, 4), self.side, swivels=16)
         if not len(at):
-            return None
+            return None, _GLANCE
         t, g = at // len(courses), at % len(courses)
         limits = r1.ARM_LIMITS[self.side]
         edge = np.maximum(np.abs(q - limits.mean(1)) / (np.ptp(limits, axis=1) / 2) - 0.8, 0).sum(1)
@@ -165,7 +170,7 @@ class CourseSearch(Search):
             arms[self.other] = hold[-1]
         behind = self.around(back, touched=True)
         if self.other is not None and not self.body(self.motion.torso, behind, arms).free(self.other, hold[-1])[0]:
-            return None
+            return None, _GLANCE
         fits: dict[int, bool] = {}
         alike: dict[tuple[float, ...], bool] = {}  # courses that end alike fit alike
         seen: dict[tuple[int, int], int] = {}
@@ -197,8 +202,8 @@ class CourseSearch(Search):
                 continue
             path = arm_motion.plan(stood.body, self.side, short, self.rng, margin=0.005)
             if path is not None:
-                return Start(base, route, torso, after, where[1], path, hold, stood.level)
-        return None
+                return Start(base, route, torso, after, where[1], path, hold, stood.level), 1.0
+        return None, 1.0 if standing else _GLANCE
 
     def _touch(self, body: Body, base: Array, back: Array, course: Course, q: Array) -> Array | None:
         """The posture (7,) short of the touch, if the arm can be driven in with it and led on to the touch."""

@@ -8,7 +8,17 @@ import numpy as np
 
 from mpvi_bt.manipulation.course import Course, CourseSearch, Start
 from mpvi_bt.manipulation.follow import back_out, go_along, take_up, touch
-from mpvi_bt.manipulation.openings import doors_meant, look_over, moved, panel, swings, thing_meant, upright
+from mpvi_bt.manipulation.openings import (
+    doors_meant,
+    look_over,
+    moved,
+    panel,
+    seen_twice,
+    stand_before,
+    swings,
+    thing_meant,
+    upright,
+)
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.perception.parts import Bar, Door
 from mpvi_bt.robot.motion import Actions, MotionFailure
@@ -23,6 +33,8 @@ _SLIDE_M = (0.3, 0.24)
 _OPEN_ENOUGH = 0.8  # of the first of these
 _AROUND_M = 2.5
 _DEEP_M, _BEHIND_M = 0.3, 0.015  # what is behind a front, of which only the front was seen
+_VIEWS = 3  # that what looks open is believed in, at the most
+_SAME_BAR_M = 0.06
 _BACK_OUT_M = 0.15
 _BACK_OFF_M = 0.25
 
@@ -42,17 +54,32 @@ def open_(work: Work, words: Words, tried: list[Array]) -> Actions:
     thing, places = thing_meant(work, words["object"])
     yield from look_over(work, thing)
     doors = doors_meant(work, thing, places)
-    if any(is_open(door) for door in doors):
-        return
+    for _ in range(_VIEWS):
+        if not (open_ := [door for door in doors if is_open(door)]):
+            break
+        if (yield from seen_twice(work, thing, open_[:1])):
+            return
+        doors = doors_meant(work, thing, places)
     able = [door for door in doors if door.bar is not None]
     if not able:
         raise MotionFailure("no_handle")
     door = able[0]
     yield from swing(work, thing, door, [min(t, door.limit) for t in targets(door)], tried, words.get("hand"))
-    if work.sight is not None:
-        return  # the hand has felt the bar to the end, and knows better than a look from aside
-    if not any(is_open(d) for d in work.scene.doors(thing) if d.name == door.name):
+    if work.sight is None:
+        opened = any(is_open(d) for d in work.scene.doors(thing) if d.name == door.name)
+    else:  # the hand has felt the bar to the end, and knows better than a look from aside; but not if it is still there
+        yield from look_over(work, thing)
+        opened = not any(_as_before(d, door) for d in work.scene.doors(thing))
+    if not opened:
         raise MotionFailure("not_opened")
+
+
+def _as_before(now: Door, before: Door) -> bool:
+    """Whether a bar is seen where it was, on what is seen to be as it was."""
+    if now.bar is None or before.bar is None:
+        return False
+    same = float(np.linalg.norm(now.bar.center - before.bar.center)) < _SAME_BAR_M
+    return same and abs(now.position - before.position) < (1 - _OPEN_ENOUGH) * before.limit
 
 
 def targets(door: Door) -> tuple[float, ...]:
@@ -81,6 +108,7 @@ def swing(
         if found is not None:
             break
     else:
+        yield from stand_before(work, thing, door)
         raise MotionFailure("no_stance")
     side, start, course, search = found
     tried.append(start.base)
@@ -103,8 +131,10 @@ def _lead(work: Work, course: Course, side: Side, torso_after: Array) -> Actions
     yield from go_along(work.motion, course, side, torso_after, lost)
 
 
-def then_leave(work: Work, side: Side, doing: Actions) -> Actions:
+def then_leave(work: Work, side: Side, doing: Actions, fist: bool = False) -> Actions:
     """Do something with a hand; then, whether it went well or not, let go, draw the hand back, the base too, and fold.
+
+    A `fist` stays closed until then: fingers that open beside a bar would take it along.
 
     Raises:
         MotionFailure: As `doing`, or else as the way back.
@@ -112,7 +142,8 @@ def then_leave(work: Work, side: Side, doing: Actions) -> Actions:
     motion = work.motion
     failures: list[MotionFailure] = []
     yield from _trying(doing, failures)
-    yield from motion.grip(side, 1.0, 0.3)
+    if not fist:
+        yield from motion.grip(side, 1.0, 0.3)
     away = -(work.base @ motion.hand(side))[:2, 2]
     if np.linalg.norm(away) > 0.3:
         yield from _trying(back_out(motion, away, _BACK_OUT_M), failures)
@@ -173,7 +204,7 @@ def course_search(
             near = work.scene.obstacles(at, _AROUND_M, without)
         parts = [s for d in work.scene.doors(thing) for s in (*d.solids, _carcass(d))]
     stays = [s for s in parts if not any(_alike(s, moving) for moving in door.solids)]
-    return CourseSearch(work.motion, side, held, near, parts, work.rng, list(tried), stays=stays, bendable=bendable)
+    return CourseSearch(work.motion, side, held, near, parts, work.rng, list(tried), work.effort, stays, bendable)
 
 
 def _alike(a: Solid, b: Solid) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -24,6 +24,8 @@ _PLACES = ("top", "upper", "uppermost", "highest", "bottom", "lower", "lowest", 
 _LOOKS = 2
 _FACING_RAD = 0.15
 _ASIDE_M, _ASIDE_RAD = 1.2, (0.7, -0.7, 1.2, -1.2)  # from where the outside of an open door may be seen
+_BEFORE_M, _STAGE_RAD = 1.1, 0.6  # where to stand before a face; on the way around a thing it looks so often
+_SAME_M, _SAME = 0.15, 0.2  # a door that is seen there and, of its limit, so far open, is the one seen before
 _SHORT_M = 0.11  # the hand waits that far before a bar
 _ALONG = (0.0, 0.3, -0.3)  # where to hold a bar, in lengths from its middle
 # How much of a door's angle the hand turns with it: half is easiest, for the base turns as much.
@@ -80,8 +82,7 @@ def look_over(work: Work, thing: str) -> Actions:
     if work.sight is None:
         return
     for _ in range(_LOOKS):
-        boxes = np.stack([s.aabb() for s in work.scene.solids(thing)])
-        middle = (boxes[:, 0].min(0) + boxes[:, 1].max(0))[:2] / 2
+        middle = _middle_of(work, thing)
         x, y, yaw = work.motion.felt.base_pose
         bearing = float(np.arctan2(middle[1] - y, middle[0] - x))
         if abs(kin.wrap(bearing - yaw)) > _FACING_RAD:
@@ -89,27 +90,70 @@ def look_over(work: Work, thing: str) -> Actions:
         yield from work.study(thing)
 
 
-def look_from_aside(work: Work, thing: str) -> Actions:
-    """Go where the outside of an open door shows, for from within it hides its bar; nothing if a front is seen."""
-    if work.sight is None or work.scene.doors(thing):
-        return
-    boxes = np.stack([s.aabb() for s in work.scene.solids(thing)])
-    middle = (boxes[:, 0].min(0) + boxes[:, 1].max(0))[:2] / 2
-    x, y, _ = start = work.motion.felt.base_pose.copy()
-    far = max(_ASIDE_M, float(np.hypot(middle[0] - x, middle[1] - y)))
+def look_from_aside(work: Work, thing: str) -> Generator[Array, None, bool]:
+    """Look at a thing from another side; returns whether there is a way to one. The truth needs no look."""
+    if work.sight is None:
+        return False
+    x, y, _ = work.motion.felt.base_pose
+    middle = _middle_of(work, thing)
     bearing = float(np.arctan2(y - middle[1], x - middle[0]))
     for turn in _ASIDE_RAD:
-        with work.sight.trusting():
-            search = work.search("right", {thing})
-            place = middle + far * np.array([np.cos(bearing + turn), np.sin(bearing + turn)])
-            route = search.route(start, np.append(place, float(kin.wrap(bearing + turn + np.pi))))
-        for base in route or ():
-            yield from work.motion.drive(base)
-        if route is not None:
+        if (yield from _go_where(work, thing, middle, bearing + turn)):
             yield from look_over(work, thing)
-            start = work.motion.felt.base_pose.copy()
-        if work.scene.doors(thing):
+            return True
+    return False
+
+
+def seen_twice(work: Work, thing: str, doors: Sequence[Door]) -> Generator[Array, None, bool]:
+    """Look at doors from another side, for from one alone an open door may look closed and a closed one open.
+
+    Returns:
+        Whether they stand there as they did. The truth needs no second look, nor is there one without a way.
+    """
+    if not (yield from look_from_aside(work, thing)):
+        return True
+    now = work.scene.doors(thing)
+    return all(any(_alike(door, other) for other in now) for door in doors)
+
+
+def _alike(a: Door, b: Door) -> bool:
+    apart = float(np.linalg.norm(panel(a).T[:3, 3] - panel(b).T[:3, 3]))
+    return apart < _SAME_M and abs(a.position / a.limit - b.position / b.limit) < _SAME
+
+
+def stand_before(work: Work, thing: str, door: Door) -> Actions:
+    """Walk around a thing, as far as the way is free, to before the outer face of a door as it stands."""
+    middle, face = _middle_of(work, thing), panel(door).T[:2, 3]
+    x, y, _ = work.motion.felt.base_pose
+    goal = face + _BEFORE_M * outward(door)[:2] - middle
+    bearing = float(np.arctan2(y - middle[1], x - middle[0]))
+    left = float(kin.wrap(np.arctan2(goal[1], goal[0]) - bearing))
+    stages = int(np.ceil(abs(left) / _STAGE_RAD))
+    for k in range(1, stages + 1):
+        if not (yield from _go_where(work, thing, middle, bearing + left * k / stages)):
             return
+        yield from work.see("head")
+
+
+def _go_where(work: Work, thing: str, middle: Array, bearing: float) -> Generator[Array, None, bool]:
+    """Go around a place (2,) to a bearing and face it; False, and nothing else, if no way there is seen to be free."""
+    here = work.motion.felt.base_pose.copy()
+    far = max(_ASIDE_M, float(np.linalg.norm(here[:2] - middle)))
+    goal = np.append(middle + far * np.array([np.cos(bearing), np.sin(bearing)]), float(kin.wrap(bearing + np.pi)))
+    if work.sight is None:
+        route = work.search("right", {thing}).route(here, goal)
+    else:
+        with work.sight.trusting():
+            route = work.search("right", {thing}).route(here, goal)
+    for base in route or ():
+        yield from work.motion.drive(base)
+    return route is not None
+
+
+def _middle_of(work: Work, thing: str) -> Array:
+    """(2,) the middle of a thing, from above."""
+    boxes = np.stack([s.aabb() for s in work.scene.solids(thing)])
+    return np.asarray((boxes[:, 0].min(0) + boxes[:, 1].max(0))[:2] / 2)
 
 
 def _ranked(doors: Sequence[Door], places: Sequence[str]) -> list[Door]:
@@ -163,6 +207,15 @@ def upright(door: Door) -> bool:
 def panel(door: Door) -> Solid:
     """Its largest solid."""
     return max(door.solids, key=lambda s: float(np.sort(s.half_m)[1:].prod()))
+
+
+def outward(door: Door) -> Array:
+    """(3,) unit vector out of the outer face of its panel, as it stands: the side that it opens to."""
+    face = panel(door)
+    way = door.axis if door.kind == "slide" else np.cross(door.axis, face.T[:3, 3] - door.origin)
+    along = way @ face.T[:3, :3]
+    k = int(np.abs(along).argmax())
+    return np.asarray(face.T[:3, k] * np.sign(along[k]))
 
 
 def swings(door: Door, bar: Bar, to: float) -> list[Course]:
