@@ -96,7 +96,7 @@ def read(phrase: str) -> Reading | None:
     """What a phrase says, or None of one that is empty, longer than `MOST_CHARACTERS`, or without a noun."""
     if len(phrase) > MOST_CHARACTERS:
         return None
-    words = _without_lead(normalize(phrase).split())
+    words = _without_lead([word for word in normalize(phrase).split() if word != "s"])  # of "the fridge's door"
     cut = next((i for i in range(len(words)) if _starts_clause(words, i)), len(words))
     words, place = words[:cut], " ".join(words[cut:])
     noun, qualities = _noun(words)
