@@ -1,0 +1,191 @@
+"""Doors that look otherwise than they are: what is done about them is not done at first sight."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mpvi_bt.manipulation.close import close, is_closed, pushes
+from mpvi_bt.manipulation.course import CourseSearch
+from mpvi_bt.manipulation.open import course_search, is_open, open_
+from mpvi_bt.manipulation.openings import moved, outward, panel, seen_twice, stand_before
+from mpvi_bt.manipulation.stance import Effort
+from mpvi_bt.manipulation.truth import TrueScene
+from mpvi_bt.manipulation.work import Work
+from mpvi_bt.perception.parts import Door
+from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.protocol import CameraImage, Proprioception
+from mpvi_bt.sim.world import World
+from tests.small_house import small_world
+
+CABINET = "{entry: base_cabinet, at: [1.0, 0.0], yaw_deg: 180, shape: {hinge: left}}"
+START_Y_M = 0.3
+Looks = Callable[[Door, float], float]  # how far open a door looks, by where the robot stands
+
+
+class Deceived(TrueScene):
+    """The truth, but for how far doors look open from where the robot stands."""
+
+    def __init__(self, world: World, looks: Looks) -> None:
+        super().__init__(world)
+
+        def doors(name: str) -> Sequence[Door]:
+            y = float(world.robot.proprioception().base_pose[1])
+            return [_swung(door, looks(door, y) - door.position) for door in world.doors(name)]
+
+        self.doors = doors
+
+
+def _swung(door: Door, by: float) -> Door:
+    T = moved(door, by)
+    bar = door.bar
+    if bar is not None:
+        bar = replace(bar, center=T[:3, :3] @ bar.center + T[:3, 3], axis=T[:3, :3] @ bar.axis,
+                      outward=T[:3, :3] @ bar.outward)  # type: ignore[type-var]  # fmt: skip
+    return replace(door, position=door.position + by, bar=bar, solids=[s.moved(T) for s in door.solids])
+
+
+class Glances:
+    """A sight that makes nothing of pictures, and counts them."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:
+        """Take in pictures."""
+        self.count += len(images)
+
+    @contextlib.contextmanager
+    def trusting(self) -> Iterator[None]:
+        """Nothing is hidden from the truth."""
+        yield
+
+
+def working(world: World, looks: Looks | None = None) -> Work:
+    world.settle(0.3)
+    scene = TrueScene(world) if looks is None else Deceived(world, looks)
+    sight = None if looks is None else Glances()
+    images: Any = {"head": None}
+    return Work(scene, Motion(world.robot.proprioception()), np.random.default_rng(0), sight, images=images)
+
+
+def played(world: World, work: Work, doing: Any) -> Any:
+    """Play a motion to its end; what it returns."""
+    while True:
+        try:
+            action = next(doing)
+        except StopIteration as end:
+            world.refresh()
+            return end.value
+        world.step(action)
+        work.motion.felt = world.robot.proprioception()
+
+
+def cabinet(fraction: float, y: float = START_Y_M) -> World:
+    world = small_world(base=(-0.5, y, 0.0), thing=CABINET)
+    world.set_opening("thing", "door", fraction)
+    world.refresh()
+    return world
+
+
+def truly(door: Door, y: float) -> float:
+    return door.position
+
+
+def otherwise_from_the_start(door: Door, y: float) -> float:
+    """From where the robot starts an open door looks closed, and a closed one open."""
+    return door.position if abs(y - START_Y_M) > 0.3 else 0.0 if is_open(door) else 1.2
+
+
+@pytest.mark.parametrize("fraction", [0.0, 0.7])
+@pytest.mark.parametrize(("looks", "believed"), [(truly, True), (otherwise_from_the_start, False)])
+def test_what_looks_otherwise_from_another_side_is_not_believed(fraction: float, looks: Looks, believed: bool) -> None:
+    """A door is taken for open or closed by looks if it stands there as it did when seen from elsewhere."""
+    world = cabinet(fraction)
+    work = working(world, looks)
+    assert played(world, work, seen_twice(work, "thing", work.scene.doors("thing"))) is believed
+    assert abs(world.robot.proprioception().base_pose[1] - START_Y_M) > 0.3
+
+
+def test_the_truth_needs_no_second_look() -> None:
+    """Who knows how doors stand does not walk around them."""
+    world = cabinet(0.7)
+    work = working(world)
+    doing = seen_twice(work, "thing", work.scene.doors("thing"))
+    with pytest.raises(StopIteration) as end:
+        next(doing)
+    assert end.value.value is True
+
+
+def test_a_door_that_looks_open_is_opened_all_the_same() -> None:
+    """What looks open at first sight, and is not, is found out and opened."""
+    world = cabinet(0.0)
+    work = working(world, otherwise_from_the_start)
+    played(world, work, open_(work, {"object": "cabinet"}, []))
+    assert is_open(world.doors("thing")[0])
+
+
+def test_a_door_that_looks_closed_is_closed_all_the_same() -> None:
+    """What looks closed at first sight, and is not, is found out and closed."""
+    world = cabinet(0.5)
+    work = working(world, otherwise_from_the_start)
+    played(world, work, close(work, {"object": "cabinet"}, []))
+    assert is_closed(world.doors("thing")[0])
+
+
+@pytest.mark.parametrize("y", [-1.2, 1.2])
+def test_it_walks_around_to_before_the_outer_face(y: float) -> None:
+    """From either side it ends up where the outer face of an open door is in view and in reach of a course."""
+    world = cabinet(0.7, y)
+    work = working(world)
+    (door,) = world.doors("thing")
+    played(world, work, stand_before(work, "thing", door))
+    off = world.robot.proprioception().base_pose[:2] - panel(door).T[:2, 3]
+    assert off @ outward(door)[:2] > 0.3
+    assert np.linalg.norm(off) < 1.6
+
+
+def searching(effort: Effort) -> tuple[CourseSearch, Door]:
+    world = cabinet(0.5)
+    work = working(world)
+    work.effort = effort
+    (door,) = world.doors("thing")
+    return course_search(work, "thing", door, "right", []), door
+
+
+def test_a_course_search_ends_when_nothing_is_left_to_spend() -> None:
+    """What searches may take is counted, and a search that may take nothing finds nothing."""
+    search, door = searching(Effort(0.0))
+    assert search.start(pushes(door)) is None
+    search, door = searching(Effort(100.0))
+    found = search.start(pushes(door))
+    assert found is not None
+    assert search.effort.left < 100.0
+
+
+def test_a_course_search_is_bounded() -> None:
+    """Where no base pose does, a search takes a quarter of what a prompt may take, and asks no course over and over."""
+    search, door = searching(Effort(100.0))
+    asked = 0
+
+    def never(x: float) -> list[Any]:  # the door is in the way of everything
+        return [panel(door), replace(panel(door), half_m=np.array([3.0, 3.0, 3.0]))]
+
+    def counted(carry: Callable[[float], Any]) -> Callable[[float], Any]:
+        def asking(x: float) -> Any:
+            nonlocal asked
+            asked += 1
+            return carry(x)
+
+        return asking
+
+    courses = [replace(c, moving=never, carry=counted(c.carry)) for c in pushes(door)[:8]]
+    assert search.start(courses) is None
+    spent = 100.0 - search.effort.left
+    assert 0.0 < spent < 26.0
+    assert asked < 200 * len(courses)
