@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from mpvi_bt.errors import UserError
+from mpvi_bt.executive.frame_text import SIZE
 from mpvi_bt.executive.loop import Subscriber, Watcher, World, run_episode
 from mpvi_bt.executive.pictures import PathPicture, path_picture
-from mpvi_bt.executive.video import SIZE, Follower, Video, compose
+from mpvi_bt.executive.video import Follower, Video, compose
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.skills import load_skills

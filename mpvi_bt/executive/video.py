@@ -7,23 +7,21 @@ from pathlib import Path
 from typing import Protocol, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpvi_bt.drawing.text import LEGEND, ascii_tree
 from mpvi_bt.errors import BackendError, UserError
+from mpvi_bt.executive.frame_text import COLUMNS, DIM, INK, PAPER, SIZE, write, write_tree
+from mpvi_bt.executive.labels import Picture
 from mpvi_bt.executive.loop import Outcome, Watcher, World
+from mpvi_bt.executive.search_frames import OUTSIDE, SearchFrames
+from mpvi_bt.executive.search_view import SearchView
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
 
-Picture = NDArray[np.uint8]
-SIZE = (1280, 720)
 _OUTSIDE = (800, 600)  # picture from outside, upper left,
 _RENDERED = (640, 480)  # rendered smaller, as it is most of what a frame costs on a CPU (0.1 s)
 _HEAD = (480, 360)  # picture of the head camera, upper right
-_COLUMNS, _LINE_PX = 59, 15  # of the tree's text under the head's picture
-_PAPER, _INK, _DIM = (24, 26, 32), (226, 228, 232), (140, 146, 158)
-_STATUS_INK = {"[*]": (120, 200, 255), "[o]": (130, 210, 140), "[x]": (255, 120, 110), "[!]": (255, 190, 90)}
 
 
 class Outside(Protocol):
@@ -45,6 +43,7 @@ class Video(Watcher):
         frames_per_s: Of simulated time; 30 at most.
         speed: How many times faster than simulated time the video plays. Our choice: twice, at ten frames a second.
         viewpoint: T_world_camera (4, 4), optical frame, for a base pose (3,); None: a camera that follows the robot.
+        search: Where the robot searches: frames show its map, too, and what was detected in the head's picture.
     """
 
     def __init__(
@@ -54,11 +53,13 @@ class Video(Watcher):
         frames_per_s: float = 5.0,
         speed: float = 2.0,
         viewpoint: Callable[[Array], Array] | None = None,
+        search: SearchView | None = None,
     ) -> None:
         self._file, self._title, self._viewpoint = Path(file), title, viewpoint
         self._every = max(1, round(CONTROL_HZ / frames_per_s))
         self._fps = CONTROL_HZ / self._every * speed
         self._follow = Follower()
+        self._search = None if search is None else SearchFrames(search)
         self._writer: Generator[None, Picture | None, None] | None = None
         self._last: tuple[Tree, World] | None = None
 
@@ -107,9 +108,13 @@ class Video(Watcher):
         outside: Picture | None = None
         if hasattr(world, "look_from"):
             T = self._viewpoint(base_pose) if self._viewpoint else self._follow(base_pose)
-            outside = cast("Outside", world).look_from(T, _RENDERED).rgb
-        text = ascii_tree(tree.spec, tree.states(), _COLUMNS, fold=True)
-        frame = compose(outside, world.robot.look("head").rgb, text, f"{self._title}   {status}".strip())
+            size = _RENDERED if self._search is None else OUTSIDE
+            outside = cast("Outside", world).look_from(T, size).rgb
+        text = ascii_tree(tree.spec, tree.states(), COLUMNS, fold=True)
+        if self._search is not None:
+            frame = self._search.frame(outside, world, text, self._title, status.strip())
+        else:
+            frame = compose(outside, world.robot.look("head").rgb, text, f"{self._title}   {status}".strip())
         try:
             self._writer.send(frame)
         except OSError as error:
@@ -156,32 +161,14 @@ def compose(outside: Picture | None, head: Picture, text: str, status: str) -> P
     """
     import cv2
 
-    frame = np.full((SIZE[1], SIZE[0], 3), _PAPER, np.uint8)
+    frame = np.full((SIZE[1], SIZE[0], 3), PAPER, np.uint8)
     main, beside = (head, None) if outside is None else (outside, head)
     frame[: _OUTSIDE[1], : _OUTSIDE[0]] = cv2.resize(main, _OUTSIDE, interpolation=cv2.INTER_LINEAR)
     top = 0
     if beside is not None:
         frame[: _HEAD[1], _OUTSIDE[0] :] = cv2.resize(beside, _HEAD, interpolation=cv2.INTER_LINEAR)
         top = _HEAD[1]
-    lines = text.splitlines()
-    room = (SIZE[1] - top) // _LINE_PX - 1
-    if len(lines) > room:
-        lines = [*lines[: room - 1], f"... {len(lines) - room + 1} more lines"]
-    for i, line in enumerate(lines):
-        color = next((ink for mark, ink in _STATUS_INK.items() if mark in line), _INK if i == 0 else _DIM)
-        write(frame, line, (_OUTSIDE[0] + 8, top + (i + 1) * _LINE_PX), color)
-    cv2.putText(frame, status, (16, _OUTSIDE[1] + 40), cv2.FONT_HERSHEY_SIMPLEX, 0.8, _INK, 2, cv2.LINE_AA)
-    write(frame, LEGEND, (16, _OUTSIDE[1] + 80), _DIM)
+    write_tree(frame, text, _OUTSIDE[0] + 8, top)
+    cv2.putText(frame, status, (16, _OUTSIDE[1] + 40), cv2.FONT_HERSHEY_SIMPLEX, 0.8, INK, 2, cv2.LINE_AA)
+    write(frame, LEGEND, (16, _OUTSIDE[1] + 80), DIM)
     return frame
-
-
-def write(frame: Picture, text: str, at: tuple[int, int], color: tuple[int, int, int], pitch_px: float = 7.8) -> None:
-    """Write `text` at column and row `at` in cells of one width, as a tree needs; OpenCV has no such font."""
-    import cv2
-
-    font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.45
-    for k, character in enumerate(text):
-        if character != " ":
-            width = cv2.getTextSize(character, font, size, 1)[0][0]
-            place = round(at[0] + k * pitch_px + (pitch_px - width) / 2), at[1]
-            cv2.putText(frame, character, place, font, size, color, 1, cv2.LINE_AA)

@@ -1,0 +1,143 @@
+"""What a search knows, for those who draw or log it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from mpvi_bt.perception.detector import ROBOT, Detection
+from mpvi_bt.perception.knowledge import LIKELY, Entry
+from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.robot.solids import Array
+
+Mask = NDArray[np.bool_]
+
+_REACH_M = 4.0  # the visible area is drawn so far
+
+
+class SearchView(Protocol):
+    """What a search knows now, for those who draw or log it; grids (H, W) have the map's cells.
+
+    Attributes:
+        map: Occupied or not, as it is driven by: cells that are not known count as occupied.
+        known: Cells of which it is known; all with a map from before.
+        seen: Floor that the camera has seen.
+        frontier: Of the last plan.
+        path: (N, 2) way being driven [m] in the world, or None.
+        goal: (3,) pose at its end [m, m, rad], or None.
+        image: Picture that was searched last, or None before the first.
+        detections: What was detected in it.
+        entries: All that is in the knowledge base.
+    """
+
+    @property
+    def map(self) -> OccupancyMap: ...  # noqa: D102
+    @property
+    def known(self) -> Mask: ...  # noqa: D102
+    @property
+    def seen(self) -> Mask: ...  # noqa: D102
+    @property
+    def frontier(self) -> Mask: ...  # noqa: D102
+    @property
+    def path(self) -> Array | None: ...  # noqa: D102
+    @property
+    def goal(self) -> Array | None: ...  # noqa: D102
+    @property
+    def image(self) -> CameraImage | None: ...  # noqa: D102
+    @property
+    def detections(self) -> Sequence[Detection]: ...  # noqa: D102
+    @property
+    def entries(self) -> Iterable[Entry]: ...  # noqa: D102
+
+
+def found(entries: Iterable[Entry]) -> list[Entry]:
+    """What was found by looking, and is still believed to be there."""
+    return [e for e in entries if e.seen_s is not None and e.source != "prior" and e.confidence >= LIKELY]
+
+
+def called(entry: Entry) -> str:
+    """What people call it, in letters that OpenCV can write."""
+    name = entry.phrases[0] if entry.phrases else entry.name.split(".")[0].replace("_", " ")
+    return name.encode("ascii", "replace").decode()
+
+
+def detected(detections: Iterable[Detection]) -> list[Detection]:
+    """Detections without the robot's own parts, the most certain first."""
+    return sorted((d for d in detections if d.phrase != ROBOT), key=lambda d: -d.score)
+
+
+def seen_m2(view: SearchView) -> tuple[float, float | None]:
+    """Area [m2] of the floor that was seen, and of all floor where that is known beforehand."""
+    grid, floor = view.map, view.known & ~view.map.occupied
+    cell_m2 = grid.resolution_m**2
+    total = float(floor.sum()) * cell_m2 if view.known.all() else None
+    return float((floor & view.seen).sum()) * cell_m2, total
+
+
+def cropped(grid_map: OccupancyMap, rows: slice, columns: slice) -> OccupancyMap:
+    """Part of a map."""
+    shift = np.array([columns.start, rows.start]) * grid_map.resolution_m
+    return replace(
+        grid_map,
+        occupied=grid_map.occupied[rows, columns],
+        rooms=grid_map.rooms[rows, columns],
+        origin_m=np.asarray(grid_map.origin_m, float) + shift,
+    )
+
+
+def extent(grid_map: OccupancyMap, known: Mask, margin_m: float = 0.3, snap_m: float = 0.0) -> tuple[slice, slice]:
+    """Rows and columns about all floor and rooms that are known.
+
+    Args:
+        grid_map: The map.
+        known: (H, W) bool.
+        margin_m: Kept around.
+        snap_m: Borders are moved out to multiples of this; 0: to cells.
+    """
+    floor = (known & ~grid_map.occupied) | (grid_map.rooms >= 0)
+    slices = []
+    for axis in (1, 0):
+        (at,) = np.nonzero(floor.any(axis))
+        size = floor.shape[1 - axis]
+        if not len(at):
+            slices.append(slice(0, size))
+            continue
+        margin, step = round(margin_m / grid_map.resolution_m), max(1, round(snap_m / grid_map.resolution_m))
+        first, last = (int(at[0]) - margin) // step * step, -((-int(at[-1]) - 1 - margin) // step) * step
+        slices.append(slice(max(0, first), min(size, last)))
+    return slices[0], slices[1]
+
+
+def room_places(grid_map: OccupancyMap) -> list[tuple[str, Array]]:
+    """Each room's name and the (2,) place [m] where there is most space for it."""
+    places = []
+    for k, name in enumerate(grid_map.room_names):
+        free = np.pad((grid_map.rooms == k) & ~grid_map.occupied, 1)
+        if free.any():
+            depth = ndimage.distance_transform_edt(free)[1:-1, 1:-1]
+            row, column = divmod(int(depth.argmax()), depth.shape[1])
+            places.append((name.replace("_", " "), grid_map.center(row, column)))
+    return places
+
+
+def visible(grid_map: OccupancyMap, image: CameraImage, reach_m: float = _REACH_M) -> Array:
+    """(N, 2) corners [m] of the floor that a picture shows, as walls and furniture of the map bound it."""
+    eye, ahead = image.T_world_camera[:2, 3], image.T_world_camera[:2, 2]
+    half = float(np.arctan2(image.depth.shape[1] / 2, image.K[0, 0]))
+    turns = np.arctan2(ahead[1], ahead[0]) + np.linspace(half, -half, 81)
+    steps = np.arange(0, reach_m, grid_map.resolution_m / 2)
+    rays = np.stack([np.cos(turns), np.sin(turns)], 1)
+    points = eye + steps[:, None] * rays[:, None]  # (81, steps, 2)
+    column, row = np.moveaxis(np.floor((points - grid_map.origin_m) / grid_map.resolution_m).astype(int), -1, 0)
+    height, width = grid_map.occupied.shape
+    outside = (row < 0) | (column < 0) | (row >= height) | (column >= width)
+    stops = outside | grid_map.occupied[row.clip(0, height - 1), column.clip(0, width - 1)]
+    stops[:, -1] = True
+    ends: Array = eye + steps[stops.argmax(1)][:, None] * rays
+    return np.vstack([eye, ends])
