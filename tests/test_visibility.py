@@ -128,7 +128,7 @@ def test_what_was_seen_stays_seen_and_is_counted_once(seed: int) -> None:
     house = two_rooms()
     view = VisibilityMap(house)
     for _ in range(4):
-        image = picture((*rng.uniform((0.5, 0.5), (7.5, 3.5)), rng.uniform(-3, 3)), walls(house), 0.25)  # type: ignore[arg-type]
+        image = picture((*rng.uniform((0.5, 0.5), (7.5, 3.5)), rng.uniform(-3, 3)), walls(house), 0.25)
         before = view.seen.copy()
         added = view.update(image, house.occupied)
         assert (view.seen >= before).all()

@@ -138,7 +138,7 @@ def _search(cost, columns, start, goal, targets, reached):  # type: ignore
     aside = math.sqrt(2.0) - 1.0
     per_bucket = 1.0 / _BUCKET
     goal_row, goal_column = goal // columns, goal % columns
-    best, found = np.inf, -1
+    best, found = np.inf, np.int64(-1)
     free = np.zeros(4, np.bool_)  # of the neighbors above, below, left and right
 
     # Entries of the buckets are linked lists in three arrays that grow; `spare` heads the list of those not in use.
@@ -153,7 +153,7 @@ def _search(cost, columns, start, goal, targets, reached):  # type: ignore
     cells[0], values[0], links[0] = start, reached[start], -1
     heads[bucket % _RING] = 0
     if start == goal or (targets.size > 0 and targets[start]):
-        best, found, waiting = 0.0, start, 0
+        best, found, waiting = 0.0, np.int64(start), 0
 
     while waiting > 0:
         entry = heads[bucket % _RING]
@@ -175,7 +175,7 @@ def _search(cost, columns, start, goal, targets, reached):  # type: ignore
             a, b = abs(row - goal_row), abs(column - goal_column)
             estimate = max(a, b) + aside * min(a, b)
         elif targets.size > 0 and targets[u] and value < best:
-            best, found = value, u
+            best, found = value, np.int64(u)
         if value + estimate >= best:
             continue
         early = (value + estimate) * per_bucket >= bucket + 1  # it belongs beyond the ring and came as far as that went
@@ -235,7 +235,7 @@ def _search(cost, columns, start, goal, targets, reached):  # type: ignore
     # Back from the goal, always to the neighbor that it is reached from most cheaply.
     path = np.empty(cost.size if found >= 0 else 0, np.int32)
     count = 0
-    u = np.int64(found)
+    u = found
     while u >= 0:
         path[count] = u
         count += 1

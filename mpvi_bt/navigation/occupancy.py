@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -131,29 +132,31 @@ def _see(depth, K, T_world_camera, T_camera_world, corner, res, circles, explain
     rows, columns = hits.shape
     T, inv = T_world_camera, T_camera_world
     now = np.zeros((rows, columns), np.uint8)
+    per_pixel, per_cell = 1.0 / K[1, 1], 1.0 / res
     for u in range(depth.shape[1]):
         below = (
             2  # what the pixel below showed: 0 nothing that counts, 1 floor, 2 the robot itself or the picture's edge
         )
         last_x, last_y = T[0, 3], T[1, 3]
+        tan = (u + 0.5 - K[0, 2]) / K[0, 0]
+        ray_x, ray_y, ray_z = T[0, 0] * tan + T[0, 2], T[1, 0] * tan + T[1, 2], T[2, 0] * tan + T[2, 2]
         for v in range(depth.shape[0] - 1, -1, -1):
             z = float(depth[v, u])
             if not (z > 0.0 and z < 1e6):
                 below = 0
                 continue
-            x_camera, y_camera = (u + 0.5 - K[0, 2]) / K[0, 0] * z, (v + 0.5 - K[1, 2]) / K[1, 1] * z
-            x = T[0, 0] * x_camera + T[0, 1] * y_camera + T[0, 2] * z + T[0, 3]
-            y = T[1, 0] * x_camera + T[1, 1] * y_camera + T[1, 2] * z + T[1, 3]
-            up = T[2, 0] * x_camera + T[2, 1] * y_camera + T[2, 2] * z + T[2, 3]
+            tan = (v + 0.5 - K[1, 2]) * per_pixel
+            dx, dy = z * (ray_x + tan * T[0, 1]), z * (ray_y + tan * T[1, 1])
+            x, y, up = T[0, 3] + dx, T[1, 3] + dy, T[2, 3] + z * (ray_z + tan * T[2, 1])
             own = False
             for k in range(circles.shape[0]):
                 own |= (x - circles[k, 0]) ** 2 + (y - circles[k, 1]) ** 2 <= circles[k, 2] ** 2
             if own:
                 below = 2 if below == 2 else 0
                 continue
-            away = np.hypot(x - T[0, 3], y - T[1, 3])
+            away = math.sqrt(dx * dx + dy * dy)
             least = max(BAND_M[0], _RISE * away)
-            r, c = int(np.floor((y - corner[1]) / res)), int(np.floor((x - corner[0]) / res))
+            r, c = math.floor((y - corner[1]) * per_cell), math.floor((x - corner[0]) * per_cell)
             if away > REACH_M or abs(up) >= least:
                 below = 0
                 inside = 0 <= r < rows and 0 <= c < columns
@@ -164,10 +167,10 @@ def _see(depth, K, T_world_camera, T_camera_world, corner, res, circles, explain
             # Floor: up to here from that of the pixel below; from the robot if the picture begins here.
             if below == 0 or (below == 2 and away > _NEAR_M):
                 last_x, last_y = x, y
-            steps = int(np.hypot(x - last_x, y - last_y) / res * 2.0) + 1
+            steps = int(math.sqrt((x - last_x) ** 2 + (y - last_y) ** 2) * per_cell * 2.0) + 1
             for k in range(1, steps + 1):
                 a, b = last_x + (x - last_x) * k / steps, last_y + (y - last_y) * k / steps
-                r, c = int(np.floor((b - corner[1]) / res)), int(np.floor((a - corner[0]) / res))
+                r, c = math.floor((b - corner[1]) * per_cell), math.floor((a - corner[0]) * per_cell)
                 if 0 <= r < rows and 0 <= c < columns:
                     floor[r, c] = True
             last_x, last_y = x, y
