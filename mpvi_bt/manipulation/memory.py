@@ -36,6 +36,7 @@ _NEAR_M = 0.12  # a mask this near to where a thing was is that thing, from the 
 _FAR_M = 0.30  # likewise after a drive
 _RECENT_M = 1.2  # of driving: what was seen before is still good enough to be fitted to what is seen now
 _SHRUNK = 0.9  # a thing that seems so much smaller than before is partly hidden
+_TALLER = 1.3  # of two views of furniture, one so many times as tall as the other shows more of it
 _SEEN_PX = 6  # a mask of fewer pixels is not looked at
 _THROUGH_M = 0.06  # where the depth is that much farther than a thing, it is gone
 _PRESSED_M = 0.06  # what two hands press is this near to both of them
@@ -282,7 +283,7 @@ class Memory:
         shape = fitted([v for v in thing.views if v[0].stand == frame.stand], thing.shape.support_m)
         if shape is None or _shrunk(shape, thing.shape):
             shape = fitted(thing.views, thing.shape.support_m) or shape  # something hides a part of it now
-        if thing.shape.kind == "furniture" and (shape is None or _shrunk(shape, thing.shape)):
+        if thing.shape.kind == "furniture" and (shape is None or _in_part(shape, thing.shape)):
             return  # from near only a part of it is in view
         if shape is not None:
             thing.shape, container, thing.inside = shape, thing.inside, None
@@ -327,6 +328,12 @@ class Memory:
 def _apart(part: Array, points: Array) -> float:
     """How far points (n, 3) of a part of a thing are from points (m, 3) of all of it [m], the median."""
     return float(np.median(cKDTree(points).query(part)[0])) if len(part) else np.inf
+
+
+def _in_part(shape: Shape, before: Shape) -> bool:
+    """Whether only a part of furniture is seen now: by its height or, of views that are as tall, from above."""
+    now, then = (float(np.ptp(s.box()[:, 2])) for s in (shape, before))
+    return now * _TALLER < then or (now < then * _TALLER and _shrunk(shape, before))
 
 
 def _shrunk(shape: Shape, before: Shape) -> bool:
