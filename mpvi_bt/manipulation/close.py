@@ -31,6 +31,7 @@ from mpvi_bt.robot.solids import Array, Solid
 
 _CLOSED = 0.03  # of its limit
 _MOST_DOORS = 8
+_FACING = 0.7  # cosine, of directions that are of the same front
 _FIST_M = 0.012  # the fingertips are that far before the tcp
 _SHORT_M = 0.10
 _TURNS = (0.5, 0.75, 0.3, 0.9)
@@ -70,9 +71,15 @@ def close(work: Work, words: Words, tried: list[Array]) -> Actions:
         doors = doors_meant(work, thing, places)
         ajar = [d for d in doors if not is_closed(d)]
         if not ajar:
-            if (yield from seen_twice(work, thing, doors)):
+            out = work.ajar.get(thing)
+            # What stands open at a right angle looks closed from before its outer face.
+            if out is not None and all(outward(d) @ out < _FACING for d in doors):
+                yield from stand_before(work, thing, np.mean([_edge(d) for d in doors], axis=0), out)
+                yield from look_over(work, thing)
+            elif (yield from seen_twice(work, thing, doors)):
                 return
             continue
+        work.ajar[thing] = moved(ajar[0], -ajar[0].position)[:3, :3] @ outward(ajar[0])
         felt = yield from _shut(work, thing, ajar[0], tried, words.get("hand"))
         yield from look_over(work, thing)
         left = [d for d in work.scene.doors(thing) if not is_closed(d)]
@@ -111,7 +118,7 @@ def _shut(work: Work, thing: str, door: Door, tried: list[Array], hand: str | No
             tried.append(start.base)
             return (yield from _push_home(work, door, further[start.course], start, side, search.other))
     if door.bar is None:
-        yield from stand_before(work, thing, door)
+        yield from stand_before(work, thing, _edge(door), outward(door), door)
         raise MotionFailure("no_stance")
     yield from swing(work, thing, door, [0.0], tried, hand)
     return False

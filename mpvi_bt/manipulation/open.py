@@ -12,6 +12,7 @@ from mpvi_bt.manipulation.openings import (
     doors_meant,
     look_over,
     moved,
+    outward,
     panel,
     seen_twice,
     stand_before,
@@ -108,7 +109,7 @@ def swing(
         if found is not None:
             break
     else:
-        yield from stand_before(work, thing, door)
+        yield from stand_before(work, thing, panel(door).T[:3, 3], outward(door), door)
         raise MotionFailure("no_stance")
     side, start, course, search = found
     tried.append(start.base)

@@ -113,19 +113,22 @@ def seen_twice(work: Work, thing: str, doors: Sequence[Door]) -> Generator[Array
     if not (yield from look_from_aside(work, thing)):
         return True
     now = work.scene.doors(thing)
-    return all(any(_alike(door, other) for other in now) for door in doors)
+    return all(any(_stands_as(door, other) for other in now) for door in doors)
 
 
-def _alike(a: Door, b: Door) -> bool:
+def _stands_as(a: Door, b: Door) -> bool:
     apart = float(np.linalg.norm(panel(a).T[:3, 3] - panel(b).T[:3, 3]))
     return apart < _SAME_M and abs(a.position / a.limit - b.position / b.limit) < _SAME
 
 
-def stand_before(work: Work, thing: str, door: Door) -> Actions:
-    """Walk around a thing, as far as the way is free, to before the outer face of a door as it stands."""
-    middle, face = _middle_of(work, thing), panel(door).T[:2, 3]
+def stand_before(work: Work, thing: str, face: Array, out: Array, door: Door | None = None) -> Actions:
+    """Walk around a thing, as far as the way is free, to before a place (3,) on a face of it that looks `out` (3,).
+
+    No farther, if that is the face of a `door`, once a look on the way shows that to stand otherwise.
+    """
+    middle = _middle_of(work, thing)
     x, y, _ = work.motion.felt.base_pose
-    goal = face + _BEFORE_M * outward(door)[:2] - middle
+    goal = (face + _BEFORE_M * out)[:2] - middle
     bearing = float(np.arctan2(y - middle[1], x - middle[0]))
     left = float(kin.wrap(np.arctan2(goal[1], goal[0]) - bearing))
     stages = int(np.ceil(abs(left) / _STAGE_RAD))
@@ -133,10 +136,12 @@ def stand_before(work: Work, thing: str, door: Door) -> Actions:
         if not (yield from _go_where(work, thing, middle, bearing + left * k / stages)):
             return
         yield from work.see("head")
+        if door is not None and not any(_stands_as(door, other) for other in work.scene.doors(thing)):
+            return
 
 
 def _go_where(work: Work, thing: str, middle: Array, bearing: float) -> Generator[Array, None, bool]:
-    """Go around a place (2,) to a bearing and face it; False, and nothing else, if no way there is seen to be free."""
+    """Go around a place (2,) to a bearing and face it; returns whether a way there is seen, and found, to be free."""
     here = work.motion.felt.base_pose.copy()
     far = max(_ASIDE_M, float(np.linalg.norm(here[:2] - middle)))
     goal = np.append(middle + far * np.array([np.cos(bearing), np.sin(bearing)]), float(kin.wrap(bearing + np.pi)))
@@ -145,8 +150,11 @@ def _go_where(work: Work, thing: str, middle: Array, bearing: float) -> Generato
     else:
         with work.sight.trusting():
             route = work.search("right", {thing}).route(here, goal)
-    for base in route or ():
-        yield from work.motion.drive(base)
+    try:
+        for base in route or ():
+            yield from work.motion.drive(base)
+    except MotionFailure:  # a wall that no picture showed
+        return False
     return route is not None
 
 

@@ -52,6 +52,7 @@ class Work:
         wanted: Cameras whose pictures the next step has to bring.
         images: The pictures that it brought.
         effort: What searches may take.
+        ajar: Out of what front (3,) of things a door was last seen to stand open, by name.
     """
 
     scene: Scene
@@ -61,6 +62,7 @@ class Work:
     wanted: tuple[str, ...] = ()
     images: Mapping[str, CameraImage] = field(default_factory=dict)
     effort: Effort = field(default_factory=Effort)
+    ajar: dict[str, Array] = field(default_factory=dict)
 
     @property
     def base(self) -> Array:

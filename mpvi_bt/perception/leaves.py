@@ -36,7 +36,7 @@ _SHEET_M, _ON_SHEET = 0.025, 0.7  # how near points are to a sheet, and how many
 _FARTHEST_M, _RARER = 0.45, 0.7  # how far drawers come out; a sheet that explains as much is the likelier
 _AS_TALL = 0.75  # a drawer is not as tall as what it comes out of
 _INNER = 0.8  # of an opening, without its rim
-_LEAST_RAD, _MOST_RAD = 0.3, 2.2
+_LEAST_RAD, _MOST_RAD, _MOST_FLAP_RAD = 0.3, 2.2, 1.75
 _BAR_OFF_M, _ALIKE = 0.12, 0.95  # how far bars are from their faces; cosine of directions that are alike
 _SHUT = 0.1  # of its limit: a front that is taken to be closed
 _PANEL_M = 0.018
@@ -241,7 +241,7 @@ def _hinged(ahead: Array, front: float, body: Array, k: int) -> tuple[Door, floa
     low, high = body[:, k]
     inward = 1.0 if hinge[1] + width - high < low - (hinge[1] - width) else -1.0
     angle = float(np.arctan2(t[0], inward * t[1]))
-    if not _LEAST_RAD < angle < _MOST_RAD:
+    if not _LEAST_RAD < angle < (_MOST_RAD if k == 1 else _MOST_FLAP_RAD):
         return None
     other = 3 - k
     span = np.percentile(ahead[own][:, other], [1, 99])
