@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,11 +11,13 @@ import numpy as np
 import pytest
 
 from mpvi_bt.errors import UserError
+from mpvi_bt.executive import search_colors as colors
 from mpvi_bt.executive.frame_text import SIZE
 from mpvi_bt.executive.loop import Subscriber, Watcher, World, run_episode
 from mpvi_bt.executive.pictures import PathPicture, path_picture
 from mpvi_bt.executive.video import Follower, Video, compose
 from mpvi_bt.perception.knowledge import KnowledgeBase
+from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import CameraImage
@@ -23,6 +26,7 @@ from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import compile_plan
 from tests.navigation_maps import thing, two_rooms
+from tests.search_views import MadeUpSearch, find
 
 SKILLS = load_skills()
 SPEC = compile_plan(RecordedPlanner().plan("picking_up_trash"), SKILLS)
@@ -62,6 +66,11 @@ def frames(file: Path) -> list[np.ndarray]:
     reader = imageio_ffmpeg.read_frames(str(file))
     width, height = next(reader)["size"]
     return [np.frombuffer(data, np.uint8).reshape(height, width, 3) for data in reader]
+
+
+def unlabeled(grid_map: OccupancyMap) -> OccupancyMap:
+    """A map without rooms."""
+    return replace(grid_map, rooms=np.full_like(grid_map.rooms, -1), room_names=())
 
 
 def has(picture: np.ndarray, rgb: tuple[int, int, int], tolerance: int = 12) -> bool:
@@ -107,6 +116,42 @@ def test_goals_are_marked_where_they_are() -> None:
     marked = path_picture(two_rooms(), poses, goals=[np.array([6.0, 2.0, 0.0])])
     assert has(marked[:, marked.shape[1] // 2 :], teal)
     assert not has(path_picture(two_rooms(), poses), teal)
+
+
+def test_the_picture_of_a_search_shows_what_was_seen_and_found() -> None:
+    """Unseen floor is darker than seen floor of the same room; frontiers and finds have marks, and only then."""
+    poses = np.array([[1.0, 2.0, 0.0]])
+    search = MadeUpSearch(entries=[find("can", 6.0, 3.0)])
+    search.frontier[20:60, 39] = True
+    picture = path_picture(two_rooms(), poses, search=search)
+    metre = picture.shape[1] / 8
+    seen, unseen = (picture[round(metre) :, round(x * metre)].astype(int)[: round(2 * metre)] for x in (0.7, 3.0))
+    assert np.median(seen.sum(-1)) > np.median(unseen.sum(-1)) + 60
+    assert has(picture[:, round(1.8 * metre) : round(2.1 * metre)], colors.FRONTIER)
+    assert has(picture[: round(1.5 * metre), round(5.8 * metre) : round(6.2 * metre)], colors.FOUND)
+    without = path_picture(two_rooms(), poses)
+    assert not has(without, colors.FRONTIER)
+    assert not has(without, colors.FOUND)
+
+
+def test_the_picture_of_a_map_that_was_built_shows_what_is_known_of_it() -> None:
+    """It is as large as that, not as the grid."""
+    search = MadeUpSearch()
+    search.known[:, 80:] = False
+    picture = path_picture(two_rooms(), np.array([[1.0, 2.0, 0.0]]), search=replace(search, map=unlabeled(search.map)))
+    height, width = picture.shape[:2]
+    assert width < 1.6 * height
+
+
+def test_the_video_of_a_search_shows_its_map(tmp_path: Path) -> None:
+    """Under the views, with the colors of the search; the film is as long as any other."""
+    world, file = VisibleWorld(), tmp_path / "episode.mp4"
+    watch(world, Video(file, "picking_up_trash", frames_per_s=5, speed=1, search=MadeUpSearch()))
+    shown = frames(file)
+    assert len(shown) == 2 * 5 + 1 + 5
+    assert has(shown[0][:360, :480], (20, 200, 20), 30)
+    assert has(shown[0][360:, :800], colors.SEEN)
+    assert has(shown[0][360:, :800], colors.ROBOT, 30)
 
 
 def test_an_episode_leaves_its_picture_even_when_interrupted(tmp_path: Path) -> None:
