@@ -25,18 +25,18 @@ from tests.small_house import small_world
 
 CABINET = "{entry: base_cabinet, at: [1.0, 0.0], yaw_deg: 180, shape: {hinge: left}}"
 START_Y_M = 0.3
-Looks = Callable[[Door, float], float]  # how far open a door looks, by where the robot stands
+Looks = Callable[[Door, float], Door]  # how a door looks, by where the robot stands
 
 
 class Deceived(TrueScene):
-    """The truth, but for how far doors look open from where the robot stands."""
+    """The truth, but for how doors look from where the robot stands."""
 
     def __init__(self, world: World, looks: Looks) -> None:
         super().__init__(world)
 
         def doors(name: str) -> Sequence[Door]:
             y = float(world.robot.proprioception().base_pose[1])
-            return [_swung(door, looks(door, y) - door.position) for door in world.doors(name)]
+            return [looks(door, y) for door in world.doors(name)]
 
         self.doors = doors
 
@@ -93,13 +93,20 @@ def cabinet(fraction: float, y: float = START_Y_M) -> World:
     return world
 
 
-def truly(door: Door, y: float) -> float:
-    return door.position
+def truly(door: Door, y: float) -> Door:
+    return door
 
 
-def otherwise_from_the_start(door: Door, y: float) -> float:
+def otherwise_from_the_start(door: Door, y: float) -> Door:
     """From where the robot starts an open door looks closed, and a closed one open."""
-    return door.position if abs(y - START_Y_M) > 0.3 else 0.0 if is_open(door) else 1.2
+    if abs(y - START_Y_M) > 0.3:
+        return door
+    return _swung(door, (0.0 if is_open(door) else 1.2) - door.position)
+
+
+def a_front_from_outside(door: Door, y: float) -> Door:
+    """From before its outer face an open door looks like a front of its own that is closed."""
+    return replace(door, position=0.0) if y > 0.6 else door
 
 
 @pytest.mark.parametrize("fraction", [0.0, 0.7])
@@ -134,6 +141,15 @@ def test_a_door_that_looks_closed_is_closed_all_the_same() -> None:
     """What looks closed at first sight, and is not, is found out and closed."""
     world = cabinet(0.5)
     work = working(world, otherwise_from_the_start)
+    played(world, work, close(work, {"object": "cabinet"}, []))
+    assert is_closed(world.doors("thing")[0])
+
+
+def test_a_door_that_was_seen_open_is_not_closed_because_it_looks_so_from_outside() -> None:
+    """A closed front counts if it looks the way in which the door's front was seen to look before."""
+    world = cabinet(0.7, 1.0)
+    work = working(world, a_front_from_outside)
+    work.ajar["thing"] = np.array([-1.0, 0.0, 0.0])
     played(world, work, close(work, {"object": "cabinet"}, []))
     assert is_closed(world.doors("thing")[0])
 

@@ -1,0 +1,41 @@
+"""Things of which a picture shows only a part are known as one thing when more of them is seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mpvi_bt.manipulation.seen import Seen
+from mpvi_bt.perception.segmentation import SegmentationDetector
+from mpvi_bt.robot.protocol import ActionLayout
+from mpvi_bt.sim.world import World
+from tests.small_house import run, small_world
+
+pytestmark = pytest.mark.render
+
+HUNG = "{entry: wall_cabinet, at: [1.3, 0.0], yaw_deg: 180, z_m: 1.35}"
+OVER, UP = 0.55, 0.0  # tilts of the head: its lower edge in the picture, and all of it [rad]
+
+
+def look(world: World, seen: Seen, tilt: float) -> None:
+    action = world.robot.action
+    action[ActionLayout.TORSO] = [0.55, 0.0, 0.0, tilt]
+    run(world, action, 1.5)
+    seen.see({"head": world.robot.look("head")}, world.robot.proprioception())
+
+
+@pytest.mark.parametrize("opened", [0.0, 0.6])
+def test_a_strip_of_a_thing_becomes_the_thing(opened: float) -> None:
+    """A wall cabinet whose lower edge was in the picture stays one thing, and is as tall as it is once in view."""
+    world = small_world(base=(-0.3, 0.0, 0.0), render=True, thing=HUNG)
+    world.set_opening("thing", "door", opened)
+    world.settle(0.3)
+    seen = Seen(SegmentationDetector({"thing": ("wall cabinet",)}, least_px=1))
+    seen.forget(["wall cabinet"])
+    look(world, seen, OVER)
+    assert len(seen.knowledge().find("wall cabinet")) == 1
+    look(world, seen, UP)
+    (entry,) = seen.knowledge().find("wall cabinet")
+    tops = [solid.aabb()[1, 2] for solid in world.solids("thing")]
+    assert abs(entry.highest[2] - max(tops)) < 0.05
+    assert np.ptp([entry.lowest[2], entry.highest[2]]) > 0.5
