@@ -37,11 +37,17 @@ RANK = {part: rank for rank, parts in enumerate(RANKS) for part in parts}
 # Protocols, plain data and the check of it that modules of lower rank may share with the behaviors that use them.
 SHARED = {"mpvi_bt.behaviors.protocols", "mpvi_bt.behaviors.chunk"}
 
-ONLY_IN = {"sapien": {"sim"}, "mani_skill": {"sim/maniskill.py"}, "py_trees": {"behaviors", "tree", "executive"}}
+ONLY_IN = {
+    "sapien": {"sim"},
+    "mani_skill": {"sim/maniskill.py"},
+    "py_trees": {"behaviors", "tree", "executive"},
+    "torch": {"sim/maniskill.py", "perception/grounding_dino.py"},
+    "transformers": {"perception/grounding_dino.py"},
+}
 DISTRIBUTION = {"yaml": "pyyaml", "pydantic_core": "pydantic", "cv2": "sapien", "imageio_ffmpeg": "imageio-ffmpeg"}
 HEAVY = (
     *("numpy", "sapien", "torch", "pydantic", "numba", "scipy", "yaml", "py_trees", "mani_skill"),
-    *("msgpack", "websockets"),
+    *("msgpack", "websockets", "transformers"),
 )
 
 
