@@ -622,7 +622,7 @@ def test_what_is_held_survives_being_saved() -> None:
     [
         {"hands": {}},
         {"hands": {"width": {}, "steady": {}, "grips": {"foot": None}}},
-        {"near_m": {"a": "b"}},
+        {"looks": {"a": "b"}},
         {"entries": [1]},
     ],
     ids=str,

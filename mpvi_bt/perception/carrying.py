@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, cast
 
@@ -90,16 +90,27 @@ class Carrying:
         for hand in [hand for hand, grip in self.grips.items() if grip is None]:
             self._take(hand, body, found)
 
-    def enclosing(self, entry: Entry) -> Entry | None:
-        """The smallest movable thing in whose box the middle of a movable thing is."""
-        center = entry.center
-        boxes = [c for c in self._larger(entry) if (center >= c.lowest).all() and (center <= c.highest).all()]
-        return min(boxes, key=_floor, default=None)
+    def sort(self, body: Proprioception) -> None:
+        """Tell anew what is in what: in the smallest movable thing in whose box its middle is; but for what is held."""
+        things = [entry for entry in self._knowledge if entry.kind == "object"]
+        if not things:
+            return
+        lows, highs = (np.stack([getattr(e, corner) for e in things]) for corner in ("lowest", "highest"))
+        centers, floors = (lows + highs) / 2, np.prod(highs - lows, axis=1, where=[True, True, False])
+        within = ((centers[:, None] >= lows) & (centers[:, None] <= highs)).all(-1)
+        within &= floors > _OUTER * floors[:, None]
+        nearest = np.where(within, floors, np.inf).argmin(1)
+        for i, entry in enumerate(things):
+            if not entry.held:
+                entry.inside = None
+                if within[i].any():
+                    self._put_in(entry, things[nearest[i]], body)
 
-    def put_in(self, entry: Entry, container: Entry | None) -> None:
-        """Know a thing to be in a container, and carried along with it, or in none."""
-        entry.inside = container.name if container is not None else None
-        entry.held = container is not None and container.held
+    def _put_in(self, entry: Entry, container: Entry, body: Proprioception) -> None:
+        """Know a thing to be in a container, and carried along with it from now on if that is held."""
+        entry.inside = container.name
+        if (hand := self._holding(container.name)) is not None:
+            self._grip(hand, container, _tcps(hand, body)[0])
 
     # ------------------------------------------------------------------------------------------ hands
 
@@ -149,8 +160,9 @@ class Carrying:
         center, height = entry.center, float(np.ptp([entry.lowest[2], entry.highest[2]]))
         over = [
             c
-            for c in self._larger(entry)
-            if (center[:2] >= c.lowest[:2]).all() and (center[:2] <= c.highest[:2]).all()
+            for c in self._knowledge
+            if c.kind == "object" and c is not entry and c.inside != entry.name and _floor(c) > _OUTER * _floor(entry)
+            and (center[:2] >= c.lowest[:2]).all() and (center[:2] <= c.highest[:2]).all()
             and center[2] > c.lowest[2] and c.highest[2] - c.lowest[2] > height / 2
         ]  # fmt: skip
         if not over:
@@ -159,9 +171,7 @@ class Carrying:
         drop = np.array([0.0, 0.0, max(float(entry.highest[2] - container.highest[2]), 0.0)])
         for one in self._with_contents(entry.name):
             one.lowest, one.highest = one.lowest - drop, one.highest - drop
-        self.put_in(entry, container)
-        if (hand := self._holding(container.name)) is not None:  # from now on it is carried along
-            self._grip(hand, container, _tcps(hand, body)[0])
+        self._put_in(entry, container, body)
 
     def _holding(self, name: str) -> Hand | None:
         """The hand that holds an entry."""
@@ -170,13 +180,6 @@ class Carrying:
     def _with_contents(self, name: str) -> list[Entry]:
         """An entry, if it is still known, and what is in it."""
         return [e for e in self._knowledge if e.name == name or e.inside == name]
-
-    def _larger(self, entry: Entry) -> Iterator[Entry]:
-        """The movable things that cover enough more floor than a thing to contain it, and are not in it."""
-        least = _OUTER * _floor(entry)
-        for other in self._knowledge:
-            if other.kind == "object" and other is not entry and other.inside != entry.name and _floor(other) > least:
-                yield other
 
     # ------------------------------------------------------------------------------------------ saving
 
@@ -226,6 +229,7 @@ def _moved(box: Array, motion: Array) -> tuple[Array, Array]:
 
 
 def _floor(entry: Entry) -> float:
+    """The floor that a thing covers [m^2]."""
     return float(np.prod((entry.highest - entry.lowest)[:2]))
 
 

@@ -6,10 +6,13 @@ is seen again is believed more, and less what should be in a picture and is not.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 from scipy.optimize import linear_sum_assignment
 
 from mpvi_bt.behaviors.protocols import Clock
@@ -18,7 +21,7 @@ from mpvi_bt.perception.belief import BELIEF, Belief
 from mpvi_bt.perception.carrying import Carrying
 from mpvi_bt.perception.detector import Detection, Detector
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, calls
-from mpvi_bt.perception.sighting import Sighting, covers, shows, sightings
+from mpvi_bt.perception.sighting import Looks, Sighting, covers, shows, sightings
 from mpvi_bt.robot.protocol import CameraImage, Proprioception
 from mpvi_bt.robot.solids import Array
 
@@ -27,6 +30,8 @@ from mpvi_bt.robot.solids import Array
 _GATE_M, _GATE_PER_M = 0.10, 0.05
 _UNSEEN_GATE_M = 0.40  # likewise for what was let go and not seen since: it may have fallen or rolled
 _SHARED = 0.25  # boxes that have this part of the smaller one in common may be those of one thing
+_SMALLER = 0.7  # a box so much smaller than another one, and half the gate from it, may be that of a part of it
+_A_PART = 0.9  # how badly a part fits
 _FLAT_M = 0.02  # boxes count as at least that thick
 _GROWS, _SHRINKS = (
     0.5,
@@ -69,14 +74,14 @@ class Discoveries:
         self._detector, self._clock, self._belief = detector, clock, belief
         self._carrying = Carrying(knowledge)
         self._numbers: dict[str, int] = {}
-        self._near_m: dict[str, float] = {}  # the shortest range that each thing was wholly seen from where it is
+        self._looks: defaultdict[str, Looks] = defaultdict(Looks)  # by name
         self.errors = 0
         self.last_error: DetectorError | None = None
 
     def feel(self, body: Proprioception) -> None:
         """Take in one step of proprioception: what the hands hold moves with them. To be called each control step."""
         for name in self._carrying.feel(body):
-            self._near_m.pop(name, None)
+            self._looks[name].near_m = None
 
     def see(self, image: CameraImage, body: Proprioception) -> list[Entry]:
         """Take in one picture.
@@ -102,13 +107,14 @@ class Discoveries:
                 new.append(known)
             else:
                 self._confirm(known, sighting)
+            looks = self._looks[known.name]
+            looks.far_m = max(looks.far_m, sighting.range_m)
+            looks.px_at_1m = max(looks.px_at_1m, sighting.px_at_1m)
             known.seen_s, known.view = self._clock.time_s, body.base_pose.copy()
             entries.append(known)
         self._doubt(image, {entry.name for entry in entries}, unplaced)
         self._carrying.adopt(new, body)
-        for entry in self.knowledge:
-            if entry.kind == "object" and not entry.held:
-                self._carrying.put_in(entry, self._carrying.enclosing(entry))
+        self._carrying.sort(body)
         return entries
 
     # ------------------------------------------------------------------------------------------ association
@@ -128,12 +134,17 @@ class Discoveries:
     def _misfit(self, sighting: Sighting, entry: Entry) -> float:
         """How badly a sighting fits an entry: 0 to 1, or `_NEVER`."""
         gate = _GATE_M + _GATE_PER_M * sighting.range_m
-        if entry.source != "prior" and entry.name not in self._near_m:
+        if entry.source != "prior" and self._looks[entry.name].near_m is None:
             gate = max(gate, _UNSEEN_GATE_M)
         apart = float(np.linalg.norm((sighting.lowest + sighting.highest) / 2 - entry.center)) / gate
-        shared = _shared(np.stack([sighting.lowest, sighting.highest]), np.stack([entry.lowest, entry.highest]))
-        misfit = min(apart, 1.0 - shared / 2 if shared > _SHARED else _NEVER)
-        return misfit if misfit < 1.0 else _NEVER
+        a, b = np.stack([sighting.lowest, sighting.highest]), np.stack([entry.lowest, entry.highest])
+        if apart < 1.0:
+            return apart
+        if (shared := _shared(a, b)) > _SHARED:
+            return 1.0 - shared / 2
+        sizes = sorted(float(np.linalg.norm(box[1] - box[0])) for box in (a, b))
+        gap = float(np.linalg.norm(np.maximum(np.maximum(a[0] - b[1], b[0] - a[1]), 0.0)))
+        return _A_PART if sizes[0] < _SMALLER * sizes[1] and gap < gate / 2 else _NEVER
 
     # ------------------------------------------------------------------------------------------ learning
 
@@ -148,7 +159,7 @@ class Discoveries:
                       confidence=self._belief.first(sighting.score))  # fmt: skip
         self.knowledge.put(entry)
         self._place(entry, sighting.lowest, sighting.highest)
-        self._near_m[name] = sighting.range_m
+        self._looks[name] = Looks(sighting.range_m)
         return entry
 
     def _confirm(self, entry: Entry, sighting: Sighting) -> None:
@@ -159,13 +170,14 @@ class Discoveries:
         entry.confidence = self._belief.seen(entry.confidence, sighting.score)
         if entry.held:
             return
-        nearest = self._near_m.get(entry.name)
+        looks = self._looks[entry.name]
+        nearest = looks.near_m
         if nearest is None and not sighting.cut:
             low, high = sighting.lowest, sighting.highest
         else:
-            low, high = _merged(entry, sighting, 1.0 if nearest is None else min(1.0, nearest / sighting.range_m) ** 2)
+            low, high = _merged(entry, sighting, 1.0 if nearest is None else nearest / max(sighting.range_m, 1e-3))
         if not sighting.cut:
-            self._near_m[entry.name] = min(nearest or np.inf, sighting.range_m)
+            looks.near_m = min(nearest or np.inf, sighting.range_m)
         self._place(entry, low, high)
 
     def _place(self, entry: Entry, lowest: Array, highest: Array) -> None:
@@ -185,15 +197,15 @@ class Discoveries:
             low, high = entry.lowest, entry.highest
             if (
                 entry.source == "prior" or entry.held or entry.name in seen
+                or not shows(image, low, high, self._looks[entry.name])
                 or not any(calls(entry.phrases, phrase) for phrase in self.phrases)
                 or any(calls(entry.phrases, d.phrase) and covers(d, image, low, high) for d in unplaced)
-                or not shows(image, low, high)
             ):  # fmt: skip
                 continue
             entry.confidence = self._belief.missed(entry.confidence)
             if entry.confidence < self._belief.given_up:
                 self.knowledge.drop(entry.name)
-                self._near_m.pop(entry.name, None)
+                self._looks.pop(entry.name)
 
     # ------------------------------------------------------------------------------------------ saving
 
@@ -202,7 +214,7 @@ class Discoveries:
         return {
             "entries": self.knowledge.save(),
             "numbers": dict(self._numbers),
-            "near_m": dict(self._near_m),
+            "looks": {name: asdict(looks) for name, looks in self._looks.items()},
             "hands": self._carrying.save(),
             "errors": self.errors,
         }
@@ -216,7 +228,7 @@ class Discoveries:
         self._carrying.restore(saved["hands"])
         self.knowledge.restore(saved["entries"])
         self._numbers = {str(phrase): int(number) for phrase, number in saved["numbers"].items()}
-        self._near_m = {str(name): float(range_m) for name, range_m in saved["near_m"].items()}
+        self._looks = defaultdict(Looks, TypeAdapter(dict[str, Looks]).validate_python(saved["looks"]))
         self.errors = int(saved["errors"])
 
 
@@ -227,18 +239,21 @@ def _shared(a: Array, b: Array) -> float:
     return float(np.prod(both) / min(np.prod(a[1] - a[0]), np.prod(b[1] - b[0])))
 
 
-def _merged(entry: Entry, sighting: Sighting, weight: float) -> tuple[Array, Array]:
-    """Lowest and highest corner of a thing that is seen again.
+def _merged(entry: Entry, sighting: Sighting, nearer: float) -> tuple[Array, Array]:
+    """Lowest and highest corner of a thing that is seen again, from a range `nearer` times as short as the best before.
 
-    Its faces go part of the way to where they are seen now, by `weight`, outward fast and inward slowly: a look shows
-    the side that is turned to it, and an edge of the picture may cut it. A box apart from the old one is that of a
-    thing that was moved.
+    Its faces go part of the way to where they are seen now, outward fast and inward slowly: a look shows the side that
+    is turned to it, and an edge of the picture may cut it. The noise of depth, which stretches boxes, grows with the
+    square of the range: looks from farther count that much less, looks from nearer bring the faces inward faster. A box
+    apart from the old one is that of a thing that was moved, unless it is so small that something hides the rest.
     """
+    weight = min(1.0, nearer**2)
     low, high = entry.lowest, entry.highest
-    if ((sighting.lowest > high) | (sighting.highest < low)).any():
+    part = np.linalg.norm(sighting.highest - sighting.lowest) < _SMALLER * np.linalg.norm(high - low)
+    if ((sighting.lowest > high) | (sighting.highest < low)).any() and not part:
         shift = weight * ((sighting.lowest + sighting.highest) / 2 - entry.center)
         low, high = low + shift, high + shift
-    inward = 0.0 if sighting.cut else _SHRINKS
+    inward = 0.0 if sighting.cut else float(np.clip(1.0 - 1.0 / nearer, 0.0 if part else _SHRINKS, _GROWS))
     below, above = sighting.lowest - low, sighting.highest - high
     return (
         low + weight * np.where(below < 0, _GROWS, inward) * below,

@@ -18,11 +18,26 @@ from mpvi_bt.robot.solids import Array
 _SAME = 0.7  # detections by different phrases that overlap so far (intersection over union) are of one thing
 _AS_GOOD = 0.7  # a phrase whose score is a smaller part of the best one's is not what the thing is
 _EDGE_PX = 2  # a box that comes so near to the picture's edge is cut by it
-_SHOWN_PX = 40  # a thing that would cover fewer pixels may be overlooked
+_PLAIN_PX = 40  # a thing that covers fewer pixels may be overlooked
 _IN_PICTURE = 0.8  # of it
 _IN_SIGHT = 0.7  # of that
 _BEFORE_M, _NOISE_PER_M = 0.03, 0.01  # what is that much, and that much a meter of range, nearer than a thing hides it
 _RAYS = 12  # across and down
+
+
+@dataclass
+class Looks:
+    """How a thing was seen so far.
+
+    Attributes:
+        near_m: The shortest range that it was wholly seen from where it is; None if it was let go there, unseen.
+        far_m: The longest range that it was ever seen from.
+        px_at_1m: How many pixels it would cover from 1 m, by the most that was ever seen of it.
+    """
+
+    near_m: float | None = None
+    far_m: float = 0.0
+    px_at_1m: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +49,7 @@ class Sighting:
         score: Of the surest.
         lowest, highest: (3,) corners of the box about what is seen of it, in the world [m].
         range_m: From the camera to the middle of that box.
+        px_at_1m: How many pixels what is seen of it would cover from 1 m.
         cut: Whether the picture's edge cuts it, so that there may be more of it.
     """
 
@@ -42,6 +58,7 @@ class Sighting:
     lowest: Array
     highest: Array
     range_m: float
+    px_at_1m: float
     cut: bool
 
 
@@ -69,14 +86,24 @@ def sightings(image: CameraImage, found: Sequence[Detection]) -> tuple[list[Sigh
             continue
         names = tuple(normalize(d.phrase) for d in group if d.score >= _AS_GOOD * best.score)
         far = float(np.linalg.norm((place.lowest + place.highest) / 2 - image.T_world_camera[:3, 3]))
-        seen.append(Sighting(names, best.score, place.lowest, place.highest, far, _cut(best.box, image)))
+        cut = _cut(best.box, image)
+        seen.append(Sighting(names, best.score, place.lowest, place.highest, far, place.pixels * far**2, cut))
     return seen, unplaced
 
 
-def shows(image: CameraImage, lowest: Array, highest: Array) -> bool:
-    """Whether a picture would show a thing that fills a box in the world: near enough, in view, nothing before it."""
-    pixels = _projected(image, lowest, highest)
-    if pixels is None or np.prod(pixels[1] - pixels[0]) < _SHOWN_PX:
+def shows(image: CameraImage, lowest: Array, highest: Array, looks: Looks) -> bool:
+    """Whether a picture would show a thing that fills a box in the world: near enough, in view, nothing before it.
+
+    Args:
+        image: The picture.
+        lowest, highest: (3,) corners of the box [m].
+        looks: How the thing was seen so far: no one can say that it would be seen from farther.
+    """
+    ahead = (lowest + highest) / 2 - image.T_world_camera[:3, 3]
+    range_m = float(np.linalg.norm(ahead))
+    if ahead @ image.T_world_camera[:3, 2] <= 0 or range_m > looks.far_m or looks.px_at_1m < _PLAIN_PX * range_m**2:
+        return False
+    if (pixels := _projected(image, lowest, highest)) is None:
         return False
     height, width = image.depth.shape
     low, high = np.clip(pixels, 0, [width, height])
