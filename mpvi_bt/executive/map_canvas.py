@@ -83,9 +83,9 @@ class Canvas:
     def way(self, poses: Array) -> None:
         """The base's way, from dark (early) to bright (late)."""
         points = self._px(poses[:, :2])
-        colors = _ramp(len(points), self._cv)
+        ramp = _ramp(len(points), self._cv)
         width = max(2, round(3.2 * self._unit))
-        for a, b, color in zip(points[:-1], points[1:], colors, strict=False):
+        for a, b, color in zip(points[:-1], points[1:], ramp, strict=False):
             if (a != b).any():
                 self._cv.line(self._rgb, a.tolist(), b.tolist(), color.tolist(), width, self._cv.LINE_AA)
 

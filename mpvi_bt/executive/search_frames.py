@@ -13,15 +13,13 @@ from mpvi_bt.executive.frame_text import DIM, INK, PAPER, SIZE, write, write_tre
 from mpvi_bt.executive.labels import Color, Labels, Picture
 from mpvi_bt.executive.loop import World
 from mpvi_bt.executive.map_picture import MapPicture, hatched
-from mpvi_bt.executive.search_view import SearchView, called, detected, found, seen_m2
+from mpvi_bt.executive.search_view import Head, SearchView, called, found, seen_m2
 from mpvi_bt.perception.detector import Detection
-from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
 _VIEW = (480, 360)  # from outside, upper left; of the head, beside it; the legend fills the row
 OUTSIDE = _VIEW  # the size that is rendered
 _MAP = (800, 360)  # lower left; the tree beside it
-_FRESH_S = 0.5  # what was detected is shown so long; then the head's picture of now, which costs a rendering
 
 
 class SearchFrames:
@@ -32,8 +30,7 @@ class SearchFrames:
         self._view, self._map = view, MapPicture(_MAP)
         self._paper = np.full((SIZE[1], SIZE[0], 3), PAPER, np.uint8)
         self._way: list[Array] = []
-        self._image: CameraImage | None = None
-        self._taken_s = 0.0
+        self._eye = Head(view)
         self._inks: dict[str, Color] = {}  # of each phrase, the same in every frame
 
     def frame(self, outside: Picture | None, world: World, tree: str, title: str, status: str) -> Picture:
@@ -63,16 +60,12 @@ class SearchFrames:
         return frame
 
     def _head(self, world: World) -> Picture:
-        """What the head sees; while what was detected is fresh, the picture that it was detected in."""
+        """What the head sees, with what was detected in it."""
         import cv2
 
-        image, detections = self._view.image, self._view.detections
-        if image is not self._image:
-            self._image, self._taken_s = image, world.time_s
-        if image is None or world.time_s - self._taken_s > _FRESH_S:
-            image, detections = world.robot.look("head"), ()
+        image, detections = self._eye.look(world)
         picture = cv2.resize(image.rgb, _VIEW, interpolation=cv2.INTER_LINEAR).astype(np.uint8)
-        self._detections(picture, detected(detections), _VIEW[0] / image.rgb.shape[1])
+        self._detections(picture, detections, _VIEW[0] / image.rgb.shape[1])
         return picture
 
     def _detections(self, picture: Picture, detections: Iterable[Detection], scale: float) -> None:

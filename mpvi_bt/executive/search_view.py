@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from mpvi_bt.executive.loop import World
 from mpvi_bt.perception.detector import ROBOT, Detection
 from mpvi_bt.perception.knowledge import LIKELY, Entry
 from mpvi_bt.perception.map import OccupancyMap
@@ -18,6 +19,7 @@ from mpvi_bt.robot.solids import Array
 
 Mask = NDArray[np.bool_]
 
+_FRESH_S = 0.5  # a picture that was searched is shown so long
 _REACH_M = 4.0  # the visible area is drawn so far
 
 
@@ -54,6 +56,25 @@ class SearchView(Protocol):
     def detections(self) -> Sequence[Detection]: ...  # noqa: D102
     @property
     def entries(self) -> Iterable[Entry]: ...  # noqa: D102
+
+
+class Head:
+    """What the head sees, with what was detected in it; asked for often."""
+
+    def __init__(self, search: SearchView | None) -> None:
+        """Look through the pictures of a search, if there is one."""
+        self._search = search
+        self._last: CameraImage | None = None
+        self._taken_s = 0.0
+
+    def look(self, world: World) -> tuple[CameraImage, list[Detection]]:
+        """The picture that was searched last, as long as it is fresh; else one of now, which costs a rendering."""
+        if self._search is not None and (image := self._search.image) is not None:
+            if image is not self._last:
+                self._last, self._taken_s = image, world.time_s
+            if world.time_s - self._taken_s <= _FRESH_S:
+                return image, detected(self._search.detections)
+        return world.robot.look("head"), []
 
 
 def found(entries: Iterable[Entry]) -> list[Entry]:
