@@ -134,6 +134,7 @@ def whole(phrase: str) -> str | None:
     return normalize(found["a"] or found["b"]) if found else None
 
 
+@lru_cache(maxsize=10_000)  # asked for each entry of a knowledge base, each step
 def normalize(phrase: str) -> str:
     """Lower case, words split by single spaces, without leading articles and counting words."""
     text = " ".join(re.sub(r"[_\W]+", " ", phrase.lower()).split())

@@ -26,20 +26,21 @@ class _Place:
     """One switch of one thing.
 
     Attributes:
-        thing, body, switch: Where it is.
+        thing, body: What it is on.
+        T_body: (4, 4) the switch to the body, z pointing out of the thing.
         lights: What cameras see of it while it is off and while it is on; empty without rendering.
         pressed: Control steps that a fingertip has been on it.
     """
 
     thing: Thing
     body: str
-    switch: Switch
+    T_body: Array
     lights: Sequence[sapien.Entity] = ()
     pressed: int = 0
 
     def T_world(self) -> Array:  # noqa: N802
         """(4, 4) the switch to the world, z pointing out of the thing."""
-        return self.thing.T_world_body(self.body) @ _frame(self.switch)
+        return self.thing.T_world_body(self.body) @ self.T_body
 
 
 class Switches:
@@ -49,7 +50,7 @@ class Switches:
         """Find the switches of `things`; `visible` ones are small disks, red while off and green while on."""
         self._on = {name: False for name, thing in things.items() if any(b.switches for b in thing.description.bodies)}
         self._places = [
-            _Place(thing, body.name, switch, _lights(scene, name, switch) if visible else ())
+            _Place(thing, body.name, _frame(switch), _lights(scene, name, switch) if visible else ())
             for name, thing in things.items()
             for body in thing.description.bodies
             for switch in body.switches
@@ -86,12 +87,11 @@ class Switches:
     def show(self) -> None:
         """Bring what cameras see to where the switches are."""
         for place in self._places:
-            lit = self._on[place.thing.name]
+            lit, T = self._on[place.thing.name], place.T_world()
+            away = T.copy()
+            away[2, 3] = -9.0  # below the floor, out of every picture
             for light, shown in zip(place.lights, (not lit, lit), strict=bool(place.lights)):
-                T = place.T_world()
-                if not shown:
-                    T[2, 3] = -9.0  # below the floor, out of every picture
-                light.set_pose(sapien.Pose(T))
+                light.set_pose(sapien.Pose(T if shown else away))
 
 
 def _lights(scene: sapien.Scene, name: str, switch: Switch) -> tuple[sapien.Entity, ...]:
