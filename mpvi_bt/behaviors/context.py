@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any, Literal
@@ -149,6 +149,7 @@ class Context:
         checker: Judges completion.
         triggers: Watch proprioception.
         skills: By name.
+        sense: Called before each tick: what the robot notices whatever it does, such as what its hands hold.
         log: Failures and queries so far.
         stopwatch: Where the wall time goes.
         blackboard: Values that nodes leave for each other, by key; of this run alone.
@@ -161,6 +162,7 @@ class Context:
     checker: Checker
     triggers: Triggers
     skills: Mapping[str, Skill] = field(default_factory=dict)
+    sense: Callable[[], None] = lambda: None
     log: Log = field(default_factory=Log)
     stopwatch: Stopwatch = field(default_factory=Stopwatch)
     blackboard: dict[str, Value] = field(default_factory=dict)

@@ -87,7 +87,8 @@ class Choice(click.ParamType[str]):
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """The names that begin with what is typed, with the colon before an address."""
-        return _items((f"{n}:" if b.address else n for n, b in BACKENDS[self.kind].items()), incomplete)
+        known = BACKENDS[self.kind].items()
+        return _items((f"{n}:" if b.address and not b.optional else n for n, b in known), incomplete)
 
 
 class Finite(click.FloatRange):
@@ -110,7 +111,7 @@ def backends(command: Any) -> Any:
             default=EpisodeConfig.__dataclass_fields__[kind].default,
             show_default=True,
             metavar="NAME",
-            help="; ".join(f"{n}{b.address and f':{b.address}'}: {b.about}" for n, b in choices.items()),
+            help="; ".join(f"{b.spelled(n)}: {b.about}" for n, b in choices.items()),
         )
         for kind, choices in BACKENDS.items()
     ]

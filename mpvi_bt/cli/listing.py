@@ -110,8 +110,7 @@ def _backends() -> dict[str, str]:
     from mpvi_bt.suite.backends import BACKENDS
 
     return {
-        f"--{kind} {name}" + (f":{b.address}" if b.address else ""): b.about
-        + (" (reads simulator truth)" if b.privileged else "")
+        f"--{kind} {b.spelled(name)}": b.about + (" (reads simulator truth)" if b.privileged else "")
         for kind, choices in BACKENDS.items()
         for name, b in choices.items()
     }

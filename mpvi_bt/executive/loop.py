@@ -176,6 +176,8 @@ def run_episode(
                 outcome.ending = "interrupted"
                 break
             before = clock()
+            with context.stopwatch("navigation"):
+                context.sense()
             status = tree.tick()
             ticked = clock()
             for subscriber in subscribers:

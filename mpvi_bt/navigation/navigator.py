@@ -73,6 +73,9 @@ class KnownPlaceNavigator:
         self._driver.forget()
         self._work = self._drive(Trip(target, room))
 
+    def feel(self) -> None:
+        """Once a control step, whatever the robot does: nothing, as the knowledge base knows what is held."""
+
     def step(self) -> Report:
         """Write one step's command; see `Navigator`. After the end it goes on reporting the end."""
         if self._work is None:

@@ -21,19 +21,41 @@ class Backend:
         about: One line for a person.
         privileged: Whether it reads simulator truth.
         address: What its address looks like; "" if it has none.
+        optional: Whether it may be chosen without its address.
         sees: Whether it looks through the robot's cameras.
     """
 
     about: str
     privileged: bool = False
     address: str = ""
+    optional: bool = False
     sees: bool = False
+
+    def spelled(self, name: str) -> str:
+        """How one chooses it: "expert", "openpi:ws://HOST:PORT", "grounding_dino[:MODEL]"."""
+        if not self.address:
+            return name
+        return f"{name}[:{self.address}]" if self.optional else f"{name}:{self.address}"
 
 
 BACKENDS: Mapping[str, Mapping[str, Backend]] = {
     "planner": {"recorded": Backend("the plan on file for the task")},
-    "map": {"prior": Backend("occupancy and rooms, derived from the house before the episode")},
-    "detector": {"oracle": Backend("where every object is, from the simulator", privileged=True)},
+    "map": {
+        "prior": Backend("occupancy, rooms and fixtures, derived from the house before the episode"),
+        "online": Backend("nothing at first; occupancy is built from depth on the way"),
+    },
+    "detector": {
+        "segmentation": Backend(
+            "what the camera's label image shows; it errs as its address says",
+            address="miss=0.1",
+            optional=True,
+            sees=True,
+        ),
+        "grounding_dino": Backend(
+            "Grounding DINO, by transformers, on the camera's picture", address="MODEL", optional=True, sees=True
+        ),
+        "oracle": Backend("where every object is, from the simulator", privileged=True),
+    },
     "policy": {
         "expert": Backend("scripted skills on true poses: the upper bound", privileged=True),
         "reactive": Backend("the same skills on what the cameras show", sees=True),
@@ -65,7 +87,7 @@ def choose(kind: str, given: str) -> Backend:
     if name not in known:
         raise UnknownName(kind, name, known)
     backend = known[name]
-    if backend.address and not address:
+    if backend.address and not address and not (backend.optional and given == name):
         raise UserError(f"{kind} {name} is somewhere else: say where, such as {name}:{backend.address}.")
     if not backend.address and given != name:
         raise UserError(f"{kind} {name} has no address; just say {name}, not {given[:80]!r}.")

@@ -27,7 +27,8 @@ class EpisodeConfig:
         plan: Name or file of a plan instead of the task's own, or None.
         arguments: Names and values of that tree's parameters.
         substitute: File of rules that put stand-ins in the place of nodes, or None.
-        video, picture, trace: Where to write the episode's film, its picture from above and its trace, or None.
+        video, picture, rerun, trace: Where to write the episode's film, its picture from above, its recording for the
+            rerun viewer and its trace, or None.
         saved: Where to write how it stands if it is stopped, or None.
     """
 
@@ -49,6 +50,7 @@ class EpisodeConfig:
     substitute: str | None = None
     video: Path | None = None
     picture: Path | None = None
+    rerun: Path | None = None
     trace: Path | None = None
     saved: Path | None = None
 
@@ -78,6 +80,6 @@ class EpisodeConfig:
         }
 
 
-_OUTPUTS = {"video", "picture", "trace", "saved"}
+_OUTPUTS = {"video", "picture", "rerun", "trace", "saved"}
 # Left out where they are not used.
 _RARE = {"arguments", "substitute", "policy_settings", "policy_horizon", "policy_ensemble", "assisted"}

@@ -21,6 +21,7 @@ from mpvi_bt.errors import BackendError, UnknownName
 from mpvi_bt.executive.loop import Last, Subscriber, run_episode
 from mpvi_bt.executive.pictures import PathPicture
 from mpvi_bt.executive.recorder import Recorder
+from mpvi_bt.executive.rerun_log import RerunLog
 from mpvi_bt.executive.saved import restore_world
 from mpvi_bt.executive.stop import Stop
 from mpvi_bt.executive.video import Video
@@ -30,7 +31,6 @@ from mpvi_bt.goals.problem import Problem, load_problem
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.protocol import SIDES, Side
-from mpvi_bt.robot.stow import ArmStow
 from mpvi_bt.sim.catalogue import Catalogue, load_catalogue
 from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.prior_map import prior_map
@@ -38,15 +38,19 @@ from mpvi_bt.sim.sampling import Start, sample
 from mpvi_bt.sim.world import World
 from mpvi_bt.suite.backends import choose
 from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.detectors import make_detector
 from mpvi_bt.suite.metrics import Meter
+from mpvi_bt.suite.navigators import make_navigator
 from mpvi_bt.suite.policies import Ground, in_chunks, make_policy
 from mpvi_bt.suite.prepare import Prepared, prepare_episode
 from mpvi_bt.suite.result import Failure, Grasps, make_result
 from mpvi_bt.suite.saved import Keeper, SavedEpisode
 from mpvi_bt.suite.tasks import Task
 from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.relevant import task_relevant
 from mpvi_bt.tree.substitute import stand_ins
 
+_LABELS = ("oracle", "segmentation")  # policies that see have a detector of labels of their own, for what is near
 _DRAWS = 20  # of a start, until :init holds in physics
 
 
@@ -86,9 +90,11 @@ def run(
     truth = truth_in(world, start.scene_names)
     before = snapshot(problem, truth)
     vocabulary = {e.name: e.phrases for e in world.knowledge() if e.kind != "room"}
-    policy = make_policy(config.policy, Ground(skills, vocabulary, world, config.seed), config.policy_settings)
-    grid = prior_map(house)
-    navigator = KnownPlaceNavigator(world.robot, grid, world.knowledge, ArmStow(world.robot, config.seed))
+    detector = make_detector(config.detector, vocabulary, config.seed)
+    ground = Ground(skills, vocabulary, None if detector.name in _LABELS else detector, world, config.seed)
+    policy = make_policy(config.policy, ground, config.policy_settings)
+    relevant = task_relevant(tree.spec, skills)
+    navigator = make_navigator(config.detector, config.map, world, house, relevant, detector, config.seed)
     context = Context(
         clock=world,
         robot=world.robot,
@@ -97,6 +103,7 @@ def run(
         checker=_checker(config, world, vocabulary),
         triggers=GraspReleaseTriggers(world.robot),
         skills=skills,
+        sense=navigator.feel,
         blackboard=dict(tree.spec.blackboard),
     )
     saved = prepared.saved
@@ -104,7 +111,7 @@ def run(
         restore_world(saved.run, world, context)
     meter = Meter(saved.measurement if saved else None)
     last = Last()
-    watchers = [meter, last, *_recorders(config, grid, world, navigator, saved), *subscribers]
+    watchers = [meter, last, *_recorders(config, prior_map(house), world, navigator, saved), *subscribers]
     ready = time.perf_counter()
     try:
         with stop or nullcontext(lambda: False) as asked:
@@ -167,7 +174,7 @@ def _world(
 def _renders(config: EpisodeConfig) -> bool:
     """Whether anything in the episode looks at pictures."""
     looking = (choose(kind, name).sees for kind, name in config.backends.items())
-    return config.video is not None or any(looking)
+    return config.video is not None or config.rerun is not None or any(looking)
 
 
 def _checker(config: EpisodeConfig, world: World, phrases: Mapping[str, Sequence[str]]) -> Checker:
@@ -186,6 +193,8 @@ def _recorders(
         recorders.append(Recorder(config.trace, config.record(), config.seed, saved.run if saved else None))
     if config.video is not None:
         recorders.append(Video(config.video, config.name))
+    if config.rerun is not None:
+        recorders.append(RerunLog(config.rerun, grid, config.name))
     if config.picture is not None:
         recorders.append(PathPicture(config.picture, grid, world.knowledge, lambda: navigator.goal, config.name))
     return recorders

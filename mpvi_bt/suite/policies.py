@@ -9,6 +9,7 @@ from typing import Any
 
 from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.errors import UserError
+from mpvi_bt.perception.detector import Detector
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.suite.backends import choose, split
 from mpvi_bt.suite.config import EpisodeConfig
@@ -21,12 +22,14 @@ class Ground:
     Attributes:
         skills: By name.
         vocabulary: What the labels of pictures stand for: label to phrases.
+        detector: Of what policies see; None: the pictures' labels, by the vocabulary.
         world: The simulator's; None where there is none, as in a server. Only privileged policies may look at it.
         seed: Of everything random.
     """
 
     skills: Mapping[str, Skill]
     vocabulary: Mapping[str, Iterable[str]] = field(default_factory=dict)
+    detector: Detector | None = None
     world: Any = None
     seed: int = 0
 
@@ -86,7 +89,7 @@ def _expert(ground: Ground, address: str, settings: str | None) -> Policy:
 def _reactive(ground: Ground, address: str, settings: str | None) -> Policy:
     from mpvi_bt.manipulation.reactive import ReactivePolicy
 
-    return ReactivePolicy(ground.skills, ground.seed, timer=time.perf_counter, vocabulary=ground.vocabulary)
+    return ReactivePolicy(ground.skills, ground.seed, time.perf_counter, ground.detector, ground.vocabulary)
 
 
 def _openpi(ground: Ground, address: str, settings: str | None) -> Policy:

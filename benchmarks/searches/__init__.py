@@ -1,0 +1,1 @@
+"""Searches for things whose place is unknown, over the whole house."""

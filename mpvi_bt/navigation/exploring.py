@@ -1,0 +1,134 @@
+"""Going to what may have to be found first: the paper's order of looking for a target, with frontier exploration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+from mpvi_bt.behaviors.protocols import Report
+from mpvi_bt.errors import nearest
+from mpvi_bt.navigation.driver import DEFAULTS, GaveUp, NavigationParameters, Stow
+from mpvi_bt.navigation.lookout import Lookout
+from mpvi_bt.navigation.navigator import KnownPlaceNavigator, Trip
+from mpvi_bt.navigation.search import Search
+from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, normalize
+from mpvi_bt.robot.protocol import Robot
+
+_TRIES = 4  # drives to what was seen: it may turn out to be elsewhere, or not to be there
+
+
+class ExploringNavigator(KnownPlaceNavigator):
+    """Navigates to targets whose place may be unknown (implements `Navigator`).
+
+    Order (Paper, Navigation appendix): done if the base is at the target already; else the knowledge base is asked;
+    else the robot drives into the room, or to the thing, that was named with the target, looks there, and explores:
+    first the room, then everything that it can reach. All the while the head camera looks for everything that the task
+    is about, and what it finds goes into the knowledge base.
+
+    Fails as `KnownPlaceNavigator` does, with `not_found` once all of the floor that can be reached was seen, and with
+    `bad_target` if the target says nothing.
+
+    Attributes:
+        search: Explores.
+        lookout: Looks.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        knowledge: KnowledgeBase,
+        lookout: Lookout,
+        stow: Stow | None = None,
+        footprint_radius_m: Callable[[], float] | None = None,
+        parameters: NavigationParameters = DEFAULTS,
+    ) -> None:
+        """Bind the parts; nothing moves before `start`.
+
+        Args:
+            robot: The robot to drive.
+            knowledge: What is known; `lookout` adds to it.
+            lookout: Looks while it drives; its map is what is driven by.
+            stow, footprint_radius_m, parameters: As of `KnownPlaceNavigator`.
+        """
+        super().__init__(robot, lambda: lookout.occupancy.map, knowledge, stow, footprint_radius_m, parameters)
+        self.lookout = lookout
+        self.search = Search(robot, lookout, self._driver)
+
+    def feel(self) -> None:
+        """Notice what the hands hold and let go; once a control step, whatever the robot does."""
+        self.lookout.discoveries.feel(self._robot.proprioception())
+
+    def step(self) -> Report:
+        """Look if it is time to, and write one step's command; see `Navigator`."""
+        if self._work is not None:
+            self.lookout.step()
+        return super().step()
+
+    # ------------------------------------------------------------------------------------------ the drive
+
+    def _drive(self, trip: Trip) -> Iterator[Report]:
+        """One report a step until the base has arrived. Raises GaveUp."""
+        if not normalize(trip.target):
+            raise GaveUp("bad_target", f"{trip.target!r} names nothing to look for")
+        discoveries = self.lookout.discoveries
+        discoveries.phrases = tuple(dict.fromkeys((*discoveries.phrases, normalize(trip.target))))
+        for _ in range(_TRIES):
+            entries, room = self._look_up(trip)
+            if not entries and room is not None and room == trip.target:
+                yield from self._drive_to(trip, [], room)
+                return
+            if not _at_hand(entries):
+                yield from self._find(trip, room)
+                entries, room = self._look_up(trip)
+                if not entries:
+                    raise GaveUp("not_found", self._evidence(trip))
+            names = {entry.name for entry in entries}
+            yield from self._drive_to(trip, entries, room, until=lambda names=names: self._are_gone(names))  # type: ignore[misc]
+            self.lookout.look()
+            entries, room = self._look_up(trip)
+            if self._is_there(entries, room) or not _seen(entries):
+                return
+        if not entries:
+            raise GaveUp("not_found", self._evidence(trip))
+
+    def _find(self, trip: Trip, room: str | None) -> Iterator[Report]:
+        """Look for the target where it was said to be, then everywhere."""
+        feedback = f"looking for {trip.target}"
+
+        def found() -> bool:
+            return _at_hand(self._look_up(trip)[0])
+
+        if room is not None:
+            try:
+                yield from self._drive_to(trip, [], room, until=found)
+            except GaveUp:
+                pass  # it may be seen from elsewhere
+            else:
+                yield from self.search.run(found, f"{feedback} in {room}", room)
+        elif trip.room and (area := self._knowledge().find(trip.room)):
+            with suppress(GaveUp):
+                yield from self._drive_to(Trip(trip.room, None), area, None, until=found)
+        if not found():
+            yield from self.search.run(found, feedback)
+
+    def _are_gone(self, names: set[str]) -> bool:
+        """Whether none of the entries is believed in any more."""
+        known = self._knowledge().entries
+        return not any(name in known for name in names)
+
+    def _evidence(self, trip: Trip) -> str:
+        share, area = self.search.coverage()
+        near = nearest(normalize(trip.target), self._names())
+        hint = f"; something near it is called {near!r}" if near else ""
+        pictures = self.lookout.pictures
+        return f"no {trip.target} in {pictures} pictures of {share:.0%} of the {area:.0f} m² that can be reached{hint}"
+
+
+def _at_hand(entries: list[Entry]) -> bool:
+    """Whether there is something to go to: not only what was put away, such as the cans that are in the bin already."""
+    return any(entry.inside is None for entry in entries)
+
+
+def _seen(entries: list[Entry]) -> bool:
+    """Whether what is known of them comes from pictures, so that another picture may tell otherwise."""
+    return not entries or any(entry.source not in ("prior", "oracle") for entry in entries)

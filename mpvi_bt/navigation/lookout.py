@@ -1,0 +1,95 @@
+"""What the robot learns by looking while it drives: obstacles, which floor was seen, and where things are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpvi_bt.behaviors.protocols import Clock
+from mpvi_bt.navigation.occupancy import Occupancy
+from mpvi_bt.navigation.visibility import VisibilityMap
+from mpvi_bt.perception.discovery import Discoveries
+from mpvi_bt.robot.kinematics import wrap
+from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage, Robot
+from mpvi_bt.robot.solids import Array
+
+Circle = tuple[float, float, float]  # x, y, radius [m] in the world
+
+EVERY_S = 0.3  # Our choice: a turn of 1.2 rad/s passes a quarter of the field of view meanwhile
+CLOSER_M = 2.0  # Our choice: a tennis ball has twenty pixels there
+_MOVED_M, _TURNED_RAD = 0.03, 0.03  # from a view that was taken nothing new is learned
+
+
+class Lookout:
+    """Takes a picture with the head camera every so often and hands it to the maps and to the knowledge base.
+
+    (Paper, Navigation appendix: detection of all task-relevant objects runs throughout, and what is found is kept.)
+
+    Attributes:
+        visibility: What was seen, from afar or near.
+        closer: What was seen from near by, as small things have to be.
+        pictures: Taken so far.
+        last: The last one, for pictures of the run; None before the first.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        clock: Clock,
+        occupancy: Occupancy,
+        visibility: VisibilityMap,
+        discoveries: Discoveries,
+        takes_up: Callable[[], Sequence[Circle]],
+        every_s: float = EVERY_S,
+    ) -> None:
+        """Bind the parts; nothing is looked at before `step`.
+
+        Args:
+            robot: Whose head camera looks.
+            clock: Simulated time.
+            occupancy, visibility, discoveries: Which learn.
+            takes_up: The circles of floor that the robot and what it carries stand over now: no obstacles.
+            every_s: Simulated time between two pictures.
+        """
+        self._robot, self._clock = robot, clock
+        self.occupancy, self.visibility, self.discoveries = occupancy, visibility, discoveries
+        self.closer = VisibilityMap(occupancy.map, CLOSER_M)
+        self._takes_up, self._every = takes_up, max(1, round(every_s * CONTROL_HZ))
+        self._looked = -(10**9)
+        self._pose: Array | None = None
+        self.pictures = 0
+        self.last: CameraImage | None = None
+
+    @property
+    def solid(self) -> NDArray[np.bool_]:
+        """(H, W) what is known to stand somewhere: sight ends there."""
+        solid: NDArray[np.bool_] = self.occupancy.map.occupied & self.occupancy.known
+        return solid
+
+    def step(self) -> None:
+        """Look if it is time to, and if the view is another one; once a control step while navigating."""
+        if self._clock.steps - self._looked < self._every:
+            return
+        pose = self._robot.proprioception().base_pose
+        if self._pose is not None and _same(self._pose, pose):
+            return
+        self.look()
+
+    def look(self) -> None:
+        """Look now."""
+        body = self._robot.proprioception()
+        self._looked, self._pose = self._clock.steps, body.base_pose
+        image = self._robot.look("head")
+        self.pictures, self.last = self.pictures + 1, image
+        self.occupancy.update(image, self._takes_up())
+        solid = self.solid
+        for view in (self.visibility, self.closer):
+            view.update(image, solid)
+        self.discoveries.see(image, body)
+
+
+def _same(before: Array, now: Array) -> bool:
+    near = float(np.linalg.norm(now[:2] - before[:2])) < _MOVED_M
+    return near and abs(float(wrap(now[2] - before[2]))) < _TURNED_RAD

@@ -1,0 +1,67 @@
+"""Makes the navigator that a run chooses by its map and its detector."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from mpvi_bt.navigation.exploring import ExploringNavigator
+from mpvi_bt.navigation.lookout import Circle, Lookout
+from mpvi_bt.navigation.navigator import KnownPlaceNavigator
+from mpvi_bt.navigation.occupancy import Occupancy
+from mpvi_bt.navigation.visibility import VisibilityMap
+from mpvi_bt.perception.detector import Detector
+from mpvi_bt.perception.discovery import Discoveries
+from mpvi_bt.perception.knowledge import KnowledgeBase
+from mpvi_bt.robot.stow import ArmStow
+from mpvi_bt.sim.house import House
+from mpvi_bt.sim.prior_map import knowledge as prior_knowledge
+from mpvi_bt.sim.prior_map import prior_map
+from mpvi_bt.sim.world import World
+
+_SELF_M = 0.50  # around the base: the robot itself, its hands tucked
+
+
+def make_navigator(
+    chosen: str, map_: str, world: World, house: House, phrases: Iterable[str], detector: Detector, seed: int = 0
+) -> KnownPlaceNavigator:
+    """The navigator of a run.
+
+    Args:
+        chosen: The detector's name: with "oracle" the simulator says where everything is, all the time.
+        map_, world, house, phrases, detector, seed: As of `explorer`.
+    """
+    if chosen == "oracle":
+        return KnownPlaceNavigator(world.robot, prior_map(house), world.knowledge, ArmStow(world.robot, seed))
+    return explorer(world, house, phrases, detector, map_, seed)
+
+
+def explorer(
+    world: World, house: House, phrases: Iterable[str], detector: Detector, map_: str = "prior", seed: int = 0
+) -> ExploringNavigator:
+    """For detectors that look: what is movable has to be found first.
+
+    Args:
+        world: The robot's, and its clock.
+        house: What is known of beforehand with `map_` "prior": walls, rooms and fixtures.
+        phrases: What the task is about, looked for all the time.
+        detector: Looks.
+        map_: "prior", or "online": nothing is known, and the map is built from depth.
+        seed: Of how the arms are folded.
+    """
+    robot = world.robot
+    if map_ == "prior":
+        occupancy = Occupancy.prior(prior_map(house))
+        base = KnowledgeBase({entry.name: entry for entry in prior_knowledge(house)})
+    else:
+        occupancy = Occupancy.unknown(robot.proprioception().base_pose[:2])
+        base = KnowledgeBase()
+    discoveries = Discoveries(base, phrases, detector, world)
+
+    def takes_up() -> list[Circle]:
+        x, y, _ = robot.proprioception().base_pose
+        held = [e for e in base if e.held]
+        loads = [(*e.center[:2], float((e.highest - e.lowest)[:2].max()) / 2 + 0.05) for e in held]
+        return [(float(x), float(y), _SELF_M), *((float(u), float(v), r) for u, v, r in loads)]
+
+    lookout = Lookout(robot, world, occupancy, VisibilityMap(occupancy.map), discoveries, takes_up)
+    return ExploringNavigator(robot, base, lookout, ArmStow(robot, seed))

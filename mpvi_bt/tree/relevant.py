@@ -1,0 +1,40 @@
+"""What a tree is about: the things that are looked for while it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from mpvi_bt.behaviors.parameters import NavigateTo, Prompt
+from mpvi_bt.behaviors.references import names_in, unescaped
+from mpvi_bt.perception.phrases import normalize
+from mpvi_bt.plan.skills import Skill, clauses, match
+from mpvi_bt.tree.spec import TreeSpec
+
+_THINGS = (
+    "object",
+    "tool",
+    "source",
+    "target",
+    "container",
+    "surface",
+)  # slots of skills; others name hands and the like
+
+
+def task_relevant(spec: TreeSpec, skills: Mapping[str, Skill]) -> tuple[str, ...]:
+    """Phrases of everything that a tree drives to or that its prompts name, each once, in order.
+
+    (Paper, Navigation appendix: all task-relevant objects are detected throughout.) What is known only while the tree
+    runs, a reference to the blackboard, is not among them; a target is looked for at the latest when it is driven to.
+    """
+    return tuple(dict.fromkeys(normalize(unescaped(text)) for text in _said(spec, skills) if not names_in(text)))
+
+
+def _said(spec: TreeSpec, skills: Mapping[str, Skill]) -> Iterator[str]:
+    for placed in spec.nodes:
+        parameters = placed.spec.parameters
+        if isinstance(parameters, NavigateTo):
+            yield parameters.target
+        elif isinstance(parameters, Prompt):
+            for clause in clauses(parameters.prompt, skills):
+                call = match(clause, skills)
+                yield from (call.arguments[slot] for slot in _THINGS if call and slot in call.arguments)
