@@ -116,6 +116,7 @@ def play(job: Job) -> Row:
         path, last = path + float(np.linalg.norm(here - last)), here
     wall["rendering"] = world.cameras.seconds - drawn
     wall["navigation"] -= wall["rendering"]
+    wall["stepping"] -= bumps.seconds
     target = world.knowledge().entries[scene.target]
     there = _is_before(target, world.robot.proprioception().base_pose)
     said = report.progress is Progress.SUCCEEDED

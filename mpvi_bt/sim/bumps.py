@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -15,6 +16,7 @@ class Bumps:
 
     Attributes:
         forces: By name of the thing; what was never touched is not in it.
+        seconds: Wall time that measuring took.
     """
 
     def __init__(
@@ -28,6 +30,7 @@ class Bumps:
         self._robot = {entity.per_scene_id for entity in robot}
         self._things = {entity.per_scene_id: name for name, entities in things.items() for entity in entities}
         self.forces: dict[str, float] = {}
+        self.seconds = 0.0
 
     @property
     def worst(self) -> float:
@@ -36,6 +39,7 @@ class Bumps:
 
     def update(self) -> None:
         """Take in the contacts of the last physics step."""
+        began = time.perf_counter()
         now: dict[str, float] = {}
         for contact in self._scene.get_contacts():
             first, second = (body.entity.per_scene_id for body in contact.bodies)
@@ -46,3 +50,4 @@ class Bumps:
         for name, force in now.items():
             if force > 0.0:
                 self.forces[name] = max(force, self.forces.get(name, 0.0))
+        self.seconds += time.perf_counter() - began
