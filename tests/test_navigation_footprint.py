@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from mpvi_bt.navigation.footprint import Footprint
+from mpvi_bt.navigation.loaded import loaded_path
 from mpvi_bt.navigation.pursuit import PathFollower
-from mpvi_bt.navigation.traversability import traversability
+from mpvi_bt.navigation.traversability import Traversability, traversability
 from tests.navigation_maps import put_box, thing, two_rooms
 
 LOAD = Footprint(0.33, np.array([[0.45, 0.0, 0.18]]))
@@ -41,17 +42,69 @@ def test_a_load_is_not_swung_into_a_sofa_on_the_way(yaw: float) -> None:
     grid = traversability(floor, 0.33)
     start, goal = np.array([2.6, 1.7, yaw]), np.array([0.9, 2.2, np.pi])
 
-    def worst(footprint: Footprint | None) -> tuple[float, np.ndarray]:
-        follower = PathFollower(np.linspace(start[:2], goal[:2], 35), goal, grid, footprint=footprint)
+    def worst(path: np.ndarray) -> tuple[float, np.ndarray]:
+        follower = PathFollower(path, goal, grid)
         pose, least = start.copy(), 9.0
         for _ in range(900):
             vx, vy, rate = follower.command(pose)
             c, s = np.cos(pose[2]), np.sin(pose[2])
             pose = pose + np.array([c * vx - s * vy, s * vx + c * vy, rate]) / 30
-            least = min(least, LOAD.slack(grid, pose))
+            least = min(least, float(LOAD.slack(grid, pose)))
         return least, pose
 
-    heedless, _ = worst(None)
-    careful, end = worst(LOAD)
+    heedless, _ = worst(np.linspace(start[:2], goal[:2], 35))
+    path = loaded_path(grid, LOAD, start, goal)
+    assert path is not None
+    careful, end = worst(path)
     assert heedless < -0.05 < -0.02 < careful
     np.testing.assert_allclose(end[:2], goal[:2], atol=0.05)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_way_with_a_load_fits_at_every_pose(seed: int) -> None:
+    """Between free poses in two rooms: neither base nor load touches, steps are small, and it ends at the goal."""
+    rng, floor = np.random.default_rng(seed), two_rooms()
+    put_box(floor, (1.2, 0.5), (2.6, 1.0))
+    grid = traversability(floor, 0.33)
+    start, goal = (free_pose(grid, rng, low) for low in (0.4, 4.4))
+    path = loaded_path(grid, LOAD, start, goal)
+    assert path is not None
+    np.testing.assert_array_equal(path[0, :2], start[:2])
+    np.testing.assert_array_equal(path[-1, :2], goal[:2])
+    assert np.cos(path[-1, 2] - goal[2]) == pytest.approx(1.0)
+    assert np.abs(np.diff(path[:, :2], axis=0)).max() <= 0.075 + 1e-9  # from anywhere in a cell
+    assert np.abs(np.diff(path[:, 2])).max() <= 2 * np.pi / 48 + 1e-9
+    assert LOAD.slack(grid, path[1:-1]).min() >= -0.01
+    assert all(np.isfinite(grid.cost[grid.map.cell(pose)]) for pose in path)
+
+
+def test_a_load_that_is_too_wide_for_the_doorway_has_no_way() -> None:
+    """Nor has any load where the base itself has none."""
+    grid, wide = traversability(two_rooms(0.9), 0.33), Footprint(0.33, np.array([[0.4, 0.0, 0.48]]))
+    start, goal = np.array([2.0, 2.0, 0.0]), np.array([6.0, 2.0, 0.0])
+    assert loaded_path(grid, LOAD, start, goal) is not None
+    assert loaded_path(grid, wide, start, goal) is None
+    assert loaded_path(traversability(two_rooms(0.0), 0.33), LOAD, start, goal) is None
+
+
+def test_a_load_over_a_table_may_leave_it() -> None:
+    """What touches where the drive begins, or is to end, may do so there, and nowhere else."""
+    floor = two_rooms()
+    put_box(floor, (0.05, 0.5), (0.9, 3.5))
+    grid = traversability(floor, 0.33)
+    at_table, away = np.array([1.35, 2.0, np.pi]), np.array([3.0, 3.0, np.pi / 2])
+    for start, goal in ((at_table, away), (away, at_table)):
+        assert LOAD.slack(grid, at_table) < 0
+        path = loaded_path(grid, LOAD, start, goal)
+        assert path is not None
+        touching = [pose for pose in path if LOAD.slack(grid, pose) < -0.01]
+        assert max(np.linalg.norm(pose[:2] - at_table[:2]) for pose in touching) <= 0.8
+        assert min(LOAD.slack(grid, pose) for pose in touching) >= LOAD.slack(grid, at_table) - 0.05
+
+
+def free_pose(grid: Traversability, rng: np.random.Generator, low: float) -> np.ndarray:
+    """A pose where base and load are free, with x from `low` on, within 3 m [m, m, rad]."""
+    while True:
+        pose = np.array([rng.uniform(low, low + 3), rng.uniform(0.4, 3.6), rng.uniform(-np.pi, np.pi)])
+        if np.isfinite(grid.cost[grid.map.cell(pose)]) and LOAD.slack(grid, pose) > 0.05:
+            return pose

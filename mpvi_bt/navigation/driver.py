@@ -15,6 +15,7 @@ from mpvi_bt.behaviors.protocols import Progress, Report
 from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.goals import Goal, Handoff
 from mpvi_bt.navigation.grid import cost_to_reach, shortest_path
+from mpvi_bt.navigation.loaded import loaded_path
 from mpvi_bt.navigation.pursuit import CARRYING, Limits, PathFollower, Tolerance
 from mpvi_bt.navigation.traversability import (
     Box,
@@ -34,6 +35,8 @@ from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
 _BACK_M_S = 0.15  # backing off
+_LOADED_GOALS = 2  # so many are tried with something in the hands: that search takes its time
+_TIGHT_M = 0.02  # by so much less room is given to loads where they do not fit with it
 
 
 class Stow(Protocol):
@@ -207,12 +210,18 @@ class Driver:
         """Turn on the spot to a yaw [rad] in the world.
 
         Raises:
-            GaveUp: "blocked" if the base does not turn, "no_pose" if the robot does not know where it is.
+            GaveUp: "blocked" if the base does not turn, or may not with what it carries; "no_pose" if the robot does
+                not know where it is.
         """
         self.halted = False
         yield from self._tuck()
-        goal = np.array([*self._pose()[:2], yaw_rad])
-        follower = self._follower(goal[None, :2], goal, self.grid(), self._moving())
+        pose = self._pose()
+        goal, grid = np.array([*pose[:2], yaw_rad]), self.grid().escaping(pose[:2])
+        footprint = self._takes_up()
+        path = loaded_path(grid, footprint, pose, goal) if len(footprint.loads) else goal[None, :2]
+        if path is None:
+            raise GaveUp("blocked", "there is no room to turn with what is carried")
+        follower = self._follower(path, goal, grid, self._moving())
         if (yield from self._follow(follower, feedback, until, watchful=False)) is _End.HALTED:
             self.halted = True
             raise GaveUp("blocked", "something keeps the base from turning")
@@ -238,24 +247,26 @@ class Driver:
 
     def _plan(self, goals: Goals, halts: list[Array], velocity: Array) -> PathFollower:
         """The way to the best goal; around what stopped the base before, if there is such a way."""
-        start = self._pose()[:2]
-        footprint = self._takes_up()
+        pose = self._pose()
+        start, footprint = pose[:2], self._takes_up()
         for blocks in [True, False] if self.blocks else [False]:
             free = self.grid(blocks)
             grid = free.escaping(start)
             ranked = [goal for goal in goals(grid, start) if np.isfinite(goal.pose).all()]
             left = [goal for goal in ranked if np.isfinite(goal.score) and not _given_up(goal, halts)]
-            for goal in sorted(left, key=lambda g: (footprint.slack(grid, g.pose) < 0, g.score)):
-                found = shortest_path(grid.cost, grid.map.cell(start), grid.map.cell(goal.pose[:2]))
-                if found is not None:
-                    return self._follower(grid.points(found[0]), goal.pose, grid, velocity)
+            left = sorted(left, key=lambda g: (footprint.slack(grid, g.pose) < 0, g.score))
+            for tried in (footprint, footprint.smaller(_TIGHT_M)) if len(footprint.loads) else (footprint,):
+                for goal in left[:_LOADED_GOALS] if len(footprint.loads) else left:
+                    path = _way(grid, tried, pose, goal.pose)
+                    if path is not None:
+                        return self._follower(path, goal.pose, grid, velocity)
         raise _why(free, grid, start, ranked, halts)
 
     def _follower(self, path: Array, goal: Array, grid: Traversability, velocity: Array) -> PathFollower:
         body = self._robot.proprioception()
         carrying = squeezes(body) or any(body.holds(side) for side in SIDES)
         limits = self.parameters.carrying if carrying else self.parameters.limits
-        self.goal, self.path = goal, path
+        self.goal, self.path = goal, path[:, :2]
         return PathFollower(
             path, goal, grid, limits, self.parameters.tolerance, footprint=self._takes_up(), velocity=velocity
         )
@@ -372,6 +383,14 @@ class _Progress:
 def _given_up(goal: Goal, halts: list[Array]) -> bool:
     """Whether the base came to a halt twice before it reached the place of this goal."""
     return sum(math.dist(goal.pose[:2], at) < 0.3 for at in halts) >= 2
+
+
+def _way(grid: Traversability, footprint: Footprint, start: Array, goal: Array) -> Array | None:
+    """(N, 2) places [m] from pose to pose (3,), or (N, 3) poses where a load has to be seen to; None: no way."""
+    if len(footprint.loads):
+        return loaded_path(grid, footprint, start, goal)
+    found = shortest_path(grid.cost, grid.map.cell(start), grid.map.cell(goal))
+    return None if found is None else grid.points(found[0])
 
 
 def _why(free: Traversability, grid: Traversability, start: Array, goals: list[Goal], halts: list[Array]) -> GaveUp:

@@ -16,7 +16,7 @@ from mpvi_bt.robot.kinematics import rot_z
 from mpvi_bt.robot.protocol import SIDES, Proprioception
 from mpvi_bt.robot.solids import Array
 
-_ARM_M, _HAND_M = 0.06, 0.07  # radii: elbow and wrist, hand
+_ARM_M, _HAND_M = 0.05, 0.05  # radii of elbow and wrist, and along the hand, from the side
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,14 +65,26 @@ class Footprint:
         load = cls.carrying(base_m, body.base_pose, entries)
         return cls(base_m, np.concatenate([load.loads, np.array(around, float).reshape(-1, 3)]))
 
-    def slack(self, grid: Traversability, pose: Array) -> float:
-        """How far [m] the loads keep from obstacles with the base at `pose` (3,); negative within, 9 without loads."""
+    def smaller(self, by_m: float) -> Footprint:
+        """The same with smaller loads."""
+        return Footprint(self.base_m, np.column_stack([self.loads[:, :2], (self.loads[:, 2] - by_m).clip(0.0)]))
+
+    def places(self, poses: Array) -> Array:
+        """(..., n, 2) where the loads' centers are [m] with the base at poses (..., 3)."""
+        c, s = np.cos(poses[..., 2, None]), np.sin(poses[..., 2, None])
+        x, y = self.loads[:, 0], self.loads[:, 1]
+        places: Array = np.stack([c * x - s * y, s * x + c * y], -1) + poses[..., None, :2]
+        return places
+
+    def slack(self, grid: Traversability, poses: Array) -> Array:
+        """(...,) how far [m] the loads keep from obstacles with the base at poses (..., 3).
+
+        Negative within, 9 without loads.
+        """
         if not len(self.loads):
-            return 9.0
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        x = pose[0] + c * self.loads[:, 0] - s * self.loads[:, 1]
-        y = pose[1] + s * self.loads[:, 0] + c * self.loads[:, 1]
-        cells = np.floor(grid.cells(np.stack([x, y], -1))).astype(int)
+            return np.full(poses.shape[:-1], 9.0)
+        cells = np.floor(grid.cells(self.places(poses))).astype(int)
         inside = ((cells >= 0) & (cells < grid.occupied.shape)).all(-1)
-        rows, columns = cells.clip(0, np.array(grid.occupied.shape) - 1).T
-        return float(np.where(inside, grid.clearance_m[rows, columns] - self.loads[:, 2], -9.0).min())
+        rows, columns = np.moveaxis(cells.clip(0, np.array(grid.occupied.shape) - 1), -1, 0)
+        slack: Array = np.where(inside, grid.clearance_m[rows, columns] - self.loads[:, 2], -9.0).min(-1)
+        return slack

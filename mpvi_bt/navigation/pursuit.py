@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.grid import segment_free
@@ -36,13 +37,15 @@ class Limits:
     roomy_m: float = 0.25
 
 
-CARRYING = Limits(speed_m_s=0.6, turn_rad_s=1.0, acceleration_m_s2=0.5, turn_acceleration_rad_s2=1.2)
+CARRYING = Limits(speed_m_s=0.6, turn_rad_s=1.0, acceleration_m_s2=0.5, turn_acceleration_rad_s2=1.2, tight_m_s=0.20)
 """Limits with something in a hand: a step in velocity flings what friction holds."""
 
 
 AT_REST: Array = np.zeros(3)
-_ROOMY_M = 0.25  # around a load: here it may turn either way
-_CREEP_M_S = 0.15
+_AIM = np.array([0.06, 0.25])  # how far along a path of poses the base aims [m, rad]: where loads touch, and with room
+_BEND, _AFTER = 4, 6  # points of such a path before and after one between which it bends; half of those it matters to
+_OFF_M = 0.015  # what following such a path may be off by anywhere
+_KEEPS_RAD = 0.15  # so near to a pose's yaw the next pose may be gone to
 _EASY = 0.7  # of the acceleration limit is planned with; the rest is for corrections
 
 
@@ -60,8 +63,14 @@ class PathFollower:
     """Drives along one path to one pose.
 
     Far from the end the base faces along the path and slows down while it does not, as its camera looks ahead; within
-    `arrive_m` of the end it slides sideways if need be and turns to the goal's yaw. Speeds are profiles that can still
-    stop in time, so that the end is reached without overshoot.
+    `arrive_m` of the end it slides sideways if need be and turns to the goal's yaw. A path of poses says itself how the
+    base is to be turned where. Speeds are profiles that can still stop in time, so that the end is reached without
+    overshoot.
+
+    Attributes:
+        path: (N, 2) x, y [m].
+        grid: What it was planned on.
+        velocity: (3,) of the last command: vx, vy [m/s] in the world, yaw rate [rad/s].
     """
 
     def __init__(
@@ -79,29 +88,30 @@ class PathFollower:
         """Take a path.
 
         Args:
-            path: (N, 2) world x, y [m]; replaced at its end by the goal.
+            path: (N, 2) world x, y [m], or (N, 3) with the yaw [rad] to have there, which runs on beyond half a turn;
+                replaced at its end by the goal.
             goal: (3,) x, y [m], yaw [rad].
             grid: Where the base's center may be; the lookahead point is always in straight reach.
             limits: Speed and acceleration.
             tolerance: When the goal counts as reached.
             lookahead_m: How far along the path the base aims.
             arrive_m: Distance to go from which the base turns to the goal's yaw.
-            footprint: What is carried, which must not be swung into anything; None: nothing.
+            footprint: What is carried, for a path of poses; None: nothing.
             velocity: (3,) vx, vy [m/s] in the world and yaw rate [rad/s] that the base has now.
         """
-        self.path = np.vstack([path[:-1], goal[:2]]) if len(path) > 1 else goal[None, :2].copy()
+        self.path = np.vstack([path[:-1, :2], goal[:2]]) if len(path) > 1 else goal[None, :2].copy()
+        self._yaws = path[:, 2] if path.shape[1] == 3 else None
         self.goal, self.limits, self.tolerance = goal, limits, tolerance
         self.grid, self._blocked, self._cells = grid, grid.blocked, grid.cells(self.path)
         self._lookahead_m, self._arrive_m = lookahead_m, arrive_m
         steps = np.linalg.norm(np.diff(self.path, axis=0), axis=1)
         self._to_go = np.append(np.cumsum(steps[::-1])[::-1], 0.0)  # (N,) distance to the end along the path
         self._at = 0  # index of the path's point nearest to the base; it never runs back
+        self._footprint = footprint if footprint is not None and self._yaws is not None else None
+        self._room = self._rooms()
         self._most = self._speeds()
         self.velocity = np.array(velocity, float)
-        """(3,) of the last command: vx, vy [m/s] in the world, yaw rate [rad/s]."""
         self._aim_at = 0
-        self._footprint = footprint
-        self._way_round = 0.0  # sign of the long way round while the short one would hit something
 
     @property
     def aim(self) -> Array:
@@ -129,25 +139,55 @@ class PathFollower:
             pose: (3,) where the base is now.
             dt_s: One control step.
         """
+        if self._yaws is None:
+            world, rate = self._along(pose, dt_s)
+        else:
+            world, rate = self._through(self._yaws, pose, dt_s)
+        return self._changed(pose, world, rate, dt_s)
+
+    def _along(self, pose: Array, dt_s: float) -> tuple[Array, float]:
+        """The wanted velocity (2,) [m/s] in the world and yaw rate on a path of places."""
         self._advance(pose[:2])
         self._aim_at = self._look_ahead(pose[:2])
         delta = self.aim - pose[:2]
-        to_go = float(np.linalg.norm(delta) + self._to_go[self._aim_at])
+        distance = math.hypot(*delta)
+        to_go = distance + self._to_go[self._aim_at]
         arriving = to_go < self._arrive_m
         heading = self.goal[2] if arriving else math.atan2(delta[1], delta[0])
         turn = float(wrap(heading - pose[2]))
-
-        limits = self.limits
-        speed = min(float(self._most[self._at]), _stopping_speed(to_go, limits.acceleration_m_s2, dt_s))
+        speed = min(self._most[self._at], _stopping_speed(to_go, self.limits.acceleration_m_s2, dt_s))
         if not arriving:
             speed *= max(0.0, math.cos(min(abs(turn) * 1.5, math.pi / 2)))  # turn first, then go
-        distance = float(np.linalg.norm(delta))
-        world = delta / distance * speed if distance > 1e-9 else np.zeros(2)
-        rate = math.copysign(
-            min(limits.turn_rad_s, _stopping_speed(abs(turn), limits.turn_acceleration_rad_s2, dt_s)), turn
-        )
-        world, rate = self._with_care(pose, world, rate)
-        return self._changed(pose, world, rate, dt_s)
+        return delta * (speed / max(distance, 1e-9)), self._rate(turn, dt_s)
+
+    def _through(self, yaws: Array, pose: Array, dt_s: float) -> tuple[Array, float]:
+        """The wanted velocity (2,) [m/s] in the world and yaw rate on a path of poses."""
+        last = len(self.path) - 1
+        here = math.dist(pose[:2], self.path[self._at])
+        while self._at < last and abs(wrap(yaws[self._at] - pose[2])) < _KEEPS_RAD:
+            there = math.dist(pose[:2], self.path[self._at + 1])
+            if there > here:
+                break
+            here, self._at = there, self._at + 1
+        at = aim = self._at
+        ahead = _AIM[0] + (_AIM[1] - _AIM[0]) * self._room[at]
+        while aim < last and self._to_go[at] - self._to_go[aim + 1] <= ahead:
+            if abs(yaws[aim + 1] - yaws[at]) > ahead:
+                break
+            aim += 1
+        aim = max(aim, min(at + 1, last))
+        self._aim_at = aim
+        delta, turn = self.aim - pose[:2], float(wrap(yaws[aim] - pose[2]))
+        distance = math.hypot(*delta)
+        ends = self._to_go[aim] if self._to_go[at] - self._to_go[aim] > ahead / 2 else 0.0  # else it turns there
+        stop = _stopping_speed(distance + ends, self.limits.acceleration_m_s2, dt_s)
+        speed = min(self._most[at], stop) * max(0.0, 1.0 - abs(turn) / (2 * _AIM[1]))
+        return delta * (speed / max(distance, 1e-9)), self._rate(turn, dt_s)
+
+    def _rate(self, turn: float, dt_s: float) -> float:
+        limits = self.limits
+        rate = min(limits.turn_rad_s, _stopping_speed(abs(turn), limits.turn_acceleration_rad_s2, dt_s))
+        return math.copysign(rate, turn)
 
     def brake(self, pose: Array, dt_s: float = 1.0 / CONTROL_HZ) -> Array:
         """(3,) as `command`, but on the way to a standstill."""
@@ -175,12 +215,13 @@ class PathFollower:
         new = occupied & ~grid.occupied
         if not new.any():
             return False
-        reach = (grid.footprint_m + grid.map.resolution_m / 2) / grid.map.resolution_m
-        n = math.ceil(reach)
-        offsets = np.argwhere(np.hypot(*np.ogrid[-n : n + 1, -n : n + 1]) < reach) - n
-        rest = np.floor(self._cells[self._at :]).astype(int)
-        rows, columns = np.moveaxis(rest[:, None] + offsets, -1, 0)
-        return bool(new[rows.clip(0, new.shape[0] - 1), columns.clip(0, new.shape[1] - 1)].any())
+        if _touches(new, self._cells[self._at :], grid.footprint_m / grid.map.resolution_m):
+            return True
+        if self._footprint is None:
+            return False
+        loads = np.moveaxis(grid.cells(self._footprint.places(self._poses()[self._at :: 3])), 1, 0)  # (loads, N, 2)
+        radii = self._footprint.loads[:, 2] / grid.map.resolution_m
+        return any(_touches(new, cells, radius) for cells, radius in zip(loads, radii, strict=True))
 
     def may_go(self, xy: Array, move: Array) -> bool:
         """Whether a straight move (2,) [m] from a place (2,) keeps off obstacles, or comes no nearer to them."""
@@ -191,54 +232,42 @@ class PathFollower:
         clear = self.grid.clearance_m[cells[:, 0], cells[:, 1]]
         return bool((clear >= min(self.grid.footprint_m, clear[0])).all())
 
+    def _rooms(self) -> Array:
+        """(N,) 0 to 1: whether footprint or loads touch an obstacle at each point of the path, or have enough room."""
+        cells = np.floor(self._cells).astype(int).clip(0, np.array(self._blocked.shape) - 1)
+        room = self.grid.clearance_m[cells[:, 0], cells[:, 1]] - self.grid.footprint_m
+        if self._footprint is not None:
+            room = np.minimum(room, self._footprint.slack(self.grid, self._poses()))
+        rooms: Array = (room / self.limits.roomy_m).clip(0.0, 1.0)
+        return rooms
+
+    def _in_bends(self) -> Array:
+        """(N,) the speed [m/s] with which the base is not carried out of a bend farther than there is room for it."""
+        n = len(self.path)
+        before, after = (self.path[(np.arange(n) + d).clip(0, n - 1)] - self.path for d in (-_BEND, _BEND))
+        along, back = np.arctan2(after[:, 1], after[:, 0]), np.arctan2(-before[:, 1], -before[:, 0])
+        moves = np.hypot(*before.T) * np.hypot(*after.T) > 0
+        bend = np.where(moves, np.abs(wrap(along - back)), 0.0)
+        room = ndimage.minimum_filter1d(self._room, 2 * _AFTER + 1, origin=-_AFTER)  # the least from here on
+        off = _OFF_M + self.limits.roomy_m * room
+        speeds: Array = np.sqrt(2.0 * _EASY * self.limits.acceleration_m_s2 * off) / np.maximum(bend, 1e-3)
+        return speeds
+
+    def _poses(self) -> Array:
+        return np.column_stack([self.path, np.zeros(len(self.path)) if self._yaws is None else self._yaws])
+
     def _speeds(self) -> Array:
         """(N,) the most speed [m/s] at each point of the path: slow near obstacles, and in time before them."""
-        cells = np.floor(self._cells).astype(int).clip(0, np.array(self._blocked.shape) - 1)
-        room = (self.grid.clearance_m[cells[:, 0], cells[:, 1]] - self.grid.footprint_m) / self.limits.roomy_m
         slow, fast = self.limits.tight_m_s, self.limits.speed_m_s
-        caps = slow + (fast - slow) * room.clip(0.0, 1.0)
+        caps = slow + (fast - slow) * self._room
+        if self._yaws is not None:
+            caps = np.minimum(caps, self._in_bends())
         twice = 2.0 * _EASY * self.limits.acceleration_m_s2
         # From v at i, w at j is reached in time if v^2 <= w^2 + 2 a (s_j - s_i): the least over all later j counts.
         energy = caps**2 - twice * self._to_go
         later = np.minimum.accumulate(energy[::-1])[::-1]
         speeds: Array = np.sqrt(later + twice * self._to_go)
         return speeds
-
-    def _with_care(self, pose: Array, velocity: Array, rate: float) -> tuple[Array, float]:
-        """The wanted velocity (2,) [m/s] and yaw rate, or what of them does not swing a load into something.
-
-        Where turning would, the base first moves on without turning; where nothing else helps, it turns the long way.
-        """
-        if self._footprint is None or not len(self._footprint.loads):
-            return velocity, rate
-        here = self._footprint.slack(self.grid, pose)
-        if here > _ROOMY_M or abs(rate) < 0.05:
-            self._way_round = 0.0
-        still = np.zeros(2)
-        choices = [(velocity, rate), (velocity, 0.0), (still, rate), (still, -rate)]
-        if self._way_round:
-            round_ = self._way_round * abs(rate)
-            choices = [(velocity, round_), (still, round_), (velocity, 0.0)]
-        elif np.linalg.norm(velocity) < 0.05:
-            # The base waits for a turn that cannot be made here: creep along the path, away from what is near.
-            ahead = self.aim - pose[:2]
-            creep = ahead / max(float(np.linalg.norm(ahead)), 1e-6) * min(_CREEP_M_S, float(np.linalg.norm(ahead)))
-            choices = [(velocity, rate), (creep, rate), (creep, 0.0), (still, -rate)]
-        for v, w in choices:
-            if self._is_clear(pose, v, w, here):
-                if w * rate < 0:
-                    self._way_round = math.copysign(1.0, w)
-                return v, w
-        return velocity, rate
-
-    def _is_clear(self, pose: Array, velocity: Array, rate: float, here: float) -> bool:
-        """Whether the loads keep clear, or come no nearer, over the next moments."""
-        assert self._footprint is not None
-        for seconds in (0.2, 0.5, 0.8):
-            ahead = np.array([*(pose[:2] + velocity * seconds), pose[2] + rate * seconds])
-            if self._footprint.slack(self.grid, ahead) < min(0.0, here):
-                return False
-        return True
 
     def _advance(self, xy: Array) -> None:
         window = self.path[self._at : self._at + 40]
@@ -253,6 +282,14 @@ class PathFollower:
         while index > self._at and not segment_free(self._blocked, here, self._cells[index]):
             index -= 1
         return max(index, min(self._at + 1, len(self.path) - 1))
+
+
+def _touches(occupied: NDArray[np.bool_], cells: Array, radius: float) -> bool:
+    """Whether an occupied cell is within a circle, its radius in cells, about one of some cells (N, 2)."""
+    n = math.ceil(radius + 0.5)
+    offsets = np.argwhere(np.hypot(*np.ogrid[-n : n + 1, -n : n + 1]) < radius + 0.5) - n
+    rows, columns = np.moveaxis(np.floor(cells).astype(int)[:, None] + offsets, -1, 0)
+    return bool(occupied[rows.clip(0, occupied.shape[0] - 1), columns.clip(0, occupied.shape[1] - 1)].any())
 
 
 def _stopping_speed(distance: float, acceleration: float, dt_s: float) -> float:

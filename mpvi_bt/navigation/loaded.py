@@ -1,0 +1,185 @@
+"""Ways for a robot that carries something: A* over place and heading, so that the load is not swung into things."""
+
+from __future__ import annotations
+
+import heapq
+import math
+
+import numpy as np
+
+from mpvi_bt.navigation.footprint import Footprint
+from mpvi_bt.navigation.grid import compiled, cost_to_reach, shortest_path
+from mpvi_bt.navigation.traversability import ESCAPE_COST, Traversability
+from mpvi_bt.robot.solids import Array
+
+_HEADINGS = 48
+_TURN_M = 0.3  # Our choice: what turning by a radian costs, in metres of driving
+_ASIDE = 1.0  # driving sideways costs so much more than driving ahead, backwards twice that
+_BESIDE_M = 2.0  # around the way of the base alone is looked for a way for the load
+_GREED = 1.5  # what lies ahead counts so much: ways are at most so much dearer than the cheapest, and found much sooner
+_MOST = 200_000  # states looked at: the search takes a third of a second at the most
+_CLEAR_M = 0.02  # between loads and obstacles: what following the path is off by
+_ROOMY_M, _TIGHT = 0.20, 4.0  # loads nearer than that to obstacles cost more, up to so many times where they touch
+_NEAR_M = 0.8  # of start and goal the load may be where it touches no more than there
+
+_ROW = np.array([-1, 1, 0, 0, -1, -1, 1, 1], np.int64)
+_COLUMN = np.array([0, 0, -1, 1, -1, 1, -1, 1], np.int64)
+
+
+def loaded_path(grid: Traversability, footprint: Footprint, start: Array, goal: Array) -> Array | None:
+    """A way from pose to pose on which neither base nor loads touch an obstacle, at most half dearer than the cheapest.
+
+    A step goes to a neighboring cell or turns by 7.5 degrees on the spot. Where a load is too near something at the
+    start or at the goal, as above a table, it may be so around there, but not more.
+
+    Args:
+        grid: Where the base's center may be, and how far obstacles are.
+        footprint: The loads.
+        start, goal: (3,) x, y [m], yaw [rad].
+
+    Returns:
+        (N, 3) x, y [m] and yaw [rad], which runs on beyond half a turn; the last is the goal. None if there is no way.
+    """
+    cells = grid.map.cell(start), grid.map.cell(goal)
+    alone = shortest_path(grid.cost, *cells)
+    if alone is None:
+        return None
+    margin = math.ceil(_BESIDE_M / grid.map.resolution_m)
+    low = np.maximum(alone[0].min(0) - margin, 0)
+    high = np.minimum(alone[0].max(0) + margin + 1, grid.cost.shape)
+    cost = grid.cost[low[0] : high[0], low[1] : high[1]]
+    first, last = (np.array(cell) - low for cell in cells)
+    ahead = cost_to_reach(cost, (int(last[0]), int(last[1])))
+    step = 2 * math.pi / _HEADINGS
+    yaws = np.arange(_HEADINGS) * step
+    c, s = np.cos(yaws)[:, None], np.sin(yaws)[:, None]
+    x, y, radii = footprint.loads.T + np.array([[0.0], [0.0], [_CLEAR_M]])
+    offsets = np.rint(np.stack([s * x + c * y, c * x - s * y], -1) / grid.map.resolution_m).astype(np.int64)
+    toward = np.arctan2(_ROW, _COLUMN)
+    aside = 1.0 + _ASIDE * (1.0 - np.cos(toward - yaws[:, None]))
+    bins = [round(float(pose[2]) / step) % _HEADINGS for pose in (start, goal)]
+    states = _search(
+        np.ascontiguousarray(cost), np.ascontiguousarray(ahead, np.float32), grid.clearance_m, low, offsets, radii,
+        aside, _TURN_M * step / grid.map.resolution_m, np.array([bins[0], *first]), np.array([bins[1], *last]),
+        _NEAR_M / grid.map.resolution_m, ESCAPE_COST, _ROOMY_M, _TIGHT, _MOST, _ROW, _COLUMN,
+    )  # fmt: skip
+    if not len(states):
+        return None
+    yaw = np.unwrap(states[:, 0] * step)
+    yaw += 2 * math.pi * round((start[2] - yaw[0]) / (2 * math.pi))
+    poses = np.column_stack([grid.points(states[:, 1:] + low), yaw])
+    poses[0, :2] = start[:2]
+    end = goal[2] + 2 * math.pi * round((yaw[-1] - goal[2]) / (2 * math.pi))
+    return np.vstack([poses, [*goal[:2], end]])
+
+
+@compiled
+def _search(  # type: ignore
+    cost, ahead, clearance, low, offsets, radii, aside, turn, start, goal, near, dear, roomy, tight, most, row, column
+):
+    """A* from state to state (heading, row, column); returns the states between, (N, 3), none if there is no way.
+
+    Args:
+        cost: (h, w) float32 of the base's cells in a window of the map.
+        ahead: (h, w) float32; what the base alone would pay from each cell to the goal.
+        clearance: (H, W) float64 [m] of the whole map; `low` (2,) is the window's first cell.
+        offsets: (headings, loads, 2) rows and columns from the base's cell to each load's; `radii` (loads,) [m].
+        aside: (headings, 8) by how much each step is dearer with each heading.
+        turn: What turning by one heading costs.
+        start, goal: (3,) states.
+        near: Cells around start and goal within which loads may touch what they touch there; `dear` times the cost.
+        roomy: Distance [m] up to which obstacles near a load cost more, up to `tight` times.
+        most: States to look at before it is given up.
+        row, column: (8,) of the steps.
+    """
+    headings, height, width = offsets.shape[0], cost.shape[0], cost.shape[1]
+    reached = np.zeros((headings, height, width), np.float32)  # 0: not yet
+    parent = np.zeros((headings, height, width), np.uint8)  # 1 + the step that led here
+    price = np.zeros((headings, height, width), np.float32)  # by how much being there is dearer; 0: not yet known
+
+    slack = np.zeros(2)
+    for i in range(2):
+        b, r, c = start if i == 0 else goal
+        slack[i] = np.inf
+        for k in range(radii.size):
+            rr, cc = r + low[0] + offsets[b, k, 0], c + low[1] + offsets[b, k, 1]
+            inside = 0 <= rr < clearance.shape[0] and 0 <= cc < clearance.shape[1]
+            slack[i] = min(slack[i], clearance[rr, cc] - radii[k] if inside else -np.inf)
+
+    reached[start[0], start[1], start[2]] = 1e-6
+    heap = [(np.float64(ahead[start[1], start[2]]), start[0], start[1], start[2])]
+    found, looked = False, 0
+    while len(heap) > 0 and looked < most:
+        _, b, r, c = heapq.heappop(heap)
+        if parent[b, r, c] >= 128:
+            continue  # was expanded before
+        parent[b, r, c] += 128
+        looked += 1
+        if b == goal[0] and r == goal[1] and c == goal[2]:
+            found = True
+            break
+        for k in range(10):
+            b2, r2, c2 = b, r, c
+            if k < 8:
+                r2, c2 = r + row[k], c + column[k]
+                if r2 < 0 or c2 < 0 or r2 >= height or c2 >= width or cost[r2, c2] == np.inf:
+                    continue
+                if k >= 4 and (cost[r, c2] == np.inf or cost[r2, c] == np.inf):
+                    continue
+                length = 1.0 if k < 4 else math.sqrt(2.0)
+                step = length * 0.5 * (cost[r, c] + cost[r2, c2]) * aside[b, k]
+            else:
+                b2 = (b + 1) % headings if k == 8 else (b + headings - 1) % headings
+                step = turn
+            if parent[b2, r2, c2] >= 128 or ahead[r2, c2] == np.inf:
+                continue
+            if price[b2, r2, c2] == 0:
+                least = np.inf
+                for j in range(radii.size):
+                    rr, cc = r2 + low[0] + offsets[b2, j, 0], c2 + low[1] + offsets[b2, j, 1]
+                    if rr < 0 or cc < 0 or rr >= clearance.shape[0] or cc >= clearance.shape[1]:
+                        least = -np.inf
+                    else:
+                        least = min(least, clearance[rr, cc] - radii[j])
+                at_start = math.hypot(r2 - start[1], c2 - start[2]) <= near and least >= slack[0]
+                at_goal = math.hypot(r2 - goal[1], c2 - goal[2]) <= near and least >= slack[1]
+                if least >= 0.0:
+                    price[b2, r2, c2] = 1.0 + (tight - 1.0) * max(0.0, 1.0 - least / roomy) ** 2
+                else:
+                    price[b2, r2, c2] = dear if at_start or at_goal else np.inf
+            if price[b2, r2, c2] == np.inf:
+                continue
+            step *= price[b2, r2, c2]
+            through = reached[b, r, c] + step
+            if reached[b2, r2, c2] == 0 or through < reached[b2, r2, c2]:
+                reached[b2, r2, c2] = through
+                parent[b2, r2, c2] = 1 + k
+                turns = abs(b2 - goal[0])
+                left = ahead[r2, c2] + turn * min(turns, headings - turns)
+                heapq.heappush(heap, (np.float64(through + _GREED * left), b2, r2, c2))
+
+    states = np.zeros((0, 3), np.int64)
+    if not found:
+        return states
+    b, r, c = goal
+    count = 1
+    for passing in range(2):  # count the states, then write them down
+        if passing == 1:
+            states = np.zeros((count, 3), np.int64)
+        b, r, c = goal
+        i = count - 1
+        while True:
+            if passing == 1:
+                states[i] = b, r, c
+            if b == start[0] and r == start[1] and c == start[2]:
+                break
+            k = (parent[b, r, c] & 127) - 1
+            if k < 8:
+                r, c = r - row[k], c - column[k]
+            else:
+                b = (b + headings - 1) % headings if k == 8 else (b + 1) % headings
+            if passing == 0:
+                count += 1
+            else:
+                i -= 1
+    return states
