@@ -1,0 +1,1 @@
+"""Searches, looks and frontiers on grids, ours beside libraries: `python -m benchmarks.grids --help`."""
