@@ -164,3 +164,17 @@ def test_a_lying_can_is_taken_across() -> None:
     for grasp in found:
         assert abs(grasp.T_world_tcp[:3, 1] @ T[:3, 2]) < 1e-6
         assert grasp.T_world_tcp[2, 3] > 0.016 - 1e-6
+
+
+@settings(deadline=None, max_examples=15)
+@given(yaw=st.floats(-3.1, 3.1), bearing=st.floats(-3.1, 3.1), toward=st.floats(-3.1, 3.1))
+def test_hands_may_come_from_all_around(yaw: float, bearing: float, toward: float) -> None:
+    """Wherever the robot stands now: a round thing is pinched from any side, a narrow box from both of its ends."""
+    put("can_of_soda", yaw)
+    level = [g for g in grasps(TrueScene(WORLD), "can_of_soda", bearing) if g.tilt_rad > 1.3]
+    ahead = np.array([np.cos(toward), np.sin(toward), 0.0])
+    assert max(float(g.T_world_tcp[:3, 2] @ ahead) for g in level) > 0.95
+    put("box_of_oatmeal", yaw)
+    slanted = [g for g in grasps(TrueScene(WORLD), "box_of_oatmeal", bearing) if g.tilt_rad > 1.1]
+    along = WORLD.pose("box_of_oatmeal")[:3, 1]
+    assert {float(np.sign(g.T_world_tcp[:3, 2] @ along)) for g in slanted} == {-1.0, 1.0}

@@ -22,10 +22,12 @@ _BEFORE_M = 0.05  # the most that the fingers close before the middle of a thing
 _LEVELS = 4  # heights of parts that a pinch may be at
 _PAD_M = 0.006  # from the tcp to the middle of the pads' lower half
 _RIM_OPENING_M = 0.056
-_RIM_DEPTH_M = 0.018  # of the tcp below a rim
+_RIM_DEPTH_M = 0.018  # of the tcp below a rim, along the approach
 _RIM_WALL_M = 0.03  # thicker walls are no rims
 _RIM_COST = 0.15
+_RIM_TILTS = (0.0, 0.5, -0.5, 0.9, -0.9)  # along the rim
 _TILTS = (0.0, 0.3, 0.6, 0.9, 1.2, 1.4, np.pi / 2)
+_AROUND = np.arange(-7, 9) * np.pi / 8  # headings from which a round thing is pinched: the robot may drive around it
 _COVERS = 0.8  # cost of a hand right over the opening of a vessel
 _PALM_REACH_M = 0.07  # how far over an opening a palm reaches from the rim that is pinched
 _UP = np.array([0.0, 0.0, 1.0])
@@ -54,7 +56,7 @@ def grasps(scene: Scene, name: str, bearing: float) -> list[Grasp]:
     Args:
         scene: Where the thing is.
         name: The thing.
-        bearing: Heading [rad] from the robot to it; hands come from the robot's side.
+        bearing: Heading [rad] from the robot to it; hands come from the robot's side if they can.
     """
     bars = scene.handles(name)
     if bars:
@@ -106,8 +108,7 @@ def _pinches(T: Array, solids: Sequence[Solid], bearing: float) -> list[Grasp]:
     if round_:
         width = float(size[flat[0]])
         if width <= MAX_WIDTH_M:
-            turns = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.6)
-            headings = [(bearing + turn, width / 2, width) for turn in turns]
+            headings = [(bearing + turn, width / 2, width) for turn in _AROUND]
     else:
         for i, j in (flat, flat[::-1]):
             if size[i] <= MAX_WIDTH_M:
@@ -120,8 +121,6 @@ def _pinches(T: Array, solids: Sequence[Solid], bearing: float) -> list[Grasp]:
     for heading, radius, width in headings:
         aside = abs(float(wrap(heading - bearing)))
         for tilt in _TILTS:
-            if tilt > 0.2 and aside > 1.5:
-                continue
             for level in tops:
                 found = _pinch(middle, (bottom, top, level), heading, tilt, aside, radius, width)
                 if full := [grasp for grasp in found if _between(grasp.T_world_tcp, inside)]:
@@ -183,11 +182,13 @@ def _rims(volume: Solid, solids: Sequence[Solid], bearing: float) -> Iterator[Gr
             continue  # thicker than a hand would take for a wall
         middle = float(reach[first] + reach[first + int(rest.argmax())]) / 2
         at = rim + edge + middle * outward
-        z = max(float(at[2]) - _RIM_DEPTH_M, support + lowest(0.0), inner_floor + lowest(0.0))
-        if z > at[2] - 0.002:
-            continue
         far = abs(float(wrap(np.arctan2(outward[1], outward[0]) - bearing - np.pi)))
-        for tilt in (0.0, 0.5, -0.5):
+        for tilt in _RIM_TILTS:
+            # So deep along the fingers: deeper, slanted ones would meet a round rim where they cross it.
+            deep = _RIM_DEPTH_M * float(np.cos(tilt))
+            z = max(float(at[2]) - deep, max(support, inner_floor) + lowest(abs(tilt)))
+            if z > at[2] - 0.002:
+                continue
             approach = -np.cos(tilt) * _UP + np.sin(tilt) * np.cross(_UP, outward)
             for sign in (1.0, -1.0):
                 T = transform(hand_rotation(approach, sign * outward), np.array([at[0], at[1], z]))

@@ -15,10 +15,10 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array
 
-_STANDOFF_M = 0.10
 _SLANTED_RAD = 0.8  # from straight down; such hands may reach into compartments
-# How far to lift, how far behind the arm takes its posture [m], and the cost of it.
-_WAYS = ((0.15, 0.0, 0.0), (0.06, 0.0, 0.1), (0.03, 0.4, 0.3), (0.03, 0.25, 0.4))
+# From how far to close in, how far to lift, how far behind the arm takes its posture [m], and the cost of it.
+_WAYS = ((0.10, 0.15, 0.0, 0.0), (0.10, 0.06, 0.0, 0.1), (0.05, 0.06, 0.0, 0.2), (0.10, 0.03, 0.4, 0.3),
+         (0.10, 0.03, 0.25, 0.4))  # fmt: skip
 
 
 def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -61,18 +61,18 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
     motion, scene = work.motion, work.scene
     yield from motion.grip(side, 1.0, 0.1)
     try:
-        stance, search = yield from work.approach(side, name, lambda: _options(work, name), tried)
+        stance, search = yield from work.approach(side, name, lambda: options(work, name), tried)
     except MotionFailure as failure:
         if failure.reason != "no_stance":
             raise
         yield from draw_out(work, name, side)
-        stance, search = yield from work.approach(side, name, lambda: _options(work, name), tried)
+        stance, search = yield from work.approach(side, name, lambda: options(work, name), tried)
     yield from motion.grip(side, opened(stance.opening_m), 0.2)
     try:
         yield from work.take_up(stance, search)
         if work.sight is not None:
             yield from work.see(side)
-            stance = work.refined(side, stance, _options(work, name))
+            stance = work.refined(side, stance, options(work, name))
             yield from work.lines(side, stance, [0])
         yield from work.lines(side, stance, [1])
         yield from motion.grip(side, -1.0, 0.67)
@@ -94,23 +94,23 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
         raise MotionFailure("dropped")
 
 
-def _options(work: Work, name: str) -> list[Option]:
-    """Ways to take hold of a thing as it is known now, from the robot's side. Raises MotionFailure "no_grasp"."""
+def options(work: Work, name: str) -> list[Option]:
+    """Ways to take hold of a thing as it is known now. Raises MotionFailure "no_grasp" if there is none."""
     at, here = work.scene.pose(name)[:2, 3], work.motion.felt.base_pose
     parts = [s for n in (name, *work.scene.within(name)) for s in work.scene.solids(n)]
-    options = []
+    found = []
     for grasp in grasps(work.scene, name, float(np.arctan2(at[1] - here[1], at[0] - here[0]))):
         T = grasp.T_world_tcp
         frame = kin.inverse(T)
         load = Load([solid.moved(frame) for solid in parts])
-        for lift, run_up, cost in _WAYS:
+        for standoff, lift, run_up, cost in _WAYS:
             if run_up and grasp.tilt_rad < _SLANTED_RAD:
                 continue
             before, lifted = T.copy(), T.copy()
-            before[:3, 3] -= _STANDOFF_M * T[:3, 2]
+            before[:3, 3] -= standoff * T[:3, 2]
             lifted[2, 3] += lift
             waypoints = np.stack([before, T, lifted])
-            options.append(Option(waypoints, 1, grasp.cost + cost, run_up, load, grasp.opening_m))
-    if not options:
+            found.append(Option(waypoints, 1, grasp.cost + cost, run_up, load, grasp.opening_m))
+    if not found:
         raise MotionFailure("no_grasp")
-    return options
+    return found
