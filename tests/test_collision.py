@@ -122,6 +122,19 @@ def test_covering_spheres_stay_near_the_solid(seed: int) -> None:
     assert radii.max() <= 0.6 * 0.05 + 1e-9
 
 
+@given(seeds)
+def test_a_load_fits_where_it_stands(seed: int) -> None:
+    """Within some room no sphere is larger than that room or than before, none vanishes, and centers stay."""
+    rng = np.random.default_rng(seed)
+    load = Load([solid(rng)])
+    room = rng.uniform(0.0, 0.06, len(load.radii))
+    fitted = load.within(room)
+    np.testing.assert_array_equal(fitted.centers, load.centers)
+    assert (fitted.radii <= np.maximum(room, load.radii / 2)).all()
+    assert (fitted.radii <= load.radii).all()
+    assert (fitted.radii >= load.radii / 2).all()
+
+
 def body(torso: Array = r1.TRAVEL_TORSO, around: Surroundings | None = None, **held: Load) -> Body:
     """The robot in its travel posture."""
     loads = {s: held[s] for s in SIDES if s in held}

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from benchmarks.hands.rooms import things
 from mpvi_bt.manipulation.grasps import grasps
+from mpvi_bt.manipulation.pick import options as pick_options
 from mpvi_bt.manipulation.stance import Option, Search, Stance
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work, other, upright_options
@@ -158,3 +161,30 @@ def test_what_failed_is_not_searched_again(world: World, monkeypatch: pytest.Mon
     monkeypatch.setattr(Search, "_from", checks)
     assert search.find(world.pose("can")[:2, 3], ways) is not None
     assert not search.effort.failed
+
+
+def found_for(world: World, name: str) -> Stance | None:
+    """A stance to pick a thing up from, with either hand."""
+    world.settle()
+    task = work(world)
+    ways = pick_options(task, name)
+    stances = (task.search(side, {name}).find(world.pose(name)[:2, 3], ways) for side in SIDES)
+    return next((stance for stance in stances if stance is not None), None)
+
+
+def test_what_stands_at_a_wall_may_be_lifted_along_it() -> None:
+    """A hollow thing a millimeter from a wall comes no nearer to it in the hand than where it stands."""
+    world = small_world({"cup": placed("coffee_cup", 0.0, 0.0, yaw=np.pi)}, (2.0, 0.0, 0.0))
+    T = world.pose("cup")
+    T[0, 3] = 2.95 - 0.001 - max(s.aabb()[1, 0] for s in world.solids("cup"))
+    world.place("cup", T)
+    assert found_for(world, "cup") is not None
+
+
+def test_ways_that_no_arm_can_take_do_not_hide_the_others() -> None:
+    """Where a hand from above fits between two boards and its arm does not, one from before the boards is found."""
+    size = [0.36, 0.9, 0.06 + 5 * 0.372 + 0.011]
+    shelf = f"{{entry: shelf, at: [2.769, 0.0], yaw_deg: 180, shape: {{size_m: {size}, shelves: 6}}}}"
+    dice = replace(placed("candle", 2.80, 0.0, 0.06 + 0.372 + 0.012, 1.5), entry=things("tuning")["dice_cube"])
+    world = small_world({"dice": dice}, (1.7, 0.0, 0.0), shelf_1=shelf)
+    assert found_for(world, "dice") is not None

@@ -31,7 +31,9 @@ _BASE_CLEAR_M = 0.30
 _KNOWN_M = 1.4  # from here; farther off there may be walls that are not among the obstacles
 _TOUCH_M = 0.008  # the spheres reach that far beyond what they stand for: what may be near a hand that touches
 _RANKED_POSTURES = 1200  # of one base pose, checked where the hand works
-_CHECKED_POSTURES = 16  # of those, on the whole way
+_GLANCED_POSTURES = 80  # of those, looked at where the other waypoints are, and found wanting,
+_REFUSED = 4  # as many for one option
+_CHECKED_POSTURES = 16  # of those that are left, on the whole way
 _GLANCE = 0.25  # of a full check: no posture was clear even where the hand works
 _CHECKED_BASES = 12  # of one spacing
 SPACINGS = ((0.12, 0.5), (0.05, 0.25))  # [m, rad] between base poses: what fails here fails a hand's breadth away
@@ -197,6 +199,7 @@ class Search:
         """
         if self.effort.left <= 0:
             return None
+        options = [self._as_it_stands(option) for option in options]
         able = [k for k, option in enumerate(options) if self.fits(option)]
         if not able:
             return None
@@ -262,6 +265,14 @@ class Search:
                 if (around.distance(centers @ T[:3, :3].T + T[:3, 3]) < radii - slack).any():
                     return False
         return True
+
+    def _as_it_stands(self, option: Option) -> Option:
+        """An option whose load is no larger than the room where it stands, next to a wall or among other things."""
+        if option.load is None or option.contact >= len(option.waypoints):
+            return option
+        T = option.waypoints[option.contact]
+        room = self._others.distance(option.load.centers @ T[:3, :3].T + T[:3, 3])
+        return replace(option, load=option.load.within(room + _TOUCH_M / 2))
 
     def _load(self, k: int, option: Option) -> Load | None:
         if k > option.contact:
@@ -378,18 +389,22 @@ class Search:
         touching = np.array([options[k].contact == key for k, key in zip(able, keys, strict=True)])
         rows = rows[self._clear(base, torsos, t[rows], q[rows], touching[g[rows]], arms)]
         seen: dict[tuple[int, int], int] = {}
+        refused: dict[int, int] = {}
+        checked = 0
         standing: dict[int, Standing | None] = {}
         for row in rows:
             where = (int(t[row]), int(g[row]))
-            if seen.get(where, 0) >= 2:
+            if seen.get(where, 0) >= 2 or refused.get(where[1], 0) >= _REFUSED:
                 continue
             seen[where] = seen.get(where, 0) + 1
-            if len(seen) > _CHECKED_POSTURES:
+            if checked >= _CHECKED_POSTURES or sum(refused.values()) >= _GLANCED_POSTURES:
                 break
             torso, k, key = torsos[t[row]], able[where[1]], keys[where[1]]
             posed = replace(self.body(torso, behind, arms), torso=torso)
             if not self._postures_clear(posed, base, options[k], goals[where[1]], key, q[row]):
+                refused[where[1]] = refused.get(where[1], 0) + 1
                 continue
+            checked += 1
             if where[0] not in standing:
                 standing[where[0]] = self._stood(torso, behind, arms)
             stood = standing[where[0]]

@@ -118,6 +118,15 @@ class Load:
         self.solids = Surroundings([*solids, *volumes])
         self.centers, self.radii = covering_spheres(solids)
 
+    def within(self, room_m: Array) -> Load:
+        """The same with no more than `room_m` (n,) about each center: spheres reach beyond what they stand for.
+
+        No sphere shrinks to less than half of its size.
+        """
+        other = copy(self)
+        other.radii = np.minimum(self.radii, np.maximum(room_m, self.radii / 2))
+        return other
+
 
 @dataclass(frozen=True, eq=False)
 class Body:
