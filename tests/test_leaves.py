@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -51,3 +53,16 @@ def test_a_fist_pushes_the_outer_face_home(name: str, body: str, fraction: float
         assert np.ptp(local, axis=0).max() < 0.03
         step = course.hand(0.01)[:3, 3] - course.hand(0.0)[:3, 3]
         assert step @ course.hand(0.0)[:3, 2] > 0
+
+
+@pytest.mark.parametrize("name", ["left-hinged cabinet", "refrigerator"])
+def test_a_fist_keeps_clear_of_a_bar_that_is_not_seen(name: str) -> None:
+    """Where a door hides its bar, it is pushed farther from the free edge than a palm beside the bar is wide."""
+    world = small_world(thing=FIXTURES[name])
+    world.set_opening("thing", "door", 0.7)
+    world.refresh()
+    (door,) = world.doors("thing")
+    assert door.bar is not None
+    for course in pushes(replace(door, bar=None)):
+        off = course.hand(0.0)[:3, 3] - door.bar.center
+        assert np.linalg.norm(np.cross(off, door.bar.axis)) > 0.12

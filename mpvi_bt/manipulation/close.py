@@ -37,7 +37,8 @@ _SHORT_M = 0.10
 _TURNS = (0.5, 0.75, 0.3, 0.9)
 _BESIDE_M = 0.09  # from the bar's end, or from its axis, to the middle of the fist
 _INSET_M = (0.07, 0.12, 0.2)  # from the free edge
-_INSET_UNSEEN_M = (0.14, 0.2)  # likewise, where its bar is hidden: farther in than bars are
+_INSET_UNSEEN_M = (0.18, 0.24)  # likewise, where its bar is hidden: farther in than bars are
+_ASLANT = 0.6  # tangent of how a fist draws back from a closed door
 _NEARLY = 0.85  # of the way
 _SHUT_M = 0.010
 _BEYOND_RAD = 0.03  # the fist goes on that far: arms give way
@@ -151,8 +152,17 @@ def _push_home(
 
     yield from motion.grip(side, -1.0, 0.3)
     yield from take_up(work, start, side, idle)
-    yield from then_leave(work, side, push(), fist=True)
+    yield from then_leave(work, side, push(), _to_hinge(door))
     return held_up >= _STOPPED and left < _HOME * way
+
+
+def _to_hinge(door: Door) -> Array:
+    """(2,) along a closed door from its free edge, where bars are, to its hinge; zero where none is upright."""
+    if not upright(door):
+        return np.zeros(2)
+    shut = moved(door, -door.position)
+    way = (door.origin - shut[:3, :3] @ _edge(door) - shut[:3, 3])[:2]
+    return np.asarray(_ASLANT * way / np.linalg.norm(way))
 
 
 def pushes(door: Door, beyond: float = 0.03) -> list[Course]:

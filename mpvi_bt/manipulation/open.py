@@ -23,7 +23,7 @@ from mpvi_bt.manipulation.openings import (
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.perception.parts import Bar, Door
 from mpvi_bt.robot.motion import Actions, MotionFailure
-from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.protocol import ActionLayout, Side
 from mpvi_bt.robot.solids import Array, Solid
 
 # How far to open [rad], the most first, for there may be no room: enough to reach in. A bottom hinge stops where the
@@ -132,10 +132,15 @@ def _lead(work: Work, course: Course, side: Side, torso_after: Array) -> Actions
     yield from go_along(work.motion, course, side, torso_after, lost)
 
 
-def then_leave(work: Work, side: Side, doing: Actions, fist: bool = False) -> Actions:
+def then_leave(work: Work, side: Side, doing: Actions, aside: Array | None = None) -> Actions:
     """Do something with a hand; then, whether it went well or not, let go, draw the hand back, the base too, and fold.
 
-    A `fist` stays closed until then: fingers that open beside a bar would take it along.
+    Args:
+        work: Robot and world.
+        side: The hand.
+        doing: What it does.
+        aside: For a fist, which stays closed until it is folded: (2,) what is added to the unit vector that it draws
+            back along, to keep it clear of the bar, which it would take along.
 
     Raises:
         MotionFailure: As `doing`, or else as the way back.
@@ -143,11 +148,13 @@ def then_leave(work: Work, side: Side, doing: Actions, fist: bool = False) -> Ac
     motion = work.motion
     failures: list[MotionFailure] = []
     yield from _trying(doing, failures)
-    if not fist:
+    if aside is None:
         yield from motion.grip(side, 1.0, 0.3)
+    else:
+        motion.action[ActionLayout.ARM[side]] = motion.felt.arm[side]  # presses no more
     away = -(work.base @ motion.hand(side))[:2, 2]
-    if np.linalg.norm(away) > 0.3:
-        yield from _trying(back_out(motion, away, _BACK_OUT_M), failures)
+    if (length := float(np.linalg.norm(away))) > 0.3:
+        yield from _trying(back_out(motion, away / length + (0.0 if aside is None else aside), _BACK_OUT_M), failures)
     yaw = motion.felt.base_pose[2]
     yield from _trying(back_out(motion, -np.array([np.cos(yaw), np.sin(yaw)]), _BACK_OFF_M), failures)
     yield from _trying(work.settle(), failures)
