@@ -55,6 +55,6 @@ $(VENV)/.core: pyproject.toml constraints.txt | $(bin)/python
 	@touch $@
 
 $(VENV)/.test: pyproject.toml constraints.txt | $(bin)/python
-	@echo "set-up: installing everything into $(VENV) (2.2 GB)"
+	@echo "set-up: installing everything into $(VENV) (3.3 GB)"
 	$(pip_install) --editable '.[dev]'
 	@touch $(VENV)/.core $@

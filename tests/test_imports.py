@@ -43,11 +43,18 @@ ONLY_IN = {
     "py_trees": {"behaviors", "tree", "executive"},
     "torch": {"sim/maniskill.py", "perception/grounding_dino.py"},
     "transformers": {"perception/grounding_dino.py"},
+    "rerun": {"executive/rerun_log.py"},
 }
-DISTRIBUTION = {"yaml": "pyyaml", "pydantic_core": "pydantic", "cv2": "sapien", "imageio_ffmpeg": "imageio-ffmpeg"}
+DISTRIBUTION = {
+    "yaml": "pyyaml",
+    "pydantic_core": "pydantic",
+    "cv2": "sapien",
+    "imageio_ffmpeg": "imageio-ffmpeg",
+    "rerun": "rerun-sdk",
+}
 HEAVY = (
     *("numpy", "sapien", "torch", "pydantic", "numba", "scipy", "yaml", "py_trees", "mani_skill"),
-    *("msgpack", "websockets", "transformers"),
+    *("msgpack", "websockets", "transformers", "rerun", "pyarrow"),
 )
 
 

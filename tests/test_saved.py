@@ -137,5 +137,5 @@ def test_the_settings_of_an_episode_are_what_it_records() -> None:
         assisted=True,
     )
     assert SavedSettings(**full.record()).model_dump() == full.record()
-    outputs = {"video", "picture", "trace", "saved"}
+    outputs = {"video", "picture", "rerun", "trace", "saved"}
     assert {f.name for f in dataclasses.fields(EpisodeConfig)} - outputs == set(SavedSettings.model_fields)

@@ -62,6 +62,7 @@ _OUTPUT = click.Path(dir_okay=False, path_type=Path)
 @click.option("--step", is_flag=True, help="Pause wherever something changes.")
 @click.option("--video", type=_OUTPUT, metavar="FILE", help="Film the episode, as mp4.")
 @click.option("--picture", type=_OUTPUT, metavar="FILE", help="Draw the way taken, from above, as png.")
+@click.option("--rerun", type=_OUTPUT, metavar="FILE", help="Log the episode for the rerun viewer, as rrd.")
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
@@ -93,9 +94,13 @@ def run(
     Exit code 0 where the goal is true at the end, 1 where it is not; of a dry run, where the tree succeeds or not. 3
     where the policy's server failed.
     """
+    if settings["rerun"]:
+        from mpvi_bt.executive.rerun_log import require_sdk
+
+        require_sdk()
     config, prepared, dry = _resumed(resume, settings) if resume else _asked_for(task, arguments(params), dry, settings)
-    if dry and (config.video or config.picture):
-        raise click.UsageError("A dry run has nothing to film or to draw.")
+    if dry and (config.video or config.picture or config.rerun):
+        raise click.UsageError("A dry run has nothing to film, to draw or to log.")
     stem = config.name if not dry else f"{Path(config.tree or config.plan or config.task).stem}_dry"
     config = replace(config, trace=out / f"{stem}.trace.jsonl" if trace else None, saved=out / f"{stem}.saved.json")
     if prepared.doubt:
@@ -109,7 +114,7 @@ def run(
     for glob in breaks:
         require_match(glob, prepared.spec, "--break")
     try:
-        for folder in (out, *(file.parent for file in (config.video, config.picture) if file is not None)):
+        for folder in (out, *(file.parent for file in (config.video, config.picture, config.rerun) if file is not None)):
             _check_writable(folder)  # now, not when a minute's work is lost
     except UserError:
         if trace or not dry:
@@ -171,7 +176,8 @@ def _resumed(file: str, settings: dict[str, Any]) -> tuple[EpisodeConfig, Prepar
     from mpvi_bt.suite.saved import load_saved
 
     prepared = prepare_saved(saved := load_saved(file))
-    return replace(saved.episode, video=settings["video"], picture=settings["picture"]), prepared, saved.dry
+    outputs = {key: settings[key] for key in ("video", "picture", "rerun")}
+    return replace(saved.episode, **outputs), prepared, saved.dry
 
 
 def _episode(
@@ -246,7 +252,7 @@ def _left(config: EpisodeConfig) -> Path | None:
 
 def _refuse_beside_resume() -> None:
     """Raises UsageError if anything was given that the saved episode says itself."""
-    own = {"resume", "breaks", "step", "video", "picture", "out", "trace", "watch", "unicode", "as_json"}
+    own = {"resume", "breaks", "step", "video", "picture", "rerun", "out", "trace", "watch", "unicode", "as_json"}
     for parameter in _given():
         if parameter.name not in own:
             given = parameter.opts[0] if parameter.param_type_name == "option" else "TASK"
