@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Generator, Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mpvi_bt.manipulation.course import Course, Start
 from mpvi_bt.manipulation.follow import go_along, resistance, take_up, touch
@@ -20,6 +19,7 @@ from mpvi_bt.manipulation.openings import (
     seen_twice,
     stand_before,
     thing_meant,
+    turned,
     upright,
 )
 from mpvi_bt.manipulation.work import Words, Work
@@ -233,19 +233,21 @@ def _push(door: Door, point: Array, straight: Array, turn: float, beyond: float,
         at = start - (start + beyond) * x
         R = straight
         if door.kind == "hinge":
-            R = Rotation.from_rotvec(door.axis * turn * at).as_matrix() @ straight
+            R = turned(door.axis, turn * at) @ straight
         T = moved(door, at - start)
         return kin.transform(R, T[:3, :3] @ point + T[:3, 3] - _FIST_M * R[:, 2])
+
+    before = hand(0.0)
+    touched = before[:3, 3].copy()
 
     def carry(x: float) -> Array:
         yaw = -float(np.sign(door.axis[2])) * turn * (start + beyond) * x if upright(door) else 0.0
         R = kin.rot_z(yaw)
-        return kin.transform(R, (hand(x)[:3, 3] - R @ hand(0.0)[:3, 3]) * [1.0, 1.0, 0.0])
+        return kin.transform(R, (hand(x)[:3, 3] - R @ touched) * [1.0, 1.0, 0.0])
 
     def moving(x: float) -> Sequence[Solid]:
         T = moved(door, -start * x)
         return [s.moved(T) for s in door.solids]
 
-    before = hand(0.0)
     before[:3, 3] -= _SHORT_M * before[:3, 2]
     return Course(before, hand, carry, moving, float(np.arctan2(before[1, 2], before[0, 2])), cost)

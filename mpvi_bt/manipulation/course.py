@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -51,6 +52,11 @@ class Course:
     moving: Callable[[float], Sequence[Solid]]
     heading: float
     cost: float = 0.0
+
+    @cached_property
+    def touch(self) -> Array:
+        """`hand(0)`: (4, 4)."""
+        return self.hand(0.0)
 
     def pulled(self, x: float) -> Array:
         """`hand(x)` as the base of the start would see it after it went along: (4, 4)."""
@@ -106,7 +112,7 @@ class CourseSearch(Search):
         if not courses:
             return None
         here, spent = self.motion.felt.base_pose, 0.0
-        focus = np.mean([c.hand(0.0)[:2, 3] for c in courses], axis=0)
+        focus = np.mean([c.touch[:2, 3] for c in courses], axis=0)
         for base in _bases(here, focus, courses[0].heading, self.side):
             if any(np.linalg.norm(base[:2] - b[:2]) < 0.05 and abs(kin.wrap(base[2] - b[2])) < 0.2 for b in self.tried):
                 continue
@@ -154,7 +160,7 @@ class CourseSearch(Search):
         T = kin.inverse(kin.base(base))
         torsos = np.array([(lift, 0.0, pitch, r1.TRAVEL_TORSO[3]) for lift in _LIFTS for pitch in _PITCHES])
         chests = kin.inverse(kin.chest(torsos))
-        touches = np.stack([T @ course.hand(0.0) for course in courses])
+        touches = T @ np.stack([course.touch for course in courses])
         at, q = kin.arm_inverse((chests[:, None] @ touches[None]).reshape(-1, 4, 4), self.side, swivels=16)
         if not len(at):
             return None, _GLANCE

@@ -6,7 +6,6 @@ import re
 from collections.abc import Generator, Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mpvi_bt.manipulation.course import Course
 from mpvi_bt.manipulation.work import Work
@@ -203,8 +202,15 @@ def moved(door: Door, by: float) -> Array:
     """(4, 4) that takes what moves with a door from where it is to where it is when opened further by [rad or m]."""
     if door.kind == "slide":
         return kin.transform(np.eye(3), door.axis * by)
-    R = Rotation.from_rotvec(door.axis * by).as_matrix()
+    R = turned(door.axis, by)
     return kin.transform(R, door.origin - R @ door.origin)
+
+
+def turned(axis: Array, angle_rad: float) -> Array:
+    """(3, 3) rotation about a unit vector (3,), in a tenth of the time that scipy takes: searches ask for thousands."""
+    x, y, z = axis
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + np.sin(angle_rad) * K + (1.0 - np.cos(angle_rad)) * (K @ K))
 
 
 def upright(door: Door) -> bool:
@@ -248,22 +254,24 @@ def _swing(door: Door, grip: Array, straight: Array, turn: float, to: float, cos
         at = start + (to - start) * x
         R = straight
         if door.kind == "hinge":
-            R = Rotation.from_rotvec(door.axis * turn * at).as_matrix() @ straight
+            R = turned(door.axis, turn * at) @ straight
         T = moved(door, at - start)
         return kin.transform(R, T[:3, :3] @ grip + T[:3, 3])
+
+    before = hand(0.0)
+    touched = before[:3, 3].copy()
 
     def carry(x: float) -> Array:
         now = hand(x)[:3, 3]
         yaw = float(np.sign(door.axis[2])) * turn * (to - start) * x if upright(door) else 0.0
         R = kin.rot_z(yaw)
-        shift = now - R @ hand(0.0)[:3, 3]
+        shift = now - R @ touched
         return kin.transform(R, shift * [1.0, 1.0, 0.0])
 
     def moving(x: float) -> list[Solid]:
         T = moved(door, (to - start) * x)
         return [s.moved(T) for s in door.solids]
 
-    before = hand(0.0)
     before[:3, 3] -= _SHORT_M * before[:3, 2]
     z = before[:3, 2]
     return Course(before, hand, carry, moving, float(np.arctan2(z[1], z[0])), cost)
