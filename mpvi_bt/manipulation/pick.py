@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
 from mpvi_bt.manipulation.draw_out import draw_out
@@ -15,6 +17,7 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array
 
+_OFF_M, _AWAY_M = 0.055, 0.20  # above what it lay on, or aside: a thing that tips in the hand has risen by less
 _SLANTED_RAD = 0.8  # from straight down; such hands may reach into compartments
 # From how far to close in, how far to lift, how far behind the arm takes its posture [m], and the cost of it.
 _WAYS = ((0.10, 0.15, 0.0, 0.0), (0.10, 0.06, 0.0, 0.1), (0.05, 0.06, 0.0, 0.2), (0.10, 0.03, 0.4, 0.3),
@@ -33,8 +36,12 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
         MotionFailure: "unknown_object", "hands_full", or as `pick_up`.
     """
     alike = {e.name for e in work.scene.knowledge().find(words["object"])}
-    if any(work.scene.holding(s) in alike for s in SIDES if words.get("hand") in (None, s)):
-        return  # in hand already
+    for side in SIDES:
+        held = work.scene.holding(side)
+        if held in alike and words.get("hand") in (None, side):
+            if held in work.lay:  # a try that failed on its way has it in hand
+                yield from _bring(work, held, side)
+            return
     name = work.nearest(words["object"])
     for side in work.free_hands(name, words.get("hand")):
         try:
@@ -56,7 +63,7 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
         tried: Base poses that did not do; the one taken is added.
 
     Raises:
-        MotionFailure: "no_grasp", "no_stance", "closed_empty", "slipped", or a motion's own reason.
+        MotionFailure: "no_grasp", "no_stance", "closed_empty", "slipped", "dropped", or a motion's own reason.
     """
     motion, scene = work.motion, work.scene
     yield from motion.grip(side, 1.0, 0.1)
@@ -75,6 +82,7 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
             stance = work.refined(side, stance, options(work, name))
             yield from work.lines(side, stance, [0])
         yield from work.lines(side, stance, [1])
+        work.lay[name] = np.append(scene.pose(name)[:2, 3], _lowest(work, name))
         yield from motion.grip(side, -1.0, 0.67)
         yield from motion.wait(0.1)
         if not work.gripped(side):
@@ -87,11 +95,32 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
         yield from work.withdraw(side, stance)
         raise
     yield from work.leave(stance)
+    yield from _bring(work, name, side)
+
+
+def _bring(work: Work, name: str, side: Side) -> Actions:
+    """Bring what a hand has taken to the chest, and off what it lay on."""
     yield from work.settle(without={name})
     if work.covered(side):
         yield from work.back_off()
+    if not _off(work, name):
+        with suppress(MotionFailure):
+            yield from work.rise(side)
     if not work.gripped(side):
         raise MotionFailure("dropped")
+    if not _off(work, name):
+        raise MotionFailure("slipped")
+
+
+def _off(work: Work, name: str) -> bool:
+    """Whether a thing is well above what it lay on, or well away from there."""
+    lay = work.lay[name]
+    away = float(np.linalg.norm(work.scene.pose(name)[:2, 3] - lay[:2]))
+    return _lowest(work, name) > lay[2] + _OFF_M or away > _AWAY_M
+
+
+def _lowest(work: Work, name: str) -> float:
+    return float(min(solid.aabb()[0, 2] for solid in work.scene.solids(name)))
 
 
 def options(work: Work, name: str) -> list[Option]:

@@ -53,6 +53,7 @@ class Work:
         images: The pictures that it brought.
         effort: What searches may take.
         ajar: Out of what front (3,) of things a door was last seen to stand open, by name.
+        lay: Where things were when a hand closed on them: x, y of their frames, height of their lowest points [m].
     """
 
     scene: Scene
@@ -63,6 +64,7 @@ class Work:
     images: Mapping[str, CameraImage] = field(default_factory=dict)
     effort: Effort = field(default_factory=Effort)
     ajar: dict[str, Array] = field(default_factory=dict)
+    lay: dict[str, Array] = field(default_factory=dict)
 
     @property
     def base(self) -> Array:

@@ -1,0 +1,64 @@
+"""Picking up: what counts as done."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mpvi_bt.manipulation.pick import _bring, pick
+from mpvi_bt.manipulation.truth import TrueScene
+from mpvi_bt.manipulation.work import Work
+from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
+from mpvi_bt.sim.world import World
+from tests.small_house import placed, small_world
+
+CAN = {"object": "can of soda"}
+TABLE = "{entry: table, at: [0.9, 0.0]}"
+
+
+def lowest(world: World) -> float:
+    return float(min(s.aabb()[0, 2] for s in world.solids("can")))
+
+
+def played(world: World, task: Work, actions: Actions) -> None:
+    """Perform it."""
+    until_s = world.time_s + 60.0
+    for action in actions:
+        world.step(action)
+        task.motion.felt = world.robot.proprioception()
+        assert world.time_s < until_s
+
+
+@pytest.fixture
+def held() -> tuple[World, Work, float]:
+    """A can that has been picked up from a table, and how high it lay."""
+    world = small_world({"can": placed("can_of_soda", 0.7, 0.0, 0.76)}, (-0.2, 0.0, 0.0), table_1=TABLE)
+    world.settle()
+    rest = lowest(world)
+    task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    played(world, task, pick(task, CAN, []))
+    return world, task, rest
+
+
+@pytest.mark.slow
+def test_what_is_picked_up_is_off_what_it_lay_on(held: tuple[World, Work, float]) -> None:
+    """A pick that says nothing against it has the thing in hand, 5 cm and more above where it lay or well away."""
+    world, task, rest = held
+    assert task.scene.holding("left") == "can" or task.scene.holding("right") == "can"
+    assert lowest(world) > rest + 0.05
+    assert task.lay["can"][2] == pytest.approx(rest, abs=0.005)
+
+
+@pytest.mark.slow
+def test_what_is_in_hand_where_it_lay_is_not_picked_up(held: tuple[World, Work, float]) -> None:
+    """A retry with the thing in hand raises it first; where it comes no higher, the pick fails."""
+    world, task, _ = held
+    side = "left" if task.scene.holding("left") == "can" else "right"
+    at = task.scene.pose("can")[:2, 3]
+    task.lay["can"] = np.append(at, lowest(world))  # as if it had been gripped up here
+    before = lowest(world)
+    played(world, task, pick(task, CAN, []))
+    assert lowest(world) > before + 0.05
+    task.lay["can"] = np.append(task.scene.pose("can")[:2, 3], 1.5)
+    with pytest.raises(MotionFailure, match="slipped"):
+        played(world, task, _bring(task, "can", side))
