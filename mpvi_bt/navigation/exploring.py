@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
+
+import numpy as np
+from numpy.typing import NDArray
 
 from mpvi_bt.behaviors.protocols import Report
 from mpvi_bt.errors import nearest
@@ -11,14 +14,16 @@ from mpvi_bt.navigation.driver import DEFAULTS, GaveUp, NavigationParameters, St
 from mpvi_bt.navigation.lookout import Lookout
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator, Trip
 from mpvi_bt.navigation.search import Search
+from mpvi_bt.perception.detector import Detection
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, normalize
-from mpvi_bt.robot.protocol import Robot
+from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.protocol import CameraImage, Robot
 
 _TRIES = 4  # drives to what was seen: it may turn out to be elsewhere, or not to be there
 
 
 class ExploringNavigator(KnownPlaceNavigator):
-    """Navigates to targets whose place may be unknown (implements `Navigator`).
+    """Navigates to targets whose place may be unknown (implements `Navigator`, and `SearchView` for pictures of it).
 
     Order (Paper, Navigation appendix): done if the base is at the target already; else the knowledge base is asked;
     else the robot drives into the room, or to the thing, that was named with the target, looks there, and explores:
@@ -63,6 +68,43 @@ class ExploringNavigator(KnownPlaceNavigator):
         if self._work is not None:
             self.lookout.step()
         return super().step()
+
+    # ------------------------------------------------------------------------------------------ for pictures of the run
+
+    @property
+    def map(self) -> OccupancyMap:
+        """What is driven by."""
+        return self.lookout.occupancy.map
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """(H, W) cells of the map of which it is known whether something stands there."""
+        return self.lookout.occupancy.known
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """(H, W) floor that the camera has seen, from afar or near."""
+        return self.lookout.visibility.seen
+
+    @property
+    def frontier(self) -> NDArray[np.bool_]:
+        """(H, W) cells between what was seen and what was not, as of the last plan."""
+        return self.search.frontier
+
+    @property
+    def image(self) -> CameraImage | None:
+        """The picture that was searched last."""
+        return self.lookout.last
+
+    @property
+    def detections(self) -> Sequence[Detection]:
+        """What was detected in it."""
+        return self.lookout.discoveries.detections
+
+    @property
+    def entries(self) -> Iterable[Entry]:
+        """All that is known."""
+        return self._knowledge()
 
     # ------------------------------------------------------------------------------------------ the drive
 

@@ -68,6 +68,11 @@ class KnownPlaceNavigator:
         """(3,) the pose [m, m, rad] in the world that is being driven to, or was last; None before the first plan."""
         return self._driver.goal
 
+    @property
+    def path(self) -> Array | None:
+        """(N, 2) the way [m] that is being driven; None where the base is not to be anywhere else."""
+        return self._driver.path if self._work is not None else None
+
     def start(self, target: str, room: str | None) -> None:
         """Begin driving to `target`; see `Navigator`."""
         self._driver.forget()

@@ -51,6 +51,7 @@ class Discoveries:
         phrases: What is looked for.
         errors: How many pictures the detector failed on.
         last_error: Its last failure, or None.
+        detections: What it found in the last picture.
     """
 
     def __init__(
@@ -77,6 +78,7 @@ class Discoveries:
         self._looks: defaultdict[str, Looks] = defaultdict(Looks)  # by name
         self.errors = 0
         self.last_error: DetectorError | None = None
+        self.detections: Sequence[Detection] = ()
 
     def feel(self, body: Proprioception) -> None:
         """Take in one step of proprioception: what the hands hold moves with them. To be called each control step."""
@@ -96,8 +98,10 @@ class Discoveries:
         """
         self._carrying.move(body)
         try:
-            seen, unplaced = sightings(image, self._detector.detect(image, self.phrases))
+            self.detections = self._detector.detect(image, self.phrases)
+            seen, unplaced = sightings(image, self.detections)
         except DetectorError as error:
+            self.detections = ()
             self.errors, self.last_error = self.errors + 1, error
             return []
         entries, new = [], []

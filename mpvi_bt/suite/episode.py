@@ -28,6 +28,7 @@ from mpvi_bt.executive.video import Video
 from mpvi_bt.goals.evaluate import judge, snapshot, unmet
 from mpvi_bt.goals.predicates import BINARY, UNARY, truth_in
 from mpvi_bt.goals.problem import Problem, load_problem
+from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.protocol import SIDES, Side
@@ -189,14 +190,17 @@ def _recorders(
     config: EpisodeConfig, grid: OccupancyMap, world: World, navigator: KnownPlaceNavigator, saved: SavedEpisode | None
 ) -> list[Subscriber]:
     recorders: list[Subscriber] = []
+    search = navigator if isinstance(navigator, ExploringNavigator) else None
     if config.trace is not None:
         recorders.append(Recorder(config.trace, config.record(), config.seed, saved.run if saved else None))
     if config.video is not None:
-        recorders.append(Video(config.video, config.name))
+        recorders.append(Video(config.video, config.name, search=search))
     if config.rerun is not None:
-        recorders.append(RerunLog(config.rerun, grid, config.name))
+        recorders.append(RerunLog(config.rerun, grid, config.name, search))
     if config.picture is not None:
-        recorders.append(PathPicture(config.picture, grid, world.knowledge, lambda: navigator.goal, config.name))
+        recorders.append(
+            PathPicture(config.picture, grid, world.knowledge, lambda: navigator.goal, config.name, search)
+        )
     return recorders
 
 
