@@ -74,7 +74,7 @@ class MapPicture:
             cv2.polylines(rgb, [px(view.path)], False, colors.SEEN, 5, cv2.LINE_AA)
             cv2.polylines(rgb, [px(view.path)], False, colors.PATH, 2, cv2.LINE_AA)
         self._names(rgb, view, px)
-        if view.goal is not None:
+        if view.goal is not None and view.path is not None:
             _pose(rgb, px, view.goal, 0.2, colors.SEEN, colors.PATH)
         _pose(rgb, px, base_pose, 0.27, colors.ROBOT, colors.INK)
         picture = self._paper.copy()

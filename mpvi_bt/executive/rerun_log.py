@@ -166,7 +166,7 @@ class RerunLog(Watcher):
         if self._search is not None:
             path = self._search.path
             self._line("path", np.zeros((0, 2)) if path is None else path, colors.PATH)
-            goal = self._search.goal
+            goal = None if path is None else self._search.goal
             at = np.zeros((0, 2)) if goal is None else goal[None, :2]
             log("map/goal", rr.Points2D(self._pixels(at), colors=[colors.PATH], radii=[4.0]))
             log("world/goal", rr.Points3D(_raised(at, 0.02), colors=[colors.PATH], radii=[0.1]))

@@ -32,7 +32,7 @@ class SearchView(Protocol):
         seen: Floor that the camera has seen.
         frontier: Of the last plan.
         path: (N, 2) way being driven [m] in the world, or None.
-        goal: (3,) pose at its end [m, m, rad], or None.
+        goal: (3,) pose at its end [m, m, rad]; without a path that of the one before.
         image: Picture that was searched last, or None before the first.
         detections: What was detected in it.
         entries: All that is in the knowledge base.
