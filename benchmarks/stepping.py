@@ -1,9 +1,11 @@
-"""The rate of stepping the house with the robot driving, against a bare `scene.step()` loop over the same scene.
+"""What a control step costs: against a bare `scene.step()` loop over the same scene, and what navigation adds to it.
 
     python benchmarks/stepping.py
 
-Both sides drive the same way: the bare loop repeats the drive targets that the last action left, four physics steps a
-control step, and nothing else. The two alternate within one run, so that the machine's noise meets both.
+Both sides of the first drive the same way: the bare loop repeats the drive targets that the last action left, four
+physics steps a control step, and nothing else. The two alternate within one run, so that the machine's noise meets
+both. For the second the robot drives through the house; planning and following are timed against stepping the world,
+step by step in turn. A first round, which loads what is compiled, does not count.
 """
 
 from __future__ import annotations
@@ -13,21 +15,33 @@ import time
 
 import numpy as np
 
+from mpvi_bt.behaviors.protocols import Progress
+from mpvi_bt.navigation.navigator import KnownPlaceNavigator
+from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import load_house
+from mpvi_bt.sim.prior_map import prior_map
 from mpvi_bt.sim.world import Placement, World
 
 ROUNDS, STEPS, SUBSTEPS = 15, 60, 4
+DRIVES, TARGETS = 3, ("kitchen", "can of soda", "bathroom", "bedroom", "garage", "utility room")
 
 
 def main() -> None:
-    """Print the control steps a second of both sides and their ratio."""
+    """Print both parts."""
     catalogue = load_catalogue()
     can, T = catalogue["can_of_soda"], np.eye(4)
     T[:3, 3] = (12.0, 4.2, 0.001)
-    world = World(load_house(), {"can": Placement(can, T)}, np.array([10.2, 2.6, 0.0]), render=False)
+    house = load_house()
+    world = World(house, {"can": Placement(can, T)}, np.array([9.5, 3.5, 0.0]), render=False)
     world.settle()
+    against_bare(world)
+    navigation(world, prior_map(house))
+
+
+def against_bare(world: World) -> None:
+    """The rate of both loops and their ratio."""
     scene = world._scene  # the bare side of the comparison
     action = world.robot.action
     ours, bare = [], []
@@ -46,6 +60,31 @@ def main() -> None:
     print(f"driving through World.step   {statistics.median(ours):7.0f} control steps/s")
     print(f"bare scene.step(), driving   {statistics.median(bare):7.0f} control steps/s")
     print(f"ratio, median of {ROUNDS} rounds    {statistics.median(ratios):7.2f}")
+
+
+def navigation(world: World, grid_map: OccupancyMap) -> None:
+    """What driving from room to room adds to the cost of stepping."""
+    navigator = KnownPlaceNavigator(world.robot, grid_map, world.knowledge)
+    shares, plans = [], []
+    for round_ in range(DRIVES):
+        for target in TARGETS:
+            navigating = stepping = 0.0
+            navigator.start(target, None)
+            while True:
+                started = time.perf_counter()
+                report = navigator.step()
+                driven = time.perf_counter()
+                if report.progress is not Progress.RUNNING:
+                    break
+                world.step(world.robot.action)
+                stepped = time.perf_counter()
+                plans += [driven - started] if not stepping else []
+                navigating, stepping = navigating + driven - started, stepping + stepped - driven
+            if report.progress is not Progress.SUCCEEDED:
+                raise SystemExit(f"the drive to {target!r} failed: {report}")
+            shares += [navigating / stepping] if round_ else []
+    print(f"navigation, of the cost of stepping, median of {len(shares)} drives {statistics.median(shares):8.1%}")
+    print(f"of that the first step of a drive, which plans     {1e3 * statistics.median(plans):6.1f} ms")
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ from mpvi_bt.navigation.traversability import (
 )
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.map import OccupancyMap
-from mpvi_bt.robot.kinematics import rot_z, wrap
+from mpvi_bt.robot.kinematics import rot_z
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Robot
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
@@ -81,7 +81,7 @@ class NavigationParameters:
     back_off_m: float = 0.20
     halts: int = 3
     replans: int = 30
-    look_again_s: float = 0.5
+    look_again_s: float = 1.0
 
 
 DEFAULTS = NavigationParameters()
@@ -365,14 +365,17 @@ class _Progress:
 
     def __init__(self, parameters: NavigationParameters) -> None:
         self._still, self._idle = (round(t * CONTROL_HZ) for t in (parameters.stall_s, parameters.idle_s))
-        self._pose, self._moved = np.full(3, np.inf), 0  # where it was when it had last moved, and at which step
+        self._pose, self._moved = np.full(3, 1e9), 0  # where it was when it had last moved, and at which step
         self._least, self._nearer = math.inf, 0  # what remained at the least, and at which step
         self.steps = 0
 
     def stalled(self, pose: Array, follower: PathFollower) -> bool:
         """Whether it has come to a halt; asked once a step."""
         self.steps += 1
-        if math.dist(pose[:2], self._pose[:2]) >= 0.05 or abs(wrap(pose[2] - self._pose[2])) >= 0.1:
+        if (
+            math.dist(pose[:2], self._pose[:2]) >= 0.05
+            or abs(math.remainder(pose[2] - self._pose[2], 2 * math.pi)) >= 0.1
+        ):
             self._pose, self._moved = pose, self.steps
         remaining = follower.remaining_m(pose)
         if remaining < self._least - 0.05:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from mpvi_bt.navigation.footprint import Footprint
-from mpvi_bt.navigation.grid import segment_free
+from mpvi_bt.navigation.grid import compiled
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.kinematics import wrap
@@ -102,7 +102,7 @@ class PathFollower:
         self.path = np.vstack([path[:-1, :2], goal[:2]]) if len(path) > 1 else goal[None, :2].copy()
         self._yaws = path[:, 2] if path.shape[1] == 3 else None
         self.goal, self.limits, self.tolerance = goal, limits, tolerance
-        self.grid, self._blocked, self._cells = grid, grid.blocked, grid.cells(self.path)
+        self.grid, self._free, self._cells = grid, np.isfinite(grid.cost), np.ascontiguousarray(grid.cells(self.path))
         self._lookahead_m, self._arrive_m = lookahead_m, arrive_m
         steps = np.linalg.norm(np.diff(self.path, axis=0), axis=1)
         self._to_go = np.append(np.cumsum(steps[::-1])[::-1], 0.0)  # (N,) distance to the end along the path
@@ -121,13 +121,13 @@ class PathFollower:
 
     def remaining_m(self, pose: Array) -> float:
         """Distance [m] still to drive from `pose` (3,)."""
-        return float(np.linalg.norm(self.path[self._at] - pose[:2]) + self._to_go[self._at])
+        return float(math.dist(self.path[self._at], pose[:2]) + self._to_go[self._at])
 
     def reached(self, pose: Array, velocity: Array) -> bool:
         """Whether the base stands still at the goal. `pose` (3,) world, `velocity` (3,) base frame."""
         return (
-            float(np.linalg.norm(self.goal[:2] - pose[:2])) <= self.tolerance.position_m
-            and abs(float(wrap(self.goal[2] - pose[2]))) <= self.tolerance.yaw_rad
+            math.dist(self.goal[:2], pose[:2]) <= self.tolerance.position_m
+            and abs(_wrap(self.goal[2] - pose[2])) <= self.tolerance.yaw_rad
             and math.hypot(velocity[0], velocity[1]) <= self.tolerance.speed_m_s
             and abs(velocity[2]) <= self.tolerance.turn_rad_s
         )
@@ -147,14 +147,15 @@ class PathFollower:
 
     def _along(self, pose: Array, dt_s: float) -> tuple[Array, float]:
         """The wanted velocity (2,) [m/s] in the world and yaw rate on a path of places."""
-        self._advance(pose[:2])
-        self._aim_at = self._look_ahead(pose[:2])
+        (x, y), resolution = self.grid.map.origin_m, self.grid.map.resolution_m
+        row, column = (pose[1] - y) / resolution, (pose[0] - x) / resolution
+        self._at, self._aim_at = _ahead(self._cells, self._to_go, self._free, self._at, row, column, self._lookahead_m)
         delta = self.aim - pose[:2]
         distance = math.hypot(*delta)
         to_go = distance + self._to_go[self._aim_at]
         arriving = to_go < self._arrive_m
         heading = self.goal[2] if arriving else math.atan2(delta[1], delta[0])
-        turn = float(wrap(heading - pose[2]))
+        turn = _wrap(heading - pose[2])
         speed = min(self._most[self._at], _stopping_speed(to_go, self.limits.acceleration_m_s2, dt_s))
         if not arriving:
             speed *= max(0.0, math.cos(min(abs(turn) * 1.5, math.pi / 2)))  # turn first, then go
@@ -164,7 +165,7 @@ class PathFollower:
         """The wanted velocity (2,) [m/s] in the world and yaw rate on a path of poses."""
         last = len(self.path) - 1
         here = math.dist(pose[:2], self.path[self._at])
-        while self._at < last and abs(wrap(yaws[self._at] - pose[2])) < _KEEPS_RAD:
+        while self._at < last and abs(_wrap(yaws[self._at] - pose[2])) < _KEEPS_RAD:
             there = math.dist(pose[:2], self.path[self._at + 1])
             if there > here:
                 break
@@ -177,7 +178,7 @@ class PathFollower:
             aim += 1
         aim = max(aim, min(at + 1, last))
         self._aim_at = aim
-        delta, turn = self.aim - pose[:2], float(wrap(yaws[aim] - pose[2]))
+        delta, turn = self.aim - pose[:2], _wrap(yaws[aim] - pose[2])
         distance = math.hypot(*delta)
         ends = self._to_go[aim] if self._to_go[at] - self._to_go[aim] > ahead / 2 else 0.0  # else it turns there
         stop = _stopping_speed(distance + ends, self.limits.acceleration_m_s2, dt_s)
@@ -195,17 +196,16 @@ class PathFollower:
 
     def _changed(self, pose: Array, world: Array, rate: float, dt_s: float) -> Array:
         """Change the velocity toward (2,) [m/s] in the world and a yaw rate, within limits; (3,) in the base frame."""
-        before, limits = self.velocity, self.limits
-        change = world - before[:2]
-        most = limits.acceleration_m_s2 * dt_s
-        size = math.hypot(*change)
-        world = before[:2] + change * min(1.0, most / size) if size > 1e-9 else world
+        (vx, vy, before), limits = self.velocity.tolist(), self.limits
+        dx, dy = float(world[0]) - vx, float(world[1]) - vy
+        share = min(1.0, limits.acceleration_m_s2 * dt_s / max(math.hypot(dx, dy), 1e-9))
+        vx, vy = vx + share * dx, vy + share * dy
         most = limits.turn_acceleration_rad_s2 * dt_s
-        rate = before[2] + min(max(rate - before[2], -most), most)
-        self.velocity = np.array([world[0], world[1], rate])
-        yaw = pose[2] + 0.5 * rate * dt_s  # feed forward: the base turns while the step lasts
+        rate = before + min(max(rate - before, -most), most)
+        self.velocity = np.array([vx, vy, rate])
+        yaw = float(pose[2]) + 0.5 * rate * dt_s  # feed forward: the base turns while the step lasts
         c, s = math.cos(yaw), math.sin(yaw)
-        return np.array([c * world[0] + s * world[1], -s * world[0] + c * world[1], rate])
+        return np.array([c * vx + s * vy, -s * vx + c * vy, rate])
 
     def meets(self, grid_map: OccupancyMap, occupied: NDArray[np.bool_]) -> bool:
         """Whether cells that have been occupied since the path was planned are within the footprint on its rest."""
@@ -234,7 +234,7 @@ class PathFollower:
 
     def _rooms(self) -> Array:
         """(N,) 0 to 1: whether footprint or loads touch an obstacle at each point of the path, or have enough room."""
-        cells = np.floor(self._cells).astype(int).clip(0, np.array(self._blocked.shape) - 1)
+        cells = np.floor(self._cells).astype(int).clip(0, np.array(self._free.shape) - 1)
         room = self.grid.clearance_m[cells[:, 0], cells[:, 1]] - self.grid.footprint_m
         if self._footprint is not None:
             room = np.minimum(room, self._footprint.slack(self.grid, self._poses()))
@@ -269,19 +269,51 @@ class PathFollower:
         speeds: Array = np.sqrt(later + twice * self._to_go)
         return speeds
 
-    def _advance(self, xy: Array) -> None:
-        window = self.path[self._at : self._at + 40]
-        self._at += int(np.argmin(np.linalg.norm(window - xy, axis=1)))
 
-    def _look_ahead(self, xy: Array) -> int:
-        """Index of the farthest point of the path within the lookahead that a straight line reaches."""
-        index = self._at
-        while index + 1 < len(self.path) and self._to_go[self._at] - self._to_go[index] < self._lookahead_m:
-            index += 1
-        here = self.grid.cells(xy)
-        while index > self._at and not segment_free(self._blocked, here, self._cells[index]):
-            index -= 1
-        return max(index, min(self._at + 1, len(self.path) - 1))
+def _wrap(angle: float) -> float:
+    """The same angle [rad] within half a turn."""
+    return math.remainder(angle, 2 * math.pi)
+
+
+@compiled
+def _ahead(path, to_go, free, at, row, column, lookahead_m):  # type: ignore
+    """Where on a path the base is, which never runs back, and what to aim at.
+
+    Args:
+        path: (N, 2) float64 rows and columns with fractions.
+        to_go: (N,) [m] to the end.
+        free: (H, W) bool; where the base's center may be.
+        at: Index of where it was on the path.
+        row, column: Of the base, with fractions.
+        lookahead_m: How far along the path to aim at the most.
+
+    Returns:
+        Indices of the nearest of the next 40 points, and of the farthest one within the lookahead that a straight line
+        over free cells reaches; the next one if that is none.
+    """
+    last = path.shape[0] - 1
+    nearest, least = at, np.inf
+    for i in range(at, min(at + 40, last + 1)):
+        away = (path[i, 0] - row) ** 2 + (path[i, 1] - column) ** 2
+        if away < least:
+            nearest, least = i, away
+    aim = nearest
+    while aim < last and to_go[nearest] - to_go[aim] < lookahead_m:
+        aim += 1
+    while aim > nearest:
+        dr, dc = path[aim, 0] - row, path[aim, 1] - column
+        n = math.ceil(max(abs(dr), abs(dc)) * 4) + 1  # four samples a cell
+        clear = True
+        for k in range(n):
+            share = k / max(n - 1, 1)
+            r, c = math.floor(row + share * dr), math.floor(column + share * dc)
+            if r < 0 or c < 0 or r >= free.shape[0] or c >= free.shape[1] or not free[r, c]:
+                clear = False
+                break
+        if clear:
+            break
+        aim -= 1
+    return nearest, max(aim, min(nearest + 1, last))
 
 
 def _touches(occupied: NDArray[np.bool_], cells: Array, radius: float) -> bool:
