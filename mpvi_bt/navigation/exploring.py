@@ -119,7 +119,7 @@ class ExploringNavigator(KnownPlaceNavigator):
             if not entries and room is not None and room == trip.target:
                 yield from self._drive_to(trip, [], room)
                 return
-            if not _at_hand(entries):
+            if not _at_hand(entries, room):
                 yield from self._find(trip, room)
                 entries, room = self._look_up(trip)
                 if not entries:
@@ -137,16 +137,16 @@ class ExploringNavigator(KnownPlaceNavigator):
         """Look for the target where it was said to be, then everywhere."""
         feedback = f"looking for {trip.target}"
 
-        def found() -> bool:
-            return _at_hand(self._look_up(trip)[0])
+        def found(where: str | None = None) -> bool:
+            return _at_hand(self._look_up(trip)[0], where)
 
         if room is not None:
             try:
-                yield from self._drive_to(trip, [], room, until=found)
+                yield from self._drive_to(trip, [], room, until=lambda: found(room))
             except GaveUp:
                 pass  # it may be seen from elsewhere
             else:
-                yield from self.search.run(found, f"{feedback} in {room}", room)
+                yield from self.search.run(lambda: found(room), f"{feedback} in {room}", room)
         elif trip.room and (area := self._knowledge().find(trip.room)):
             with suppress(GaveUp):
                 yield from self._drive_to(Trip(trip.room, None), area, None, until=found)
@@ -162,13 +162,19 @@ class ExploringNavigator(KnownPlaceNavigator):
         share, area = self.search.coverage()
         near = nearest(normalize(trip.target), self._names())
         hint = f"; something near it is called {near!r}" if near else ""
-        pictures = self.lookout.pictures
-        return f"no {trip.target} in {pictures} pictures of {share:.0%} of the {area:.0f} m² that can be reached{hint}"
+        said = f"no {trip.target} in {self.lookout.pictures} pictures of {share:.0%} of the {area:.0f} m² within reach"
+        discoveries = self.lookout.discoveries
+        failed = f"; the detector failed on {discoveries.errors} ({discoveries.last_error})" if discoveries.errors else ""
+        return said + hint + failed
 
 
-def _at_hand(entries: list[Entry]) -> bool:
-    """Whether there is something to go to: not only what was put away, such as the cans that are in the bin already."""
-    return any(entry.inside is None for entry in entries)
+def _at_hand(entries: list[Entry], room: str | None = None) -> bool:
+    """Whether there is something to go to: not only what was put away, such as the cans that are in the bin already.
+
+    With a room, what was seen in another one does not count.
+    """
+    elsewhere = {e.name for e in entries if room and e.source != "prior" and e.room not in (None, room) and not e.held}
+    return any(entry.inside is None and entry.name not in elsewhere for entry in entries)
 
 
 def _seen(entries: list[Entry]) -> bool:

@@ -1,0 +1,233 @@
+"""Laws of searches for what nobody knows the place of, on hand-made maps seen through computed depth pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from mpvi_bt.behaviors.protocols import Progress, Report
+from mpvi_bt.errors import DetectorError
+from mpvi_bt.navigation.exploring import ExploringNavigator
+from mpvi_bt.navigation.goals import Handoff, distance_to
+from mpvi_bt.navigation.lookout import Lookout
+from mpvi_bt.navigation.occupancy import Occupancy
+from mpvi_bt.navigation.visibility import VisibilityMap
+from mpvi_bt.perception.detector import Detection, Detector, Guarded
+from mpvi_bt.perception.discovery import Discoveries
+from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
+from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage
+from tests.depth_pictures import Box, picture, walls
+from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
+
+CUP = thing("cup", (7.2, 0.6, 0.06), (0.1, 0.1, 0.12))
+KITCHEN = Entry("kitchen", ("kitchen",), "room", np.zeros(3), np.array([4.0, 4.0, 0.0]))
+LIVING_ROOM = Entry("living_room", ("living room",), "room", np.array([4.0, 0.0, 0.0]), np.array([8.0, 4.0, 0.0]))
+
+
+class Seeing(KinematicRobot):
+    """A base with a head camera in a world of boxes."""
+
+    def __init__(self, x: float, y: float, yaw: float, boxes: Sequence[Box]) -> None:
+        super().__init__(x, y, yaw)
+        self.boxes = list(boxes)
+        self.steps = 0
+
+    @property
+    def time_s(self) -> float:
+        """It is the clock, too."""
+        return self.steps / CONTROL_HZ
+
+    def advance(self) -> None:
+        """One control step."""
+        super().advance()
+        self.steps += 1
+
+    def look(self, camera: str) -> CameraImage:
+        """A small picture."""
+        assert camera == "head"
+        return picture(tuple(self.pose), self.boxes, scale=0.25)  # type: ignore[arg-type]
+
+
+class BoxDetector:
+    """Finds the entries that it is given, where the picture shows their boxes."""
+
+    name = "boxes"
+
+    def __init__(self, *entries: Entry) -> None:
+        self.entries = entries
+
+    def detect(self, image: CameraImage, phrases: Sequence[str]) -> list[Detection]:
+        """As `Detector` says."""
+        points = image.points_world()
+        found = []
+        for entry in self.entries:
+            with np.errstate(invalid="ignore"):
+                mask = ((points > entry.lowest + [-0.01, -0.01, 0.02]) & (points < entry.highest + 0.01)).all(-1)
+            if mask.sum() >= 3 and (asked := [p for p in phrases if p in entry.phrases]):
+                rows, columns = np.nonzero(mask.any(1))[0], np.nonzero(mask.any(0))[0]
+                box = np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1])
+                found.append(Detection(asked[0], 0.9, box, mask))
+        return found
+
+
+def box_of(entry: Entry) -> Box:
+    return tuple(entry.lowest.tolist()), tuple(entry.highest.tolist())
+
+
+def exploring(
+    robot: Seeing, detector: Detector, grid_map: OccupancyMap | None, *known: Entry, phrases: Sequence[str] = ("cup",)
+) -> ExploringNavigator:
+    """A navigator with that map, or that builds its own."""
+    occupancy = Occupancy.prior(grid_map) if grid_map else Occupancy.unknown(robot.pose[:2], (20.0, 20.0))
+    base = KnowledgeBase({entry.name: entry for entry in known})
+    discoveries = Discoveries(base, phrases, detector, robot)
+    view = VisibilityMap(occupancy.map)
+    lookout = Lookout(robot, robot, occupancy, view, discoveries, lambda: [(*robot.pose[:2], 0.3)])
+    return ExploringNavigator(robot, base, lookout)
+
+
+def play(
+    robot: Seeing, navigator: ExploringNavigator, target: str, room: str | None = None, most_s: float = 300.0
+) -> tuple[Report, list[tuple[float, ...]]]:
+    """Run a search to its end; the last report and the trace of poses."""
+    navigator.start(target, room)
+    trace = [tuple(robot.pose)]
+    for _ in range(round(most_s * CONTROL_HZ)):
+        report = navigator.step()
+        if report.progress is not Progress.RUNNING:
+            return report, trace
+        robot.advance()
+        trace.append(tuple(robot.pose))
+    raise AssertionError(f"still {report} after {most_s} s at {robot.pose}")
+
+
+def house(*things: Entry) -> tuple[OccupancyMap, list[Box]]:
+    """Two rooms with a cupboard in the living room that hides its far corner, and what stands in them."""
+    grid_map = two_rooms()
+    put_box(grid_map, (6.0, 0.3), (6.3, 1.7))
+    return grid_map, [*walls(grid_map), *map(box_of, things)]
+
+
+@pytest.mark.parametrize("prior", [True, False])
+def test_what_is_hidden_in_another_room_is_found_and_approached(prior: bool) -> None:
+    """With a map, and without one: then nothing is entered that is not free."""
+    grid_map, boxes = house(CUP)
+    robot = Seeing(1.0, 2.0, 3.0, boxes)
+    robot.walls = grid_map
+    report, trace = play(robot, exploring(robot, BoxDetector(CUP), grid_map if prior else None), "the cup")
+    assert report.progress is Progress.SUCCEEDED, report
+    assert distance_to(CUP, robot.pose[:2]) < Handoff().distance_m + Handoff().slack_m
+    assert not any(grid_map.occupied[grid_map.cell(pose[:2])] for pose in trace)
+
+
+def test_the_same_search_is_made_twice() -> None:
+    """Nothing in it is left to chance."""
+    traces = []
+    for _ in range(2):
+        grid_map, boxes = house(CUP)
+        robot = Seeing(1.0, 2.0, 3.0, boxes)
+        traces.append(play(robot, exploring(robot, BoxDetector(CUP), grid_map), "cup")[1])
+    assert traces[0] == traces[1]
+
+
+@pytest.mark.parametrize("prior", [True, False])
+def test_what_does_not_exist_is_looked_for_everywhere_and_no_longer(prior: bool) -> None:
+    """It fails once all that can be reached was seen, and says so."""
+    grid_map, boxes = house()
+    robot = Seeing(1.0, 2.0, 3.0, boxes)
+    navigator = exploring(robot, BoxDetector(), grid_map if prior else None)
+    report, _ = play(robot, navigator, "cup")
+    assert report.reason == "not_found"
+    assert "no cup in" in report.feedback
+    share, area = navigator.search.coverage()
+    assert share > 0.97
+    assert area > 10.0
+    assert robot.time_s > 10.0
+
+
+def test_what_is_seen_but_cannot_be_reached() -> None:
+    """Behind a counter that shuts off the room the way ends, and the reason is that of driving."""
+    grid_map = two_rooms(door_m=0.0)
+    counter = thing("counter", (4.0, 2.0, 0.3), (0.1, 3.8, 0.6))
+    low: list[Box] = [b for b in walls(grid_map) if not (3.8 < b[0][0] < 4.2 and b[1][0] < 4.3)]
+    urn = thing("cup", (5.6, 2.0, 0.25), (0.4, 0.4, 0.5))
+    robot = Seeing(2.0, 2.0, 0.0, [*low, box_of(counter), box_of(urn)])
+    report, _ = play(robot, exploring(robot, BoxDetector(urn), grid_map), "cup")
+    assert report.progress is Progress.FAILED
+    assert report.reason == "no_path"
+
+
+@pytest.mark.parametrize("target", ["", "  ", "!?"])
+def test_a_target_that_says_nothing(target: str) -> None:
+    """It is refused at once."""
+    grid_map, boxes = house()
+    robot = Seeing(1.0, 2.0, 3.0, boxes)
+    report, trace = play(robot, exploring(robot, BoxDetector(), grid_map), target)
+    assert report.reason == "bad_target"
+    assert len(trace) < 3
+
+
+def test_a_room_that_is_named_is_searched_first() -> None:
+    """Of two cups the one in the room that was named is gone to, though the other one is nearer."""
+    near = thing("near", (1.0, 3.2, 0.06), (0.1, 0.1, 0.12))
+    near.phrases = ("cup",)
+    grid_map, boxes = house(CUP, near)
+    robot = Seeing(2.0, 1.0, 0.0, boxes)
+    known = KITCHEN, LIVING_ROOM
+    report, _ = play(robot, exploring(robot, BoxDetector(CUP, near), grid_map, *known), "cup", "living room")
+    assert report.progress is Progress.SUCCEEDED
+    assert distance_to(CUP, robot.pose[:2]) < 1.3
+
+
+def test_what_was_seen_on_the_way_is_gone_to_straight() -> None:
+    """A later segment drives to it without a search."""
+    grid_map, boxes = house(CUP)
+    robot = Seeing(1.0, 2.0, 3.0, boxes)
+    navigator = exploring(robot, BoxDetector(CUP), grid_map, KITCHEN, LIVING_ROOM)
+    assert play(robot, navigator, "cup")[0].progress is Progress.SUCCEEDED
+    assert play(robot, navigator, "kitchen")[0].progress is Progress.SUCCEEDED
+    begun = robot.time_s
+    report, _ = play(robot, navigator, "cup")
+    assert report.progress is Progress.SUCCEEDED
+    assert robot.time_s - begun < 25.0
+
+
+def test_what_was_taken_away_is_looked_for_anew() -> None:
+    """It is no longer where it was seen: it is found where it is now."""
+    grid_map, boxes = house(CUP)
+    robot = Seeing(1.0, 2.0, 3.0, boxes)
+    detector = BoxDetector(CUP)
+    navigator = exploring(robot, detector, grid_map, KITCHEN, LIVING_ROOM)
+    assert play(robot, navigator, "cup")[0].progress is Progress.SUCCEEDED
+    assert play(robot, navigator, "kitchen")[0].progress is Progress.SUCCEEDED
+    moved = thing("cup", (7.2, 3.4, 0.06), (0.1, 0.1, 0.12))
+    detector.entries, robot.boxes = (moved,), house(moved)[1]
+    report, _ = play(robot, navigator, "cup")
+    assert report.progress is Progress.SUCCEEDED
+    assert distance_to(moved, robot.pose[:2]) < 1.3
+
+
+class Failing:
+    """A detector that raises."""
+
+    name = "failing"
+
+    def detect(self, image: CameraImage, phrases: Sequence[str]) -> list[Detection]:
+        """Raise."""
+        raise ZeroDivisionError("no")
+
+
+def test_a_detector_that_fails_finds_nothing_and_stops_nothing() -> None:
+    """Each failure is counted, and the search ends as any that finds nothing."""
+    grid_map, boxes = house(CUP)
+    robot = Seeing(1.0, 2.0, 3.0, boxes)
+    navigator = exploring(robot, Guarded(Failing()), grid_map)
+    report, _ = play(robot, navigator, "cup")
+    assert report.reason == "not_found"
+    discoveries = navigator.lookout.discoveries
+    assert discoveries.errors == navigator.lookout.pictures
+    assert isinstance(discoveries.last_error, DetectorError)
+    assert "ZeroDivisionError" in report.feedback
