@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from mpvi_bt.errors import DetectorError, shown
 from mpvi_bt.perception.detector import Detection
@@ -18,6 +19,7 @@ _EXTENT = (1.0, 99.0)  # percentiles: single pixels are often wrong
 # Our choice: where the depths of a thing's pixels, in order, have a gap of so much, there is an edge between them. Rows
 # of a surface seen at a slant lie farther apart the farther away it is.
 _STEP_M, _STEP_PER_M2 = 0.15, 0.01
+_RIM_PX, _INNER_PX, _RIM_M = 2, 4, 0.05  # how wide a rim is; what is less is not called inner; its step to inner pixels
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,13 +41,15 @@ class Located:
 def locate(detection: Detection, image: CameraImage) -> Located | None:
     """Where a detection is in the world, or None where its pixels have no depth.
 
-    By its mask where there is one: the extent of its pixels, without what lies behind an edge in depth. Else the center
-    of the box at the median depth in the box (Paper, Navigation appendix); the extent is that of its `pixels`.
+    By its mask where there is one: the extent of its pixels, without what its rim caught of other things and what lies
+    behind an edge in depth. Else the center of the box at the median depth in the box (Paper, Navigation appendix); the
+    extent is that of its `pixels`.
 
     Raises:
         DetectorError: The mask is not of this picture's size, or the box is not four numbers, or out of the picture.
     """
-    own = pixels(detection, image) & measured(image)
+    claimed = pixels(detection, image)
+    own = _without_rim(claimed, image) if detection.mask is not None else claimed
     rows, columns = np.nonzero(own)
     if not len(rows):
         return None
@@ -112,6 +116,31 @@ def _median_depth(box: tuple[int, int, int, int], image: CameraImage) -> float |
     window = slice(box[1], box[3]), slice(box[0], box[2])
     depth = image.depth[window][measured(image)[window]]
     return float(np.median(depth)) if len(depth) else None
+
+
+def _without_rim(mask: NDArray[np.bool_], image: CameraImage) -> NDArray[np.bool_]:
+    """(H, W) bool: the measured pixels of a mask, those of its rim only if they are about as far as what is within.
+
+    Our choice, measured (docs/detectors.md): masks are off by a pixel or two, and what they catch there of the
+    background made small things reach meters far. Of what is too thin to have anything within all pixels count.
+    """
+    own = mask & measured(image)
+    window = ndimage.find_objects(own.astype(np.uint8), 1)[0]
+    if window is None:
+        return own
+    inside = own[window]
+    z = np.where(inside, image.depth[window], 0.0).astype(float)
+    for rim_px in range(_RIM_PX, 0, -1):
+        inner = inside & ndimage.binary_erosion(mask[window], np.ones((3, 3)), iterations=rim_px)
+        if inner.sum() >= _INNER_PX:
+            near = {"size": 2 * rim_px + 1, "mode": "constant"}
+            nearest = ndimage.minimum_filter(np.where(inner, z, np.inf), cval=np.inf, **near)
+            farthest = ndimage.maximum_filter(np.where(inner, z, -np.inf), cval=-np.inf, **near)
+            step = _RIM_M + _STEP_PER_M2 * z**2
+            kept = np.zeros_like(own)
+            kept[window] = inside & (z >= nearest - step) & (z <= farthest + step)
+            return kept
+    return own
 
 
 def _largest_surface(z: Array) -> NDArray[np.bool_]:
