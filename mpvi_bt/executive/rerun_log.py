@@ -67,7 +67,7 @@ class RerunLog(Watcher):
         self._every = max(1, round(CONTROL_HZ / frames_per_s))
         self._head = Head(search)
         self._way: list[Array] = []
-        self._logged: dict[str, Any] = {}  # what is logged only where it changes, as it was last
+        self._last: dict[str, object] = {}  # what is logged only where it changes
         self._stream: Any = None
         self._rr: Any = None
 
@@ -89,6 +89,8 @@ class RerunLog(Watcher):
         self._stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         classes = [(number, name, _COLORS[number]) for number, name in enumerate(_NAMES)]
         self._stream.log("map", rerun.AnnotationContext(classes), static=True)
+        body = rerun.Boxes3D(centers=[(0, 0, _ROBOT_M[2])], half_sizes=[_ROBOT_M], colors=[colors.ROBOT])
+        self._stream.log("world/robot", body, static=True)
 
     def step(self, tree: Tree, world: World) -> None:
         """Log what failed, and a frame when one is due."""
@@ -111,6 +113,13 @@ class RerunLog(Watcher):
         stream, self._stream = self._stream, None
         self._flush(stream)
         stream.disconnect()  # writes the index, without which the file is only slower to open
+
+    def _news(self, name: str, value: object) -> bool:
+        """Whether this is other than it was last under that name."""
+        if name in self._last and self._last[name] == value:
+            return False
+        self._last[name] = value
+        return True
 
     def _now(self) -> None:
         self._stream.set_time("step", sequence=self._world.steps)
@@ -137,13 +146,15 @@ class RerunLog(Watcher):
     def _picture(self, image: CameraImage, detections: list[Detection]) -> None:
         """The head's picture, boxes in it, and the camera in the world."""
         rr, log = self._rr, self._stream.log
-        log("world/head", rr.Transform3D(translation=image.T_world_camera[:3, 3], mat3x3=image.T_world_camera[:3, :3]))
-        height, width = image.rgb.shape[:2]
-        log("world/head", rr.Pinhole(image_from_camera=image.K, resolution=[width, height], image_plane_distance=0.4))
-        log("world/head", rr.Image(image.rgb).compress(jpeg_quality=_JPEG))
+        T, size = image.T_world_camera, image.rgb.shape[1::-1]
+        if self._news("camera", (size, image.K.tolist())):
+            log("world/head", rr.Pinhole(image_from_camera=image.K, resolution=size, image_plane_distance=0.4))
+        pose, picture = rr.Transform3D(translation=T[:3, 3], mat3x3=T[:3, :3]), rr.Image(image.rgb)
+        log("world/head", pose, picture.compress(jpeg_quality=_JPEG))
         labels = [f"{d.phrase} {d.score:.2f}" for d in detections]
         boxes = np.array([d.box for d in detections], float).reshape(-1, 4)
-        log("world/head/detections", rr.Boxes2D(array=boxes, array_format=rr.Box2DFormat.XYXY, labels=labels))
+        if self._news("detections", (labels, boxes.tolist())):
+            log("world/head/detections", rr.Boxes2D(array=boxes, array_format=rr.Box2DFormat.XYXY, labels=labels))
 
     def _robot(self, pose: Array) -> None:
         """Base, way, path and goal, in the world and on the map."""
@@ -151,10 +162,6 @@ class RerunLog(Watcher):
         x, y, yaw = pose
         turn = rr.RotationAxisAngle(axis=(0, 0, 1), radians=yaw)
         log("world/robot", rr.Transform3D(translation=(x, y, 0), rotation=turn))
-        if "robot" not in self._logged:
-            self._logged["robot"] = True
-            body = rr.Boxes3D(centers=[(0, 0, _ROBOT_M[2])], half_sizes=[_ROBOT_M], colors=[colors.ROBOT])
-            log("world/robot", body, static=True)
         if not self._way or np.linalg.norm(pose[:2] - self._way[-1]) > _WAY_M:
             self._way.append(pose[:2].copy())
         ahead = np.array([[x, y], [x + 0.6 * np.cos(yaw), y + 0.6 * np.sin(yaw)]])
@@ -168,13 +175,13 @@ class RerunLog(Watcher):
             self._line("path", np.zeros((0, 2)) if path is None else path, colors.PATH)
             goal = None if path is None else self._search.goal
             at = np.zeros((0, 2)) if goal is None else goal[None, :2]
-            log("map/goal", rr.Points2D(self._pixels(at), colors=[colors.PATH], radii=[4.0]))
-            log("world/goal", rr.Points3D(_raised(at, 0.02), colors=[colors.PATH], radii=[0.1]))
+            if self._news("goal", at.tolist()):
+                log("map/goal", rr.Points2D(self._pixels(at), colors=[colors.PATH], radii=[4.0]))
+                log("world/goal", rr.Points3D(_raised(at, 0.02), colors=[colors.PATH], radii=[0.1]))
 
     def _line(self, name: str, points: Array, color: Color) -> None:
-        if np.array_equal(points, self._logged.get(name, ())):
+        if not self._news(name, points.tolist()):
             return
-        self._logged[name] = points
         rr, log = self._rr, self._stream.log
         lines = [points] if len(points) else []
         log(f"map/{name}", rr.LineStrips2D([self._pixels(p) for p in lines], colors=[color], radii=[1.0]))
@@ -189,11 +196,11 @@ class RerunLog(Watcher):
             images["seen"] = (self._search.seen & known & ~grid_map.occupied) * _SEEN
             images["frontier"] = self._search.frontier * _FRONTIER
             seen, _ = seen_m2(self._search)
-            self._stream.log("seen_m2", self._rr.Scalars(seen))
+            if self._news("seen_m2", seen):
+                self._stream.log("seen_m2", self._rr.Scalars(seen))
         for order, (name, cells) in enumerate(images.items()):
             image = np.ascontiguousarray(cells[::-1], dtype=np.uint8)
-            if not np.array_equal(image, self._logged.get(name, ())):
-                self._logged[name] = image
+            if self._news(name, image.tobytes()):
                 drawn = self._rr.SegmentationImage(image, opacity=1.0, draw_order=float(order))
                 self._stream.log(f"map/{name}", drawn)
                 if name == "floor":
@@ -217,9 +224,8 @@ class RerunLog(Watcher):
         """A box with a name for each thing."""
         entries = found(search.entries)
         key = [(e.name, *e.lowest, *e.highest, round(e.confidence, 2)) for e in entries]
-        if key == self._logged.get("found"):
+        if not self._news("found", key):
             return
-        self._logged["found"] = key
         rr, log = self._rr, self._stream.log
         labels = [f"{called(e)} {e.confidence:.2f}" for e in entries]
         centers = np.array([e.center for e in entries]).reshape(-1, 3)
@@ -233,18 +239,15 @@ class RerunLog(Watcher):
     def _text(self) -> None:
         """The tree, where it changed."""
         text = ascii_tree(self._tree.spec, self._tree.states(), fold=True)
-        if text != self._logged.get("tree"):
-            self._logged["tree"] = text
+        if self._news("tree", text):
             self._stream.log("tree", self._rr.TextDocument(text))
 
     def _failures(self) -> None:
         """Each node that failed at this tick, or gave something up, with its reason code."""
-        before: dict[str, object] = self._logged.setdefault("statuses", {})
         for node in self._tree.touched:
             path = str(vars(node)["path"])
-            if node.status is before.get(path):
+            if not self._news(f"status of {path}", node.status):
                 continue
-            before[path] = node.status
             state = self._tree.state_of(node)
             if state.reason and state.origin == path:
                 text = f"{path}: {state.reason}: {state.evidence or state.feedback}"
