@@ -253,7 +253,7 @@ class Driver:
             free = self.grid(blocks)
             grid = free.escaping(start)
             ranked = [goal for goal in goals(grid, start) if np.isfinite(goal.pose).all()]
-            left = [goal for goal in ranked if np.isfinite(goal.score) and not _given_up(goal, halts)]
+            left = [g for g in ranked if np.isfinite(g.score) and _fits(free, g) and not _given_up(g, halts)]
             left = sorted(left, key=lambda g: (footprint.slack(grid, g.pose) < 0, g.score))
             for tried in (footprint, footprint.smaller(_TIGHT_M)) if len(footprint.loads) else (footprint,):
                 for goal in left[:_LOADED_GOALS] if len(footprint.loads) else left:
@@ -383,6 +383,12 @@ class _Progress:
         return self.steps - self._moved > self._still or self.steps - self._nearer > self._idle
 
 
+def _fits(grid: Traversability, goal: Goal) -> bool:
+    """Whether the footprint is free at a goal."""
+    cell = grid.map.cell(goal.pose)
+    return grid.map.inside(*cell) and bool(np.isfinite(grid.cost[cell]))
+
+
 def _given_up(goal: Goal, halts: list[Array]) -> bool:
     """Whether the base came to a halt twice before it reached the place of this goal."""
     return sum(math.dist(goal.pose[:2], at) < 0.3 for at in halts) >= 2
@@ -403,7 +409,6 @@ def _why(free: Traversability, grid: Traversability, start: Array, goals: list[G
         return GaveUp("start_in_collision", "the base stands in obstacles that it cannot leave")
     if halts:
         return GaveUp("blocked", "something blocks the way, and there is no other")
-    cells = [free.map.cell(goal.pose[:2]) for goal in goals]
-    if not any(free.map.inside(*cell) and np.isfinite(grid.cost[cell]) for cell in cells):
+    if not any(_fits(free, goal) for goal in goals):
         return GaveUp("goal_in_obstacle", "nowhere to stand")
     return GaveUp("no_path", "no free way")
