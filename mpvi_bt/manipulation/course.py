@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mpvi_bt.manipulation.stance import FLOOR, Search, Standing, base_clear
+from mpvi_bt.manipulation.stance import FLOOR, WAY_MARGINS_M, Search, Standing, base_clear
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Obstacles, Surroundings, Together
@@ -206,9 +206,10 @@ class CourseSearch(Search):
             after = self._along(stood.body, base, course, q[row])
             if after is None:
                 continue
-            path = arm_motion.plan(stood.body, self.side, short, self.rng, margin=0.005)
-            if path is not None:
-                return Start(base, route, torso, after, where[1], path, hold, stood.level), 1.0
+            for margin in WAY_MARGINS_M:
+                path = arm_motion.plan(stood.body, self.side, short, self.rng, margin)
+                if path is not None:
+                    return Start(base, route, torso, after, where[1], path, hold, stood.level), 1.0
         return None, 1.0 if standing else _GLANCE
 
     def _touch(self, body: Body, base: Array, back: Array, course: Course, q: Array) -> Array | None:

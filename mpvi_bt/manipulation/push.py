@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mpvi_bt.manipulation.course import Course, CourseSearch, Start
 from mpvi_bt.manipulation.follow import go_along, resistance, take_up, touch
+from mpvi_bt.manipulation.hand import FULL_M, opened
 from mpvi_bt.manipulation.open import then_leave
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import kinematics as kin
@@ -19,16 +21,32 @@ from mpvi_bt.robot.solids import Array, Solid
 
 _FAR_M = 0.30  # how far to push if nothing is said of it
 _LEAST = 0.5  # of that way counts as pushed
-_GAP_M = 0.02  # what is pushed up to something stops so far before it
+_GAP_M = 0.02  # what is that near to where it is to be need not be pushed
+_UNSURE_M = 0.05  # where what it is pushed up to may be nearer or farther by
 _TIP_M = 0.012  # the fingertips are that far before the tcp
 _SHORT_M = 0.10
-_BETWEEN_M = 0.085  # what is narrower goes between the fingers, up to the palm
-_INTO_M = 0.03
-_DROOPS = (0.0, 0.4, 0.8, 1.1)  # how far the hand points down [rad]
-_HEIGHTS = (0.35, 0.5, 0.65, 0.2, 0.8, 0.95)  # of the thing, where to push it: low, so that it does not tip over
+_FINGER_HALF_M = 0.0065  # half a finger's thickness
+_APART = 0.6  # of a thing's width: how far apart two fingertips behind it keep it from turning or slipping away
+_DROOPS = (0.0, 0.4, 0.8, 1.1, 1.4)  # how far the hand points down [rad]
+_STEEP = -0.6  # the hand points down by so much: it leaves upward, off what the thing stands on
+_HEIGHTS = (0.35, 0.5, 0.65, 0.2, 0.1, 0.8, 0.95)  # of the thing, where to push it
+_TOPPLING = 1.5  # cost of pushing higher than a thing is deep, for as much again: it may tip over
 _LOWEST_M = 0.03  # above what it stands on
-_STUCK_M = 0.04  # a hand held off so far pushes against something that does not give way
+_STUCK_M = 0.04  # a hand held off so far pushes against something that does not give way,
+_MET_M = 0.02  # and so far where that is to be expected
+_SLOWNESS = 1.6  # of the base, which trails a faster hand by more than a stretched arm can make up for
 _TURNS = {"away": 0.0, "forward": 0.0, "left": np.pi / 2, "right": -np.pi / 2, "aside": np.pi / 2, "backward": np.pi}
+
+
+@dataclass(frozen=True, eq=False)
+class Push(Course):
+    """A course of fingertips behind a thing.
+
+    Attributes:
+        opening_m: Between the fingers.
+    """
+
+    opening_m: float = FULL_M
 
 
 def push(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -47,7 +65,7 @@ def push(work: Work, words: Words, tried: list[Array]) -> Actions:
     name = work.nearest(words["object"])
     yield from work.study(name)
     before = _middle(work, name)
-    way = _way(work, name, words)
+    way, near = _way(work, name, words)
     length = float(np.linalg.norm(way))
     if length < _GAP_M:
         return
@@ -55,18 +73,22 @@ def push(work: Work, words: Words, tried: list[Array]) -> Actions:
     motion = work.motion
 
     def stuck(x: float) -> bool:
-        return resistance(motion, side) > _STUCK_M
+        return resistance(motion, side) > (_STUCK_M if x * length < near - _UNSURE_M else _MET_M)
 
     def going() -> Actions:
-        yield from touch(work, course, side)
-        yield from go_along(motion, course, side, start.torso_after, stuck)
+        yield from touch(work, course, side, until_contact=True)
+        yield from go_along(motion, course, side, start.torso_after, stuck, _SLOWNESS)
+        if course.hand(1.0)[2, 2] < _STEEP:
+            with suppress(MotionFailure):
+                yield from work.rise(side)
 
     tried.append(start.base)
-    yield from motion.grip(side, 1.0, 0.2)
+    yield from motion.grip(side, opened(course.opening_m), 0.2)
     yield from take_up(work, start, side, search.other)
     yield from then_leave(work, side, going())
     yield from work.study(name)
-    if float((_middle(work, name) - before) @ way) / length < _LEAST * length:
+    least = near - _UNSURE_M if "target" in words else _LEAST * length
+    if float((_middle(work, name) - before) @ way) / length < least:
         raise MotionFailure("not_moved")
 
 
@@ -79,18 +101,25 @@ def _box(solids: Sequence[Solid]) -> Array:
     return np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)])
 
 
-def _way(work: Work, name: str, words: Words) -> Array:
-    """(2,) where to, from where the thing is [m]."""
+def _way(work: Work, name: str, words: Words) -> tuple[Array, float]:
+    """(2,) where to, from where the thing is, and after how much of it it may meet something [m].
+
+    What is pushed up to a target may reach under it, as a chair's seat under a table: how far is felt.
+    """
     at, here = _middle(work, name), work.motion.felt.base_pose
     if "target" in words:
         target = _box(work.scene.solids(work.nearest(words["target"])))[:, :2]
         toward = np.clip(at, target[0], target[1]) - at
         far = float(np.linalg.norm(toward))
-        toward /= max(far, 1e-9)
-        length = max(0.0, far - _reach(work.scene.solids(name), toward, at) - _GAP_M)
-        return np.asarray(toward * length)
+        if far < 1e-6:
+            return np.zeros(2), 0.0  # it is there already
+        toward /= far
+        solids = work.scene.solids(name)
+        return toward * (far + _reach(solids, -toward, at)), far - _reach(solids, toward, at)
     bearing = float(np.arctan2(at[1] - here[1], at[0] - here[0])) + _TURNS[words.get("direction", "away")]
-    return _FAR_M * np.array([np.cos(bearing), np.sin(bearing)])
+    # Left stays left, from wherever it is tried again.
+    bearing = work.bearings.setdefault(f"{name}: {words.get('direction')}", bearing)
+    return _FAR_M * np.array([np.cos(bearing), np.sin(bearing)]), np.inf
 
 
 def _reach(solids: Sequence[Solid], toward: Array, at: Array) -> float:
@@ -101,12 +130,12 @@ def _reach(solids: Sequence[Solid], toward: Array, at: Array) -> float:
 
 def _beginning(
     work: Work, name: str, way: Array, tried: list[Array], hand: str | None
-) -> tuple[Side, Start, Course, CourseSearch]:
+) -> tuple[Side, Start, Push, CourseSearch]:
     courses = pushes(work.scene.solids(name), way)
     at, here = _middle(work, name), work.motion.felt.base_pose
     bearing = float(np.arctan2(at[1] - here[1], at[0] - here[0]))
     ahead = float(np.arctan2(way[1], way[0]))
-    for heading in (ahead, bearing):
+    for heading in (ahead, bearing, ahead + np.pi / 2, ahead - np.pi / 2, ahead + np.pi):
         for side in work.free_hands(name, hand):
             search = _search(work, name, side, tried)
             facing = [replace(c, heading=heading) for c in courses]
@@ -122,10 +151,10 @@ def _search(work: Work, name: str, side: Side, tried: list[Array]) -> CourseSear
     moved = {name, *work.scene.within(name)}
     near = work.scene.obstacles(work.motion.felt.base_pose[:2], 2.5, without={*carried, *moved})
     touched = [s for n in moved for s in work.scene.solids(n)]
-    return CourseSearch(work.motion, side, held, near, touched, work.rng, list(tried))
+    return CourseSearch(work.motion, side, held, near, touched, work.rng, list(tried), work.effort)
 
 
-def pushes(solids: Sequence[Solid], way: Array) -> list[Course]:
+def pushes(solids: Sequence[Solid], way: Array) -> list[Push]:
     """Ways to push solids by `way` (2,) [m], the base going along or, where it cannot, standing."""
     length = float(np.linalg.norm(way))
     d = np.append(way / length, 0.0)
@@ -147,16 +176,20 @@ def pushes(solids: Sequence[Solid], way: Array) -> list[Course]:
         rear = _rear(solids, d, z)
         if rear is None:
             continue
-        into = min(_INTO_M, _width(solids, across, z) / 2) if _width(solids, across, z) < _BETWEEN_M else -_TIP_M
+        wide, deep = _width(solids, across, z), max(_width(solids, d, z), 1e-3)
+        opening = float(np.clip(_APART * wide - 2 * _FINGER_HALF_M, 0.0, FULL_M))
+        toppling = _TOPPLING * min(max(0.0, (z - low[2]) / deep - 1), 2.0)
         for droop in _DROOPS:
             approach = d * np.cos(droop) - np.array([0.0, 0.0, np.sin(droop)])
+            at = rear - _TIP_M * approach - _FINGER_HALF_M * np.sin(droop) * d
             for flip in (1.0, -1.0):
-                T = kin.transform(kin.hand_rotation(approach, flip * across), rear + into * approach)
+                T = kin.transform(kin.hand_rotation(approach, flip * across), at)
                 before = T.copy()
                 before[:3, 3] -= _SHORT_M * T[:3, 2]
                 for carry, more in ((shifted, 0.0), (standing, 0.6)):
-                    cost = 0.15 * rank + 0.3 * droop + more
-                    out.append(Course(before, _led(shifted, T), carry, moving, float(np.arctan2(d[1], d[0])), cost))
+                    cost = 0.15 * rank + 0.3 * droop + more + toppling
+                    heading = float(np.arctan2(d[1], d[0]))
+                    out.append(Push(before, _led(shifted, T), carry, moving, heading, cost, opening))
     return out
 
 

@@ -26,7 +26,7 @@ _LIFTS = (0.0, 0.1, 0.2, 0.3, 0.42, 0.55)
 _PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1)
 _MARGIN_M = 0.012
 # Of the arm's way to where the hand works, the wide berth first: an arm in motion runs up to 2 cm beside its path.
-_WAY_MARGINS_M = (0.03, 0.005)
+WAY_MARGINS_M = (0.03, 0.005)
 _BASE_CLEAR_M = 0.30
 _KNOWN_M = 1.4  # from here; farther off there may be walls that are not among the obstacles
 _TOUCH_M = 0.008  # the spheres reach that far beyond what they stand for: what may be near a hand that touches
@@ -492,7 +492,7 @@ class Search:
                 return None
             if not self._leads(last, lane, postures[len(goals) - 1], touched=option.load is None, slack=_TOUCH_M):
                 return None
-        for margin in _WAY_MARGINS_M:
+        for margin in WAY_MARGINS_M:
             path = arm_motion.plan(body, self.side, postures[0], self.rng, margin)
             if path is not None:
                 return path

@@ -54,6 +54,7 @@ class Work:
         effort: What searches may take.
         ajar: Out of what front (3,) of things a door was last seen to stand open, by name.
         lay: Where things were when a hand closed on them: x, y of their frames, height of their lowest points [m].
+        bearings: Directions in the world [rad] that words such as "left" had when they were first heeded.
     """
 
     scene: Scene
@@ -65,6 +66,7 @@ class Work:
     effort: Effort = field(default_factory=Effort)
     ajar: dict[str, Array] = field(default_factory=dict)
     lay: dict[str, Array] = field(default_factory=dict)
+    bearings: dict[str, float] = field(default_factory=dict)
 
     @property
     def base(self) -> Array:
