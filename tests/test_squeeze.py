@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from hypothesis import strategies as st
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import SIDES, Proprioception, Side
+from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.protocol import SIDES, ActionLayout, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
@@ -58,3 +60,15 @@ def test_hands_that_do_not_face_each_other_do_not_squeeze(turned: float) -> None
 def test_a_robot_that_does_not_tell_its_commands_is_never_said_to_squeeze() -> None:
     """Without the commands nothing can be told, and nothing is guessed."""
     assert not squeezes(felt(facing_hands(0.40), {}))
+
+
+def test_what_two_hands_press_is_moved_as_gently_as_what_fingers_hold() -> None:
+    """A box that only friction holds turns about the hands when they jerk: standing up takes longer with it."""
+    taken = []
+    for pressing_m in (0.0, 0.08):
+        motion = Motion(felt(facing_hands(0.40), facing_hands(0.40 - pressing_m)))
+        taken.append(0)
+        for action in motion.stand(TORSO + [0.1, 0.0, -0.2, 0.0]):
+            motion.felt = replace(motion.felt, torso=action[ActionLayout.TORSO])
+            taken[-1] += 1
+    assert taken[1] > 1.3 * taken[0]

@@ -15,6 +15,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, Proprioception, Side
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.robot.timing import schedule, timed
 
 Actions = Iterator[Array]
@@ -232,7 +233,7 @@ class Motion:
         return q
 
     def _ease(self, *sides: Side) -> float:
-        return _GENTLY if any(self.felt.holds(s) for s in sides) else 1.0
+        return _GENTLY if any(self.felt.holds(s) for s in sides) or squeezes(self.felt) else 1.0
 
     def _acceleration(self, side: Side) -> Array:
         return r1.ARM_ACCELERATION * self._ease(side)
