@@ -11,13 +11,19 @@ from hypothesis import strategies as st
 
 from benchmarks.hands.rows import Job
 from benchmarks.hands.runner import run_job
+from benchmarks.hands.two_hands import large_things
+from mpvi_bt.manipulation.expert import ExpertPolicy
+from mpvi_bt.manipulation.reactive import ReactivePolicy
+from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.two_hands import boxes_about, together
 from mpvi_bt.manipulation.work import Work
+from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Motion
 from mpvi_bt.robot.protocol import SIDES, ActionLayout
 from mpvi_bt.robot.solids import Array, Solid
-from tests.small_house import small_world
+from mpvi_bt.sim.world import Placement
+from tests.small_house import placed, small_world
 
 half_sizes = st.tuples(*[st.floats(0.03, 0.3)] * 3)
 
@@ -67,6 +73,32 @@ def test_motions_run_in_step_until_the_last_has_ended() -> None:
     for k, action in enumerate(actions):
         assert action[ActionLayout.GRIPPER["left"]] == -k / 20
         assert action[ActionLayout.GRIPPER["right"]] == -min(k, 4) / 20
+
+
+def test_what_no_hand_spans_is_fetched_with_both() -> None:
+    """A crate is lifted, a can is picked up, before they are put somewhere."""
+    crate = Placement(large_things("tuning")["drinks_crate"], kin.transform(np.eye(3), (1.0, 0.3, 0.001)))
+    world = small_world({"crate": crate, "can": placed("can_of_soda", 1.0, -0.3)})
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    policy = ReactivePolicy(load_skills())
+    policy._seen = work.scene  # type: ignore[assignment]
+    assert not policy._graspable(work, "drinks crate")
+    assert policy._graspable(work, "can of soda")
+
+
+def test_a_failure_leaves_between_the_hands_what_they_hold() -> None:
+    """Recovering, the robot may back off, but moves neither arm nor finger: nothing else holds the box up."""
+    world = small_world({"box": placed("box", 1.5, 0.0)})
+    scene = TrueScene(world)
+    scene.between = lambda: "box"  # type: ignore[method-assign]
+    work = Work(scene, Motion(world.robot.proprioception()), np.random.default_rng(0))
+    before = work.motion.still()
+    for action in ExpertPolicy(world, load_skills())._recover(work):
+        for side in SIDES:
+            np.testing.assert_array_equal(action[ActionLayout.ARM[side]], before[ActionLayout.ARM[side]])
+            assert action[ActionLayout.GRIPPER[side]] == before[ActionLayout.GRIPPER[side]]
+        world.step(action)
+        work.motion.felt = world.robot.proprioception()
 
 
 @pytest.mark.slow

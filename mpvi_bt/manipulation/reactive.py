@@ -6,6 +6,7 @@ import contextlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
+from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.in_hand import show
 from mpvi_bt.manipulation.looking import look_for, look_from_elsewhere
 from mpvi_bt.manipulation.readings import count, readings
@@ -89,11 +90,18 @@ class ReactivePolicy(ScriptedPolicy):
         slot = next((s for s in _IN_HAND.get(call.skill.name, ()) if s in call.arguments), None)
         if slot is not None and "pick" in self._skills and not self._carries(work, call.arguments[slot]):
             words = {s: w for s, w in (("object", call.arguments[slot]), ("hand", call.arguments.get("hand"))) if w}
-            self.note = "pick"
-            if not (yield from self.attempt(work, SkillCall(self._skills["pick"], words))):
+            fetch = self._skills["pick" if self._graspable(work, words["object"]) else "lift"]
+            self.note = fetch.name
+            if not (yield from self.attempt(work, SkillCall(fetch, words))):
                 return False
         self.note = call.skill.name
         return (yield from self.attempt(work, call))
+
+    def _graspable(self, work: Work, phrase: str) -> bool:
+        """Whether one hand is to fetch what a phrase names: it fits between the fingers, or no skill is for both."""
+        if "lift" not in self._skills or not (found := self._seen.knowledge().find(phrase)):
+            return True
+        return any(grasps(self._seen, e.name, float(work.motion.felt.base_pose[2])) for e in found)
 
     def _carries(self, work: Work, phrase: str) -> bool:
         """Whether the robot carries something that a phrase names."""

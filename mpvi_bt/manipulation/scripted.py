@@ -150,7 +150,11 @@ class ScriptedPolicy:
         return False
 
     def _recover(self, work: Work) -> Actions:
-        """After a failure: open a hand that holds nothing, raise it, back off, fold."""
+        """After a failure: open a hand that holds nothing, raise it, back off, fold; keep what both hands hold."""
+        if work.scene.between() is not None:
+            with contextlib.suppress(MotionFailure):
+                yield from work.back_off()
+            return
         held = work.held()
         for side in SIDES:
             if side not in held and work.motion.felt.gripper_command[side] < 0.9:

@@ -44,18 +44,19 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
         raise MotionFailure("not_held")
     surface = work.nearest(words["surface"])
     for _ in range(_LEGS):
+        yield from work.look_at(surface)
         box = seen_box(work, name)
         spots = scene.spots(surface, max(box.length, box.width) / 2 + 0.01, box.height + 0.1, motion.felt.base_pose[:2])
-        if not spots:
-            raise MotionFailure("no_free_spot")
         search = work.search("right", {name})
-        nearer = _toward(motion.felt.base_pose, spots[0])
+        # What is far off may have room that is not seen from here.
+        nearer = _toward(motion.felt.base_pose, spots[0] if spots else _middle(work, surface))
         route = None if nearer is None else search.route(motion.felt.base_pose, nearer)
         if route is None:
             break
         for base in route:
             yield from motion.drive(base, speed=0.3)
-        yield from work.look_at(surface)
+    if not spots:
+        raise MotionFailure("no_free_spot")
     search.tried.extend(tried)
     found = _find_place(work, search, box, list(spots))
     if found is None:
@@ -76,6 +77,11 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from work.look_at(name)
     if abs(min(s.aabb()[0, 2] for s in scene.solids(name)) - spot[2]) > 0.04:
         raise MotionFailure("missed")
+
+
+def _middle(work: Work, surface: str) -> Array:
+    boxes = np.stack([s.aabb() for s in work.scene.solids(surface)])
+    return np.asarray((boxes[:, 0].min(0) + boxes[:, 1].max(0)) / 2)
 
 
 def _toward(here: Array, spot: Array) -> Array | None:
