@@ -51,7 +51,7 @@ def test_what_a_good_detector_finds_goes_through() -> None:
     """The guard takes nothing away, adds nothing, and keeps the contract and the name."""
     guarded = Guarded(Saying())
     check_detector(lambda: Guarded(Saying()), [IMAGE], ["cup", "bowl"])
-    assert guarded.name == "saying"
+    assert (guarded.name, guarded.note) == ("saying", "")
     (found,) = guarded.detect(IMAGE, ["cup"])
     np.testing.assert_array_equal(found.box, BOX)
     (found,) = Guarded(Saying(lambda _: (Detection("cup", 1, BOX),))).detect(IMAGE, ["cup"])

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.perception.detector import ROBOT
+from mpvi_bt.perception.detector import ROBOT, Guarded
 from mpvi_bt.perception.segmentation import NO_ERRORS, DetectionErrors, SegmentationDetector
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.testing import check_detector
@@ -121,6 +121,7 @@ def test_errors_are_told_in_one_line() -> None:
         "detector segmentation errs on purpose: misses 10.0%, confuses 5.0%, edges off by 2 px, seed 7"
     )
     assert detector.name == "segmentation:miss=0.1,confuse=0.05,jitter=2"
+    assert (Guarded(detector).name, Guarded(detector).note) == (detector.name, detector.note)
     assert DetectionErrors.read(detector.name.partition(":")[2]) == DetectionErrors(0.1, 0.05, 2.0)
 
 

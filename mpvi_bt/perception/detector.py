@@ -62,6 +62,7 @@ class Guarded:
 
     Attributes:
         name: The other one's.
+        note: What it wants to be printed, in one line, such as the mistakes it is told to make; "" if nothing.
     """
 
     def __init__(self, detector: Detector, limit_s: float = 60.0) -> None:
@@ -78,6 +79,7 @@ class Guarded:
         self._thread: threading.Thread | None = None
         self._hangs = False
         self.name = str(getattr(detector, "name", type(detector).__name__))
+        self.note = str(getattr(detector, "note", ""))
 
     def detect(self, image: CameraImage, phrases: Sequence[str]) -> list[Detection]:
         """As `Detector` says.

@@ -29,7 +29,7 @@ class Located:
     Attributes:
         center: (3,) its middle in the world [m].
         lowest, highest: (3,) corners of its axis-aligned bounding box in the world [m].
-        pixels: How many pixels with depth say so.
+        pixels: How many of its pixels have a depth.
     """
 
     center: Array
@@ -48,11 +48,11 @@ def locate(detection: Detection, image: CameraImage) -> Located | None:
     Raises:
         DetectorError: The mask is not of this picture's size, or the box is not four numbers, or out of the picture.
     """
-    claimed = pixels(detection, image)
-    own = _without_rim(claimed, image) if detection.mask is not None else claimed
-    rows, columns = np.nonzero(own)
-    if not len(rows):
+    own = pixels(detection, image) & measured(image)
+    count = int(own.sum())
+    if not count:
         return None
+    rows, columns = np.nonzero(own if detection.mask is None else _without_rim(detection.mask, own, image))
     u, v, z = columns + 0.5, rows + 0.5, image.depth[rows, columns].astype(float)
     if detection.mask is not None:
         same = _largest_surface(z)
@@ -65,7 +65,7 @@ def locate(detection: Detection, image: CameraImage) -> Located | None:
         depth = np.array([_median_depth((left, top, right, bottom), image)])
         center = _in_world(image, np.array([(left + right) / 2]), np.array([(top + bottom) / 2]), depth)[0]
         lowest, highest = np.minimum(lowest, center), np.maximum(highest, center)
-    return Located(center, lowest, highest, len(z)) if np.isfinite([lowest, highest]).all() else None
+    return Located(center, lowest, highest, count) if np.isfinite([lowest, highest]).all() else None
 
 
 def pixels(detection: Detection, image: CameraImage) -> NDArray[np.bool_]:
@@ -118,16 +118,13 @@ def _median_depth(box: tuple[int, int, int, int], image: CameraImage) -> float |
     return float(np.median(depth)) if len(depth) else None
 
 
-def _without_rim(mask: NDArray[np.bool_], image: CameraImage) -> NDArray[np.bool_]:
-    """(H, W) bool: the measured pixels of a mask, those of its rim only if they are about as far as what is within.
+def _without_rim(mask: NDArray[np.bool_], own: NDArray[np.bool_], image: CameraImage) -> NDArray[np.bool_]:
+    """(H, W) bool: its own measured pixels, those of the mask's rim only if they are about as far as what is within.
 
     Our choice, measured (docs/detectors.md): masks are off by a pixel or two, and what they catch there of the
     background made small things reach meters far. Of what is too thin to have anything within all pixels count.
     """
-    own = mask & measured(image)
     window = ndimage.find_objects(own.astype(np.uint8), 1)[0]
-    if window is None:
-        return own
     inside = own[window]
     z = np.where(inside, image.depth[window], 0.0).astype(float)
     for rim_px in range(_RIM_PX, 0, -1):
