@@ -99,6 +99,20 @@ def test_how_far_a_front_is_open_is_told_from_the_rest(
     assert like.axis @ door.axis > 0.99
 
 
+@pytest.mark.parametrize("noise_m", [0.0, 0.003])
+@pytest.mark.parametrize("y", [-0.6, 1.0])
+def test_a_door_that_is_ten_degrees_open_is_not_closed(y: float, noise_m: float) -> None:
+    """What a fist has left open is seen from either side not to be closed, and how it turns."""
+    world = small_world(thing=FIXTURES["left-hinged cabinet"])
+    world.set_opening("thing", "door", 0.09)
+    world.refresh()
+    (door,) = world.doors("thing")
+    eye = np.array([-0.2, y, 1.3])
+    (found,) = fronts(seen(world, noise_m, eye), eye)
+    assert found.axis @ door.axis > 0.95
+    assert found.position > 0.5 * door.position
+
+
 @pytest.mark.parametrize("name", ["refrigerator", "oven", "drawers"])
 def test_a_guessed_front_opens_along_the_true_way(name: str) -> None:
     """The bar that is led along the guessed course stays within two centimeters of where the true door takes it."""

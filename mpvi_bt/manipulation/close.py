@@ -77,7 +77,9 @@ def close(work: Work, words: Words, tried: list[Array]) -> Actions:
             if out is not None and all(outward(d) @ out < _FACING for d in doors):
                 yield from stand_before(work, thing, np.mean([_edge(d) for d in doors], axis=0), out)
                 yield from look_over(work, thing)
-            elif (yield from seen_twice(work, thing, doors)):
+                continue
+            same = yield from seen_twice(work, thing, doors)
+            if same and all(is_closed(d) for d in doors_meant(work, thing, places)):  # gaps may show from one side only
                 return
             continue
         work.ajar[thing] = moved(ajar[0], -ajar[0].position)[:3, :3] @ outward(ajar[0])
