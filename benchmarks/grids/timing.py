@@ -20,7 +20,7 @@ class Side:
         name: Whose it is.
         run: Takes a case, gives a result.
         group: Only results of one group can be compared.
-        most: How many cases it is given, where it is slow; those once, and its memory is not measured.
+        most: How many cases it is given, where it is slow; those once.
     """
 
     name: str
@@ -37,13 +37,13 @@ class Timed:
         side: That side.
         seconds: By round and case.
         results: By case.
-        memory_mb: How much the process grew at most during its first case.
+        memory_mb: How much the process grew at most during a case; 0 where the system does not tell.
     """
 
     side: Side
     seconds: dict[tuple[int, int], float] = field(default_factory=dict)
     results: list[Any] = field(default_factory=list)
-    memory_mb: float = math.nan
+    memory_mb: float = 0.0
 
 
 def in_turns(sides: Sequence[Side], cases: Sequence[Any], rounds: int, tell: Callable[[str], None]) -> list[Timed]:
@@ -57,10 +57,11 @@ def in_turns(sides: Sequence[Side], cases: Sequence[Any], rounds: int, tell: Cal
                     continue
                 if not turn and not at and one.side.most is None:
                     one.side.run(case)  # compiled, loaded
-                    one.memory_mb = growth_mb(lambda one=one, case=case: one.side.run(case))
+                before = _start_peak()
                 began = time.perf_counter()
                 result = one.side.run(case)
                 one.seconds[turn, at] = time.perf_counter() - began
+                one.memory_mb = max(one.memory_mb, _peak_mb() - before)  # nan is no more than it was
                 if not turn:
                     one.results.append(result)
     return timed
@@ -71,19 +72,25 @@ def ratio(one: Timed, other: Timed) -> float:
     return statistics.median(one.seconds[key] / other.seconds[key] for key in one.seconds if key in other.seconds)
 
 
-def growth_mb(run: Callable[[], object]) -> float:
-    """By how much the process's memory grew at most while `run` ran [MB]; nan where the system does not tell."""
-    status, peak = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+_STATUS = Path("/proc/self/status")
+
+
+def _start_peak() -> float:
+    """Measure the process's highest memory from now on; what it is now [MB], nan where the system does not tell."""
     try:
-        peak.write_text("5")  # the highest so far is now
-        before = _kilobytes(status, "VmRSS")
-        run()
-        return max(_kilobytes(status, "VmHWM") - before, 0) / 1024
+        Path("/proc/self/clear_refs").write_text("5")
+        return _megabytes("VmRSS")
     except OSError:
-        run()
         return math.nan
 
 
-def _kilobytes(status: Path, what: str) -> int:
-    (found,) = re.findall(rf"{what}:\s+(\d+)", status.read_text())
-    return int(found)
+def _peak_mb() -> float:
+    try:
+        return _megabytes("VmHWM")
+    except OSError:
+        return math.nan
+
+
+def _megabytes(what: str) -> float:
+    (found,) = re.findall(rf"{what}:\s+(\d+)", _STATUS.read_text())
+    return int(found) / 1024
