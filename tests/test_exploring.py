@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 
 import numpy as np
@@ -231,3 +232,22 @@ def test_a_detector_that_fails_finds_nothing_and_stops_nothing() -> None:
     assert discoveries.errors == navigator.lookout.pictures
     assert isinstance(discoveries.last_error, DetectorError)
     assert "ZeroDivisionError" in report.feedback
+
+
+def test_what_was_learned_survives_a_stop() -> None:
+    """Another navigator that is told it drives straight to what this one found, and knows the same map."""
+    _, boxes = house(CUP)
+    robot = Seeing(1.0, 2.0, 3.0, boxes)
+    navigator = exploring(robot, BoxDetector(CUP), None)
+    assert play(robot, navigator, "cup")[0].progress is Progress.SUCCEEDED
+    saved = json.loads(json.dumps(navigator.save()))
+    later = Seeing(1.0, 2.0, 3.0, boxes)
+    other = exploring(later, BoxDetector(CUP), None)
+    other.restore(saved)
+    assert np.array_equal(other.lookout.occupancy.map.occupied, navigator.lookout.occupancy.map.occupied)
+    assert np.array_equal(other.lookout.visibility.seen, navigator.lookout.visibility.seen)
+    assert play(later, other, "cup")[0].progress is Progress.SUCCEEDED
+    assert later.time_s < 25.0
+    for spoilt in ({**saved, "seen": "AAAA"}, {**saved, "known": 3}, {}):
+        with pytest.raises((KeyError, TypeError, ValueError)):
+            other.restore(spoilt)

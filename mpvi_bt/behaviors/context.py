@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import Any, Literal
 
 from mpvi_bt.behaviors.parameters import Value
-from mpvi_bt.behaviors.protocols import Checker, Clock, Navigator, Policy, Triggers
+from mpvi_bt.behaviors.protocols import Checker, Clock, Memory, Navigator, Policy, Triggers
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.robot.protocol import Robot, Side
 
@@ -150,6 +150,7 @@ class Context:
         triggers: Watch proprioception.
         skills: By name.
         sense: Called before each tick: what the robot notices whatever it does, such as what its hands hold.
+        memory: What learns while the run lasts, or None.
         log: Failures and queries so far.
         stopwatch: Where the wall time goes.
         blackboard: Values that nodes leave for each other, by key; of this run alone.
@@ -163,6 +164,7 @@ class Context:
     triggers: Triggers
     skills: Mapping[str, Skill] = field(default_factory=dict)
     sense: Callable[[], None] = lambda: None
+    memory: Memory | None = None
     log: Log = field(default_factory=Log)
     stopwatch: Stopwatch = field(default_factory=Stopwatch)
     blackboard: dict[str, Value] = field(default_factory=dict)

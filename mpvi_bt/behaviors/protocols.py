@@ -64,6 +64,18 @@ class Navigator(Protocol):
         ...
 
 
+class Memory(Protocol):
+    """Learns while a run lasts, such as where things are; a run that is stopped and goes on still knows it."""
+
+    def save(self) -> dict[str, Any]:
+        """What was learned so far, as JSON values."""
+        ...
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Go on with that. Raises KeyError, TypeError or ValueError if it is not as `save` writes it."""
+        ...
+
+
 class Policy(Protocol):
     """A manipulation policy: observation in, action chunk out (the VLA's place in the paper).
 

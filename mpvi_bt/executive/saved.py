@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, JsonValue
 
 from mpvi_bt.behaviors.context import Context, Failure, Notice, Query
 from mpvi_bt.behaviors.parameters import Value
@@ -33,6 +33,7 @@ class SavedRun(Record):
         queries: Questions to the checker so far.
         notices, clipped: As of the log so far.
         world: What the world says of itself.
+        memory: What was learned.
     """
 
     tree: saving.SavedTree
@@ -42,6 +43,7 @@ class SavedRun(Record):
     notices: list[Notice] = []
     clipped: Annotated[int, Field(ge=0)] = 0
     world: SavedWorld
+    memory: dict[str, JsonValue] = {}
 
 
 def save_run(tree: Tree, world: World) -> SavedRun:
@@ -55,6 +57,7 @@ def save_run(tree: Tree, world: World) -> SavedRun:
         notices=list(log.notices),
         clipped=log.clipped,
         world=SavedWorld.model_validate(world.save()),
+        memory=tree.context.memory.save() if tree.context.memory else {},
     )
 
 
@@ -66,6 +69,8 @@ def restore_world(saved: SavedRun, world: World, context: Context) -> None:
     """
     try:
         world.restore(saved.world.model_dump())
+        if context.memory and saved.memory:
+            context.memory.restore(saved.memory)
     except (KeyError, TypeError, ValueError) as error:
         raise UserError(f"the saved run cannot be continued here: {error!r:.200}") from None
     context.blackboard.clear()

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +63,14 @@ class ExploringNavigator(KnownPlaceNavigator):
     def feel(self) -> None:
         """Notice what the hands hold and let go; once a control step, whatever the robot does."""
         self.lookout.discoveries.feel(self._robot.proprioception())
+
+    def save(self) -> dict[str, Any]:
+        """What was learned so far, as JSON values; a drive begins anew."""
+        return self.lookout.save()
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Go on with what was learned. Raises KeyError, TypeError or ValueError if it is not as `save` writes it."""
+        self.lookout.restore(saved)
 
     def step(self) -> Report:
         """Look if it is time to, and write one step's command; see `Navigator`."""
@@ -164,7 +173,9 @@ class ExploringNavigator(KnownPlaceNavigator):
         hint = f"; something near it is called {near!r}" if near else ""
         said = f"no {trip.target} in {self.lookout.pictures} pictures of {share:.0%} of the {area:.0f} m² within reach"
         discoveries = self.lookout.discoveries
-        failed = f"; the detector failed on {discoveries.errors} ({discoveries.last_error})" if discoveries.errors else ""
+        failed = (
+            f"; the detector failed on {discoveries.errors} ({discoveries.last_error})" if discoveries.errors else ""
+        )
         return said + hint + failed
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import base64
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,6 +91,42 @@ class Lookout:
         for view in (self.visibility, self.closer):
             view.update(image, solid)
         self.discoveries.see(image, body)
+
+    def save(self) -> dict[str, Any]:
+        """What was learned so far, as JSON values."""
+        masks = {"known": self.occupancy.known, "added": self.occupancy.added,
+                 "seen": self.visibility.seen, "closer": self.closer.seen}  # fmt: skip
+        return {"discoveries": self.discoveries.save(), **{name: _packed(mask) for name, mask in masks.items()}}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Bring this to what was saved.
+
+        Raises:
+            KeyError, TypeError, ValueError: What was saved is not as `save` writes it, or is of another map.
+        """
+        shape = self.visibility.seen.shape
+        known, added, seen, closer = (_unpacked(saved[name], shape) for name in ("known", "added", "seen", "closer"))
+        self.discoveries.restore(saved["discoveries"])
+        self.occupancy.restore(known, added)
+        self.visibility.seen, self.closer.seen = seen, closer
+
+
+def _packed(mask: NDArray[np.bool_]) -> str:
+    """A mask as text, a bit a cell before it is compressed."""
+    return base64.b64encode(zlib.compress(np.packbits(mask).tobytes())).decode()
+
+
+def _unpacked(text: str, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """The mask of a text. Raises ValueError if it is of another size."""
+    count = int(np.prod(shape))
+    try:
+        unpacker = zlib.decompressobj()
+        data = unpacker.decompress(base64.b64decode(text, validate=True), count)
+    except zlib.error as error:
+        raise ValueError(f"no mask of a map: {error}") from None
+    if len(data) != -(-count // 8):
+        raise ValueError(f"a mask of {8 * len(data)} cells for a map of {count}")
+    return np.unpackbits(np.frombuffer(data, np.uint8), count=count).astype(bool).reshape(shape)
 
 
 def _same(before: Array, now: Array) -> bool:

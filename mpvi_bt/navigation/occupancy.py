@@ -72,6 +72,25 @@ class Occupancy:
         blank = OccupancyMap(np.ones((rows, columns), bool), rooms, (), resolution_m, origin)
         return cls(blank, np.zeros((rows, columns), bool), np.zeros((rows, columns), bool))
 
+    @property
+    def added(self) -> NDArray[np.bool_]:
+        """(H, W) what stands where the prior map has nothing."""
+        added: NDArray[np.bool_] = self.map.occupied & self.known & ~self._fixed
+        return added
+
+    def restore(self, known: NDArray[np.bool_], added: NDArray[np.bool_]) -> None:
+        """Bring this to what `known` and `added` of another one with the same prior map said.
+
+        Raises:
+            ValueError: They are not (H, W).
+        """
+        if known.shape != self.known.shape or added.shape != self.known.shape:
+            raise ValueError(f"the map is {self.known.shape}, not {known.shape} and {added.shape}")
+        self.known = known.copy()
+        self._hits = np.where(added, _HITS, 0).astype(np.uint8)
+        self._height_cm = np.where(added, np.uint8(100 * BAND_M[0]), 0).astype(np.uint8)
+        self.map = replace(self.map, occupied=self._fixed | added | ~known)
+
     def update(self, image: CameraImage, ignore: Sequence[tuple[float, float, float]] = ()) -> bool:
         """Add what a picture shows, and take away what it sees through.
 

@@ -105,6 +105,7 @@ def run(
         triggers=GraspReleaseTriggers(world.robot),
         skills=skills,
         sense=navigator.feel,
+        memory=navigator if isinstance(navigator, ExploringNavigator) else None,
         blackboard=dict(tree.spec.blackboard),
     )
     saved = prepared.saved
