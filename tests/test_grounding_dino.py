@@ -209,8 +209,9 @@ def test_without_a_network_it_says_what_to_do() -> None:
 
 def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither torch nor transformers is loaded before a detector is made."""
-    monkeypatch.setitem(sys.modules, "transformers", None)
-    with pytest.raises(DetectorError) as caught:
-        GroundingDinoDetector()
-    assert caught.value.reason == "not_installed"
-    assert "mpvi_bt[grounding-dino]" in str(caught.value)
+    for missing in ("transformers", "torch"):
+        monkeypatch.setitem(sys.modules, missing, None)
+        with pytest.raises(DetectorError) as caught:
+            GroundingDinoDetector()
+        assert caught.value.reason == "not_installed"
+        assert "mpvi_bt[grounding-dino]" in str(caught.value)

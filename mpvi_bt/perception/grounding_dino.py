@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,8 @@ from mpvi_bt.robot.protocol import CameraImage
 
 MODEL = "IDEA-Research/grounding-dino-tiny"
 KINDS = ("grounding-dino", "mm-grounding-dino")  # they speak alike
-EXTRA = "pip install 'mpvi_bt[grounding-dino]' torch==2.13.0"
+
+_INSTALL = "grounding_dino needs torch and transformers: pip install 'mpvi_bt[grounding-dino]'"
 
 
 class GroundingDinoDetector:
@@ -53,18 +55,11 @@ class GroundingDinoDetector:
         self._box_threshold, self._text_threshold = box_threshold, text_threshold
         try:
             import torch
-            from transformers import AutoModelForZeroShotObjectDetection, AutoProcessor
         except ImportError as error:
-            raise DetectorError("not_installed", f"grounding_dino needs torch and transformers: {EXTRA}") from error
+            raise DetectorError("not_installed", _INSTALL) from error
         self._torch = torch
         self.device = device or ("cuda" if torch.cuda.is_available() else "cpu")
-        try:
-            self._processor: Any = AutoProcessor.from_pretrained(model)
-            self._model: Any = AutoModelForZeroShotObjectDetection.from_pretrained(model).to(self.device).eval()
-        except Exception as error:  # of the hub, of torch, of whatever reads the files
-            raise DetectorError("not_loaded", f"{_mend(model)} ({_first_line(error)})") from error
-        if (kind := self._model.config.model_type) not in KINDS:
-            raise DetectorError("not_loaded", f"{shown(model)} is a model of kind {kind!r}; known: {', '.join(KINDS)}")
+        self._processor, self._model = _load(model, self.device)
         self._most_tokens = int(getattr(self._model.config, "max_text_len", 256))
 
     def detect(self, image: CameraImage, phrases: Sequence[str]) -> list[Detection]:
@@ -131,6 +126,23 @@ def _spoken(phrase: str) -> str:
     """What the model is asked: qualities and noun of a phrase; "" if it has no noun."""
     reading = read(phrase) if phrase != ROBOT else None
     return " ".join(reading.words) if reading is not None else ""
+
+
+@lru_cache(maxsize=1)  # a run checks its choice first, and a suite has many episodes
+def _load(model: str, device: str) -> tuple[Any, Any]:
+    """Processor and model. Raises DetectorError."""
+    try:
+        from transformers import AutoModelForZeroShotObjectDetection, AutoProcessor
+    except ImportError as error:
+        raise DetectorError("not_installed", _INSTALL) from error
+    try:
+        processor = AutoProcessor.from_pretrained(model)
+        network = AutoModelForZeroShotObjectDetection.from_pretrained(model).to(device).eval()
+    except Exception as error:  # of the hub, of torch, of whatever reads the files
+        raise DetectorError("not_loaded", f"{_mend(model)} ({_first_line(error)})") from error
+    if (kind := network.config.model_type) not in KINDS:
+        raise DetectorError("not_loaded", f"{shown(model)} is a model of kind {kind!r}; known: {', '.join(KINDS)}")
+    return processor, network
 
 
 def _mend(model: str) -> str:
