@@ -9,6 +9,7 @@ from mpvi_bt.manipulation.pick import _bring, pick
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
+from mpvi_bt.robot.protocol import Side
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 
@@ -53,7 +54,7 @@ def test_what_is_picked_up_is_off_what_it_lay_on(held: tuple[World, Work, float]
 def test_what_is_in_hand_where_it_lay_is_not_picked_up(held: tuple[World, Work, float]) -> None:
     """A retry with the thing in hand raises it first; where it comes no higher, the pick fails."""
     world, task, _ = held
-    side = "left" if task.scene.holding("left") == "can" else "right"
+    side: Side = "left" if task.scene.holding("left") == "can" else "right"
     at = task.scene.pose("can")[:2, 3]
     task.lay["can"] = np.append(at, lowest(world))  # as if it had been gripped up here
     before = lowest(world)
