@@ -287,6 +287,24 @@ def test_no_path_when_walled_in() -> None:
     assert (report.progress, report.reason) == (Progress.FAILED, "no_path")
 
 
+def test_a_target_that_cannot_be_stood_at_has_its_reason() -> None:
+    """A room full of things, a thing walled in by furniture, one whose place is no number, a robot that is lost."""
+    floor, robot = two_rooms(), KinematicRobot(1.0, 1.0)
+    put_box(floor, (4.1, 0.05), (7.9, 3.9))
+    report, _ = drive(robot, KnownPlaceNavigator(robot, floor, knowing()), "living_room")
+    assert report == Report(
+        Progress.FAILED, "goal_in_obstacle", "there is nowhere free to stand: no way to living_room"
+    )
+    vase = thing("vase", (6.0, 2.0, 0.9), (0.1, 0.1, 0.2), room="living_room")
+    assert drive(robot, KnownPlaceNavigator(robot, floor, knowing(vase)), "vase")[0].reason == "goal_in_obstacle"
+    ghost = thing("ghost", (math.nan, 2.0, 0.9), (0.1, 0.1, 0.2))
+    assert drive(robot, KnownPlaceNavigator(robot, floor, knowing(ghost)), "ghost")[0].reason == "goal_in_obstacle"
+    robot.pose[0] = math.nan
+    for target in ("living_room", "vase"):
+        report, _ = drive(robot, KnownPlaceNavigator(robot, two_rooms(), knowing(vase)), target)
+        assert report.reason == "no_pose"
+
+
 def test_an_unmapped_obstacle_is_driven_around_after_backing_off() -> None:
     """The first halt is answered by a way around it."""
     robot = KinematicRobot(0.8, 2.0)

@@ -194,12 +194,12 @@ class Driver:
                     return
                 halts.append(follower.goal[:2])
                 if len(halts) > self.parameters.halts:
-                    raise GaveUp("blocked", f"something blocks the way: the base came to a halt {len(halts)} times")
+                    raise GaveUp("blocked", f"the base came to a halt {len(halts)} times: something blocks the way")
                 yield from self._back_off(follower)
                 self.halted = False
             elif (replans := replans + 1) > self.parameters.replans:
                 yield from self._brake(follower)
-                raise GaveUp("blocked", f"the way was blocked again and again: {replans} plans failed")
+                raise GaveUp("blocked", f"{replans} plans in a row were overtaken by obstacles on the way")
             try:
                 follower = self._plan(goals, halts, follower.velocity)
             except GaveUp:
@@ -236,7 +236,7 @@ class Driver:
     def _pose(self) -> Array:
         pose = self._robot.proprioception().base_pose
         if not np.isfinite(pose).all():
-            raise GaveUp("no_pose", "the robot does not know where it is")
+            raise GaveUp("no_pose", "the robot does not know where it is, hence no way")
         return pose
 
     def _moving(self) -> Array:
@@ -406,9 +406,9 @@ def _why(free: Traversability, grid: Traversability, start: Array, goals: list[G
     """Why there is no plan; `grid` is `free` for a robot that may leave where it stands."""
     reach = cost_to_reach(grid.cost, grid.map.cell(start))
     if not (np.isfinite(reach) & np.isfinite(free.cost)).any():
-        return GaveUp("start_in_collision", "the base stands in obstacles that it cannot leave")
+        return GaveUp("start_in_collision", "the base stands in obstacles and cannot leave them: no way")
     if halts:
-        return GaveUp("blocked", "something blocks the way, and there is no other")
+        return GaveUp("blocked", "something blocks the way, and there is no other way")
     if not any(_fits(free, goal) for goal in goals):
-        return GaveUp("goal_in_obstacle", "nowhere to stand")
+        return GaveUp("goal_in_obstacle", "there is nowhere free to stand: no way")
     return GaveUp("no_path", "no free way")

@@ -75,9 +75,9 @@ def facing_yaw(entry: Entry, xy: Array) -> Array:
 def at_target(entry: Entry, pose: Array, grid: Traversability, handoff: Handoff) -> bool:
     """Whether a base at `pose` (3,) is within the handoff distance of the target, faces it and nothing is between."""
     xy = pose[:2]
-    if distance_to(entry, xy) > handoff.distance_m:
+    if not distance_to(entry, xy) <= handoff.distance_m:  # nor is it where either place is no number
         return False
-    if abs(float(wrap(facing_yaw(entry, xy) - pose[2]))) > handoff.facing_rad:
+    if not abs(float(wrap(facing_yaw(entry, xy) - pose[2]))) <= handoff.facing_rad:
         return False
     return bool(_same_room(entry, xy[None], grid)[0] and _in_sight(entry, xy[None], grid)[0])
 

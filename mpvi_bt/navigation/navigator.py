@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from mpvi_bt.behaviors.protocols import Progress, Report
 from mpvi_bt.errors import nearest
 from mpvi_bt.navigation.driver import DEFAULTS, Driver, GaveUp, NavigationParameters, Stow, never
@@ -161,6 +163,8 @@ class KnownPlaceNavigator:
 
     def _is_there(self, entries: list[Entry], room: str | None) -> bool:
         pose = self._robot.proprioception().base_pose
+        if not np.isfinite(pose).all():
+            return False
         if not entries:
             return self._map().room_at(pose[:2]) == room
         grid = self._driver.grid()
