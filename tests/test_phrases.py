@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import string
 from pathlib import Path
 
@@ -17,21 +18,10 @@ from mpvi_bt.sim.catalogue import load_catalogue
 DATA = yaml.safe_load(Path(phrases.__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
 CATALOGUE = {entry.name: entry.phrases for entry in load_catalogue()}
 NAMES = sorted({phrase for names in CATALOGUE.values() for phrase in names})
-THINGS = Vocabulary(
-    {
-        "can": ("can of soda", "soda can", "can"),
-        "bin": ("trash can", "bin"),
-        "fridge": ("fridge",),
-        "red_cup": ("red cup", "cup"),
-        "white_cup": ("white cup", "cup"),
-        "cup": ("cup",),
-        "gate": ("front door",),
-        "dresser": ("chest of drawers",),
-        "kitchen_sink": ("sink", "kitchen sink"),
-        "bathroom_sink": ("sink", "bathroom sink"),
-        "towels": ("paper towel",),
-    }
-)
+PAGE = (Path(__file__).parent.parent / "docs" / "detectors.md").read_text(encoding="utf-8")
+_CALLED = re.findall(r'"([^"]+)"', PAGE.split("\nWith things called ")[1].split(":\n")[0])
+THINGS = Vocabulary({names.split(", ")[0]: names.split(", ") for names in _CALLED})
+EXAMPLES = re.findall(r"^\| ([^|]+) \| ([^|]+) \| [^|]+ \|$", PAGE.split("| query |")[1].split("\n\n")[0], re.MULTILINE)
 words = st.text(string.ascii_lowercase, min_size=1, max_size=8)
 adjectives = st.sampled_from([word for items in DATA["qualities"].values() for item in items for word in item.split()])
 leads = st.sampled_from(["", "the ", "a ", "two ", "all of the ", "one of the ", "3 ", "your ", "The other "])
@@ -41,45 +31,33 @@ places = st.sampled_from(
 )
 
 
+@pytest.mark.parametrize(("query", "meant"), EXAMPLES)
+def test_what_a_query_means(query: str, meant: str) -> None:
+    """The page's examples: when a qualifier is used, when it is dropped, and that the noun is never another one."""
+    assert THINGS.named(query) == ([] if meant == "nothing" else meant.split(", "))
+
+
 @pytest.mark.parametrize(
     ("query", "meant"),
     [
-        ("can of soda", ["can"]),
-        ("The cans of soda", ["can"]),
-        ("two soda cans", ["can"]),
-        ("one of the cans", ["can"]),
-        ("the red can on the table", ["can"]),
-        ("soda can next to the sofa", ["can"]),
-        ("can from the hall", ["can"]),
-        ("can next to the trash can", ["can"]),
-        ("garbage can", ["bin"]),
-        ("a rubbish bin", ["bin"]),
+        ("The cans of soda", ["can of soda"]),
+        ("one of the cans", ["can of soda"]),
+        ("soda can next to the sofa", ["can of soda"]),
+        ("can from the hall", ["can of soda"]),
+        ("a rubbish bin", ["trash can"]),
         ("refrigerator", ["fridge"]),
-        ("the refrigerator's door", ["fridge"]),
-        ("the left door of the refrigerator in the kitchen", ["fridge"]),
-        ("red cup", ["red_cup"]),
-        ("cups", ["red_cup", "white_cup", "cup"]),
-        ("the blue cup", ["cup"]),
-        ("a small red cup", ["red_cup"]),
-        ("big cup", ["red_cup", "white_cup", "cup"]),
-        ("door", ["gate"]),
-        ("dresser", ["dresser"]),
-        ("wooden chest of drawers", ["dresser"]),
-        ("sink", ["kitchen_sink", "bathroom_sink"]),
-        ("the bathroom sink", ["bathroom_sink"]),
-        ("garage sink", []),
-        ("the paper towels", ["towels"]),
-        ("towel", []),
+        ("big cup", ["red cup", "white cup", "cup"]),
+        ("dresser", ["chest of drawers"]),
+        ("sink", ["kitchen sink", "bathroom sink"]),
+        ("the paper towels", ["paper towel"]),
         ("soda", []),
         ("drawers", []),
-        ("can opener", []),
-        ("beer can", []),
         ("cup holder", []),
         ("table", []),
     ],
 )
-def test_what_a_query_means(query: str, meant: list[str]) -> None:
-    """The page's examples: when a qualifier is used, when it is dropped, and that the noun is never another one."""
+def test_what_else_a_query_means(query: str, meant: list[str]) -> None:
+    """Further ways to say it."""
     assert THINGS.named(query) == meant
 
 
@@ -209,4 +187,4 @@ def test_a_part_is_read_as_it_always_was() -> None:
     """What stands for its thing where nothing is called like the part."""
     assert whole("the fridge door") == "fridge"
     assert THINGS.named("handle of the fridge") == ["fridge"]
-    assert THINGS.named("the front door") == ["gate"]
+    assert THINGS.named("the front door") == ["front door"]
