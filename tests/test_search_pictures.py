@@ -105,7 +105,7 @@ def test_the_visible_area_ends_at_walls() -> None:
     beyond = corners[corners[:, 0] > 4.1]
     assert len(beyond)
     assert np.abs(beyond[:, 1] - 2.0).max() < 0.45 * 6 / 3 + 0.1
-    picture = draw(replace(search, seen=~search.map.occupied, image=look(1.0, 2.0, 0.0)))
+    picture = draw(replace(search, seen=~search.map.occupied), image=look(1.0, 2.0, 0.0))
     assert has(at(picture, 2.5, 2.0), colors.IN_VIEW)
     assert not has(at(picture, 0.4, 2.0), colors.IN_VIEW)
     assert not has(at(picture, 6.0, 3.5), colors.IN_VIEW)
@@ -138,7 +138,7 @@ def test_there_is_a_picture_of_any_search(known: bool) -> None:
         entries=[find("can", 90, 90)],
     )
     search.known[:] = known
-    assert draw(search).shape == (4 * SCALE, 8 * SCALE, 3)
+    assert draw(search, image=search.image).shape == (4 * SCALE, 8 * SCALE, 3)
     assert MapPicture((31, 17)).draw(search, np.array([1e3, -1e3, 0.0])).shape == (17, 31, 3)
 
 

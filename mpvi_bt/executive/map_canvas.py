@@ -37,7 +37,7 @@ class Canvas:
         if search is not None:
             grid_map, self._known, self._seen, self._frontier = search.map, search.known, search.seen, search.frontier
             if not search.known.all():
-                part = extent(grid_map, search.known, margin_m=0.5)
+                part = extent(search, margin_m=0.5)
                 grid_map = cropped(grid_map, *part)
                 self._known, self._seen, self._frontier = (
                     mask[part] for mask in (self._known, self._seen, self._frontier)
@@ -172,7 +172,7 @@ class Canvas:
     def _explain(self, framed: Picture, left: int, middle: int) -> None:
         """What the colors of a search mean."""
         half, font = round(7 * self._unit), self._cv.FONT_HERSHEY_SIMPLEX
-        words = {"not seen": _OUTSIDE, "frontier": colors.FRONTIER, "found": colors.FOUND}
+        words = {"not seen": _OUTSIDE, "frontier": colors.FRONTIER, "found": colors.FOUND, "things": _INK}
         if not self._known.all():
             words["not known"] = _UNKNOWN
         for word, color in words.items():

@@ -11,6 +11,7 @@ from mpvi_bt.executive import search_colors as colors
 from mpvi_bt.executive.labels import Color, Labels, Picture
 from mpvi_bt.executive.search_view import Mask, SearchView, called, cropped, extent, found, room_places, visible
 from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
 Pixels = Callable[[Array], NDArray[np.int32]]
@@ -36,13 +37,16 @@ class MapPicture:
         self._hatches: dict[tuple[int, int], tuple[NDArray[np.uint8], NDArray[np.uint8]]] = {}
         self._rooms: tuple[NDArray[np.int16], list[tuple[str, Array]]] | None = None
 
-    def draw(self, view: SearchView, base_pose: Array, way: Sequence[Array] = ()) -> Picture:
+    def draw(
+        self, view: SearchView, base_pose: Array, way: Sequence[Array] = (), image: CameraImage | None = None
+    ) -> Picture:
         """Draw what is known now.
 
         Args:
             view: What is known.
             base_pose: (3,) where the robot is.
             way: (2,) or (3,) each; where it has been.
+            image: What it sees: floor in view is marked.
 
         Returns:
             (height, width, 3) uint8 RGB.
@@ -66,8 +70,8 @@ class MapPicture:
             )
             return pixels
 
-        if view.image is not None:
-            _tint(rgb, px(visible(grid_map, view.image)))
+        if image is not None:
+            _tint(rgb, px(visible(grid_map, image)))
         if len(way) > 1:
             cv2.polylines(rgb, [px(np.array([pose[:2] for pose in way]))], False, colors.WAY, 2, cv2.LINE_AA)
         if view.path is not None and len(view.path) > 1:
@@ -84,7 +88,7 @@ class MapPicture:
 
     def _shown(self, view: SearchView) -> tuple[slice, slice]:
         """Rows and columns to show: all that was ever known."""
-        rows, columns = extent(view.map, view.known, snap_m=0.0 if view.known.all() else _SNAP_M)
+        rows, columns = extent(view, snap_m=0.0 if view.known.all() else _SNAP_M)
         now = rows.start, rows.stop, columns.start, columns.stop
         if self._window is not None:
             a, b, c, d = self._window

@@ -27,9 +27,9 @@ _JPEG = 80  # quality of the head's pictures: 20 kB each
 _ROBOT_M = (0.27, 0.27, 0.6)  # half sizes of the box that stands for it
 _WAY_M = 0.1  # between points of the way, which is logged anew with each
 _FLUSH_S = 60.0  # of wall time, in which a disk takes a frame
+_GROUND_S = 10.0  # simulated time between two textures of the ground, which the viewer cannot keep compressed
 # What cells of the map show.
-_NOTHING, _WALL, _FLOOR, _SEEN, _FRONTIER = range(5)
-_NAMES = ("", "wall, furniture", "floor", "seen", "frontier")
+_NOTHING, _WALL, _FLOOR, _SEEN, _FRONTIER = np.arange(5, dtype=np.uint8)
 _COLORS = np.array(
     [(0, 0, 0, 0), *((*color, 255) for color in (colors.WALL, colors.UNSEEN, colors.SEEN, colors.FRONTIER))], np.uint8
 )
@@ -67,6 +67,7 @@ class RerunLog(Watcher):
         self._every = max(1, round(CONTROL_HZ / frames_per_s))
         self._head = Head(search)
         self._way: list[Array] = []
+        self._ground_s = -np.inf
         self._last: dict[str, object] = {}  # what is logged only where it changes
         self._stream: Any = None
         self._rr: Any = None
@@ -87,8 +88,6 @@ class RerunLog(Watcher):
         if self._title:
             self._stream.send_recording_name(self._title)
         self._stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        classes = [(number, name, _COLORS[number]) for number, name in enumerate(_NAMES)]
-        self._stream.log("map", rerun.AnnotationContext(classes), static=True)
         body = rerun.Boxes3D(centers=[(0, 0, _ROBOT_M[2])], half_sizes=[_ROBOT_M], colors=[colors.ROBOT])
         self._stream.log("world/robot", body, static=True)
 
@@ -199,14 +198,17 @@ class RerunLog(Watcher):
             if self._news("seen_m2", seen):
                 self._stream.log("seen_m2", self._rr.Scalars(seen))
         for order, (name, cells) in enumerate(images.items()):
-            image = np.ascontiguousarray(cells[::-1], dtype=np.uint8)
+            image = np.ascontiguousarray(cells[::-1])
             if self._news(name, image.tobytes()):
-                drawn = self._rr.SegmentationImage(image, opacity=1.0, draw_order=float(order))
-                self._stream.log(f"map/{name}", drawn)
-                if name == "floor":
-                    self._ground(image)
+                self._stream.log(
+                    f"map/{name}",
+                    self._rr.EncodedImage(contents=_png(image), media_type="image/png", draw_order=float(order)),
+                )
+        if self._world.time_s >= self._ground_s + _GROUND_S and self._news("ground", self._last["floor"]):
+            self._ground_s = self._world.time_s
+            self._ground(images["floor"][::-1])
 
-    def _ground(self, image: NDArray[np.uint8]) -> None:
+    def _ground(self, cells: NDArray[np.uint8]) -> None:
         """The map as the ground of the world."""
         grid_map = self._map_now()
         height, width = grid_map.occupied.shape
@@ -216,7 +218,7 @@ class RerunLog(Watcher):
             vertex_positions=_raised(corners, -0.01),
             triangle_indices=[(0, 1, 2), (0, 2, 3)],
             vertex_texcoords=at * (1, -1) + (0, 1),
-            albedo_texture=_COLORS[image][..., :3],
+            albedo_texture=_COLORS[cells][..., :3],
         )
         self._stream.log("world/ground", ground)
 
@@ -263,6 +265,15 @@ class RerunLog(Watcher):
         grid_map = self._map_now()
         cells = (np.asarray(xy, float)[:, :2] - grid_map.origin_m) / grid_map.resolution_m
         return np.stack([cells[:, 0], grid_map.occupied.shape[0] - cells[:, 1]], 1)
+
+
+def _png(cells: NDArray[np.uint8]) -> bytes:
+    """The picture of what cells show; a map of 40 m by 40 m takes 5 kB."""
+    import cv2
+
+    ok, data = cv2.imencode(".png", _COLORS[cells][..., [2, 1, 0, 3]])
+    assert ok
+    return bytes(data)
 
 
 def _raised(xy: Array, z: float) -> Array:

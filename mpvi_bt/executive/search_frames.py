@@ -15,6 +15,7 @@ from mpvi_bt.executive.loop import World
 from mpvi_bt.executive.map_picture import MapPicture, hatched
 from mpvi_bt.executive.search_view import Head, SearchView, called, found, seen_m2
 from mpvi_bt.perception.detector import Detection
+from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
 _VIEW = (480, 360)  # from outside, upper left; of the head, beside it; the legend fills the row
@@ -51,19 +52,19 @@ class SearchFrames:
         width, height = _VIEW
         if outside is not None:
             frame[:height, :width] = cv2.resize(outside, _VIEW, interpolation=cv2.INTER_AREA)
-        frame[:height, width : 2 * width] = self._head(world)
+        image, detections = self._eye.look(world)
+        frame[:height, width : 2 * width] = self._head(image, detections)
         pose = world.robot.proprioception().base_pose
         self._way.append(pose)
-        frame[height:, : _MAP[0]] = self._map.draw(self._view, pose, self._way)
+        frame[height:, : _MAP[0]] = self._map.draw(self._view, pose, self._way, image)
         self._legend(frame[:, 2 * width :][:height], title, status)
         write_tree(frame, tree, _MAP[0] + 8, height)
         return frame
 
-    def _head(self, world: World) -> Picture:
+    def _head(self, image: CameraImage, detections: Iterable[Detection]) -> Picture:
         """What the head sees, with what was detected in it."""
         import cv2
 
-        image, detections = self._eye.look(world)
         picture = cv2.resize(image.rgb, _VIEW, interpolation=cv2.INTER_LINEAR).astype(np.uint8)
         self._detections(picture, detections, _VIEW[0] / image.rgb.shape[1])
         return picture

@@ -112,16 +112,20 @@ def cropped(grid_map: OccupancyMap, rows: slice, columns: slice) -> OccupancyMap
     )
 
 
-def extent(grid_map: OccupancyMap, known: Mask, margin_m: float = 0.3, snap_m: float = 0.0) -> tuple[slice, slice]:
-    """Rows and columns about all floor and rooms that are known.
+def extent(search: SearchView, margin_m: float = 0.3, snap_m: float = 0.0) -> tuple[slice, slice]:
+    """Rows and columns about all floor and rooms that are known, and what was found.
 
     Args:
-        grid_map: The map.
-        known: (H, W) bool.
+        search: What is known.
         margin_m: Kept around.
         snap_m: Borders are moved out to multiples of this; 0: to cells.
     """
-    floor = (known & ~grid_map.occupied) | (grid_map.rooms >= 0)
+    grid_map = search.map
+    floor = (search.known & ~grid_map.occupied) | (grid_map.rooms >= 0)
+    for entry in found(search.entries):
+        row, column = grid_map.cell(entry.center)
+        if grid_map.inside(row, column):
+            floor[row, column] = True
     slices = []
     for axis in (1, 0):
         (at,) = np.nonzero(floor.any(axis))
