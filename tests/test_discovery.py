@@ -289,6 +289,21 @@ def test_boxes_without_masks_do() -> None:
     assert np.linalg.norm(scene.at() - scene.things.center("can")) < 0.06
 
 
+def test_parts_of_a_thing_become_one_when_more_of_it_is_seen() -> None:
+    """Both ends of a long box were seen past what hid its middle; the whole of it is one entry."""
+    scene = Setup("box")
+    scene.things.put("box", "box", (2.2, 0.0), (0.2, 1.6, 0.3))
+    for left, right in ((-0.9, 0.55), (-0.55, 0.9)):
+        scene.things.put("wall", "", (1.8, (left + right) / 2), (0.05, right - left, 1.0))
+        scene.look()
+    assert len(list(scene.known)) == 2
+    del scene.things.boxes["wall"]
+    scene.look(times=2)
+    (entry,) = scene.known
+    scene.look(times=8)
+    np.testing.assert_allclose([entry.lowest[1], entry.highest[1]], [-0.8, 0.8], atol=0.03)
+
+
 # ---------------------------------------------------------------------------------------------- what is not seen
 
 
@@ -506,12 +521,11 @@ def test_a_hand_holds_the_nearest_thing_and_none_that_is_far() -> None:
 
 
 def test_a_thing_let_go_is_taken_for_the_one_that_is_seen_near_there() -> None:
-    """It fell to the floor and rolled: the same entry, where it is seen now."""
+    """It fell to the floor and rolled a little: the same entry, where it is seen now."""
     scene = can_in_hand()
     scene.made.feel(body())
     (entry,) = scene.known
     below = tcp(HERE)[:2] + [0.15, 0.1]
-    entry.lowest, entry.highest = entry.lowest - [0, 0, 0.7], entry.highest - [0, 0, 0.7]
     scene.things.put("can", "can of soda", (float(below[0]), float(below[1])))
     assert scene.look((below[0] - 1.5, below[1], 0.0)) == [entry]
     assert np.linalg.norm(entry.center - scene.things.center("can")) < 0.04

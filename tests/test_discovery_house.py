@@ -14,12 +14,12 @@ from mpvi_bt.perception.knowledge import LIKELY, Entry, KnowledgeBase
 from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import CameraImage
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, CameraImage
+from mpvi_bt.robot.solids import Array, pose
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.sim.prior_map import knowledge, prior_map
 from mpvi_bt.sim.world import Placement, World
-from tests.small_house import CATALOGUE, placed
+from tests.small_house import CATALOGUE, placed, small_world
 from tests.test_discovery import Clock, Pose, body, disturbed
 
 pytestmark = [pytest.mark.slow, pytest.mark.render]
@@ -89,10 +89,10 @@ class Drive:
 def drive(world: World) -> Drive:
     """Look at the house as it is now."""
     pictures, visible = [], set()
-    for pose in tour():
-        T = kin.base(np.array(pose)) @ kin.head_camera(r1.TRAVEL_TORSO)
+    for at in tour():
+        T = kin.base(np.array(at)) @ kin.head_camera(r1.TRAVEL_TORSO)
         image = world.look_from(T, (HEAD.width, HEAD.height), HEAD.fov_rad)
-        pictures.append((pose, image))
+        pictures.append((at, image))
         labels, pixels = np.unique(image.labels, return_counts=True)
         visible |= {image.names.get(label, "") for label in labels[pixels >= VISIBLE_PX].tolist()}
     known = world.knowledge()
@@ -140,8 +140,8 @@ def test_every_thing_that_can_be_seen_is_found_once_and_nothing_else(drives: tup
     """Each within 10 cm of the truth, with and without noise of depth and odometry."""
     seen, rng = drives[0], np.random.default_rng(1)
     made = discoveries(seen)
-    for pose, image in seen.pictures:
-        made.see(disturbed(image, rng) if noise else image, body(pose))
+    for at, image in seen.pictures:
+        made.see(disturbed(image, rng) if noise else image, body(at))
     errors, others = compared(made.knowledge, seen)
     print(f"{len(errors)} things, {1e3 * np.median(errors):.0f} mm off in the median, {1e3 * max(errors):.0f} at most")
     assert len(errors) > 30
@@ -153,9 +153,50 @@ def test_what_was_moved_meanwhile_is_found_anew_and_not_where_it_was(drives: tup
     """A second drive through the house corrects what the first one told."""
     made = discoveries(drives[0])
     for seen in drives:
-        for pose, image in seen.pictures:
-            made.see(image, body(pose))
+        for at, image in seen.pictures:
+            made.see(image, body(at))
     errors, others = compared(made.knowledge, drives[1])
     print(f"{len(errors)} things, {1e3 * np.median(errors):.0f} mm off in the median, {1e3 * max(errors):.0f} at most")
     assert max(errors) < 0.10
     assert others == []
+
+
+def test_a_can_is_followed_from_the_hand_to_the_floor() -> None:
+    """Seen in the hand, held by touch alone, driven around, dropped, and seen again: one entry, where the can is."""
+    world = small_world({"can": placed("can_of_soda", 2.0, 2.0)}, render=True)
+    T_base_hand = kin.transform(kin.hand_rotation((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), (0.55, -0.15, 0.85))
+    right = r1.TRAVEL_ARM["right"]
+    arm = kin.nearest_posture(kin.inverse(kin.chest(r1.TRAVEL_TORSO)) @ T_base_hand, "right", right)
+    assert arm is not None
+    action = world.robot.action.copy()
+    action[ActionLayout.TORSO], action[ActionLayout.ARM["right"]] = r1.TRAVEL_TORSO, arm
+    action[ActionLayout.ARM["left"]] = r1.TRAVEL_ARM["left"]
+    made = Discoveries(KnowledgeBase(), ["can of soda"], SegmentationDetector({"can": ("can of soda",)}), world)
+
+    def steps(seconds: float, gripper: float, base: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
+        action[ActionLayout.GRIPPER["right"]], action[ActionLayout.BASE] = gripper, base
+        for _ in range(round(seconds * CONTROL_HZ)):
+            world.step(action)
+            made.feel(world.robot.proprioception())
+
+    def off() -> float:
+        (entry,) = made.knowledge.find("can of soda")
+        return float(np.linalg.norm(entry.center - world.knowledge().entries["can"].center))
+
+    steps(2.0, gripper=1.0)
+    x, y, z = world.robot.hand_pose_world("right")[:3, 3].tolist()
+    world.place("can", pose((x, y, z - 0.061)), fixed=True)
+    (entry,) = made.see(world.robot.look("head"), world.robot.proprioception())
+    before = off()  # the hand hides the lower half
+    assert before < 0.05
+    steps(1.0, gripper=-1.0)
+    world.place("can", world.pose("can"))
+    assert entry.held
+    steps(2.0, -1.0, (0.2, 0.1, 0.5))
+    assert off() == pytest.approx(before, abs=0.005)
+    steps(1.5, gripper=1.0)
+    assert not entry.held
+    for _ in range(3):
+        steps(0.7, 1.0, (-0.4, 0.0, 0.0))
+        made.see(world.robot.look("head"), world.robot.proprioception())
+    assert off() < 0.05

@@ -28,9 +28,9 @@ from mpvi_bt.robot.solids import Array
 # Middles that are nearer than this, and this more a meter of range, may be those of one thing. Our choice: the depth,
 # the joints and the odometry of a good robot are off by a third of that.
 _GATE_M, _GATE_PER_M = 0.10, 0.05
-_UNSEEN_GATE_M = 0.40  # likewise for what was let go and not seen since: it may have fallen or rolled
+_UNSEEN_GATE_M = 0.40  # likewise for what was let go and not seen since: it may have rolled, and fallen however far
 _SHARED = 0.25  # boxes that have this part of the smaller one in common may be those of one thing
-_SMALLER = 0.7  # a box so much smaller than another one, and half the gate from it, may be that of a part of it
+_SMALLER = 0.7  # a box so much smaller than another one, within half the gate from it, may be that of a part of it
 _A_PART = 0.9  # how badly a part fits
 _FLAT_M = 0.02  # boxes count as at least that thick
 _GROWS, _SHRINKS = (
@@ -112,10 +112,10 @@ class Discoveries:
             else:
                 self._confirm(known, sighting)
             looks = self._looks[known.name]
-            looks.far_m = max(looks.far_m, sighting.range_m)
-            looks.px_at_1m = max(looks.px_at_1m, sighting.px_at_1m)
+            looks.px_m3 = max(looks.px_m3, sighting.px_m3)
             known.seen_s, known.view = self._clock.time_s, body.base_pose.copy()
             entries.append(known)
+        self._absorb(entries)
         self._doubt(image, {entry.name for entry in entries}, unplaced)
         self._carrying.adopt(new, body)
         self._carrying.sort(body)
@@ -130,7 +130,7 @@ class Discoveries:
         for i, sighting in enumerate(seen):
             prices[i, len(known) + i] = 1.0
             for k, entry in enumerate(known):
-                if any(calls(entry.phrases, phrase) for phrase in sighting.phrases):
+                if _alike(entry.phrases, sighting.phrases):
                     prices[i, k] = self._misfit(sighting, entry)
         pairs = dict(zip(*linear_sum_assignment(prices), strict=True))
         return [known[k] if (k := pairs[i]) < len(known) else None for i in range(len(seen))]
@@ -138,17 +138,17 @@ class Discoveries:
     def _misfit(self, sighting: Sighting, entry: Entry) -> float:
         """How badly a sighting fits an entry: 0 to 1, or `_NEVER`."""
         gate = _GATE_M + _GATE_PER_M * sighting.range_m
+        way = (sighting.lowest + sighting.highest) / 2 - entry.center
         if entry.source != "prior" and self._looks[entry.name].near_m is None:
-            gate = max(gate, _UNSEEN_GATE_M)
-        apart = float(np.linalg.norm((sighting.lowest + sighting.highest) / 2 - entry.center)) / gate
+            gate, way[2] = max(gate, _UNSEEN_GATE_M), max(way[2], 0.0)
+        apart = float(np.linalg.norm(way)) / gate
         a, b = np.stack([sighting.lowest, sighting.highest]), np.stack([entry.lowest, entry.highest])
         if apart < 1.0:
             return apart
         if (shared := _shared(a, b)) > _SHARED:
             return 1.0 - shared / 2
-        sizes = sorted(float(np.linalg.norm(box[1] - box[0])) for box in (a, b))
         gap = float(np.linalg.norm(np.maximum(np.maximum(a[0] - b[1], b[0] - a[1]), 0.0)))
-        return _A_PART if sizes[0] < _SMALLER * sizes[1] and gap < gate / 2 else _NEVER
+        return _A_PART if gap < gate / 2 and (_smaller(a, b) or _smaller(b, a)) else _NEVER
 
     # ------------------------------------------------------------------------------------------ learning
 
@@ -191,6 +191,19 @@ class Discoveries:
         rooms = (r for r in self.knowledge if r.kind == "room")
         entry.room = next((r.name for r in rooms if ((at >= r.lowest[:2]) & (at <= r.highest[:2])).all()), None)
 
+    def _absorb(self, entries: Sequence[Entry]) -> None:
+        """Forget what turns out to be a part of a thing, now that more of the thing was seen."""
+        names = {entry.name for entry in entries}
+        for whole in entries:
+            for part in [e for e in self.knowledge if e.kind == "object" and e.name not in names and not e.held]:
+                a, b = np.stack([part.lowest, part.highest]), np.stack([whole.lowest, whole.highest])
+                if _smaller(a, b) and _shared(a, b) > 0.5 and _alike(whole.phrases, part.phrases):
+                    self._forget(part)
+
+    def _forget(self, entry: Entry) -> None:
+        self.knowledge.drop(entry.name)
+        self._looks.pop(entry.name, None)
+
     def _doubt(self, image: CameraImage, seen: set[str], unplaced: Sequence[Detection]) -> None:
         """Believe less in what the picture should show and does not, and forget what is believed too little.
 
@@ -202,14 +215,13 @@ class Discoveries:
             if (
                 entry.source == "prior" or entry.held or entry.name in seen
                 or not shows(image, low, high, self._looks[entry.name])
-                or not any(calls(entry.phrases, phrase) for phrase in self.phrases)
+                or not _alike(entry.phrases, self.phrases)
                 or any(calls(entry.phrases, d.phrase) and covers(d, image, low, high) for d in unplaced)
             ):  # fmt: skip
                 continue
             entry.confidence = self._belief.missed(entry.confidence)
             if entry.confidence < self._belief.given_up:
-                self.knowledge.drop(entry.name)
-                self._looks.pop(entry.name)
+                self._forget(entry)
 
     # ------------------------------------------------------------------------------------------ saving
 
@@ -236,6 +248,16 @@ class Discoveries:
         self.errors = int(saved["errors"])
 
 
+def _alike(phrases: tuple[str, ...], others: Iterable[str]) -> bool:
+    """Whether any of the others may mean what is called so."""
+    return any(calls(phrases, other) for other in others)
+
+
+def _smaller(a: Array, b: Array) -> bool:
+    """Whether a box (2, 3) is so much smaller than another one that it may be that of a part."""
+    return bool(np.linalg.norm(a[1] - a[0]) < _SMALLER * np.linalg.norm(b[1] - b[0]))
+
+
 def _shared(a: Array, b: Array) -> float:
     """Part of the smaller of two boxes (2, 3) that is in the other one, too."""
     a, b = (box + np.outer([-0.5, 0.5], np.maximum(_FLAT_M - (box[1] - box[0]), 0.0)) for box in (a, b))
@@ -253,7 +275,7 @@ def _merged(entry: Entry, sighting: Sighting, nearer: float) -> tuple[Array, Arr
     """
     weight = min(1.0, nearer**2)
     low, high = entry.lowest, entry.highest
-    part = np.linalg.norm(sighting.highest - sighting.lowest) < _SMALLER * np.linalg.norm(high - low)
+    part = _smaller(np.stack([sighting.lowest, sighting.highest]), np.stack([low, high]))
     if ((sighting.lowest > high) | (sighting.highest < low)).any() and not part:
         shift = weight * ((sighting.lowest + sighting.highest) / 2 - entry.center)
         low, high = low + shift, high + shift

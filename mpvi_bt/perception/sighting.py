@@ -31,13 +31,12 @@ class Looks:
 
     Attributes:
         near_m: The shortest range that it was wholly seen from where it is; None if it was let go there, unseen.
-        far_m: The longest range that it was ever seen from.
-        px_at_1m: How many pixels it would cover from 1 m, by the most that was ever seen of it.
+        px_m3: Its pixels times the cube of its depth, in the look where that was most. The pixels of no thing become
+            fewer faster than with that cube, which is how what lies flat on a floor shrinks.
     """
 
     near_m: float | None = None
-    far_m: float = 0.0
-    px_at_1m: float = 0.0
+    px_m3: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +48,7 @@ class Sighting:
         score: Of the surest.
         lowest, highest: (3,) corners of the box about what is seen of it, in the world [m].
         range_m: From the camera to the middle of that box.
-        px_at_1m: How many pixels what is seen of it would cover from 1 m.
+        px_m3: How many pixels show it, times the cube of its depth.
         cut: Whether the picture's edge cuts it, so that there may be more of it.
     """
 
@@ -58,7 +57,7 @@ class Sighting:
     lowest: Array
     highest: Array
     range_m: float
-    px_at_1m: float
+    px_m3: float
     cut: bool
 
 
@@ -85,9 +84,10 @@ def sightings(image: CameraImage, found: Sequence[Detection]) -> tuple[list[Sigh
             unplaced += group
             continue
         names = tuple(normalize(d.phrase) for d in group if d.score >= _AS_GOOD * best.score)
-        far = float(np.linalg.norm((place.lowest + place.highest) / 2 - image.T_world_camera[:3, 3]))
-        cut = _cut(best.box, image)
-        seen.append(Sighting(names, best.score, place.lowest, place.highest, far, place.pixels * far**2, cut))
+        ahead = (place.lowest + place.highest) / 2 - image.T_world_camera[:3, 3]
+        px_m3 = place.pixels * float(ahead @ image.T_world_camera[:3, 2]) ** 3
+        range_m, cut = float(np.linalg.norm(ahead)), _cut(best.box, image)
+        seen.append(Sighting(names, best.score, place.lowest, place.highest, range_m, px_m3, cut))
     return seen, unplaced
 
 
@@ -97,11 +97,10 @@ def shows(image: CameraImage, lowest: Array, highest: Array, looks: Looks) -> bo
     Args:
         image: The picture.
         lowest, highest: (3,) corners of the box [m].
-        looks: How the thing was seen so far: no one can say that it would be seen from farther.
+        looks: How the thing was seen so far: who saw it from a range need not see it from a longer one.
     """
-    ahead = (lowest + highest) / 2 - image.T_world_camera[:3, 3]
-    range_m = float(np.linalg.norm(ahead))
-    if ahead @ image.T_world_camera[:3, 2] <= 0 or range_m > looks.far_m or looks.px_at_1m < _PLAIN_PX * range_m**2:
+    depth_m = float(((lowest + highest) / 2 - image.T_world_camera[:3, 3]) @ image.T_world_camera[:3, 2])
+    if depth_m <= 0 or looks.px_m3 < _PLAIN_PX * depth_m**3:
         return False
     if (pixels := _projected(image, lowest, highest)) is None:
         return False
