@@ -88,7 +88,7 @@ class SegmentationDetector:
     Only visible pixels count. A switch has a label of its own; it is called by its thing, as "switch of the radio".
 
     The mistakes follow from the seed and from how many pictures came before: the same pictures in the same order have
-    the same ones, whatever is asked for.
+    the same ones. What is missed and where things are drawn does not depend on what is asked for.
 
     Attributes:
         name: "segmentation", with its errors' address if they are on.
