@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,10 +14,15 @@ from benchmarks.hands.runner import run_job
 from mpvi_bt.manipulation.grasps import MAX_WIDTH_M
 from mpvi_bt.manipulation.hand_over import takes
 from mpvi_bt.manipulation.in_hand import InHand
+from mpvi_bt.manipulation.memory import Thing
+from mpvi_bt.manipulation.seen import Seen
 from mpvi_bt.manipulation.stance import Held
+from mpvi_bt.perception.segmentation import SegmentationDetector
+from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Load
 from mpvi_bt.robot.solids import Solid
+from tests.small_house import small_world
 
 
 def held(half: tuple[float, float, float]) -> Held:
@@ -37,6 +44,22 @@ def test_takes_are_around_the_thing_and_off_the_giving_hand(half: tuple[float, f
 def test_what_is_too_wide_every_way_cannot_be_taken() -> None:
     """No finger goes around a block of 12 cm."""
     assert not list(takes(held((0.06, 0.06, 0.06))))
+
+
+def test_fingers_hold_what_keeps_them_apart_not_what_lies_in_it() -> None:
+    """Of a cup and the die in it, which is nearer to the tcp, the cup is held."""
+    world = small_world({})
+    felt = world.robot.proprioception()
+    felt = replace(felt, gripper_width={**felt.gripper_width, "left": 0.07},
+                   gripper_command={**felt.gripper_command, "left": -1.0})  # fmt: skip
+    seen = Seen(SegmentationDetector({}))
+    T = kin.base(felt.base_pose) @ kin.tcp(felt.torso, felt.arm["left"], "left")
+    for name, half, off in (("die 1", 0.01, 0.0), ("cup 1", 0.035, 0.04)):
+        at = kin.transform(np.eye(3), T[:3, 3] + [0.0, 0.0, off])
+        shape = Shape("box", at, (Solid("box", np.full(3, half), at),), 0.0)
+        seen._things[name] = Thing(name, name[:3], shape)
+    seen.feel(felt)
+    assert seen.holding("left") == "cup 1"
 
 
 def test_what_was_seen_in_a_hand_moves_with_it() -> None:

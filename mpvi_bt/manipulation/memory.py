@@ -41,6 +41,7 @@ _SEEN_PX = 6  # a mask of fewer pixels is not looked at
 _THROUGH_M = 0.06  # where the depth is that much farther than a thing, it is gone
 _PRESSED_M = 0.06  # what two hands press is this near to both of them
 _GRASPED_M = 0.06  # what a closing hand takes hold of is this near its tcp, by what was seen of it
+_SPANS = 0.8  # what is smaller than this share of the gap between the fingers is likely not what they hold
 _DEEPER_M = 0.1  # than it seems a vessel in hand may be
 _RECENTERED_M = 0.04  # fingers that close shift what they take by less than this
 
@@ -133,17 +134,23 @@ class Memory:
         return kin.base(self._felt.base_pose) @ kin.tcp(self._felt.torso, self._felt.arm[side], side)
 
     def _grasp(self, side: Side) -> None:
-        """The hand has closed on something: the nearest thing, which its fingers have brought between them."""
-        T = self._tcp(side)
+        """The hand has closed on something: the nearest thing, which its fingers have brought between them.
+
+        What lies in a vessel may be nearer than its wall, but is too small to keep the fingers apart.
+        """
+        assert self._felt is not None
+        T, width = self._tcp(side), self._felt.gripper_width[side]
         taken = {n for n, _ in self._grip.values()}
         near = [
-            (self._gap(n, T[:3, 3]), n)
+            (bool(np.ptp(self._shape(n).box(), axis=0).max() < _SPANS * width), gap, n)
             for n in self._things
-            if n not in taken and self._things[n].shape.kind != "furniture"
+            if n not in taken
+            and self._things[n].shape.kind != "furniture"
+            and (gap := self._gap(n, T[:3, 3])) < _GRASPED_M
         ]
-        if not near or min(near)[0] > _GRASPED_M:
+        if not near:
             return
-        thing = self._things[min(near)[1]]
+        thing = self._things[min(near)[2]]
         if thing.shape.kind != "vessel":
             boxes = np.stack([s.moved(kin.inverse(T)).aabb() for s in thing.shape.solids])
             aside = float(boxes[:, 0, 1].min() + boxes[:, 1, 1].max()) / 2
@@ -296,7 +303,9 @@ class Memory:
             if name == thing.name and side in self._shown:
                 T = self._tcp(side)
                 self._shown[side].add(frame, mask, T)
-                if (shape := self._shown[side].shape(T)) is not None:
+                shape = self._shown[side].shape(T)
+                # the wall of a vessel, seen from outside, is no reason to take it for massive
+                if shape is not None and (shape.kind == "vessel" or thing.shape.kind != "vessel"):
                     self._lay(name)
                     thing.shape, self._grip[side] = shape, (name, kin.inverse(T))
         frame.robot[:] |= ndimage.binary_dilation(mask, iterations=2)

@@ -198,7 +198,10 @@ def _options(
     work: Work, held: Held, place: Array, height: float, tipped: float, tries: int
 ) -> Iterator[Option]:  # fmt: skip
     """Ways of the hand: over the place, then tilting about the vessel's lip, which comes down as the vessel tips."""
-    inside = max(work.scene.volumes(held.name), key=lambda v: float(np.prod(v.half_m)))
+    volumes = work.scene.volumes(held.name)
+    if not volumes:
+        raise MotionFailure("not_a_container")  # it looks otherwise now
+    inside = max(volumes, key=lambda v: float(np.prod(v.half_m)))
     T_thing = righted(work.scene.pose(held.name), inside.T[:3, 2])
     solid = inside.moved(kin.inverse(work.scene.pose(held.name)))
     bodies = [s.moved(kin.inverse(held.T_tcp_thing)).aabb() for s in held.solids]
