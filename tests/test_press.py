@@ -11,7 +11,7 @@ from mpvi_bt.manipulation.press import options, press
 from mpvi_bt.manipulation.seen import Seen
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
-from mpvi_bt.perception.detector import LabelDetector
+from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.robot.motion import Motion, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.sim.world import World
@@ -81,7 +81,7 @@ def test_a_seen_switch_is_known_and_may_be_touched(name: str) -> None:
     A hand that comes straight from outside is clear of everything up to the touch.
     """
     world = small_world(base=(-0.2, 0.1, 0.0), render=True, **FIXTURES[name])
-    seen = Seen(LabelDetector({"thing": (name,)}))
+    seen = Seen(SegmentationDetector({"thing": (name,)}, least_px=1))
     seen.forget((name,))
     work = Work(seen, Motion(world.robot.proprioception()), np.random.default_rng(0), seen)
     action = world.robot.action
