@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import lru_cache
@@ -13,8 +14,8 @@ import numpy as np
 
 from mpvi_bt.behaviors.protocols import Progress, Report
 from mpvi_bt.navigation.footprint import Footprint
-from mpvi_bt.navigation.goals import Goal, Handoff
-from mpvi_bt.navigation.grid import cost_to_reach, shortest_path
+from mpvi_bt.navigation.goals import Handoff
+from mpvi_bt.navigation.headway import Headway
 from mpvi_bt.navigation.loaded import loaded_path
 from mpvi_bt.navigation.pursuit import CARRYING, Limits, PathFollower, Tolerance
 from mpvi_bt.navigation.traversability import (
@@ -27,6 +28,7 @@ from mpvi_bt.navigation.traversability import (
     snapped,
     traversability,
 )
+from mpvi_bt.navigation.ways import GaveUp, Goals, find_way
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.kinematics import rot_z
@@ -34,9 +36,9 @@ from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Robot
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
+__all__ = ["DEFAULTS", "Driver", "GaveUp", "Goals", "NavigationParameters", "Stow", "never"]
+
 _BACK_M_S = 0.15  # backing off
-_LOADED_GOALS = 2  # so many are tried with something in the hands: that search takes its time
-_TIGHT_M = 0.02  # by so much less room is given to loads where they do not fit with it
 
 
 class Stow(Protocol):
@@ -85,23 +87,6 @@ class NavigationParameters:
 
 
 DEFAULTS = NavigationParameters()
-
-
-class GaveUp(Exception):
-    """Ends a drive without arrival.
-
-    Attributes:
-        reason: Stable code, such as "no_path".
-        message: For a person.
-    """
-
-    def __init__(self, reason: str, message: str) -> None:
-        super().__init__(message)
-        self.reason, self.message = reason, message
-
-
-Goals = Callable[[Traversability, Array], list[Goal]]
-"""Where to: ranked poses for a planning grid and the base's place (2,) [m]."""
 
 
 def never() -> bool:
@@ -247,20 +232,11 @@ class Driver:
 
     def _plan(self, goals: Goals, halts: list[Array], velocity: Array) -> PathFollower:
         """The way to the best goal; around what stopped the base before, if there is such a way."""
-        pose = self._pose()
-        start, footprint = pose[:2], self._takes_up()
-        for blocks in [True, False] if self.blocks else [False]:
-            free = self.grid(blocks)
-            grid = free.escaping(start)
-            ranked = [goal for goal in goals(grid, start) if np.isfinite(goal.pose).all()]
-            left = [g for g in ranked if np.isfinite(g.score) and _fits(free, g) and not _given_up(g, halts)]
-            left = sorted(left, key=lambda g: (footprint.slack(grid, g.pose) < 0, g.score))
-            for tried in (footprint, footprint.smaller(_TIGHT_M)) if len(footprint.loads) else (footprint,):
-                for goal in left[:_LOADED_GOALS] if len(footprint.loads) else left:
-                    path = _way(grid, tried, pose, goal.pose)
-                    if path is not None:
-                        return self._follower(path, goal.pose, grid, velocity)
-        raise _why(free, grid, start, ranked, halts)
+        pose, footprint = self._pose(), self._takes_up()
+        if self.blocks:
+            with suppress(GaveUp):
+                return self._follower(*find_way(self.grid(blocks=True), footprint, pose, goals, halts), velocity)
+        return self._follower(*find_way(self.grid(), footprint, pose, goals, halts), velocity)
 
     def _follower(self, path: Array, goal: Array, grid: Traversability, velocity: Array) -> PathFollower:
         body = self._robot.proprioception()
@@ -290,7 +266,7 @@ class Driver:
         self, follower: PathFollower, feedback: str, until: Callable[[], bool], watchful: bool = True
     ) -> Generator[Report, None, _End]:
         """Follow to the end; `watchful`: or until the map shows something in the way."""
-        progress = _Progress(self.parameters)
+        headway = Headway(self.parameters.stall_s, self.parameters.idle_s)
         lost, self._checked = 0, (follower.grid.map, ())
         while True:
             body = self._robot.proprioception()
@@ -298,16 +274,18 @@ class Driver:
             if not np.isfinite(body.base_pose).all():
                 if (lost := lost + 1) > self.parameters.stall_s * CONTROL_HZ:
                     self._pose()
+                follower.velocity = np.zeros(3)
                 yield Report(Progress.RUNNING, "", feedback)
                 continue
+            lost = 0
             if follower.reached(body.base_pose, body.base_velocity):
                 return _End.ARRIVED
             if until():
                 yield from self._brake(follower)
                 return _End.ARRIVED
-            if watchful and self._obstructed(follower, progress.steps):
+            if watchful and self._obstructed(follower, headway.steps):
                 return _End.OBSTRUCTED
-            if progress.stalled(body.base_pose, follower):
+            if headway.stalled(body.base_pose, follower):
                 return _End.HALTED
             self._write_base(follower.command(body.base_pose))
             yield Report(Progress.RUNNING, "", feedback)
@@ -325,7 +303,7 @@ class Driver:
 
     def _back_off(self, follower: PathFollower) -> Iterator[Report]:
         """Note where the base was stopped, and drive a little the other way, as straight back as there is room."""
-        pose = self._pose()
+        pose, follower.velocity = self._pose(), np.zeros(3)
         ahead = math.atan2(*(follower.aim - pose[:2])[::-1])
         at = pose[:2] + (self._footprint() + 0.10) * np.array([math.cos(ahead), math.sin(ahead)])
         self.blocks.append((float(at[0]), float(at[1]), 0.15))
@@ -358,57 +336,3 @@ class Driver:
         action = self._robot.action.copy()
         action[ActionLayout.BASE] = velocity
         self._robot.act(action)
-
-
-class _Progress:
-    """Tells when a base that is told to move does not, or comes no nearer to its goal."""
-
-    def __init__(self, parameters: NavigationParameters) -> None:
-        self._still, self._idle = (round(t * CONTROL_HZ) for t in (parameters.stall_s, parameters.idle_s))
-        self._pose, self._moved = np.full(3, 1e9), 0  # where it was when it had last moved, and at which step
-        self._least, self._nearer = math.inf, 0  # what remained at the least, and at which step
-        self.steps = 0
-
-    def stalled(self, pose: Array, follower: PathFollower) -> bool:
-        """Whether it has come to a halt; asked once a step."""
-        self.steps += 1
-        if (
-            math.dist(pose[:2], self._pose[:2]) >= 0.05
-            or abs(math.remainder(pose[2] - self._pose[2], 2 * math.pi)) >= 0.1
-        ):
-            self._pose, self._moved = pose, self.steps
-        remaining = follower.remaining_m(pose)
-        if remaining < self._least - 0.05:
-            self._least, self._nearer = remaining, self.steps
-        return self.steps - self._moved > self._still or self.steps - self._nearer > self._idle
-
-
-def _fits(grid: Traversability, goal: Goal) -> bool:
-    """Whether the footprint is free at a goal."""
-    cell = grid.map.cell(goal.pose)
-    return grid.map.inside(*cell) and bool(np.isfinite(grid.cost[cell]))
-
-
-def _given_up(goal: Goal, halts: list[Array]) -> bool:
-    """Whether the base came to a halt twice before it reached the place of this goal."""
-    return sum(math.dist(goal.pose[:2], at) < 0.3 for at in halts) >= 2
-
-
-def _way(grid: Traversability, footprint: Footprint, start: Array, goal: Array) -> Array | None:
-    """(N, 2) places [m] from pose to pose (3,), or (N, 3) poses where a load has to be seen to; None: no way."""
-    if len(footprint.loads):
-        return loaded_path(grid, footprint, start, goal)
-    found = shortest_path(grid.cost, grid.map.cell(start), grid.map.cell(goal))
-    return None if found is None else grid.points(found[0])
-
-
-def _why(free: Traversability, grid: Traversability, start: Array, goals: list[Goal], halts: list[Array]) -> GaveUp:
-    """Why there is no plan; `grid` is `free` for a robot that may leave where it stands."""
-    reach = cost_to_reach(grid.cost, grid.map.cell(start))
-    if not (np.isfinite(reach) & np.isfinite(free.cost)).any():
-        return GaveUp("start_in_collision", "the base stands in obstacles and cannot leave them: no way")
-    if halts:
-        return GaveUp("blocked", "something blocks the way, and there is no other way")
-    if not any(_fits(free, goal) for goal in goals):
-        return GaveUp("goal_in_obstacle", "there is nowhere free to stand: no way")
-    return GaveUp("no_path", "no free way")

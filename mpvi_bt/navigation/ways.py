@@ -1,0 +1,99 @@
+"""Which goal to drive to and on which way; or why there is none."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from mpvi_bt.navigation.footprint import Footprint
+from mpvi_bt.navigation.goals import Goal
+from mpvi_bt.navigation.grid import cost_to_reach, shortest_path
+from mpvi_bt.navigation.loaded import loaded_path
+from mpvi_bt.navigation.traversability import Traversability
+from mpvi_bt.robot.solids import Array
+
+_LOADED_GOALS = 2  # so many are tried with something in the hands: that search takes its time
+_TIGHT_M = 0.02  # by so much less room is given to loads where they do not fit with it
+
+
+class GaveUp(Exception):
+    """Ends a drive without arrival.
+
+    Attributes:
+        reason: Stable code, such as "no_path".
+        message: For a person.
+    """
+
+    def __init__(self, reason: str, message: str) -> None:
+        super().__init__(message)
+        self.reason, self.message = reason, message
+
+
+Goals = Callable[[Traversability, Array], list[Goal]]
+"""Where to: ranked poses for a planning grid and the base's place (2,) [m]."""
+
+
+def find_way(
+    free: Traversability, footprint: Footprint, pose: Array, goals: Goals, halts: list[Array]
+) -> tuple[Array, Array, Traversability]:
+    """The way to the best goal that can be reached.
+
+    Args:
+        free: The planning grid.
+        footprint: What the robot takes up.
+        pose: (3,) where it is.
+        goals: Where to.
+        halts: (2,) each; places of goals before which the base came to a halt: where it did so twice is no goal.
+
+    Returns:
+        (N, 2) places [m], or (N, 3) poses where a load has to be seen to; the goal (3,); and the grid for a robot that
+        may leave where it stands.
+
+    Raises:
+        GaveUp: "no_path", "goal_in_obstacle", "start_in_collision", or "blocked" after halts.
+    """
+    start = pose[:2]
+    grid = free.escaping(start)
+    ranked = [goal for goal in goals(grid, start) if np.isfinite(goal.pose).all()]
+    left = [g for g in ranked if np.isfinite(g.score) and _fits(free, g) and not _given_up(g, halts)]
+    left = sorted(left, key=lambda g: (footprint.slack(grid, g.pose) < 0, g.score))
+    loaded = bool(len(footprint.loads))
+    for tried in (footprint, footprint.smaller(_TIGHT_M)) if loaded else (footprint,):
+        for goal in left[:_LOADED_GOALS] if loaded else left:
+            path = _way(grid, tried, pose, goal.pose)
+            if path is not None:
+                return path, goal.pose, grid
+    raise _why(free, grid, start, ranked, halts)
+
+
+def _fits(grid: Traversability, goal: Goal) -> bool:
+    """Whether the footprint is free at a goal."""
+    cell = grid.map.cell(goal.pose)
+    return grid.map.inside(*cell) and bool(np.isfinite(grid.cost[cell]))
+
+
+def _given_up(goal: Goal, halts: list[Array]) -> bool:
+    """Whether the base came to a halt twice before it reached the place of this goal."""
+    return sum(math.dist(goal.pose[:2], at) < 0.3 for at in halts) >= 2
+
+
+def _way(grid: Traversability, footprint: Footprint, start: Array, goal: Array) -> Array | None:
+    """(N, 2) places [m] from pose to pose (3,), or (N, 3) poses where a load has to be seen to; None: no way."""
+    if len(footprint.loads):
+        return loaded_path(grid, footprint, start, goal)
+    found = shortest_path(grid.cost, grid.map.cell(start), grid.map.cell(goal))
+    return None if found is None else grid.points(found[0])
+
+
+def _why(free: Traversability, grid: Traversability, start: Array, goals: list[Goal], halts: list[Array]) -> GaveUp:
+    """Why there is no plan; `grid` is `free` for a robot that may leave where it stands."""
+    reach = cost_to_reach(grid.cost, grid.map.cell(start))
+    if not (np.isfinite(reach) & np.isfinite(free.cost)).any():
+        return GaveUp("start_in_collision", "the base stands in obstacles and cannot leave them: no way")
+    if halts:
+        return GaveUp("blocked", "something blocks the way, and there is no other way")
+    if not any(_fits(free, goal) for goal in goals):
+        return GaveUp("goal_in_obstacle", "there is nowhere free to stand: no way")
+    return GaveUp("no_path", "no free way")
