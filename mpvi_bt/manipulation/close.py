@@ -66,8 +66,12 @@ def close(work: Work, words: Words, tried: list[Array]) -> Actions:
     """
     thing, places = thing_meant(work, words["object"])
     yield from look_over(work, thing)
-    if not work.scene.doors(thing):
-        yield from look_from_aside(work, thing)  # from within, an open door hides its bar
+    if not work.scene.doors(thing):  # from within, an open door hides its bar
+        if thing in work.ajar:
+            yield from stand_before(work, thing, work.scene.pose(thing)[:3, 3], work.ajar[thing])
+            yield from look_over(work, thing)
+        else:
+            yield from look_from_aside(work, thing)
     for _ in range(_MOST_DOORS):
         doors = doors_meant(work, thing, places)
         ajar = [d for d in doors if not is_closed(d)]

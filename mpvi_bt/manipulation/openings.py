@@ -135,8 +135,15 @@ def stand_before(work: Work, thing: str, face: Array, out: Array, door: Door | N
         if not (yield from _go_where(work, thing, middle, bearing + left * k / stages)):
             return
         yield from work.see("head")
-        if door is not None and not any(_stands_as(door, other) for other in work.scene.doors(thing)):
-            return
+        if door is not None and _otherwise(work, thing, door):
+            yield from look_over(work, thing)  # one picture may err
+            if _otherwise(work, thing, door):
+                return
+
+
+def _otherwise(work: Work, thing: str, door: Door) -> bool:
+    now = work.scene.doors(thing)
+    return bool(now) and not any(_stands_as(door, other) for other in now)
 
 
 def _go_where(work: Work, thing: str, middle: Array, bearing: float) -> Generator[Array, None, bool]:
