@@ -50,8 +50,9 @@ def examine() -> list[Check]:
         _physics(),
         _rendering(),
         _guarded("video", False, "pip install imageio-ffmpeg", _video),
-        _extra("torch", "torch"),
-        _extra("maniskill", "mani_skill"),
+        _extra("torch", "torch", "maniskill"),
+        _extra("maniskill", "mani_skill", "maniskill"),
+        _extra("detector", "transformers", "grounding-dino"),
         _key("OPENAI_API_KEY"),
     ]
 
@@ -143,11 +144,11 @@ def _rendering() -> Check:
     return Check("rendering", drawn.ok, False, f"{device.found}: {drawn.found}", drawn.mend)
 
 
-def _extra(name: str, module: str) -> Check:
+def _extra(name: str, module: str, extra: str) -> Check:
     try:
         return Check(name, True, False, f"{module} {importlib.metadata.version(module)}")
     except importlib.metadata.PackageNotFoundError:
-        return Check(name, False, False, "optional", _mend("setup-test", "pip install 'mpvi_bt[maniskill]'"))
+        return Check(name, False, False, "optional", _mend("setup-test", f"pip install 'mpvi_bt[{extra}]'"))
 
 
 def _key(variable: str) -> Check:
