@@ -6,6 +6,7 @@ import re
 import threading
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -143,6 +144,42 @@ def test_a_detector_that_hangs_is_left_alone_until_it_comes_back() -> None:
         except DetectorError:
             assert time.monotonic() < deadline
     assert found.score == 0.2
+
+
+def _blackens(self: Any, image: CameraImage, phrases: Sequence[str]) -> list[Detection]:
+    image.rgb[:] = 0
+    return []
+
+
+def _counts(self: Any, image: CameraImage, phrases: Sequence[str]) -> list[Detection]:
+    type(self).seen = getattr(type(self), "seen", 0) + 1
+    return [Detection("cup", 1 / type(self).seen, BOX.copy())] if "cup" in phrases else []
+
+
+def _keeps(self: Any, image: CameraImage, phrases: Sequence[str]) -> list[Detection]:
+    self.box = getattr(self, "box", BOX.copy())
+    return [Detection("cup", 1.0, self.box)] if "cup" in phrases else []
+
+
+BREAKS: list[tuple[str, Callable[..., Any], str]] = [
+    ("raises", lambda *_: 1 / 0, "detect raised for"),
+    ("answers_no_list", lambda *_: None, "detect must give a list"),
+    ("finds_what_is_not_asked", lambda *_: [Detection("elephant", 1.0, BOX)], "'elephant' was not asked for"),
+    ("finds_nothing_by_name", lambda _, i, p: [Detection(p[0], 1.0, BOX)] if p else [], "must find nothing"),
+    ("changes_the_picture", _blackens, "a picture is not to be changed"),
+    ("is_not_the_same_twice", _counts, "equal detectors must find the same"),
+    ("gives_its_own_away", _keeps, "is empty or not within"),
+    ("has_no_name", Saying.detect, "a detector has a name"),
+]
+
+
+@pytest.mark.parametrize(("what", "detect", "says"), BREAKS, ids=[what for what, _, _ in BREAKS])
+def test_what_breaks_the_contract_is_told(what: str, detect: Callable[..., Any], says: str) -> None:
+    """Each clause of the check can fail, and says which it is."""
+    kind = type("Broken", (Saying,), {"detect": detect, "name": "" if what == "has_no_name" else "broken"})
+    image = replace(IMAGE, rgb=np.full_like(IMAGE.rgb, 9))
+    with pytest.raises(AssertionError, match=says):
+        check_detector(kind, [image], ["cup"])
 
 
 def test_every_reason_is_in_the_page() -> None:
