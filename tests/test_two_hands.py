@@ -90,7 +90,7 @@ def test_a_failure_leaves_between_the_hands_what_they_hold() -> None:
     """Recovering, the robot may back off, but moves neither arm nor finger: nothing else holds the box up."""
     world = small_world({"box": placed("box", 1.5, 0.0)})
     scene = TrueScene(world)
-    scene.between = lambda: "box"  # type: ignore[method-assign]
+    scene.between = lambda: "box"
     work = Work(scene, Motion(world.robot.proprioception()), np.random.default_rng(0))
     before = work.motion.still()
     for action in ExpertPolicy(world, load_skills())._recover(work):
