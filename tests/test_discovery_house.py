@@ -55,7 +55,7 @@ def strewn(rng: np.random.Generator) -> dict[str, Placement]:
         radius = float(np.abs(boxes[..., :2]).max()) * 1.3
         at = next(p for room, p in free if room > radius and all(np.hypot(*(p - q)[:2]) > radius + r for q, r in taken))
         taken.append((at, radius))
-        objects[f"thing_{i}"] = placed(entry.name, *at.tolist(), yaw=float(rng.uniform(-np.pi, np.pi)))
+        objects[f"thing_{i}"] = placed(entry.name, *map(float, (*at, rng.uniform(-np.pi, np.pi))))
     return objects
 
 
@@ -93,6 +93,7 @@ def drive(world: World) -> Drive:
         T = kin.base(np.array(at)) @ kin.head_camera(r1.TRAVEL_TORSO)
         image = world.look_from(T, (HEAD.width, HEAD.height), HEAD.fov_rad)
         pictures.append((at, image))
+        assert image.labels is not None
         labels, pixels = np.unique(image.labels, return_counts=True)
         visible |= {image.names.get(label, "") for label in labels[pixels >= VISIBLE_PX].tolist()}
     known = world.knowledge()

@@ -80,9 +80,10 @@ class Carrying:
                 continue
             moved.add(grip.name)
             motion = _tcps(hand, body)[0] @ grip.T_tcp_world
-            for entry in self._with_contents(grip.name):
-                if entry.name in grip.boxes:
-                    entry.lowest, entry.highest = _moved(grip.boxes[entry.name], motion)
+            for name, box in grip.boxes.items():
+                entry = self._knowledge.entries.get(name)
+                if entry is not None and grip.name in (entry.name, entry.inside):
+                    entry.lowest, entry.highest = _moved(box, motion)
 
     def adopt(self, entries: Iterable[Entry], body: Proprioception) -> None:
         """Let hands that hold something unknown hold what was just found in them."""

@@ -33,10 +33,8 @@ _SHARED = 0.25  # boxes that have this part of the smaller one in common may be 
 _SMALLER = 0.7  # a box so much smaller than another one, within half the gate from it, may be that of a part of it
 _A_PART = 0.9  # how badly a part fits
 _FLAT_M = 0.02  # boxes count as at least that thick
-_GROWS, _SHRINKS = (
-    0.5,
-    0.1,
-)  # of the way to where a new look has the faces of a box: a look shows a part, never too much
+# Of the way to where a new look has the faces of a box, outward and inward: a look shows a part, hardly ever too much.
+_GROWS, _SHRINKS = 0.5, 0.1
 _LARGE_M = 0.9  # what is longer, seen from above, is no thing to be carried
 _NEVER = 1e6  # a price that is never paid
 
@@ -195,7 +193,7 @@ class Discoveries:
         """Forget what turns out to be a part of a thing, now that more of the thing was seen."""
         names = {entry.name for entry in entries}
         for whole in entries:
-            for part in [e for e in self.knowledge if e.kind == "object" and e.name not in names and not e.held]:
+            for part in [e for e in self.knowledge if e.source != "prior" and e.name not in names and not e.held]:
                 a, b = np.stack([part.lowest, part.highest]), np.stack([whole.lowest, whole.highest])
                 if _smaller(a, b) and _shared(a, b) > 0.5 and _alike(whole.phrases, part.phrases):
                     self._forget(part)
