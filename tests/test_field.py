@@ -52,6 +52,18 @@ def test_another_view_may_free_what_one_hides() -> None:
         assert at(field, 1.05, 0, 1) < 2 * CELL_M
 
 
+def test_what_was_seen_before_counts_where_nothing_is_in_view() -> None:
+    """An earlier picture's wall stands where no later one looks; what a later one sees to be free is free."""
+    behind = pose((0.0, 0.0, 0.0), np.pi) @ FORWARD
+    earlier, now = picture(wall(1.0)), picture(wall(1.0), behind)
+    for thick in (0.04, 9.0):
+        field = Field([now], np.zeros(2), thick_m=thick, before=[earlier])
+        assert at(field, 1.03, 0, 1) == 0.0
+        assert at(field, -1.03, 0, 1) == 0.0
+        assert at(field, 1.5, 0, 1) > 0.2  # that it hid something then is no reason to fear it now
+    assert at(Field([picture(wall(1.5))], np.zeros(2), before=[earlier]), 1.03, 0, 1) > 0.2
+
+
 def test_what_nobody_looked_at_is_taken_for_free() -> None:
     """Behind the camera and outside of the field there is nothing in the way."""
     field = Field([picture(wall(0.6))], MIDDLE)

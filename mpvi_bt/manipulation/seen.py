@@ -133,12 +133,15 @@ class Seen(Memory):
         focus = None if self._focus is None else tuple(np.round(self._focus, 2))
         key = (tuple(map(id, frames)), tuple(sorted(without)), tuple(np.round(xy, 2)), thick, focus)
         if self._field is None or self._field[0] != key:
-            views = [field.View(f.image, self._transparent(f, {*without, *faces})) for f in frames]
-            coarse = Field(views, xy, thick_m=thick)
+            views, before = (
+                [field.View(f.image, self._transparent(f, {*without, *faces})) for f in some]
+                for some in (frames, [] if self._trusting else self._before(frames))
+            )
+            coarse = Field(views, xy, thick_m=thick, before=before)
             if self._focus is None:
                 self._field = (key, coarse)
             else:
-                fine = Field(views, self._focus, (_FINE_M,) * 3, _FINE_CELL_M, _FINE_CELL_M / 2, thick)
+                fine = Field(views, self._focus, (_FINE_M,) * 3, _FINE_CELL_M, _FINE_CELL_M / 2, thick, before)
                 self._field = (key, FineField(coarse, fine))
         unseen = [
             s for n, t in self._things.items()
@@ -168,6 +171,12 @@ class Seen(Memory):
         head = [f for f in self._frames if f.image.camera == "head"]
         here = [f for f in head if f.stand == self._stand] or [f for f in head if head and f.stand == head[-1].stand]
         return here[-_CARVED:]
+
+    def _before(self, carved: Sequence[Frame]) -> list[Frame]:
+        """The newest pictures of the head from other places near by: from here less may be in view than on the way."""
+        stand = carved[-1].stand if carved else self._stand
+        near = [f for f in self._frames if f.stand != stand and self._way_m - f.way_m < _PASSED_M]
+        return [f for f in near if f.image.camera == "head"][-_CARVED:]
 
     def _transparent(self, frame: Frame, without: Collection[str]) -> NDArray[np.bool_]:
         """Pixels of robot and floor, and those that the things `without` explain."""

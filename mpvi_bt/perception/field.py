@@ -20,6 +20,7 @@ _SIZE_M = (3.2, 3.2, 2.0)  # the robot's reach from every place that it might dr
 _LOWEST_M = -0.05
 _SURFACE_M = 0.012  # a point that much before a surface is free,
 _NOISE_PER_M = 0.004  # and that much more for every square meter of range: depth noise grows so
+_REMEMBERED_M = 0.08  # how thick surfaces are along the line of sight that only earlier pictures have shown
 _FAR = 9.0  # what distance there is to nothing
 
 
@@ -47,7 +48,7 @@ class Field:
 
     def __init__(
         self, views: Sequence[View], middle: Array, size_m: tuple[float, float, float] = _SIZE_M,
-        cell_m: float = CELL_M, surface_m: float = _SURFACE_M, thick_m: float = _FAR,
+        cell_m: float = CELL_M, surface_m: float = _SURFACE_M, thick_m: float = _FAR, before: Sequence[View] = (),
     ) -> None:  # fmt: skip
         """Carve the cells about a place.
 
@@ -59,19 +60,23 @@ class Field:
             cell_m: Edge of a cell.
             surface_m: A point that much before a surface is free.
             thick_m: How far behind a surface cells count as hidden; farther behind they are given the benefit of doubt.
+            before: Earlier views: what surfaces they showed counts where `views` have nothing in view.
         """
         count = np.round(np.array(size_m) / cell_m).astype(int)
         low_z = _LOWEST_M if len(middle) == 2 else float(middle[2]) - size_m[2] / 2
         self._low = np.array([*(np.asarray(middle, float)[:2] - np.array(size_m[:2]) / 2), low_z])
         self._cell = cell_m
         self._to_world = np.eye(4)
-        doubt = np.zeros(tuple(count), np.uint8)
-        for view in views:
+        doubt, earlier = np.zeros(tuple(count), np.uint8), np.zeros(tuple(count) if before else (0, 0, 0), np.uint8)
+        seen = [(doubt, view, thick_m) for view in views] + [(earlier, view, _REMEMBERED_M) for view in before]
+        for cells, view, thick in seen:
             image = view.image
             depth = np.where(view.through, -np.abs(image.depth), image.depth).astype(np.float32)
             T_camera_grid = kin.inverse(image.T_world_camera) @ kin.transform(np.eye(3), self._low + cell_m / 2)
             camera = np.array([image.K[0, 0], image.K[1, 1], image.K[0, 2], image.K[1, 2]])
-            _kernels()["carve"](doubt, depth, T_camera_grid, camera, cell_m, surface_m, _NOISE_PER_M, thick_m)
+            _kernels()["carve"](cells, depth, T_camera_grid, camera, cell_m, surface_m, _NOISE_PER_M, thick)
+        if before:
+            doubt[(doubt == 0) & (earlier == _HIDDEN)] = _HIDDEN
         self.blocked: NDArray[np.bool_] = doubt == _HIDDEN
         self._distance = distance_to(self.blocked) * np.float32(cell_m) - np.float32(cell_m / 2)
 
