@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 
 from mpvi_bt.errors import UserError
-from mpvi_bt.executive.loop import run_episode
+from mpvi_bt.executive.loop import Watcher, World, run_episode
 from mpvi_bt.executive.rerun_log import RerunLog, require_sdk
+from mpvi_bt.executive.search_view import Window
+from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.testing import scripted_context
 from mpvi_bt.tree.build import Tree
@@ -92,6 +94,36 @@ def test_a_run_that_searches_nothing_is_logged_too(tmp_path: Path) -> None:
     logged = rows(file)
     assert {"/map/floor", "/world/head", "/world/robot", "/tree"} <= set(logged)
     assert not {"/map/seen", "/world/found"} & set(logged)
+
+
+def test_what_is_on_the_map_stays_in_place_where_the_map_grows(tmp_path: Path) -> None:
+    """The images show more cells then, and what has a place on them is logged anew."""
+    grid = OccupancyMap(np.ones((400, 400), bool), np.full((400, 400), -1, np.int16), (), 0.05, np.full(2, -10.0))
+    known = np.zeros((400, 400), bool)
+    search = MadeUpSearch(grid, known, known, known, entries=[find("can", 0.5, 0.5)])
+    file = tmp_path / "run.rrd"
+    expected: list[list[int]] = []
+
+    class Growing(Watcher):
+        """Learns of more floor with each second."""
+
+        def __init__(self) -> None:
+            self.window = Window()
+
+        def step(self, tree: Tree, world: World) -> None:
+            """Open a larger square."""
+            half = 30 + 60 * int(world.time_s)
+            known[200 - half : 200 + half, 200 - half : 200 + half] = True
+            grid.occupied[known] = False
+            rows, columns = self.window.of(search)
+            place = [210 - columns.start, rows.stop - 210]
+            if world.steps % 6 == 0 and (not expected or expected[-1] != place):
+                expected.append(place)
+
+    watch(VisibleWorld(), Growing(), RerunLog(file, grid, search=search))
+    logged = [row["Points2D:positions"][0] for row in rows(file)["/map/found"]]
+    assert len(expected) > 1
+    assert logged == [pytest.approx(place) for place in expected]
 
 
 def test_what_fails_is_logged_with_its_reason_when_it_does(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from mpvi_bt.executive.frame_text import SIZE
 from mpvi_bt.executive.labels import Color, Labels, Picture
 from mpvi_bt.executive.map_picture import MapPicture
 from mpvi_bt.executive.search_frames import SearchFrames
-from mpvi_bt.executive.search_view import SearchView, found, seen_m2, visible
+from mpvi_bt.executive.search_view import SearchView, Window, found, seen_m2, visible
 from mpvi_bt.perception.detector import ROBOT
 from mpvi_bt.perception.map import OccupancyMap
 from tests.navigation_maps import thing
@@ -116,14 +116,13 @@ def test_a_map_that_is_built_stays_in_place_until_it_outgrows_its_picture() -> N
     grid = OccupancyMap(np.ones((400, 400), bool), np.full((400, 400), -1, np.int16), (), 0.05, np.full(2, -10.0))
     seen, frontier = np.zeros((400, 400), bool), np.zeros((400, 400), bool)
     search = MadeUpSearch(grid, seen, seen, frontier)
-    pictures = MapPicture((400, 400))
+    window = Window()
     shown = []
     for half in (25, 28, 60, 10):
         grid.occupied[:] = True
         grid.occupied[200 - half : 200 + half, 200 - half : 200 + half] = False
         search.known = ~grid.occupied
-        pictures.draw(search, np.zeros(3))
-        shown.append(pictures._window)
+        shown.append(window.of(search))
     assert shown[0] == shown[1]
     assert shown[2] == shown[3] != shown[0]
 

@@ -9,14 +9,12 @@ from numpy.typing import NDArray
 
 from mpvi_bt.executive import search_colors as colors
 from mpvi_bt.executive.labels import Color, Labels, Picture
-from mpvi_bt.executive.search_view import Mask, SearchView, called, cropped, extent, found, room_places, visible
+from mpvi_bt.executive.search_view import Mask, SearchView, Window, called, cropped, found, room_places, visible
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
 Pixels = Callable[[Array], NDArray[np.int32]]
-
-_SNAP_M = 2.0  # a map that grows is shown in steps, so that a film of it stands still between them
 
 
 _BLANK, _WALL, _UNKNOWN, _UNSEEN, _SEEN, _FRONTIER = range(6)
@@ -33,7 +31,7 @@ class MapPicture:
         """Draw pictures of (width, height) [px]."""
         self._size = size
         self._paper = np.full((size[1], size[0], 3), colors.PAPER, np.uint8)
-        self._window: tuple[int, int, int, int] | None = None  # rows and columns of the map that are shown
+        self._window = Window()
         self._hatches: dict[tuple[int, int], tuple[NDArray[np.uint8], NDArray[np.uint8]]] = {}
         self._rooms: tuple[NDArray[np.int16], list[tuple[str, Array]]] | None = None
 
@@ -54,7 +52,7 @@ class MapPicture:
         import cv2
 
         grid_map = view.map
-        rows, columns = self._shown(view)
+        rows, columns = self._window.of(view)
         part = cropped(grid_map, rows, columns)
         height, width = part.occupied.shape
         scale = min(self._size[0] / width, self._size[1] / height)
@@ -85,16 +83,6 @@ class MapPicture:
         top, left = (self._size[1] - shape[0]) // 2, (self._size[0] - shape[1]) // 2
         picture[top : top + shape[0], left : left + shape[1]] = rgb
         return picture
-
-    def _shown(self, view: SearchView) -> tuple[slice, slice]:
-        """Rows and columns to show: all that was ever known."""
-        rows, columns = extent(view, snap_m=0.0 if view.known.all() else _SNAP_M)
-        now = rows.start, rows.stop, columns.start, columns.stop
-        if self._window is not None:
-            a, b, c, d = self._window
-            now = min(a, now[0]), max(b, now[1]), min(c, now[2]), max(d, now[3])
-        self._window = now
-        return slice(now[0], now[1]), slice(now[2], now[3])
 
     def _floor(self, part: OccupancyMap, known: Mask, seen: Mask, frontier: Mask, shape: tuple[int, int]) -> Picture:
         """Cells in their colors, of the finished size (height, width)."""

@@ -15,7 +15,7 @@ from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.executive import search_colors as colors
 from mpvi_bt.executive.labels import Color
 from mpvi_bt.executive.loop import Outcome, Watcher, World
-from mpvi_bt.executive.search_view import Head, SearchView, called, found, seen_m2
+from mpvi_bt.executive.search_view import Head, SearchView, Window, called, cropped, found, seen_m2
 from mpvi_bt.perception.detector import Detection
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage
@@ -29,9 +29,13 @@ _WAY_M = 0.1  # between points of the way, which is logged anew with each
 _FLUSH_S = 60.0  # of wall time, in which a disk takes a frame
 _GROUND_S = 10.0  # simulated time between two textures of the ground, which the viewer cannot keep compressed
 # What cells of the map show.
-_NOTHING, _WALL, _FLOOR, _SEEN, _FRONTIER = np.arange(5, dtype=np.uint8)
+_NOTHING, _UNKNOWN, _WALL, _FLOOR, _SEEN, _FRONTIER = np.arange(6, dtype=np.uint8)
 _COLORS = np.array(
-    [(0, 0, 0, 0), *((*color, 255) for color in (colors.WALL, colors.UNSEEN, colors.SEEN, colors.FRONTIER))], np.uint8
+    [
+        (0, 0, 0, 0),
+        *((*color, 255) for color in (colors.UNKNOWN, colors.WALL, colors.UNSEEN, colors.SEEN, colors.FRONTIER)),
+    ],
+    np.uint8,
 )
 
 
@@ -63,11 +67,12 @@ class RerunLog(Watcher):
         search: SearchView | None = None,
         frames_per_s: float = 5.0,
     ) -> None:
-        self._file, self._grid_map, self._title, self._search = Path(file), grid_map, title, search
+        self._file, self._title, self._search = Path(file), title, search
         self._every = max(1, round(CONTROL_HZ / frames_per_s))
         self._head = Head(search)
         self._way: list[Array] = []
         self._ground_s = -np.inf
+        self._window, self._part = Window(), grid_map
         self._last: dict[str, object] = {}  # what is logged only where it changes
         self._stream: Any = None
         self._rr: Any = None
@@ -126,9 +131,8 @@ class RerunLog(Watcher):
 
     def _frame(self) -> None:
         self._picture(*self._head.look(self._world))
-        pose = self._world.robot.proprioception().base_pose
-        self._robot(pose)
         self._map()
+        self._robot(self._world.robot.proprioception().base_pose)
         self._text()
         if self._search is not None:
             self._found(self._search)
@@ -165,7 +169,7 @@ class RerunLog(Watcher):
             self._way.append(pose[:2].copy())
         ahead = np.array([[x, y], [x + 0.6 * np.cos(yaw), y + 0.6 * np.sin(yaw)]])
         center, tip = self._pixels(ahead)
-        radius = _ROBOT_M[0] / self._map_now().resolution_m
+        radius = _ROBOT_M[0] / self._part.resolution_m
         log("map/robot", rr.Points2D([center], colors=[colors.ROBOT], radii=[radius]))
         log("map/robot/ahead", rr.Arrows2D(origins=[center], vectors=[tip - center], colors=[colors.INK], radii=[1.0]))
         self._line("way", np.array(self._way), colors.WAY)
@@ -188,12 +192,17 @@ class RerunLog(Watcher):
 
     def _map(self) -> None:
         """Walls, which floor was seen, and frontiers: an image each, so that each can be hidden."""
-        grid_map = self._map_now()
-        known = np.ones_like(grid_map.occupied) if self._search is None else self._search.known
-        images = {"floor": np.where(grid_map.occupied, _WALL, _FLOOR) * known}
+        images = {"floor": np.where(self._part.occupied, _WALL, _FLOOR)}
         if self._search is not None:
-            images["seen"] = (self._search.seen & known & ~grid_map.occupied) * _SEEN
-            images["frontier"] = self._search.frontier * _FRONTIER
+            part = self._window.of(self._search)
+            self._part = grid_map = cropped(self._search.map, *part)
+            if self._news("part", part):  # what has a place on the map has another one now
+                for name in ("way", "path", "goal", "found"):
+                    self._last.pop(name, None)
+            known = self._search.known[part]
+            images["floor"] = np.where(known, np.where(grid_map.occupied, _WALL, _FLOOR), _UNKNOWN)
+            images["seen"] = (self._search.seen[part] & known & ~grid_map.occupied) * _SEEN
+            images["frontier"] = self._search.frontier[part] * _FRONTIER
             seen, _ = seen_m2(self._search)
             if self._news("seen_m2", seen):
                 self._stream.log("seen_m2", self._rr.Scalars(seen))
@@ -210,7 +219,7 @@ class RerunLog(Watcher):
 
     def _ground(self, cells: NDArray[np.uint8]) -> None:
         """The map as the ground of the world."""
-        grid_map = self._map_now()
+        grid_map = self._part
         height, width = grid_map.occupied.shape
         at = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
         corners = grid_map.origin_m + at * (width, height) * grid_map.resolution_m
@@ -257,12 +266,9 @@ class RerunLog(Watcher):
 
     # ------------------------------------------------------------------------------------------ places
 
-    def _map_now(self) -> OccupancyMap:
-        return self._grid_map if self._search is None else self._search.map
-
     def _pixels(self, xy: Array) -> Array:
         """(N, 2) column and row in the images of the map, north up, of places (N, 2 or more) [m]."""
-        grid_map = self._map_now()
+        grid_map = self._part
         cells = (np.asarray(xy, float)[:, :2] - grid_map.origin_m) / grid_map.resolution_m
         return np.stack([cells[:, 0], grid_map.occupied.shape[0] - cells[:, 1]], 1)
 

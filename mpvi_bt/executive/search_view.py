@@ -20,6 +20,7 @@ from mpvi_bt.robot.solids import Array
 Mask = NDArray[np.bool_]
 
 _FRESH_S = 0.5  # a picture that was searched is shown so long
+_SNAP_M = 2.0  # a map that grows is shown in steps of this, so that a film of it stands still between them
 _REACH_M = 4.0  # the visible area is drawn so far
 
 
@@ -137,6 +138,23 @@ def extent(search: SearchView, margin_m: float = 0.3, snap_m: float = 0.0) -> tu
         first, last = (int(at[0]) - margin) // step * step, -((-int(at[-1]) - 1 - margin) // step) * step
         slices.append(slice(max(0, first), min(size, last)))
     return slices[0], slices[1]
+
+
+class Window:
+    """The part of a map to show while it is built, all that was ever known; it grows in steps."""
+
+    def __init__(self) -> None:
+        self._shown: tuple[int, int, int, int] | None = None
+
+    def of(self, search: SearchView) -> tuple[slice, slice]:
+        """Rows and columns to show now."""
+        rows, columns = extent(search, snap_m=0.0 if search.known.all() else _SNAP_M)
+        now = rows.start, rows.stop, columns.start, columns.stop
+        if self._shown is not None:
+            a, b, c, d = self._shown
+            now = min(a, now[0]), max(b, now[1]), min(c, now[2]), max(d, now[3])
+        self._shown = now
+        return slice(now[0], now[1]), slice(now[2], now[3])
 
 
 def room_places(grid_map: OccupancyMap) -> list[tuple[str, Array]]:
