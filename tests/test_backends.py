@@ -104,7 +104,7 @@ def test_chunks_are_carried_out_as_the_config_says() -> None:
 )
 def test_a_world_renders_where_somebody_looks(changes: dict[str, Any], renders: bool) -> None:
     """And only there: it costs time."""
-    assert _renders(replace(CONFIG, **{"checker": "oracle", **changes})) is renders
+    assert _renders(replace(CONFIG, **{"checker": "oracle", "detector": "oracle", **changes})) is renders
 
 
 def test_a_config_says_how_the_policy_is_driven_only_where_that_was_asked_for() -> None:

@@ -106,7 +106,7 @@ class Enough(Watcher):
         if world.steps == 60:
             raise KeyboardInterrupt
 
-print(episode.run(EpisodeConfig("picking_up_trash", checker="oracle"), [Enough()])["ended"])
+print(episode.run(EpisodeConfig("picking_up_trash", checker="oracle", detector="oracle"), [Enough()])["ended"])
 try:
     episode.run(EpisodeConfig("picking_up_trash", checker="visual"), [Enough()])
 except NoRenderingDevice as error:
@@ -115,7 +115,7 @@ except NoRenderingDevice as error:
 
 
 def test_without_a_rendering_device_an_oracle_episode_runs(tmp_path: Path) -> None:
-    """With no Vulkan driver the oracle checker's episode runs, the visual one's ends with a line that helps.
+    """With no Vulkan driver an episode of the oracles runs, the visual one's ends with a line that helps.
 
     An episode that is interrupted has a result that says so.
     """

@@ -131,7 +131,7 @@ def test_the_layout_is_the_evaluators() -> None:
     assert data["q_score"] == {"final": 0.5}
     assert (data["task"], data["instance_id"], data["rollout_id"]) == ("picking_up_trash", 3, 7)
     assert CONFIG.name == "picking_up_trash_3_7"
-    assert data["privileged"] == ["detector:oracle", "policy:expert"]
+    assert data["privileged"] == ["policy:expert"]
 
 
 def test_without_wall_times_equal_configs_give_equal_files() -> None:

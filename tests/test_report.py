@@ -35,7 +35,7 @@ def test_the_report_for_programs_is_strict_json_without_wall_times() -> None:
     data = report_data("four", EPISODES, RESULTS, FAULTS)
     assert "wall" not in json.dumps(data, allow_nan=False)
     assert data["missing"] == [{"episode": "picking_up_trash_3_0", "fault": "the worker process died (exit code -9)"}]
-    assert data["privileged"] == ["detector:oracle", "policy:expert"]
+    assert data["privileged"] == ["policy:expert"]
     assert set(data["directions"])
 
 
@@ -98,7 +98,7 @@ def test_the_table_fits_a_terminal_and_tells_everything() -> None:
     assert "instance 1 at 12 s: 2 pick failed, timeout: still reaching" in text
     assert "instance 1 at the end: not met: inside(can, bin)" in text
     assert "four: 3/4 episodes, 2 succeeded, mean q 0.625 with missing ones as 0, 0.833 without" in text
-    assert "simulator truth: detector:oracle, policy:expert" in text
+    assert "simulator truth: policy:expert" in text
 
 
 class Terminal(io.StringIO):

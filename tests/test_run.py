@@ -40,7 +40,7 @@ def result(**changes: Any) -> dict[str, Any]:
             }
         ],
         "wall": {"total_s": 10.0, "setup_s": 1.0, "loop": {"stepping": 6.0, "watching": 0.01, "total": 9.0}},
-        "privileged": ["detector:oracle", "policy:expert"],
+        "privileged": ["policy:expert"],
     }
     return usual | changes
 
@@ -151,7 +151,7 @@ def test_the_score_says_what_matters_within_80_columns() -> None:
         "351.2 s simulated\n",
         "base 6.6 m, left hand 11.0 m, right hand 16.0 m",
         "10.0 s: stepping 60%, setting up 10%\n",
-        "read by detector:oracle, policy:expert",
+        "read by policy:expert",
         "2.0 s: 4 pick up a can, then another",
     ):
         assert part in text

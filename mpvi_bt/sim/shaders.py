@@ -76,7 +76,7 @@ def _renderer() -> sapien.System:
         reason = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"
         raise NoRenderingDevice(
             f"this machine can draw no pictures ({reason}); `mpvi doctor` says what is missing and how to mend it, "
-            "and --checker oracle needs no pictures"
+            "and --detector oracle --checker oracle need no pictures"
         ) from None
 
 

@@ -36,7 +36,7 @@ class EpisodeConfig:
     instance: int = 0
     seed: int = 0
     policy: str = "expert"
-    detector: str = "oracle"
+    detector: str = "segmentation"
     checker: str = "visual"
     planner: str = "recorded"
     map: str = "prior"
