@@ -314,6 +314,26 @@ def test_a_start_beside_an_obstacle_is_left_and_one_deep_inside_is_not() -> None
         assert end(Driver(robot, lambda: grid_map, KnowledgeBase), robot, (1.0, 1.0, 0.0)) == reason
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_a_base_that_stands_too_near_leaves_without_coming_nearer(seed: int) -> None:
+    """From anywhere beside furniture: never nearer to it than at first, and once in the open it stays there."""
+    rng = np.random.default_rng(seed)
+    known = furnished(rng)
+    grid = traversability(known, FOOTPRINT_M)
+    tight = np.argwhere(~known.occupied & grid.blocked)
+    start = grid.points(tight[rng.integers(len(tight), size=1)])[0]
+    goal = np.array([*free_places(grid, rng, 1)[0], 0.0])
+    robot = KinematicRobot(start[0], start[1], rng.uniform(-3, 3))
+    driver = Driver(robot, lambda: known, KnowledgeBase)
+    reason, poses = drive(robot, driver, [goal], Eyes(robot, known, known))
+    assert reason in {"", "no_path", "start_in_collision"}
+    assert not (reason and reachable(known, FOOTPRINT_M + 0.1, start, goal[:2]))
+    clear = np.array([grid.clearance_m[known.cell(pose)] for pose in poses])
+    assert clear.min() >= clear[0] - TOLERANCE_M
+    out = np.flatnonzero(clear >= FOOTPRINT_M)
+    assert not len(out) or clear[out[0] :].min() >= FOOTPRINT_M - TOLERANCE_M
+
+
 def test_every_end_that_cannot_be_reached_has_its_reason() -> None:
     """A goal in an obstacle, one off the map, one that is no number, none at all, one behind walls."""
     grid_map = two_rooms(0.0)
