@@ -52,9 +52,7 @@ def test_heapq_and_ours_agree() -> None:
 def test_sides_take_turns_and_slow_ones_only_some() -> None:
     """Each round runs every side on every case, in alternating order; a slow side has its first cases once."""
     order: list[str] = []
-    sides = [
-        Side(name, lambda case, name=name: order.append(name), most=most) for name, most in (("a", None), ("b", 1))
-    ]
+    sides = [Side("a", lambda case: order.append("a")), Side("b", lambda case: order.append("b"), most=1)]
     one, other = in_turns(sides, [0, 1], 2, lambda at: None)
     assert (len(one.seconds), len(other.seconds)) == (4, 1)
     assert (len(one.results), len(other.results)) == (2, 1)
