@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.perception.detector import ROBOT, Guarded
-from mpvi_bt.perception.segmentation import NO_ERRORS, DetectionErrors, SegmentationDetector
+from mpvi_bt.perception.segmentation import LOWEST_SCORE, NO_ERRORS, DetectionErrors, SegmentationDetector
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.testing import check_detector
 
@@ -145,6 +145,21 @@ def test_each_thing_is_confused_as_often_as_it_should_be() -> None:
             right, wrong = right + (not mistaken), wrong + mistaken
     assert abs(right / 4000 - 0.9) < 4 * np.sqrt(0.1 * 0.9 / 4000)
     assert abs(wrong / 6000 - 0.1) < 4 * np.sqrt(0.1 * 0.9 / 6000)  # four of the twelve are not asked for
+
+
+def test_scores_tell_a_little_of_what_is_confused() -> None:
+    """Right ones are at two thirds of the way from the lowest score to 1 on average, wrong ones at one third."""
+    detector = SegmentationDetector(MANY, errors=DetectionErrors(confuse=0.3), seed=1)
+    scores: dict[bool, list[float]] = {True: [], False: []}
+    for _ in range(300):
+        for d in detector.detect(many(), ASKED):
+            scores[MANY[f"thing_{(d.box[0] - 2) // 20}"] == (d.phrase,)].append(d.score)
+    for right, mean in ((True, 2 / 3), (False, 1 / 3)):
+        share = (np.array(scores[right]) - LOWEST_SCORE) / (1 - LOWEST_SCORE)
+        assert ((share >= 0) & (share <= 1)).all()
+        assert abs(share.mean() - mean) < 4 * np.sqrt(1 / 18 / len(share))
+    only_missing = SegmentationDetector(MANY, errors=DetectionErrors(miss=0.3, jitter=1.0))
+    assert {d.score for d in only_missing.detect(many(), ASKED)} == {1.0}
 
 
 def test_with_one_phrase_everything_else_may_be_taken_for_it() -> None:

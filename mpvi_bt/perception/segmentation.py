@@ -18,6 +18,7 @@ from mpvi_bt.robot.solids import Array
 
 NAME = "segmentation"
 LEAST_PX = 20
+LOWEST_SCORE = 0.35  # of a detector that confuses: the usual threshold of Grounding DINO
 _MOST_JITTER_PX = 50.0
 _TABLE = 1 << 20  # label ids below this are looked up in a table
 
@@ -31,7 +32,10 @@ class DetectionErrors:
 
     Attributes:
         miss: Probability that a thing is not seen.
-        confuse: Probability that a thing, asked for or not, is taken for what another of the phrases asks for.
+        confuse: Probability that a thing, asked for or not, is taken for what another of the phrases asks for. Scores,
+            else 1, then tell a little: from `LOWEST_SCORE` to 1 they are drawn of a density that rises linearly to 1
+            for what is right, and falls linearly to 1 for what is confused (Our choice: as likely to be either in the
+            middle between).
         jitter: Standard deviation of each edge of a box [px]; its mask is stretched along.
     """
 
@@ -128,12 +132,12 @@ class SegmentationDetector:
         sensible = [phrase for phrase in meant if phrase != ROBOT and read(phrase) is not None]
         found: dict[str, list[Detection]] = {phrase: [] for phrase in meant}
         for label, seen in self._visible(image.labels, image.names):
-            called = [phrase for phrase, labels in meant.items() if label in labels]
+            called, score = [phrase for phrase, labels in meant.items() if label in labels], 1.0
             if rng is not None and label != ROBOT:
                 others = [phrase for phrase in sensible if phrase not in called]
-                called, seen = self._mistaken(called, others, seen, image.labels.shape, rng)
+                called, score, seen = self._mistaken(called, others, seen, image.labels.shape, rng)
             for phrase in called:
-                found[phrase].append(Detection(phrase, 1.0, seen.box.copy(), seen.spread(image.labels.shape)))
+                found[phrase].append(Detection(phrase, score, seen.box.copy(), seen.spread(image.labels.shape)))
         return [detection for detections in found.values() for detection in detections]
 
     def _visible(self, labels: NDArray[np.int32], names: Mapping[int, str]) -> list[tuple[str, _Seen]]:
@@ -162,14 +166,18 @@ class SegmentationDetector:
 
     def _mistaken(
         self, called: list[str], others: list[str], seen: _Seen, shape: tuple[int, ...], rng: np.random.Generator
-    ) -> tuple[list[str], _Seen]:
-        """What a thing is taken for, and where it seems to be. Each takes as many draws as any other."""
-        missed, confused, which = rng.random(3)
+    ) -> tuple[list[str], float, _Seen]:
+        """What a thing is taken for, how surely, and where it seems to be. Each takes as many draws as any other."""
+        missed, confused, which, rank = rng.random(4)
         edges = rng.normal(0.0, self._errors.jitter, 4)
-        if confused < self._errors.confuse:
-            called = [others[int(which * len(others))]] if others else []
+        score = 1.0
+        if self._errors.confuse:
+            wrong = confused < self._errors.confuse
+            score -= (1.0 - LOWEST_SCORE) * (np.sqrt(rank) if wrong else 1.0 - np.sqrt(rank))
+            if wrong:
+                called = [others[int(which * len(others))]] if others else []
         moved = seen.stretched(edges, shape) if self._errors.jitter else seen
-        return (called, moved) if missed >= self._errors.miss and moved is not None else ([], seen)
+        return (called, float(score), moved) if missed >= self._errors.miss and moved is not None else ([], 0.0, seen)
 
 
 @dataclass(frozen=True, eq=False)
