@@ -1,4 +1,4 @@
-"""In physics: through a doorway of 0.9 m, the narrowest that houses have, with both hands full."""
+"""In physics: through doorways with both hands full, and around what only the camera shows."""
 
 from __future__ import annotations
 
@@ -17,6 +17,10 @@ from mpvi_bt.marked_yaml import parse_marked
 from mpvi_bt.navigation.driver import Driver, GaveUp
 from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.goals import Goal
+from mpvi_bt.navigation.occupancy import Occupancy
+from mpvi_bt.navigation.traversability import Traversability
+from mpvi_bt.perception.knowledge import KnowledgeBase
+from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import CONTROL_HZ, Side
 from mpvi_bt.robot.solids import Array, pose
@@ -99,6 +103,41 @@ def test_a_doorway_of_90_cm_with_something_in_each_hand() -> None:
         assert drive(world, driver, free_goal(world, driver, rng, east=leg % 2 == 0)) == ""
         assert bumps.worst <= TOUCH_N, (leg, bumps.forces)
         assert {side: world.holding(side) for side in HELD} == HELD
+
+
+@pytest.mark.slow
+@pytest.mark.render
+def test_what_only_depth_shows_is_driven_around() -> None:
+    """Boxes before and behind a doorway that no map has: the way is planned anew on sight, and nothing is touched."""
+    house, large = two_halls(1.2), large_things("tuning")
+    boxes = {"near": placed(large["moving_box"], -0.9, 0.1, 0.0, 0.3)}
+    boxes["behind"] = placed(large["storage_tub"], 0.75, 0.55, 0.0, 0.7)
+    world = World(house, boxes, np.array([-1.5, 1.4, -1.57]), render=True)
+    world.settle()
+    before = {name: world.pose(name) for name in boxes}
+    occupancy, plans = Occupancy.prior(prior_map(house)), 0
+
+    def looking() -> OccupancyMap:
+        if world.steps % 9 == 0:
+            x, y, _ = world.robot.proprioception().base_pose
+            occupancy.update(world.robot.look("head"), [(x, y, 0.5)])
+        return occupancy.map
+
+    def goals(grid: Traversability, start: Array) -> list[Goal]:
+        nonlocal plans
+        plans += 1
+        return [Goal(np.array([2.0, 0.0, 0.0]), 0.0)]
+
+    bumps = world.measure_bumps()
+    driver = Driver(world.robot, looking, KnowledgeBase, ArmStow(world.robot))
+    for _ in driver.to(goals, "driving"):
+        world.step(world.robot.action)
+    np.testing.assert_allclose(world.robot.proprioception().base_pose[:2], [2.0, 0.0], atol=0.03)
+    assert plans > 1
+    assert not driver.blocks
+    assert bumps.worst <= TOUCH_N
+    for name in boxes:
+        np.testing.assert_allclose(world.pose(name), before[name], atol=2e-3)
 
 
 def free_goal(world: World, driver: Driver, rng: np.random.Generator, east: bool) -> Array:
