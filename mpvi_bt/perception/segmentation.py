@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,15 +27,13 @@ _TABLE = 1 << 20  # label ids below this are looked up in a table
 class DetectionErrors:
     """How often and how far the detector errs; 0 switches a mistake off.
 
-    Each thing that a picture shows is missed, or taken for another, by a draw of its own; the robot's own parts never
-    are. Our choice: draws of one picture say nothing of the next one.
+    The robot's own parts are never mistaken. Our choice: draws of one picture say nothing of the next one.
 
     Attributes:
-        miss: Probability that a thing is not seen.
-        confuse: Probability that a thing, asked for or not, is taken for what another of the phrases asks for. Scores,
-            else 1, then tell a little: from `LOWEST_SCORE` to 1 they are drawn of a density that rises linearly to 1
-            for what is right, and falls linearly to 1 for what is confused (Our choice: as likely to be either in the
-            middle between).
+        miss: Probability that a thing that a picture shows is not seen.
+        confuse: Probability that a phrase is seen in something that it does not name: false detections a picture and
+            phrase, if there is anything else in view. Scores, else 1, then tell a little: they are drawn from
+            `LOWEST_SCORE` to 1, where the density of right ones rises linearly and that of false ones falls.
         jitter: Standard deviation of each edge of a box [px]; its mask is stretched along.
     """
 
@@ -128,20 +126,42 @@ class SegmentationDetector:
         self._pictures += 1
         if image.labels is None:
             return []
-        meant = {p: {ROBOT} if p == ROBOT else set(self._vocabulary.named(p)) for p in phrases}
-        sensible = [phrase for phrase in meant if phrase != ROBOT and read(phrase) is not None]
-        found: dict[str, list[Detection]] = {phrase: [] for phrase in meant}
-        for label, seen in self._visible(image.labels, image.names):
-            called, score = [phrase for phrase, labels in meant.items() if label in labels], 1.0
-            if rng is not None and label != ROBOT:
-                others = [phrase for phrase in sensible if phrase not in called]
-                called, score, seen = self._mistaken(called, others, seen, image.labels.shape, rng)
-            for phrase in called:
-                found[phrase].append(Detection(phrase, score, seen.box.copy(), seen.spread(image.labels.shape)))
-        return [detection for detections in found.values() for detection in detections]
+        size = image.labels.shape
+        things = self._visible(image.labels, image.names)
+        if rng is not None:
+            things = [t for thing in things if (t := self._mistaken(thing, size, rng)) is not None]
+        found = []
+        for phrase in dict.fromkeys(phrases):
+            meant = [ROBOT] if phrase == ROBOT else self._vocabulary.named(phrase)
+            own = [thing for thing in things if thing.label in meant]
+            if rng is not None and phrase != ROBOT and read(phrase) is not None:
+                others = [thing for thing in things if thing.label not in (*meant, ROBOT)]
+                own += self._confused(others, rng)
+            found += [Detection(phrase, thing.score, thing.box.copy(), thing.spread(size)) for thing in own]
+        return found
 
-    def _visible(self, labels: NDArray[np.int32], names: Mapping[int, str]) -> list[tuple[str, _Seen]]:
-        """Each thing that enough of is seen, and where, in the order of their labels."""
+    def _mistaken(self, thing: _Seen, size: tuple[int, ...], rng: np.random.Generator) -> _Seen | None:
+        """A thing as it seems to be, or None if it is missed. Each takes as many draws as any other."""
+        missed, rank = rng.random(2)
+        edges = rng.normal(0.0, self._errors.jitter, 4)
+        if thing.label == ROBOT:
+            return thing
+        if missed < self._errors.miss:
+            return None
+        score = LOWEST_SCORE + (1.0 - LOWEST_SCORE) * float(np.sqrt(rank)) if self._errors.confuse else 1.0
+        moved = thing.stretched(edges, size) if self._errors.jitter else thing
+        return None if moved is None else replace(moved, score=score)
+
+    def _confused(self, others: Sequence[_Seen], rng: np.random.Generator) -> list[_Seen]:
+        """What a phrase is wrongly seen in: one of what it does not name, or nothing."""
+        confused, which, rank = rng.random(3)
+        if confused >= self._errors.confuse or not others:
+            return []
+        score = 1.0 - (1.0 - LOWEST_SCORE) * float(np.sqrt(rank))
+        return [replace(others[int(which * len(others))], score=score)]
+
+    def _visible(self, labels: NDArray[np.int32], names: Mapping[int, str]) -> list[_Seen]:
+        """Each thing that enough of is seen, in the order of their labels."""
         known = sorted(set(names.values()))
         index = {name: k + 1 for k, name in enumerate(known)}
         last = int(labels.max(initial=0))
@@ -158,39 +178,28 @@ class SegmentationDetector:
         counts = np.bincount(shown.ravel(), minlength=len(known) + 1).tolist()
         boxes = ndimage.find_objects(shown, len(known))
         return [
-            (label, _Seen(np.array([columns.start, rows.start, columns.stop, rows.stop]), shown[rows, columns] == k))
+            _Seen(label, np.array([columns.start, rows.start, columns.stop, rows.stop]), shown[rows, columns] == k)
             for k, label in enumerate(known, start=1)
             if counts[k] >= (1 if label == ROBOT else max(1, self._least_px))
             for rows, columns in [boxes[k - 1]]
         ]
 
-    def _mistaken(
-        self, called: list[str], others: list[str], seen: _Seen, shape: tuple[int, ...], rng: np.random.Generator
-    ) -> tuple[list[str], float, _Seen]:
-        """What a thing is taken for, how surely, and where it seems to be. Each takes as many draws as any other."""
-        missed, confused, which, rank = rng.random(4)
-        edges = rng.normal(0.0, self._errors.jitter, 4)
-        score = 1.0
-        if self._errors.confuse:
-            wrong = confused < self._errors.confuse
-            score -= (1.0 - LOWEST_SCORE) * (np.sqrt(rank) if wrong else 1.0 - np.sqrt(rank))
-            if wrong:
-                called = [others[int(which * len(others))]] if others else []
-        moved = seen.stretched(edges, shape) if self._errors.jitter else seen
-        return (called, float(score), moved) if missed >= self._errors.miss and moved is not None else ([], 0.0, seen)
-
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """The pixels of a thing.
+    """A thing in a picture.
 
     Attributes:
+        label: What it is.
         box: (4,) left, top, right, bottom [px], the last ones exclusive.
         mask: (bottom - top, right - left) bool, within it.
+        score: How surely it is detected, 0 to 1.
     """
 
+    label: str
     box: NDArray[np.intp]
     mask: NDArray[np.bool_]
+    score: float = 1.0
 
     def spread(self, shape: tuple[int, ...]) -> NDArray[np.bool_]:
         """(H, W) bool: the mask of the whole picture."""
@@ -212,4 +221,5 @@ class _Seen:
             return None
         tall, wide = inside
         corner = np.array([max(left, 0), max(top, 0)] * 2)
-        return _Seen(corner + [wide.start, tall.start, wide.stop, tall.stop], mask[tall, wide])
+        box = corner + [wide.start, tall.start, wide.stop, tall.stop]
+        return replace(self, box=box, mask=mask[tall, wide])
