@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
@@ -12,14 +13,18 @@ from numpy.typing import NDArray
 from mpvi_bt.behaviors.protocols import Report
 from mpvi_bt.errors import nearest
 from mpvi_bt.navigation.driver import DEFAULTS, GaveUp, NavigationParameters, Stow
+from mpvi_bt.navigation.goals import Goal, near_goals, object_goals
 from mpvi_bt.navigation.lookout import Lookout
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator, Trip
 from mpvi_bt.navigation.search import Search
+from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.perception.detector import Detection
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, normalize
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.protocol import CameraImage, Robot
+from mpvi_bt.robot.solids import Array
 
+_GOALS = 40
 _TRIES = 4  # drives to what was seen: it may turn out to be elsewhere, or not to be there
 
 
@@ -134,13 +139,19 @@ class ExploringNavigator(KnownPlaceNavigator):
                 if not entries:
                     raise GaveUp("not_found", self._evidence(trip))
             names = {entry.name for entry in entries}
-            yield from self._drive_to(trip, entries, room, until=lambda names=names: self._are_gone(names))  # type: ignore[misc]
+            try:
+                yield from self._drive_to(trip, entries, room, until=lambda names=names: self._are_gone(names))  # type: ignore[misc]
+            except GaveUp:
+                if self.lookout.occupancy.known.all():
+                    raise
+                yield from self._learn_the_way(trip, entries)
             self.lookout.look()
             entries, room = self._look_up(trip)
             if self._is_there(entries, room) or not _seen(entries):
                 return
-        if not entries:
-            raise GaveUp("not_found", self._evidence(trip))
+        if entries:
+            raise GaveUp("not_reached", f"{trip.target} was elsewhere each time that it was gone to")
+        raise GaveUp("not_found", self._evidence(trip))
 
     def _find(self, trip: Trip, room: str | None) -> Iterator[Report]:
         """Look for the target where it was said to be, then everywhere."""
@@ -161,6 +172,28 @@ class ExploringNavigator(KnownPlaceNavigator):
                 yield from self._drive_to(Trip(trip.room, None), area, None, until=found)
         if not found():
             yield from self.search.run(found, feedback)
+
+    def _learn_the_way(self, trip: Trip, entries: list[Entry]) -> Iterator[Report]:
+        """Without a prior map: come as near to what is seen as known floor leads, and explore until a way is known."""
+        learned, known = False, self.lookout.pictures
+
+        def can_be_reached() -> bool:
+            nonlocal learned, known
+            if self.lookout.pictures != known:
+                known = self.lookout.pictures
+                start = self._robot.proprioception().base_pose[:2]
+                grid = self._driver.grid().escaping(start)
+                goals = [g for e in entries for g in object_goals(e, start, grid, self.parameters.handoff, most=_GOALS)]
+                learned = any(math.isfinite(g.score) and math.isfinite(grid.cost[grid.map.cell(g.pose)]) for g in goals)
+            return learned
+
+        def nearer(grid: Traversability, start: Array) -> list[Goal]:
+            return near_goals(entries[0], start, grid)
+
+        feedback = f"looking for a way to {trip.target}"
+        with suppress(GaveUp):
+            yield from self._driver.to(nearer, feedback, can_be_reached)
+        yield from self.search.run(can_be_reached, feedback)
 
     def _are_gone(self, names: set[str]) -> bool:
         """Whether none of the entries is believed in any more."""

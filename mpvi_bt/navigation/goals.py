@@ -119,6 +119,17 @@ def object_goals(entry: Entry, start: Array, grid: Traversability, handoff: Hand
     return [Goal(np.array([*points[i], yaw[i]]), float(score[i])) for i in order]
 
 
+def near_goals(entry: Entry, start: Array, grid: Traversability, most: int = 20) -> list[Goal]:
+    """The reachable poses nearest to a target, best first, for where nothing nearer is known to be free yet."""
+    effort = cost_to_reach(grid.cost, grid.map.cell(start)) * grid.map.resolution_m
+    cells = np.argwhere(np.isfinite(effort))
+    points = grid.points(cells)
+    apart = np.linalg.norm(nearest_point(entry, points) - points, axis=1)
+    order = np.argsort(apart, kind="stable")[:most]
+    yaw = facing_yaw(entry, points[order])
+    return [Goal(np.array([*points[i], y]), float(apart[i])) for i, y in zip(order, yaw, strict=True)]
+
+
 def room_goals(room: str, start: Array, grid: Traversability, inset_m: float = 0.6, most: int = 20) -> list[Goal]:
     """Poses well inside a room, best first: the nearest cells `inset_m` from its boundary, facing its middle.
 
