@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from mpvi_bt.perception.field import distance_to
 from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.solids import Array
@@ -103,7 +104,7 @@ def traversability(
     res = grid_map.resolution_m
     taken = occupied(grid_map, boxes, discs)
     framed = np.pad(taken, 1, constant_values=True)  # what lies beyond the map cannot be entered
-    to_center = ndimage.distance_transform_edt(~framed)[1:-1, 1:-1] * res
+    to_center = distance_to(framed)[1:-1, 1:-1].astype(float) * res
     clearance = np.maximum(to_center - res / 2, 0.0)
     near = np.clip((footprint_m + clearance_cost.margin_m - clearance) / clearance_cost.margin_m, 0.0, 1.0)
     cost = (1.0 + clearance_cost.weight * near**2).astype(np.float32)
