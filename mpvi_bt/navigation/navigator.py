@@ -35,8 +35,7 @@ class KnownPlaceNavigator:
     Order (Paper, Navigation appendix): done if the base is at the target already; else the knowledge base is asked; a
     target that it does not hold is looked up once more from inside the room that was named with it.
 
-    Fails with `unknown_target`, `no_path` (nothing free and reachable to stand on) or `blocked` (the base came to a
-    halt, backed off, planned around the place and came to a halt again).
+    Fails with `unknown_target`, or as its `Driver` does.
     """
 
     def __init__(
