@@ -157,8 +157,14 @@ class ExploringNavigator(KnownPlaceNavigator):
         """Look for the target where it was said to be, then everywhere."""
         feedback = f"looking for {trip.target}"
 
+        answers: dict[str | None, tuple[int, bool]] = {}  # asked for each step; only pictures change them
+
         def found(where: str | None = None) -> bool:
-            return _at_hand(self._look_up(trip)[0], where)
+            pictures, answer = answers.get(where, (-1, False))
+            if pictures != self.lookout.pictures:
+                answer = _at_hand(self._look_up(trip)[0], where)
+                answers[where] = self.lookout.pictures, answer
+            return answer
 
         if room is not None:
             try:
