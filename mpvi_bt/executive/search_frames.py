@@ -20,6 +20,7 @@ from mpvi_bt.robot.solids import Array
 
 _VIEW = (480, 360)  # from outside, upper left; of the head, beside it; the legend fills the row
 OUTSIDE = _VIEW  # the size that is rendered
+_LETTERS = 38  # of a line of it
 _MAP = (800, 360)  # lower left; the tree beside it
 
 
@@ -34,14 +35,14 @@ class SearchFrames:
         self._eye = Head(view)
         self._inks: dict[str, Color] = {}  # of each phrase, the same in every frame
 
-    def frame(self, outside: Picture | None, world: World, tree: str, title: str, status: str) -> Picture:
+    def frame(self, outside: Picture | None, world: World, tree: str, title: str, *status: str) -> Picture:
         """One frame.
 
         Args:
             outside: (H, W, 3) RGB, or None where there is no such view.
             world: Where the robot is now.
             tree: ASCII, a line a row.
-            title, status: Written over the legend.
+            title, status: Written over the legend, a line each.
 
         Returns:
             (720, 1280, 3) uint8 RGB.
@@ -57,7 +58,7 @@ class SearchFrames:
         pose = world.robot.proprioception().base_pose
         self._way.append(pose)
         frame[height:, : _MAP[0]] = self._map.draw(self._view, pose, self._way, image)
-        self._legend(frame[:, 2 * width :][:height], title, status)
+        self._legend(frame[:, 2 * width :][:height], [title, *status])
         write_tree(frame, tree, _MAP[0] + 8, height)
         return frame
 
@@ -85,14 +86,15 @@ class SearchFrames:
             labels.beside(box, f"{detection.phrase} {detection.score:.2f}".encode("ascii", "replace").decode(),
                           colors.INK, ink)  # fmt: skip
 
-    def _legend(self, part: Picture, title: str, status: str) -> None:
+    def _legend(self, part: Picture, lines: list[str]) -> None:
         """What is being done, what the colors mean, and what was found."""
         import cv2
 
-        write(part, title, (12, 22), INK)
-        write(part, status, (12, 42), INK)
         seen, total = seen_m2(self._view)
-        write(part, f"floor seen: {seen:.0f} m2" + (f" of {total:.0f}" if total else ""), (12, 62), INK)
+        top = 0
+        for line in (*lines, f"floor seen: {seen:.0f} m2" + (f" of {total:.0f}" if total else "")):
+            top += 18
+            write(part, line.encode("ascii", "replace").decode()[:_LETTERS], (12, top), INK)
         rows: list[tuple[str, Color]] = [
             ("seen", colors.SEEN),
             ("in view now", colors.IN_VIEW),
@@ -105,7 +107,7 @@ class SearchFrames:
             ("found", colors.FOUND),
             ("robot", colors.ROBOT),
         ]
-        top = 76
+        top += 10
         for word, color in rows:
             swatch = part[top : top + 14, 12:40]
             swatch[:] = hatched(color, swatch.shape[:2])
@@ -114,10 +116,10 @@ class SearchFrames:
                 cv2.line(swatch, (0, 7), (28, 7), color, 2 if color == colors.WAY else 3)
             cv2.rectangle(part, (12, top), (40, top + 14), DIM, 1)
             write(part, word, (50, top + 12), INK)
-            top += 20
+            top += 19
         kinds = Counter(called(entry) for entry in found(self._view.entries))
         text = ", ".join(f"{count} {name}" if count > 1 else name for name, count in kinds.items())
-        write(part, f"found: {text or 'nothing yet'}"[:38], (12, top + 16), INK)
+        write(part, f"found: {text or 'nothing yet'}"[:_LETTERS], (12, top + 16), INK)
         half = LEGEND.index("[!]")
         write(part, LEGEND[:half], (12, part.shape[0] - 22), DIM)
         write(part, LEGEND[half:], (12, part.shape[0] - 6), DIM)

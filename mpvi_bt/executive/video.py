@@ -112,13 +112,20 @@ class Video(Watcher):
             outside = cast("Outside", world).look_from(T, size).rgb
         text = ascii_tree(tree.spec, tree.states(), COLUMNS, fold=True)
         if self._search is not None:
-            frame = self._search.frame(outside, world, text, self._title, status.strip())
+            frame = self._search.frame(outside, world, text, self._title, status.strip(), _doing(tree))
         else:
             frame = compose(outside, world.robot.look("head").rgb, text, f"{self._title}   {status}".strip())
         try:
             self._writer.send(frame)
         except OSError as error:
             raise BackendError(f"{self._file}: ffmpeg stopped writing the video: {error}") from error
+
+
+def _doing(tree: Tree) -> str:
+    """What the deepest running node says of its work, which its line has no room for."""
+    states = tree.states()
+    running = [node for node in tree.spec.nodes if states[node.path].status == "RUNNING" and states[node.path].feedback]
+    return states[max(running, key=lambda node: node.depth).path].feedback if running else ""
 
 
 class Follower:
