@@ -211,6 +211,32 @@ def test_what_was_taken_away_is_looked_for_anew() -> None:
     assert distance_to(moved, robot.pose[:2]) < 1.3
 
 
+class Erring(BoxDetector):
+    """Sees a cup in the first picture, in front of the robot, where none is."""
+
+    def __init__(self, *entries: Entry) -> None:
+        super().__init__(*entries)
+        self.pictures = 0
+
+    def detect(self, image: CameraImage, phrases: Sequence[str]) -> list[Detection]:
+        """As `Detector` says, after the first picture."""
+        self.pictures += 1
+        if self.pictures > 1:
+            return super().detect(image, phrases)
+        mask = np.zeros(image.depth.shape, bool)
+        mask[30:40, 35:45] = True
+        return [Detection("cup", 1.0, np.array([35, 30, 45, 40]), mask)]
+
+
+def test_a_mistake_of_the_detector_is_looked_at_and_passed_over() -> None:
+    """What is gone to and not seen there is forgotten; the thing itself is found."""
+    grid_map, boxes = house(CUP)
+    robot = Seeing(1.0, 2.0, 3.0, boxes)
+    report, _ = play(robot, exploring(robot, Erring(CUP), grid_map), "cup")
+    assert report.progress is Progress.SUCCEEDED
+    assert distance_to(CUP, robot.pose[:2]) < 1.3
+
+
 class Failing:
     """A detector that raises."""
 

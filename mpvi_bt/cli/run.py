@@ -103,8 +103,11 @@ def run(
         raise click.UsageError("A dry run has nothing to film, to draw or to log.")
     stem = config.name if not dry else f"{Path(config.tree or config.plan or config.task).stem}_dry"
     config = replace(config, trace=out / f"{stem}.trace.jsonl" if trace else None, saved=out / f"{stem}.saved.json")
-    if prepared.doubt:
-        click.echo(f"mpvi: {prepared.doubt}", err=True)
+    from mpvi_bt.suite.detectors import make_detector
+
+    for doubt in (prepared.doubt, "" if dry else make_detector(config.detector, {}, config.seed).note):
+        if doubt:
+            click.echo(f"mpvi: {doubt}", err=True)
     from mpvi_bt.executive.debugger import Debugger
     from mpvi_bt.executive.live import LiveTree
     from mpvi_bt.executive.loop import Last
@@ -114,7 +117,8 @@ def run(
     for glob in breaks:
         require_match(glob, prepared.spec, "--break")
     try:
-        for folder in (out, *(file.parent for file in (config.video, config.picture, config.rerun) if file is not None)):
+        files = (config.video, config.picture, config.rerun)
+        for folder in (out, *(file.parent for file in files if file is not None)):
             _check_writable(folder)  # now, not when a minute's work is lost
     except UserError:
         if trace or not dry:

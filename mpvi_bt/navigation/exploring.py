@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.behaviors.protocols import Report
+from mpvi_bt.behaviors.protocols import Progress, Report
 from mpvi_bt.errors import nearest
 from mpvi_bt.navigation.driver import DEFAULTS, GaveUp, NavigationParameters, Stow
 from mpvi_bt.navigation.goals import Goal, near_goals, object_goals
@@ -25,6 +25,7 @@ from mpvi_bt.robot.protocol import CameraImage, Robot
 from mpvi_bt.robot.solids import Array
 
 _GOALS = 40
+_LOOKS = 4  # at what was gone to: a detector that sees it nine times of ten misses it once in ten thousand such
 _TRIES = 4  # drives to what was seen: it may turn out to be elsewhere, or not to be there
 
 
@@ -145,7 +146,7 @@ class ExploringNavigator(KnownPlaceNavigator):
                 if self.lookout.occupancy.known.all():
                     raise
                 yield from self._learn_the_way(trip, entries)
-            self.lookout.look()
+            yield from self._look_again(trip, names)
             entries, room = self._look_up(trip)
             if self._is_there(entries, room) or not _seen(entries):
                 return
@@ -178,6 +179,15 @@ class ExploringNavigator(KnownPlaceNavigator):
                 yield from self._drive_to(Trip(trip.room, None), area, None, until=found)
         if not found():
             yield from self.search.run(found, feedback)
+
+    def _look_again(self, trip: Trip, names: set[str]) -> Iterator[Report]:
+        """Look at what was gone to, until a picture shows it: a detector may have erred, or may miss it now."""
+        for _ in range(_LOOKS):
+            self.lookout.look()
+            entries = self._knowledge().entries
+            if any(entries[n].seen_s == self.lookout.looked_s or not _seen([entries[n]]) for n in names & set(entries)):
+                return
+            yield Report(Progress.RUNNING, "", f"looking whether {trip.target} is there")
 
     def _learn_the_way(self, trip: Trip, entries: list[Entry]) -> Iterator[Report]:
         """Without a prior map: come as near to what is seen as known floor leads, and explore until a way is known."""

@@ -34,6 +34,7 @@ class Lookout:
         visibility: What was seen, from afar or near.
         closer: What was seen from near by, as small things have to be.
         pictures: Taken so far.
+        looked_s: When the last one was, in simulated time.
         last: The last one, for pictures of the run; None before the first.
     """
 
@@ -63,6 +64,7 @@ class Lookout:
         self._looked = -(10**9)
         self._pose: Array | None = None
         self.pictures = 0
+        self.looked_s = -1.0
         self.last: CameraImage | None = None
 
     @property
@@ -85,7 +87,7 @@ class Lookout:
         body = self._robot.proprioception()
         self._looked, self._pose = self._clock.steps, body.base_pose
         image = self._robot.look("head")
-        self.pictures, self.last = self.pictures + 1, image
+        self.pictures, self.last, self.looked_s = self.pictures + 1, image, self._clock.time_s
         self.occupancy.update(image, self._takes_up())
         solid = self.solid
         for view in (self.visibility, self.closer):
