@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.errors import UserError
+from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.executive.loop import Watcher, World, run_episode
 from mpvi_bt.executive.rerun_log import RerunLog, require_sdk
 from mpvi_bt.executive.search_view import Window
@@ -193,6 +193,12 @@ def test_a_file_that_cannot_be_written_is_a_user_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match=r"run\.rrd"):
         watch(VisibleWorld(), RerunLog(tmp_path / "file" / "run.rrd", MadeUpSearch().map))
+
+
+def test_a_full_disk_is_a_backend_error() -> None:
+    """Which says of which file."""
+    with pytest.raises(BackendError, match=r"/dev/full: .*[Nn]o space left"):
+        watch(VisibleWorld(), RerunLog("/dev/full", MadeUpSearch().map))
 
 
 def test_without_the_sdk_there_is_a_line_that_says_what_to_install(

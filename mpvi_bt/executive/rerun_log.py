@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import uuid
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +80,12 @@ class RerunLog(Watcher):
         self._rr: Any = None
 
     def start(self, tree: Tree, world: World) -> None:
-        """Open the file. Raises UserError if it cannot be written, or if the SDK is not installed."""
+        """Open the file.
+
+        Raises:
+            UserError: It cannot be written, or the SDK is not installed.
+            BackendError: The disk is full.
+        """
         require_sdk()
         import rerun
 
@@ -89,7 +96,8 @@ class RerunLog(Watcher):
             raise unwritable(self._file, error) from None
         self._rr, self._tree, self._world = rerun, tree, world
         self._stream = rerun.RecordingStream("mpvi_bt", recording_id=uuid.uuid4())
-        self._stream.save(str(self._file), default_blueprint=_layout())
+        with self._writing():
+            self._stream.save(str(self._file), default_blueprint=_layout())
         if self._title:
             self._stream.send_recording_name(self._title)
         self._stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -115,8 +123,9 @@ class RerunLog(Watcher):
         if outcome.ending != "error":
             self._text()
         stream, self._stream = self._stream, None
-        self._flush(stream)
-        stream.disconnect()  # writes the index, without which the file is only slower to open
+        with self._writing():
+            stream.flush(timeout_sec=_FLUSH_S)
+            stream.disconnect()  # writes the index, without which the file is only slower to open
 
     def _news(self, name: str, value: object) -> bool:
         """Whether this is other than it was last under that name."""
@@ -136,11 +145,13 @@ class RerunLog(Watcher):
         self._text()
         if self._search is not None:
             self._found(self._search)
-        self._flush(self._stream)
+        with self._writing():
+            self._stream.flush(timeout_sec=_FLUSH_S)
 
-    def _flush(self, stream: Any) -> None:
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
         try:
-            stream.flush(timeout_sec=_FLUSH_S)
+            yield
         except (RuntimeError, ValueError, OSError) as error:
             raise BackendError(f"{self._file}: rerun cannot write the recording: {error}") from error
 
