@@ -43,7 +43,7 @@ SEEDS = _Seeds()
 @click.option("--skill", "-s", multiple=True, help="Only this skill; may be repeated.")
 @click.option("--case", "-c", multiple=True, help="Only this case of the skills; may be repeated.")
 @click.option("--policy", "-p", default="expert", show_default=True, help="Policies, joined by commas.")
-@click.option("--seeds", type=SEEDS, default="0-19", show_default=True, help="100-119 are for the final table only.")
+@click.option("--seeds", type=SEEDS, default="0-19", show_default=True, help="200-219 are for the final table only.")
 @click.option("--shapes", type=click.Choice(_SHAPES), default="tuning", show_default=True,
               help="half: even seeds take tuning shapes, odd ones held-out shapes.")  # fmt: skip
 @click.option("--noise", type=click.Choice(list(ERRORS)), default="none", show_default=True,
