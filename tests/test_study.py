@@ -9,19 +9,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.hands.holding import put_in_hands
+from mpvi_bt.manipulation.place import place_in
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import r1
-from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, CameraImage, Proprioception
 from tests.small_house import placed, small_world
+
+HUNG = "{entry: wall_cabinet, at: [1.2, 0.0], yaw_deg: 180, z_m: 1.35, shape: {size_m: [0.36, 0.6, 0.7]}}"
 
 
 class Blind:
     """A `mpvi_bt.manipulation.scene.Sight` that learns nothing."""
 
+    def __init__(self) -> None:
+        self.lifts: list[float] = []
+
     def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:
         """As `Sight` says."""
+        self.lifts.append(float(felt.torso[0]))
 
     def trusting(self) -> AbstractContextManager[None]:
         """As `Sight` says."""
@@ -45,3 +53,39 @@ def test_no_look_asks_more_of_the_torso_than_it_can(board_m: float) -> None:
     assert len(told) > 1
     assert (np.stack(told) >= low - 1e-9).all()
     assert (np.stack(told) <= high + 1e-9).all()
+
+
+def with_can(fixture: str) -> tuple[Work, Blind]:
+    """A robot that holds a can before a fixture."""
+    world = small_world({"can": placed("can_of_soda", 3.0, 0.0)}, wall_cabinet_1=fixture)
+    put_in_hands(world, {"right": "can"})
+    sight = Blind()
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0), sight)
+    work.images = {"head": None}  # type: ignore[dict-item]
+    return work, sight
+
+
+def obeyed(work: Work, actions: Actions) -> None:
+    """The torso is where it is told to be."""
+    for action in actions:
+        work.motion.felt = replace(work.motion.felt, torso=action[ActionLayout.TORSO].copy())
+
+
+def test_full_hands_keep_nobody_from_looking_into_what_is_high_up() -> None:
+    """Before a cabinet on the wall the torso rises with what is held; before one on the floor it stays where it was."""
+    work, sight = with_can(HUNG)
+    obeyed(work, work.study("wall_cabinet_1"))
+    assert min(sight.lifts) > r1.TORSO_LIMITS[0, 1] - 0.01
+    work, sight = with_can("{entry: base_cabinet, at: [1.2, 0.0], yaw_deg: 180}")
+    before = work.motion.torso[0]
+    obeyed(work, work.study("wall_cabinet_1"))
+    np.testing.assert_allclose(sight.lifts, before, atol=1e-3)
+
+
+def test_nothing_is_said_to_be_no_container_before_it_was_looked_at() -> None:
+    """What a picture happened to show of a cabinet, such as its lower edge, is no reason to give up."""
+    work, sight = with_can(HUNG)
+    work.scene.volumes = lambda name: ()  # type: ignore[method-assign]
+    with pytest.raises(MotionFailure, match="not_a_container"):
+        obeyed(work, place_in(work, {"object": "can_of_soda", "container": "wall_cabinet"}, []))
+    assert len(sight.lifts) >= 2

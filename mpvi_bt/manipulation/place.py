@@ -34,6 +34,8 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
     container = work.nearest(words["container"])
     yield from work.unwedge()
     held = work.held()[side]
+    if not work.scene.volumes(container):  # so far it may have been seen in part, or from below
+        yield from work.study(container)
     if not work.scene.volumes(container):
         raise MotionFailure("not_a_container")
     if work.scene.holding(other(side)) == container:

@@ -232,8 +232,7 @@ class Work:
             yield from self.motion.stand(torso)
             yield from self.see("head")
         else:
-            if not self.held():
-                yield from self.motion.stand(self._overlooking(name))
+            yield from self.motion.stand(self._raised(name) if self.held() else self._overlooking(name))
             yield from self.look_at(name)
             if not self.held() and self._covered(name):
                 torso = self.motion.torso
@@ -245,6 +244,18 @@ class Work:
         torso[3] += _HEAD_DOWN_RAD if torso[3] < _LEVEL_RAD else -_HEAD_UP_RAD
         yield from self.motion.stand(torso)
         yield from self.see("head")
+
+    def _raised(self, name: str) -> Array:
+        """A torso posture (4,) from which what is high up is seen from the front, with hands that hold something."""
+        body, now = self.body({name}), self.motion.torso
+        wanted = float(np.clip(self._middle(name)[2] - _EYES_M, now[0], r1.TORSO_LIMITS[0, 1]))
+        raised = now
+        for lift in np.linspace(now[0], wanted, 5)[1:] if wanted > now[0] else ():
+            torso = np.append(lift, now[1:])
+            if not replace(body, torso=torso).all_free():
+                break
+            raised = torso
+        return raised
 
     def _middle(self, name: str) -> Array:
         boxes = np.stack([s.aabb() for s in self.scene.solids(name)])
