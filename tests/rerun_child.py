@@ -1,9 +1,14 @@
-"""Runs a search that never ends, logging it to FILE; prints each step once it is logged. A test kills it."""
+"""Runs a search that never ends, logging it to FILE; prints each step once it is logged. A test kills it.
+
+With LIMIT, the system lets no file grow beyond so many bytes, as if the disk were full then.
+"""
 
 from __future__ import annotations
 
+import resource
 import sys
 
+from mpvi_bt.executive import rerun_log
 from mpvi_bt.executive.loop import Watcher, World, run_episode
 from mpvi_bt.executive.rerun_log import RerunLog
 from mpvi_bt.testing import scripted_context
@@ -26,5 +31,8 @@ if __name__ == "__main__":
     moving = VisibleWorld()
     context = scripted_context(moving, SKILLS, {"trash can": (1.0, 0.0), "can of soda": (0.0, 0.5)}, {})
     log = RerunLog(sys.argv[1], search.map, "endless", search)
+    if len(sys.argv) > 2:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]),) * 2)
+        rerun_log._FLUSH_S = 1.0
     while True:
         run_episode(Tree(SPEC), moving, context, [log, Telling()], max_time_s=1e9)

@@ -201,6 +201,17 @@ def test_a_full_disk_is_a_backend_error() -> None:
         watch(VisibleWorld(), RerunLog("/dev/full", MadeUpSearch().map))
 
 
+def test_a_disk_that_fills_up_ends_the_run_and_nothing_waits(tmp_path: Path) -> None:
+    """The SDK by itself would wait at the exit for what can no longer be written."""
+    file = tmp_path / "run.rrd"
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.rerun_child", str(file), "200000"],
+        cwd=Path(__file__).parent.parent, capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert f"BackendError: {file}: rerun cannot write the recording" in done.stderr
+
+
 def test_without_the_sdk_there_is_a_line_that_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, mpvi: Shell, tmp_path: Path
 ) -> None:

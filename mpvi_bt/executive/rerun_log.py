@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import importlib.util
 import uuid
 from collections.abc import Iterator
@@ -28,7 +29,7 @@ from mpvi_bt.writing import unwritable
 _JPEG = 80  # quality of the head's pictures: 20 kB each
 _ROBOT_M = (0.27, 0.27, 0.6)  # half sizes of the box that stands for it
 _WAY_M = 0.1  # between points of the way, which is logged anew with each
-_FLUSH_S = 60.0  # of wall time, in which a disk takes a frame
+_FLUSH_S = 30.0  # of wall time, in which a disk takes a frame
 _GROUND_S = 10.0  # simulated time between two textures of the ground, which the viewer cannot keep compressed
 # What cells of the map show.
 _NOTHING, _UNKNOWN, _WALL, _FLOOR, _SEEN, _FRONTIER = np.arange(6, dtype=np.uint8)
@@ -122,10 +123,10 @@ class RerunLog(Watcher):
         self._stream.log("reasons", self._rr.TextLog(how + why, level="INFO" if good else "ERROR"))
         if outcome.ending != "error":
             self._text()
-        stream, self._stream = self._stream, None
         with self._writing():
-            stream.flush(timeout_sec=_FLUSH_S)
-            stream.disconnect()  # writes the index, without which the file is only slower to open
+            self._stream.flush(timeout_sec=_FLUSH_S)
+            self._stream.disconnect()  # writes the index, without which the file is only slower to open
+        self._stream = None
 
     def _news(self, name: str, value: object) -> bool:
         """Whether this is other than it was last under that name."""
@@ -153,6 +154,11 @@ class RerunLog(Watcher):
         try:
             yield
         except (RuntimeError, ValueError, OSError) as error:
+            # What wrote to the file is gone, and the SDK would wait for it forever where the stream is closed,
+            # collected, or shut down at exit: so none of that happens.
+            self._rr.unregister_shutdown()
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._stream))
+            self._stream = None
             raise BackendError(f"{self._file}: rerun cannot write the recording: {error}") from error
 
     # ------------------------------------------------------------------------------------------ what is logged
