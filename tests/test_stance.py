@@ -13,12 +13,12 @@ from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.pick import options as pick_options
 from mpvi_bt.manipulation.stance import Option, Search, Stance
 from mpvi_bt.manipulation.truth import TrueScene
-from mpvi_bt.manipulation.work import Work, other, upright_options
+from mpvi_bt.manipulation.work import Work, upright_options
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Body, Surroundings
 from mpvi_bt.robot.motion import Motion
-from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.protocol import SIDES, Side, other
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world

@@ -7,7 +7,7 @@ import pytest
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side, other
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.stow import ArmStow
 from mpvi_bt.testing import KinematicWorld
@@ -68,8 +68,7 @@ def test_a_hand_that_holds_keeps_its_pose(side: Side) -> None:
     felt = home.robot.proprioception()
     assert (sent[:, ActionLayout.GRIPPER[side]] == -1.0).all()
     np.testing.assert_allclose(kin.tcp(felt.torso, felt.arm[side], side)[:3, 3], hand[:3, 3], atol=0.01)
-    other: Side = "left" if side == "right" else "right"
-    np.testing.assert_allclose(felt.arm[other], r1.TRAVEL_ARM[other], atol=1e-6)
+    np.testing.assert_allclose(felt.arm[other(side)], r1.TRAVEL_ARM[other(side)], atol=1e-6)
 
 
 def test_a_stowed_robot_does_not_move() -> None:

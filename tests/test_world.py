@@ -11,7 +11,7 @@ import pytest
 from mpvi_bt.errors import UserError
 from mpvi_bt.goals.predicates import inside, ontop
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side, other
 from mpvi_bt.robot.solids import Array, Solid, box, pose
 from mpvi_bt.sim.builder import Thing
 from mpvi_bt.sim.world import World, _gap
@@ -139,10 +139,9 @@ def test_pictures_change_nothing() -> None:
 def test_a_closed_hand_holds_what_is_between_its_fingers(side: Side) -> None:
     """A can between closed fingers is held by that hand only; open, it is not; it falls, and nothing is held."""
     world = small_world({"can": placed("can_of_soda", 2.0, 2.0), "far": placed("can_of_soda", -2.0, 2.0)})
-    other: Side = "left" if side == "right" else "right"
     place_in_hand(world, "can", side)
     assert world.holding(side) == "can"
-    assert world.holding(other) is None
+    assert world.holding(other(side)) is None
     entry = world.knowledge().entries["can"]
     assert entry.held
     assert not world.knowledge().entries["far"].held

@@ -16,7 +16,7 @@ from mpvi_bt.manipulation.stance import FLOOR, WAY_MARGINS_M, Search, Standing, 
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Obstacles, Surroundings, Together
-from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.protocol import SIDES, Side, other
 from mpvi_bt.robot.solids import Array, Solid
 
 _LIFTS = (0.0, 0.1, 0.2, 0.3, 0.42, 0.55)
@@ -259,7 +259,7 @@ class CourseSearch(Search):
         return True
 
     def _idle_free(self, body: Body) -> bool:
-        idle: Side = "left" if self.side == "right" else "right"
+        idle = other(self.side)
         return bool(body.clearance(idle, body.arms[idle][None])[0][0] > 0)
 
 

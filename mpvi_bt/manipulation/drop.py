@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mpvi_bt.manipulation.hold_out import VESSEL, meet
 from mpvi_bt.manipulation.outline import outline
 from mpvi_bt.manipulation.placing import release
-from mpvi_bt.manipulation.stance import Held, Option, Search, Stance
-from mpvi_bt.manipulation.work import Work, other
-from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.manipulation.stance import Held, Search, Stance
+from mpvi_bt.manipulation.work import Work, upright_options
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.motion import Actions, MotionFailure
-from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array, Solid
 
 _OVER_RIM_M = 0.02  # between the lowest point of the thing and the rim
 _FALL_M = 0.008  # to spare on every side of a thing that falls into a container
 _COVER_M = 0.6  # what is that much higher than a rim does not cover it
-_ELSEWHERE = 0.05  # between two poses, in any number of their matrices [m or the sine of a turn]
-_BEST_RELEASES = 80  # tried of each pose of the container
+_BEST_RELEASES = 80  # tried of each pose of the container,
+_NEAREST = 3  # and as many postures of the arm for each
 _UPRIGHT = 0.9  # a container whose axis is farther from the vertical is not open above
 _TILTS = (0.0, 0.35, -0.35, 0.7)
 _TURNS = tuple(np.arange(-3.0, 3.01, 0.5))
@@ -40,11 +41,7 @@ def drop_in(work: Work, side: Side, held: Held, container: str, tried: list[Arra
     """
 
     def find(search: Search, here_first: bool) -> Stance | None:
-        options = []
-        for T, cost in releases(work, held, side, container)[:_BEST_RELEASES]:
-            high = T.copy()
-            high[2, 3] += 0.10
-            options.append(Option(np.stack([high, T]), 2, cost))
+        options = upright_options(releases(work, held, side, container)[:_BEST_RELEASES], 0.10, contact=2)
         if not options:
             return None
         focus = np.mean([o.waypoints[1, :2, 3] for o in options], axis=0)
@@ -66,59 +63,27 @@ def drop_in(work: Work, side: Side, held: Held, container: str, tried: list[Arra
 
 
 def reach_over(work: Work, side: Side, releases: Sequence[tuple[Array, float]], container: str) -> Actions:
-    """Bring the container in the other hand and this hand over it together, the base standing still."""
-    before = kin.inverse(work.scene.pose(container))
-    motion, hand = work.motion, other(side)
-    now, to_base = motion.hand(hand), kin.inverse(work.base)
-    chest = kin.inverse(kin.chest(motion.torso))
-    best = sorted(releases, key=lambda r: r[1])[:_BEST_RELEASES]
-    goals = np.stack([to_base @ T for T, _ in best]) if best else np.zeros((0, 4, 4))
-    still = work.body()
-    for shown in _presented(now, hand):
-        aside = [motion.arm(hand)] if shown is now else arm_motion.plan_level(still, hand, shown)
-        if aside is None:
-            continue
-        body = replace(still, arms={**still.arms, hand: aside[-1]})
-        if not body.free(side, motion.arm(side))[0]:
-            continue
-        at, q = kin.arm_inverse(chest @ shown @ kin.inverse(now) @ goals, side, swivels=24)
-        for k in np.unique(at):
-            postures = q[at == k]
-            near = postures[np.argsort(kin.posture_distance(postures, motion.arm(side)))[:3]]
-            for goal in near[body.free(side, near, margin=0.005)]:
-                path = arm_motion.plan(body, side, goal, work.rng, iterations=120)
-                if path is not None:
-                    yield from motion.follow(hand, aside, speed=0.8)
-                    yield from motion.follow(side, path, speed=1.0)
-                    # Arms give way under a load, by a centimeter; what counts is where the container hangs now.
-                    hangs = work.scene.pose(container) @ before @ best[k][0]
-                    yield from motion.line(side, kin.inverse(work.base) @ hangs, speed=0.08)
-                    return
-    raise MotionFailure("no_release")
-
-
-def present(work: Work, side: Side, turn: int) -> Actions:
-    """Hold what a hand has out in front of the body, each `turn` in another pose: what one hides another may show.
+    """Bring the container in the other hand and this hand over it together, the base standing still.
 
     Raises:
-        MotionFailure: "no_reach" if there is no other pose to go to.
+        MotionFailure: "no_release", or a motion's own reason.
     """
-    now, body = work.motion.hand(side), work.body()
-    poses = [T for T in list(_presented(now, side))[1:] if np.abs(T - now).max() > _ELSEWHERE]
-    for shown in poses[turn % len(poses) :] + poses[: turn % len(poses)]:
-        path = arm_motion.plan_level(body, side, shown)
-        if path is not None:
-            yield from work.motion.follow(side, path, speed=0.8)
-            return
-    raise MotionFailure("no_reach")
+    before = kin.inverse(work.scene.pose(container))
+    motion, holder = work.motion, other(side)
+    from_holder = kin.inverse(work.base @ motion.hand(holder))
+    best = sorted(releases, key=lambda r: r[1])[:_BEST_RELEASES]
+    goals = np.stack([from_holder @ T for T, _ in best]) if best else np.zeros((0, 4, 4))
 
+    def choose(body: Body, shown: Array, at: NDArray[np.intp], q: Array) -> Iterator[tuple[int, Array]]:
+        for k in np.unique(at):
+            postures = q[at == k]
+            near = postures[np.argsort(kin.posture_distance(postures, motion.arm(side)))[:_NEAREST]]
+            yield from ((int(k), posture) for posture in near[body.free(side, near, margin=0.005)])
 
-def _presented(now: Array, hand: Side) -> Iterator[Array]:
-    """Poses T_base_tcp to hold a container out to the other hand: where it is, then in front of the body, turned."""
-    yield now
-    for turn in (0.0, 0.6, -0.6, 1.2, -1.2, 1.57, -1.57):
-        for x, y, z in ((0.50, 0.14, 0.72), (0.45, 0.24, 0.72), (0.55, 0.24, 0.72), (0.50, 0.14, 0.82)):
-            yield kin.transform(kin.rot_z(turn) @ now[:3, :3], (x, y * r1.SIGN[hand], z))
+    k = yield from meet(work, holder, VESSEL, goals, choose)
+    # Arms give way under a load, by a centimeter; what counts is where the container hangs now.
+    hangs = work.scene.pose(container) @ before @ best[k][0]
+    yield from motion.line(side, kin.inverse(work.base) @ hangs, speed=0.08)
 
 
 def releases(work: Work, held: Held, side: Side, container: str) -> list[tuple[Array, float]]:

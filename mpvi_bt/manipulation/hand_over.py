@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mpvi_bt.manipulation.grasps import MAX_WIDTH_M
+from mpvi_bt.manipulation.hold_out import THING, meet
 from mpvi_bt.manipulation.stance import Held
-from mpvi_bt.manipulation.work import Words, Work, other
-from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.manipulation.work import Words, Work
+from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.motion import Actions, MotionFailure
-from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.protocol import SIDES, Side, other
 from mpvi_bt.robot.solids import Array
 
 _APART_M = 0.055  # between the two hands' tcps on the thing
@@ -44,14 +47,10 @@ def hand_over(work: Work, words: Words, tried: list[Array]) -> Actions:
     if not ways:
         raise MotionFailure("no_grasp")
     yield from motion.grip(taker, 1.0, 0.3)
-    found = _meeting(work, giver, held[giver], ways)
-    if found is None:
-        raise MotionFailure("no_release")
-    shown, path, grasp = found
-    yield from motion.follow(giver, shown, speed=0.8)
-    yield from motion.follow(taker, path, speed=1.0)
+    goals = np.stack(ways)
+    k = yield from meet(work, giver, THING, goals, partial(_takeable, work, giver, held[giver], goals))
     # Arms give way under a load; what counts is where the thing is now.
-    T = kin.tcp(motion.felt.torso, motion.felt.arm[giver], giver) @ grasp
+    T = kin.tcp(motion.felt.torso, motion.felt.arm[giver], giver) @ goals[k]
     yield from motion.line(taker, T, 0.10)
     yield from motion.grip(taker, -1.0, 0.67)
     yield from motion.wait(0.2)
@@ -106,35 +105,20 @@ def _opposed(T_giver_taker: Array) -> bool:
     return bool(T_giver_taker[2, 2] < -0.3)
 
 
-def _meeting(work: Work, giver: Side, held: Held, ways: list[Array]) -> tuple[list[Array], list[Array], Array] | None:
-    """Paths of the giving hand to where it shows the thing and of the taking one to before it, and T_giver_taker."""
-    motion, taker = work.motion, other(giver)
-    now, still = motion.hand(giver), work.body()
-    chest = kin.inverse(kin.chest(motion.torso))
-    goals = np.stack(ways)
-    for shown in _shown(now, giver):
-        aside = [motion.arm(giver)] if shown is now else arm_motion.plan_level(still, giver, shown)
-        if aside is None:
+def _takeable(
+    work: Work, giver: Side, held: Held, goals: Array, body: Body, shown: Array, at: NDArray[np.intp], q: Array
+) -> Iterator[tuple[int, Array]]:
+    """Postures of the taking arm a standoff before it can close on the thing, far from the giving hand first."""
+    taker = other(giver)
+    far = np.linalg.norm(goals[at, :3, 3], axis=1)
+    cost = kin.posture_distance(q, work.motion.arm(taker)) - 4.0 * np.minimum(far, 0.15)
+    for row in np.argsort(cost)[:_TAKEN]:
+        if not _closes(body, taker, giver, held, q[row]):
             continue
-        body = replace(still, arms={**still.arms, giver: aside[-1]})
-        if not body.free(taker, motion.arm(taker))[0]:
-            continue
-        at, q = kin.arm_inverse(chest @ shown @ goals, taker, swivels=12)
-        if not len(at):
-            continue
-        far = np.linalg.norm(goals[at, :3, 3], axis=1)
-        cost = kin.posture_distance(q, motion.arm(taker)) - 4.0 * np.minimum(far, 0.15)
-        for row in np.argsort(cost)[:_TAKEN]:
-            if not _closes(body, taker, giver, held, q[row]):
-                continue
-            before = shown @ goals[at[row]] @ kin.transform(np.eye(3), (0.0, 0.0, -_STANDOFF_M))
-            line = arm_motion.trace(body.torso, taker, q[row], before)
-            if line is None or not body.free(taker, line[-1])[0]:
-                continue
-            path = arm_motion.plan(body, taker, line[-1], work.rng, iterations=150)
-            if path is not None:
-                return aside, path, goals[at[row]]
-    return None
+        before = shown @ goals[at[row]] @ kin.transform(np.eye(3), (0.0, 0.0, -_STANDOFF_M))
+        line = arm_motion.trace(body.torso, taker, q[row], before)
+        if line is not None and body.free(taker, line[-1])[0]:
+            yield int(at[row]), line[-1]
 
 
 def _closes(body: Body, taker: Side, giver: Side, held: Held, q: Array) -> bool:
@@ -145,11 +129,3 @@ def _closes(body: Body, taker: Side, giver: Side, held: Held, q: Array) -> bool:
     T = kin.inverse(kin.tcp(body.torso, body.arms[giver], giver)) @ kin.tcp(body.torso, q, taker)
     palm = T[:3, 3] - 0.06 * T[:3, 2]
     return bool(held.load.solids.distance(palm[None])[0] > 0.015)
-
-
-def _shown(now: Array, giver: Side) -> Iterator[Array]:
-    """Poses T_base_tcp to hold a thing out to the other hand: where it is, then before the body, turned."""
-    yield now
-    for turn in (0.0, 0.6, -0.6, 1.2, -1.2, 1.8, -1.8):
-        for x, y, z in ((0.48, 0.06, 0.80), (0.55, 0.12, 0.90), (0.45, 0.14, 0.72)):
-            yield kin.transform(kin.rot_z(turn) @ now[:3, :3], (x, y * r1.SIGN[giver], z))

@@ -8,10 +8,10 @@ from itertools import chain, islice
 from mpvi_bt.manipulation import spots
 from mpvi_bt.manipulation.drop import drop_in, reach_over, releases
 from mpvi_bt.manipulation.placing import LYING, SLANTED, UPRIGHT, Pose, place_at, release
-from mpvi_bt.manipulation.work import Words, Work, other
+from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.perception.knowledge import normalize
 from mpvi_bt.robot.motion import Actions, MotionFailure
-from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array
 
 Groups = Callable[[], Iterable[Sequence[Pose]]]  # poses to leave a thing in, those about one place together

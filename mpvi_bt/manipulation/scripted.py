@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt.manipulation.drop import present
+from mpvi_bt.manipulation.hold_out import present
 from mpvi_bt.manipulation.repertoire import REPERTOIRE
 from mpvi_bt.manipulation.scene import Scene, Sight
 from mpvi_bt.manipulation.stance import Effort

@@ -19,7 +19,7 @@ from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import NOTHING, Body, Load, Obstacles, Surroundings, Together
 from mpvi_bt.robot.motion import Motion
-from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.protocol import SIDES, Side, other
 from mpvi_bt.robot.solids import Array, Solid, box
 
 _LIFTS = (0.0, 0.1, 0.2, 0.3, 0.42, 0.55)
@@ -500,7 +500,7 @@ class Search:
 
     def _leads(self, body: Body, lane: Array, q: Array, touched: bool, slack: float = 0.0) -> bool:
         """Whether the robot, its arm in posture `q`, is clear of everything all along a lane."""
-        idle: Side = "left" if self.side == "right" else "right"
+        idle = other(self.side)
         arms = {**body.arms, self.side: q}
         for base in lane:
             there = replace(body, around=self.around(base, touched), arms=arms)

@@ -35,11 +35,6 @@ _INWARD_M_S = 0.25  # base speed with the arm stretched out
 _FOLD_CLEAR_M = 0.02  # what is between the checks of a path may come that much nearer
 
 
-def other(side: Side) -> Side:
-    """The other hand."""
-    return "left" if side == "right" else "right"
-
-
 @dataclass(eq=False)
 class Work:
     """One skill's view of robot and world.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mpvi_bt.robot import kernels, r1
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.protocol import SIDES, Side, other
 from mpvi_bt.robot.solids import Array, Solid
 
 
@@ -157,11 +157,11 @@ class Body:
         """
         p, hands, radii, own = self._arm_points(side, q, grasping)
         around = (self.around.distance(p) - radii).min(1)
-        other: Side = "left" if side == "right" else "right"
-        if other not in self._standing:
-            self._standing[other] = self._arm_points(other, self.arms[other], False)
-        p2, hands2, r2, own2 = self._standing[other]
-        theirs = self.held[other].solids.seen_from(kin.inverse(hands2[0])) if other in self.held else NOTHING
+        idle = other(side)
+        if idle not in self._standing:
+            self._standing[idle] = self._arm_points(idle, self.arms[idle], False)
+        p2, hands2, r2, own2 = self._standing[idle]
+        theirs = self.held[idle].solids.seen_from(kin.inverse(hands2[0])) if idle in self.held else NOTHING
         mine = self.held[side].solids if side in self.held else NOTHING
         itself = kernels.self_distance(
             p, radii, _FIRST_OF_HAND, own, hands, self._from_chest, _CHEST, _COLUMN, _BASE, _FOLD_M,

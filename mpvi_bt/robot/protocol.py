@@ -18,6 +18,11 @@ ACTION_SIZE = 23
 EMPTY_M = 0.003  # a closed hand that is no wider than this closed on nothing
 
 
+def other(side: Side) -> Side:
+    """The other hand."""
+    return "left" if side == "right" else "right"
+
+
 class ActionLayout:
     """Slices of the 23-number action, in BEHAVIOR's order.
 
