@@ -11,9 +11,10 @@ import pytest
 from benchmarks.hands.rooms import things
 from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.pick import options as pick_options
-from mpvi_bt.manipulation.stance import Option, Search, Stance
+from mpvi_bt.manipulation.search import Search
+from mpvi_bt.manipulation.stance import Option, Stance, upright_options
 from mpvi_bt.manipulation.truth import TrueScene
-from mpvi_bt.manipulation.work import Work, upright_options
+from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Body, Surroundings

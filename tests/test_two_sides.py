@@ -12,9 +12,9 @@ import pytest
 
 from mpvi_bt.manipulation.close import close, is_closed, pushes
 from mpvi_bt.manipulation.course import CourseSearch
+from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.open import course_search, is_open, open_
 from mpvi_bt.manipulation.openings import moved, outward, panel, seen_twice, stand_before
-from mpvi_bt.manipulation.stance import Effort
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.parts import Door

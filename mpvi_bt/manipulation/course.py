@@ -12,7 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from mpvi_bt.manipulation.stance import FLOOR, WAY_MARGINS_M, Search, Standing, base_clear
+from mpvi_bt.manipulation.postures import WAY_MARGINS_M
+from mpvi_bt.manipulation.site import FLOOR, Site, Standing, base_clear
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Obstacles, Surroundings, Together
@@ -96,7 +97,7 @@ class Start:
 
 
 @dataclass(frozen=True, eq=False)
-class CourseSearch(Search):
+class CourseSearch(Site):
     """A stance search for courses; `touched` is the thing as it stands.
 
     Attributes:
@@ -116,14 +117,14 @@ class CourseSearch(Search):
         for base in _bases(here, focus, courses[0].heading, self.side):
             if any(np.linalg.norm(base[:2] - b[:2]) < 0.05 and abs(kin.wrap(base[2] - b[2])) < 0.2 for b in self.tried):
                 continue
-            if not self._stands(base[None])[0]:
+            if not self.stands(base[None])[0]:
                 continue
             route = self._approach(here, base)
             if route is None:
                 continue
             if spent >= _MOST_EFFORT or self.effort.left <= 0:
                 break
-            for hold in self._holds:
+            for hold in self.holds:
                 found, effort = self._begin(base, route, courses, hold)
                 spent, self.effort.left = spent + effort, self.effort.left - effort
                 if found is not None:
@@ -196,7 +197,7 @@ class CourseSearch(Search):
                 break
             torso = torsos[t[row]]
             if where[0] not in standing:
-                standing[where[0]] = self._stood(torso, behind, arms)
+                standing[where[0]] = self.stood(torso, behind, arms)
             stood = standing[where[0]]
             if stood is None:
                 continue

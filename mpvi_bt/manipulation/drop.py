@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.hold_out import VESSEL, meet
 from mpvi_bt.manipulation.outline import outline
 from mpvi_bt.manipulation.placing import release
-from mpvi_bt.manipulation.stance import Held, Search, Stance
-from mpvi_bt.manipulation.work import Work, upright_options
+from mpvi_bt.manipulation.search import Search
+from mpvi_bt.manipulation.stance import Stance, upright_options
+from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.motion import Actions, MotionFailure

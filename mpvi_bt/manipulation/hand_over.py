@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.manipulation.grasps import MAX_WIDTH_M
+from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.hold_out import THING, meet
-from mpvi_bt.manipulation.stance import Held
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin

@@ -8,7 +8,7 @@ from itertools import chain
 
 import numpy as np
 
-from mpvi_bt.manipulation.stance import base_clear
+from mpvi_bt.manipulation.site import base_clear
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Obstacles

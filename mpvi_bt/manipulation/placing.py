@@ -10,7 +10,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mpvi_bt.manipulation.hand import FULL_M, opened
-from mpvi_bt.manipulation.stance import SPACINGS, Held, Option, Search, Stance
+from mpvi_bt.manipulation.held import Held
+from mpvi_bt.manipulation.search import SPACINGS, Search
+from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Actions, MotionFailure

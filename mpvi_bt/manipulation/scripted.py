@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.hold_out import present
 from mpvi_bt.manipulation.repertoire import REPERTOIRE
 from mpvi_bt.manipulation.scene import Scene, Sight
-from mpvi_bt.manipulation.stance import Effort
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.skills import Skill, SkillCall, clauses, match
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpvi_bt.manipulation.stance import Search
+from mpvi_bt.manipulation.search import Search
 from mpvi_bt.manipulation.two_hands import Box, behind, open_wide, raise_both, seen_box
 from mpvi_bt.manipulation.work import Perform, Words, Work
 from mpvi_bt.robot import kinematics as kin

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.goals.predicates import NEXT_TO_GAP
+from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.outline import disc, outline
 from mpvi_bt.manipulation.placing import LIES_RAD, Pose, leaning, poses
-from mpvi_bt.manipulation.stance import Held
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings

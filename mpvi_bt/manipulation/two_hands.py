@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpvi_bt.manipulation.stance import Search
+from mpvi_bt.manipulation.search import Search
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin

@@ -9,7 +9,9 @@ from itertools import product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.manipulation.stance import Held, Option, Search, Stance
+from mpvi_bt.manipulation.held import Held
+from mpvi_bt.manipulation.search import Search
+from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin

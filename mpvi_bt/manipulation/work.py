@@ -8,8 +8,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from mpvi_bt.manipulation.effort import Effort
+from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.scene import Scene, Sight
-from mpvi_bt.manipulation.stance import Effort, Held, Option, Search, Stance, base_clear
+from mpvi_bt.manipulation.search import Search
+from mpvi_bt.manipulation.site import base_clear
+from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Load
@@ -482,16 +486,6 @@ _CARRIES = [
     for z in (0.72, 0.80, 0.88, 0.98)
     for yaw in (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.57, -1.57, 2.2, -2.2, 3.1)
 ]
-
-
-def upright_options(poses: Sequence[tuple[Array, float]], above_m: float, contact: int = 1) -> list[Option]:
-    """Options that come down from `above_m` over each pose T_world_tcp (4, 4) with its cost."""
-    out = []
-    for T, cost in poses:
-        high = T.copy()
-        high[2, 3] += above_m
-        out.append(Option(np.stack([high, T]), contact, cost))
-    return out
 
 
 # What performs a skill: work, the words of the call, and base poses tried before, to which each try adds its own.

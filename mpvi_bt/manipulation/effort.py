@@ -1,0 +1,23 @@
+"""What searches may take: checks of base poses, counted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mpvi_bt.robot.solids import Array
+
+
+@dataclass(eq=False)
+class Effort:
+    """What stance searches may still take, counted and not timed so that the same seed plans the same motions.
+
+    Attributes:
+        left: Base poses that may still be checked in full; what is played earns more.
+        failed: Base poses (3,) that did not do, by what was searched for, since a search last found something: a retry
+            goes on where the last try ended.
+    """
+
+    left: float = np.inf
+    failed: dict[bytes, list[Array]] = field(default_factory=dict)

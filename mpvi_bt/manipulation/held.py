@@ -1,0 +1,25 @@
+"""What a hand holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mpvi_bt.robot.collision import Load
+from mpvi_bt.robot.solids import Array, Solid
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """What a hand holds.
+
+    Attributes:
+        name: The thing.
+        T_tcp_thing: (4, 4).
+        solids: Of it and what lies in it, in the tcp frame.
+        load: The same, for collision checks.
+    """
+
+    name: str
+    T_tcp_thing: Array
+    solids: tuple[Solid, ...]
+    load: Load

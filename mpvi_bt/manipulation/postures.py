@@ -1,0 +1,184 @@
+"""How to stand at a base pose: a torso posture and an arm path from which the hand can do what it has to.
+
+Reach alone is not enough: every waypoint of the hand is reachable without a jump of the elbow; the arm, the idle arm,
+what is held, head and chest are clear of everything. What is cheap to refute comes first: postures, then paths.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpvi_bt.manipulation.site import Site, Standing
+from mpvi_bt.manipulation.stance import Option, Stance
+from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Body, Load
+from mpvi_bt.robot.protocol import SIDES, Side, other
+from mpvi_bt.robot.solids import Array
+
+_LIFTS = (0.0, 0.1, 0.2, 0.3, 0.42, 0.55)
+_PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1)
+_MARGIN_M = 0.012
+# Of the arm's way to where the hand works, the wide berth first: an arm in motion runs up to 2 cm beside its path.
+WAY_MARGINS_M = (0.03, 0.005)
+TOUCH_M = 0.008  # the spheres reach that far beyond what they stand for: what may be near a hand that touches
+_RANKED_POSTURES = 1200  # of one base pose, checked where the hand works
+_GLANCED_POSTURES = 80  # of those, looked at where the other waypoints are, and found wanting,
+_REFUSED = 4  # as many for one option
+_CHECKED_POSTURES = 16  # of those that are left, on the whole way
+
+
+def stance_at(
+    site: Site, lane: Array, route: list[Array], options: Sequence[Option], able: Sequence[int], hold: list[Array]
+) -> tuple[Stance | None, bool]:
+    """A stance at the end of a lane that leads straight in; and whether looking for it took more than a glance.
+
+    Args:
+        site: Where to work.
+        lane: (n, 3) base poses. At the first the arm takes its posture, at the last the hand works.
+        route: Base poses (3,) to drive to the lane by.
+        options: Ways to do it.
+        able: Indices of those to try.
+        hold: Postures (7,) that bring the other hand, with what it holds, out of the way; empty if it holds nothing.
+    """
+    base = lane[-1]
+    T = kin.inverse(kin.base(base))
+    goals = [np.stack([T @ w for w in options[k].waypoints]) for k in able]
+    torsos = np.array([(lift, 0.0, pitch, r1.TRAVEL_TORSO[3]) for lift in _LIFTS for pitch in _PITCHES])
+    chests = kin.inverse(kin.chest(torsos))
+    keys = [min(options[k].contact, len(options[k].waypoints) - 1) for k in able]
+    key_goals = np.stack([g[key] for g, key in zip(goals, keys, strict=True)])
+    at, q = kin.arm_inverse((chests[:, None] @ key_goals[None]).reshape(-1, 4, 4), site.side, swivels=12)
+    if not len(at):
+        return None, False
+    t, g = at // len(able), at % len(able)
+    limits = r1.ARM_LIMITS[site.side]
+    edge = np.maximum(np.abs(q - limits.mean(1)) / (np.ptp(limits, axis=1) / 2) - 0.8, 0).sum(1)
+    cost = (
+        3 * edge + 0.6 * torsos[t, 2] + 0.5 * np.abs(torsos[t, 0] - site.motion.torso[0])
+        + np.array([options[k].cost for k in able])[g] + 0.1 * np.abs(q - site.motion.arm(site.side)).sum(1)
+    )  # fmt: skip
+    arms = {s: site.motion.arm(s) for s in SIDES}
+    behind = site.around(lane[0], touched=True)
+    if site.other is not None:
+        arms[site.other] = hold[-1]
+        if not site.body(site.motion.torso, behind, arms).free(site.other, hold[-1])[0]:
+            return None, False
+    rows = np.argsort(cost)[:_RANKED_POSTURES]
+    touching = np.array([options[k].contact == key for k, key in zip(able, keys, strict=True)])
+    rows = rows[_clear(site, base, torsos, t[rows], q[rows], touching[g[rows]], arms)]
+    seen: dict[tuple[int, int], int] = {}
+    refused: dict[int, int] = {}
+    checked = 0
+    standing: dict[int, Standing | None] = {}
+    for row in rows:
+        where = (int(t[row]), int(g[row]))
+        if seen.get(where, 0) >= 2 or refused.get(where[1], 0) >= _REFUSED:
+            continue
+        seen[where] = seen.get(where, 0) + 1
+        if checked >= _CHECKED_POSTURES or sum(refused.values()) >= _GLANCED_POSTURES:
+            break
+        torso, k, key = torsos[t[row]], able[where[1]], keys[where[1]]
+        posed = replace(site.body(torso, behind, arms), torso=torso)
+        if not _postures_clear(site, posed, base, options[k], goals[where[1]], key, q[row]):
+            refused[where[1]] = refused.get(where[1], 0) + 1
+            continue
+        checked += 1
+        if where[0] not in standing:
+            standing[where[0]] = site.stood(torso, behind, arms)
+        stood = standing[where[0]]
+        if stood is None:
+            continue
+        path = _reached(site, stood.body, lane, options[k], goals[where[1]], key, q[row])
+        if path is not None:
+            return Stance(base, torso, k, path, goals[where[1]], hold, stood.level, route, options[k].opening_m), True
+    return None, len(rows) > 0
+
+
+def _clear(site: Site, base: Array, torsos: Array, t: NDArray[np.intp], q: Array, touching: NDArray[np.bool_],
+           arms: Mapping[Side, Array]) -> NDArray[np.bool_]:  # fmt: skip
+    """(n,) bool: postures q (n, 7) with torsos `t` (n,) that are clear where the hand works, the trunk too."""
+    out = np.zeros(len(q), bool)
+    bare = {s: h.load for s, h in site.held.items() if s != site.side}
+    near, loose = site.around(base, touched=True), site.around(base, touched=False)
+    for k in np.unique(t):
+        body = replace(site.body(torsos[k], near, arms), torso=torsos[k])
+        if not body.trunk_free():
+            continue
+        rows = np.flatnonzero((t == k) & touching)
+        out[rows] = replace(body, around=loose, held=bare).free(site.side, q[rows], -TOUCH_M, grasping=True)
+        rows = np.flatnonzero((t == k) & ~touching)
+        out[rows] = body.free(site.side, q[rows], _MARGIN_M)
+    return out
+
+
+def _postures_clear(site: Site, body: Body, base: Array, option: Option, goals: Array, key: int, q_key: Array) -> bool:
+    """A glance at the ends of the lines, before the lines themselves and before the torso's way is looked at."""
+    chest = kin.inverse(kin.chest(body.torso))
+    for k, goal in enumerate(goals):
+        near = q_key if k == key else kin.nearest_posture(chest @ goal, site.side, q_key)
+        if near is None or not _free(site, body, base, option, k, near):
+            return False
+    return True
+
+
+def _free(site: Site, body: Body, base: Array, option: Option, k: int, q: Array) -> bool:
+    """Whether posture q (7,) is clear at waypoint `k`."""
+    if k < option.contact:
+        there = replace(body, around=site.around(base, touched=True))
+        return bool(there.free(site.side, q, _MARGIN_M)[0])
+    held = _after(site, body, option) if k > option.contact else _bare(site, body)
+    there = replace(body, around=site.around(base, touched=False), held=held)
+    return bool(there.free(site.side, q, -TOUCH_M, grasping=True)[0])
+
+
+def _bare(site: Site, body: Body) -> dict[Side, Load]:
+    """What the other hand holds."""
+    return {s: load for s, load in body.held.items() if s != site.side}
+
+
+def _after(site: Site, body: Body, option: Option) -> dict[Side, Load]:
+    """What the hands hold after the contact."""
+    bare = _bare(site, body)
+    return bare if option.load is None else {**bare, site.side: option.load}
+
+
+def _reached(
+    site: Site, body: Body, lane: Array, option: Option, goals: Array, key: int, q_key: Array
+) -> list[Array] | None:
+    """The arm's path to the first waypoint if all of them, and the way in, are reachable and free."""
+    base = lane[-1]
+    postures: dict[int, Array] = {key: q_key}
+    for order in (range(key - 1, -1, -1), range(key + 1, len(goals))):
+        for k in order:
+            line = arm_motion.trace(body.torso, site.side, postures[k + 1 if k < key else k - 1], goals[k])
+            if line is None or not _free(site, body, base, option, k, line[-1]):
+                return None
+            postures[k] = line[-1]
+    if len(lane) > 1:
+        last = replace(body, held=_after(site, body, option)) if option.contact < len(goals) else body
+        if not _leads(site, body, lane, postures[0], touched=True):
+            return None
+        if not _leads(site, last, lane, postures[len(goals) - 1], touched=option.load is None, slack=TOUCH_M):
+            return None
+    for margin in WAY_MARGINS_M:
+        path = arm_motion.plan(body, site.side, postures[0], site.rng, margin)
+        if path is not None:
+            return path
+    return None
+
+
+def _leads(site: Site, body: Body, lane: Array, q: Array, touched: bool, slack: float = 0.0) -> bool:
+    """Whether the robot, its arm in posture `q`, is clear of everything all along a lane."""
+    idle = other(site.side)
+    arms = {**body.arms, site.side: q}
+    for base in lane:
+        there = replace(body, around=site.around(base, touched), arms=arms)
+        if not (there.trunk_free() and there.free(site.side, q, -slack, grasping=slack > 0)[0]
+                and there.clearance(idle, arms[idle])[0][0] > 0):  # fmt: skip
+            return False
+    return True

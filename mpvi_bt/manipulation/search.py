@@ -1,0 +1,169 @@
+"""The search for a stance: base poses about what a hand works on, the nearest first, until it can be done from one.
+
+What is cheap to refute comes first: the hand alone, then the base alone, then how to stand there. The base can drive to
+what is found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mpvi_bt.manipulation import hand
+from mpvi_bt.manipulation.postures import TOUCH_M, stance_at
+from mpvi_bt.manipulation.site import Site
+from mpvi_bt.manipulation.stance import Option, Stance
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot import r1
+from mpvi_bt.robot.collision import Load
+from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.solids import Array
+
+_GLANCE = 0.25  # of a full check: no posture was clear even where the hand works
+_CHECKED_BASES = 12  # of one spacing
+SPACINGS = ((0.12, 0.5), (0.05, 0.25))  # [m, rad] between base poses: what fails here fails a hand's breadth away
+_STEP_M = 0.06  # between checks on the way in
+
+
+@dataclass(frozen=True, eq=False)
+class Search(Site):
+    """A search for a stance at a site."""
+
+    def find(
+        self, focus_xy: Array, options: Sequence[Option], here_first: bool = False, spacings: Sequence[int] = (0, 1)
+    ) -> Stance | None:
+        """The nearest good stance for one of `options` about a place in the world (2,), or None.
+
+        Args:
+            focus_xy: What to stand about.
+            options: Ways to do it; one is enough.
+            here_first: Whether a stance that needs no drive is good enough if it serves, tried before or not.
+            spacings: How closely to look, one after the other: 0 coarsely, 1 finely.
+        """
+        if self.effort.left <= 0:
+            return None
+        options = [self._as_it_stands(option) for option in options]
+        able = [k for k, option in enumerate(options) if self.fits(option)]
+        if not able:
+            return None
+        here = self.motion.felt.base_pose
+        if here_first and (found := self._here(here, options, able)) is not None:
+            return found
+        bases = _bases(here, focus_xy, self.side)
+        bases = bases[self.stands(bases)]
+        before = self.effort.failed.setdefault(self._sought(options, able), [])
+        failed: list[Array] = [*self.tried, *before]
+        for apart_m, apart_rad in (SPACINGS[k] for k in spacings):
+            checked = 0.0
+            for base in bases:
+                if any(np.linalg.norm(base[:2] - b[:2]) < apart_m and abs(kin.wrap(base[2] - b[2])) < apart_rad
+                       for b in failed):  # fmt: skip
+                    continue
+                if self.effort.left <= 0:
+                    return None
+                found, effort = self._from(here, base, options, able)
+                self.effort.left -= effort
+                if found is not None:
+                    self.effort.failed.clear()
+                    return found
+                failed.append(base)
+                if effort:
+                    before.append(base)
+                checked += effort
+                if checked >= _CHECKED_BASES:
+                    break
+        return None
+
+    def _sought(self, options: Sequence[Option], able: Sequence[int]) -> bytes:
+        """The same for searches for the same with the same hand, to the centimeter."""
+        at = np.stack([options[k].waypoints[min(options[k].contact, len(options[k].waypoints) - 1)] for k in able])
+        return self.side.encode() + np.round(at[:, :3, 3] * 100).astype(int).tobytes()
+
+    def _here(self, here: Array, options: Sequence[Option], able: Sequence[int]) -> Stance | None:
+        """A stance whose arm takes its posture where the robot stands."""
+        ahead = np.array([np.cos(here[2]), np.sin(here[2]), 0.0])
+        for run_up in sorted({options[k].run_up_m for k in able}):
+            some = [k for k in able if options[k].run_up_m == run_up]
+            lane = _lane(here, here + ahead * run_up)
+            if run_up and not self.stands(lane).all():
+                continue
+            for hold in self.holds:
+                found, _ = stance_at(self, lane, [here.copy()], options, some, hold)
+                if found is not None:
+                    return found
+        return None
+
+    def _from(
+        self, here: Array, base: Array, options: Sequence[Option], able: Sequence[int]
+    ) -> tuple[Stance | None, float]:
+        """A stance there; and what looking for it took, 1 for a full check."""
+        effort = 0.0
+        ways: dict[float, list[int]] = {}
+        for k in able:
+            ways.setdefault(options[k].run_up_m, []).append(k)
+        for run_up, some in ways.items():
+            ready = base - np.array([np.cos(base[2]), np.sin(base[2]), 0.0]) * run_up
+            lane = _lane(ready, base)
+            if not self.stands(lane).all() or (route := self.route(here, ready)) is None:
+                continue
+            effort = max(effort, _GLANCE)
+            for hold in self.holds:
+                found, looked = stance_at(self, lane, route, options, some, hold)
+                if found is not None:
+                    return found, 1.0
+                effort = 1.0 if looked else effort
+        return None, effort
+
+    def fits(self, option: Option) -> bool:
+        """Whether the bare hand, with what it holds, is clear of everything at each waypoint, whatever the arm does."""
+        takes = option.load is not None
+        for k, T in enumerate(option.waypoints):
+            around = self.everything if k < option.contact else self.rest
+            parts = [(*hand.palm(), TOUCH_M)]
+            if k <= option.contact if takes else k >= option.contact:
+                parts.append((*hand.fingers(option.opening_m), 0.0))
+            load = None if k == option.contact else self._load(k, option)
+            if load is not None:
+                parts.append((load.centers, load.radii, TOUCH_M))
+            for centers, radii, slack in parts:
+                if (around.distance(centers @ T[:3, :3].T + T[:3, 3]) < radii - slack).any():
+                    return False
+        return True
+
+    def _as_it_stands(self, option: Option) -> Option:
+        """An option whose load is no larger than the room where it stands, next to a wall or among other things."""
+        if option.load is None or option.contact >= len(option.waypoints):
+            return option
+        T = option.waypoints[option.contact]
+        room = self.rest.distance(option.load.centers @ T[:3, :3].T + T[:3, 3])
+        return replace(option, load=option.load.within(room + TOUCH_M / 2))
+
+    def _load(self, k: int, option: Option) -> Load | None:
+        if k > option.contact:
+            return option.load
+        return self.held[self.side].load if self.side in self.held else None
+
+
+def _lane(start: Array, end: Array) -> Array:
+    """(n, 3) base poses on the straight way from `start` to `end` (3,), both included; one if they are the same."""
+    length = float(np.linalg.norm(end[:2] - start[:2]))
+    return np.linspace(start, end, int(np.ceil(length / _STEP_M)) + 1) if length > 1e-6 else end[None].copy()
+
+
+def _bases(here: Array, focus: Array, side: Side) -> Array:
+    """(n, 3) base poses about a place (2,) in the world, the nearest and plainest first."""
+    bearing = float(np.arctan2(focus[1] - here[1], focus[0] - here[0]))
+    ranked = []
+    for distance in (0.46, 0.52, 0.58, 0.64, 0.70, 0.76, 0.84, 0.92):
+        for lateral in (0.0, 0.10, 0.18, 0.26):
+            for turn in (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9, 1.3, -1.3, 1.8, -1.8, 2.4, -2.4, 3.0):
+                yaw, y = bearing + turn, lateral * r1.SIGN[side]
+                c, s = np.cos(yaw), np.sin(yaw)
+                xy = focus - [c * distance - s * y, s * distance + c * y]
+                near = 0.6 * float(np.linalg.norm(xy - here[:2])) + 0.3 * abs(turn)
+                ranked.append(
+                    (near + 1.2 * abs(distance - 0.58) + 0.5 * abs(lateral - 0.16), np.array([*xy, kin.wrap(yaw)]))
+                )
+    return np.stack([base for _, base in sorted(ranked, key=lambda r: r[0])])

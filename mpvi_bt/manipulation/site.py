@@ -1,0 +1,159 @@
+"""Where a hand is to work: what is around, where the base can stand and drive to, and how the body then stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpvi_bt.manipulation.effort import Effort
+from mpvi_bt.manipulation.held import Held
+from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import NOTHING, Body, Obstacles, Surroundings, Together
+from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.solids import Array, Solid, box
+
+FLOOR = box((0.0, 0.0, -0.1), (60.0, 60.0, 0.2))
+_BASE_CLEAR_M = 0.30
+_KNOWN_M = 1.4  # from here; farther off there may be walls that are not among the obstacles
+_VIAS = ((-0.35, 0.0), (-0.7, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.35, 0.5), (-0.35, -0.5))  # ahead and left of here [m]
+# Where the other hand may bring what it holds: x, y toward its own side, z [m]; reachable from a bent torso too.
+_ASIDE = ((0.50, 0.30, 0.76), (0.52, 0.16, 0.76), (0.42, 0.36, 0.78), (0.50, 0.30, 0.90))
+_HEIGHTS = np.array(
+    [[0.0, 0.0, z] for z in (0.04, 0.11, 0.18, 0.25)] + [[-0.1, 0.0, z] for z in (0.35, 0.5, 0.65, 0.8)]
+)
+_REACHES = np.array([_BASE_CLEAR_M] * 4 + [0.14] * 4)
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """The body once the torso has moved, and how the other hand was kept level meanwhile."""
+
+    body: Body
+    level: Mapping[Side, list[Array]]
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """What a search for a place to stand is about.
+
+    Attributes:
+        motion: The robot's present command and feeling.
+        side: The hand that works.
+        held: What each hand holds.
+        obstacles: What is in the way, in the world, without what is held.
+        touched: Those solids in the world that the hand works on: obstacles to the base and until contact.
+        rng: Randomness of arm planning.
+        tried: Base poses (3,) that did not do.
+        effort: What it may take.
+    """
+
+    motion: Motion
+    side: Side
+    held: Mapping[Side, Held]
+    obstacles: Obstacles
+    touched: Sequence[Solid]
+    rng: np.random.Generator
+    tried: list[Array] = field(default_factory=list)
+    effort: Effort = field(default_factory=Effort)
+
+    @property
+    def other(self) -> Side | None:
+        """The other hand, if it holds something: that has to stay level."""
+        return next((s for s in self.held if s != self.side), None)
+
+    @cached_property
+    def holds(self) -> list[list[Array]]:
+        """Ways to bring the other hand aside, each a path of postures; the first is to leave it where it is."""
+        side = self.other
+        if side is None:
+            return [[]]
+        now, body = self.motion.hand(side), self.body(self.motion.torso, NOTHING)
+        holds = [[self.motion.arm(side)]]
+        for x, y, z in _ASIDE:
+            T = kin.transform(now[:3, :3], (x, y * r1.SIGN[side], z))
+            if (path := arm_motion.plan_level(body, side, T)) is not None:
+                holds.append(path)
+        return holds
+
+    def stands(self, bases: Array) -> NDArray[np.bool_]:
+        """(n,) bool: base poses (n, 3) that are clear of everything as far as the base goes."""
+        ahead = np.stack([np.cos(bases[:, 2]), np.sin(bases[:, 2])], -1)
+        p = np.empty((len(bases), len(_HEIGHTS), 3))
+        p[..., :2] = bases[:, None, :2] + ahead[:, None] * _HEIGHTS[:, :1]
+        p[..., 2] = _HEIGHTS[:, 2]
+        known = np.linalg.norm(bases[:, :2] - self.motion.felt.base_pose[:2], axis=1) <= _KNOWN_M
+        return np.asarray((self._standing.distance(p) >= _REACHES).all(1) & known)
+
+    def route(self, here: Array, goal: Array) -> list[Array] | None:
+        """Base poses to drive to `goal` by: straight, or by one place on the way."""
+        if self.drivable(here, goal):
+            return [goal]
+        for start in (here, goal):
+            for x, y in _VIAS:
+                c, s = np.cos(start[2]), np.sin(start[2])
+                via = np.array([start[0] + c * x - s * y, start[1] + s * x + c * y, start[2]])
+                if self.stands(via[None])[0] and self.drivable(here, via) and self.drivable(via, goal):
+                    return [via, goal]
+        return None
+
+    def drivable(self, start: Array, goal: Array) -> bool:
+        """Straight from start to goal: nothing in the way of the base or of what it carries."""
+        turn = kin.wrap(goal[2] - start[2])
+        n = max(2, int(np.ceil(max(float(np.linalg.norm(goal[:2] - start[:2])) / 0.12, abs(float(turn)) / 0.3))))
+        shares = [u for u in np.linspace(0, 1, n + 1)[1:] if u > 0.3 or n == 2]
+        poses = np.stack([np.append(start[:2] + (goal[:2] - start[:2]) * u, start[2] + turn * u) for u in shares])
+        if not self.stands(poses).all():
+            return False
+        for base in poses if self.held else ():
+            body = self.body(self.motion.torso, self.around(base, touched=True))
+            if not all(body.clearance(s, self.motion.arm(s)[None])[0][0] > 0 for s in self.held):
+                return False
+        return True
+
+    def around(self, base: Array, touched: bool) -> Obstacles:
+        """What is in the way and the floor in the frame of a base pose, with or without what the hand works on."""
+        return (self.everything if touched else self.rest).seen_from(kin.base(base))
+
+    @cached_property
+    def _standing(self) -> Obstacles:
+        return Together([self.obstacles, Surroundings(self.touched)])
+
+    @cached_property
+    def everything(self) -> Obstacles:
+        """All that is in the way, what the hand works on and the floor too, in the world."""
+        return Together([self.obstacles, Surroundings([FLOOR, *self.touched])])
+
+    @cached_property
+    def rest(self) -> Obstacles:
+        """The same without what the hand works on."""
+        return Together([self.obstacles, Surroundings([FLOOR])])
+
+    def body(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array] | None = None) -> Body:
+        """The robot in a posture, with what it holds."""
+        arms = arms or {s: self.motion.arm(s) for s in SIDES}
+        return Body(torso, arms, {s: h.load for s, h in self.held.items()}, around)
+
+    def stood(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array]) -> Standing | None:
+        """The body once the torso has moved there, the other hand level if it holds something; None if it cannot."""
+        body = self.body(self.motion.torso, around, arms)
+        level = None
+        # What the hands hold keeps its place while the torso moves, or rides along with it.
+        for still in ({self.other, self.side} & set(self.held), {self.other} - {None}):
+            hands = {s: arm_motion.stay(kin.tcp(body.torso, arms[s], s)) for s in SIDES if s in still}
+            level = arm_motion.sweep(body, torso, hands, samples=6)
+            if level is not None or self.side not in self.held:
+                break
+        if level is None:
+            return None
+        return Standing(replace(body, torso=torso, arms={**arms, **{s: q[-1] for s, q in level.items()}}), level)
+
+
+def base_clear(around: Obstacles) -> bool:
+    """Whether the base and the column above it keep clear of what is `around`, in the base frame."""
+    return bool((around.distance(_HEIGHTS) >= _REACHES).all())
