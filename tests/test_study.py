@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks.hands.holding import put_in_hands
+from mpvi_bt.manipulation.gaze import study
 from mpvi_bt.manipulation.place import place_in
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
@@ -46,7 +47,7 @@ def test_no_look_asks_more_of_the_torso_than_it_can(board_m: float) -> None:
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0), Blind())
     work.images = {"head": None}  # type: ignore[dict-item]
     told = []
-    for action in work.study("can"):
+    for action in study(work, "can"):
         told.append(action[ActionLayout.TORSO])
         work.motion.felt = replace(work.motion.felt, torso=told[-1])
     low, high = r1.TORSO_LIMITS.T
@@ -74,11 +75,11 @@ def obeyed(work: Work, actions: Actions) -> None:
 def test_full_hands_keep_nobody_from_looking_into_what_is_high_up() -> None:
     """Before a cabinet on the wall the torso rises with what is held; before one on the floor it stays where it was."""
     work, sight = with_can(HUNG)
-    obeyed(work, work.study("wall_cabinet_1"))
+    obeyed(work, study(work, "wall_cabinet_1"))
     assert min(sight.lifts) > r1.TORSO_LIMITS[0, 1] - 0.01
     work, sight = with_can("{entry: base_cabinet, at: [1.2, 0.0], yaw_deg: 180}")
     before = work.motion.torso[0]
-    obeyed(work, work.study("wall_cabinet_1"))
+    obeyed(work, study(work, "wall_cabinet_1"))
     np.testing.assert_allclose(sight.lifts, before, atol=1e-3)
 
 

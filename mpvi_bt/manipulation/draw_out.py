@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mpvi_bt.manipulation.approach import approach, leave, lines, refined, take_up, withdraw
+from mpvi_bt.manipulation.carry import settle
 from mpvi_bt.manipulation.grasps import lowest
 from mpvi_bt.manipulation.hand import CLOSED_HALF_M
 from mpvi_bt.manipulation.stance import Option
@@ -58,25 +60,25 @@ def draw_out(work: Work, name: str, side: Side) -> Actions:
     """
     motion = work.motion
     tried: list[Array] = []
-    stance, search = yield from work.approach(side, name, lambda: options(work, name), tried)
+    stance, search = yield from approach(work, side, name, lambda: options(work, name), tried)
     yield from motion.grip(side, -1.0, 0.3)
     try:
-        yield from work.take_up(stance, search)
+        yield from take_up(work, stance, search)
         if work.sight is not None:
             yield from work.see(side)
-            stance = work.refined(side, stance, options(work, name))
-        yield from work.lines(side, stance, [1])
+            stance = refined(work, side, stance, options(work, name))
+        yield from lines(work, side, stance, [1])
         shift = kin.inverse(work.base) @ kin.base(stance.base)
         for T in stance.waypoints[2:-1]:
             yield from motion.line(side, shift @ T, _SPEED_M_S, give_rad=np.inf)
         motion.action[ActionLayout.ARM[side]] = motion.felt.arm[side]
-        yield from work.lines(side, stance, [len(stance.waypoints) - 1])
+        yield from lines(work, side, stance, [len(stance.waypoints) - 1])
     except MotionFailure:
-        yield from work.withdraw(side, stance)
+        yield from withdraw(work, side, stance)
         raise
-    yield from work.leave(stance)
+    yield from leave(work, stance)
     yield from motion.grip(side, 1.0, 0.3)
-    yield from work.settle(without={name})
+    yield from settle(work, without={name})
 
 
 def options(work: Work, name: str) -> list[Option]:

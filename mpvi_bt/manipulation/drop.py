@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mpvi_bt.manipulation.approach import close_in, lines, take_up
+from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.hold_out import VESSEL, meet
 from mpvi_bt.manipulation.outline import outline
@@ -50,14 +52,14 @@ def drop_in(work: Work, side: Side, held: Held, container: str, tried: list[Arra
         return search.find(focus, options, here_first)
 
     try:
-        stance, search = yield from work.close_in(side, {container}, container, find, tried)
+        stance, search = yield from close_in(work, side, {container}, container, find, tried)
     except MotionFailure as failure:
         if failure.reason != "no_stance":
             raise
         return False
-    yield from work.take_up(stance, search)
-    yield from work.lines(side, stance, [1])
-    yield from work.look_at(container)
+    yield from take_up(work, stance, search)
+    yield from lines(work, side, stance, [1])
+    yield from look_at(work, container)
     yield from release(work, side)
     yield from work.rise(side)
     yield from work.see("head")

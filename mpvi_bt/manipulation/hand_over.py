@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.manipulation.carry import settle, tuck
 from mpvi_bt.manipulation.grasps import MAX_WIDTH_M
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.hold_out import THING, meet
@@ -64,8 +65,8 @@ def hand_over(work: Work, words: Words, tried: list[Array]) -> Actions:
         yield from motion.line(giver, away, 0.12)
     if not work.gripped(taker):
         raise MotionFailure("dropped")
-    yield from work.tuck()  # out of the way of the other arm
-    yield from work.settle(without={held[giver].name})
+    yield from tuck(work)  # out of the way of the other arm
+    yield from settle(work, without={held[giver].name})
     if not work.gripped(taker) or scene.holding(taker) not in alike:
         raise MotionFailure("dropped")
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.manipulation.frames import Frame
+from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.fit import fit
 from mpvi_bt.perception.shape import Shape
@@ -69,7 +70,7 @@ def show(work: Work, side: Side) -> Actions:
             if (path := arm_motion.plan_level(work.body(), side, T)) is not None:
                 yield from work.motion.follow(side, path, speed=1.2)
                 if (name := work.scene.holding(side)) is not None:
-                    yield from work.look_at(name)
+                    yield from look_at(work, name)
                 else:
                     yield from work.see("head", side)
                 break

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mpvi_bt.manipulation.carry import settle
 from mpvi_bt.manipulation.course import Course, CourseSearch, Start
 from mpvi_bt.manipulation.follow import back_out, go_along, take_up, touch
 from mpvi_bt.manipulation.openings import (
@@ -157,7 +158,7 @@ def then_leave(work: Work, side: Side, doing: Actions, aside: Array | None = Non
         yield from _trying(back_out(motion, away / length + (0.0 if aside is None else aside), _BACK_OUT_M), failures)
     yaw = motion.felt.base_pose[2]
     yield from _trying(back_out(motion, -np.array([np.cos(yaw), np.sin(yaw)]), _BACK_OFF_M), failures)
-    yield from _trying(work.settle(), failures)
+    yield from _trying(settle(work), failures)
     if failures:
         raise failures[0]
 

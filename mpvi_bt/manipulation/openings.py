@@ -8,6 +8,7 @@ from collections.abc import Generator, Sequence
 import numpy as np
 
 from mpvi_bt.manipulation.course import Course
+from mpvi_bt.manipulation.gaze import study
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.parts import Bar, Door
 from mpvi_bt.robot import kinematics as kin
@@ -86,7 +87,7 @@ def look_over(work: Work, thing: str) -> Actions:
         bearing = float(np.arctan2(middle[1] - y, middle[0] - x))
         if abs(kin.wrap(bearing - yaw)) > _FACING_RAD:
             yield from work.motion.drive(np.array([x, y, bearing]))
-        yield from work.study(thing)
+        yield from study(work, thing)
 
 
 def look_from_aside(work: Work, thing: str) -> Generator[Array, None, bool]:

@@ -6,6 +6,8 @@ from contextlib import suppress
 
 import numpy as np
 
+from mpvi_bt.manipulation.approach import approach, leave, lines, refined, take_up, withdraw
+from mpvi_bt.manipulation.carry import back_off, settle
 from mpvi_bt.manipulation.draw_out import draw_out
 from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.hand import opened
@@ -68,41 +70,41 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
     motion, scene = work.motion, work.scene
     yield from motion.grip(side, 1.0, 0.1)
     try:
-        stance, search = yield from work.approach(side, name, lambda: options(work, name), tried)
+        stance, search = yield from approach(work, side, name, lambda: options(work, name), tried)
     except MotionFailure as failure:
         if failure.reason != "no_stance":
             raise
         yield from draw_out(work, name, side)
-        stance, search = yield from work.approach(side, name, lambda: options(work, name), tried)
+        stance, search = yield from approach(work, side, name, lambda: options(work, name), tried)
     yield from motion.grip(side, opened(stance.opening_m), 0.2)
     try:
-        yield from work.take_up(stance, search)
+        yield from take_up(work, stance, search)
         if work.sight is not None:
             yield from work.see(side)
-            stance = work.refined(side, stance, options(work, name))
-            yield from work.lines(side, stance, [0])
-        yield from work.lines(side, stance, [1])
+            stance = refined(work, side, stance, options(work, name))
+            yield from lines(work, side, stance, [0])
+        yield from lines(work, side, stance, [1])
         work.lay[name] = np.append(scene.pose(name)[:2, 3], _lowest(work, name))
         yield from motion.grip(side, -1.0, 0.67)
         yield from motion.wait(0.1)
         if not work.gripped(side):
             raise MotionFailure("closed_empty")
-        yield from work.lines(side, stance, [2])
+        yield from lines(work, side, stance, [2])
         yield from work.see(side)
         if not work.gripped(side) or scene.holding(side) != name:
             raise MotionFailure("slipped")
     except MotionFailure:
-        yield from work.withdraw(side, stance)
+        yield from withdraw(work, side, stance)
         raise
-    yield from work.leave(stance)
+    yield from leave(work, stance)
     yield from _bring(work, name, side)
 
 
 def _bring(work: Work, name: str, side: Side) -> Actions:
     """Bring what a hand has taken to the chest, and off what it lay on."""
-    yield from work.settle(without={name})
-    if work.covered(side):
-        yield from work.back_off()
+    yield from settle(work, without={name})
+    if _covered(work, side):
+        yield from back_off(work)
     if not _off(work, name):
         with suppress(MotionFailure):
             yield from work.rise(side)
@@ -110,6 +112,12 @@ def _bring(work: Work, name: str, side: Side) -> Actions:
         raise MotionFailure("dropped")
     if not _off(work, name):
         raise MotionFailure("slipped")
+
+
+def _covered(work: Work, side: Side) -> bool:
+    """Whether there is something above a hand: a board, the top of a compartment."""
+    at = (work.base @ work.motion.hand(side))[:3, 3] + np.array([[0.0, 0.0, z] for z in np.arange(0.1, 1.2, 0.04)])
+    return bool((work.near().distance(at) < 0.03).any())
 
 
 def _off(work: Work, name: str) -> bool:

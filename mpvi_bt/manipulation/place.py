@@ -6,7 +6,9 @@ from collections.abc import Callable, Iterable, Sequence
 from itertools import chain, islice
 
 from mpvi_bt.manipulation import spots
+from mpvi_bt.manipulation.carry import settle, unwedge
 from mpvi_bt.manipulation.drop import drop_in, reach_over, releases
+from mpvi_bt.manipulation.gaze import look_at, study
 from mpvi_bt.manipulation.placing import LYING, SLANTED, UPRIGHT, Pose, place_at, release
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.perception.knowledge import normalize
@@ -32,21 +34,21 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
     """
     side = work.hand_with(words["object"], words.get("hand"))
     container = work.nearest(words["container"])
-    yield from work.unwedge()
+    yield from unwedge(work)
     held = work.held()[side]
     if not work.scene.volumes(container):  # so far it may have been seen in part, or from below
-        yield from work.study(container)
+        yield from study(work, container)
     if not work.scene.volumes(container):
         raise MotionFailure("not_a_container")
     if work.scene.holding(other(side)) == container:
         yield from reach_over(work, side, releases(work, held, side, container), container)
-        yield from work.look_at(container)
+        yield from look_at(work, container)
         yield from release(work, side)
     elif not (yield from drop_in(work, side, held, container, tried)):
         groups = _upright_first(lambda leans: spots.on(work, held, container, leans, inside=True), LYING)
         yield from place_at(work, side, held, container, groups, tried)
     missed = held.name not in work.scene.within(container)
-    yield from work.settle(without={held.name})
+    yield from settle(work, without={held.name})
     if missed:
         raise MotionFailure("missed")
 
@@ -98,12 +100,12 @@ def _upright_first(groups: Callable[[Sequence[float]], Iterable[Sequence[Pose]]]
 
 def _place(work: Work, side: Side, about: str | None, groups: Groups, tried: list[Array]) -> Actions:
     """Set down, see whether it stayed where it was to lie, fold the arm."""
-    yield from work.unwedge()
+    yield from unwedge(work)
     held = work.held()[side]
     bottom = yield from place_at(work, side, held, about, groups, tried)
     yield from work.see("head")
     box, _ = spots.size(work.scene.solids(held.name))
     missed = abs(float(box[0, 2]) - bottom) > _LOST_M
-    yield from work.settle(without={held.name})
+    yield from settle(work, without={held.name})
     if missed:
         raise MotionFailure("missed")

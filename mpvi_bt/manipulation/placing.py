@@ -9,6 +9,8 @@ from itertools import tee
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from mpvi_bt.manipulation.approach import close_in, leave, lines, take_up, withdraw
+from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.hand import FULL_M, opened
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.search import SPACINGS, Search
@@ -141,21 +143,21 @@ def place_at(
         return None
 
     try:
-        stance, search = yield from work.close_in(side, (), about, find, tried)
+        stance, search = yield from close_in(work, side, (), about, find, tried)
     except MotionFailure as failure:
         if failure.reason == "no_stance" and not seen:
             raise MotionFailure("no_free_spot") from None
         raise
     try:
-        yield from work.take_up(stance, search)
+        yield from take_up(work, stance, search)
         yield from _lower(work, side, stance, goal)
-        yield from work.look_at(held.name)
+        yield from look_at(work, held.name)
         yield from release(work, side, stance.opening_m)
-        yield from work.lines(side, stance, [2])
+        yield from lines(work, side, stance, [2])
     except MotionFailure:
-        yield from work.withdraw(side, stance)
+        yield from withdraw(work, side, stance)
         raise
-    yield from work.leave(stance)
+    yield from leave(work, stance)
     return float(min(s.moved(goal @ kin.inverse(held.T_tcp_thing)).aabb()[0, 2] for s in held.solids))
 
 

@@ -9,6 +9,9 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from mpvi_bt.manipulation.approach import close_in
+from mpvi_bt.manipulation.carry import settle
+from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.search import Search
 from mpvi_bt.manipulation.stance import Option, Stance
@@ -66,7 +69,7 @@ def pour(work: Work, words: Words, tried: list[Array]) -> Actions:
                 options = [o for o in options if o.waypoints[0][:3, 0] @ turned < _ALIKE]
         return last
 
-    stance, search = yield from work.close_in(side, {target}, target, find, tried)
+    stance, search = yield from close_in(work, side, {target}, target, find, tried)
     for base in stance.route:
         yield from work.motion.drive(base)
     if search.other is not None and len(stance.aside) > 1:
@@ -80,8 +83,8 @@ def pour(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from _tip(work, side, course.tipping)
     if not work.gripped(side):
         raise MotionFailure("dropped")
-    yield from work.settle(without={target})
-    yield from work.look_at(target)
+    yield from settle(work, without={target})
+    yield from look_at(work, target)
     if scene.volumes(target) and any(name not in scene.within(target) for name in contents):
         raise MotionFailure("missed")
 

@@ -6,6 +6,9 @@ import re
 
 import numpy as np
 
+from mpvi_bt.manipulation.approach import approach, leave, lines, refined, take_up, withdraw
+from mpvi_bt.manipulation.carry import settle
+from mpvi_bt.manipulation.gaze import study
 from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import kinematics as kin
@@ -40,7 +43,7 @@ def press(work: Work, words: Words, tried: list[Array]) -> Actions:
     """
     name = work.nearest(_thing(work, words.get("object", "")))
     if not work.scene.switches(name):
-        yield from work.study(name)
+        yield from study(work, name)
     before = work.scene.is_on(name)
     if before is not None and words.get("state") == ("on" if before else "off"):
         return
@@ -52,7 +55,7 @@ def press(work: Work, words: Words, tried: list[Array]) -> Actions:
         except MotionFailure as failure:
             if failure.reason != "no_stance" or side == free[-1]:
                 raise
-    yield from work.study(name)
+    yield from study(work, name)
     if before is not None and work.scene.is_on(name) == before:
         raise MotionFailure("not_pressed")
 
@@ -67,20 +70,20 @@ def _thing(work: Work, phrase: str) -> str:
 def _press(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
     motion = work.motion
     yield from motion.grip(side, -1.0, 0.3)
-    stance, search = yield from work.approach(side, name, lambda: options(work, name), tried)
+    stance, search = yield from approach(work, side, name, lambda: options(work, name), tried)
     try:
-        yield from work.take_up(stance, search)
+        yield from take_up(work, stance, search)
         if work.sight is not None:
             yield from work.see(side)
-            stance = work.refined(side, stance, options(work, name))
+            stance = refined(work, side, stance, options(work, name))
         yield from _push_in(work, side, stance)
     except MotionFailure:
-        yield from work.withdraw(side, stance)
+        yield from withdraw(work, side, stance)
         raise
-    yield from work.lines(side, stance, [0])
-    yield from work.leave(stance)
+    yield from lines(work, side, stance, [0])
+    yield from leave(work, stance)
     yield from motion.grip(side, 1.0, 0.3)
-    yield from work.settle(without={name})
+    yield from settle(work, without={name})
 
 
 def _push_in(work: Work, side: Side, stance: Stance) -> Actions:

@@ -10,6 +10,7 @@ import numpy as np
 
 from mpvi_bt.manipulation.course import Course, CourseSearch, Start
 from mpvi_bt.manipulation.follow import go_along, resistance, take_up, touch
+from mpvi_bt.manipulation.gaze import study
 from mpvi_bt.manipulation.hand import FULL_M, opened
 from mpvi_bt.manipulation.open import then_leave
 from mpvi_bt.manipulation.work import Words, Work
@@ -63,7 +64,7 @@ def push(work: Work, words: Words, tried: list[Array]) -> Actions:
         MotionFailure: "unknown_object", "hands_full", "no_stance", "not_moved", or a motion's own reason.
     """
     name = work.nearest(words["object"])
-    yield from work.study(name)
+    yield from study(work, name)
     before = _middle(work, name)
     way, near = _way(work, name, words)
     length = float(np.linalg.norm(way))
@@ -86,7 +87,7 @@ def push(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from motion.grip(side, opened(course.opening_m), 0.2)
     yield from take_up(work, start, side, search.other)
     yield from then_leave(work, side, going())
-    yield from work.study(name)
+    yield from study(work, name)
     least = near - _UNSURE_M if "target" in words else _LEAST * length
     if float((_middle(work, name) - before) @ way) / length < least:
         raise MotionFailure("not_moved")

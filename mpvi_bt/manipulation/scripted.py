@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from mpvi_bt.manipulation.carry import back_off, settle, tuck
 from mpvi_bt.manipulation.effort import Effort
+from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.hold_out import present
 from mpvi_bt.manipulation.repertoire import REPERTOIRE
 from mpvi_bt.manipulation.scene import Scene, Sight
@@ -109,11 +111,11 @@ class ScriptedPolicy:
     def finish(self, work: Work) -> Actions:
         """Everything is done: carry what is held close, look at it, and show it if nobody says that it is complete."""
         with contextlib.suppress(MotionFailure):  # where it cannot be brought closer it stays
-            yield from work.tuck()
+            yield from tuck(work)
         for side in work.held():
             if (name := work.scene.holding(side)) is not None and work.scene.volumes(name):
                 with contextlib.suppress(MotionFailure):
-                    yield from work.look_at(name)
+                    yield from look_at(work, name)
         self.note = "done"
         yield from self._show(work)
 
@@ -125,9 +127,9 @@ class ScriptedPolicy:
                 if work.scene.volumes(held.name):
                     with contextlib.suppress(MotionFailure):
                         yield from present(work, side, 3 * turn)
-                        yield from work.look_at(held.name)
+                        yield from look_at(work, held.name)
                         yield from work.motion.wait(_PATIENCE_S)
-                        yield from work.tuck()
+                        yield from tuck(work)
 
     def attempt(self, work: Work, call: SkillCall) -> Any:
         """Try one skill several times from different places; yields actions, returns whether it succeeded."""
@@ -153,7 +155,7 @@ class ScriptedPolicy:
         """After a failure: open a hand that holds nothing, raise it, back off, fold; keep what both hands hold."""
         if work.scene.between() is not None:
             with contextlib.suppress(MotionFailure):
-                yield from work.back_off()
+                yield from back_off(work)
             return
         held = work.held()
         for side in SIDES:
@@ -164,7 +166,7 @@ class ScriptedPolicy:
                     yield from work.rise(side)
         x, y, yaw = work.motion.felt.base_pose
         try:
-            yield from work.settle()
+            yield from settle(work)
             yield from work.motion.drive(np.array([x - 0.15 * np.cos(yaw), y - 0.15 * np.sin(yaw), yaw]))
         except MotionFailure as failure:
             self.note = f"recovery: {failure.reason}"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from mpvi_bt.manipulation.carry import settle
+from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.search import Search
 from mpvi_bt.manipulation.two_hands import Box, behind, open_wide, raise_both, seen_box
 from mpvi_bt.manipulation.work import Perform, Words, Work
@@ -44,7 +46,7 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
         raise MotionFailure("not_held")
     surface = work.nearest(words["surface"])
     for _ in range(_LEGS):
-        yield from work.look_at(surface)
+        yield from look_at(work, surface)
         box = seen_box(work, name)
         spots = scene.spots(surface, max(box.length, box.width) / 2 + 0.01, box.height + 0.1, motion.felt.base_pose[:2])
         search = work.search("right", {name})
@@ -73,8 +75,8 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from motion.wait(0.2)
     yield from open_wide(work)
     yield from motion.drive(back, speed=0.3)
-    yield from work.settle(without={name, surface})
-    yield from work.look_at(name)
+    yield from settle(work, without={name, surface})
+    yield from look_at(work, name)
     if abs(min(s.aabb()[0, 2] for s in scene.solids(name)) - spot[2]) > 0.04:
         raise MotionFailure("missed")
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.search import Search
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import arm_motion, r1
@@ -88,7 +89,7 @@ def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
         return  # in hand already
     if work.held() or squeezes(motion.felt):
         raise MotionFailure("hands_full")
-    yield from work.look_at(name)
+    yield from look_at(work, name)
     boxes = [
         b for b in boxes_about(scene.pose(name), list(scene.solids(name))) if _WIDTHS_M[0] < b.width < _WIDTHS_M[1]
     ]

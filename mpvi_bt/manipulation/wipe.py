@@ -9,6 +9,9 @@ from itertools import product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from mpvi_bt.manipulation.approach import close_in, take_up
+from mpvi_bt.manipulation.carry import settle
+from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.search import Search
 from mpvi_bt.manipulation.stance import Option, Stance
@@ -77,7 +80,7 @@ def spray(work: Work, words: Words, tried: list[Array]) -> Actions:
 def _work_over(work: Work, words: Words, tried: list[Array], height: float, strokes: bool) -> Actions:
     side = _tool_hand(work, words)
     target = work.nearest(words.get("target", ""))
-    yield from work.look_at(target)
+    yield from look_at(work, target)
     left = _patches(work, target, strokes)
     if not left:
         raise MotionFailure("no_surface")
@@ -99,7 +102,7 @@ def _work_over(work: Work, words: Words, tried: list[Array], height: float, stro
                 left.append(patch)
     if missed > whole * (1 - _MISSED):
         raise MotionFailure("no_stance")
-    yield from work.settle(without={target})
+    yield from settle(work, without={target})
     if missed > whole * _MISSED:
         raise MotionFailure("uncovered")
 
@@ -133,8 +136,8 @@ def _over(
     search = work.search(side, {target})
     stance = find(search, True) if near else None
     if stance is None:
-        stance, search = yield from work.close_in(side, {target}, target, find, [])
-    yield from work.take_up(stance, search)
+        stance, search = yield from close_in(work, side, {target}, target, find, [])
+    yield from take_up(work, stance, search)
     motion, path, up = work.motion, [work.motion.arm(side)], 0
     for T in kin.inverse(work.base) @ kin.base(stance.base) @ stance.waypoints[1:]:
         line = arm_motion.trace(motion.torso, side, path[-1], T)

@@ -1,0 +1,151 @@
+"""Carrying: the empty arms folded, what is held upright at the chest, and a little room made for that."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from mpvi_bt.manipulation.site import base_clear
+from mpvi_bt.manipulation.work import Work
+from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.solids import Array
+
+_FOLD_CLEAR_M = 0.02  # what is between the checks of a path may come that much nearer
+_CARRY_HEIGHT_M = 0.80
+_CHECKED_CARRIES = 25
+# Off the middle of a hand's way home, y toward its own side [m].
+_DETOURS = np.array([(0.0, 0, 0), (0, 0.12, 0), (0, 0, 0.2), (0, 0.25, 0), (0.15, 0.15, 0), (0, 0.25, -0.2)])
+# Where to carry things: x, y toward the own side, z [m] and a turn about the vertical [rad].
+_CARRIES = [
+    (x, y, z, yaw)
+    for x in (0.28, 0.33, 0.38, 0.43, 0.49)
+    for y in (0.02, 0.08, 0.14, 0.20, 0.28)
+    for z in (0.72, 0.80, 0.88, 0.98)
+    for yaw in (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.57, -1.57, 2.2, -2.2, 3.1)
+]
+
+
+def settle(work: Work, without: Collection[str] = ()) -> Actions:
+    """Fold the empty arms and bring what is held to the chest, upright, the torso as for traveling.
+
+    Args:
+        work: Robot and world.
+        without: Things that the hands may be in touch with at first.
+
+    Raises:
+        MotionFailure: "no_fold" or "no_carry" if no such posture can be reached.
+    """
+    try:
+        yield from _settle(work, without)
+    except MotionFailure as failure:
+        if failure.reason not in ("no_fold", "no_carry"):
+            raise
+        yield from back_off(work)
+        yield from _settle(work, without)
+
+
+def _settle(work: Work, without: Collection[str]) -> Actions:
+    held = work.held()
+    for side in (s for s in SIDES if s not in held):
+        if np.abs(work.motion.arm(side) - r1.TRAVEL_ARM[side]).max() > 0.02:
+            yield from work.motion.follow(side, _fold(work, side, without))
+    upright = np.append(r1.TRAVEL_TORSO[:3], work.motion.torso[3])
+    arms = _homeward(work, upright, without)
+    if arms is None:
+        raise MotionFailure("no_carry")
+    yield from work.motion.stand(upright, arms)
+
+
+def _fold(work: Work, side: Side, without: Collection[str]) -> list[Array]:
+    """A path home for an empty arm, well clear of the things `without` too if it can be: they stand loose."""
+    now, home = work.motion.arm(side), r1.TRAVEL_ARM[side]
+    for spared, margin in (((), _FOLD_CLEAR_M), ((), 0.0), (without, 0.0)):
+        path = arm_motion.plan(work.body(spared), side, home, work.rng, margin, start=now)
+        if path is not None:
+            return path
+    raise MotionFailure("no_fold")
+
+
+def _homeward(work: Work, torso: Array, without: Collection[str]) -> dict[Side, list[Array]] | None:
+    """Postures of the arms that hold something, while the torso goes to its travel posture.
+
+    What can stay where it is stays; of two things held the one in the lower hand, just picked up, moves first.
+    """
+    body = work.body(without)
+    hands = {s: arm_motion.stay(work.motion.hand(s)) for s in body.held}
+    if (found := arm_motion.sweep(body, torso, hands)) is not None:
+        return found
+    for side in sorted(body.held, key=lambda s: float(work.motion.hand(s)[2, 3])):
+        now, checked = work.motion.hand(side), 0
+        for T in _carries(work, side, body):
+            q = kin.nearest_posture(kin.inverse(kin.chest(torso)) @ T, side, work.motion.arm(side))
+            if q is None or not replace(body, torso=torso[:3]).free(side, q)[0]:
+                continue
+            for detour in _DETOURS:
+                path = arm_motion.glide(now, T, detour * [1, r1.SIGN[side], 1])
+                if (found := arm_motion.sweep(body, torso, {**hands, side: path})) is not None:
+                    return found
+            checked += 1
+            if checked >= _CHECKED_CARRIES:
+                break
+    return None
+
+
+def tuck(work: Work) -> Actions:
+    """Bring what is held closer to the body, for driving."""
+    body = work.body()
+    for side in body.held:
+        arms = {s: work.motion.arm(s) for s in SIDES}
+        now, checked = work.motion.hand(side), 0
+        body = replace(body, arms=arms)
+        for T in _carries(work, side, body):
+            if np.linalg.norm(T[:3, 3] - now[:3, 3]) < 0.03 or checked >= _CHECKED_CARRIES:
+                break  # as good as home
+            q = kin.nearest_posture(kin.inverse(kin.chest(work.motion.torso)) @ T, side, arms[side])
+            if q is None or not body.free(side, q)[0]:
+                continue
+            path = arm_motion.plan_level(body, side, T)
+            if path is not None:
+                yield from work.motion.follow(side, path, speed=1.0)
+                break
+            checked += 1
+
+
+def unwedge(work: Work) -> Actions:
+    """Where what is held hangs so near the body that the torso could not move, bring it to the chest."""
+    body = work.body()
+    hands = {s: arm_motion.stay(work.motion.hand(s)) for s in body.held}
+    if arm_motion.sweep(body, work.motion.torso, hands, samples=1) is None:
+        with suppress(MotionFailure):
+            yield from settle(work)
+
+
+def back_off(work: Work) -> Actions:
+    """A little back, straight, as it stands; where that is not free, less; nothing where it cannot move at all."""
+    here, body = work.motion.felt.base_pose, work.body()
+    ahead = np.array([np.cos(here[2]), np.sin(here[2]), 0.0])
+    near = work.near()
+    for by in (0.35, 0.2):
+        lane = [kin.base(here - ahead * by * u) for u in (0.4, 0.7, 1.0)]
+        around = [near.seen_from(T) for T in lane]
+        if all(base_clear(a) and replace(body, around=a).all_free() for a in around):
+            yield from work.motion.drive(here - ahead * by)
+            return
+
+
+def _carries(work: Work, side: Side, body: Body) -> list[Array]:
+    """T_base_tcp (4, 4) to carry what `side` holds, tilted as now, the most compact first."""
+    now, load = work.motion.hand(side), body.held[side]
+    ranked = []
+    for x, y, z, yaw in _CARRIES:
+        T = kin.transform(kin.rot_z(yaw * r1.SIGN[side]) @ now[:3, :3], (x, y * r1.SIGN[side], z))
+        reach = np.hypot(*(load.centers @ T[:2, :3].T + T[:2, 3]).T) + load.radii
+        ranked.append((float(reach.max()) + 0.05 * abs(yaw) + 0.2 * abs(z - _CARRY_HEIGHT_M), T))
+    return [T for _, T in sorted(ranked, key=lambda r: r[0])]

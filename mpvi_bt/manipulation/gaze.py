@@ -1,0 +1,95 @@
+"""Looking at a thing: where to point the head, and how to bend so that the hands do not hide it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mpvi_bt.manipulation.work import NEAR_M, Work
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot import r1
+from mpvi_bt.robot.motion import Actions
+from mpvi_bt.robot.solids import Array
+
+_HEAD_UP_RAD, _HEAD_DOWN_RAD = 0.5, 0.65
+_FLOOR_RAD = 0.9
+_EYES_M = 0.80  # a thing that much above the lift's height is well before the eyes
+_ABOVE = np.array([[0.0, 0.0, z] for z in (0.2, 0.28, 0.36, 0.44)])  # a thing, where a board may be
+_LEVEL_RAD = 0.3  # a head that is tilted less does not see the floor before it
+_HANDS_RAD = 0.9  # so far down from the chest's horizon the head sees past the folded hands
+_OVERLOOKS = ((0.42, 0.0), (0.42, 0.5), (0.42, 0.8), (0.25, 0.8), (0.25, 1.1), (0.1, 1.1))  # lift [m], pitch [rad]
+
+
+def study(work: Work, name: str | None) -> Actions:
+    """Look at a thing, and above it, or below what is high up; nothing where the scene needs no pictures.
+
+    Without a name it looks at the floor ahead.
+    """
+    if work.sight is None:
+        return
+    torso = work.motion.torso
+    if name is None:
+        torso[3] = _FLOOR_RAD
+        yield from work.motion.stand(torso)
+        yield from work.see("head")
+    else:
+        yield from work.motion.stand(_raised(work, name) if work.held() else _overlooking(work, name))
+        yield from look_at(work, name)
+        if not work.held() and _covered(work, name):
+            torso = work.motion.torso
+            torso[:3] = [np.clip(_middle(work, name)[2] - _EYES_M, *r1.TORSO_LIMITS[0]), 0.0, 0.0]
+            yield from work.motion.stand(torso)
+            yield from look_at(work, name)
+            return
+    torso = work.motion.torso
+    torso[3] += _HEAD_DOWN_RAD if torso[3] < _LEVEL_RAD else -_HEAD_UP_RAD
+    yield from work.motion.stand(torso)
+    yield from work.see("head")
+
+
+def look_at(work: Work, name: str) -> Actions:
+    """Tilt the head so that a thing is in the middle of its view, up or down, and look."""
+    torso = work.motion.torso
+    seen = kin.inverse(work.base @ kin.chest(torso)) @ np.append(_middle(work, name), 1.0)
+    ahead = seen[:3] - r1.HEAD_M
+    torso[3] = np.clip(np.arctan2(-ahead[2], max(float(ahead[0]), 0.05)), *r1.TORSO_LIMITS[3])
+    yield from work.motion.stand(torso)
+    yield from work.see("head")
+
+
+def _raised(work: Work, name: str) -> Array:
+    """A torso posture (4,) from which what is high up is seen from the front, with hands that hold something."""
+    body, now = work.body({name}), work.motion.torso
+    wanted = float(np.clip(_middle(work, name)[2] - _EYES_M, now[0], r1.TORSO_LIMITS[0, 1]))
+    raised = now
+    for lift in np.linspace(now[0], wanted, 5)[1:] if wanted > now[0] else ():
+        torso = np.append(lift, now[1:])
+        if not replace(body, torso=torso).all_free():
+            break
+        raised = torso
+    return raised
+
+
+def _overlooking(work: Work, name: str) -> Array:
+    """A torso posture (4,) in which the folded hands do not hide a thing from the head: bent over what is near."""
+    middle = _middle(work, name)
+    body, T = work.body({name}), kin.inverse(work.base)
+    for lift, pitch in _OVERLOOKS:
+        torso = np.array([max(lift, min(0.55, float(middle[2]) - 0.65)), 0.0, pitch, work.motion.torso[3]])
+        ahead = (kin.inverse(kin.chest(torso)) @ T @ np.append(middle, 1.0))[:3] - r1.HEAD_M - r1.HEAD_CAMERA_M
+        if np.arctan2(-ahead[2], max(float(ahead[0]), 0.0)) < _HANDS_RAD and replace(body, torso=torso).all_free():
+            return torso
+    return work.motion.torso
+
+
+def _covered(work: Work, name: str) -> bool:
+    """Whether something is above a thing, or hides what is there: that is looked into from lower down."""
+    middle = _middle(work, name)
+    around = work.scene.obstacles(middle[:2], NEAR_M, without=work.carried() | {name})
+    return bool((around.distance(middle + _ABOVE) < 0.03).any())
+
+
+def _middle(work: Work, name: str) -> Array:
+    boxes = np.stack([s.aabb() for s in work.scene.solids(name)])
+    return np.asarray((boxes[:, 0].min(0) + boxes[:, 1].max(0)) / 2)
