@@ -11,7 +11,8 @@ from mpvi_bt.behaviors.protocols import Judgement
 from mpvi_bt.completion.criteria import MOST_CHARACTERS, Criterion, Relation, named, parse
 from mpvi_bt.completion.oracle import OracleChecker
 from mpvi_bt.completion.visual import VisualChecker
-from mpvi_bt.plan.skills import filled, load_skills
+from mpvi_bt.plan.phrases import filled
+from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.kinematics import LINK_TO_OPTICAL, rot_y, transform
 from mpvi_bt.robot.protocol import CameraImage, Side

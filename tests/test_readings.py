@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from mpvi_bt.manipulation.readings import count, readings
-from mpvi_bt.plan.skills import load_skills, match
+from mpvi_bt.plan.clauses import match
+from mpvi_bt.plan.skills import load_skills
 
 SKILLS = load_skills()
 

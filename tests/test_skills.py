@@ -10,7 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt import paths
-from mpvi_bt.plan.skills import Skill, SkillCall, example, filled, load_skill, load_skills, match
+from mpvi_bt.plan.clauses import match
+from mpvi_bt.plan.phrases import example, filled
+from mpvi_bt.plan.skills import Skill, SkillCall, load_skill, load_skills
 
 SKILLS = load_skills()
 PHRASES = [(skill.name, phrase) for skill in SKILLS.values() for phrase in skill.phrases]

@@ -16,7 +16,8 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.detector import Detector
 from mpvi_bt.perception.phrases import normalize
 from mpvi_bt.perception.segmentation import SegmentationDetector
-from mpvi_bt.plan.skills import Skill, SkillCall, clauses, match
+from mpvi_bt.plan.clauses import clauses, match
+from mpvi_bt.plan.skills import Skill, SkillCall
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array

@@ -16,7 +16,8 @@ from mpvi_bt.manipulation.hold_out import present
 from mpvi_bt.manipulation.repertoire import REPERTOIRE
 from mpvi_bt.manipulation.scene import Scene, Sight
 from mpvi_bt.manipulation.work import Work
-from mpvi_bt.plan.skills import Skill, SkillCall, clauses, match
+from mpvi_bt.plan.clauses import clauses, match
+from mpvi_bt.plan.skills import Skill, SkillCall
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception
 from mpvi_bt.robot.solids import Array

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from mpvi_bt.plan.clauses import match
 from mpvi_bt.plan.schema import Manipulation, Plan
-from mpvi_bt.plan.skills import Skill, SkillCall, match
+from mpvi_bt.plan.skills import Skill, SkillCall
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from mpvi_bt.behaviors.parameters import NavigateTo, Prompt
 from mpvi_bt.behaviors.references import names_in, unescaped
 from mpvi_bt.perception.phrases import normalize
-from mpvi_bt.plan.skills import Skill, clauses, match
+from mpvi_bt.plan.clauses import clauses, match
+from mpvi_bt.plan.skills import Skill
 from mpvi_bt.tree.spec import TreeSpec
 
 _THINGS = (
