@@ -10,8 +10,16 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.hands.rows import Job
 from benchmarks.hands.runner import run_job
+from benchmarks.hands.scenes import draw
+from mpvi_bt.manipulation import pour
+from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.pour import lip, righted
+from mpvi_bt.manipulation.truth import TrueScene
+from mpvi_bt.manipulation.work import Work
+from mpvi_bt.plan.clauses import match
+from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.motion import Motion
 from mpvi_bt.robot.solids import Solid
 
 angles = st.floats(-3.1, 3.1)
@@ -50,6 +58,23 @@ def test_a_vessel_is_righted_by_the_least_turn(seed: int) -> None:
     np.testing.assert_allclose(up[:3, 3], T[:3, 3])
     turn = up[:3, :3] @ T[:3, :3].T
     assert np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1)) == pytest.approx(float(np.arccos(axis[2])), abs=1e-6)
+
+
+def test_looking_for_a_level_way_ends_when_nothing_is_left_to_spend(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no way keeps the vessel level, each one looked for counts as much as the place to stand that it needs."""
+    trial = draw("pour", "floor", 0, "tuning")
+    world = trial.world(render=False)
+    call = match(trial.prompt, load_skills())
+    assert call is not None
+    looked: list[float] = []
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0), effort=Effort(5.0))
+
+    def no_way(*_: object) -> None:
+        looked.append(work.effort.left)
+
+    monkeypatch.setattr(pour, "_course", no_way)
+    next(pour.pour(work, call.arguments, []))
+    assert looked == [3.0, 1.0, -1.0]
 
 
 @pytest.mark.slow

@@ -30,6 +30,7 @@ _STEPS = 6  # straight lines from upright to tipped
 # How far to tip [rad] and from how much higher [m], as the arms allow: the first is the surest to empty a vessel.
 _WAYS = ((2.75, 0.05), (2.45, 0.0), (2.45, 0.1), (2.0, 0.0), (2.0, 0.1))
 _LEVEL_TRIES = 4  # at ways to turn the vessel that it can be brought to level
+_LEVEL_EFFORT = 1.0  # of looking for one: as much as a base pose takes
 _ALIKE = 0.8  # cosine between two that are as good as one
 _LEVEL = 0.75  # cosine of how far it may lean on the way
 _TIP_RAD_S, _RIGHT_RAD_S = 0.8, 1.5
@@ -62,6 +63,7 @@ def pour(work: Work, words: Words, tried: list[Array]) -> Actions:
             for _ in range(_LEVEL_TRIES):
                 if (stance := search.find(place, options, here_first)) is None:
                     break
+                search.effort.left -= _LEVEL_EFFORT
                 around = search.around(stance.route[-1], touched=True)
                 if _course(work, replace(work.body(), around=around), side, stance, stance.waypoints) is not None:
                     return stance
