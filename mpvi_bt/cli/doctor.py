@@ -53,6 +53,7 @@ def examine() -> list[Check]:
         _extra("torch", "torch", "maniskill"),
         _extra("maniskill", "mani_skill", "maniskill"),
         _extra("detector", "transformers", "grounding-dino"),
+        _extra("recording", "rerun-sdk", "rerun"),
         _key("OPENAI_API_KEY"),
     ]
 
