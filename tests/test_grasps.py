@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,10 +11,12 @@ from hypothesis import strategies as st
 
 from mpvi_bt.manipulation import hand
 from mpvi_bt.manipulation.grasps import MAX_WIDTH_M, Grasp, grasps, lowest
+from mpvi_bt.manipulation.scene import Scene
 from mpvi_bt.manipulation.truth import TrueScene
+from mpvi_bt.perception.parts import Bar
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.kinematics import hand_rotation
-from mpvi_bt.robot.solids import Array, Solid, pose
+from mpvi_bt.robot.solids import Array, Solid, box, pose
 from mpvi_bt.sim.builder import Thing
 from mpvi_bt.sim.world import World
 from tests.small_house import CATALOGUE, placed, small_world
@@ -178,3 +182,54 @@ def test_hands_may_come_from_all_around(yaw: float, bearing: float, toward: floa
     slanted = [g for g in grasps(TrueScene(WORLD), "box_of_oatmeal", bearing) if g.tilt_rad > 1.1]
     along = WORLD.pose("box_of_oatmeal")[:3, 1]
     assert {float(np.sign(g.T_world_tcp[:3, 2] @ along)) for g in slanted} == {-1.0, 1.0}
+
+
+class Lone:
+    """A scene of one thing of given solids, as far as grasps ask about it."""
+
+    def __init__(self, *solids: Solid) -> None:
+        self._solids = solids
+
+    def solids(self, name: str) -> list[Solid]:
+        return list(self._solids)
+
+    def pose(self, name: str) -> Array:
+        return np.eye(4)
+
+    def handles(self, name: str) -> list[Bar]:
+        return []
+
+    def volumes(self, name: str) -> list[Solid]:
+        return []
+
+
+def of(*solids: Solid) -> list[Grasp]:
+    """Grasps of a thing of these solids from a robot that looks along x."""
+    return grasps(cast("Scene", Lone(*solids)), "thing", 0.0)
+
+
+@pytest.mark.parametrize("length", [0.12, 0.2, 0.3, 0.4])
+def test_a_long_box_is_taken_level_by_its_near_end(length: float) -> None:
+    """Too deep for the palm to reach its middle, it is taken by its near end where boards leave no room above it.
+
+    Where there is room it is taken from straight above in the middle first.
+    """
+    found = of(box((0.0, 0.0, 0.07), (length, 0.05, 0.14)))
+    level = [g for g in found if g.tilt_rad > 1.3 and g.T_world_tcp[0, 2] > 0.9]
+    assert level
+    assert all(-length / 2 < g.T_world_tcp[0, 3] < 0 for g in level)
+    assert abs(best(found)[0, 3]) < 0.01
+
+
+@pytest.mark.parametrize("head", [0.09, 0.14, 0.2])
+def test_what_is_too_wide_as_a_whole_is_taken_by_a_part(head: float) -> None:
+    """A tool whose head is wider than the hand opens is taken by its handle, the open fingers and the palm clear."""
+    handle = box((0.0, 0.0, 0.015), (0.26, 0.03, 0.03))
+    found = of(handle, box((0.14, 0.0, 0.02), (0.03, head, 0.04)))
+    across = [g for g in found if abs(g.T_world_tcp[1, 1]) > 0.99 and abs(g.T_world_tcp[0, 3]) < 0.1]
+    assert across
+    around = Surroundings([handle, box((0.14, 0.0, 0.02), (0.03, head, 0.04))])
+    for grasp in found:
+        for centers, radii in (hand.fingers(grasp.opening_m), hand.palm()):
+            at = centers @ grasp.T_world_tcp[:3, :3].T + grasp.T_world_tcp[:3, 3]
+            assert (around.distance(at) > radii - 0.01).all()

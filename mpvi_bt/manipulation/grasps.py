@@ -19,6 +19,10 @@ MAX_WIDTH_M = 0.086  # what 10 cm of opening takes with a margin
 _PALM_M = 0.038  # how far behind the tcp a thing may reach before it meets the palm
 _SPARE_M = 0.035  # opening beyond the width of what is to be taken, both sides together
 _BEFORE_M = 0.05  # the most that the fingers close before the middle of a thing that is deep for the palm
+_LONG_M = 0.05  # a thing that reaches farther from its middle is pinched nearer to its ends, too,
+_NEARER = (0.0, 0.35, 0.7)  # by such shares of the way,
+_NEARER_COST = 3.0  # each meter of it: what hangs from one end is heavy for the fingers
+_PART_COST = 0.1  # of a pinch of one part
 _LEVELS = 4  # heights of parts that a pinch may be at
 _PAD_M = 0.006  # from the tcp to the middle of the pads' lower half
 _RIM_OPENING_M = 0.056
@@ -62,8 +66,8 @@ def grasps(scene: Scene, name: str, bearing: float) -> list[Grasp]:
     if bars:
         return [g for bar in bars for g in _on_bar(bar, bearing)]
     solids = list(scene.solids(name))
-    found = _pinches(scene.pose(name), solids, bearing)
     volumes = scene.volumes(name)
+    found = _pinches(scene.pose(name), solids, bearing, () if volumes else solids)
     if volumes:  # a palm over the opening keeps what is inside from being poured out
         found = [replace(g, cost=g.cost + _COVERS * max(0.0, float(np.cos(g.tilt_rad)))) for g in found]
     for volume in volumes:
@@ -92,20 +96,41 @@ def _on_bar(bar: Bar, bearing: float) -> Iterator[Grasp]:
             yield Grasp(T, tilt, 0.3 * tilt + 0.3 * abs(turn) + aside)
 
 
-def _pinches(T: Array, solids: Sequence[Solid], bearing: float) -> list[Grasp]:
-    """Between two sides, from straight above to level."""
+def _pinches(T: Array, solids: Sequence[Solid], bearing: float, parts: Sequence[Solid]) -> list[Grasp]:
+    """Between two sides of a thing, from straight above to level; of `parts` of it too, which may be narrower."""
+    inside = Surroundings(solids)
+    tops = sorted({round(float(solid.aabb()[1, 2]), 2) for solid in solids}, reverse=True)
+    support = float(min(s.aabb()[0, 2] for s in solids))
+    out = list(_between_sides(T, solids, bearing, support, tops[:_LEVELS], inside))
+    for part in parts if len(solids) > 1 and not _round(solids) else ():
+        found = _between_sides(part.T, [part], bearing, support, (), inside)
+        out += [replace(g, cost=g.cost + _PART_COST) for g in found if _clear(g, inside)]
+    return out
+
+
+def _round(solids: Sequence[Solid]) -> bool:
+    """Whether a thing is as wide from all sides."""
+    return all(s.kind == "sphere" for s in solids) or all(
+        s.kind == "cylinder" and abs(s.T[2, 2]) > 0.95 for s in solids
+    )
+
+
+def _between_sides(T: Array, solids: Sequence[Solid], bearing: float, support: float, levels: Sequence[float],
+                   inside: Surroundings) -> Iterator[Grasp]:  # fmt: skip
+    """Between two sides of the box about solids along the axes of `T`; of a long one nearer to its ends, too.
+
+    `support` is the height of what the thing lies on, `levels` are those of lower tops that a pinch may go down to, and
+    `inside` is the whole thing.
+    """
     frame = inverse(T)
     corners = np.stack([s.moved(frame).aabb() for s in solids])
     low, high = corners[:, 0].min(0), corners[:, 1].max(0)
     size, middle = high - low, T[:3, :3] @ ((low + high) / 2) + T[:3, 3]
     up = int(np.abs(T[2, :3]).argmax())
     flat = [i for i in range(3) if i != up]
-    top, bottom = middle[2] + size[up] / 2, middle[2] - size[up] / 2
-    round_ = all(s.kind == "sphere" for s in solids) or all(
-        s.kind == "cylinder" and abs(s.T[2, 2]) > 0.95 for s in solids
-    )
+    top, bottom = float(middle[2] + size[up] / 2), float(middle[2] - size[up] / 2)
     headings: list[tuple[float, float, float]] = []  # heading of the approach, half depth along it, width across it
-    if round_:
+    if _round(solids):
         width = float(size[flat[0]])
         if width <= MAX_WIDTH_M:
             headings = [(bearing + turn, width / 2, width) for turn in _AROUND]
@@ -115,18 +140,26 @@ def _pinches(T: Array, solids: Sequence[Solid], bearing: float) -> list[Grasp]:
                 closing = T[:3, i]
                 heading = float(np.arctan2(-closing[0], closing[1]))
                 headings += [(heading + flip, float(size[j]) / 2, float(size[i])) for flip in (0.0, np.pi)]
-    inside = Surroundings(solids)
-    tops = sorted({top, *(round(float(solid.aabb()[1, 2]), 2) for solid in solids)}, reverse=True)[:_LEVELS]
-    out: list[Grasp] = []
-    for heading, radius, width in headings:
+    for heading, half, width in headings:
         aside = abs(float(wrap(heading - bearing)))
-        for tilt in _TILTS:
-            for level in tops:
-                found = _pinch(middle, (bottom, top, level), heading, tilt, aside, radius, width)
-                if full := [grasp for grasp in found if _between(grasp.T_world_tcp, inside)]:
-                    out += full
-                    break
-    return out
+        ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
+        for nearer in half * np.array(_NEARER if half > _LONG_M and not _round(solids) else _NEARER[:1]):
+            for tilt in _TILTS:
+                for level in (top, *(z for z in levels if z < top - 0.005)):
+                    heights = (support, bottom, top, level)
+                    grasp = _pinch(middle - nearer * ahead, heights, heading, tilt, half - nearer, width)
+                    if grasp is not None and _between(grasp.T_world_tcp, inside):
+                        yield replace(grasp, cost=grasp.cost + 0.3 * aside + _NEARER_COST * nearer)
+                        break
+
+
+def _clear(grasp: Grasp, inside: Surroundings) -> bool:
+    """Whether open fingers and palm are clear of the rest of a thing."""
+    T = grasp.T_world_tcp
+    return all(
+        bool((inside.distance(centers @ T[:3, :3].T + T[:3, 3]) > radii - slack).all())
+        for (centers, radii), slack in ((hand.fingers(grasp.opening_m), 0.002), (hand.palm(), 0.008))
+    )
 
 
 def _between(T_world_tcp: Array, inside: Surroundings) -> bool:
@@ -136,28 +169,27 @@ def _between(T_world_tcp: Array, inside: Surroundings) -> bool:
     return bool((inside.distance(pads) <= 0).any())
 
 
-def _pinch(middle: Array, heights: tuple[float, float, float], heading: float, tilt: float, aside: float, radius: float,
-           width: float) -> Iterator[Grasp]:  # fmt: skip
-    """One pinch, as deep as palm and support allow; none if the thing is too flat or too deep for it.
+def _pinch(middle: Array, heights: tuple[float, float, float, float], heading: float, tilt: float, radius: float,
+           width: float) -> Grasp | None:  # fmt: skip
+    """One pinch, as deep as palm and support allow; None if the thing is too flat or too deep for it.
 
-    `heights` are those of the thing's underside, its top, and the top of what is to be between the fingers.
+    `heights` are those of what the thing lies on, the underside and the top of what is pinched, and the top of what is
+    to be between the fingers.
     """
-    bottom, top, level = heights
+    support, bottom, top, level = heights
     s, c = float(np.sin(tilt)), float(np.cos(tilt))
     z = top - max(0.012, (_PALM_M - radius * s) / max(c, 0.3))
-    z = max(min(max(z, bottom + 0.45 * (top - bottom)), level - 0.012), bottom + lowest(tilt))
+    z = max(min(max(z, bottom + 0.45 * (top - bottom)), level - 0.012), support + lowest(tilt))
     if z > top + 0.004:
-        return
+        return None
     before = max(0.0, radius * s + (top - z) * c - _PALM_M + 0.004)
     if before > _BEFORE_M:
-        return
+        return None
     approach = np.array([np.cos(heading) * s, np.sin(heading) * s, -c])
     p = np.array([middle[0], middle[1], z]) - before * approach
-    opening = min(hand.FULL_M, width + _SPARE_M)
     R = hand_rotation(approach, np.array([-np.sin(heading), np.cos(heading), 0.0]))
-    yield Grasp(
-        transform(R, p), tilt, 0.3 * aside + 0.4 * tilt + 3.0 * before + 4.0 * max(0.0, z - top + 0.012), opening
-    )
+    cost = 0.4 * tilt + 3.0 * before + 4.0 * max(0.0, z - top + 0.012)
+    return Grasp(transform(R, p), tilt, cost, min(hand.FULL_M, width + _SPARE_M))
 
 
 def _rims(volume: Solid, solids: Sequence[Solid], bearing: float) -> Iterator[Grasp]:
