@@ -9,8 +9,9 @@ from mpvi_bt.manipulation.draw_out import draw_out, options
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot.motion import Motion, MotionFailure
-from mpvi_bt.sim.world import World
-from tests.small_house import placed, small_world
+from mpvi_bt.robot.solids import pose
+from mpvi_bt.sim.world import Placement, World
+from tests.small_house import CATALOGUE, placed, small_world
 
 WALL_X = 2.95
 TABLE = "{entry: table, at: [2.69, 0.0], yaw_deg: 180, shape: {size_m: [0.5, 1.0, 0.7]}}"
@@ -41,6 +42,17 @@ def test_a_swing_goes_out_from_the_wall() -> None:
         assert abs(first[1]) > 0.07
         assert last[0] < first[0] - 0.05
         assert option.waypoints[:, 0, 3].max() < WALL_X
+
+
+def test_what_is_too_low_to_fall_over_is_swung_out_too() -> None:
+    """A bar along a wall, hardly higher than a finger's pad, is pushed on where the finger does not slip over it."""
+    bar = CATALOGUE["box_of_oatmeal"].reshaped({"size_m": [0.034, 0.3, 0.028]})
+    world = small_world({"box": Placement(bar, pose((WALL_X - 0.018, 0.0, 0.001)))}, (1.9, 0.0, 0.0))
+    world.settle()
+    found = options(work(world), "box")
+    assert found
+    for option in found:
+        assert option.waypoints[1][2, 3] - 0.012 < 0.028 - 0.008
 
 
 @pytest.mark.slow
