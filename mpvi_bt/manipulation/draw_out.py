@@ -24,7 +24,7 @@ from mpvi_bt.robot.protocol import ActionLayout, Side
 from mpvi_bt.robot.solids import Array
 
 _NEAR_M = 1.7
-_BEHIND_M = 0.03  # less room than that behind a side is none for a finger
+_BEHIND_M = 0.045  # less room than that behind a side is none for a finger
 _SUPPORT_M = 0.008
 _BEFORE_M = 0.10
 _OFF_M = 0.012  # between the fingers and the end of the thing, before and afterward
@@ -35,7 +35,8 @@ _SPEED_M_S = 0.08
 _TILTS = (1.2, 0.9, 1.4, 0.6)  # of the approach from straight down
 _TURNS = (0.0, 0.3, -0.3, 0.6, -0.6)
 _DEPTHS_M = (0.022, 0.03, 0.04)  # of the tcp before the side that touches
-_LOW = 0.6  # of the thing's height: higher up it would rather fall over than turn
+_LOW = 0.6  # of the thing's height: higher up it would rather fall over than turn,
+_FLAT_M, _EDGE_M = 0.03, 0.006  # but so low down anything turns, as long as the fingers do not slip over its edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +115,7 @@ def _ways(swing: _Swing) -> Iterator[Option]:
     turning = float(np.sign(np.cross(radial, ahead)[2]))
     for tilt in _TILTS:
         z = box.bottom + max(lowest(tilt), min(0.02, 0.5 * box.height))
-        if z > box.bottom + _LOW * box.height:
+        if z > box.bottom + max(_LOW * box.height, min(_FLAT_M, box.height - _EDGE_M)):
             continue
         s, c = float(np.sin(tilt)), float(np.cos(tilt))
         for turn in _TURNS:
