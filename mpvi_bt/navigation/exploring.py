@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from mpvi_bt.behaviors.protocols import Progress, Report
 from mpvi_bt.errors import nearest
 from mpvi_bt.navigation.driver import DEFAULTS, GaveUp, NavigationParameters, Stow
-from mpvi_bt.navigation.goals import Goal, near_goals, object_goals
+from mpvi_bt.navigation.goals import Goal, distance_to, near_goals, object_goals
 from mpvi_bt.navigation.lookout import Lookout
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator, Trip
+from mpvi_bt.navigation.nod import nod, tilt_toward
 from mpvi_bt.navigation.search import Search
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.perception.detector import Detection
@@ -181,13 +182,27 @@ class ExploringNavigator(KnownPlaceNavigator):
             yield from self.search.run(found, feedback)
 
     def _look_again(self, trip: Trip, names: set[str]) -> Iterator[Report]:
-        """Look at what was gone to, until a picture shows it: a detector may have erred, or may miss it now."""
+        """Look at what was gone to, until a picture shows it: a detector may have erred, or may miss it now.
+
+        What is near and low is below the picture of a head that looks ahead: it is tilted down, and raised again.
+        """
+        report = Report(Progress.RUNNING, "", f"looking whether {trip.target} is there")
+        before = float(self._robot.proprioception().torso[3])
         for _ in range(_LOOKS):
             self.lookout.look()
             entries = self._knowledge().entries
-            if any(entries[n].seen_s == self.lookout.looked_s or not _seen([entries[n]]) for n in names & set(entries)):
-                return
-            yield Report(Progress.RUNNING, "", f"looking whether {trip.target} is there")
+            left = [entries[name] for name in sorted(names & set(entries))]
+            if not left or any(entry.seen_s == self.lookout.looked_s or not _seen([entry]) for entry in left):
+                break
+            for entry in left:
+                self.lookout.expect(entry.name)
+            here = self._robot.proprioception().base_pose[:2]
+            nearest_one = min(left, key=lambda entry: distance_to(entry, here))
+            for _ in nod(self._robot, tilt_toward(self._robot, nearest_one.center)):
+                yield report
+            yield report
+        for _ in nod(self._robot, before):
+            yield report
 
     def _learn_the_way(self, trip: Trip, entries: list[Entry]) -> Iterator[Report]:
         """Without a prior map: come as near to what is seen as known floor leads, and explore until a way is known."""

@@ -94,6 +94,11 @@ class Lookout:
             view.update(image, solid)
         self.discoveries.see(image, body)
 
+    def expect(self, name: str) -> None:
+        """Doubt the entry of this name if the last picture, which was taken of its place, does not show it."""
+        if self.last is not None:
+            self.discoveries.expect(name, self.last)
+
     def save(self) -> dict[str, Any]:
         """What was learned so far, as JSON values."""
         masks = {"known": self.occupancy.known, "added": self.occupancy.added,

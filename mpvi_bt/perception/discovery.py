@@ -21,7 +21,7 @@ from mpvi_bt.perception.belief import BELIEF, Belief
 from mpvi_bt.perception.carrying import Carrying
 from mpvi_bt.perception.detector import Detection, Detector
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, calls
-from mpvi_bt.perception.sighting import Looks, Sighting, covers, shows, sightings
+from mpvi_bt.perception.sighting import Looks, Sighting, covers, middle_in_sight, shows, sightings
 from mpvi_bt.robot.protocol import CameraImage, Proprioception
 from mpvi_bt.robot.solids import Array
 
@@ -220,6 +220,20 @@ class Discoveries:
             entry.confidence = self._belief.missed(entry.confidence)
             if entry.confidence < self._belief.given_up:
                 self._forget(entry)
+
+    def expect(self, name: str, image: CameraImage) -> None:
+        """Doubt a thing that was gone to, if this picture of its place does not show it.
+
+        Unlike other looks this one is meant for it: that its middle is in the picture with nothing before it is enough.
+        """
+        entry = self.knowledge.entries.get(name)
+        if entry is None or entry.source == "prior" or entry.held or entry.seen_s == self._clock.time_s:
+            return
+        if not middle_in_sight(image, entry.lowest, entry.highest):
+            return
+        entry.confidence = self._belief.missed(entry.confidence)
+        if entry.confidence < self._belief.given_up:
+            self._forget(entry)
 
     # ------------------------------------------------------------------------------------------ saving
 

@@ -120,6 +120,20 @@ def shows(image: CameraImage, lowest: Array, highest: Array, looks: Looks) -> bo
     return bool(meets.any() and clear[meets].mean() >= _IN_SIGHT)
 
 
+def middle_in_sight(image: CameraImage, lowest: Array, highest: Array) -> bool:
+    """Whether the middle of a box in the world is in a picture that measures nothing before the box there."""
+    T = kin.inverse(image.T_world_camera)
+    x, y, z = T[:3, :3] @ ((lowest + highest) / 2) + T[:3, 3]
+    if z < 0.05:
+        return False
+    u, v = image.K[0, 0] * x / z + image.K[0, 2], image.K[1, 1] * y / z + image.K[1, 2]
+    height, width = image.depth.shape
+    if not (0 <= u < width and 0 <= v < height):
+        return False
+    before = z - float(np.linalg.norm(highest - lowest)) / 2 - _BEFORE_M - _NOISE_PER_M * z
+    return bool(image.depth[int(v), int(u)] > max(before, 0.0))
+
+
 def covers(detection: Detection, image: CameraImage, lowest: Array, highest: Array) -> bool:
     """Whether the middle of a box in the world appears within the box of a detection."""
     pixels = _projected(image, lowest, highest)
