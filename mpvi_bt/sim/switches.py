@@ -28,6 +28,7 @@ class _Place:
     Attributes:
         thing, body: What it is on.
         T_body: (4, 4) the switch to the body, z pointing out of the thing.
+        fixed: (4, 4) the switch to the world where it never moves, else None.
         lights: What cameras see of it while it is off and while it is on; empty without rendering.
         pressed: Control steps that a fingertip has been on it.
     """
@@ -35,12 +36,13 @@ class _Place:
     thing: Thing
     body: str
     T_body: Array
+    fixed: Array | None = None
     lights: Sequence[sapien.Entity] = ()
     pressed: int = 0
 
     def T_world(self) -> Array:  # noqa: N802
         """(4, 4) the switch to the world, z pointing out of the thing."""
-        return self.thing.T_world_body(self.body) @ self.T_body
+        return self.thing.T_world_body(self.body) @ self.T_body if self.fixed is None else self.fixed
 
 
 class Switches:
@@ -50,7 +52,7 @@ class Switches:
         """Find the switches of `things`; `visible` ones are small disks, red while off and green while on."""
         self._on = {name: False for name, thing in things.items() if any(b.switches for b in thing.description.bodies)}
         self._places = [
-            _Place(thing, body.name, _frame(switch), _lights(scene, name, switch) if visible else ())
+            _place(thing, body.name, _frame(switch), _lights(scene, name, switch) if visible else ())
             for name, thing in things.items()
             for body in thing.description.bodies
             for switch in body.switches
@@ -78,9 +80,12 @@ class Switches:
 
     def step(self, fingertips: Array) -> None:
         """One control step with the fingertips (n, 3) in the world."""
-        for place in self._places:
-            near = np.linalg.norm(fingertips - place.T_world()[:3, 3], axis=1).min() < SWITCH_M
-            place.pressed = place.pressed + 1 if near else 0
+        if not self._places:
+            return
+        centers = np.array([place.T_world()[:3, 3] for place in self._places])
+        nearest = ((fingertips[:, None] - centers) ** 2).sum(-1).min(0)
+        for place, squared in zip(self._places, nearest.tolist(), strict=True):
+            place.pressed = place.pressed + 1 if squared < SWITCH_M**2 else 0
             if place.pressed == PRESSED_STEPS:
                 self._on[place.thing.name] = not self._on[place.thing.name]
 
@@ -92,6 +97,12 @@ class Switches:
             away[2, 3] = -9.0  # below the floor, out of every picture
             for light, shown in zip(place.lights, (not lit, lit), strict=bool(place.lights)):
                 light.set_pose(sapien.Pose(T if shown else away))
+
+
+def _place(thing: Thing, body: str, T_body: Array, lights: Sequence[sapien.Entity]) -> _Place:
+    """A place, its frame worked out beforehand where the body stands still: that of every fixture but its doors."""
+    still = not thing.movable and body == thing.description.root.name
+    return _Place(thing, body, T_body, thing.T_world_body(body) @ T_body if still else None, lights)
 
 
 def _lights(scene: sapien.Scene, name: str, switch: Switch) -> tuple[sapien.Entity, ...]:
