@@ -11,12 +11,15 @@ import pytest
 
 from benchmarks.hands.holding import put_in_hands
 from mpvi_bt.manipulation.gaze import study
+from mpvi_bt.manipulation.looking import look_from_elsewhere
 from mpvi_bt.manipulation.place import place_in
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import r1
+from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, CameraImage, Proprioception
+from mpvi_bt.robot.solids import Solid, pose
 from tests.small_house import placed, small_world
 
 HUNG = "{entry: wall_cabinet, at: [1.2, 0.0], yaw_deg: 180, z_m: 1.35, shape: {size_m: [0.36, 0.6, 0.7]}}"
@@ -90,3 +93,17 @@ def test_nothing_is_said_to_be_no_container_before_it_was_looked_at() -> None:
     with pytest.raises(MotionFailure, match="not_a_container"):
         obeyed(work, place_in(work, {"object": "can_of_soda", "container": "wall_cabinet"}, []))
     assert len(sight.lifts) >= 2
+
+
+@pytest.mark.parametrize(("around_m", "far_m"), [((), 0.9), ((0.9,), 1.3), ((0.9, 1.3, 1.8), None)])
+def test_what_is_closed_in_is_looked_at_from_farther_off(around_m: tuple[float, ...], far_m: float | None) -> None:
+    """From the nearest circle about the place on which something is free to go to; from nowhere if there is none."""
+    work, _ = with_can(HUNG)
+    place, went = np.array([1.8, 0.0]), []
+    posts = [
+        Solid("cylinder", np.array([0.05, 0.05, 1.0]), pose((*(place - r * np.array([np.cos(a), np.sin(a)])), 1.0)))
+        for r in around_m for a in np.arange(-2.8, 2.81, 0.2)
+    ]  # fmt: skip
+    work.motion.drive = lambda goal: iter(went.append(goal) or ())  # type: ignore[assignment,method-assign]
+    obeyed(work, look_from_elsewhere(work, place, lambda: Surroundings(posts)))
+    assert [pytest.approx(np.linalg.norm(goal[:2] - place)) for goal in went] == ([] if far_m is None else [far_m])

@@ -22,6 +22,7 @@ _LOOKS = ((0.42, 0.55), (0.42, 0.95), (0.42, 0.10), (0.05, 0.40), (0.05, -0.10),
 _TURNS = ((0.0, 6), (0.6, 6), (-0.6, 6), (-1.8, 2), (3.0, 2), (1.8, 2))
 _BEFORE_M = 0.9  # a robot that is handed over stands about so far from what it is to work on,
 _AROUND = (0.9, -0.9, 1.6, -1.6, 2.4, -2.4)  # which other bearings may show [rad]
+_FARTHER_M = (1.3, 1.8)  # from there where nothing nearer can be gone to
 _STROLLS = 40  # tried on from there, at random
 _STROLL_M = (0.5, 1.5)
 _STEP_M = 0.15
@@ -50,7 +51,8 @@ def look_for(work: Work, found: Found, passable: Callable[[], Obstacles]) -> Gen
                 yield from work.motion.drive(start + [0, 0, turn])
         if (yield from _look(work, found, looks)):
             return True
-    for goal in chain(_views(start), _strolls(work)):
+    place = start[:2] + _BEFORE_M * np.array([np.cos(start[2]), np.sin(start[2])])
+    for goal in chain(_views(place, float(start[2]), _BEFORE_M), _strolls(work)):
         if not _free(work, goal, passable()):
             continue
         with contextlib.suppress(MotionFailure):
@@ -61,11 +63,14 @@ def look_for(work: Work, found: Found, passable: Callable[[], Obstacles]) -> Gen
 
 
 def look_from_elsewhere(work: Work, place: Array, passable: Callable[[], Obstacles]) -> Actions:
-    """Go to look at a place (2,) from the first other side to which the way is seen to be free; stay where none is."""
+    """Go to look at a place (2,) from the first other side to which the way is seen to be free; stay where none is.
+
+    What stands out from the place, such as its door, may be in the way near it: then it looks from farther off.
+    """
     here = work.motion.felt.base_pose
     bearing = float(np.arctan2(place[1] - here[1], place[0] - here[0]))
     around = passable()
-    for goal in _views(np.append(place - _BEFORE_M * np.array([np.cos(bearing), np.sin(bearing)]), bearing)):
+    for goal in chain(*(_views(place, bearing, far) for far in (_BEFORE_M, *_FARTHER_M))):
         if _free(work, goal, around):
             with contextlib.suppress(MotionFailure):
                 yield from work.motion.drive(goal)
@@ -87,12 +92,11 @@ def _look(work: Work, found: Found, looks: int) -> Generator[Array, None, bool]:
     return False
 
 
-def _views(start: Array) -> Iterator[Array]:
-    """Base poses (3,) that look at the place before the start from other sides."""
-    place = start[:2] + _BEFORE_M * np.array([np.cos(start[2]), np.sin(start[2])])
-    for bearing in _AROUND:
-        heading = float(kin.wrap(start[2] + bearing))
-        yield np.append(place - _BEFORE_M * np.array([np.cos(heading), np.sin(heading)]), heading)
+def _views(place: Array, bearing: float, far_m: float) -> Iterator[Array]:
+    """Base poses (3,) that look at a place (2,) from other sides than the one with this bearing [rad] to it."""
+    for turn in _AROUND:
+        heading = float(kin.wrap(bearing + turn))
+        yield np.append(place - far_m * np.array([np.cos(heading), np.sin(heading)]), heading)
 
 
 def _strolls(work: Work) -> Iterator[Array]:
