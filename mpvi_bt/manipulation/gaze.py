@@ -60,10 +60,12 @@ def look_at(work: Work, name: str) -> Actions:
 
 def _raised(work: Work, name: str) -> Array:
     """A torso posture (4,) from which what is high up is seen from the front, with hands that hold something."""
-    body, now = work.body({name}), work.motion.torso
-    wanted = float(np.clip(_middle(work, name)[2] - _EYES_M, now[0], r1.TORSO_LIMITS[0, 1]))
-    raised = now
-    for lift in np.linspace(now[0], wanted, 5)[1:] if wanted > now[0] else ():
+    now = raised = work.motion.torso
+    wanted = float(np.clip(_middle(work, name)[2] - _EYES_M, *r1.TORSO_LIMITS[0]))
+    if wanted <= now[0]:
+        return now
+    body = work.body({name})
+    for lift in np.linspace(now[0], wanted, 5)[1:]:
         torso = np.append(lift, now[1:])
         if not replace(body, torso=torso).all_free():
             break

@@ -39,6 +39,7 @@ _SHRUNK = 0.9  # a thing that seems so much smaller than before is partly hidden
 _TALLER = 1.3  # of two views of furniture, one so many times as tall as the other shows more of it
 _SEEN_PX = 6  # a mask of fewer pixels is not looked at
 _THROUGH_M = 0.06  # where the depth is that much farther than a thing, it is gone
+_SAMPLED = 500  # points of a part are enough to say where that is
 _PRESSED_M = 0.06  # what two hands press is this near to both of them
 _GRASPED_M = 0.06  # what a closing hand takes hold of is this near its tcp, by what was seen of it
 _SPANS = 0.8  # what is smaller than this share of the gap between the fingers is likely not what they hold
@@ -287,8 +288,9 @@ class Memory:
             return
         thing.views = [(f, m) for f, m in thing.views if frame.way_m - f.way_m < _RECENT_M][-5:]
         thing.views.append((frame, mask))
-        shape = fitted([v for v in thing.views if v[0].stand == frame.stand], thing.shape.support_m)
-        if shape is None or _shrunk(shape, thing.shape):
+        here = [v for v in thing.views if v[0].stand == frame.stand]
+        shape = fitted(here, thing.shape.support_m)
+        if len(here) < len(thing.views) and (shape is None or _shrunk(shape, thing.shape)):
             shape = fitted(thing.views, thing.shape.support_m) or shape  # something hides a part of it now
         if thing.shape.kind == "furniture" and (shape is None or _in_part(shape, thing.shape)):
             return  # from near only a part of it is in view
@@ -336,7 +338,8 @@ class Memory:
 
 def _apart(part: Array, points: Array) -> float:
     """How far points (n, 3) of a part of a thing are from points (m, 3) of all of it [m], the median."""
-    return float(np.median(cKDTree(points).query(part)[0])) if len(part) else np.inf
+    sample = part[:: max(1, len(part) // _SAMPLED)]
+    return float(np.median(cKDTree(points).query(sample)[0])) if len(part) else np.inf
 
 
 def _in_part(shape: Shape, before: Shape) -> bool:

@@ -91,11 +91,11 @@ class Seen(Memory):
     def _switch_seen(self, name: str) -> Iterator[tuple[Frame, NDArray[np.bool_]]]:
         """Where pictures show the switch of a thing, the newest first, in each the nearest one first."""
         low, high = self._shape(name).box()
+        phrase = switch_of(self._things[name].phrase)
         for frame in reversed(self._frames):
             near = []
             for d in frame.detections:
-                points = frame.of(d.mask)
-                if d.phrase == switch_of(self._things[name].phrase) and len(points):
+                if d.phrase == phrase and len(points := frame.of(d.mask)):
                     at = np.median(points, axis=0)
                     gap = self._gap(name, at)
                     # of a lamp only the shade may be known, of a screen its foot: the pole is below, the rest is seen
