@@ -12,7 +12,7 @@ from mpvi_bt.plan.schema import Navigation, Plan
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.tree.spec import NodeSpec, TreeSpec
 
-NAVIGATION_TIMEOUT_S = 120.0  # Our choice (the paper is silent): several times what crossing a house takes
+NAVIGATION_TIMEOUT_S = 300.0  # Our choice (the paper is silent): what looking through a whole house may take
 _LONGEST_NAME = 120  # of a unit that joins many segments; its prompt holds them all
 MANIPULATION_TIMEOUT_S = 90.0  # Our choice: of a segment that no skill file gives a time
 
