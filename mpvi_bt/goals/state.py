@@ -42,7 +42,6 @@ class WorldState(Protocol):
 
 def aabb(state: WorldState, name: str) -> Array:
     """(2, 3) lowest and highest corner of the thing's axis-aligned bounding box."""
-    import numpy as np
+    from mpvi_bt.robot.solids import bounds
 
-    boxes = np.stack([s.aabb() for s in state.solids(name)])
-    return np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)])
+    return bounds(state.solids(name))

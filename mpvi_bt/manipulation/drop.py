@@ -21,7 +21,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side, other
-from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.robot.solids import Array, Solid, bounds
 
 _OVER_RIM_M = 0.02  # between the lowest point of the thing and the rim
 _FALL_M = 0.008  # to spare on every side of a thing that falls into a container
@@ -123,8 +123,7 @@ def _into(work: Work, held: Held, side: Side, volume: Solid, container: str) -> 
             elif tilt:
                 continue
             hanging = [s.moved(kin.transform(R, (0.0, 0.0, 0.0))) for s in held.solids]
-            boxes = np.stack([s.aabb() for s in hanging])
-            low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
+            low, high = bounds(hanging)
             middle, tall = (low + high)[:2] / 2, float(high[2] - low[2])
             edge = (outline(hanging) - middle) @ volume.T[:2, :2]  # in the volume's frame
             reach = np.ptp(edge, axis=0) / 2

@@ -38,7 +38,7 @@ def study(work: Work, name: str | None) -> Actions:
         yield from look_at(work, name)
         if not work.held() and _covered(work, name):
             torso = work.motion.torso
-            torso[:3] = [np.clip(_middle(work, name)[2] - _EYES_M, *r1.TORSO_LIMITS[0]), 0.0, 0.0]
+            torso[:3] = [np.clip(work.middle(name)[2] - _EYES_M, *r1.TORSO_LIMITS[0]), 0.0, 0.0]
             yield from work.motion.stand(torso)
             yield from look_at(work, name)
             return
@@ -51,7 +51,7 @@ def study(work: Work, name: str | None) -> Actions:
 def look_at(work: Work, name: str) -> Actions:
     """Tilt the head so that a thing is in the middle of its view, up or down, and look."""
     torso = work.motion.torso
-    seen = kin.inverse(work.base @ kin.chest(torso)) @ np.append(_middle(work, name), 1.0)
+    seen = kin.inverse(work.base @ kin.chest(torso)) @ np.append(work.middle(name), 1.0)
     ahead = seen[:3] - r1.HEAD_M
     torso[3] = np.clip(np.arctan2(-ahead[2], max(float(ahead[0]), 0.05)), *r1.TORSO_LIMITS[3])
     yield from work.motion.stand(torso)
@@ -61,7 +61,7 @@ def look_at(work: Work, name: str) -> Actions:
 def _raised(work: Work, name: str) -> Array:
     """A torso posture (4,) from which what is high up is seen from the front, with hands that hold something."""
     now = raised = work.motion.torso
-    wanted = float(np.clip(_middle(work, name)[2] - _EYES_M, *r1.TORSO_LIMITS[0]))
+    wanted = float(np.clip(work.middle(name)[2] - _EYES_M, *r1.TORSO_LIMITS[0]))
     if wanted <= now[0]:
         return now
     body = work.body({name})
@@ -75,7 +75,7 @@ def _raised(work: Work, name: str) -> Array:
 
 def _overlooking(work: Work, name: str) -> Array:
     """A torso posture (4,) in which the folded hands do not hide a thing from the head: bent over what is near."""
-    middle = _middle(work, name)
+    middle = work.middle(name)
     body, T = work.body({name}), kin.inverse(work.base)
     for lift, pitch in _OVERLOOKS:
         torso = np.array([max(lift, min(0.55, float(middle[2]) - 0.65)), 0.0, pitch, work.motion.torso[3]])
@@ -87,11 +87,6 @@ def _overlooking(work: Work, name: str) -> Array:
 
 def _covered(work: Work, name: str) -> bool:
     """Whether something is above a thing, or hides what is there: that is looked into from lower down."""
-    middle = _middle(work, name)
+    middle = work.middle(name)
     around = work.scene.obstacles(middle[:2], NEAR_M, without=work.carried() | {name})
     return bool((around.distance(middle + _ABOVE) < 0.03).any())
-
-
-def _middle(work: Work, name: str) -> Array:
-    boxes = np.stack([s.aabb() for s in work.scene.solids(name)])
-    return np.asarray((boxes[:, 0].min(0) + boxes[:, 1].max(0)) / 2)

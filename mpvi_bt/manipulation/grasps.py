@@ -13,7 +13,7 @@ from mpvi_bt.manipulation.scene import Scene
 from mpvi_bt.perception.parts import Bar
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.kinematics import hand_rotation, inverse, transform, wrap
-from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.robot.solids import Array, Solid, bounds
 
 MAX_WIDTH_M = 0.086  # what 10 cm of opening takes with a margin
 _PALM_M = 0.038  # how far behind the tcp a thing may reach before it meets the palm
@@ -123,8 +123,7 @@ def _between_sides(T: Array, solids: Sequence[Solid], bearing: float, support: f
     `inside` is the whole thing.
     """
     frame = inverse(T)
-    corners = np.stack([s.moved(frame).aabb() for s in solids])
-    low, high = corners[:, 0].min(0), corners[:, 1].max(0)
+    low, high = bounds(s.moved(frame) for s in solids)
     size, middle = high - low, T[:3, :3] @ ((low + high) / 2) + T[:3, 3]
     up = int(np.abs(T[2, :3]).argmax())
     flat = [i for i in range(3) if i != up]

@@ -19,7 +19,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side, other
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.solids import Array, bounds
 
 _APART_M = 0.055  # between the two hands' tcps on the thing
 _STANDOFF_M = 0.10
@@ -74,8 +74,7 @@ def hand_over(work: Work, words: Words, tried: list[Array]) -> Actions:
 def takes(held: Held) -> Iterator[Array]:
     """T_giver_taker (4, 4) tcp frames: ways for another hand to take hold of what a hand holds."""
     frame = kin.inverse(held.T_tcp_thing)
-    corners = np.stack([s.moved(frame).aabb() for s in held.solids])
-    low, high = corners[:, 0].min(0), corners[:, 1].max(0)
+    low, high = bounds(s.moved(frame) for s in held.solids)
     size, middle = high - low, (low + high) / 2
     for closing in range(3):
         if size[closing] > MAX_WIDTH_M:

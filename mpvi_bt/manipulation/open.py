@@ -200,10 +200,8 @@ def course_search(
     work: Work, thing: str, door: Door, side: Side, tried: Sequence[Array], bendable: bool = False
 ) -> CourseSearch:
     """A search of where to begin a course that leads a door along."""
-    held = work.held()
-    carried = {n for h in held.values() for n in (h.name, *work.scene.within(h.name))}
     inside = set(work.scene.within(thing)) if door.kind == "slide" else set()
-    without = {*carried, *inside, thing}
+    without = work.carried() | inside | {thing}
     at = work.motion.felt.base_pose[:2]
     if work.sight is None:
         near = work.scene.obstacles(at, _AROUND_M, without)
@@ -213,6 +211,7 @@ def course_search(
             near = work.scene.obstacles(at, _AROUND_M, without)
         parts = [s for d in work.scene.doors(thing) for s in (*d.solids, _carcass(d))]
     stays = [s for s in parts if not any(_alike(s, moving) for moving in door.solids)]
+    held = work.held()
     return CourseSearch(work.motion, side, held, near, parts, work.rng, list(tried), work.effort, stays, bendable)
 
 

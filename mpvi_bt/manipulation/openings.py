@@ -13,7 +13,7 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.parts import Bar, Door
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Actions, MotionFailure
-from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.robot.solids import Array, Solid, bounds
 
 _PARTS = "doors?|drawers?|lids?|hatch|flap|boot|trunk|cover"
 _RANKS = {
@@ -82,7 +82,7 @@ def look_over(work: Work, thing: str) -> Actions:
     if work.sight is None:
         return
     for _ in range(_LOOKS):
-        middle = _middle_of(work, thing)
+        middle = work.middle(thing)[:2]
         x, y, yaw = work.motion.felt.base_pose
         bearing = float(np.arctan2(middle[1] - y, middle[0] - x))
         if abs(kin.wrap(bearing - yaw)) > _FACING_RAD:
@@ -95,7 +95,7 @@ def look_from_aside(work: Work, thing: str) -> Generator[Array, None, bool]:
     if work.sight is None:
         return False
     x, y, _ = work.motion.felt.base_pose
-    middle = _middle_of(work, thing)
+    middle = work.middle(thing)[:2]
     bearing = float(np.arctan2(y - middle[1], x - middle[0]))
     for turn in _ASIDE_RAD:
         if (yield from _go_where(work, thing, middle, bearing + turn)):
@@ -126,7 +126,7 @@ def stand_before(work: Work, thing: str, face: Array, out: Array, door: Door | N
 
     No farther, if that is the face of a `door`, once a look on the way shows that to stand otherwise.
     """
-    middle = _middle_of(work, thing)
+    middle = work.middle(thing)[:2]
     x, y, _ = work.motion.felt.base_pose
     goal = (face + _BEFORE_M * out)[:2] - middle
     bearing = float(np.arctan2(y - middle[1], x - middle[0]))
@@ -165,12 +165,6 @@ def _go_where(work: Work, thing: str, middle: Array, bearing: float) -> Generato
     return route is not None
 
 
-def _middle_of(work: Work, thing: str) -> Array:
-    """(2,) the middle of a thing, from above."""
-    boxes = np.stack([s.aabb() for s in work.scene.solids(thing)])
-    return np.asarray((boxes[:, 0].min(0) + boxes[:, 1].max(0))[:2] / 2)
-
-
 def _ranked(doors: Sequence[Door], places: Sequence[str]) -> list[Door]:
     """The doors that match the words, the best first; all of them, from the top, if there are no words."""
     at = {id(d): _middle(d) for d in doors}
@@ -202,8 +196,7 @@ def _middle(door: Door) -> Array:
     shut = moved(door, -door.position)
     if door.bar is not None:
         return np.asarray(shut[:3, :3] @ door.bar.center + shut[:3, 3], float)
-    boxes = np.stack([s.moved(shut).aabb() for s in door.solids])
-    return np.asarray((boxes[:, 0].min(0) + boxes[:, 1].max(0)) / 2)
+    return np.asarray(bounds(s.moved(shut) for s in door.solids).mean(0))
 
 
 def moved(door: Door, by: float) -> Array:

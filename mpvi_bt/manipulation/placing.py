@@ -19,7 +19,7 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.solids import Array, bounds
 
 UPRIGHT = (0.0,)
 SLANTED = (0.25, -0.25, 0.5, -0.5, 0.8, -0.8)
@@ -70,8 +70,7 @@ def leaning(work: Work, held: Held, lean: float) -> Array | None:
     if not lean:
         return upright
     frame = kin.inverse(held.T_tcp_thing)
-    boxes = np.stack([s.moved(kin.transform(upright, (0.0, 0.0, 0.0)) @ frame).aabb() for s in held.solids])
-    size = boxes[:, 1].max(0) - boxes[:, 0].min(0)
+    size = np.ptp(bounds(s.moved(kin.transform(upright, (0.0, 0.0, 0.0)) @ frame) for s in held.solids), axis=0)
     stands = abs(lean) < _STANDS * float(np.arctan2(size[:2].min(), size[2]))
     if not (stands or abs(lean) > LIES_RAD or all(s.kind == "sphere" for s in held.solids)):
         return None
@@ -91,8 +90,7 @@ def poses(work: Work, held: Held, spot: Array, leans: Sequence[float] = UPRIGHT)
             continue
         for turn in TURNS:
             R = kin.rot_z(turn) @ standing
-            boxes = np.stack([s.moved(kin.transform(R, (0.0, 0.0, 0.0))).aabb() for s in solids])
-            low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
+            low, high = bounds(s.moved(kin.transform(R, (0.0, 0.0, 0.0))) for s in solids)
             down = _LEANING_DOWN_M if lean else _DOWN_M
             p = spot - np.append((low + high)[:2] / 2, low[2] - down)
             yield Pose(kin.transform(R, p), 0.05 * abs(float(turn)) + 1.0 * abs(lean))

@@ -21,7 +21,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
-from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.robot.solids import Array, Solid, bounds
 
 _OVER_M = 0.04  # the lip over the rim of what it is poured into
 _ABOVE_M = 0.06  # from where the vessel comes down
@@ -184,14 +184,14 @@ def _opening(work: Work, target: str) -> tuple[Array, float]:
 
     What spans an opening, such as a handle, is poured past, over its height.
     """
-    boxes = np.stack([s.aabb() for s in work.scene.solids(target)])
-    low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
+    solids = work.scene.solids(target)
+    low, high = bounds(solids)
     volumes = work.scene.volumes(target)
     if not volumes:
         return (low + high)[:2] / 2, float(high[2])
     volume = max(volumes, key=lambda v: float(np.prod(v.half_m)))
     rim, half = float(volume.aabb()[1, 2]), float(volume.half_m[:2].min())
-    above = [b for b in boxes if b[1, 2] > rim + 0.005]
+    above = [b for b in map(Solid.aabb, solids) if b[1, 2] > rim + 0.005]
 
     def room(at: Array) -> float:
         gaps = [np.linalg.norm(np.maximum(np.maximum(b[0, :2] - at, at - b[1, :2]), 0)) for b in above]

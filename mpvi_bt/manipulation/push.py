@@ -18,7 +18,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
-from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.robot.solids import Array, Solid, bounds
 
 _FAR_M = 0.30  # how far to push if nothing is said of it
 _LEAST = 0.5  # of that way counts as pushed
@@ -65,7 +65,7 @@ def push(work: Work, words: Words, tried: list[Array]) -> Actions:
     """
     name = work.nearest(words["object"])
     yield from study(work, name)
-    before = _middle(work, name)
+    before = work.middle(name)[:2]
     way, near = _way(work, name, words)
     length = float(np.linalg.norm(way))
     if length < _GAP_M:
@@ -89,17 +89,8 @@ def push(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from then_leave(work, side, going())
     yield from study(work, name)
     least = near - _UNSURE_M if "target" in words else _LEAST * length
-    if float((_middle(work, name) - before) @ way) / length < least:
+    if float((work.middle(name)[:2] - before) @ way) / length < least:
         raise MotionFailure("not_moved")
-
-
-def _middle(work: Work, name: str) -> Array:
-    return np.asarray(_box(work.scene.solids(name)).mean(0)[:2])
-
-
-def _box(solids: Sequence[Solid]) -> Array:
-    boxes = np.stack([s.aabb() for s in solids])
-    return np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)])
 
 
 def _way(work: Work, name: str, words: Words) -> tuple[Array, float]:
@@ -107,9 +98,9 @@ def _way(work: Work, name: str, words: Words) -> tuple[Array, float]:
 
     What is pushed up to a target may reach under it, as a chair's seat under a table: how far is felt.
     """
-    at, here = _middle(work, name), work.motion.felt.base_pose
+    at, here = work.middle(name)[:2], work.motion.felt.base_pose
     if "target" in words:
-        target = _box(work.scene.solids(work.nearest(words["target"])))[:, :2]
+        target = bounds(work.scene.solids(work.nearest(words["target"])))[:, :2]
         toward = np.clip(at, target[0], target[1]) - at
         far = float(np.linalg.norm(toward))
         if far < 1e-6:
@@ -133,7 +124,7 @@ def _beginning(
     work: Work, name: str, way: Array, tried: list[Array], hand: str | None
 ) -> tuple[Side, Start, Push, CourseSearch]:
     courses = pushes(work.scene.solids(name), way)
-    at, here = _middle(work, name), work.motion.felt.base_pose
+    at, here = work.middle(name)[:2], work.motion.felt.base_pose
     bearing = float(np.arctan2(at[1] - here[1], at[0] - here[0]))
     ahead = float(np.arctan2(way[1], way[0]))
     for heading in (ahead, bearing, ahead + np.pi / 2, ahead - np.pi / 2, ahead + np.pi):
@@ -147,12 +138,10 @@ def _beginning(
 
 
 def _search(work: Work, name: str, side: Side, tried: list[Array]) -> CourseSearch:
-    held = work.held()
-    carried = {n for h in held.values() for n in (h.name, *work.scene.within(h.name))}
     moved = {name, *work.scene.within(name)}
-    near = work.scene.obstacles(work.motion.felt.base_pose[:2], 2.5, without={*carried, *moved})
+    near = work.scene.obstacles(work.motion.felt.base_pose[:2], 2.5, without=work.carried() | moved)
     touched = [s for n in moved for s in work.scene.solids(n)]
-    return CourseSearch(work.motion, side, held, near, touched, work.rng, list(tried), work.effort)
+    return CourseSearch(work.motion, side, work.held(), near, touched, work.rng, list(tried), work.effort)
 
 
 def pushes(solids: Sequence[Solid], way: Array) -> list[Push]:
@@ -160,7 +149,7 @@ def pushes(solids: Sequence[Solid], way: Array) -> list[Push]:
     length = float(np.linalg.norm(way))
     d = np.append(way / length, 0.0)
     across = np.array([-d[1], d[0], 0.0])
-    low, high = _box(solids)
+    low, high = bounds(solids)
 
     def shifted(x: float) -> Array:
         return kin.transform(np.eye(3), np.append(way * x, 0.0))
@@ -200,7 +189,7 @@ def _led(shifted: Callable[[float], Array], T: Array) -> Callable[[float], Array
 
 def _rear(solids: Sequence[Solid], d: Array, z: float) -> Array | None:
     """(3,) where a line along `d` through the middle, at a height, first meets the solids."""
-    box = _box(solids)
+    box = bounds(solids)
     middle = np.append(box.mean(0)[:2], z)
     reach = float(np.linalg.norm(box[1] - box[0]))
     points = middle + d * np.linspace(-reach, reach, round(reach / 0.0025))[:, None]
@@ -210,7 +199,7 @@ def _rear(solids: Sequence[Solid], d: Array, z: float) -> Array | None:
 
 def _width(solids: Sequence[Solid], across: Array, z: float) -> float:
     """How wide the solids are at a height."""
-    box = _box(solids)
+    box = bounds(solids)
     middle = np.append(box.mean(0)[:2], z)
     reach = float(np.linalg.norm(box[1] - box[0]))
     steps = np.linspace(-reach, reach, round(reach / 0.0025))

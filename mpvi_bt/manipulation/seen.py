@@ -23,7 +23,7 @@ from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.shape import SeenBar
 from mpvi_bt.robot.collision import Obstacles, Surroundings, Together
 from mpvi_bt.robot.protocol import Side
-from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.robot.solids import Array, Solid, bounds
 
 _PASSED_M = 1.0  # of driving: pictures that old still tell where the base can go
 _CARVED = 4  # pictures of the head that the field of obstacles is carved from
@@ -193,8 +193,7 @@ class Seen(Memory):
         if solids:
             rows, columns = np.nonzero(~through & (frame.image.depth > 0))
             points = frame.points[rows, columns]
-            boxes = np.stack([s.aabb() for s in solids])
-            low, high = boxes[:, 0].min(0) - _EXPLAINED_M, boxes[:, 1].max(0) + _EXPLAINED_M
+            low, high = bounds(solids) + [[-_EXPLAINED_M], [_EXPLAINED_M]]
             near = ((points > low) & (points < high)).all(1)
             rows, columns, points = rows[near], columns[near], points[near]
             own = Surroundings(solids).distance(points) < _EXPLAINED_M
@@ -223,7 +222,6 @@ class Seen(Memory):
         carried = self._held()
         solids = [s for n in self._things if n in carried or self._things[n].inside in carried for s in self.solids(n)]
         if solids and frame.stand == self._stand:
-            boxes = np.stack([s.aabb() for s in solids])
-            low, high = boxes[:, 0].min(0) - _EXPLAINED_M, boxes[:, 1].max(0) + _EXPLAINED_M
+            low, high = bounds(solids) + [[-_EXPLAINED_M], [_EXPLAINED_M]]
             held |= ((frame.points > low) & (frame.points < high)).all(-1)
         return held

@@ -51,7 +51,7 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
         spots = scene.spots(surface, max(box.length, box.width) / 2 + 0.01, box.height + 0.1, motion.felt.base_pose[:2])
         search = work.search("right", {name})
         # What is far off may have room that is not seen from here.
-        nearer = _toward(motion.felt.base_pose, spots[0] if spots else _middle(work, surface))
+        nearer = _toward(motion.felt.base_pose, spots[0] if spots else work.middle(surface))
         route = None if nearer is None else search.route(motion.felt.base_pose, nearer)
         if route is None:
             break
@@ -79,11 +79,6 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from look_at(work, name)
     if abs(min(s.aabb()[0, 2] for s in scene.solids(name)) - spot[2]) > 0.04:
         raise MotionFailure("missed")
-
-
-def _middle(work: Work, surface: str) -> Array:
-    boxes = np.stack([s.aabb() for s in work.scene.solids(surface)])
-    return np.asarray((boxes[:, 0].min(0) + boxes[:, 1].max(0)) / 2)
 
 
 def _toward(here: Array, spot: Array) -> Array | None:

@@ -14,7 +14,7 @@ from mpvi_bt.manipulation.placing import LIES_RAD, Pose, leaning, poses
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
-from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.robot.solids import Array, Solid, bounds
 
 _CLEAR_M = 0.03  # between things on a surface
 _HEADROOMS_M = (0.35, 0.03)  # above a spot, for the thing and the hand; above the thing if there is no more
@@ -31,8 +31,7 @@ _SPOTS = 3  # of one lean and headroom
 
 def size(solids: Sequence[Solid]) -> tuple[Array, float]:
     """(2, 3) axis-aligned box of solids, and how far they reach sideways from its middle [m]."""
-    boxes = np.stack([s.aabb() for s in solids])
-    return np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)]), disc(solids)[1]
+    return bounds(solids), disc(solids)[1]
 
 
 def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: bool = False) -> Iterator[list[Pose]]:

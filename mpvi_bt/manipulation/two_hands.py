@@ -16,7 +16,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, ActionLayout, Side
-from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.robot.squeeze import squeezes
 
 _WIDTHS_M = (0.10, 0.46)  # between the hands: less is for one hand, more does not go between the arms
@@ -133,8 +133,7 @@ def boxes_about(T: Array, solids: list[Solid]) -> Iterator[Box]:
     ahead = T[:3, (up + 1) % 3]
     yaw = float(np.arctan2(ahead[1], ahead[0]))
     frame = kin.transform(kin.rot_z(yaw), T[:3, 3])
-    corners = np.stack([s.moved(kin.inverse(frame)).aabb() for s in solids])
-    low, high = corners[:, 0].min(0), corners[:, 1].max(0)
+    low, high = bounds(s.moved(kin.inverse(frame)) for s in solids)
     middle = frame[:3, :3] @ ((low + high) / 2) + frame[:3, 3]
     x, y, z = (high - low).tolist()
     for quarter in range(4):

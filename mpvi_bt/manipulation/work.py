@@ -15,7 +15,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Load, Obstacles
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, CameraImage, Side
-from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.robot.solids import Array, Solid, bounds
 
 Words = Mapping[str, str]  # what fills the slots of a skill call, such as {"object": "can of soda"}
 
@@ -64,6 +64,10 @@ class Work:
             self.wanted = ()
             self.sight.see({c: self.images[c] for c in cameras}, self.motion.felt)
             self.effort.failed.clear()  # there may be room where there seemed to be none
+
+    def middle(self, name: str) -> Array:
+        """(3,) the middle of the box about a thing, in the world."""
+        return np.asarray(bounds(self.scene.solids(name)).mean(0))
 
     def nearest(self, phrase: str) -> str:
         """The thing that a phrase names, what is still to be picked up first, then the nearest.

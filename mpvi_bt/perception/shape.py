@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from mpvi_bt.perception.outlines import Outline
-from mpvi_bt.robot.solids import Array, Solid, pose
+from mpvi_bt.robot.solids import Array, Solid, bounds, pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +54,7 @@ class Shape:
 
     def box(self) -> Array:
         """(2, 3) lowest and highest corner of its axis-aligned bounding box in the world."""
-        corners = np.stack([s.aabb() for s in self.solids])
-        return np.stack([corners[:, 0].min(0), corners[:, 1].max(0)])
+        return bounds(self.solids)
 
 
 def frame(xy: Array, heading: float, low: float, high: float) -> Array:

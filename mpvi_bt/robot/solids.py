@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -41,6 +42,12 @@ class Solid:
         else:
             reach = np.abs(R) @ self.half_m
         return np.stack([p - reach, p + reach])
+
+
+def bounds(solids: Iterable[Solid]) -> Array:
+    """(2, 3) lowest and highest corner of the axis-aligned box about solids, of which there is at least one."""
+    boxes = np.stack([solid.aabb() for solid in solids])
+    return np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)])
 
 
 def pose(p: tuple[float, float, float] | Array = (0.0, 0.0, 0.0), yaw: float = 0.0) -> Array:

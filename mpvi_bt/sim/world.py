@@ -16,7 +16,7 @@ from mpvi_bt.perception.parts import Door
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, CameraImage, Side
 from mpvi_bt.robot.r1 import FINGER_JOINTS
-from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.sim.assisted import Attachments
 from mpvi_bt.sim.builder import Thing, build_house, build_object
@@ -358,7 +358,9 @@ class World:
     def within(self, name: str) -> Sequence[str]:
         """Movable things whose middle lies in the container volumes of a thing."""
         volumes = self.volumes(name)
-        return [n for n in self._objects if n != name and any(_gap(v, _middle(self.solids(n))) <= 0 for v in volumes)]
+        return [
+            n for n in self._objects if n != name and any(_gap(v, bounds(self.solids(n)).mean(0)) <= 0 for v in volumes)
+        ]
 
     def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> list[Solid]:
         """Solids of walls, fixtures and objects that come within `radius_m` of a place on the floor (2,)."""
@@ -384,8 +386,7 @@ class World:
             containers = {c: set(self.within(c)) for c in self._objects if self.volumes(c)}
             carried = {h for s in SIDES if (h := self.holding(s)) is not None} | ({self.between()} - {None})
             for name, thing in self._objects.items():
-                boxes = np.stack([s.aabb() for s in thing.solids()])
-                low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
+                low, high = bounds(thing.solids())
                 inside = next((c for c, names in containers.items() if name in names), None)
                 base.put(
                     Known(
@@ -407,8 +408,3 @@ def _gap(solid: Solid, p: Array) -> float:
         q = solid.T[:3, :3].T @ (p - solid.T[:3, 3])
         local = np.array([np.hypot(q[0], q[1]) - solid.half_m[0], abs(q[2]) - solid.half_m[2]])
     return float(np.linalg.norm(np.maximum(local, 0)) + min(0.0, local.max()))
-
-
-def _middle(solids: Sequence[Solid]) -> Array:
-    boxes = np.stack([s.aabb() for s in solids])
-    return (boxes[:, 0].min(0) + boxes[:, 1].max(0)) / 2
