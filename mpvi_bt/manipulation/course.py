@@ -13,14 +13,13 @@ from functools import cached_property
 import numpy as np
 
 from mpvi_bt.manipulation.postures import WAY_MARGINS_M
-from mpvi_bt.manipulation.site import FLOOR, Site, Standing, base_clear
+from mpvi_bt.manipulation.site import FLOOR, LIFTS_M, Site, Standing, base_clear
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Obstacles, Surroundings, Together
 from mpvi_bt.robot.protocol import SIDES, Side, other
 from mpvi_bt.robot.solids import Array, Solid
 
-_LIFTS = (0.0, 0.1, 0.2, 0.3, 0.42, 0.55)
 _PITCHES = (0.0, 0.3, 0.6, 0.9, 1.2)
 _RUN_UPS_M = (0.4, 0.25, 0.12)  # the arm takes its posture that far behind, in the open, and the base drives it in
 _ELBOW = 3
@@ -159,19 +158,10 @@ class CourseSearch(Site):
         """A start there; and what looking for it took, 1 for a full check."""
         back = route[-1]
         T = kin.inverse(kin.base(base))
-        torsos = np.array([(lift, 0.0, pitch, r1.TRAVEL_TORSO[3]) for lift in _LIFTS for pitch in _PITCHES])
-        chests = kin.inverse(kin.chest(torsos))
         touches = T @ np.stack([course.touch for course in courses])
-        at, q = kin.arm_inverse((chests[:, None] @ touches[None]).reshape(-1, 4, 4), self.side, swivels=16)
-        if not len(at):
+        torsos, t, g, q = self.postures(touches, [course.cost for course in courses], _PITCHES, swivels=16)
+        if not len(q):
             return None, _GLANCE
-        t, g = at // len(courses), at % len(courses)
-        limits = r1.ARM_LIMITS[self.side]
-        edge = np.maximum(np.abs(q - limits.mean(1)) / (np.ptp(limits, axis=1) / 2) - 0.8, 0).sum(1)
-        cost = (
-            3 * edge + 0.6 * torsos[t, 2] + 0.5 * np.abs(torsos[t, 0] - self.motion.torso[0])
-            + np.array([course.cost for course in courses])[g] + 0.1 * np.abs(q - self.motion.arm(self.side)).sum(1)
-        )  # fmt: skip
         arms = {s: self.motion.arm(s) for s in SIDES}
         if self.other is not None:
             arms[self.other] = hold[-1]
@@ -182,7 +172,7 @@ class CourseSearch(Site):
         alike: dict[tuple[float, ...], bool] = {}  # courses that end alike fit alike
         seen: dict[tuple[int, int], int] = {}
         standing: dict[int, Standing | None] = {}
-        for row in np.argsort(cost):
+        for row in range(len(q)):
             where = (int(t[row]), int(g[row]))
             course = courses[where[1]]
             if where[1] not in fits:
@@ -234,7 +224,7 @@ class CourseSearch(Site):
         """The torso (4,) at the end of the course, if everything stays free and reachable on the way."""
         ends = [body.torso]
         if self.bendable:
-            every = np.array([(lift, 0.0, pitch, body.torso[3]) for lift in _LIFTS for pitch in _PITCHES])
+            every = np.array([(lift, 0.0, pitch, body.torso[3]) for lift in LIFTS_M for pitch in _PITCHES])
             ends += list(every[np.argsort(np.abs(every[:, :3] - body.torso[:3]) @ [1.0, 0.0, 0.8])])
         poses = [kin.inverse(kin.base(base)) @ course.pulled(float(x)) for x in np.linspace(0, 1, _SAMPLES)]
         for end in ends:

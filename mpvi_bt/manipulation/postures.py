@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 
 from mpvi_bt.manipulation.site import Site, Standing
 from mpvi_bt.manipulation.stance import Option, Stance
-from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Load
 from mpvi_bt.robot.protocol import SIDES, Side, other
 from mpvi_bt.robot.solids import Array
 
-_LIFTS = (0.0, 0.1, 0.2, 0.3, 0.42, 0.55)
 _PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1)
 _MARGIN_M = 0.012
 # Of the arm's way to where the hand works, the wide berth first: an arm in motion runs up to 2 cm beside its path.
@@ -48,29 +47,20 @@ def stance_at(
     base = lane[-1]
     T = kin.inverse(kin.base(base))
     goals = [np.stack([T @ w for w in options[k].waypoints]) for k in able]
-    torsos = np.array([(lift, 0.0, pitch, r1.TRAVEL_TORSO[3]) for lift in _LIFTS for pitch in _PITCHES])
-    chests = kin.inverse(kin.chest(torsos))
     keys = [min(options[k].contact, len(options[k].waypoints) - 1) for k in able]
     key_goals = np.stack([g[key] for g, key in zip(goals, keys, strict=True)])
-    at, q = kin.arm_inverse((chests[:, None] @ key_goals[None]).reshape(-1, 4, 4), site.side, swivels=12)
-    if not len(at):
+    torsos, t, g, q = site.postures(key_goals, [options[k].cost for k in able], _PITCHES, swivels=12)
+    if not len(q):
         return None, False
-    t, g = at // len(able), at % len(able)
-    limits = r1.ARM_LIMITS[site.side]
-    edge = np.maximum(np.abs(q - limits.mean(1)) / (np.ptp(limits, axis=1) / 2) - 0.8, 0).sum(1)
-    cost = (
-        3 * edge + 0.6 * torsos[t, 2] + 0.5 * np.abs(torsos[t, 0] - site.motion.torso[0])
-        + np.array([options[k].cost for k in able])[g] + 0.1 * np.abs(q - site.motion.arm(site.side)).sum(1)
-    )  # fmt: skip
     arms = {s: site.motion.arm(s) for s in SIDES}
     behind = site.around(lane[0], touched=True)
     if site.other is not None:
         arms[site.other] = hold[-1]
         if not site.body(site.motion.torso, behind, arms).free(site.other, hold[-1])[0]:
             return None, False
-    rows = np.argsort(cost)[:_RANKED_POSTURES]
+    t, g, q = t[:_RANKED_POSTURES], g[:_RANKED_POSTURES], q[:_RANKED_POSTURES]
     touching = np.array([options[k].contact == key for k, key in zip(able, keys, strict=True)])
-    rows = rows[_clear(site, base, torsos, t[rows], q[rows], touching[g[rows]], arms)]
+    rows = np.flatnonzero(_clear(site, base, torsos, t, q, touching[g], arms))
     seen: dict[tuple[int, int], int] = {}
     refused: dict[int, int] = {}
     checked = 0

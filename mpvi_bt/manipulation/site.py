@@ -19,6 +19,7 @@ from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, Solid, box
 
 FLOOR = box((0.0, 0.0, -0.1), (60.0, 60.0, 0.2))
+LIFTS_M = (0.0, 0.1, 0.2, 0.3, 0.42, 0.55)  # of the torso [m]
 _BASE_CLEAR_M = 0.30
 _KNOWN_M = 1.4  # from here; farther off there may be walls that are not among the obstacles
 _VIAS = ((-0.35, 0.0), (-0.7, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.35, 0.5), (-0.35, -0.5))  # ahead and left of here [m]
@@ -80,6 +81,31 @@ class Site:
             if (path := arm_motion.plan_level(body, side, T)) is not None:
                 holds.append(path)
         return holds
+
+    def postures(
+        self, goals: Array, costs: Sequence[float], pitches: Sequence[float], swivels: int
+    ) -> tuple[Array, NDArray[np.intp], NDArray[np.intp], Array]:
+        """Postures of torso and arm in which the hand that works reaches a goal, the most comfortable first.
+
+        Args:
+            goals: (k, 4, 4) T_base_tcp.
+            costs: Preference, of each goal.
+            pitches: Of the torso [rad].
+            swivels: How many places of the elbow.
+
+        Returns:
+            Torsos (m, 4); the index of its torso (n,), the index of its goal (n,) and the arm (n, 7) of each posture.
+        """
+        torsos = np.array([(lift, 0.0, pitch, r1.TRAVEL_TORSO[3]) for lift in LIFTS_M for pitch in pitches])
+        chests = kin.inverse(kin.chest(torsos))
+        at, q = kin.arm_inverse((chests[:, None] @ goals[None]).reshape(-1, 4, 4), self.side, swivels=swivels)
+        t, g = at // len(goals), at % len(goals)
+        cost = (
+            3 * kin.limit_cost(q, self.side) + 0.6 * torsos[t, 2] + 0.5 * np.abs(torsos[t, 0] - self.motion.torso[0])
+            + np.array(costs)[g] + 0.1 * np.abs(q - self.motion.arm(self.side)).sum(1)
+        )  # fmt: skip
+        rows = np.argsort(cost)
+        return torsos, t[rows], g[rows], q[rows]
 
     def stands(self, bases: Array) -> NDArray[np.bool_]:
         """(n,) bool: base poses (n, 3) that are clear of everything as far as the base goes."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.search import Search
+from mpvi_bt.manipulation.site import LIFTS_M
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
@@ -29,7 +30,6 @@ _LIFT_M = 0.15
 _BACK_M = 0.4
 _OUTWARD_M = 0.07
 _CARRY_M = 0.62  # height of the hands to carry at, if the arms get there
-_LIFTS = (0.0, 0.1, 0.2, 0.3, 0.42, 0.55)
 _PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1, 1.35)
 _CHECKED_BASES = 24
 _CHECKED_TORSOS = 8
@@ -184,14 +184,12 @@ def _grip_at(work: Work, search: Search, base: Array, box: Box) -> _Grip | None:
     """A torso and postures of both arms for one base pose."""
     to_base = kin.inverse(kin.base(base))
     pressed, touching, wide = (box.hands(r) for r in (-_PRESS_M, 0.0, _WIDE_M))
-    torsos = np.array([(lift, 0.0, pitch, r1.TRAVEL_TORSO[3]) for lift in _LIFTS for pitch in _PITCHES])
+    torsos = np.array([(lift, 0.0, pitch, r1.TRAVEL_TORSO[3]) for lift in LIFTS_M for pitch in _PITCHES])
     chests = kin.inverse(kin.chest(torsos))
     found: dict[Side, dict[int, list[Array]]] = {}
     for side in SIDES:
         at, q = kin.arm_inverse(chests @ to_base @ pressed[side], side, swivels=16)
-        limits = r1.ARM_LIMITS[side]
-        edge = np.maximum(np.abs(q - limits.mean(1)) / (np.ptp(limits, axis=1) / 2) - 0.8, 0).sum(1)
-        cost = edge + 0.05 * np.abs(q - r1.TRAVEL_ARM[side]).sum(1)
+        cost = kin.limit_cost(q, side) + 0.05 * np.abs(q - r1.TRAVEL_ARM[side]).sum(1)
         found[side] = {}
         for row in np.argsort(cost):
             found[side].setdefault(int(at[row]), []).append(q[row])

@@ -164,6 +164,12 @@ def nearest_posture(T_chest_tcp: Array, side: Side, q_near: Array, swivels: int 
 _WEIGHTS = np.array([1, 1, 1, 1, 0.5, 0.5, 0.3])  # of joints in the distance of postures
 
 
+def limit_cost(q: Array, side: Side) -> Array:
+    """(n,) how far joints of postures (n, 7) are into the last tenths of their ranges, summed, in half ranges."""
+    limits = r1.ARM_LIMITS[side]
+    return np.asarray(np.maximum(np.abs(q - limits.mean(1)) / (np.ptp(limits, axis=1) / 2) - 0.8, 0).sum(1))
+
+
 def posture_distance(q: Array, q_near: Array) -> Array:
     """(...,) weighted squared distance of postures (..., 7); the wrist's joints, cheap to turn, count less."""
     return ((q - q_near) ** 2 * _WEIGHTS).sum(-1)
