@@ -88,7 +88,7 @@ def close_in(
     return stance, search
 
 
-def refined(work: Work, side: Side, stance: Stance, options: Sequence[Option]) -> Stance:
+def _refined(work: Work, side: Side, stance: Stance, options: Sequence[Option]) -> Stance:
     """A stance whose arm is at its first waypoint, with the waypoints of the option that is now nearest to it.
 
     What a look from there has corrected is corrected; the stance itself if no line leads to any such option.
@@ -121,6 +121,17 @@ def take_up(work: Work, stance: Stance, search: Search) -> Actions:
     yield from work.motion.follow(search.side, stance.path)
     if stance.runs_up:
         yield from work.motion.drive(stance.base, _INWARD_M_S)
+
+
+def arrive(
+    work: Work, stance: Stance, search: Search, options: Callable[[], Sequence[Option]]
+) -> Generator[Array, None, Stance]:
+    """Take up a stance and, where the scene is only seen, look from the hand and correct what is left to do."""
+    yield from take_up(work, stance, search)
+    if work.sight is None:
+        return stance
+    yield from work.see(search.side)
+    return _refined(work, search.side, stance, options())
 
 
 def lines(work: Work, side: Side, stance: Stance, waypoints: Sequence[int], speed: float = 0.16) -> Actions:

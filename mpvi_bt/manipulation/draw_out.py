@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpvi_bt.manipulation.approach import approach, leave, lines, refined, take_up, withdraw
+from mpvi_bt.manipulation.approach import approach, arrive, leave, lines, withdraw
 from mpvi_bt.manipulation.carry import settle
 from mpvi_bt.manipulation.grasps import lowest
 from mpvi_bt.manipulation.hand import CLOSED_HALF_M
@@ -64,10 +64,7 @@ def draw_out(work: Work, name: str, side: Side) -> Actions:
     stance, search = yield from approach(work, side, name, lambda: options(work, name), tried)
     yield from motion.grip(side, -1.0, 0.3)
     try:
-        yield from take_up(work, stance, search)
-        if work.sight is not None:
-            yield from work.see(side)
-            stance = refined(work, side, stance, options(work, name))
+        stance = yield from arrive(work, stance, search, lambda: options(work, name))
         yield from lines(work, side, stance, [1])
         shift = kin.inverse(work.base) @ kin.base(stance.base)
         for T in stance.waypoints[2:-1]:

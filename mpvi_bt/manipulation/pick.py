@@ -6,7 +6,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from mpvi_bt.manipulation.approach import approach, leave, lines, refined, take_up, withdraw
+from mpvi_bt.manipulation.approach import approach, arrive, leave, lines, withdraw
 from mpvi_bt.manipulation.carry import back_off, settle
 from mpvi_bt.manipulation.draw_out import draw_out
 from mpvi_bt.manipulation.grasps import grasps
@@ -78,10 +78,8 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
         stance, search = yield from approach(work, side, name, lambda: options(work, name), tried)
     yield from motion.grip(side, opened(stance.opening_m), 0.2)
     try:
-        yield from take_up(work, stance, search)
+        stance = yield from arrive(work, stance, search, lambda: options(work, name))
         if work.sight is not None:
-            yield from work.see(side)
-            stance = refined(work, side, stance, options(work, name))
             yield from lines(work, side, stance, [0])
         yield from lines(work, side, stance, [1])
         work.lay[name] = np.append(scene.pose(name)[:2, 3], _lowest(work, name))

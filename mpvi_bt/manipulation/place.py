@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain, islice
 
 from mpvi_bt.manipulation import spots
 from mpvi_bt.manipulation.carry import settle, unwedge
 from mpvi_bt.manipulation.drop import drop_in, reach_over, releases
 from mpvi_bt.manipulation.gaze import look_at, study
+from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.placing import LYING, SLANTED, UPRIGHT, Pose, place_at, release
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.perception.knowledge import normalize
@@ -16,6 +17,7 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array
 
+Spots = Callable[[Work, Held, str, Sequence[float]], Iterator[Sequence[Pose]]]  # by a thing, for some leans
 Groups = Callable[[], Iterable[Sequence[Pose]]]  # poses to leave a thing in, those about one place together
 
 _FLOORS = ("floor", "ground")
@@ -64,9 +66,7 @@ def place_on(work: Work, words: Words, tried: list[Array]) -> Actions:
     if normalize(words["surface"]).split()[-1:] in [[floor] for floor in _FLOORS]:
         yield from _place(work, side, None, lambda: spots.on_floor(work, work.held()[side]), tried)
         return
-    surface, held = work.nearest(words["surface"]), work.held()[side]
-    groups = _upright_first(lambda leans: spots.on(work, held, surface, leans), LYING)
-    yield from _place(work, side, surface, groups, tried)
+    yield from _place_by(work, side, work.nearest(words["surface"]), spots.on, LYING, tried)
 
 
 def place_next_to(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -76,9 +76,7 @@ def place_next_to(work: Work, words: Words, tried: list[Array]) -> Actions:
         MotionFailure: As `place_on`.
     """
     side = work.hand_with(words["object"], words.get("hand"))
-    target, held = work.nearest(words["target"]), work.held()[side]
-    groups = _upright_first(lambda leans: spots.beside(work, held, target, leans), SLANTED)
-    yield from _place(work, side, target, groups, tried)
+    yield from _place_by(work, side, work.nearest(words["target"]), spots.beside, SLANTED, tried)
 
 
 def place_under(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -88,14 +86,18 @@ def place_under(work: Work, words: Words, tried: list[Array]) -> Actions:
         MotionFailure: As `place_on`.
     """
     side = work.hand_with(words["object"], words.get("hand"))
-    target, held = work.nearest(words["target"]), work.held()[side]
-    groups = _upright_first(lambda leans: spots.under(work, held, target, leans), LYING)
-    yield from _place(work, side, target, groups, tried)
+    yield from _place_by(work, side, work.nearest(words["target"]), spots.under, LYING, tried)
 
 
 def _upright_first(groups: Callable[[Sequence[float]], Iterable[Sequence[Pose]]], leans: Sequence[float]) -> Groups:
     """Poses with the thing upright, then those in which it leans, at the best places of each."""
     return lambda: chain(islice(groups(UPRIGHT), _SPOTS), islice(groups(leans), 2 * _SPOTS))
+
+
+def _place_by(work: Work, side: Side, name: str, at: Spots, leans: Sequence[float], tried: list[Array]) -> Actions:
+    """Set down at spots by a thing: on it, next to it, under it."""
+    held = work.held()[side]
+    yield from _place(work, side, name, _upright_first(lambda some: at(work, held, name, some), leans), tried)
 
 
 def _place(work: Work, side: Side, about: str | None, groups: Groups, tried: list[Array]) -> Actions:

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from mpvi_bt.manipulation.approach import approach, leave, lines, refined, take_up, withdraw
+from mpvi_bt.manipulation.approach import approach, arrive, leave, lines, withdraw
 from mpvi_bt.manipulation.carry import settle
 from mpvi_bt.manipulation.gaze import study
 from mpvi_bt.manipulation.stance import Option, Stance
@@ -72,10 +72,7 @@ def _press(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
     yield from motion.grip(side, -1.0, 0.3)
     stance, search = yield from approach(work, side, name, lambda: options(work, name), tried)
     try:
-        yield from take_up(work, stance, search)
-        if work.sight is not None:
-            yield from work.see(side)
-            stance = refined(work, side, stance, options(work, name))
+        stance = yield from arrive(work, stance, search, lambda: options(work, name))
         yield from _push_in(work, side, stance)
     except MotionFailure:
         yield from withdraw(work, side, stance)
