@@ -27,7 +27,7 @@ from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Obstacles, Surroundings
 from mpvi_bt.robot.motion import MotionFailure
 from mpvi_bt.robot.protocol import EMPTY_M, SIDES, CameraImage, Proprioception, Side
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.solids import Array, bounds
 from mpvi_bt.robot.squeeze import squeezes
 
 _KEPT = 20  # pictures remembered
@@ -153,8 +153,7 @@ class Memory:
             return
         thing = self._things[min(near)[2]]
         if thing.shape.kind != "vessel":
-            boxes = np.stack([s.moved(kin.inverse(T)).aabb() for s in thing.shape.solids])
-            aside = float(boxes[:, 0, 1].min() + boxes[:, 1, 1].max()) / 2
+            aside = float(bounds(s.moved(kin.inverse(T)) for s in thing.shape.solids).mean(0)[1])
             if abs(aside) < _RECENTERED_M:
                 thing.shape = thing.shape.moved(kin.transform(np.eye(3), -aside * T[:3, 1]))
         self._grip[side] = (thing.name, kin.inverse(T))
