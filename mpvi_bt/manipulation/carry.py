@@ -8,16 +8,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from mpvi_bt.manipulation.postures import TOUCH_M
 from mpvi_bt.manipulation.site import base_clear
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.collision import Body, Load
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array
 
 _FOLD_CLEAR_M = 0.02  # what is between the checks of a path may come that much nearer
+_BACK_M = (0.35, 0.2)  # to back off by,
+_BACK_RAD = (0.0, 0.25, -0.25, 0.5, -0.5)  # from straight back
+_SHRUNK_M = 0.001
 _CARRY_HEIGHT_M = 0.80
 _CHECKED_CARRIES = 25
 # Off the middle of a hand's way home, y toward its own side [m].
@@ -128,16 +132,32 @@ def unwedge(work: Work) -> Actions:
 
 
 def back_off(work: Work) -> Actions:
-    """A little back, straight, as it stands; where that is not free, less; nothing where it cannot move at all."""
-    here, body = work.motion.felt.base_pose, work.body()
-    ahead = np.array([np.cos(here[2]), np.sin(here[2]), 0.0])
-    near = work.near()
-    for by in (0.35, 0.2):
-        lane = [kin.base(here - ahead * by * u) for u in (0.4, 0.7, 1.0)]
-        around = [near.seen_from(T) for T in lane]
-        if all(base_clear(a) and replace(body, around=a).all_free() for a in around):
-            yield from work.motion.drive(here - ahead * by)
-            return
+    """A little back as it stands, straight or obliquely where something is in the way of what is held.
+
+    Where that is not free it goes less far; where it cannot move at all, nowhere.
+    """
+    here, body, near = work.motion.felt.base_pose, work.body(), work.near()
+    body = replace(body, held={side: _as_it_hangs(work, side, body) for side in body.held})
+    for by in _BACK_M:
+        for turn in _BACK_RAD:
+            back = np.array([-np.cos(here[2] + turn), -np.sin(here[2] + turn), 0.0]) * by
+            around = [near.seen_from(kin.base(here + back * u)) for u in (0.2, 0.4, 0.6, 0.8, 1.0)]
+            if all(base_clear(a) and _passes(replace(body, around=a)) for a in around):
+                yield from work.motion.drive(here + back)
+                return
+
+
+def _passes(body: Body) -> bool:
+    """Whether a body is free, hands that hold something as near to things as they may be where they take them."""
+    return body.trunk_free() and all(
+        bool(body.free(s, body.arms[s], -TOUCH_M if s in body.held else 0.0, grasping=s in body.held)[0]) for s in SIDES
+    )
+
+
+def _as_it_hangs(work: Work, side: Side, body: Body) -> Load:
+    """What a hand holds, no larger than the room where it is now: a little above a board its spheres reach into it."""
+    T, load = work.motion.hand(side), body.held[side]
+    return load.within(body.around.distance(load.centers @ T[:3, :3].T + T[:3, 3]) - _SHRUNK_M)
 
 
 def _carries(work: Work, side: Side, body: Body) -> list[Array]:
