@@ -19,7 +19,7 @@ from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, CameraImage, Proprioception
-from mpvi_bt.robot.solids import Solid, pose
+from mpvi_bt.robot.solids import Array, Solid, pose
 from tests.small_house import placed, small_world
 
 HUNG = "{entry: wall_cabinet, at: [1.2, 0.0], yaw_deg: 180, z_m: 1.35, shape: {size_m: [0.36, 0.6, 0.7]}}"
@@ -99,11 +99,16 @@ def test_nothing_is_said_to_be_no_container_before_it_was_looked_at() -> None:
 def test_what_is_closed_in_is_looked_at_from_farther_off(around_m: tuple[float, ...], far_m: float | None) -> None:
     """From the nearest circle about the place on which something is free to go to; from nowhere if there is none."""
     work, _ = with_can(HUNG)
-    place, went = np.array([1.8, 0.0]), []
+    place, went = np.array([1.8, 0.0]), list[Array]()
     posts = [
         Solid("cylinder", np.array([0.05, 0.05, 1.0]), pose((*(place - r * np.array([np.cos(a), np.sin(a)])), 1.0)))
         for r in around_m for a in np.arange(-2.8, 2.81, 0.2)
     ]  # fmt: skip
-    work.motion.drive = lambda goal: iter(went.append(goal) or ())  # type: ignore[assignment,method-assign]
+
+    def drive(goal: Array, speed: float = 0.5) -> Actions:
+        went.append(goal)
+        yield from ()
+
+    work.motion.drive = drive  # type: ignore[method-assign]
     obeyed(work, look_from_elsewhere(work, place, lambda: Surroundings(posts)))
     assert [pytest.approx(np.linalg.norm(goal[:2] - place)) for goal in went] == ([] if far_m is None else [far_m])
