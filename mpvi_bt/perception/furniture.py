@@ -15,6 +15,8 @@ from mpvi_bt.robot.solids import Array, Solid, pose
 _HEADROOM_M = 0.12  # what rises that high above a board makes a compartment of it
 _HOLE_CELL_M = 0.02
 _SUNK_M = 0.05  # what is that much lower than a board is seen through it
+_STRIP_CELL_M = 0.02  # what is less than three of these wide is no face to put things on, but an edge
+_MOSTLY = 0.5  # a face of strips, such as the rim of a drawer that is seen in part, stays as it is
 _LEVEL = 0.5  # share of the points near a face's height that are on it
 _WALLED = 0.4  # share of a side along which furniture has to rise for a wall
 
@@ -32,7 +34,7 @@ def furniture(points: Array) -> Shape:
             break
         height = float(np.median(z[(z > edges[k] - 0.01) & (z < edges[k + 1] + 0.01)]))
         level[max(k - 3, 0) : k + 4] = 0
-        face = _level(points, height)
+        face = _broad(_level(points, height))
         if len(face) < 40:
             continue
         around = outline(trimmed(face[:, :2]))
@@ -73,6 +75,18 @@ def _level(points: Array, height: float) -> Array:
     on = np.abs(near[:, 2] - height) < 0.012
     share = np.bincount(own, on) / np.maximum(np.bincount(own), 1)
     return np.asarray(near[on & (share[own] > _LEVEL)])
+
+
+def _broad(face: Array) -> Array:
+    """The points (n, 3) of a face without its thin strips, such as the edge of a door that stands open."""
+    if not len(face):
+        return face
+    cells = np.floor((face[:, :2] - face[:, :2].min(0)) / _STRIP_CELL_M).astype(np.int64) + 2
+    grid = np.zeros(cells.max(0) + 3, bool)
+    grid[tuple(cells.T)] = True
+    grid = ndimage.binary_fill_holes(ndimage.binary_closing(grid, np.ones((3, 3), bool)))  # a rim is no strip
+    broad = ndimage.binary_opening(grid, np.ones((3, 3), bool))[tuple(cells.T)]
+    return face[broad] if broad.mean() > _MOSTLY else face
 
 
 def _hole(board: Solid, face: Array, below: Array) -> tuple[Array, float] | None:

@@ -1,0 +1,41 @@
+"""Furniture that stands open, by the points of its faces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mpvi_bt.perception.furniture import furniture
+from mpvi_bt.robot.solids import Array
+
+DEPTH, WIDTH, TOP, BOARD = 0.56, 0.58, 0.86, 0.48
+THICK_M, GRAIN_M = 0.02, 0.008
+
+
+def sheet(origin: Array, along: Array, up: Array) -> Array:
+    """Points (n, 3) of a rectangle with a corner at `origin` and two sides (3,)."""
+    u, v = (np.arange(0.0, 1.0, GRAIN_M / float(np.linalg.norm(side))) for side in (along, up))
+    return np.asarray(origin + u[:, None, None] * along + v[None, :, None] * up).reshape(-1, 3)
+
+
+def open_cabinet(door_rad: float) -> Array:
+    """Points (n, 3) of one with a board and a door, its front at x = 0 toward -x; the door hangs at y = 0."""
+    x, y, z = DEPTH * np.eye(3)[0], WIDTH * np.eye(3)[1], np.eye(3)[2]
+    out = np.array([-np.sin(door_rad), np.cos(door_rad), 0.0])
+    door, thick = WIDTH * out, THICK_M * np.array([out[1], -out[0], 0.0])
+    origin = np.zeros(3)
+    parts = [sheet(height * z, x, y) for height in (0.12, BOARD, TOP)]
+    parts += [sheet(0.12 * z, x, 0.74 * z), sheet(y + 0.12 * z, x, 0.74 * z), sheet(x + 0.12 * z, y, 0.74 * z)]
+    parts += [sheet(origin + 0.12 * z, door, 0.74 * z), sheet(TOP * z, door, thick), sheet(BOARD * z, door, thick)]
+    return np.concatenate(parts)
+
+
+@pytest.mark.parametrize("door_rad", [0.9, 1.3, 1.8, 2.2])
+def test_the_edge_of_an_open_door_is_no_part_of_a_compartment(door_rad: float) -> None:
+    """However far the door stands open, both compartments are found, and lie as the cabinet does, within 4 cm."""
+    shape = furniture(open_cabinet(door_rad))
+    boxes = sorted((volume.aabb() for volume in shape.volumes), key=lambda box: float(box[0, 2]))
+    assert len(boxes) == 2
+    for box, floor, roof in zip(boxes, (0.12, BOARD), (BOARD, TOP), strict=True):
+        np.testing.assert_allclose(box[:, :2], [[0.0, 0.0], [DEPTH, WIDTH]], atol=0.04)
+        np.testing.assert_allclose(box[:, 2], [floor, roof], atol=0.04)
