@@ -39,3 +39,14 @@ def test_the_edge_of_an_open_door_is_no_part_of_a_compartment(door_rad: float) -
     for box, floor, roof in zip(boxes, (0.12, BOARD), (BOARD, TOP), strict=True):
         np.testing.assert_allclose(box[:, :2], [[0.0, 0.0], [DEPTH, WIDTH]], atol=0.04)
         np.testing.assert_allclose(box[:, 2], [floor, roof], atol=0.04)
+
+
+@pytest.mark.parametrize("sides", [3, 4])
+def test_a_narrow_rim_is_a_face_all_the_same(sides: int) -> None:
+    """Of a drawer that stands open little more is level than its edges, and not all of them may be in view."""
+    x, y, z = np.diag([0.44, 0.8, TOP])
+    a, b = x * THICK_M / 0.44, y * THICK_M / 0.8
+    rim = [sheet(z, x, b), sheet(z + y, x, b), sheet(z, a, y), sheet(z + x, a, y)][:sides]
+    bottom = sheet(z - [0.0, 0.0, 0.2], x, y)
+    boards = furniture(np.concatenate([*rim, bottom])).solids
+    assert any(abs(board.aabb()[1, 2] - TOP) < 0.01 for board in boards)
