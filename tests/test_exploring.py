@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from mpvi_bt.behaviors.protocols import Progress, Report
 from mpvi_bt.errors import DetectorError
@@ -46,10 +47,15 @@ class Seeing(KinematicRobot):
         super().advance()
         self.steps += 1
 
+    def at(self) -> tuple[float, float, float]:
+        """Its pose as plain numbers."""
+        x, y, yaw = self.pose.tolist()
+        return x, y, yaw
+
     def look(self, camera: str) -> CameraImage:
         """A small picture."""
         assert camera == "head"
-        return picture(tuple(self.pose), self.boxes, scale=0.25)  # type: ignore[arg-type]
+        return picture(self.at(), self.boxes, scale=0.25)
 
 
 class BoxDetector:
@@ -66,7 +72,8 @@ class BoxDetector:
         found = []
         for entry in self.entries:
             with np.errstate(invalid="ignore"):
-                mask = ((points > entry.lowest + [-0.01, -0.01, 0.02]) & (points < entry.highest + 0.01)).all(-1)
+                inside = (points > entry.lowest + [-0.01, -0.01, 0.02]) & (points < entry.highest + 0.01)
+            mask: NDArray[np.bool_] = np.all(inside, axis=-1)
             if mask.sum() >= 3 and (asked := [p for p in phrases if p in entry.phrases]):
                 rows, columns = np.nonzero(mask.any(1))[0], np.nonzero(mask.any(0))[0]
                 box = np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1])
@@ -92,16 +99,16 @@ def exploring(
 
 def play(
     robot: Seeing, navigator: ExploringNavigator, target: str, room: str | None = None, most_s: float = 300.0
-) -> tuple[Report, list[tuple[float, ...]]]:
+) -> tuple[Report, list[tuple[float, float, float]]]:
     """Run a search to its end; the last report and the trace of poses."""
     navigator.start(target, room)
-    trace = [tuple(robot.pose)]
+    trace = [robot.at()]
     for _ in range(round(most_s * CONTROL_HZ)):
         report = navigator.step()
         if report.progress is not Progress.RUNNING:
             return report, trace
         robot.advance()
-        trace.append(tuple(robot.pose))
+        trace.append(robot.at())
     raise AssertionError(f"still {report} after {most_s} s at {robot.pose}")
 
 

@@ -129,4 +129,7 @@ def test_cameras_see_whether_it_is_on() -> None:
         red, green, _ = image.rgb[found.mask].mean(0)
         assert (green > red) is np.bool_(on)
         assert np.linalg.norm(np.nanmean(image.points_world()[found.mask], axis=0) - at) < 0.01
-        assert not (detector.detect(image, ["radio"])[0].mask & found.mask).any()
+        (radio,) = detector.detect(image, ["radio"])
+        assert radio.mask is not None
+        assert found.mask is not None
+        assert not (radio.mask & found.mask).any()
