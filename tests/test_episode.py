@@ -83,7 +83,7 @@ def test_a_result_is_complete_and_names_what_it_used(twice: tuple[dict[str, Any]
     """It is valid JSON of the result's schema, says what was privileged, and its figures agree with each other."""
     result = json.loads(json.dumps(twice[0], allow_nan=False))
     Result.model_validate(result)
-    assert {"policy:expert", "detector:oracle", "checker:oracle"} <= set(result["privileged"])
+    assert result["privileged"] == ["checker:oracle", "policy:expert"]
     satisfied = [c["satisfied"] for c in result["goal"]]
     assert result["q_score"]["final"] == pytest.approx(sum(satisfied) / len(satisfied))
     assert result["success"] is all(satisfied)
