@@ -119,7 +119,17 @@ def test_a_task_is_needed_without_dry(mpvi: Shell) -> None:
 def test_single_nodes_are_replaced_in_the_simulator(mpvi: Shell, tmp_path: Path) -> None:
     """A rule fails every drive: the tree goes on as it would, the result says so, and the trace explains it."""
     (tmp_path / "rules.yaml").write_text("substitute:\n  - nodes: '*/navigate'\n    fail: no_path\n")
-    words = ["--checker", "oracle", "--tree", "throw_away_cans", "--substitute", "rules.yaml", "--json"]
+    words = [
+        "--checker",
+        "oracle",
+        "--detector",
+        "oracle",
+        "--tree",
+        "throw_away_cans",
+        "--substitute",
+        "rules.yaml",
+        "--json",
+    ]
     done = mpvi("run", "picking_up_trash", *words, timeout=600, VK_DRIVER_FILES="/nowhere")
     assert done.returncode == 1, done.stderr
     told = json.loads(done.stdout)
@@ -169,7 +179,17 @@ def test_speed_is_compared_where_it_means_something(success: bool, normalized: f
 @pytest.mark.slow
 def test_the_result_is_printed_as_json_and_written(mpvi: Shell, tmp_path: Path) -> None:
     """`--json` prints exactly what the result file holds; the tree goes to stderr; no pictures are needed."""
-    done = mpvi("run", "picking_up_trash", "--checker", "oracle", "--json", timeout=600, VK_DRIVER_FILES="/nowhere")
+    done = mpvi(
+        "run",
+        "picking_up_trash",
+        "--checker",
+        "oracle",
+        "--detector",
+        "oracle",
+        "--json",
+        timeout=600,
+        VK_DRIVER_FILES="/nowhere",
+    )
     assert done.returncode in (0, 1), done.stderr
     printed = json.loads(done.stdout)
     assert printed == json.loads((tmp_path / "runs" / "picking_up_trash_0_0.json").read_text())
@@ -181,7 +201,7 @@ def test_the_result_is_printed_as_json_and_written(mpvi: Shell, tmp_path: Path) 
 def test_interrupt_ends_with_130_and_a_result(tmp_path: Path) -> None:
     """Ctrl-C in the middle of an episode closes it: a result that says so, no traceback, exit code 130."""
     command = [sys.executable, "-c", "from mpvi_bt.cli import main; main()"]
-    command += ["run", "picking_up_trash", "--checker", "oracle"]
+    command += ["run", "picking_up_trash", "--checker", "oracle", "--detector", "oracle"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout
     for line in process.stdout:  # until the tree is ticked
@@ -208,7 +228,7 @@ def test_on_a_terminal_nothing_is_written_into_the_drawing(tmp_path: Path) -> No
     """What is said on stderr comes before the tree is first drawn, so that each drawing covers the one before."""
     parent, child = pty.openpty()
     command = [sys.executable, "-c", "from mpvi_bt.cli import main; main()"]
-    command += ["run", "picking_up_trash", "--checker", "oracle", "--tree", "hello"]
+    command += ["run", "picking_up_trash", "--checker", "oracle", "--detector", "oracle", "--tree", "hello"]
     process = subprocess.Popen(command, cwd=tmp_path, stdin=child, stdout=child, stderr=child)
     os.close(child)
     shown = b""
