@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from benchmarks.searches.scenes import Scene, draw
+from benchmarks.searches.scenes import FOOTPRINT_M, Scene, draw
 from mpvi_bt.behaviors.protocols import Progress
 from mpvi_bt.navigation.goals import Handoff, distance_to, facing_yaw, object_goals
 from mpvi_bt.navigation.grid import cost_to_reach
@@ -139,7 +139,7 @@ def _is_before(target: Entry, pose: Array) -> bool:
 def _shortest_m(world: World, scene: Scene, grid_map: OccupancyMap) -> float:
     """The shortest way [m] for the footprint from the start to a pose before the target."""
     boxes = floor_obstacles(world.knowledge())
-    grid = traversability(grid_map, 0.33, boxes, (), ClearanceCost(weight=0.0)).escaping(scene.base_pose[:2])
+    grid = traversability(grid_map, FOOTPRINT_M, boxes, (), ClearanceCost(weight=0.0)).escaping(scene.base_pose[:2])
     ways = cost_to_reach(grid.cost, grid.map.cell(scene.base_pose[:2])) * grid.map.resolution_m
     goals = object_goals(world.knowledge().entries[scene.target], scene.base_pose[:2], grid, Handoff(), most=10**6)
     return min((float(ways[grid.map.cell(goal.pose[:2])]) for goal in goals), default=float("nan"))

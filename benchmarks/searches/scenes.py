@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
 
+from mpvi_bt.navigation.goals import Handoff, object_goals
+from mpvi_bt.navigation.traversability import floor_obstacles, traversability
+from mpvi_bt.perception.knowledge import Entry as Known
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.solids import Array, pose
 from mpvi_bt.sim.catalogue import Catalogue, Entry
 from mpvi_bt.sim.house import House
 from mpvi_bt.sim.world import Placement
 
+FOOTPRINT_M = 0.33  # of a robot with its arms tucked
 _ROBOT_M = 0.45  # free floor around the robot at the start
 _GRASP_M = 0.25  # free floor around a thing that lies on it
 _EDGE_M = 0.12  # from the middle of a thing to the edge of what it stands on
@@ -69,8 +74,18 @@ def draw(seed: int, house: House, catalogue: Catalogue, grid: OccupancyMap, othe
             place = places.open(rooms[rng.integers(len(rooms))], catalogue[kind], rng)
             if place is not None and np.linalg.norm(place[1][:2] - start[:2]) > 0.8:
                 objects[f"other_{k}"] = Placement(catalogue[kind], pose(place[1], float(rng.uniform(-np.pi, np.pi))))
+        if not places.can_be_stood_before(objects, target_room, start):
+            continue
         return Scene("target", objects, start, target_room, hidden, on)
     raise AssertionError(f"no scene of seed {seed} in {_DRAWS} draws")
+
+
+def _known(name: str, thing: Placement, room: str) -> Known:
+    """A thing as a knowledge base has it; its box holds it however it is turned."""
+    low, high = thing.entry.description.extent()
+    half = np.append(np.full(2, float(np.hypot(*(high - low)[:2])) / 2), 0.0)
+    bottom = thing.T_world[:3, 3]
+    return Known(name, (), "object", bottom - half, bottom + half + [0.0, 0.0, float(high[2] - low[2])], room)
 
 
 class _Places:
@@ -90,6 +105,13 @@ class _Places:
         if not len(cells):
             return None
         return np.array([*self._map.center(*cells[rng.integers(len(cells))]), rng.uniform(-np.pi, np.pi)])
+
+    def can_be_stood_before(self, objects: Mapping[str, Placement], room: str, start: Array) -> bool:
+        """Whether a robot gets from its start, past all that lies about, to where it could work on the target."""
+        known = {name: _known(name, thing, room) for name, thing in objects.items()}
+        grid = traversability(self._map, FOOTPRINT_M, floor_obstacles(known.values())).escaping(start[:2])
+        goals = object_goals(known["target"], start[:2], grid, Handoff())
+        return any(np.isfinite(goal.score) for goal in goals)
 
     def open(self, room: str, entry: Entry, rng: np.random.Generator) -> tuple[str, Array] | None:
         """On the floor or on furniture of a room, wherever it is."""
