@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from mpvi_bt.behaviors.protocols import Progress, Report
 from mpvi_bt.errors import nearest
 from mpvi_bt.navigation.driver import DEFAULTS, GaveUp, NavigationParameters, Stow
-from mpvi_bt.navigation.goals import Goal, distance_to, near_goals, object_goals
+from mpvi_bt.navigation.goals import Goal, distance_to, near_goals
 from mpvi_bt.navigation.lookout import Lookout
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator, Trip
 from mpvi_bt.navigation.nod import nod, tilt_toward
@@ -25,7 +26,6 @@ from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.protocol import CameraImage, Robot
 from mpvi_bt.robot.solids import Array
 
-_GOALS = 40
 _LOOKS = 4  # at what was gone to: a detector that sees it nine times of ten misses it once in ten thousand such
 _TRIES = 4  # drives to what was seen: it may turn out to be elsewhere, or not to be there
 
@@ -142,7 +142,7 @@ class ExploringNavigator(KnownPlaceNavigator):
                     raise GaveUp("not_found", self._evidence(trip))
             names = {entry.name for entry in entries}
             try:
-                yield from self._drive_to(trip, entries, room, until=lambda names=names: self._are_gone(names))  # type: ignore[misc]
+                yield from self._drive_to(trip, entries, room, until=partial(self._are_gone, names))
             except GaveUp:
                 if self.lookout.occupancy.known.all():
                     raise
@@ -214,7 +214,7 @@ class ExploringNavigator(KnownPlaceNavigator):
                 known = self.lookout.pictures
                 start = self._robot.proprioception().base_pose[:2]
                 grid = self._driver.grid().escaping(start)
-                goals = [g for e in entries for g in object_goals(e, start, grid, self.parameters.handoff, most=_GOALS)]
+                goals = self._before(entries, grid, start)
                 learned = any(math.isfinite(g.score) and math.isfinite(grid.cost[grid.map.cell(g.pose)]) for g in goals)
             return learned
 

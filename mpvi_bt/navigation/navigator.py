@@ -129,7 +129,7 @@ class KnownPlaceNavigator:
         def goals(grid: Traversability, start: Array) -> list[Goal]:
             if not entries:
                 return room_goals(place, start, grid, most=_GOALS)
-            return [g for e in entries for g in object_goals(e, start, grid, self.parameters.handoff, most=_GOALS)]
+            return self._before(entries, grid, start)
 
         def there() -> bool:  # a base that was stopped near enough need not get to its goal
             return until() or (self._driver.halted and self._is_there(entries, room))
@@ -138,6 +138,10 @@ class KnownPlaceNavigator:
             yield from self._driver.to(goals, f"driving to {place}", there)
         except GaveUp as failure:
             raise GaveUp(failure.reason, f"{failure.message} to {place}") from None
+
+    def _before(self, entries: list[Entry], grid: Traversability, start: Array) -> list[Goal]:
+        """Poses before any of the entries."""
+        return [g for e in entries for g in object_goals(e, start, grid, self.parameters.handoff, most=_GOALS)]
 
     def _names(self) -> list[str]:
         """What targets may be called."""

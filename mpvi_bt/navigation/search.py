@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from mpvi_bt.behaviors.protocols import Report
-from mpvi_bt.navigation.driver import Driver, GaveUp
+from mpvi_bt.navigation.driver import Driver, GaveUp, Goals
 from mpvi_bt.navigation.frontiers import frontier, nearest_frontier
 from mpvi_bt.navigation.goals import Goal
 from mpvi_bt.navigation.grid import cost_to_reach
@@ -97,7 +97,7 @@ class Search:
                 return
             before = self._seen()
             try:
-                yield from self._driver.to(lambda grid, start, goal=goal: [goal], feedback, self._passed(goal, found))  # type: ignore[misc]
+                yield from self._driver.to(_only(goal), feedback, self._passed(goal, found))
             except GaveUp:
                 self._barren |= self._about(goal.pose)
                 continue
@@ -216,3 +216,8 @@ class Search:
     def _place(self) -> Array:
         place: Array = self._robot.proprioception().base_pose[:2]
         return place
+
+
+def _only(goal: Goal) -> Goals:
+    """That goal, whatever the map is by then."""
+    return lambda grid, start: [goal]
