@@ -8,6 +8,7 @@ MpviError                  exit code 3  a fault of the machine or a backend
 │   ├── NoRenderingDevice               pictures were asked for and this machine can draw none
 │   ├── PolicyError                     a policy's server is away or answers what no policy may; has a reason code
 │   ├── DetectorError                   a detector broke, hangs or answers what no detector may; has a reason code
+│   ├── ModelError                      a language model is away, refuses or gives no answer; has a reason code
 │   └── BadMessage                      bytes from elsewhere are not what the protocol says
 └── NodeError              exit code 3  a behavior raised; names the path of its node in the tree
 
@@ -123,6 +124,18 @@ class DetectorError(BackendError):
 
     Attributes:
         reason: Stable code, such as "bad_box"; docs/detectors.md lists them.
+    """
+
+    def __init__(self, reason: str, message: str) -> None:
+        self.reason = reason
+        super().__init__(message)
+
+
+class ModelError(BackendError):
+    """A language model gave no answer that can be one, or may not be asked.
+
+    Attributes:
+        reason: Stable code, such as "endpoint_down"; docs/language.md lists them.
     """
 
     def __init__(self, reason: str, message: str) -> None:

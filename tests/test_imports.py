@@ -23,6 +23,7 @@ RANKS = [
     {"yaml_reader"},
     {"file_kinds"},
     {"robot", "paths", "marked_yaml", "writing"},
+    {"language"},
     {"goals", "plan", "perception"},
     {"navigation", "manipulation", "completion", "remote", "sim"},
     {"behaviors"},
@@ -44,6 +45,7 @@ ONLY_IN = {
     "torch": {"sim/maniskill.py", "perception/grounding_dino.py"},
     "transformers": {"perception/grounding_dino.py"},
     "rerun": {"executive/rerun_log.py"},
+    "openai": {"language/openai.py"},
 }
 DISTRIBUTION = {
     "yaml": "pyyaml",
@@ -54,7 +56,7 @@ DISTRIBUTION = {
 }
 HEAVY = (
     *("numpy", "sapien", "torch", "pydantic", "numba", "scipy", "yaml", "py_trees", "mani_skill"),
-    *("msgpack", "websockets", "transformers", "rerun", "pyarrow"),
+    *("msgpack", "websockets", "transformers", "rerun", "pyarrow", "openai", "httpx"),
 )
 
 
