@@ -258,9 +258,9 @@ def test_the_skill_says_whose_picture_is_shown(skill: str | None, event: Trigger
 
 def test_only_the_skills_events_are_watched() -> None:
     """The triggers are reset to the kinds of the last segment's skill, or to all."""
-    for text, kinds in ((f"check_complete: {HELD}\nskill: pick", ("grasp",)), (f"check_complete: {HELD}", None)):
+    for text, kinds in ((f"check_complete: {HELD}\nskill: pick", {"grasp": None}), (f"check_complete: {HELD}", None)):
         bench = Bench(text)
-        seen: list[tuple[str, ...] | None] = []
+        seen: list[Mapping[str, float | None] | None] = []
         bench.context.triggers.reset = seen.append  # type: ignore[method-assign, assignment]
         bench.run(1)
         assert seen == [kinds]

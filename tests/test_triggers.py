@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mpvi_bt.behaviors.protocols import TriggerEvent
-from mpvi_bt.completion.triggers import GraspReleaseTriggers, GripperThresholds
+from mpvi_bt.completion.triggers import ProprioceptiveTriggers, Thresholds
 from mpvi_bt.errors import UnknownName
 from mpvi_bt.robot.protocol import CONTROL_HZ, Proprioception, Side
 from mpvi_bt.robot.solids import Array
@@ -30,9 +30,16 @@ class Hands(KinematicRobot):
         return replace(super().proprioception(), arm=angles, arm_velocity=dict.fromkeys(angles, np.full(7, 0.12)))
 
 
+def grips(hands: Hands, thresholds: Thresholds | None = None) -> ProprioceptiveTriggers:
+    """Triggers that watch for grasps and releases."""
+    triggers = ProprioceptiveTriggers(hands, thresholds)
+    triggers.reset({"grasp": None, "release": None})
+    return triggers
+
+
 def go(
     hands: Hands,
-    triggers: GraspReleaseTriggers,
+    triggers: ProprioceptiveTriggers,
     seconds: float,
     side: Side = "right",
     to_m: float | None = None,
@@ -52,7 +59,7 @@ def go(
     return events
 
 
-def grasp(hands: Hands, triggers: GraspReleaseTriggers, width_m: float = 0.06) -> list[TriggerEvent]:
+def grasp(hands: Hands, triggers: ProprioceptiveTriggers, width_m: float = 0.06) -> list[TriggerEvent]:
     """Close on something, lift it, come to rest."""
     return (
         go(hands, triggers, 0.5, to_m=width_m, command=-1.0)
@@ -66,7 +73,7 @@ def grasp(hands: Hands, triggers: GraspReleaseTriggers, width_m: float = 0.06) -
 def test_a_grasp_fires_once_when_the_arm_has_come_to_rest(width_m: float) -> None:
     """Closing and holding at a nonzero width, then the lift, then rest: one event, of that hand, at the end."""
     hands = Hands()
-    triggers = GraspReleaseTriggers(hands)
+    triggers = grips(hands)
     assert go(hands, triggers, 0.5) == []
     assert go(hands, triggers, 0.5, to_m=width_m, command=-1.0) == []
     assert go(hands, triggers, 1.0, joint_speed=0.5) == [], "fired in the middle of the lift"
@@ -77,8 +84,8 @@ def test_a_release_waits_for_the_other_arm() -> None:
     """While the other hand still brings the container home, nothing has ended."""
     hands = Hands()
     hands.gripper["left"] = (0.016, -1.0)
-    triggers = GraspReleaseTriggers(hands)
-    triggers.reset(("release",))
+    triggers = grips(hands)
+    triggers.reset({"release": None})
     grasp(hands, triggers)
     assert go(hands, triggers, 0.5, to_m=0.1, command=1.0) == []
     assert go(hands, triggers, 3.0, "left", joint_speed=0.3) == []
@@ -88,14 +95,14 @@ def test_a_release_waits_for_the_other_arm() -> None:
 def test_an_empty_hand_fires_nothing() -> None:
     """Closing on nothing ends at zero width."""
     hands = Hands()
-    triggers = GraspReleaseTriggers(hands)
+    triggers = grips(hands)
     assert grasp(hands, triggers, width_m=0.0005) == []
 
 
 def test_a_hand_that_pauses_half_way_without_being_told_to_close_has_no_grasp() -> None:
     """A width that holds is a grasp only if the hand was commanded closed."""
     hands = Hands()
-    triggers = GraspReleaseTriggers(hands)
+    triggers = grips(hands)
     assert go(hands, triggers, 0.5, to_m=0.05, command=0.0) + go(hands, triggers, 3.0) == []
 
 
@@ -103,7 +110,7 @@ def test_a_hand_that_pauses_half_way_without_being_told_to_close_has_no_grasp() 
 def test_letting_go_after_a_grasp_fires_a_release(width_m: float) -> None:
     """Even of a thing so wide that the hand has little left to open."""
     hands = Hands()
-    triggers = GraspReleaseTriggers(hands)
+    triggers = grips(hands)
     assert grasp(hands, triggers, width_m)
     assert go(hands, triggers, 0.5, to_m=0.1, command=1.0) == []
     assert go(hands, triggers, 0.5, joint_speed=0.4) == []
@@ -114,7 +121,7 @@ def test_opening_an_empty_hand_is_no_release() -> None:
     """Only what was held can be let go."""
     hands = Hands()
     hands.gripper["right"] = (0.0, -1.0)
-    triggers = GraspReleaseTriggers(hands)
+    triggers = grips(hands)
     assert go(hands, triggers, 1.0) == []
     assert go(hands, triggers, 0.5, to_m=0.1, command=1.0) + go(hands, triggers, 2.0) == []
 
@@ -123,7 +130,7 @@ def test_what_is_held_from_the_start_is_no_news_but_its_release_is() -> None:
     """A bin carried in the left hand asks no question while the right hand works."""
     hands = Hands()
     hands.gripper["left"] = (0.016, -1.0)
-    triggers = GraspReleaseTriggers(hands)
+    triggers = grips(hands)
     assert go(hands, triggers, 2.0, "left", joint_speed=0.3) + go(hands, triggers, 3.0, "left") == []
     assert go(hands, triggers, 0.5, "left", to_m=0.1, command=1.0) == []
     assert go(hands, triggers, 2.0, "left") == [TriggerEvent("release", "left")]
@@ -132,7 +139,7 @@ def test_what_is_held_from_the_start_is_no_news_but_its_release_is() -> None:
 def test_something_that_slips_out_is_no_release() -> None:
     """A closed hand that ends up empty did not put anything anywhere."""
     hands = Hands()
-    triggers = GraspReleaseTriggers(hands)
+    triggers = grips(hands)
     grasp(hands, triggers)
     assert go(hands, triggers, 0.2, to_m=0.0) + go(hands, triggers, 3.0) == []
     assert go(hands, triggers, 0.5, to_m=0.1, command=1.0) + go(hands, triggers, 3.0) == []
@@ -141,7 +148,7 @@ def test_something_that_slips_out_is_no_release() -> None:
 def test_after_a_no_the_event_fires_again_only_when_the_arm_moved_and_settled() -> None:
     """Standing still brings no second question; moving and settling does."""
     hands = Hands()
-    triggers = GraspReleaseTriggers(hands)
+    triggers = grips(hands)
     assert len(grasp(hands, triggers)) == 1
     assert go(hands, triggers, 10.0) == []
     assert go(hands, triggers, 1.0, joint_speed=0.5) == []
@@ -151,16 +158,16 @@ def test_after_a_no_the_event_fires_again_only_when_the_arm_moved_and_settled() 
 def test_two_events_of_one_hand_keep_the_refractory_time() -> None:
     """A hand that twitches does not ask twice within the refractory time."""
     hands = Hands()
-    triggers = GraspReleaseTriggers(hands, GripperThresholds(refractory_s=3.0, settle_s=0.2))
+    triggers = grips(hands, Thresholds(refractory_s=3.0, settle_s=0.2))
     assert len(grasp(hands, triggers)) == 1
     assert go(hands, triggers, 0.2, joint_speed=0.5) + go(hands, triggers, 0.8) == []
     assert len(go(hands, triggers, 4.0)) == 1
 
 
-def rests(hands: Hands) -> GraspReleaseTriggers:
+def rests(hands: Hands) -> ProprioceptiveTriggers:
     """Triggers that watch for a rest."""
-    triggers = GraspReleaseTriggers(hands)
-    triggers.reset(("rest",))
+    triggers = ProprioceptiveTriggers(hands)
+    triggers.reset({"rest": None})
     return triggers
 
 
@@ -210,23 +217,89 @@ def test_there_is_no_rest_while_base_or_fingers_move() -> None:
 def test_a_grasp_that_is_told_of_is_no_rest_too() -> None:
     """One end, one question, where both kinds are asked for."""
     hands = Hands()
-    triggers = GraspReleaseTriggers(hands)
-    triggers.reset(("grasp", "rest"))
+    triggers = grips(hands)
+    triggers.reset({"grasp": None, "rest": None})
     assert grasp(hands, triggers) + go(hands, triggers, 5.0) == [TriggerEvent("grasp", "right")]
 
 
-def test_a_rest_is_watched_for_only_by_name() -> None:
-    """A primitive that nobody has told us of ends in a grasp or a release."""
+def pulls(hands: Hands, triggers: ProprioceptiveTriggers, way_m: float, seconds: float = 1.0) -> list[TriggerEvent]:
+    """Move the base, and with it what the hands hold."""
+    events = []
+    for _ in range(round(seconds * CONTROL_HZ)):
+        hands.pose = hands.pose + np.array([way_m / seconds / CONTROL_HZ, 0.0, 0.0])
+        if (event := triggers.update()) is not None:
+            events.append(event)
+    return events
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0.12, 0.8), st.floats(0.5, 3.0))
+def test_what_a_hand_has_taken_hold_of_and_moved_fires_when_it_stands(way_m: float, seconds: float) -> None:
+    """A door that was pulled open, the hand still on its handle: one event, whatever moved the hand."""
     hands = Hands()
-    triggers = GraspReleaseTriggers(hands)
-    assert go(hands, triggers, 2.0, joint_speed=0.5) + go(hands, triggers, 5.0) == []
+    triggers = ProprioceptiveTriggers(hands)
+    triggers.reset({"stop": None})
+    assert go(hands, triggers, 0.5, to_m=0.02, command=-1.0) + go(hands, triggers, 1.0) == []
+    assert pulls(hands, triggers, way_m, seconds) == []
+    assert go(hands, triggers, 5.0) == [TriggerEvent("stop", "right")]
+
+
+def test_nothing_has_stopped_that_was_not_moved_or_is_not_held() -> None:
+    """A hand that holds on and stands; one that moves with nothing in it; one that carries what it came with."""
+    for width_m, way_m, before in ((0.02, 0.05, False), (0.0005, 0.5, False), (0.02, 0.5, True)):
+        hands = Hands()
+        if before:
+            hands.gripper["right"] = (width_m, -1.0)
+        triggers = ProprioceptiveTriggers(hands)
+        triggers.reset({"stop": None})
+        events = go(hands, triggers, 0.5, to_m=width_m, command=-1.0) + go(hands, triggers, 1.0)
+        assert events + pulls(hands, triggers, way_m) + go(hands, triggers, 3.0) == []
+
+
+def test_after_a_no_what_is_held_must_be_moved_on() -> None:
+    """A door that is pulled farther is a new end."""
+    hands = Hands()
+    triggers = ProprioceptiveTriggers(hands)
+    triggers.reset({"stop": None})
+    go(hands, triggers, 1.5, to_m=0.02, command=-1.0)
+    assert len(pulls(hands, triggers, 0.3) + go(hands, triggers, 3.0)) == 1
+    assert go(hands, triggers, 5.0) == []
+    assert len(pulls(hands, triggers, 0.3) + go(hands, triggers, 3.0)) == 1
+
+
+def test_what_nobody_has_told_us_of_may_end_in_any_way() -> None:
+    """Without a skill every kind is watched for, and one end is one event still."""
+    hands = Hands()
+    triggers = ProprioceptiveTriggers(hands)
+    assert grasp(hands, triggers) + go(hands, triggers, 3.0) == [TriggerEvent("grasp", "right")]
+    assert pulls(hands, triggers, 0.5) + go(hands, triggers, 3.0) == [TriggerEvent("stop", "right")]
+    opened = go(hands, triggers, 0.5, to_m=0.1, command=1.0) + go(hands, triggers, 0.5, joint_speed=0.4)
+    assert opened + go(hands, triggers, 3.0) == [TriggerEvent("release", "right")]
+    hands = Hands()
+    triggers = ProprioceptiveTriggers(hands)
+    assert go(hands, triggers, 2.0, joint_speed=0.5) + go(hands, triggers, 5.0) == [TriggerEvent("rest", "right")]
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.sampled_from(["grasp", "rest"]), st.floats(2.0, 20.0))
+def test_a_skill_may_say_how_far_apart_its_events_are(kind: str, refractory_s: float) -> None:
+    """The first comes as ever; the next ones not before that time."""
+    hands = Hands()
+    triggers = ProprioceptiveTriggers(hands)
+    triggers.reset({kind: refractory_s})
+    go(hands, triggers, 0.5, to_m=0.06, command=-1.0)
+    speeds = [0.5 if k % 48 < 24 else 0.0 for k in range(48 * 30)]  # moves and rests by turns
+    fired = [step for step, v in enumerate(speeds) if go(hands, triggers, 1 / CONTROL_HZ, joint_speed=v)]
+    assert fired[0] < 2.0 * CONTROL_HZ
+    assert len(fired) > 1
+    assert (np.diff(fired) >= round(refractory_s * CONTROL_HZ)).all()
 
 
 def test_only_the_kinds_that_were_asked_for_fire() -> None:
     """A place is not interrupted by the grasp that comes before it."""
     hands = Hands()
-    triggers = GraspReleaseTriggers(hands)
-    triggers.reset(("release",))
+    triggers = grips(hands)
+    triggers.reset({"release": None})
     assert grasp(hands, triggers) == []
     assert go(hands, triggers, 0.5, to_m=0.1, command=1.0) + go(hands, triggers, 2.0) == [
         TriggerEvent("release", "right")
@@ -236,13 +309,13 @@ def test_only_the_kinds_that_were_asked_for_fire() -> None:
 def test_a_kind_that_does_not_exist_is_refused() -> None:
     """With the names that do."""
     with pytest.raises(UnknownName, match="grasp"):
-        GraspReleaseTriggers(Hands()).reset(("graps",))
+        ProprioceptiveTriggers(Hands()).reset({"graps": None})
 
 
 def test_a_noisy_width_still_makes_a_grasp() -> None:
     """Half a millimetre of sensor noise does not hide a steady hold."""
     hands = Hands()
-    triggers = GraspReleaseTriggers(hands, GripperThresholds(smoothing=0.1, still_m_s=0.005))
+    triggers = grips(hands, Thresholds(smoothing=0.1, still_m_s=0.005))
     rng = np.random.default_rng(0)
     go(hands, triggers, 0.5, to_m=0.06, command=-1.0)
     events = []

@@ -1,28 +1,32 @@
-"""CheckComplete: ask the checker whether the criterion holds, but only when proprioception says so."""
+"""CheckComplete: ask the checker whether the criterion holds, but only when an event says that it may."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Query
 from mpvi_bt.behaviors.node import Leaf
-from mpvi_bt.behaviors.protocols import TriggerEvent
+from mpvi_bt.behaviors.protocols import Judgement, TriggerEvent
+from mpvi_bt.behaviors.question import Question
 from mpvi_bt.behaviors.saved_state import count
 from mpvi_bt.errors import UnknownName
-from mpvi_bt.robot.protocol import CameraImage, Side
-
-_OTHER: Mapping[Side, Side] = {"left": "right", "right": "left"}
+from mpvi_bt.robot.protocol import CameraImage, other
 
 
 class CheckComplete(Leaf):
     """SUCCESS once an event fired and the checker confirmed; a no lets things go on (Paper, Completion Checker).
 
-    The skill's file says which events ask, and whose camera then sees the result. Without a skill grasps and releases
-    ask, a grasp with the wrist camera, a release with the head's (Paper, Proprioceptive trigger: general heuristics for
-    all subtasks).
+    The skill's file says which events ask, and whose camera then sees the result. Without a skill any event asks, a
+    grasp with the wrist camera, the others with the head's (Paper, Proprioceptive trigger: general heuristics for all
+    subtasks).
+
+    One question is open at a time. Of the events that fire meanwhile the last one is kept: after a no it asks at once,
+    with a picture of that moment, as things have changed since the one that was judged; after a yes it is of no more
+    interest (Our choice). Whoever interrupts the check drops the question; a resumed run asks it anew.
 
     Args:
         name: In the tree.
@@ -36,9 +40,11 @@ class CheckComplete(Leaf):
         super().__init__(name)
         self.criterion, self.skill = criterion, skill
         self._cameras: dict[str, str] = {"grasp": "hand"}
-        self._kinds: tuple[str, ...] | None = None
+        self._kinds: Mapping[str, float | None] | None = None
         self._asked_about = criterion
         self._asked = 0
+        self._due: TriggerEvent | None = None  # what asks next
+        self._open: tuple[TriggerEvent, str | None, Question[Judgement]] | None = None  # with the camera
 
     def setup(self, **kwargs: object) -> None:
         """Look the skill up. Raises UnknownName if the run has no such skill."""
@@ -49,7 +55,7 @@ class CheckComplete(Leaf):
                 raise UnknownName("skill", self.skill, skills, self.path)
             triggers = skills[self.skill].triggers
             self._cameras = {t.event: t.camera for t in triggers}
-            self._kinds = tuple(self._cameras)
+            self._kinds = {t.event: t.refractory_s for t in triggers}
 
     def initialise(self) -> None:
         """Watch anew."""
@@ -58,56 +64,98 @@ class CheckComplete(Leaf):
         self.context.triggers.reset(self._kinds)
 
     def update(self) -> Status:
-        """Watch proprioception; on an event, ask."""
+        """Watch for events; on one, ask; on a yes, end."""
         with self.context.stopwatch("triggers"):
             event = self.context.triggers.update()
-        if event is None:
-            return Status.RUNNING
-        return Status.SUCCESS if self._ask(event) else Status.RUNNING
+        if event is not None:
+            self._due = event
+        if self._open is None and self._due is not None:
+            self._ask(self._due)
+            self._due = None
+        return Status.SUCCESS if self._open is not None and self._answered(*self._open) else Status.RUNNING
 
     def terminate(self, new_status: Status) -> None:
-        """Forget how often it asked; not when it begins, so that a resumed run counts on."""
+        """Forget the open question, and how often it asked; not when it begins, so that a resumed run counts on."""
         super().terminate(new_status)
         self._asked = 0
+        self._due = None
+        self._close()
 
     def state(self) -> dict[str, Any]:
-        """How often it has asked."""
-        return super().state() | ({"asked": self._asked} if self._asked else {})
+        """How often it has asked and was answered, and what it must ask about again."""
+        event = self._due or (self._open[0] if self._open else None)
+        answered = self._asked - (self._open is not None)
+        return {
+            **super().state(),
+            **({"asked": answered} if answered else {}),
+            **({"event": [event.kind, event.side]} if event else {}),
+        }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Count on from there."""
+        """Count on from there. Raises ValueError if the event is none."""
         super().restore(state)
         self._asked = count(state, "asked")
+        match state.get("event"):
+            case None:
+                self._due = None
+            case [str(kind), None | "left" | "right" as side]:
+                self._due = TriggerEvent(kind, side)
+            case wrong:
+                raise ValueError(f"'event' should be the kind of an event and its hand, not {wrong!r:.40}")
 
     def _camera(self, event: TriggerEvent) -> str:
         """Whose picture shows what came of the event."""
         wanted = self._cameras.get(event.kind)
         if event.side is None or wanted not in ("hand", "other_hand"):
             return "head"
-        return event.side if wanted == "hand" else _OTHER[event.side]
+        return event.side if wanted == "hand" else other(event.side)
 
-    def _ask(self, event: TriggerEvent) -> bool:
-        context = self.context
+    def _ask(self, event: TriggerEvent) -> None:
+        context, checker = self.context, self.context.checker
         camera: str | None = None
         image: CameraImage | None = None
-        if context.checker.needs_image:
+        if checker.needs_image:
             camera = self._camera(event)
             with context.stopwatch("rendering"):
                 image = context.robot.look(camera)
         with context.stopwatch("checker"):
-            judgement = context.checker.check(self._asked_about, image)
+            question = Question(
+                partial(checker.check, self._asked_about, image),
+                context.clock,
+                lambda judgement: judgement.latency_s,
+                at_once=not getattr(checker, "remote", False),
+            )
+        self._open = event, camera, question
+        self._asked += 1
+        self.feedback_message = f"asked {self._asked}: no answer yet"
+        context.asking.add(question)
+
+    def _answered(self, event: TriggerEvent, camera: str | None, question: Question[Judgement]) -> bool:
+        """Whether the answer is there and is a yes."""
+        context = self.context
+        with context.stopwatch("checker"):
+            judged = question.answer()
+        if judged is None:
+            return False
+        self._close()
         context.log.queries.append(
             Query(
                 self._asked_about,
                 event.kind,
                 camera,
-                judgement.complete,
-                judgement.reason,
+                judged.complete,
+                judged.reason,
                 self.path,
-                context.clock.time_s,
+                question.asked_s,
+                judged.latency_s,
+                judged.fault,
+                judged.cost,
             )
         )
-        self._asked += 1
-        answer = "yes" if judgement.complete else "no"
-        self.feedback_message = f"asked {self._asked}: {answer}, {judgement.reason}"
-        return judgement.complete
+        self.feedback_message = f"asked {self._asked}: {'yes' if judged.complete else 'no'}, {judged.reason}"
+        return judged.complete
+
+    def _close(self) -> None:
+        if self._open is not None:
+            self.context.asking.discard(self._open[2])
+        self._open = None

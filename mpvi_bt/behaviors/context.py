@@ -10,7 +10,8 @@ from types import TracebackType
 from typing import Any, Literal
 
 from mpvi_bt.behaviors.parameters import Value
-from mpvi_bt.behaviors.protocols import Checker, Clock, Memory, Navigator, Policy, Triggers
+from mpvi_bt.behaviors.protocols import Checker, Clock, Cost, Judgement, Memory, Navigator, Policy, Triggers
+from mpvi_bt.behaviors.question import Question
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.robot.protocol import Robot, Side
 
@@ -59,7 +60,8 @@ class Query:
         complete: The answer.
         reason: What made it think so.
         path: Of the node that asked.
-        time_s: When, in simulated time.
+        time_s: When it was asked, in simulated time.
+        latency_s, fault, cost: Of the answer, as in `Judgement`.
     """
 
     criterion: str
@@ -69,6 +71,9 @@ class Query:
     reason: str
     path: str
     time_s: float
+    latency_s: float = 0.0
+    fault: str = ""
+    cost: Cost | None = None
 
 
 @dataclass(frozen=True)
@@ -94,7 +99,7 @@ class Log:
 
     Attributes:
         failures: Of segments that were given up (`attempt` writes them), in order.
-        queries: Of the completion checker, in order.
+        queries: Of the completion checker, in the order of their answers.
         notices: Of empty and lost grasps, in order.
         clipped: How many actions of the policy had to be brought within the robot's limits.
     """
@@ -151,6 +156,9 @@ class Context:
         skills: By name.
         sense: Called before each tick: what the robot notices whatever it does, such as what its hands hold.
         memory: What learns while the run lasts, or None.
+        while_asked: What the policy does while the checker has not answered yet: it goes on (Paper, Completion Checker:
+            the VLA continues until it is told), or the robot holds still.
+        asking: Questions to the checker that are open.
         log: Failures and queries so far.
         stopwatch: Where the wall time goes.
         blackboard: Values that nodes leave for each other, by key; of this run alone.
@@ -165,6 +173,8 @@ class Context:
     skills: Mapping[str, Skill] = field(default_factory=dict)
     sense: Callable[[], None] = lambda: None
     memory: Memory | None = None
+    while_asked: Literal["go_on", "hold"] = "go_on"
+    asking: set[Question[Judgement]] = field(default_factory=set)
     log: Log = field(default_factory=Log)
     stopwatch: Stopwatch = field(default_factory=Stopwatch)
     blackboard: dict[str, Value] = field(default_factory=dict)

@@ -28,6 +28,8 @@ class Manipulate(Leaf):
     prompt changes under way, the rest of an old chunk is dropped and the policy reset. Actions are brought within what
     the robot may be commanded; the run's log counts those that were not. Empty and lost grasps are logged, too.
 
+    Where the run says so, the robot holds still while the checker is being asked; the chunk then waits where it is.
+
     Args:
         name: In the tree.
         prompt: What to do; clauses joined by ", then ".
@@ -52,6 +54,9 @@ class Manipulate(Leaf):
         context = self.context
         body = context.robot.proprioception()
         self._notice(body)
+        if context.asking and context.while_asked == "hold":
+            context.robot.hold()
+            return Status.RUNNING
         if not self._chunk:
             self._chunk.extend(self._infer(body))
         wanted = self._chunk.popleft()

@@ -114,15 +114,45 @@ class Policy(Protocol):
 
 
 @dataclass(frozen=True)
+class Cost:
+    """What a language model's answer cost.
+
+    Attributes:
+        model: That gave it.
+        tokens_in, tokens_out: Of the question and of the answer, as the model's server counts them.
+        kept: It came from answers on file: nothing was spent.
+    """
+
+    model: str
+    tokens_in: int = 0
+    tokens_out: int = 0
+    kept: bool = False
+
+
+@dataclass(frozen=True)
 class Judgement:
-    """A checker's answer: is the criterion met, and what made it think so."""
+    """A checker's answer: is the criterion met, and what made it think so.
+
+    Attributes:
+        complete: The answer.
+        reason: What made it think so, one line.
+        latency_s: How long the answer took, or is to take in simulated time; 0: it is there in the same tick.
+        fault: Code of what was wrong, where this is a no for want of an answer, such as "bad_answer" or "refused".
+        cost: Of a language model's answer, or None.
+    """
 
     complete: bool
     reason: str
+    latency_s: float = 0.0
+    fault: str = ""
+    cost: Cost | None = None
 
 
 class Checker(Protocol):
     """Decides whether a completion criterion holds (the VLM's place in the paper).
+
+    It may have `remote` besides, a bool: True if `check` waits for something elsewhere. Such a checker is asked in a
+    thread and the control loop goes on meanwhile; any other is asked in the loop.
 
     Attributes:
         name: As given on the command line.
@@ -136,6 +166,9 @@ class Checker(Protocol):
         """Whether `criterion`, a state such as "the trash can is held in a gripper", is met.
 
         Anything that it cannot decide is a no.
+
+        Raises:
+            ModelError: A language model may not be asked at all, as without a key; the episode ends.
         """
         ...
 
@@ -145,8 +178,8 @@ class TriggerEvent:
     """Proprioception says that something just happened (Paper, Completion Checker).
 
     Attributes:
-        kind: "grasp", "release" or "rest".
-        side: The hand that it happened to, whose camera may show it.
+        kind: "grasp", "release", "stop", "rest" or "periodic".
+        side: The hand that it happened to, whose camera may show it; None if it is no hand's.
     """
 
     kind: str
@@ -156,8 +189,13 @@ class TriggerEvent:
 class Triggers(Protocol):
     """Watches proprioception for the end of a manipulation primitive."""
 
-    def reset(self, kinds: tuple[str, ...] | None = None) -> None:
-        """Begin anew; only events of `kinds` will fire (None: grasps and releases, which may end any primitive)."""
+    def reset(self, kinds: Mapping[str, float | None] | None = None) -> None:
+        """Begin anew.
+
+        Args:
+            kinds: Events that will fire, each with the least simulated time between it and the one before, of the same
+                hand (None: as the triggers have it). None: all that may end a primitive that nobody has told us of.
+        """
         ...
 
     def update(self) -> TriggerEvent | None:

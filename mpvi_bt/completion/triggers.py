@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,17 +11,18 @@ import numpy as np
 
 from mpvi_bt.behaviors.protocols import TriggerEvent
 from mpvi_bt.errors import UnknownName
+from mpvi_bt.robot import kinematics
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Robot, Side
 from mpvi_bt.robot.solids import Array
 
-KINDS = ("grasp", "release", "rest")
-_GENERAL = ("grasp", "release")  # what ends a primitive that nobody has told us of (Paper, Proprioceptive trigger)
+KINDS = ("grasp", "release", "stop", "rest")
 _STEPS_OF_A_RATE = 3  # rates of change are taken over so many steps
+_LONG_AGO = 10**9  # steps
 
 
 @dataclass(frozen=True)
-class GripperThresholds:
-    """What counts as a grasp, a release and an arm at rest.
+class Thresholds:
+    """What counts as a grasp, a release, a stop and a rest.
 
     Our choice throughout; the paper says only that a gripper "closes and holds at a nonzero width".
 
@@ -34,8 +36,10 @@ class GripperThresholds:
         full_m: or, of a thing nearly as wide as the hand opens, how wide at all.
         arm_still_rad_s: The arms are at rest while no joint of either is faster; for "rest", base and torso too [m/s].
         moved_rad: How far a joint of an arm must have turned since the last rest for the next one to be an event.
+        moved_m: How far a hand must have moved what it holds since it took hold of it, or since the last event,
+        still_hand_m_s: and how slow it must be then, for a stop to be an event.
         settle_s: How long the arms must be at rest: the event marks the end of a primitive, not its middle.
-        refractory_s: At least this long between two events of one hand.
+        refractory_s: At least this long between two events of one hand, unless a skill says otherwise.
     """
 
     smoothing: float = 0.4
@@ -47,31 +51,41 @@ class GripperThresholds:
     full_m: float = 0.095
     arm_still_rad_s: float = 0.05
     moved_rad: float = 0.3
+    moved_m: float = 0.10
+    still_hand_m_s: float = 0.01
     settle_s: float = 0.5
     refractory_s: float = 1.0
 
 
-class GraspReleaseTriggers:
-    """Watches both hands and fires when one has grasped or let go and its arm has come to rest (implements `Triggers`).
+class ProprioceptiveTriggers:
+    """Watches both hands and the whole body, and fires when a primitive may just have ended (implements `Triggers`).
 
-    A hand's grasp or release fires once; it fires anew after the arms have moved and settled again, so that a judge who
-    said no is asked again when there may be something new to see (Paper, Completion Checker appendix).
+    "grasp", "release": a hand has closed and holds a width, or has let go, and the arms have come to rest. It fires
+    once, and anew after the arms have moved and settled again, so that a judge who said no is asked again when there
+    may be something new to see (Paper, Completion Checker appendix).
 
-    What ends in neither, such as a door that was pushed shut or a button that was pressed, shows in the arms alone:
-    they have gone somewhere and the whole body has come to rest. That is the event "rest", of the arm that went
-    farther. It fires only where it is asked for by name.
+    "stop": what a hand has taken hold of was moved and now stands, the hand still on it, such as a door that is open as
+    far as it goes. What was in hand before, such as a bin that is carried along, is no news.
+
+    "rest": the arms have gone somewhere and the whole body has come to rest. What ends in none of the above, such as a
+    door that was pushed shut or a button that was pressed, shows in this alone. It is the event of the arm that went
+    farther.
+
+    One end is one event: of several that are due, the first of this list.
     """
 
-    def __init__(self, robot: Robot, thresholds: GripperThresholds | None = None) -> None:
+    def __init__(self, robot: Robot, thresholds: Thresholds | None = None) -> None:
         """Watch `robot`, as after `reset()`."""
         self._robot = robot
-        self.thresholds = thresholds or GripperThresholds()
+        self.thresholds = thresholds or Thresholds()
         self.reset()
 
-    def reset(self, kinds: tuple[str, ...] | None = None) -> None:
-        """Begin anew; only events of `kinds` will fire (None: grasps and releases).
+    def reset(self, kinds: Mapping[str, float | None] | None = None) -> None:
+        """Begin anew. What a hand holds now it is known to hold.
 
-        What a hand holds now it is known to hold.
+        Args:
+            kinds: As of `Triggers`; None: all, as a primitive that nobody has told us of may end in any (Paper,
+                Proprioceptive trigger: general heuristics).
 
         Raises:
             UnknownName: A kind that these triggers do not have.
@@ -79,7 +93,9 @@ class GraspReleaseTriggers:
         for kind in kinds or ():
             if kind not in KINDS:
                 raise UnknownName("trigger", kind, KINDS)
-        self._kinds = _GENERAL if kinds is None else kinds
+        given = dict.fromkeys(KINDS) if kinds is None else kinds
+        refractory_s = self.thresholds.refractory_s
+        self._apart = {kind: _steps(refractory_s if s is None else s) for kind, s in given.items()}
         body = self._robot.proprioception()
         self._hands = {side: _Hand(self.thresholds, body, side) for side in SIDES}
         self._angles: deque[Array] = deque(maxlen=_STEPS_OF_A_RATE + 1)
@@ -94,14 +110,16 @@ class GraspReleaseTriggers:
         moving = self._arms_move(body)
         for hand in self._hands.values():
             hand.feel(body, moving)
+            if "stop" in self._apart:
+                hand.feel_way(body)
         steady = all(hand.steady for hand in self._hands.values())
-        rested = self._rest.feel(body, steady) if "rest" in self._kinds else None
+        rested = self._rest.feel(body, steady) if "rest" in self._apart else None
         for side, hand in self._hands.items():
-            if (kind := hand.due(self._kinds)) is not None:
+            if (kind := hand.due(self._apart)) is not None:
                 hand.fired()
                 self._rest.fired()
                 return TriggerEvent(kind, side)
-        if rested is not None:
+        if rested is not None and self._rest.since_event >= self._apart["rest"]:
             self._rest.fired()
             return TriggerEvent("rest", rested)
         return None
@@ -120,18 +138,19 @@ class GraspReleaseTriggers:
 class _Hand:
     """What one hand has been doing."""
 
-    def __init__(self, thresholds: GripperThresholds, body: Proprioception, side: Side) -> None:
+    def __init__(self, thresholds: Thresholds, body: Proprioception, side: Side) -> None:
         self._t, self._side = thresholds, side
         self._width = float(body.gripper_width[side])
         self._steady = 0  # steps with an unchanging width
-        self._at_rest = 0  # steps with an arm at rest
-        self._since_event = _steps(thresholds.refractory_s)
+        self._at_rest = 0  # steps with the arms at rest
+        self._since_event = _LONG_AGO
         self._recent: deque[float] = deque([self._width], maxlen=_STEPS_OF_A_RATE + 1)  # smoothed
         # Of a hand that holds something from the start, as after another primitive, only a release can be new.
         closed = body.gripper_command[side] < 0
         self._grasp_width = self._width if closed and self._width > thresholds.held_m else None
         self._news: Literal["grasp", "release"] | None = None
         self._armed = False
+        self._way: _Way | None = None  # of what it took hold of since
 
     def feel(self, body: Proprioception, moving: bool) -> None:
         """Take in one step; `moving` says whether an arm moves."""
@@ -150,12 +169,19 @@ class _Hand:
         if self._grasp_width is None:
             if closed and self._width > t.held_m:
                 self._grasp_width = self._width
+                self._way = _Way(self._t)
                 self._report("grasp")
         elif not closed and self._width >= min(self._grasp_width + t.opened_m, t.full_m):
-            self._grasp_width = None
+            self._grasp_width, self._way = None, None
             self._report("release")
         elif closed and self._width < t.empty_m:  # it slipped out: nothing is held and nothing was let go on purpose
-            self._grasp_width, self._news = None, None
+            self._grasp_width, self._way, self._news = None, None, None
+
+    def feel_way(self, body: Proprioception) -> None:
+        """Take in where the hand is in the world, if it has taken hold of something."""
+        if self._way is not None:
+            T = kinematics.base(body.base_pose) @ kinematics.tcp(body.torso, body.arm[self._side], self._side)
+            self._way.feel(T[:3, 3])
 
     @property
     def steady(self) -> bool:
@@ -166,27 +192,57 @@ class _Hand:
         self._news, self._armed = news, True
         self._at_rest = 0  # a rest from now on ends the primitive; the hand's own pause while it closed does not
 
-    def due(self, kinds: tuple[str, ...]) -> str | None:
-        """The kind of the event that this hand has to report now, if any."""
-        t = self._t
-        rested = self._at_rest >= _steps(t.settle_s) and self._since_event >= _steps(t.refractory_s)
-        return self._news if self._armed and rested and self._news in kinds else None
+    def due(self, apart: Mapping[str, int]) -> str | None:
+        """The kind of the event that this hand has to report now, if any; `apart`: steps between events, by kind."""
+        if self._at_rest < _steps(self._t.settle_s):
+            return None
+        if self._armed and self._news in apart and self._since_event >= apart[self._news]:
+            return self._news
+        stopped = self._way is not None and self._way.ended
+        return "stop" if stopped and "stop" in apart and self._since_event >= apart["stop"] else None
 
     def fired(self) -> None:
         """The event was reported; it is due again only after the arm has moved and settled."""
         self._armed, self._since_event = False, 0
+        if self._way is not None:
+            self._way = _Way(self._t)
+
+
+class _Way:
+    """How far a hand has moved what it holds, and whether it stands now."""
+
+    def __init__(self, thresholds: Thresholds) -> None:
+        self._t = thresholds
+        self._recent: deque[Array] = deque(maxlen=_STEPS_OF_A_RATE + 1)
+        self._home: Array | None = None
+        self._farthest_m = 0.0
+        self._still = 0  # steps
+
+    def feel(self, p_hand_world: Array) -> None:
+        """Take in where it is (3,) [m]."""
+        home = self._home = p_hand_world if self._home is None else self._home
+        self._recent.append(p_hand_world)
+        self._farthest_m = max(self._farthest_m, float(np.linalg.norm(p_hand_world - home)))
+        went_m = float(np.linalg.norm(p_hand_world - self._recent[0]))
+        slow = went_m * CONTROL_HZ <= self._t.still_hand_m_s * max(len(self._recent) - 1, 1)
+        self._still = self._still + 1 if slow else 0
+
+    @property
+    def ended(self) -> bool:
+        """Whether it went far enough and stands."""
+        return self._farthest_m > self._t.moved_m and self._still >= _steps(self._t.settle_s)
 
 
 class _Rest:
     """Whether the arms have gone somewhere since the last rest, and the whole body stands now."""
 
-    def __init__(self, thresholds: GripperThresholds, body: Proprioception) -> None:
+    def __init__(self, thresholds: Thresholds, body: Proprioception) -> None:
         self._t = thresholds
         self._home = {side: body.arm[side].copy() for side in SIDES}
         self._farthest: dict[Side, float] = dict.fromkeys(SIDES, 0.0)
         self._recent: deque[Array] = deque(maxlen=_STEPS_OF_A_RATE + 1)
         self._still = 0  # steps
-        self._since_event = _steps(thresholds.refractory_s)
+        self.since_event = _LONG_AGO
 
     def feel(self, body: Proprioception, steady: bool) -> Side | None:
         """Take in one step; the arm that went farthest, if this is a rest that is news; `steady`: of the fingers."""
@@ -199,9 +255,9 @@ class _Rest:
         self._recent.append(now)
         went = np.abs(now - self._recent[0]).max() * CONTROL_HZ
         self._still = 0 if went > t.arm_still_rad_s * max(len(self._recent) - 1, 1) else self._still + 1
-        self._since_event += 1
+        self.since_event += 1
         farther: Side = "left" if self._farthest["left"] > self._farthest["right"] else "right"
-        rested = steady and self._still >= _steps(t.settle_s) and self._since_event >= _steps(t.refractory_s)
+        rested = steady and self._still >= _steps(t.settle_s)
         return farther if rested and self._farthest[farther] > t.moved_rad else None
 
     def fired(self) -> None:
@@ -209,7 +265,7 @@ class _Rest:
         if self._recent:
             self._home = {"left": self._recent[-1][:7], "right": self._recent[-1][7:14]}
         self._farthest = dict.fromkeys(SIDES, 0.0)
-        self._since_event = 0
+        self.since_event = 0
 
 
 def _steps(seconds: float) -> int:

@@ -22,13 +22,16 @@ class Trigger(Record):
     """What proprioception shows when the primitive has ended, and the camera that then sees the result.
 
     Attributes:
-        event: A hand has taken hold, or has let go, or the arms have moved and come to rest.
+        event: A hand has taken hold ("grasp") or has let go ("release"), what it holds has been moved and stands
+            ("stop"), or the arms have moved and come to rest ("rest").
         camera: "head"; "hand": the wrist camera of the hand that it happened to (Paper, Manipulation: the trigger
             directs the query to that wrist's view); "other_hand": that of the other one, which now holds the thing.
+        refractory_s: Least simulated time between this event and the one before; None: as all others.
     """
 
-    event: Literal["grasp", "release", "rest"]
+    event: Literal["grasp", "release", "stop", "rest"]
     camera: Literal["head", "hand", "other_hand"]
+    refractory_s: Annotated[float, Field(ge=0, le=3600, allow_inf_nan=False)] | None = None
 
 
 class Skill(Record):

@@ -15,7 +15,7 @@ from mpvi_bt.behaviors.context import Context
 from mpvi_bt.behaviors.protocols import Checker
 from mpvi_bt.completion.criteria import Relation
 from mpvi_bt.completion.oracle import OracleChecker
-from mpvi_bt.completion.triggers import GraspReleaseTriggers
+from mpvi_bt.completion.triggers import ProprioceptiveTriggers
 from mpvi_bt.completion.visual import VisualChecker
 from mpvi_bt.errors import BackendError, UnknownName
 from mpvi_bt.executive.loop import Last, Subscriber, run_episode
@@ -25,7 +25,7 @@ from mpvi_bt.executive.rerun_log import RerunLog
 from mpvi_bt.executive.saved import restore_world
 from mpvi_bt.executive.stop import Stop
 from mpvi_bt.executive.video import Video
-from mpvi_bt.goals.evaluate import judge, snapshot, unmet
+from mpvi_bt.goals.evaluate import early, judge, snapshot, unmet
 from mpvi_bt.goals.predicates import BINARY, UNARY, truth_in
 from mpvi_bt.goals.problem import Problem, load_problem
 from mpvi_bt.navigation.exploring import ExploringNavigator
@@ -102,7 +102,7 @@ def run(
         navigator=navigator,
         policy=in_chunks(policy, config),
         checker=_checker(config, world, vocabulary),
-        triggers=GraspReleaseTriggers(world.robot),
+        triggers=ProprioceptiveTriggers(world.robot),
         skills=skills,
         sense=navigator.feel,
         memory=navigator if isinstance(navigator, ExploringNavigator) else None,
@@ -154,7 +154,6 @@ def _world(
     config: EpisodeConfig, task: Task, house: House, catalogue: Catalogue, problem: Problem
 ) -> tuple[World, Start]:
     """A settled world in which :init holds and of the goal nothing but what :init says."""
-    stated = {fact.literal for fact in problem.init if fact.positive}
     for draw in range(_DRAWS):
         # The instance alone says where things begin, so that seeds of one instance can be compared.
         rng = np.random.default_rng([zlib.crc32(task.problem.encode()), config.instance, draw])
@@ -165,8 +164,7 @@ def _world(
         world = World(house, start.objects, start.base_pose, render=_renders(config), assisted=config.assisted)
         world.settle()
         truth = truth_in(world, start.scene_names)
-        early = [k for k, true in snapshot(problem, truth).items() if true and k not in stated]
-        if not unmet(problem, truth) and not early:
+        if not unmet(problem, truth) and not early(problem, truth):
             return world, start
     raise BackendError(
         f"{config.task}: no start of instance {config.instance} came to rest as :init has it in {_DRAWS} draws"

@@ -236,8 +236,8 @@ class FingerTriggers:
         self._robot = robot
         self.reset()
 
-    def reset(self, kinds: tuple[str, ...] | None = None) -> None:
-        """Begin anew."""
+    def reset(self, kinds: Mapping[str, float | None] | None = None) -> None:
+        """Begin anew; how long events must be apart is not minded."""
         body = self._robot.proprioception()
         self._kinds = kinds
         self._before = dict(body.gripper_width)
