@@ -168,6 +168,19 @@ def test_what_is_seen_but_cannot_be_reached() -> None:
     assert report.reason == "no_path"
 
 
+@pytest.mark.parametrize("prior", [True, False])
+def test_what_lies_in_the_middle_of_a_wide_table_is_come_as_near_to_as_one_can(prior: bool) -> None:
+    """A base that stands where nothing nearer is free has arrived."""
+    plain = two_rooms()
+    table, cup = thing("table", (6.0, 2.0, 0.15), (1.5, 1.5, 0.3)), thing("cup", (6.0, 2.0, 0.36), (0.1, 0.1, 0.12))
+    robot = Seeing(1.0, 2.0, 0.0, [*walls(plain), box_of(table), box_of(cup)])
+    grid_map = two_rooms()
+    put_box(grid_map, (5.25, 1.25), (6.75, 2.75))
+    report, _ = play(robot, exploring(robot, BoxDetector(cup), grid_map if prior else None), "cup")
+    assert report.progress is Progress.SUCCEEDED, report
+    assert Handoff().distance_m < distance_to(cup, robot.pose[:2]) <= Handoff().distance_m + Handoff().slack_m
+
+
 @pytest.mark.parametrize("target", ["", "  ", "!?"])
 def test_a_target_that_says_nothing(target: str) -> None:
     """It is refused at once."""
@@ -236,12 +249,13 @@ class Erring(BoxDetector):
         return [Detection("cup", 1.0, np.array(self.box), mask)]
 
 
+@pytest.mark.parametrize("prior", [True, False])
 @pytest.mark.parametrize("box", [(35, 30, 45, 40), (10, 15, 75, 35)])
-def test_a_mistake_of_the_detector_is_looked_at_and_passed_over(box: tuple[int, int, int, int]) -> None:
+def test_a_mistake_of_the_detector_is_looked_at_and_passed_over(box: tuple[int, int, int, int], prior: bool) -> None:
     """What is gone to and not seen there is forgotten, a wide patch of floor too; the thing itself is found."""
     grid_map, boxes = house(CUP)
     robot = Seeing(1.0, 2.0, 0.0, boxes)
-    report, _ = play(robot, exploring(robot, Erring(box, CUP), grid_map), "cup")
+    report, _ = play(robot, exploring(robot, Erring(box, CUP), grid_map if prior else None), "cup")
     assert report.progress is Progress.SUCCEEDED
     assert distance_to(CUP, robot.pose[:2]) < 1.3
 

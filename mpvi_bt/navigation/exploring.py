@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import Any
@@ -27,7 +27,7 @@ from mpvi_bt.robot.protocol import CameraImage, Robot
 from mpvi_bt.robot.solids import Array
 
 _LOOKS = 4  # at what was gone to: a detector that sees it nine times of ten misses it once in ten thousand such
-_TRIES = 4  # drives to what was seen: it may turn out to be elsewhere, or not to be there
+_TRIES = 8  # drives to what was seen: it may be elsewhere, not be there, or no way to it be known yet
 
 
 class ExploringNavigator(KnownPlaceNavigator):
@@ -140,16 +140,17 @@ class ExploringNavigator(KnownPlaceNavigator):
                 entries, room = self._look_up(trip)
                 if not entries:
                     raise GaveUp("not_found", self._evidence(trip))
-            names = {entry.name for entry in entries}
+            names, slack_m = {entry.name for entry in entries}, 0.0
             try:
                 yield from self._drive_to(trip, entries, room, until=partial(self._are_gone, names))
+                slack_m = self.parameters.handoff.slack_m  # nowhere nearer was free
             except GaveUp:
-                if self.lookout.occupancy.known.all():
+                if self.lookout.occupancy.known.all() or not (yield from self._learn_the_way(trip, entries)):
                     raise
-                yield from self._learn_the_way(trip, entries)
+                continue
             yield from self._look_again(trip, names)
             entries, room = self._look_up(trip)
-            if self._is_there(entries, room) or not _seen(entries):
+            if self._is_there(entries, room, slack_m) or not _seen(entries):
                 return
         if entries:
             raise GaveUp("not_reached", f"{trip.target} was elsewhere each time that it was gone to")
@@ -204,8 +205,12 @@ class ExploringNavigator(KnownPlaceNavigator):
         for _ in nod(self._robot, before):
             yield report
 
-    def _learn_the_way(self, trip: Trip, entries: list[Entry]) -> Iterator[Report]:
-        """Without a prior map: come as near to what is seen as known floor leads, and explore until a way is known."""
+    def _learn_the_way(self, trip: Trip, entries: list[Entry]) -> Generator[Report, None, bool]:
+        """Without a prior map: come as near to what is seen as known floor leads, and explore until a way is known.
+
+        Returns:
+            Whether one is known.
+        """
         learned, known = False, self.lookout.pictures
 
         def can_be_reached() -> bool:
@@ -225,6 +230,7 @@ class ExploringNavigator(KnownPlaceNavigator):
         with suppress(GaveUp):
             yield from self._driver.to(nearer, feedback, can_be_reached)
         yield from self.search.run(can_be_reached, feedback)
+        return learned
 
     def _are_gone(self, names: set[str]) -> bool:
         """Whether none of the entries is believed in any more."""

@@ -72,10 +72,13 @@ def facing_yaw(entry: Entry, xy: Array) -> Array:
     return yaw
 
 
-def at_target(entry: Entry, pose: Array, grid: Traversability, handoff: Handoff) -> bool:
-    """Whether a base at `pose` (3,) is within the handoff distance of the target, faces it and nothing is between."""
+def at_target(entry: Entry, pose: Array, grid: Traversability, handoff: Handoff, slack_m: float = 0.0) -> bool:
+    """Whether a base at `pose` (3,) is within the handoff distance of the target, faces it and nothing is between.
+
+    `slack_m` is added to that distance, for a base that was sent as near as it gets.
+    """
     xy = pose[:2]
-    if not distance_to(entry, xy) <= handoff.distance_m:  # nor is it where either place is no number
+    if not distance_to(entry, xy) <= handoff.distance_m + slack_m:  # nor is it where either place is no number
         return False
     if not abs(float(wrap(facing_yaw(entry, xy) - pose[2]))) <= handoff.facing_rad:
         return False
@@ -94,7 +97,7 @@ def object_goals(entry: Entry, start: Array, grid: Traversability, handoff: Hand
         return []
     effort = cost_to_reach(grid.cost, grid.map.cell(start)) * grid.map.resolution_m
     margin = 2 * grid.map.resolution_m
-    for reach in (handoff.distance_m - margin, handoff.distance_m + handoff.slack_m):
+    for reach in (handoff.distance_m - margin, handoff.distance_m + handoff.slack_m - margin):
         cells = _ring(entry, grid, grid.footprint_m + handoff.gap_m, reach)
         points = grid.points(cells)
         keep = _same_room(entry, points, grid)

@@ -164,11 +164,11 @@ class KnownPlaceNavigator:
         best = [h for h in hits if (h.held, h.inside is None) == (hits[0].held, hits[0].inside is None)]
         return best, rooms.get(normalize(trip.room)) if trip.room else None
 
-    def _is_there(self, entries: list[Entry], room: str | None) -> bool:
+    def _is_there(self, entries: list[Entry], room: str | None, slack_m: float = 0.0) -> bool:
         pose = self._robot.proprioception().base_pose
         if not np.isfinite(pose).all():
             return False
         if not entries:
-            return self._map().room_at(pose[:2]) == room
+            return room is not None and self._map().room_at(pose[:2]) == room
         grid = self._driver.grid()
-        return any(at_target(entry, pose, grid, self.parameters.handoff) for entry in entries)
+        return any(at_target(entry, pose, grid, self.parameters.handoff, slack_m) for entry in entries)
