@@ -28,6 +28,16 @@ def test_a_scene_follows_from_its_seed_and_takes_a_search(seed: int) -> None:
     assert len(set(kinds)) == len(kinds)
 
 
+def test_nothing_stands_under_a_worktop() -> None:
+    """What is drawn on furniture has room over it: a thing in a closed counter cannot be looked for."""
+    boxes = [solid.aabb() for fixture in HOUSE.fixtures.values() for solid in fixture.solids()]
+    for seed in range(40):
+        for thing in draw(seed, HOUSE, CATALOGUE, GRID).objects.values():
+            x, y, z = thing.T_world[:3, 3]
+            over = [b for b in boxes if (b[0, :2] < (x, y)).all() and (b[1, :2] > (x, y)).all()]
+            assert not any(b[0, 2] < z + 0.15 and b[1, 2] > z + 0.01 for b in over), (seed, thing.entry.name)
+
+
 def test_the_table_counts_what_was_found() -> None:
     """By map and detector, and apart for what was hidden; a failure has an SPL of 0 and its reason."""
     rows = [

@@ -17,12 +17,19 @@ from mpvi_bt.sim.catalogue import Catalogue, Entry
 from mpvi_bt.sim.house import House
 from mpvi_bt.sim.world import Placement
 
+# What is looked for and lies about: named here, so that a catalogue that grows draws no other scenes.
+KINDS = (
+    "board_game", "book", "bottle", "bottle_of_olive_oil", "bowl", "box", "box_of_oatmeal", "can_of_soda", "candle",
+    "carton_of_milk", "coffee_cup", "hammer", "mixing_bowl", "plate", "radio_receiver", "tennis_ball", "toy_box",
+    "trash_can", "wicker_basket",
+)  # fmt: skip
 FOOTPRINT_M = 0.33  # of a robot with its arms tucked
 _ROBOT_M = 0.45  # free floor around the robot at the start
 _GRASP_M = 0.25  # free floor around a thing that lies on it
 _EDGE_M = 0.12  # from the middle of a thing to the edge of what it stands on
 _NEAR_M = 0.75  # what lies on furniture is so near to floor that the robot may stand on
 _TOPS_M = (0.3, 1.2)  # furniture on which things stand: its height
+_HEADROOM_M = 0.2  # free over a thing that stands on furniture
 _DRAWS = 500
 
 
@@ -52,13 +59,12 @@ def draw(seed: int, house: House, catalogue: Catalogue, grid: OccupancyMap, othe
 
     Args:
         seed: Of everything.
-        house, catalogue, grid: Where, what there may be, and the house's map.
+        house, catalogue, grid: Where, what the `KINDS` are, and the house's map.
         others: How many other things lie about, of other kinds than the target.
     """
     rng = np.random.default_rng([5, seed])
     places = _Places(house, grid)
-    movable = sorted(name for name, entry in catalogue.entries.items() if entry.mass_kg is not None)
-    kinds = [movable[i] for i in rng.permutation(len(movable))]
+    kinds = [KINDS[i] for i in rng.permutation(len(KINDS))]
     rooms = [room.name for room in house.rooms.values() if not room.outdoors]
     hidden = seed % 3 == 0
     for _ in range(_DRAWS):
@@ -98,6 +104,7 @@ class _Places:
         self._reachable = passable == np.bincount(passable[passable > 0]).argmax()
         self._to_reachable = ndimage.distance_transform_edt(~self._reachable) * grid.resolution_m
         self._taken: list[Array] = []
+        self._boxes = [solid.aabb() for fixture in house.fixtures.values() for solid in fixture.solids()]
 
     def robot(self, room: str, rng: np.random.Generator) -> Array | None:
         """(3,) a free pose in a room."""
@@ -121,8 +128,10 @@ class _Places:
             name, lowest, highest = tops[rng.integers(len(tops))]
             for _ in range(50):
                 xy = rng.uniform(lowest[:2] + _EDGE_M, highest[:2] - _EDGE_M)
-                if self._to_reachable[self._map.cell(xy)] < _NEAR_M and self._free(xy):
-                    return name, np.array([*xy, highest[2] + 0.002])
+                spot = np.array([*xy, highest[2] + 0.002])
+                near = self._to_reachable[self._map.cell(xy)] < _NEAR_M
+                if near and self._free(xy) and not self._covered(spot):
+                    return name, spot
         return self._on_floor(self._cells(room, self._floor()), rng)
 
     def hidden(self, room: str, rng: np.random.Generator) -> tuple[str, Array] | None:
@@ -149,6 +158,11 @@ class _Places:
 
     def _free(self, xy: Array) -> bool:
         return all(float(np.linalg.norm(xy - other)) > 0.6 for other in self._taken)
+
+    def _covered(self, spot: Array) -> bool:
+        """Whether something is right over a place (3,), as the worktop over a cabinet is."""
+        lowest, highest = spot + [-_EDGE_M, -_EDGE_M, 0.0], spot + [_EDGE_M, _EDGE_M, _HEADROOM_M]
+        return any(bool(((box[0] < highest) & (box[1] > lowest)).all()) for box in self._boxes)
 
     def _cells(self, room: str, mask: Array) -> Array:
         return np.argwhere((self._map.rooms == self._map.room_names.index(room)) & mask)
