@@ -10,6 +10,7 @@ import sys
 import termios
 import tty
 from collections.abc import Container, Iterator, Mapping
+from dataclasses import asdict
 from typing import Any
 
 import click
@@ -73,7 +74,7 @@ def _print_json(trace: Trace, tick: int | None) -> None:
     for i, change in enumerate(trace.ticks):
         shown = {name: value for name, value in vars(change).items() if name != "queries"}
         shown["nodes"] = {path: vars(state) for path, state in change.nodes.items()}
-        shown["queries"] = [vars(answer) for answer in change.queries]
+        shown["queries"] = [asdict(answer) for answer in change.queries]
         click.echo((",\n " if i else "\n ") + json.dumps(shown), nl=False)
     click.echo("\n]")
 

@@ -196,8 +196,9 @@ class _Hand:
         """The kind of the event that this hand has to report now, if any; `apart`: steps between events, by kind."""
         if self._at_rest < _steps(self._t.settle_s):
             return None
-        if self._armed and self._news in apart and self._since_event >= apart[self._news]:
-            return self._news
+        news = self._news if self._armed else None
+        if news is not None and news in apart and self._since_event >= apart[news]:
+            return news
         stopped = self._way is not None and self._way.ended
         return "stop" if stopped and "stop" in apart and self._since_event >= apart["stop"] else None
 

@@ -31,6 +31,7 @@ from mpvi_bt.tree.yaml_io import expanded
 from mpvi_bt.writing import unwritable
 
 _NOT_BEGUN = NodeState()
+_ALWAYS = ("criterion", "event", "complete", "reason", "path")  # of a query
 _JSON = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
 
 
@@ -163,11 +164,12 @@ class Recorder(Watcher):
                 self._blackboard = dict(context.blackboard)
             if len(context.log.queries) > self._queries:
                 asked = context.log.queries[self._queries :]
-                line["queries"] = [_answer(query) for query in asked if query.time_s >= self._resumed_s]
+                now_s = self._world.time_s
+                line["queries"] = [_answer(query, now_s) for query in asked if query.time_s >= self._resumed_s]
                 self._queries = len(context.log.queries)
             if len(context.log.notices) > self._notices:
                 felt = context.log.notices[self._notices :]
-                line["notices"] = [_answer(notice) for notice in felt if notice.time_s >= self._resumed_s]
+                line["notices"] = [_noticed(notice) for notice in felt if notice.time_s >= self._resumed_s]
                 self._notices = len(context.log.notices)
         if line:
             self._write(self._now() | line)
@@ -276,8 +278,16 @@ def _difference(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any
     return {key: value for key, value in new.items() if key not in old or old[key] != value} | gone
 
 
-def _answer(entry: Query | Notice) -> dict[str, Any]:
-    return {key: value for key, value in vars(entry).items() if key != "time_s" and value is not None}
+def _answer(query: Query, now_s: float) -> dict[str, Any]:
+    """A query without what is at its default, and without its time where it was answered in the tick that asked."""
+    data = dataclasses.asdict(query)
+    asked_s = data.pop("time_s")
+    told = {key: value for key, value in data.items() if key in _ALWAYS or value not in (None, "", 0)}
+    return told | ({"asked_s": asked_s} if asked_s != now_s else {})
+
+
+def _noticed(notice: Notice) -> dict[str, Any]:
+    return {key: value for key, value in vars(notice).items() if key != "time_s"}
 
 
 def _described(error: Exception) -> dict[str, str]:

@@ -134,7 +134,7 @@ class _History:
                 self.began[path] = tick.time_s
             if new.status == "FAILURE":
                 self.failures[path].append(_Failed(tick.time_s, new, self.placed[path].spec))
-        self.asked += [Asked(tick.time_s, answer) for answer in tick.queries]
+        self.asked += [Asked(tick.time_s if a.asked_s is None else a.asked_s, a) for a in tick.queries]
         self.moment.apply(tick)
 
     def _swap(self, tree: TreeSpec) -> None:

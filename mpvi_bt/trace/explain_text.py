@@ -126,6 +126,7 @@ class _Text:
             answer = asked.answer
             said = ", ".join(filter(None, ("yes" if answer.complete else "no", answer.reason)))
             by = f"after a {answer.event}" + (f", {answer.camera} camera" if answer.camera else "")
+            by += f", answered in {answer.latency_s:.1f} s" if answer.latency_s else ""
             self.add(f'asked at {asked.time_s:.1f} s ({by}): "{answer.criterion}"? {said}', depth)
 
     def last(self, items: Sequence[_Item], what: str, depth: int, shown: int = _SHOWN) -> Sequence[_Item]:

@@ -16,6 +16,16 @@ _Time = Annotated[float, Field(ge=0)]
 
 
 @dataclass(frozen=True)
+class Cost:
+    """What a language model's answer cost: tokens in and out, of which model; `kept`: it was on file, and free."""
+
+    model: str
+    tokens_in: _Count = 0
+    tokens_out: _Count = 0
+    kept: bool = False
+
+
+@dataclass(frozen=True)
 class Answer:
     """What the completion checker said.
 
@@ -26,6 +36,8 @@ class Answer:
         reason: What made it think so.
         path: Of the node that asked.
         camera: Whose picture it was handed, or None.
+        asked_s: When it was asked, in simulated time; None: in the tick that has the answer.
+        latency_s, fault, cost: Of the answer, as in `Judgement`.
     """
 
     criterion: str
@@ -34,6 +46,10 @@ class Answer:
     reason: str
     path: str
     camera: str | None = None
+    asked_s: _Time | None = None
+    latency_s: _Time = 0.0
+    fault: str = ""
+    cost: Cost | None = None
 
 
 @dataclass(frozen=True)
