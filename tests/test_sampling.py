@@ -181,7 +181,8 @@ def test_things_on_a_crowded_or_turned_surface_stand_on_it() -> None:
     ("wrong", "said"),
     [
         (mine("(ontop can__of__soda.n.01_1 floor.n.01_1)", room="kitchn"), "unknown room 'kitchn'"),
-        (mine("(inside can__of__soda.n.01_1 floor.n.01_1)"), "inside.*known: ontop"),
+        (mine("(nextto can__of__soda.n.01_1 floor.n.01_1)"), "nextto.*known: ontop, inside"),
+        (mine("(inside can__of__soda.n.01_1 floor.n.01_1)"), "only movable things can have others inside"),
         (mine("(ontop can__of__soda.n.01_1 table.n.02_1) (inroom table.n.02_1 garage)"), "no table.n.02 is left"),
         (mine("(ontop can__of__soda.n.01_1 table.n.02_1)"), "only floors and fixtures"),
     ],

@@ -85,12 +85,17 @@ class Problem:
         return {f.literal.args[0]: f.literal.args[1] for f in self.init if f.literal.predicate == "inroom"}
 
     @property
-    def agent_room(self) -> str | None:
-        """The room on whose floor the robot starts, or None if :init does not say."""
+    def agent_support(self) -> str | None:
+        """The floor or lawn that the robot starts on, or None if :init does not say."""
         for fact in self.init:
             if self.objects.get(fact.literal.args[0]) == AGENT and fact.literal.predicate == "ontop":
-                return self.rooms.get(fact.literal.args[1])
+                return fact.literal.args[1]
         return None
+
+    @property
+    def agent_room(self) -> str | None:
+        """The room that the robot starts in, or None if :init does not say."""
+        return None if self.agent_support is None else self.rooms.get(self.agent_support)
 
     @property
     def future(self) -> frozenset[str]:

@@ -9,19 +9,24 @@ import numpy as np
 from scipy import ndimage
 
 from mpvi_bt.errors import BackendError, UserError
+from mpvi_bt.goals.formula import Literal
 from mpvi_bt.goals.problem import AGENT, Problem
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.collision import Surroundings, carries
-from mpvi_bt.robot.solids import Array, pose
+from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.sim.catalogue import Catalogue, Entry
 from mpvi_bt.sim.house import House
-from mpvi_bt.sim.prior_map import prior_map
+from mpvi_bt.sim.prior_map import BAND_M, prior_map
 from mpvi_bt.sim.world import Placement
 
 ROBOT_CLEARANCE_M = 0.45  # free floor around the robot at the start
 OBJECT_CLEARANCE_M = 0.30  # free floor around an object's edge, so that a hand gets at it
 APART_M = 0.45  # between two objects' edges
 DOORWAY_M = 0.9  # nothing lies this near the middle of a doorway
+INSIDE_CLEARANCE_M = 0.012  # inside a container: to its walls, and between things
+REACH_M = 0.85  # from where a robot can stand to a thing on a fixture
+KNOWN = ("ontop", "inside")
+_DROP_M = 0.001  # things are let go of so far above what carries them
 _DRAWS = 400
 
 
@@ -67,8 +72,8 @@ def sample(
 ) -> Start:
     """Draw one start.
 
-    Floors and the upper faces of fixtures can carry things (`ontop`); whether all of :init then holds is for physics to
-    say, so a caller settles the world and checks.
+    Things lie on floors, on flat ground such as a lawn, on the upper faces of fixtures, or inside other movable things;
+    whether all of :init then holds is for physics to say, so a caller settles the world and checks.
 
     Args:
         house: Where.
@@ -84,30 +89,70 @@ def sample(
     names = scene_names(house, problem)
     floor = _Floor(house, prior_map(house))
     objects: dict[str, Placement] = {}
-    agent_room = problem.agent_room
-    for fact in problem.init:
-        predicate, args = fact.literal.predicate, fact.literal.args
-        if predicate != "ontop" or problem.objects.get(args[0]) == AGENT or not fact.positive:
-            if predicate not in ("inroom", "ontop") and fact.positive:
-                raise UserError(f"{problem.name}: a start with {fact.literal} cannot be sampled yet; known: ontop")
-            continue
-        synset = problem.objects[args[0]]
-        if synset not in bindings:
-            raise UserError(f"{problem.name}: {args[0]} is bound to no catalogue entry; bound: {', '.join(bindings)}")
-        entry = catalogue[bindings[synset]]
-        support = names.get(args[1])
-        if support is None:
-            raise UserError(f"{problem.name}: {fact.literal}: only floors and fixtures can carry things yet")
-        if support.startswith("floor_"):
-            xy = floor.draw(support.removeprefix("floor_"), _radius(entry), OBJECT_CLEARANCE_M, rng)
-            T = pose((float(xy[0]), float(xy[1]), 0.001), float(rng.uniform(-np.pi, np.pi)))
+    contents: dict[str, list[tuple[Array, float]]] = {}
+    for literal in _containers_first(problem):
+        name, place = literal.args
+        entry = _bound(problem, catalogue, bindings, name)
+        radius = _radius(entry)
+        if literal.predicate == "inside" and place in objects:
+            T = _within(objects[place], entry, contents.setdefault(place, []), rng)
+        elif literal.predicate == "inside":
+            raise UserError(f"{problem.name}: {literal}: only movable things can have others inside yet")
+        elif place not in names:
+            raise UserError(f"{problem.name}: {literal}: only floors and fixtures can carry things yet")
+        elif floor.is_ground(names[place]):
+            xy, z = floor.draw(names[place], radius, OBJECT_CLEARANCE_M, rng)
+            T = pose((float(xy[0]), float(xy[1]), z + _DROP_M), float(rng.uniform(-np.pi, np.pi)))
         else:
-            T = floor.on_top(support, _radius(entry), rng)
-        objects[args[0]] = Placement(entry, T)
-    if agent_room is None:
+            T = floor.on_top(names[place], radius, rng)
+        objects[name] = Placement(entry, T)
+    ground = problem.agent_support
+    if ground is None:
         raise UserError(f"{problem.name}: :init does not say where the robot begins")
-    xy = floor.draw(agent_room, 0.0, ROBOT_CLEARANCE_M, rng)
+    xy, _ = floor.draw(names[ground], 0.0, ROBOT_CLEARANCE_M, rng)
     return Start(objects, np.array([*xy, rng.uniform(-np.pi, np.pi)]), names)
+
+
+def _containers_first(problem: Problem) -> list[Literal]:
+    """What :init says of where movable things are: of a container before what is in it, else in the order of the file.
+
+    Raises:
+        UserError: It says something of them that cannot be sampled.
+    """
+    facts: list[Literal] = []
+    for fact in problem.init:
+        literal = fact.literal
+        if literal.predicate == "inroom" or not fact.positive or problem.objects.get(literal.args[0]) == AGENT:
+            continue
+        if literal.predicate not in KNOWN:
+            raise UserError(f"{problem.name}: a start with {literal} cannot be sampled yet; known: {', '.join(KNOWN)}")
+        facts.append(literal)
+    return sorted(facts, key=lambda literal: literal.predicate == "inside")
+
+
+def _bound(problem: Problem, catalogue: Catalogue, bindings: Mapping[str, str], name: str) -> Entry:
+    synset = problem.objects[name]
+    if synset not in bindings:
+        raise UserError(f"{problem.name}: {name} is bound to no catalogue entry; bound: {', '.join(bindings)}")
+    return catalogue[bindings[synset]]
+
+
+def _within(container: Placement, entry: Entry, taken: list[tuple[Array, float]], rng: np.random.Generator) -> Array:
+    """(4, 4) a place for a thing on the bottom of a container, clear of what was put there before."""
+    radius, height = _radius(entry), float(np.ptp(entry.description.extent()[:, 2]))
+    for volume in container.entry.description.root.volumes:
+        low, high = volume.aabb()
+        reach = (high - low)[:2] / 2 - radius - INSIDE_CLEARANCE_M
+        if (reach <= 0).any() or height / 2 > high[2] - low[2]:
+            continue
+        middle = (low + high)[:2] / 2
+        for _ in range(_DRAWS):
+            xy = middle + rng.uniform(-reach, reach)
+            if all(np.linalg.norm(xy - other) > radius + r + INSIDE_CLEARANCE_M for other, r in taken):
+                taken.append((xy, radius))
+                spot = pose((float(xy[0]), float(xy[1]), float(low[2]) + _DROP_M), float(rng.uniform(-np.pi, np.pi)))
+                return np.asarray(container.T_world @ spot)
+    raise BackendError(f"no free place of radius {radius:.2f} m inside {container.entry.name}")
 
 
 def _radius(entry: Entry) -> float:
@@ -123,39 +168,61 @@ class _Floor:
         self._clearance = ndimage.distance_transform_edt(~grid.occupied) * grid.resolution_m
         passable, _ = ndimage.label(self._clearance > 0.36)
         self._reachable = passable == np.bincount(passable[passable > 0]).argmax()  # by a robot from anywhere else
-        self._near_reachable = ndimage.distance_transform_edt(~self._reachable) * grid.resolution_m < 0.5
+        self._from_reachable_m = ndimage.distance_transform_edt(~self._reachable) * grid.resolution_m
         self._taken: list[tuple[Array, float]] = []
 
-    def draw(self, room: str, radius: float, clearance: float, rng: np.random.Generator) -> Array:
-        """(2,) a free place [m] on a room's floor for something of a radius [m]; it is taken from now on."""
-        standing = self._reachable if radius == 0.0 else self._near_reachable
-        index = self._map.room_names.index(room)
-        cells = np.argwhere((self._map.rooms == index) & (self._clearance > radius + clearance) & standing)
+    def is_ground(self, support: str) -> bool:
+        """Whether a support is a floor, or so flat that a robot drives over it, such as a lawn."""
+        return support.startswith("floor_") or self._house.fixtures[support].extent()[1, 2] < BAND_M[0]
+
+    def draw(self, ground: str, radius: float, clearance: float, rng: np.random.Generator) -> tuple[Array, float]:
+        """(2,) a free place [m] on some ground for something of a radius [m], and its height [m]; taken from now on."""
+        standing = self._reachable if radius == 0.0 else self._from_reachable_m < 0.5
+        free = (self._clearance > radius + clearance) & standing
+        height = 0.0
+        if ground.startswith("floor_"):
+            free = free & (self._map.rooms == self._map.room_names.index(ground.removeprefix("floor_")))
+        cells = np.argwhere(free)
+        if not ground.startswith("floor_"):
+            low, high = self._house.fixtures[ground].extent()
+            at = np.array([self._map.center(*cell) for cell in cells]).reshape(-1, 2)
+            cells = cells[((at > low[:2] + radius) & (at < high[:2] - radius)).all(1)]
+            height = float(high[2])
         for _ in range(_DRAWS if len(cells) else 0):
             xy = self._map.center(*cells[rng.integers(len(cells))])
             if self._is_free(xy, radius):
                 self._taken.append((xy, radius))
-                return xy
-        raise BackendError(f"no free place of radius {radius:.2f} m on the floor of the {room}")
+                return xy, height
+        raise BackendError(f"no free place of radius {radius:.2f} m on {ground}")
 
     def on_top(self, fixture: str, radius: float, rng: np.random.Generator) -> Array:
-        """(4, 4) a place on the highest broad face of a fixture, clear of what stands on it."""
-        solids = [s for s in self._house.fixtures[fixture].solids() if s.kind != "sphere"]
-        broad = [s for s in solids if (np.ptp(s.aabb(), axis=0)[:2] > 2 * radius).all()]
-        for face in sorted(broad, key=lambda s: -s.aabb()[1, 2])[:1]:
+        """(4, 4) a place on the broadest upper face of a fixture that has one free within reach."""
+        solids = list(self._house.fixtures[fixture].solids())
+        broad = [s for s in solids if s.kind != "sphere" and (np.ptp(s.aabb(), axis=0)[:2] > 2 * radius).all()]
+        for face in sorted(broad, key=_breadth):
             low, high = face.aabb()
-            others = Surroundings([s for f in self._house.fixtures.values() for s in f.solids() if f.name != fixture])
+            others = Surroundings([
+                s for f in self._house.fixtures.values() for s in f.solids()
+                if f.name != fixture or (s is not face and s.aabb()[1, 2] > high[2] + 0.005)
+            ])  # fmt: skip
             for _ in range(_DRAWS):
                 spot = np.append(rng.uniform(low[:2] + radius, high[:2] - radius), high[2])
                 if (
                     all(np.linalg.norm(spot[:2] - other) > radius + r + 0.05 for other, r in self._taken)
+                    and self._from_reachable_m[self._map.cell(spot)] < REACH_M
                     and carries(face, spot, radius)
                     and others.distance(spot + [0, 0, 0.05]) > radius
                 ):
                     self._taken.append((spot[:2], radius))
-                    return pose(spot + [0, 0, 0.001], float(rng.uniform(-np.pi, np.pi)))
+                    return pose(spot + [0, 0, _DROP_M], float(rng.uniform(-np.pi, np.pi)))
         raise BackendError(f"no free place of radius {radius:.2f} m on {fixture}")
 
     def _is_free(self, xy: Array, radius: float) -> bool:
         doorways = all(np.linalg.norm(xy - np.asarray(d.at)) > DOORWAY_M for d in self._house.doorways)
         return doorways and all(np.linalg.norm(xy - other) > radius + r + APART_M for other, r in self._taken)
+
+
+def _breadth(face: Solid) -> tuple[float, float]:
+    """What faces are ranked by: the broadest first, of those as broad the highest."""
+    low, high = face.aabb()
+    return -round(float(np.prod((high - low)[:2])), 2), -float(high[2])
