@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from mpvi_bt.goals.formula import All, Formula, Literal, Truth, holds, literals
+from mpvi_bt.goals.formula import All, Formula, Literal, Truth, holds, literals, signed
 from mpvi_bt.goals.problem import AGENT, Fact, Problem
 from mpvi_bt.goals.qscore import fraction, qscore
 
@@ -65,6 +65,16 @@ def unmet(problem: Problem, truth: Truth) -> list[Fact]:
         if fact.literal.predicate not in {"inroom", "future", "insource"}
         and problem.objects.get(fact.literal.args[0]) != AGENT
         and truth(fact.literal) != fact.positive
+    ]
+
+
+def early(problem: Problem, truth: Truth) -> list[Literal]:
+    """Literals that the goal wants true, that are true now, and that :init does not state: a start should have none."""
+    stated = {fact.literal for fact in problem.init if fact.positive}
+    return [
+        literal
+        for literal, positive in dict.fromkeys(signed(problem.goal))
+        if positive and literal not in stated and truth(literal)
     ]
 
 

@@ -105,15 +105,20 @@ def holds(formula: Formula, truth: Truth) -> bool:
 
 def literals(formula: Formula) -> Iterator[Literal]:
     """Every literal in the formula, in order, repeats included."""
+    return (literal for literal, _ in signed(formula))
+
+
+def signed(formula: Formula, positive: bool = True) -> Iterator[tuple[Literal, bool]]:
+    """Every literal in the formula, in order, repeats included, and whether the formula wants it true."""
     match formula:
         case Literal():
-            yield formula
+            yield formula, positive
         case Not(child):
-            yield from literals(child)
+            yield from signed(child, not positive)
         case All(children) | Some(children) | Exactly(_, children):
             for child in children:
-                yield from literals(child)
+                yield from signed(child, positive)
         case Pairs(_, rows):
             for row in rows:
                 for cell in row:
-                    yield from literals(cell)
+                    yield from signed(cell, positive)
