@@ -93,17 +93,17 @@ def sofa(*, size_m: Size, color: Rgb, cushion_color: Rgb | None = None, seats: C
     return parts.thing()
 
 
-def bed(*, size_m: Size, color: Rgb, blanket_color: Rgb, pillows: Count = 1) -> Description:
+def bed(*, size_m: Size, color: Rgb, blanket_color: Rgb, pillows: Count = 1, legs_m: Length = 0.08) -> Description:
     """A frame with a mattress, blanket, pillows and a head board at the back; `size_m` z is the mattress's top."""
     parts = Parts()
     x, y, z = size_m
-    parts.box((0, 0, (z - 0.2) / 2 + 0.04), (x, y, z - 0.28), color)
+    parts.box((0, 0, (z - 0.2 + legs_m) / 2), (x, y, z - 0.2 - legs_m), color)
     parts.box((0.02, 0, z - 0.1), (x - 0.08, y - 0.06, 0.2), _WHITE)
     parts.box((x * 0.15 - 0.006, 0, z - 0.065), (x * 0.7, y - 0.02, 0.135), blanket_color, collides=False)
     parts.box((-x / 2 + 0.02, 0, (z + 0.45) / 2), (0.04, y, z + 0.45), color)
     for i in (-1, 1):
         for j in (-1, 1):
-            parts.box((i * (x / 2 - 0.05), j * (y / 2 - 0.05), 0.04), (0.07, 0.07, 0.08), color)
+            parts.box((i * (x / 2 - 0.05), j * (y / 2 - 0.05), legs_m / 2), (0.07, 0.07, legs_m), color)
     width = (y - 0.1) / pillows
     for k in range(pillows):
         center = -(y - 0.1) / 2 + (k + 0.5) * width
