@@ -7,9 +7,11 @@ from pathlib import Path
 import pytest
 
 from mpvi_bt import paths
-from mpvi_bt.cli.check import problems_in, site_of
+from mpvi_bt.cli.check import problems_in
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import protocol
+from mpvi_bt.suite.planners import ground
+from mpvi_bt.suite.tasks import load_task
 from mpvi_bt.tree import lint
 from mpvi_bt.tree.yaml_io import load_tree, parse_tree
 from tests.test_check import GOOD, of, run
@@ -143,7 +145,7 @@ def test_a_target_of_a_subtree_is_told_at_its_call(tmp_path: Path) -> None:
     """The caller can mend it, not the file that comes with mpvi_bt, which is named in the message."""
     path = tmp_path / "t.yaml"
     path.write_text("tree: t\nroot:\n  subtree: go_to\n  arguments: {place: kitchn}\n")
-    found = problems_in(str(path), site_of("picking_up_trash"))
+    found = problems_in(str(path), ground("family_house", load_task("picking_up_trash")))
     assert {(p.file, p.line, p.nearest) for p in found} == {(str(path), 4, "kitchen")}
     assert all(f"(at {ROOT / 'trees' / 'go_to.yaml'}:" in p.message for p in found)
 

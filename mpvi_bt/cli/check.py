@@ -7,9 +7,8 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -20,20 +19,10 @@ from mpvi_bt.errors import FileProblems, Problem, UserError
 from mpvi_bt.file_kinds import kind_of, taken_by
 from mpvi_bt.marked_yaml import MAX_PROBLEMS, Marks, load_marked, parse_marked
 
+if TYPE_CHECKING:
+    from mpvi_bt.plan.context import Grounding
+
 STDIN = "<stdin>"
-
-
-@dataclass(frozen=True)
-class Site:
-    """What a tree can name where a task is.
-
-    Attributes:
-        rooms: Of the house.
-        phrases: What people call its rooms, its fixtures and the task's things.
-    """
-
-    rooms: frozenset[str]
-    phrases: frozenset[str]
 
 
 @click.command()
@@ -51,7 +40,7 @@ def check(files: tuple[str, ...], task: str | None, as_json: bool) -> int:
     FILE may be a folder: then every .yaml, .yml and .json below it is checked. It may be the name of a tree, too, or
     "-" for the standard input. The exit code is 1 if there is any problem, a warning too, and 2 if a FILE is not there.
     """
-    site = None if task is None else site_of(task)
+    site = None if task is None else _site(task)
     texts: dict[str, str] = {}
     problems: list[Problem] = []
     count = 0
@@ -109,12 +98,12 @@ def _files(folder: str) -> Iterator[str]:
                 yield str(path)
 
 
-def problems_in(file: str, site: Site | None = None, text: str | None = None, named: bool = True) -> list[Problem]:
+def problems_in(file: str, site: Grounding | None = None, text: str | None = None, named: bool = True) -> list[Problem]:
     """Everything that is wrong with one file.
 
     Args:
         file: Of any kind that we know.
-        site: If given, what a tree drives to must be there.
+        site: If given, what a tree or a plan drives to must be there.
         text: Its content, if it has been read already.
         named: Whether a user named it: then a file of ours that has nothing to check is told for what it is.
     """
@@ -123,6 +112,8 @@ def problems_in(file: str, site: Site | None = None, text: str | None = None, na
         kind = kind_of(data, marks)
         if kind.noun == "tree":
             return _tree_problems(data, marks, site)
+        if kind.noun == "plan":
+            return _plan_problems(data, marks, site)
         if kind.check is not None:
             module, _, function = kind.check.partition(":")
             getattr(importlib.import_module(module), function)(data, marks)
@@ -136,7 +127,7 @@ def problems_in(file: str, site: Site | None = None, text: str | None = None, na
     return []
 
 
-def _tree_problems(data: Any, marks: Marks, site: Site | None) -> list[Problem]:
+def _tree_problems(data: Any, marks: Marks, site: Grounding | None) -> list[Problem]:
     from mpvi_bt.plan.skills import load_skills
     from mpvi_bt.tree.lint import check_rooms, check_targets, lint
     from mpvi_bt.tree.yaml_io import check_tree
@@ -149,18 +140,21 @@ def _tree_problems(data: Any, marks: Marks, site: Site | None) -> list[Problem]:
     return sorted(found, key=lambda p: (p.file != marks.file, p.file, p.line, p.column))[:MAX_PROBLEMS]
 
 
-def site_of(task: str) -> Site:
-    """What a tree can name where a task is. Raises as `load_task` and `load_house` do."""
-    from mpvi_bt.sim.catalogue import load_catalogue
-    from mpvi_bt.sim.house import load_house
+def _plan_problems(data: Any, marks: Marks, site: Grounding | None) -> list[Problem]:
+    from mpvi_bt.plan.check import plan_problems
+    from mpvi_bt.plan.schema import check_plan
+    from mpvi_bt.plan.skills import load_skills
+
+    return plan_problems(check_plan(data, marks), load_skills(), site, marks)
+
+
+def _site(name: str) -> Grounding:
+    """What trees and plans can name where a task is. Raises as `load_task` and `load_house` do."""
+    from mpvi_bt.suite.planners import ground
     from mpvi_bt.suite.tasks import load_task
 
-    loaded = load_task(task)
-    house, catalogue = load_house(loaded.house), load_catalogue()
-    there = [(fixture.name, *fixture.entry.phrases) for fixture in house.fixtures.values()]
-    there += [room.phrases for room in house.rooms.values()]
-    there += [catalogue.entries[name].phrases for name in loaded.bindings.values()]
-    return Site(frozenset(house.rooms), frozenset(phrase for phrases in there for phrase in phrases))
+    task = load_task(name)
+    return ground(task.house, task)
 
 
 def _summary(files: int, problems: int) -> str:

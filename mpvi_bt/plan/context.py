@@ -1,4 +1,4 @@
-"""What a planner can know of the place and of the robot before anything happens (Paper, Subtask Planning)."""
+"""What a planner can know of the place and the robot before anything happens: the grounding of its plan."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from mpvi_bt.perception.phrases import Vocabulary, normalize
-from mpvi_bt.plan.skills import Skill
 
 MOST_ROOMS = 60
 MOST_FIXTURES = 40  # kinds of them in one room
@@ -23,14 +22,12 @@ class Grounding:
         names: What can be driven to: rooms, fixtures, and, where a task is known, its things; key to all their names.
         things: Whether the names of things are among them, so that what nothing is called so is worth a word.
         hands: Such as ("left", "right").
-        skills: By name.
     """
 
     rooms: Mapping[str, tuple[str, ...]]
     names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     things: bool = False
     hands: tuple[str, ...] = ("left", "right")
-    skills: Mapping[str, Skill] = field(default_factory=dict)
 
     @cached_property
     def vocabulary(self) -> Vocabulary:
