@@ -75,7 +75,7 @@ def test_a_broken_plan_lists_every_problem(tmp_path: Path) -> None:
 def test_recorded_plans_say_things_as_skills_do(path: Path) -> None:
     """Every shipped plan loads, and what a skill is said to do in it is said in the skill's words.
 
-    What fits no skill is what none does, such as to dice; but for "leave", which is a skill's verb where a place is said.
+    What fits no skill is what none does, such as to dice; "leave" is a skill's verb only where it says a place.
     """
     plan = load_plan(path)
     assert plan.task_name == path.stem
