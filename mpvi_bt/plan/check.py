@@ -81,7 +81,7 @@ def _so(segment: Navigation | Manipulation, call: SkillCall | None) -> str:
 def _places(segment: Navigation, grounding: Grounding, marks: Marks, i: int) -> Iterator[Problem]:
     known = grounding.room_names
     if segment.room is not None and normalize(segment.room) not in known:
-        near = nearest(normalize(segment.room), known)
+        near = grounding.room_called(segment.room) or nearest(normalize(segment.room), known)
         message = f"unknown room {shown(segment.room)}.{did_you_mean(near, known)}"
         at = ("segments", i, "room")
         yield marks.problem(at, "unknown-room", message, nearest=near, known=tuple(known))

@@ -44,6 +44,10 @@ class Grounding:
         """The names of the rooms as people say them, such as "living room", sorted."""
         return sorted(normalize(room) for room in self.rooms)
 
+    def room_called(self, phrase: str) -> str | None:
+        """The room that people call so, by its name; None if none is."""
+        return next((normalize(name) for name in self.vocabulary.named(phrase) if name in self.rooms), None)
+
     def fixtures(self) -> dict[str, list[str]]:
         """Room to its fixtures as a planner is told them, such as "base cabinet (3)"; bounded, whatever the house."""
         told = {}
