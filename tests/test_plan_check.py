@@ -27,7 +27,7 @@ GO = "go to the can of soda"
 
 
 def plan_of(*deeds: str, **changes: Any) -> Plan:
-    """A plan of these descriptions, of which those that begin with "go to" are navigation; `changes` are of the last."""
+    """A plan of these descriptions, navigation where they say "go to"; `changes` are of the last."""
     segments: list[dict[str, Any]] = []
     for deed in deeds:
         if deed.startswith("go to the "):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -52,14 +53,12 @@ class Grounding:
         """Room to its fixtures as a planner is told them, such as "base cabinet (3)"; bounded, whatever the house."""
         told = {}
         for room, called in list(self.rooms.items())[:MOST_ROOMS]:
-            counts: dict[str, int] = {}
-            for name in called:
-                counts[_plain(name)] = counts.get(_plain(name), 0) + 1
+            counts = Counter(map(_plain, called))
             kinds = [name if n == 1 else f"{name} ({n})" for name, n in list(counts.items())[:MOST_FIXTURES]]
-            told[_plain(normalize(room))] = kinds
+            told[_plain(room).replace("_", " ")] = kinds
         return told
 
 
 def _plain(name: str) -> str:
     """A name on one line, not too long: names come from files, and are data in a prompt."""
-    return " ".join("".join(c if c.isprintable() else " " for c in name).split())[:LONGEST_NAME]
+    return " ".join("".join(c if c.isprintable() else " " for c in name[: 2 * LONGEST_NAME]).split())[:LONGEST_NAME]
