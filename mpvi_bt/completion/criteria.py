@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from mpvi_bt.perception.knowledge import normalize, whole
+from mpvi_bt.perception.phrases import normalize, singular, whole
 from mpvi_bt.robot.protocol import Side
 
 MOST_CHARACTERS = 300
@@ -129,13 +129,4 @@ def _counted(subject: str) -> tuple[int, str]:
 
 
 def _singular(phrase: str) -> tuple[str, ...]:
-    words = []
-    for word in normalize(phrase).split():
-        if len(word) > 3 and word.endswith("ies"):
-            word = word[:-3] + "y"
-        elif re.search(r"(?:ch|sh|x|ss|z)es$", word):
-            word = word[:-2]
-        elif len(word) > 2 and word.endswith("s") and not word.endswith("ss"):
-            word = word[:-1]
-        words.append(word)
-    return tuple(words)
+    return tuple(map(singular, normalize(phrase).split()))

@@ -113,13 +113,13 @@ def asked(label: str, phrases: Sequence[str]) -> str | None:
         label: Such as "can", "soda can" or "red can table".
         phrases: Readable ones.
     """
-    there = {_singular(word) for word in normalize(label).split()}
+    there = {singular(word) for word in normalize(label).split()}
     fits = []
     for phrase in phrases:
         reading = read(phrase)
         if reading is None:
             continue
-        words = {_singular(word) for word in reading.words} - {"of", *_data().lead}
+        words = {singular(word) for word in reading.words} - {"of", *_data().lead}
         if _head(reading.words) in there:
             fits.append((len(words & there) / len(words), len(words & there), phrase))
     fits.sort(reverse=True)
@@ -189,7 +189,7 @@ def _noun(words: Sequence[str]) -> tuple[Noun, list[Quality]]:
         while left:
             size, quality = _term(left)
             if quality is None:
-                own += map(_singular, left[:size])
+                own += map(singular, left[:size])
             else:
                 qualities.append(quality)
             left = left[size:]
@@ -202,7 +202,7 @@ def _term(words: Sequence[str]) -> tuple[int, Quality | None]:
     terms = _data().terms
     for size in range(min(3, len(words)), 0, -1):
         term = tuple(words[:size])
-        kept = (*term[:-1], _singular(term[-1]))
+        kept = (*term[:-1], singular(term[-1]))
         if terms.get(kept, ()) is None:
             return size, None
         if size < len(words) and (quality := terms.get(term)) is not None:
@@ -230,7 +230,7 @@ def _contradict(asked: frozenset[Quality], said: frozenset[Quality]) -> bool:
 def _head(words: Sequence[str]) -> str:
     """The head noun of words as they are said: the last before the first "of"."""
     upto = words.index("of") if "of" in words[1:] else len(words)
-    return _singular(words[upto - 1])
+    return singular(words[upto - 1])
 
 
 def _without_lead(words: Sequence[str]) -> list[str]:
@@ -243,7 +243,7 @@ def _starts_clause(words: Sequence[str], i: int) -> bool:
     return any(tuple(words[i : i + n]) in _data().clause for n in (1, 2))
 
 
-def _singular(word: str) -> str:
+def singular(word: str) -> str:
     """A noun's singular, by its ending; what is no plural may lose an s, always the same way."""
     if (known := _data().plurals.get(word)) is not None:
         return known
