@@ -34,6 +34,7 @@ PHYSICS_HZ = 120
 _HELD_M = 0.012  # a thing this near the line between the pads of a hand that closed on something is in that hand
 
 _PRESSED_M = 0.04  # likewise for a thing between two hands
+_GROUND_M = 0.015  # what rises no higher is ground that the base stands on, such as a lawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -374,7 +375,7 @@ class World:
             low, high = solid.aabb()
             if (
                 np.linalg.norm(np.maximum(np.maximum(low[:2] - place, place - high[:2]), 0)) < radius_m
-                and high[2] > 0.005
+                and high[2] > _GROUND_M
             ):
                 near.append(solid)
         return near
