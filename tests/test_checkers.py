@@ -7,17 +7,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.behaviors.protocols import Judgement
+from mpvi_bt.behaviors.protocols import Checker, Judgement
 from mpvi_bt.completion.criteria import MOST_CHARACTERS, Criterion, Relation, named, parse
+from mpvi_bt.completion.mistakes import CheckErrors, MistakenChecker
 from mpvi_bt.completion.oracle import OracleChecker
 from mpvi_bt.completion.visual import VisualChecker
+from mpvi_bt.errors import UserError
 from mpvi_bt.plan.phrases import filled
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.kinematics import LINK_TO_OPTICAL, rot_y, transform
 from mpvi_bt.robot.protocol import CameraImage, Side
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.testing import check_checker
+from mpvi_bt.suite.checkers import check_checker_choice, doubt
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.testing import ScriptedChecker, check_checker
 
 PHRASES = {
     "can_1": ("can of soda", "soda can"),
@@ -426,3 +430,91 @@ class Facts:
 def test_the_oracle_says_what_is_so(criterion: str, so: bool) -> None:
     """Whatever is true, by name, hand and count; what it cannot parse is a no."""
     assert OracleChecker(Facts(), PHRASES).check(criterion, None).complete is so
+
+
+# ------------------------------------------------------------------------------------------------- mistakes
+
+
+class Steps:
+    """A clock that is moved by hand."""
+
+    steps, time_s = 0, 0.0
+
+
+def mistaken(answer: bool, address: str, seed: int = 0) -> tuple[MistakenChecker, Steps]:
+    """A checker that always gives one answer, with errors, and its clock."""
+    clock = Steps()
+    checker = ScriptedChecker({"c": (answer,), "d": (answer,)}, needs_image=False)
+    return MistakenChecker(checker, CheckErrors.read(address, "scripted"), clock, seed), clock
+
+
+def answers(checker: Checker, clock: Steps, criterion: str = "c", n: int = 4000) -> list[bool]:
+    """What it says at each of so many steps."""
+    said = []
+    for clock.steps in range(n):
+        said.append(checker.check(criterion, None).complete)
+    return said
+
+
+@pytest.mark.parametrize(("answer", "name", "rate"), [(False, "fp", 0.05), (True, "fn", 0.1), (False, "fp", 1.0)])
+def test_a_checker_errs_at_the_rate_that_it_is_told(answer: bool, name: str, rate: float) -> None:
+    """On any question: none is safe from a false yes. The other kind of mistake is another's."""
+    said = answers(*mistaken(answer, f"{name}={rate}"))
+    wrong = np.mean([a is not answer for a in said])
+    assert abs(wrong - rate) < 4 * np.sqrt(rate * (1 - rate) / len(said)) + 1e-9
+    other = "fn" if name == "fp" else "fp"
+    assert answers(*mistaken(answer, f"{other}=1"), n=50) == [answer] * 50
+
+
+def test_mistakes_follow_from_seed_criterion_and_step() -> None:
+    """The same run has the same ones, asked twice too; another seed or another criterion has others."""
+    first = answers(*mistaken(False, "fp=0.3"))
+    assert answers(*mistaken(False, "fp=0.3")) == first
+    assert answers(*mistaken(False, "fp=0.3", seed=1)) != first
+    assert answers(*mistaken(False, "fp=0.3"), criterion="d") != first
+    checker, clock = mistaken(False, "fp=0.5")
+    clock.steps = 17
+    assert len({checker.check("c", None) for _ in range(20)}) == 1
+
+
+def test_a_latency_is_added_to_every_answer() -> None:
+    """In simulated time: nobody waits for it here."""
+    checker, _ = mistaken(True, "latency=1.5")
+    judged = checker.check("c", None)
+    assert (judged.complete, judged.latency_s) == (True, 1.5)
+    assert checker.name == "scripted:latency=1.5"
+
+
+def test_a_mistake_is_told_in_its_reason_and_the_rates_in_a_note() -> None:
+    """Whoever reads the trace sees that it was no eyesight that failed."""
+    checker, _ = mistaken(False, "fp=1,fn=0.25,latency=2")
+    assert checker.check("c", None).reason == "by mistake; as scripted"
+    assert "100.0%" in checker.note
+    assert "25.0%" in checker.note
+    assert "2 s" in checker.note
+    assert CheckErrors.read(checker.name.partition(":")[2], "x") == CheckErrors(1.0, 0.25, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("checker", "said"),
+    [
+        ("visual:", "say where"),
+        ("visual:fp", "'fp' is not NAME=SIZE, such as fp=0.05,fn=0.1,latency=1"),
+        ("visual:fp=2", "fp is 0 to 1, not 2"),
+        ("visual:fp=nan", "fp is 0 to 1, not nan"),
+        ("visual:fp=0.1,fp=0.1", "fp is given twice"),
+        ("oracle:fb=0.1", "unknown mistake 'fb'. Known: fn, fp, latency"),
+        ("oracle:latency=1e9", "latency is 0 to 600"),
+        ("visul", "Did you mean 'visual'"),
+    ],
+)
+def test_a_checker_that_cannot_be_is_refused_before_anything_starts(checker: str, said: str) -> None:
+    """With what would be valid."""
+    with pytest.raises(UserError, match=said):
+        check_checker_choice(EpisodeConfig("t", checker=checker))
+
+
+def test_errors_are_off_unless_asked_for_and_said_when_on() -> None:
+    """A run with a checker that errs says so before it begins."""
+    assert doubt(EpisodeConfig("t")) == doubt(EpisodeConfig("t", checker="oracle")) == ""
+    assert doubt(EpisodeConfig("t", checker="visual:fp=0.1")).startswith("checker visual says yes to 10.0%")

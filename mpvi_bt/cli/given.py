@@ -137,6 +137,13 @@ def backends(command: Any) -> Any:
         click.option(
             "--assisted", is_flag=True, help="A closing hand fixes what it pinches to itself; every report says so."
         ),
+        click.option(
+            "--while-asked",
+            type=click.Choice(["go_on", "hold"]),
+            default="go_on",
+            show_default=True,
+            help="What the robot does while the checker has not answered yet.",
+        ),
     ]
     for option in reversed(options):
         command = option(command)

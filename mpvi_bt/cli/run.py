@@ -103,9 +103,11 @@ def run(
         raise click.UsageError("A dry run has nothing to film, to draw or to log.")
     stem = config.name if not dry else f"{Path(config.tree or config.plan or config.task).stem}_dry"
     config = replace(config, trace=out / f"{stem}.trace.jsonl" if trace else None, saved=out / f"{stem}.saved.json")
+    from mpvi_bt.suite import checkers
     from mpvi_bt.suite.detectors import make_detector
 
-    for doubt in (prepared.doubt, "" if dry else make_detector(config.detector, {}, config.seed).note):
+    notes = () if dry else (make_detector(config.detector, {}, config.seed).note, checkers.doubt(config))
+    for doubt in (prepared.doubt, *notes):
         if doubt:
             click.echo(f"mpvi: {doubt}", err=True)
     from mpvi_bt.executive.debugger import Debugger

@@ -29,6 +29,7 @@ def score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | No
         ("distance", f"base {moved['base']:.1f} m, left hand {moved['left']:.1f} m, right hand {moved['right']:.1f} m"),
         *_failed(result),
         *((("hands", felt),) if (felt := _felt(result)) else ()),
+        *((("checks", asked),) if (asked := _asked(result)) else ()),
         ("wall", _wall(result["wall"])),
         *(
             [("grasps", "assisted: fixed to the hand, not held by friction")]
@@ -69,6 +70,12 @@ def _felt(result: Mapping[str, Any]) -> str:
 
     grasps = result.get("grasps", {})
     return troubles(result.get("clipped", 0), grasps.get("empty", 0), grasps.get("lost", 0))
+
+
+def _asked(result: Mapping[str, Any]) -> str:
+    from mpvi_bt.suite.queries import Queries, queries_text  # it needs pydantic, which the help does not
+
+    return queries_text([Queries.model_validate(result["queries"])]) if "queries" in result else ""
 
 
 def _next(result: Mapping[str, Any], trace: Path | None, saved: Path | None) -> list[str]:

@@ -47,20 +47,25 @@ class OracleChecker:
         self._truth, self._phrases = truth, {name: tuple(called) for name, called in phrases.items()}
 
     def check(self, criterion: str, image: CameraImage | None) -> Judgement:
-        """Whether `criterion` is so; the picture is not looked at. What it cannot parse is a no."""
+        """Whether `criterion` is so; the picture is not looked at. What it cannot decide is a no."""
+        so, reason = self.decide(criterion)
+        return Judgement(so is True, reason)
+
+    def decide(self, criterion: str) -> tuple[bool | None, str]:
+        """Whether `criterion` is so, None where it does not parse or is not simulated; and why."""
         asked = parse(criterion)
         if asked is None:
-            return Judgement(False, f"not a criterion that it understands: {criterion[:80]!r}")
+            return None, f"not a criterion that it understands: {criterion[:80]!r}"
         subjects, objects = named(asked.subject, self._phrases), named(asked.object, self._phrases)
         if not subjects:
-            return Judgement(False, f"nothing is called {asked.subject!r}")
+            return None, f"nothing is called {asked.subject!r}"
         if asked.relation not in UNARY and not objects:
-            return Judgement(False, f"nothing is called {asked.object!r}")
+            return None, f"nothing is called {asked.object!r}"
         answers = [self._holds(asked, subject, objects) for subject in subjects]
         if None in answers:
-            return Judgement(False, f"{asked.relation!r} is not simulated")
+            return None, f"{asked.relation!r} is not simulated"
         count = sum(map(bool, answers))
-        return Judgement(count >= asked.count, f"{count} of {asked.count} {asked.relation}")
+        return count >= asked.count, f"{count} of {asked.count} {asked.relation}"
 
     def _holds(self, asked: Criterion, subject: str, objects: list[str]) -> bool | None:
         truth = self._truth

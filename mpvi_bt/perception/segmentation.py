@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
@@ -10,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from mpvi_bt.errors import UnknownName, UserError, shown
 from mpvi_bt.perception.detector import ROBOT, SWITCH, Detection, switch_of
 from mpvi_bt.perception.phrases import Vocabulary, read
+from mpvi_bt.perception.sizes import read_sizes
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
@@ -54,24 +53,7 @@ class DetectionErrors:
             UserError: It is not written so, a size is out of range, or given twice.
         """
         most = {"miss": 1.0, "confuse": 1.0, "jitter": _MOST_JITTER_PX}
-        sizes: dict[str, float] = {}
-        for part in address.split(",") if address else []:
-            name, equals, text = (side.strip() for side in part.partition("="))
-            where = f"detector {NAME}"
-            if not equals:
-                raise UserError(f"{where}: {shown(part)} is not NAME=SIZE, such as miss=0.1,confuse=0.05,jitter=2.")
-            if name not in most:
-                raise UnknownName("mistake", name, most, where)
-            if name in sizes:
-                raise UserError(f"{where}: {name} is given twice.")
-            try:
-                size = float(text)
-            except ValueError:
-                raise UserError(f"{where}: {name}={text[:40]} is no number.") from None
-            if not (math.isfinite(size) and 0 <= size <= most[name]):
-                raise UserError(f"{where}: {name} is 0 to {most[name]:g}, not {text[:40]}.")
-            sizes[name] = size
-        return cls(**sizes)
+        return cls(**read_sizes(address, most, f"detector {NAME}", "miss=0.1,confuse=0.05,jitter=2"))
 
     @property
     def address(self) -> str:

@@ -63,8 +63,22 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
         "vla_eval": Backend("a model server of the vla-eval package", address="ws://HOST:PORT", sees=True),
     },
     "checker": {
-        "visual": Backend("judges a criterion by what one camera image shows", sees=True),
-        "oracle": Backend("judges a criterion by the simulator's state", privileged=True),
+        "visual": Backend(
+            "judges a criterion by what one camera image shows; it errs as its address says",
+            address="fp=0.05,fn=0.1,latency=1",
+            optional=True,
+            sees=True,
+        ),
+        "oracle": Backend(
+            "judges a criterion by the simulator's state; it errs as its address says",
+            privileged=True,
+            address="fp=0.05,fn=0.1,latency=1",
+            optional=True,
+        ),
+    },
+    "trigger": {
+        "proprioceptive": Backend("asks the checker when a hand or an arm has just ended something"),
+        "periodic": Backend("asks the checker every so many steps", address="STEPS"),
     },
 }
 

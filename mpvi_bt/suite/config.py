@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 EPISODE = "mpvi_bt.suite.episode:run"  # the function that runs one
 
@@ -17,7 +17,9 @@ class EpisodeConfig:
         task: Name of a task (tasks/*.yaml), or the file of one.
         instance: Which of the task's start states.
         seed: Seed of everything random in the episode; the evaluator's rollout id.
-        policy, detector, checker, planner, map: Backends, by name, or name and address ("openpi:ws://localhost:8000").
+        policy, detector, checker, trigger, planner, map: Backends, by name, or name and address
+            ("openpi:ws://localhost:8000").
+        while_asked: What the robot does while the checker has not answered yet: "go_on" or "hold".
         policy_settings: Name or file of how a remote policy is spoken to, or None: its default.
         policy_horizon: How many actions of each chunk are carried out before the policy is asked again; None: all.
         policy_ensemble: Decay of the weights where the policy is asked at every step and what its chunks foresee for a
@@ -38,8 +40,10 @@ class EpisodeConfig:
     policy: str = "expert"
     detector: str = "segmentation"
     checker: str = "visual"
+    trigger: str = "proprioceptive"
     planner: str = "recorded"
     map: str = "prior"
+    while_asked: Literal["go_on", "hold"] = "go_on"
     policy_settings: str | None = None
     policy_horizon: int | None = None
     policy_ensemble: float | None = None
@@ -67,7 +71,7 @@ class EpisodeConfig:
     @property
     def backends(self) -> dict[str, str]:
         """Kind to name of every chosen backend."""
-        return {kind: getattr(self, kind) for kind in ("planner", "map", "detector", "policy", "checker")}
+        return {kind: getattr(self, kind) for kind in ("planner", "map", "detector", "policy", "checker", "trigger")}
 
     def record(self) -> dict[str, Any]:
         """What a result says of it: everything that can change the outcome, so not where pictures go."""

@@ -5,19 +5,15 @@ from __future__ import annotations
 import time
 import zlib
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
 
 from mpvi_bt.behaviors.context import Context
-from mpvi_bt.behaviors.protocols import Checker
-from mpvi_bt.completion.criteria import Relation
 from mpvi_bt.completion.oracle import OracleChecker
-from mpvi_bt.completion.triggers import ProprioceptiveTriggers
-from mpvi_bt.completion.visual import VisualChecker
-from mpvi_bt.errors import BackendError, UnknownName
+from mpvi_bt.errors import BackendError
 from mpvi_bt.executive.loop import Last, Subscriber, run_episode
 from mpvi_bt.executive.pictures import PathPicture
 from mpvi_bt.executive.recorder import Recorder
@@ -26,27 +22,29 @@ from mpvi_bt.executive.saved import restore_world
 from mpvi_bt.executive.stop import Stop
 from mpvi_bt.executive.video import Video
 from mpvi_bt.goals.evaluate import early, judge, snapshot, unmet
-from mpvi_bt.goals.predicates import BINARY, UNARY, truth_in
+from mpvi_bt.goals.predicates import truth_in
 from mpvi_bt.goals.problem import Problem, load_problem
 from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.perception.map import OccupancyMap
-from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.sim.catalogue import Catalogue, load_catalogue
 from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.prior_map import prior_map
 from mpvi_bt.sim.sampling import Start, sample
 from mpvi_bt.sim.world import World
 from mpvi_bt.suite.backends import choose
+from mpvi_bt.suite.checkers import make_checker, make_triggers
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.detectors import make_detector
 from mpvi_bt.suite.metrics import Meter
 from mpvi_bt.suite.navigators import make_navigator
 from mpvi_bt.suite.policies import Ground, in_chunks, make_policy
 from mpvi_bt.suite.prepare import Prepared, prepare_episode
+from mpvi_bt.suite.queries import count_queries
 from mpvi_bt.suite.result import Failure, Grasps, make_result
 from mpvi_bt.suite.saved import Keeper, SavedEpisode
 from mpvi_bt.suite.tasks import Task
+from mpvi_bt.suite.truth import Audit, TrueState
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.relevant import task_relevant
 from mpvi_bt.tree.substitute import stand_ins
@@ -101,23 +99,25 @@ def run(
         robot=world.robot,
         navigator=navigator,
         policy=in_chunks(policy, config),
-        checker=_checker(config, world, vocabulary),
-        triggers=ProprioceptiveTriggers(world.robot),
+        checker=make_checker(config.checker, world, vocabulary, config.seed),
+        triggers=make_triggers(config.trigger, world.robot),
         skills=skills,
         sense=navigator.feel,
         memory=navigator if isinstance(navigator, ExploringNavigator) else None,
+        while_asked=config.while_asked,
         blackboard=dict(tree.spec.blackboard),
     )
     saved = prepared.saved
     if saved is not None:
         restore_world(saved.run, world, context)
     meter = Meter(saved.measurement if saved else None)
+    audit = Audit(OracleChecker(TrueState(world), vocabulary), saved.truths if saved else ())
     last = Last()
-    watchers = [meter, last, *_recorders(config, prior_map(house), world, navigator, saved), *subscribers]
+    watchers = [meter, audit, last, *_recorders(config, prior_map(house), world, navigator, saved), *subscribers]
     ready = time.perf_counter()
     try:
         with stop or nullcontext(lambda: False) as asked:
-            keeper = Keeper(asked, config, tree, world, meter)
+            keeper = Keeper(asked, config, tree, world, meter, audit)
             outcome = run_episode(
                 tree, world, context, watchers, task.budget_s, stop=keeper, saved=saved.run.tree if saved else None
             )
@@ -140,6 +140,7 @@ def run(
         ],
         clipped=outcome.log.clipped,
         grasps=Grasps.model_validate(Counter(notice.kind for notice in outcome.log.notices)),
+        queries=count_queries(outcome.log.queries, audit.truths, tree.spec),
         wall={
             "total_s": total,
             "setup_s": ready - began,
@@ -177,14 +178,6 @@ def _renders(config: EpisodeConfig) -> bool:
     return config.video is not None or config.rerun is not None or any(looking)
 
 
-def _checker(config: EpisodeConfig, world: World, phrases: Mapping[str, Sequence[str]]) -> Checker:
-    if config.checker == "visual":
-        return VisualChecker(phrases)
-    if config.checker == "oracle":
-        return OracleChecker(_TrueState(world), phrases)
-    raise UnknownName("checker", config.checker, ["visual", "oracle"])
-
-
 def _recorders(
     config: EpisodeConfig, grid: OccupancyMap, world: World, navigator: KnownPlaceNavigator, saved: SavedEpisode | None
 ) -> list[Subscriber]:
@@ -201,38 +194,3 @@ def _recorders(
             PathPicture(config.picture, grid, world.knowledge, lambda: navigator.goal, config.name, search)
         )
     return recorders
-
-
-_PREDICATES: Mapping[Relation, tuple[str, bool]] = {
-    **{relation: (relation, False) for relation in ("inside", "ontop", "nextto", "under", "open")},
-    "closed": ("open", True),
-    "on": ("toggled_on", False),
-    "off": ("toggled_on", True),
-}
-
-
-class _TrueState:
-    """What the oracle checker asks, from the world."""
-
-    def __init__(self, world: World) -> None:
-        self._world = world
-
-    def held(self, name: str, side: Side | None) -> bool:
-        """Whether a hand, or that hand, holds the thing."""
-        return any(self._world.holding(s) == name for s in SIDES if side in (None, s))
-
-    def lifted(self, name: str) -> bool:
-        """Whether a hand holds it, or nothing but the robot and what lies in it touches it."""
-        others = set(self._world.things) - {name, *self._world.within(name)}
-        return self.held(name, None) or not any(self._world.touching(name, other) for other in others)
-
-    def so(self, relation: Relation, name: str, other: str) -> bool | None:
-        """By BDDL's predicates."""
-        predicate, negated = _PREDICATES.get(relation, ("", False))
-        if predicate == "open" and not self._world.joint_fractions(name):
-            return False  # what cannot be opened is not closed either
-        if predicate == "toggled_on" and not self._world.switches(name):
-            return False
-        if predicate in UNARY:
-            return UNARY[predicate](self._world, name) is not negated
-        return BINARY[predicate](self._world, name, other) if predicate else None

@@ -13,6 +13,7 @@ from mpvi_bt.plan.schema import load_plan
 from mpvi_bt.plan.skills import Skill, load_skills
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.suite.backends import choose
+from mpvi_bt.suite.checkers import check_checker_choice
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.detectors import make_detector
 from mpvi_bt.suite.policies import check_policy_choice
@@ -105,6 +106,7 @@ def check_backends(config: EpisodeConfig) -> None:
     for kind, name in config.backends.items():
         choose(kind, name)
     check_policy_choice(config)
+    check_checker_choice(config)
     make_detector(config.detector, {})
     if config.map == "online" and config.detector == "oracle":
         raise UserError("--map online is built by looking: choose a detector that looks, such as segmentation.")

@@ -7,6 +7,7 @@ from typing import Any
 
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.metrics import DIRECTIONS
+from mpvi_bt.suite.queries import queries_text
 from mpvi_bt.suite.result import Result
 from mpvi_bt.suite.store import Fault
 
@@ -75,6 +76,11 @@ def report_text(
         lines.append(f"failed by the policy's backend, not by the policy: {', '.join(failed)}; run again, or leave out")
     if data["privileged"]:
         lines.append(f"backends that read simulator truth: {', '.join(data['privileged'])}")
+    if asked := queries_text(result.queries for result in results.values()):
+        lines.append(f"completion: {asked}")
+    judges = {(config.checker, config.trigger) for config in episodes}
+    if judges != {(EpisodeConfig.checker, EpisodeConfig.trigger)}:
+        lines += [f"judged by {checker}, asked by {trigger} triggers" for checker, trigger in sorted(judges)]
     if any(config.assisted for config in episodes):
         lines.append("assisted grasping: a closing hand fixed what it pinched to itself")
     lines.append("q, met (share of the goal's literals): higher is better; time and distances: lower is better")

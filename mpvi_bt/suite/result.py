@@ -19,6 +19,7 @@ from mpvi_bt.suite.backends import privileged
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.human import human_stats
 from mpvi_bt.suite.metrics import DIRECTIONS, Measurement, ratio
+from mpvi_bt.suite.queries import Queries
 from mpvi_bt.suite.tasks import Task
 from mpvi_bt.writing import unwritable, write_whole
 
@@ -106,6 +107,7 @@ class Result(Record):
             server of the policy, so that the result says nothing of the policy.
         clipped: Actions of the policy that had to be brought within the robot's limits.
         grasps: That failed.
+        queries: Of the completion checker.
         config: Everything that can change the outcome.
         privileged: Backends that read simulator truth, as "kind:name".
         directions: What each figure's unit is, and which way is better.
@@ -132,6 +134,7 @@ class Result(Record):
     failures: list[Failure]
     clipped: Count = 0
     grasps: Grasps = Grasps()
+    queries: Queries = Queries()
     config: dict[str, JsonValue]
     privileged: list[str]
     directions: dict[str, str]
@@ -153,6 +156,7 @@ def make_result(
     failures: Iterable[Failure] = (),
     clipped: int = 0,
     grasps: Grasps | None = None,
+    queries: Queries | None = None,
     wall: Mapping[str, Any] | None = None,
 ) -> Result:
     """Put an episode's result together.
@@ -164,7 +168,7 @@ def make_result(
         measured: What the meter says.
         ended: How the episode ended.
         failures: What failed on the way, in order.
-        clipped, grasps: As of `Result`.
+        clipped, grasps, queries: As of `Result`.
         wall: Wall-clock figures [s]; may nest.
     """
     human = human_stats().get(task.problem)
@@ -195,6 +199,7 @@ def make_result(
         failures=list(failures),
         clipped=clipped,
         grasps=grasps or Grasps(),
+        queries=queries or Queries(),
         config=config.record(),
         privileged=privileged(config.backends),
         directions=dict(DIRECTIONS),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, JsonValue, model_validator
 
@@ -22,6 +22,9 @@ from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.yaml_io import expanded, from_expanded
 
+if TYPE_CHECKING:
+    from mpvi_bt.suite.truth import Audit
+
 FORMAT = 1  # of these files
 _FILES = ("task", "tree", "plan", "substitute", "policy_settings")  # what may name one
 
@@ -37,6 +40,8 @@ class SavedSettings(Record):
     checker: str
     planner: str
     map: str
+    trigger: str = "proprioceptive"
+    while_asked: Literal["go_on", "hold"] = "go_on"
     policy_settings: str | None = None
     policy_horizon: Annotated[int, Field(ge=1)] | None = None
     policy_ensemble: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
@@ -58,6 +63,7 @@ class SavedEpisode(Record):
         dry: Whether it runs without a robot.
         tree: That is run, its subtrees written out: the files may have changed since.
         measurement: Of the meter so far; None in a dry run.
+        truths: Of the audit so far, for each query of the run's log.
         run: Tree, blackboard, log and world.
     """
 
@@ -68,6 +74,7 @@ class SavedEpisode(Record):
     dry: bool = False
     tree: dict[str, JsonValue]
     measurement: Measurement | None = None
+    truths: list[bool | None] = []
     run: SavedRun
 
     @model_validator(mode="after")
@@ -103,13 +110,20 @@ class Keeper:
         stop: Such as `executive.stop.Stop`.
         config: Of the episode; its `saved` names the file, or is None: nothing is written.
         tree, world: That are run.
-        meter: Of the episode; None in a dry run.
+        meter, audit: Of the episode; None in a dry run.
     """
 
     def __init__(
-        self, stop: Callable[[], bool], config: EpisodeConfig, tree: Tree, world: World, meter: Meter | None = None
+        self,
+        stop: Callable[[], bool],
+        config: EpisodeConfig,
+        tree: Tree,
+        world: World,
+        meter: Meter | None = None,
+        audit: Audit | None = None,
     ) -> None:
-        self._stop, self._config, self._tree, self._world, self._meter = stop, config, tree, world, meter
+        self._stop, self._config, self._tree, self._world = stop, config, tree, world
+        self._meter, self._audit = meter, audit
 
     def __call__(self) -> bool:
         """Whether to end now."""
@@ -125,6 +139,7 @@ class Keeper:
                 dry=self._meter is None,
                 tree=expanded(self._tree.spec),
                 measurement=self._meter.measurement if self._meter else None,
+                truths=self._audit.truths if self._audit else [],
                 run=save_run(self._tree, self._world),
             )
             write_json(self._config.saved, saved.model_dump(mode="json"))

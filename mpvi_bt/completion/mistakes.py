@@ -1,0 +1,80 @@
+"""A checker that errs: false yes and false no at given rates, and answers that take their time."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from mpvi_bt.behaviors.protocols import Checker, Clock, Judgement
+from mpvi_bt.perception.sizes import read_sizes
+from mpvi_bt.robot.protocol import CameraImage
+
+_LONGEST_S = 600.0
+
+
+@dataclass(frozen=True)
+class CheckErrors:
+    """How often a checker errs, and how long it takes; 0 switches each off.
+
+    Attributes:
+        fp: Probability that a no becomes a yes (a false positive, where the checker was right).
+        fn: Probability that a yes becomes a no.
+        latency: How long every answer takes [s], in simulated time.
+    """
+
+    fp: float = 0.0
+    fn: float = 0.0
+    latency: float = 0.0
+
+    def __str__(self) -> str:
+        """One line for a person."""
+        took = f", each after {self.latency:g} s" if self.latency else ""
+        return f"says yes to {self.fp:.1%} of what it sees undone and no to {self.fn:.1%} of what it sees done{took}"
+
+    @classmethod
+    def read(cls, address: str, checker: str) -> CheckErrors:
+        """The errors of an address such as "fp=0.05,fn=0.1,latency=1"; what it does not name is off.
+
+        Raises:
+            UnknownName: There is no such mistake.
+            UserError: It is not written so, a size is out of range, or given twice.
+        """
+        most = {"fp": 1.0, "fn": 1.0, "latency": _LONGEST_S}
+        return cls(**read_sizes(address, most, f"checker {checker}", "fp=0.05,fn=0.1,latency=1"))
+
+    @property
+    def address(self) -> str:
+        """As `read` takes it, what is off left out."""
+        sizes = {f.name: getattr(self, f.name) for f in fields(self)}
+        return ",".join(f"{name}={size:g}" for name, size in sizes.items() if size)
+
+
+class MistakenChecker:
+    """Another checker's answers, some of them turned round (implements `Checker`).
+
+    A draw follows from the seed, the criterion and the step at which it is asked, so that the same run has the same
+    mistakes, and every question may be answered wrongly, as a language model may (Paper, Completion Checker: each query
+    introduces an independent risk of hallucination).
+
+    Attributes:
+        name: The other's, with the errors' address.
+        needs_image: As of the other.
+        note: One line on the errors, to be printed.
+    """
+
+    def __init__(self, checker: Checker, errors: CheckErrors, clock: Clock, seed: int = 0) -> None:
+        """Err so about what `checker` says, by draws from `seed`."""
+        self._checker, self._errors, self._clock, self._seed = checker, errors, clock, seed
+        self.name, self.needs_image = f"{checker.name}:{errors.address}", checker.needs_image
+        self.note = f"checker {checker.name} {errors}"
+
+    def check(self, criterion: str, image: CameraImage | None) -> Judgement:
+        """The other's judgement, or its opposite."""
+        judged, errors = self._checker.check(criterion, image), self._errors
+        judged = replace(judged, latency_s=judged.latency_s + errors.latency)
+        draws = np.random.default_rng([self._seed, zlib.crc32(criterion.encode()), self._clock.steps])
+        if draws.random() >= (errors.fn if judged.complete else errors.fp):
+            return judged
+        return replace(judged, complete=not judged.complete, reason=f"by mistake; {judged.reason}")

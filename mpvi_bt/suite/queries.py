@@ -1,0 +1,99 @@
+"""What the completion checker was asked in an episode, counted: how often, how rightly, at what cost."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from itertools import zip_longest
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import Field
+
+from mpvi_bt.marked_yaml import Record
+
+if TYPE_CHECKING:
+    from mpvi_bt.behaviors.context import Query
+    from mpvi_bt.tree.spec import TreeSpec
+
+Count = Annotated[int, Field(ge=0)]
+
+
+class Queries(Record):
+    """The questions of one episode.
+
+    Attributes:
+        units: How many parts of the tree end when the checker says so: the paper's terminal subtasks.
+        asked, yes: Questions, and those answered by yes.
+        false_yes, false_no: Answers that were wrong when they came, by the simulator's state; read afterwards, for the
+            count alone. A false yes ends a unit that is not done.
+        unknown: Answers of which the simulator does not know whether they were right.
+        malformed: Answers of a language model that were neither yes nor no; each counted as a no.
+        refused: Questions that a language model refused to answer, likewise.
+        errors: Questions that got no answer for another reason, likewise.
+        latency_s: Sum of the times that answers took.
+        tokens_in, tokens_out: Of language models, those of answers on file too.
+        kept: Answers that were on file.
+    """
+
+    units: Count = 0
+    asked: Count = 0
+    yes: Count = 0
+    false_yes: Count = 0
+    false_no: Count = 0
+    unknown: Count = 0
+    malformed: Count = 0
+    refused: Count = 0
+    errors: Count = 0
+    latency_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
+    tokens_in: Count = 0
+    tokens_out: Count = 0
+    kept: Count = 0
+
+
+def count_queries(queries: Sequence[Query], truths: Sequence[bool | None], tree: TreeSpec) -> Queries:
+    """Count an episode's questions.
+
+    Args:
+        queries: In order.
+        truths: Of each, whether its criterion was so when the answer came; None: not known. May be shorter.
+        tree: That was run.
+    """
+    faults = Counter(query.fault for query in queries if query.fault)
+    judged = list(zip_longest([query.complete for query in queries], truths[: len(queries)]))
+    costs = [query.cost for query in queries if query.cost is not None]
+    return Queries(
+        units=sum(placed.spec.kind == "check_complete" for placed in tree.nodes),
+        asked=len(queries),
+        yes=sum(query.complete for query in queries),
+        false_yes=judged.count((True, False)),
+        false_no=judged.count((False, True)),
+        unknown=sum(truth is None for _, truth in judged),
+        malformed=faults["bad_answer"],
+        refused=faults["refused"],
+        errors=faults.total() - faults["bad_answer"] - faults["refused"],
+        latency_s=round(sum(query.latency_s for query in queries), 6),
+        tokens_in=sum(cost.tokens_in for cost in costs),
+        tokens_out=sum(cost.tokens_out for cost in costs),
+        kept=sum(cost.kept for cost in costs),
+    )
+
+
+def queries_text(counted: Iterable[Queries]) -> str:
+    """The questions of episodes as one line for a person; "" if there was none."""
+    total: Counter[str] = Counter()
+    for queries in counted:
+        total.update(queries.model_dump())
+    if not total["asked"]:
+        return ""
+    no = total["asked"] - total["yes"]
+    parts = [
+        f"{total['asked']} asked in {total['units']} unit{'s' * (total['units'] != 1)}",
+        f"{total['yes']} yes" + (f" ({total['false_yes']} false)" if total["false_yes"] else ""),
+        f"{no} no" + (f" ({total['false_no']} false)" if total["false_no"] else ""),
+    ]
+    faults = {"malformed": "neither yes nor no", "refused": "refused", "errors": "without an answer"}
+    parts += [f"{total[key]} {said}" for key, said in faults.items() if total[key]]
+    parts += [f"{total['latency_s']:.1f} s waited for"] if total["latency_s"] else []
+    if tokens := total["tokens_in"] + total["tokens_out"]:
+        parts.append(f"{tokens} tokens" + (f", {total['kept']} answers from file" if total["kept"] else ""))
+    return ", ".join(parts)

@@ -1,0 +1,74 @@
+"""What is really so, by the world: for the checker named oracle, and for counting afterwards how often judges erred."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+from mpvi_bt.completion.criteria import Relation
+from mpvi_bt.completion.oracle import OracleChecker
+from mpvi_bt.executive.loop import Watcher, World
+from mpvi_bt.goals.predicates import BINARY, UNARY
+from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.tree.build import Tree
+
+if TYPE_CHECKING:
+    from mpvi_bt.sim.world import World as SimulatedWorld
+
+_PREDICATES: Mapping[Relation, tuple[str, bool]] = {
+    **{relation: (relation, False) for relation in ("inside", "ontop", "nextto", "under", "open")},
+    "closed": ("open", True),
+    "on": ("toggled_on", False),
+    "off": ("toggled_on", True),
+}
+
+
+class TrueState:
+    """What the oracle asks, from the world (implements `completion.oracle.Truth`)."""
+
+    def __init__(self, world: SimulatedWorld) -> None:
+        self._world = world
+
+    def held(self, name: str, side: Side | None) -> bool:
+        """Whether a hand, or that hand, holds the thing."""
+        return any(self._world.holding(s) == name for s in SIDES if side in (None, s))
+
+    def lifted(self, name: str) -> bool:
+        """Whether a hand holds it, or nothing but the robot and what lies in it touches it."""
+        others = set(self._world.things) - {name, *self._world.within(name)}
+        return self.held(name, None) or not any(self._world.touching(name, other) for other in others)
+
+    def so(self, relation: Relation, name: str, other: str) -> bool | None:
+        """By BDDL's predicates."""
+        predicate, negated = _PREDICATES.get(relation, ("", False))
+        if predicate == "open" and not self._world.joint_fractions(name):
+            return False  # what cannot be opened is not closed either
+        if predicate == "toggled_on" and not self._world.switches(name):
+            return False
+        if predicate in UNARY:
+            return UNARY[predicate](self._world, name) is not negated
+        return BINARY[predicate](self._world, name, other) if predicate else None
+
+
+class Audit(Watcher):
+    """Notes what was really so whenever a judge answered. It is read after the episode; nothing in a tree sees it.
+
+    The truth is that of the answer's tick: that is when a false yes ends a unit that is not done.
+
+    Args:
+        oracle: Who knows.
+        earlier: What was noted before the episode was stopped, if it is one that goes on.
+
+    Attributes:
+        truths: For each query of the log, whether its criterion was so; None: not known, or not simulated.
+    """
+
+    def __init__(self, oracle: OracleChecker, earlier: Iterable[bool | None] = ()) -> None:
+        self._oracle = oracle
+        self.truths: list[bool | None] = list(earlier)
+
+    def step(self, tree: Tree, world: World) -> None:
+        """Look at the answers that are new."""
+        queries = tree.context.log.queries
+        if len(queries) > len(self.truths):
+            self.truths += [self._oracle.decide(query.criterion)[0] for query in queries[len(self.truths) :]]
