@@ -136,10 +136,12 @@ class ModelError(BackendError):
 
     Attributes:
         reason: Stable code, such as "endpoint_down"; docs/language.md lists them.
+        latency_s: How long it took to come to this.
+        tokens: That were spent on it.
     """
 
-    def __init__(self, reason: str, message: str) -> None:
-        self.reason = reason
+    def __init__(self, reason: str, message: str, latency_s: float = 0.0, tokens: int = 0) -> None:
+        self.reason, self.latency_s, self.tokens = reason, latency_s, tokens
         super().__init__(message)
 
 

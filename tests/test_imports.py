@@ -47,6 +47,7 @@ ONLY_IN = {
     "transformers": {"perception/grounding_dino.py"},
     "rerun": {"executive/rerun_log.py"},
     "openai": {"language/openai.py"},
+    "httpx2": {"language/openai.py"},
 }
 DISTRIBUTION = {
     "yaml": "pyyaml",
@@ -57,7 +58,7 @@ DISTRIBUTION = {
 }
 HEAVY = (
     *("numpy", "sapien", "torch", "pydantic", "numba", "scipy", "yaml", "py_trees", "mani_skill"),
-    *("msgpack", "websockets", "transformers", "rerun", "pyarrow", "openai", "httpx"),
+    *("msgpack", "websockets", "transformers", "rerun", "pyarrow", "openai", "httpx2"),
 )
 
 

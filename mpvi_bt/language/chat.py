@@ -34,6 +34,7 @@ class Answer:
         latency_s: Wall time from the question to the answer, with all that was tried again; on file: as it was then.
         tokens_in: Of the question, as the server counts them; 0 if it does not say.
         tokens_out: Of the answer, likewise.
+        tries: How often the question was put until there was an answer.
         kept: Whether it came from the exchanges on file, and cost nothing.
     """
 
@@ -42,6 +43,7 @@ class Answer:
     latency_s: float = 0.0
     tokens_in: int = 0
     tokens_out: int = 0
+    tries: int = 1
     kept: bool = False
 
     def from_file(self) -> Answer:

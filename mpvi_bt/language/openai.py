@@ -1,0 +1,190 @@
+"""A model behind any endpoint that speaks OpenAI's chat completions, by the openai SDK (extra "openai").
+
+Whatever comes back is untrusted: of bounded size and time, parsed here, and freed of what must not be told.
+"""
+
+from __future__ import annotations
+
+import base64
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from mpvi_bt.errors import ModelError
+from mpvi_bt.language.chat import Answer, Message, Schema
+from mpvi_bt.language.endpoint import KEY, find_endpoint
+from mpvi_bt.language.response import line, read_answer, read_error
+
+TIMEOUT_S = 60.0  # Our choice: a model that thinks takes some ten seconds
+CONNECT_S = 5.0
+RETRIES = 2  # Our choice: the SDK's. It waits longer each time, or as long as the server asks, two minutes at most
+MOST_BYTES = 4 * 2**20  # of a response; a plan takes some kB, and a model that thinks some hundred more
+
+_FORMS = ("json_schema", "json_object", "plain")  # in which an answer is asked for, the most exact first
+
+
+class OpenAIModel:
+    """Asks over HTTP; the SDK tries again after 408, 409, 429, 5xx and broken connections.
+
+    Where a schema is wanted, the answer is asked for by JSON Schema; of a server that refuses this, as a JSON object;
+    of one that refuses that, plainly. What a server was found to take is kept to from then on.
+
+    Args:
+        model: As the server calls it.
+        url: Of the endpoint, such as "http://localhost:8000/v1"; "": that of OPENAI_BASE_URL, else the vendor's own.
+        timeout_s: For an answer to begin, and again for it to end, at every try.
+        retries: How often a question is put again at most.
+
+    Raises:
+        ModelError: The extra is not installed ("not_installed"), or there is no key where one is needed.
+        UserError: The address is none.
+    """
+
+    def __init__(self, model: str, url: str = "", timeout_s: float = TIMEOUT_S, retries: int = RETRIES) -> None:
+        try:
+            import openai
+        except ImportError:
+            raise ModelError(
+                "not_installed", "openai:MODEL needs the openai SDK: pip install 'mpvi_bt[openai]'"
+            ) from None
+        self.name = f"openai:{model}" + (f"@{url}" if url else "")
+        self._model, self._timeout_s = model, timeout_s
+        self._endpoint = find_endpoint(url)
+        self._hide = self._endpoint.secrets.hide
+        self._sdk = openai
+        self._form = 0  # where to begin in _FORMS
+        self._client = openai.OpenAI(
+            api_key="unused",  # what is sent is said with every request, so that no client has it
+            base_url=self._endpoint.url,
+            max_retries=retries,
+            http_client=openai.DefaultHttpxClient(
+                timeout=openai.Timeout(timeout_s, connect=min(CONNECT_S, timeout_s)),
+                follow_redirects=False,  # they would take the key elsewhere
+                headers={"Accept-Encoding": "identity"},  # so that what is bounded is what is read
+                event_hooks={"response": [self._bound]},
+            ),
+        )
+        self._endpoint.secrets.guard_logs()
+
+    def ask(self, messages: Sequence[Message], schema: Schema | None = None) -> Answer:
+        """As `ChatModel` says. Takes (retries + 1) * 2 * timeout_s at most, and the waits between."""
+        began = time.monotonic()
+        said = [_spoken(message) for message in messages]
+        forms = _FORMS[self._form :] if schema is not None else _FORMS[-1:]
+        for form in forms:
+            try:
+                text, tries = self._post(said, form, schema)
+                break
+            except ModelError as error:
+                # A refusal may be about the form; it is not if the plain question is refused as well.
+                if error.reason != "refused" or form == forms[-1]:
+                    error.latency_s = time.monotonic() - began
+                    raise
+        self._form = max(self._form, _FORMS.index(form)) if schema is not None else self._form
+        latency_s = time.monotonic() - began
+        read = read_answer(text, self._endpoint.url, self._hide)
+        if isinstance(read, ModelError):
+            read.latency_s = latency_s
+            raise read
+        return Answer(read.text, read.model or self._model, latency_s, read.tokens_in, read.tokens_out, tries=tries)
+
+    def _post(self, messages: list[Any], form: str, schema: Schema | None) -> tuple[str, int]:
+        """One question, and all that is tried for it: the response's text, and how many tries it took.
+
+        Raises:
+            ModelError: With nothing in its chain: the SDK's errors have the request in them, and the request the key.
+        """
+        asked: dict[str, Any] = {"model": self._model, "messages": messages}
+        if form == "json_schema":
+            wanted = {"name": "answer", "schema": dict(schema or {}), "strict": True}
+            asked["response_format"] = {"type": form, "json_schema": wanted}
+        elif form == "json_object":
+            asked["response_format"] = {"type": form}
+        try:
+            headers: Any = {"Authorization": self._endpoint.authorization or self._sdk.omit}
+            answer = self._client.chat.completions.with_raw_response.create(**asked, extra_headers=headers)
+            return answer.http_response.text, answer.retries_taken + 1
+        except ModelError as error:
+            failure = ModelError(error.reason, str(error))
+        except self._sdk.APIStatusError as error:
+            failure = self._refusal(error.status_code, read_error(error.response.text, self._hide), error)
+        except self._sdk.APITimeoutError as error:
+            tried = _tried(error)
+            failure = ModelError("model_timeout", f"{self.name}: no answer within {self._timeout_s:g} s{tried}.")
+        except Exception as error:  # of the connection; or whatever else: its chain may have the key in it
+            cause = line(self._hide(str(error.__cause__ or error)))
+            why = f": {cause}" if cause else ""
+            failure = ModelError("endpoint_down", f"{self._endpoint.url} is not there{_tried(error)}{why}.")
+        raise failure
+
+    def _refusal(self, status: int, said: tuple[str, str], error: Exception) -> ModelError:
+        """What a status other than success means.
+
+        Args:
+            status: Of HTTP.
+            said: The server's code and message.
+            error: That the SDK made of it.
+        """
+        code, message = said
+        url = self._endpoint.url
+        told = f" ({status})" + (f": {message}" if message else "")
+        if status == 401 and not self._endpoint.authorization:
+            return ModelError("no_key", f"{url} wants a key: set {KEY} (401).")
+        if status == 401:  # what servers say to it may have parts of the key
+            what = f"key in {KEY}" if self._endpoint.keyed else "password in the endpoint's URL"
+            return ModelError("wrong_key", f"{url} does not take the {what} (401).")
+        if status == 403:
+            return ModelError("wrong_key", f"{url} does not let us in{told}")
+        if status == 404 and ("model" in code or "model" in message.lower()):
+            return ModelError("unknown_model", f"{url} has no model {self._model!r}{told}")
+        if status == 404 or 300 <= status < 400:
+            return ModelError("bad_answer", f"{url} has no chat completions{told}; an API's address often ends in /v1.")
+        if status == 429:
+            return ModelError("rate_limited", f"{url} answers no more for now{_tried(error)}{told}")
+        if status >= 500 or status in (408, 409):
+            return ModelError("server_error", f"{url} broke{_tried(error)}{told}")
+        return ModelError("refused", f"{url} refuses the question{told}")
+
+    def _bound(self, response: Any) -> None:
+        """Bound what is read of a response, in size and time. Raises ModelError if it is packed."""
+        if response.headers.get("content-encoding", "identity") not in ("identity", ""):
+            raise ModelError("bad_answer", f"{self._endpoint.url} answers packed, though that was not asked for.")
+        response.stream = _bounded(response.stream, time.monotonic() + self._timeout_s, self._endpoint.url)
+
+
+def _bounded(stream: Any, deadline: float, url: str) -> Any:
+    """The stream of a response, which ends with a ModelError once it is too large, and with a timeout once late."""
+    import httpx2
+
+    class Bounded(httpx2.SyncByteStream):
+        def __iter__(self) -> Iterator[bytes]:
+            size = 0
+            for part in stream:
+                size += len(part)
+                if size > MOST_BYTES:
+                    raise ModelError("bad_answer", f"{url} answers with more than {MOST_BYTES // 2**20} MB.")
+                if time.monotonic() > deadline:
+                    raise httpx2.ReadTimeout("the answer takes too long")
+                yield part
+
+        def close(self) -> None:
+            stream.close()
+
+    return Bounded()
+
+
+def _tried(error: Exception) -> str:
+    """How often it was tried, where it was more than once."""
+    request = getattr(error, "request", None)
+    again = request.headers.get("x-stainless-retry-count", "0") if request is not None else "0"
+    return f", tried {int(again) + 1} times" if again.isdigit() and int(again) else ""
+
+
+def _spoken(message: Message) -> Mapping[str, Any]:
+    """A message as the protocol has it; the picture as a data URL."""
+    text = message.text.encode("utf-8", "replace").decode()  # half a surrogate pair can't be sent
+    if message.png is None:
+        return {"role": message.role, "content": text}
+    url = f"data:image/png;base64,{base64.b64encode(message.png).decode()}"
+    parts = [{"type": "text", "text": text}, {"type": "image_url", "image_url": {"url": url}}]
+    return {"role": message.role, "content": parts}
