@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any
 
 from mpvi_bt.errors import Problem, UserError
@@ -127,17 +128,24 @@ def answer_text(plan: Plan) -> str:
 
 def repair(answer: str, problems: Sequence[Problem]) -> list[Message]:
     """The messages that show a model its answer and all that is wrong with it."""
-    told = [f"- {p.pointer or 'the answer'}: {p.message} [{p.code}]" for p in problems[:MOST_TOLD]]
-    if len(problems) > MOST_TOLD:
-        told.append(f"- and {len(problems) - MOST_TOLD} more")
-    text = "\n".join(["That can't be carried out as it is:", *told, "Answer with the whole plan, mended."])
+    lines = [f"- {line}" for line in told(problems)]
+    text = "\n".join(["That can't be carried out as it is:", *lines, "Answer with the whole plan, mended."])
     return [Message("assistant", _shortened(answer)), Message("user", text)]
+
+
+def told(problems: Sequence[Problem]) -> list[str]:
+    """A line for each problem of an answer, the first of many: its place as a JSON pointer, what it is, its code."""
+    lines = [f"{p.pointer[:100] or 'the answer'}: {p.message} [{p.code}]" for p in problems[:MOST_TOLD]]
+    if len(problems) > MOST_TOLD:
+        lines.append(f"and {len(problems) - MOST_TOLD} more")
+    return ["".join(c if c.isprintable() else ascii(c)[1:-1] for c in line) for line in lines]  # keys are in pointers
 
 
 def _shortened(answer: str) -> str:
     return answer if len(answer) <= LONGEST_ANSWER else answer[:LONGEST_ANSWER] + "\n..."
 
 
+@cache
 def answer_schema() -> Schema:
     """The form of an answer as a JSON Schema, from the model of a plan.
 

@@ -1,0 +1,197 @@
+"""The planner that asks a language model (Paper, Subtask Planning), and takes nothing that it has not checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mpvi_bt.errors import FileProblems, ModelError, Problem
+from mpvi_bt.language.answers import parse_json
+from mpvi_bt.language.chat import Answer, ChatModel
+from mpvi_bt.marked_yaml import Marks, validate_data
+from mpvi_bt.plan.check import plan_problems
+from mpvi_bt.plan.context import Grounding
+from mpvi_bt.plan.examples import examples
+from mpvi_bt.plan.prompt import answer_schema, checked_instruction, conversation, repair, told
+from mpvi_bt.plan.schema import Plan
+from mpvi_bt.plan.skills import Skill
+from mpvi_bt.writing import write_whole
+
+REPAIRS = 3  # Our choice: how often a model may mend its plan
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A plan, and what it took.
+
+    Attributes:
+        plan: A valid one, without errors.
+        answers: Of the model, the last of which is the plan.
+        doubts: Warnings that are left.
+    """
+
+    plan: Plan
+    answers: tuple[Answer, ...] = ()
+    doubts: tuple[Problem, ...] = ()
+
+    @property
+    def latency_s(self) -> float:
+        """What all its answers took, together [s of wall time]."""
+        return sum(answer.latency_s for answer in self.answers)
+
+
+class LanguagePlanner:
+    """Asks a model for a plan, and for a mended one as long as something is wrong with it, `REPAIRS` times at most.
+
+    An error is sent back as often as that; warnings go with it, and alone once: the robot can go by such a plan.
+
+    Args:
+        model: Whom to ask.
+        skills: What the robot can do, by name.
+        grounding: What is where; None: the model is told nothing of that, and nothing is compared with it.
+        recorded: Plans on file, some of which serve as examples; see `mpvi_bt.plan.examples`.
+        without: Names of those that must not.
+        last_answer: File for the last answer where it is no plan; None: it is not kept.
+        tell: Is told in a line what is being done.
+
+    Attributes:
+        name: The model's.
+    """
+
+    def __init__(
+        self,
+        model: ChatModel,
+        skills: Mapping[str, Skill],
+        grounding: Grounding | None = None,
+        recorded: Sequence[Plan] = (),
+        without: Collection[str] = (),
+        last_answer: Path | None = None,
+        tell: Callable[[str], None] = lambda line: None,
+    ) -> None:
+        self.name = model.name
+        self._model, self._skills, self._grounding = model, skills, grounding
+        self._recorded, self._without = recorded, without
+        self._last_answer, self._tell = last_answer, tell
+
+    def plan(self, task_name: str, instruction: str) -> Plan:
+        """The plan alone. Raises as `ask`."""
+        return self.ask(task_name, instruction).plan
+
+    def ask(self, task_name: str, instruction: str, situation: str = "") -> Planned:
+        """A plan for the instruction.
+
+        Args:
+            task_name: Name of the plan; "": the model names it.
+            instruction: What a user said; untrusted.
+            situation: What has happened so far, in lines, if the robot is under way: then what is left is planned.
+
+        Raises:
+            UserError: The instruction is none.
+            ModelError: The model gave no answer; or none that can be carried out ("bad_answer"), or it finds no plan
+                for the instruction ("refused").
+        """
+        instruction = checked_instruction(instruction)
+        shown = examples(self._recorded, self._skills, instruction, {task_name, *self._without})
+        messages = conversation(instruction, self._skills, self._grounding, shown, situation)
+        answers: list[Answer] = []
+        warned = False
+        found: list[Problem] = []
+        while len(answers) <= REPAIRS:
+            self._tell(_asking(self.name, found))
+            mending = repair(answers[-1].text, found) if answers else []
+            answers.append(self._model.ask([*messages, *mending], answer_schema()))
+            data, found = read_answer(answers[-1].text)
+            if isinstance(data, dict) and data.get("segments") == []:
+                raise ModelError("refused", f"{self.name} finds no plan for the instruction{self._keep(answers[-1])}")
+            if not found:
+                plan, found = checked(data, task_name, instruction, self._skills, self._grounding, not situation)
+                wrong = any(problem.severity == "error" for problem in found)
+                if plan is not None and not wrong and (warned or not found or len(answers) > REPAIRS):
+                    return Planned(plan, tuple(answers), tuple(found))
+                warned = warned or not wrong
+        count = f"{len(found)} problem{'s' * (len(found) > 1)}"
+        head = (
+            f"{self.name} gave no valid plan in {len(answers)} answers; {count} in the last{self._keep(answers[-1])}:"
+        )
+        raise ModelError("bad_answer", "\n  ".join([head, *told(found)]))
+
+    def _keep(self, answer: Answer) -> str:
+        """Write an answer to its file; what to say of that."""
+        if self._last_answer is None:
+            return ""
+        self._last_answer.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(self._last_answer, answer.text.encode("utf-8", "backslashreplace").decode())
+        return f", which is in {self._last_answer}"
+
+
+def _asking(name: str, found: Sequence[Problem]) -> str:
+    if not found:
+        return f"asking {name} for a plan"
+    more = f", and {len(found) - 1} more" if len(found) > 1 else ""
+    return f"asking {name} to mend its plan: {told(found[:1])[0]}{more}"
+
+
+def read_answer(text: str) -> tuple[Any, list[Problem]]:
+    """The data of an answer, plain JSON as a plan's file has it; or what is wrong with the answer.
+
+    The paper's "completion_criteria" is read as the "completion_criterion" of our files, and null as nothing.
+    """
+    try:
+        data = parse_json(text)
+    except ValueError as error:
+        return None, [Problem("answer", 0, 0, "syntax", f"there is no JSON object in the answer: {error}")]
+    segments = data.get("segments") if isinstance(data, dict) else None
+    if isinstance(segments, list):
+        data = {**data, "segments": [_segment(segment) for segment in segments]}
+    return data, []
+
+
+def _segment(segment: Any) -> Any:
+    if not isinstance(segment, dict):
+        return segment
+    segment = {key: value for key, value in segment.items() if value is not None}
+    if "completion_criterion" not in segment and "completion_criteria" in segment:
+        segment["completion_criterion"] = segment.pop("completion_criteria")
+    return segment
+
+
+def checked(
+    data: Any,
+    task_name: str,
+    instruction: str,
+    skills: Mapping[str, Skill],
+    grounding: Grounding | None = None,
+    begins: bool = True,
+) -> tuple[Plan | None, list[Problem]]:
+    """The plan that the data of an answer is, and all that is wrong with it.
+
+    Args:
+        data: Of `read_answer`; untrusted.
+        task_name, instruction: As of `LanguagePlanner.ask`.
+        skills, grounding, begins: As of `plan_problems`.
+    """
+    if isinstance(data, dict):
+        data = {**data, "instruction": instruction, **({"task_name": task_name} if task_name else {})}
+    marks = _marks(data)
+    try:
+        plan = validate_data(data, marks, Plan)
+    except FileProblems as error:
+        return None, error.problems
+    return plan, plan_problems(plan, skills, grounding, marks, begins)
+
+
+def _marks(data: Any) -> Marks:
+    """Marks without places, which give problems their JSON pointers."""
+    marks = Marks("answer")
+    left: list[tuple[tuple[str | int, ...], Any]] = [((), data)]
+    while left:
+        at, value = left.pop()
+        marks.values[at] = (0, 0)
+        if isinstance(value, dict):
+            marks.keys.update({(*at, key): (0, 0) for key in value})
+            left += [((*at, key), inner) for key, inner in value.items()]
+        elif isinstance(value, list):
+            left += [((*at, i), inner) for i, inner in enumerate(value)]
+    return marks
