@@ -103,13 +103,22 @@ def traversability(
     """
     res = grid_map.resolution_m
     taken = occupied(grid_map, boxes, discs)
-    framed = np.pad(taken, 1, constant_values=True)  # what lies beyond the map cannot be entered
+    clearance, cost = np.zeros(taken.shape), np.full(taken.shape, np.inf, np.float32)
+    window = about(~taken)
+    framed = np.pad(taken[window], 1, constant_values=True)  # what lies beyond cannot be entered
     to_center = distance_to(framed)[1:-1, 1:-1].astype(float) * res
-    clearance = np.maximum(to_center - res / 2, 0.0)
-    near = np.clip((footprint_m + clearance_cost.margin_m - clearance) / clearance_cost.margin_m, 0.0, 1.0)
-    cost = (1.0 + clearance_cost.weight * near**2).astype(np.float32)
-    cost[clearance < footprint_m] = np.inf
+    clear = clearance[window] = np.maximum(to_center - res / 2, 0.0)
+    near = np.clip((footprint_m + clearance_cost.margin_m - clear) / clearance_cost.margin_m, 0.0, 1.0)
+    cost[window] = np.where(clear < footprint_m, np.inf, 1.0 + clearance_cost.weight * near**2)
     return Traversability(grid_map, taken, clearance, cost, footprint_m)
+
+
+def about(cells: NDArray[np.bool_]) -> tuple[slice, slice]:
+    """The smallest window that has all true cells (H, W): what is free without a prior map is a small part of a map."""
+    rows, columns = (np.flatnonzero(cells.any(axis)) for axis in (1, 0))
+    if not len(rows):
+        return slice(0), slice(0)
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
 def occupied(grid_map: OccupancyMap, boxes: Iterable[Corners] = (), discs: Iterable[Disc] = ()) -> NDArray[np.bool_]:
