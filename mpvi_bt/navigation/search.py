@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -15,7 +16,7 @@ from mpvi_bt.navigation.frontiers import frontier, nearest_frontier
 from mpvi_bt.navigation.goals import Goal
 from mpvi_bt.navigation.grid import cost_to_reach
 from mpvi_bt.navigation.lookout import Lookout
-from mpvi_bt.navigation.traversability import Traversability
+from mpvi_bt.navigation.traversability import about
 from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.protocol import Robot
 from mpvi_bt.robot.solids import Array
@@ -99,11 +100,11 @@ class Search:
             try:
                 yield from self._driver.to(_only(goal), feedback, self._passed(goal, found))
             except GaveUp:
-                self._barren |= self._about(goal.pose)
+                self._mark(self._barren, goal.pose, True)
                 continue
             self._lookout.look()
             if self._seen() - before < self._cells(self.parameters.gains_m2[-1]):
-                self._barren |= self._about(goal.pose)
+                self._mark(self._barren, goal.pose, True)
 
     # ------------------------------------------------------------------------------------------ where to look
 
@@ -126,38 +127,50 @@ class Search:
 
     def _goal(self, room: str | None) -> Goal | None:
         """The nearest pose from which something unseen is seen, much before little; None where nothing is left."""
+        levels = [self._cells(gain_m2) for gain_m2 in self.parameters.gains_m2]
+        shown = []
+        for gain, goal in self._goals(room, levels[-1]):
+            if gain >= levels[0]:
+                return goal
+            shown.append((gain, goal))
+        return next((goal for least in levels for gain, goal in shown if gain >= least), None)
+
+    def _goals(self, room: str | None, least: float) -> Iterator[tuple[int, Goal]]:
+        """The poses at frontiers, the nearest first and none beside another, from which so many unseen cells are seen.
+
+        With each comes how many.
+        """
         start = self._place()
         grid = self._driver.grid(blocks=True).escaping(start)
         unseen = self._patches(room)
-        for gain_m2 in self.parameters.gains_m2:
-            goal = self._goal_at(grid, start, unseen, self._cells(gain_m2))
-            if goal is not None:
-                return goal
-        return None
-
-    def _goal_at(self, grid: Traversability, start: Array, unseen: Mask, least: float) -> Goal | None:
-        """The nearest pose at a frontier from which at least so many unseen cells are seen."""
         open_ = ~grid.map.occupied
         near = max(1, round(self.parameters.near_m / grid.map.resolution_m))
         self.frontier = frontier(~self._lookout.solid, ~unseen) & open_ & ~self._barren
-        at_frontier = ndimage.binary_dilation(self.frontier, _EDGES, iterations=near, mask=open_)
-        targets = at_frontier & np.isfinite(grid.cost) & ~self._barren
+        targets, within = np.zeros_like(open_), about(open_)
+        targets[within] = ndimage.binary_dilation(self.frontier[within], _EDGES, near, open_[within])
+        targets &= np.isfinite(grid.cost) & ~self._barren
         while (found := nearest_frontier(grid.cost, grid.map.cell(start), targets)) is not None:
             row, column = found[0][-1]
             place = grid.map.center(int(row), int(column))
-            gain, yaw = self._best_heading(place, unseen)
+            gain, yaw = self._best_heading(place, unseen, least)
             if gain >= least:
-                return Goal(np.array([*place, yaw]), found[1])
-            targets &= ~self._about(place)
-        return None
+                yield gain, Goal(np.array([*place, yaw]), found[1])
+            self._mark(targets, place, False)
 
-    def _best_heading(self, place: Array, unseen: Mask) -> tuple[int, float]:
-        """How many unseen cells a look from a place (2,) shows at best, and at which yaw [rad], the nearest such."""
+    def _best_heading(self, place: Array, unseen: Mask, least: float = 0.0) -> tuple[int, float]:
+        """How many unseen cells a look from a place (2,) shows at best, and at which yaw [rad], the nearest such.
+
+        What is certainly less than `least` is not counted, and said to be nothing.
+        """
         here = float(self._robot.proprioception().base_pose[2])
-        best, at = 0, here
+        best, at, most = 0, here, self._view.within_reach(place, unseen)
+        if most < least:
+            return best, at
         yaws = here + np.arange(self.parameters.headings) * (2 * np.pi / self.parameters.headings)
         solid = self._lookout.solid
         for yaw in sorted(yaws, key=lambda yaw: abs(float(wrap(yaw - here)))):
+            if most <= best * 1.05:
+                break
             gain = self._view.would_see(place, float(yaw), self.parameters.fov_rad, solid, unseen)
             if gain > best * 1.05:
                 best, at = gain, float(wrap(yaw))
@@ -178,13 +191,15 @@ class Search:
 
         return passed
 
-    def _about(self, place: Array) -> Mask:
-        """(H, W) the cells about a place (2,)."""
+    def _mark(self, mask: Mask, place: Array, value: bool) -> None:
+        """Set the cells of a mask (H, W) about a place (2,)."""
         grid_map = self._lookout.occupancy.map
-        rows, columns = np.ogrid[: self._barren.shape[0], : self._barren.shape[1]]
-        row, column = grid_map.cell(place)
-        about: Mask = np.hypot(rows - row, columns - column) * grid_map.resolution_m <= self.parameters.barren_m
-        return about
+        (row, column), n = grid_map.cell(place), math.ceil(self.parameters.barren_m / grid_map.resolution_m)
+        top, left = max(row - n, 0), max(column - n, 0)
+        window = mask[top : max(row + n + 1, 0), left : max(column + n + 1, 0)]
+        rows, columns = np.ogrid[: window.shape[0], : window.shape[1]]
+        away = np.hypot(rows + (top - row), columns + (left - column)) * grid_map.resolution_m
+        window[away <= self.parameters.barren_m] = value
 
     # ------------------------------------------------------------------------------------------ what is known
 

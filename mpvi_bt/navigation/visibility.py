@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,8 @@ class VisibilityMap:
         """
         self.seen: NDArray[np.bool_] = np.zeros(grid_map.occupied.shape, bool)
         self._origin, self._res, self._reach_m = np.asarray(grid_map.origin_m, float), grid_map.resolution_m, reach_m
+        self._to_world = np.array([[self._res, 0, 0], [0, self._res, 0], [0, 0, 0], [0, 0, 1]], float)
+        self._to_world[:3, 2] = *self._origin, LOOK_M  # of (column, row, 1)
         self._last: CameraImage | None = None
 
     def update(self, image: CameraImage, occupied: NDArray[np.bool_]) -> int:
@@ -57,7 +60,7 @@ class VisibilityMap:
         self._last = image
         yaw, half = _field_of_view(image)
         depth = np.ascontiguousarray(image.depth, np.float32)
-        return self._look(image.T_world_camera, yaw, half, occupied, self.seen, depth, image, True)
+        return self._look(image.T_world_camera, yaw, half, occupied, None, depth, image, True)
 
     def would_see(
         self,
@@ -85,43 +88,56 @@ class VisibilityMap:
             T[:3, :3] = rot_z(turn) @ self._last.T_world_camera[:3, :3]
             T[2, 3] = self._last.T_world_camera[2, 3]
         T[:2, 3] = np.asarray(xy, float)[:2]
-        seen = self.seen if wanted is None else ~wanted
-        return self._look(T, yaw, fov_rad / 2, occupied, seen, _NO_DEPTH, self._last, False)
+        return self._look(T, yaw, fov_rad / 2, occupied, wanted, _NO_DEPTH, self._last, False)
+
+    def within_reach(self, xy: Array, wanted: NDArray[np.bool_]) -> int:
+        """How many cells of `wanted` (H, W) a look from `xy` (2,) [m] might show: `would_see` never says more."""
+        x, y = ((np.asarray(xy, float)[:2] - self._origin) / self._res).tolist()
+        return int(np.count_nonzero(wanted[self._window(y, x)])) if self._inside(y, x) else 0
 
     def _look(
-        self, T_world_camera: Array, yaw: float, half: float, occupied: NDArray[np.bool_], seen: NDArray[np.bool_],
-        depth: NDArray[np.float32], picture: CameraImage | None, keep: bool,
+        self, T_world_camera: Array, yaw: float, half: float, occupied: NDArray[np.bool_],
+        wanted: NDArray[np.bool_] | None, depth: NDArray[np.float32], picture: CameraImage | None, keep: bool,
     ) -> int:  # fmt: skip
         """Cast rays `half` to each side of `yaw`; floor counts that a picture like `picture` would have in it."""
         if occupied.shape != self.seen.shape:
             raise ValueError(f"occupied is {occupied.shape}, the visibility map {self.seen.shape}")
-        x, y = (T_world_camera[:2, 3] - self._origin) / self._res
+        x, y = ((T_world_camera[:2, 3] - self._origin) / self._res).tolist()
         reach = self._reach_m / self._res
-        if not (0 <= y < self.seen.shape[0] and 0 <= x < self.seen.shape[1]):  # nan is nowhere, too
+        if not self._inside(y, x):
             return 0
-        low = np.maximum(np.floor([y - reach, x - reach]).astype(int) - 1, 0)
-        high = np.minimum(np.ceil([y + reach, x + reach]).astype(int) + 1, self.seen.shape)
-        fresh = np.zeros(tuple(high - low), np.uint8)  # only where rays can get: a look costs the same on any map
+        window = self._window(y, x)  # only where rays can get: a look costs the same on any map
+        seen = np.ascontiguousarray(self.seen[window]) if wanted is None else ~wanted[window]
+        fresh = np.zeros(seen.shape, np.uint8)
         rays = max(2, math.ceil(2 * half * reach / 0.5))  # half a cell apart at the far end
         height, width = (0, 0) if picture is None else picture.depth.shape
         project = np.eye(3)
         if picture is not None:
-            to_world = np.array([[self._res, 0, 0], [0, self._res, 0], [0, 0, 0], [0, 0, 1]], float)
-            to_world[:3, 2] = self._origin[0], self._origin[1], LOOK_M
-            project = picture.K @ inverse(T_world_camera)[:3] @ to_world
+            project = picture.K @ inverse(T_world_camera)[:3] @ self._to_world
         count: int = _cast(
-            np.ascontiguousarray(occupied), seen, fresh, int(low[0]), int(low[1]), float(y), float(x), yaw, half,
+            np.ascontiguousarray(occupied), seen, fresh, window[0].start, window[1].start, y, x, yaw, half,
             rays, reach, height, width, depth, project,
         )  # fmt: skip
         if keep and count:
-            self.seen[low[0] : high[0], low[1] : high[1]] |= fresh == _SEEN
+            self.seen[window] |= fresh == _SEEN
         return count
+
+    def _inside(self, row: float, column: float) -> bool:
+        """Whether a place [cells] is on the map; what is no number is nowhere."""
+        return 0 <= row < self.seen.shape[0] and 0 <= column < self.seen.shape[1]
+
+    def _window(self, row: float, column: float) -> tuple[slice, slice]:
+        """The rows and columns that a look from a place [cells] on the map can get to."""
+        reach, (height, width) = self._reach_m / self._res, self.seen.shape
+        rows = slice(max(math.floor(row - reach) - 1, 0), min(math.ceil(row + reach) + 1, height))
+        return rows, slice(max(math.floor(column - reach) - 1, 0), min(math.ceil(column + reach) + 1, width))
 
 
 def _heading(T_world_camera: Array) -> float:
     return math.atan2(T_world_camera[1, 2], T_world_camera[0, 2])
 
 
+@lru_cache(maxsize=1)  # two maps take in each picture
 def _field_of_view(image: CameraImage) -> tuple[float, float]:
     """Where a camera heads [rad], and how far to each side of that its picture reaches on the floor."""
     height, width = image.depth.shape
@@ -144,8 +160,8 @@ def warm() -> None:
 def _cast(occupied, seen, fresh, low_row, low_column, y, x, yaw, half, rays, reach, height, width, depth, project):  # type: ignore
     """Mark in `fresh` the unseen free cells that rays from (y, x) meet: 1 seen, 2 not; return how many are seen.
 
-    Everything is in cells; `fresh` begins at (low_row, low_column). `project` (3, 3) takes (column, row, 1) to the
-    pixels of a picture of height x width, 0 for none. Its depth says what is hidden; an empty one hides nothing.
+    Everything is in cells; `seen` and `fresh` begin at (low_row, low_column). `project` (3, 3) takes (column, row, 1)
+    to the pixels of a picture of height x width, 0 for none. Its depth says what is hidden; an empty one hides nothing.
     """
     rows, columns = occupied.shape
     count = 0
@@ -164,7 +180,7 @@ def _cast(occupied, seen, fresh, low_row, low_column, y, x, yaw, half, rays, rea
             if occupied[row, column]:
                 if not first:
                     break
-            elif not seen[row, column] and fresh[row - low_row, column - low_column] == 0:
+            elif not seen[row - low_row, column - low_column] and fresh[row - low_row, column - low_column] == 0:
                 shown = True
                 if height > 0:
                     a, b = column + 0.5, row + 0.5
