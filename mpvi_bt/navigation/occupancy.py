@@ -45,7 +45,7 @@ class Occupancy:
         self.map, self.known = grid_map, known
         steps = round(_SAME_M / grid_map.resolution_m)
         self._explained = ndimage.binary_dilation(fixed, iterations=steps) if fixed.any() and steps else fixed
-        self._fixed = fixed
+        self._fixed, self._complete = fixed, bool(known.all())
         self._hits = np.zeros(fixed.shape, np.uint8)
         self._lowest_cm = np.full(fixed.shape, 255, np.uint8)  # of the hits
         self._highest_cm = np.zeros(fixed.shape, np.uint8)
@@ -109,15 +109,16 @@ class Occupancy:
         low = np.clip(np.floor(eye[::-1] - REACH_M / res).astype(int) - 1, 0, shape)
         high = np.clip(np.ceil(eye[::-1] + REACH_M / res).astype(int) + 2, low, shape)
         window = np.s_[low[0] : high[0], low[1] : high[1]]
-        floor = np.zeros(tuple(high - low), bool)
-        self._own_place(floor, ignore, low)
+        floor, learns = np.zeros(tuple(high - low), bool), not self._complete
+        if learns:
+            self._own_place(floor, ignore, low)
         corner = self.map.origin_m + low[::-1] * res
-        depth = np.ascontiguousarray(image.depth, np.float32)
+        depth = np.ascontiguousarray(image.depth.T, np.float32)  # by columns, as they are gone through
         circles = np.array(ignore, float).reshape(-1, 3)
         T, K = np.ascontiguousarray(image.T_world_camera, float), np.ascontiguousarray(image.K, float)
         explained, hits = self._explained[window].copy(), self._hits[window].copy()
         lowest, highest = self._lowest_cm[window].copy(), self._highest_cm[window].copy()
-        _see(depth, K, T, inverse(T), corner, res, circles, explained, hits, lowest, highest, floor)
+        _see(depth, K, T, inverse(T), corner, res, circles, explained, hits, lowest, highest, floor, learns)
         known = self.known[window] | floor | (hits >= _HITS)
         occupied = self._fixed[window] | (hits >= _HITS) | ~known
         self._hits[window], self._lowest_cm[window], self._highest_cm[window] = hits, lowest, highest
@@ -146,27 +147,35 @@ def warm() -> None:
 
 
 @compiled
-def _see(depth, K, T_world_camera, T_camera_world, corner, res, circles, explained, hits, lowest, highest, floor):  # type: ignore
-    """Sort the points of a picture into cells; arrays of cells begin at `corner` (2,) [m] and are changed in place."""
+def _see(  # type: ignore
+    depth, K, T_world_camera, T_camera_world, corner, res, circles, explained, hits, lowest, highest, floor, learns
+):
+    """Sort the points of a picture into cells; arrays of cells begin at `corner` (2,) [m] and are changed in place.
+
+    Of `floor` nothing is said if it `learns` nothing by it: then only points at the height of obstacles are looked at.
+    """
     rows, columns = hits.shape
     T, inv = T_world_camera, T_camera_world
     now = np.zeros((rows, columns), np.uint8)
     per_pixel, per_cell = 1.0 / K[1, 1], 1.0 / res
-    for u in range(depth.shape[1]):
+    for u in range(depth.shape[0]):
         below = (
             2  # what the pixel below showed: 0 nothing that counts, 1 floor, 2 the robot itself or the picture's edge
         )
         last_x, last_y = T[0, 3], T[1, 3]
         tan = (u + 0.5 - K[0, 2]) / K[0, 0]
         ray_x, ray_y, ray_z = T[0, 0] * tan + T[0, 2], T[1, 0] * tan + T[1, 2], T[2, 0] * tan + T[2, 2]
-        for v in range(depth.shape[0] - 1, -1, -1):
-            z = float(depth[v, u])
+        for v in range(depth.shape[1] - 1, -1, -1):
+            z = float(depth[u, v])
             if not (z > 0.0 and z < 1e6):
                 below = 0
                 continue
             tan = (v + 0.5 - K[1, 2]) * per_pixel
+            up = T[2, 3] + z * (ray_z + tan * T[2, 1])
+            if not (learns or BAND_M[0] <= up <= BAND_M[1]):
+                continue
             dx, dy = z * (ray_x + tan * T[0, 1]), z * (ray_y + tan * T[1, 1])
-            x, y, up = T[0, 3] + dx, T[1, 3] + dy, T[2, 3] + z * (ray_z + tan * T[2, 1])
+            x, y = T[0, 3] + dx, T[1, 3] + dy
             own = False
             for k in range(circles.shape[0]):
                 own |= (x - circles[k, 0]) ** 2 + (y - circles[k, 1]) ** 2 <= circles[k, 2] ** 2
@@ -175,11 +184,12 @@ def _see(depth, K, T_world_camera, T_camera_world, corner, res, circles, explain
                 continue
             away = math.sqrt(dx * dx + dy * dy)
             least = max(BAND_M[0], _RISE * away)
-            r, c = math.floor((y - corner[1]) * per_cell), math.floor((x - corner[0]) * per_cell)
             if away > REACH_M or abs(up) >= least:
                 below = 0
-                inside = 0 <= r < rows and 0 <= c < columns
-                if inside and away <= REACH_M and least <= up <= BAND_M[1] and not explained[r, c]:
+                if away > REACH_M or not least <= up <= BAND_M[1]:
+                    continue
+                r, c = math.floor((y - corner[1]) * per_cell), math.floor((x - corner[0]) * per_cell)
+                if 0 <= r < rows and 0 <= c < columns and not explained[r, c]:
                     now[r, c] = min(now[r, c] + 1, 200)
                     lowest[r, c], highest[r, c] = min(lowest[r, c], up * 100.0), max(highest[r, c], up * 100.0)
                 continue
@@ -208,11 +218,11 @@ def _see(depth, K, T_world_camera, T_camera_world, corner, res, circles, explain
                         continue
                     u = K[0, 0] * (inv[0, 0] * x + inv[0, 1] * y + inv[0, 2] * up + inv[0, 3]) / z + K[0, 2]
                     v = K[1, 1] * (inv[1, 0] * x + inv[1, 1] * y + inv[1, 2] * up + inv[1, 3]) / z + K[1, 2]
-                    if 0 <= u < depth.shape[1] and 0 <= v < depth.shape[0]:
+                    if 0 <= u < depth.shape[0] and 0 <= v < depth.shape[1]:
                         behind = _THROUGH_M + _THROUGH_PER_M * z * z
                         if T[2, 3] > up:  # behind what is low the floor is not that far
                             behind = min(behind, 0.5 * z * up / (T[2, 3] - up))
-                        if z + behind < depth[int(v), int(u)] < 1e6:
+                        if z + behind < depth[int(u), int(v)] < 1e6:
                             through += 1
                         else:
                             blocked += 1
