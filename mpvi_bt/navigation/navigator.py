@@ -151,7 +151,9 @@ class KnownPlaceNavigator:
     def _look_up(self, trip: Trip) -> tuple[list[Entry], str | None]:
         """The entries that the target names, the best kind first only, and the map's room that was meant, if any."""
         knowledge = self._knowledge()
-        hits = knowledge.find(trip.target, trip.room) or knowledge.find(trip.target)
+        hits = knowledge.find(trip.target, trip.room)
+        if not hits and trip.room:
+            hits = knowledge.find(trip.target)
         rooms = {normalize(name): name for name in self._map().room_names}
         for hit in hits:
             if hit.kind == "room" and normalize(hit.name) in rooms:

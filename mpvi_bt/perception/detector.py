@@ -54,11 +54,15 @@ class Detector(Protocol):
         ...
 
 
+_Answer = tuple[Any, BaseException | None]
+
+
 class Guarded:
     """A detector around another one, of which nothing is taken on trust.
 
     Whatever goes wrong in it is a `DetectorError` with a reason that docs/detectors.md lists. It works in a thread of
-    its own: one that hangs is left alone, and refused until it has come back.
+    its own: one that hangs is left alone, and refused until it has come back. One that says of itself that it
+    is `prompt`, as it waits for nothing, is called right away: on a busy machine a thread is waited for long.
 
     Attributes:
         name: The other one's.
@@ -75,9 +79,10 @@ class Guarded:
         """
         self._detector, self._limit_s = detector, limit_s
         self._work: queue.SimpleQueue[tuple[CameraImage, Sequence[str]]] = queue.SimpleQueue()
-        self._done: queue.SimpleQueue[tuple[Any, BaseException | None]] = queue.SimpleQueue()
+        self._done: queue.SimpleQueue[_Answer] = queue.SimpleQueue()
         self._thread: threading.Thread | None = None
         self._hangs = False
+        self._prompt = getattr(detector, "prompt", False) is True
         self.name = str(getattr(detector, "name", type(detector).__name__))
         self.note = str(getattr(detector, "note", ""))
 
@@ -87,22 +92,7 @@ class Guarded:
         Raises:
             DetectorError: It raised, hangs, or answered what is no detection in this picture.
         """
-        if self._hangs and self._done.empty():
-            raise DetectorError("hangs", f"detector {self.name} has not come back from an earlier picture")
-        if self._hangs:
-            self._done.get()  # what it found is of a picture long past
-            self._hangs = False
-        if self._thread is None:
-            # a daemon: one that never comes back must not keep the process from ending
-            self._thread = threading.Thread(target=self._serve, daemon=True, name=f"detector {self.name}")
-            self._thread.start()
-        self._work.put((image, tuple(phrases)))
-        try:
-            found, error = self._done.get(timeout=self._limit_s)
-        except queue.Empty:
-            self._hangs = True
-            message = f"detector {self.name} has found nothing and said nothing for {self._limit_s:g} s"
-            raise DetectorError("hangs", message) from None
+        found, error = self._ask(image, tuple(phrases)) if self._prompt else self._wait(image, tuple(phrases))
         if isinstance(error, DetectorError):
             raise error
         if error is not None:
@@ -115,11 +105,36 @@ class Guarded:
             check_detection(detection, image, phrases, f"detector {self.name}")
         return list(found)
 
+    def _ask(self, image: CameraImage, phrases: Sequence[str]) -> _Answer:
+        try:
+            return self._detector.detect(image, phrases), None
+        except Exception as error:
+            return None, error
+
+    def _wait(self, image: CameraImage, phrases: Sequence[str]) -> _Answer:
+        """What it answers from its thread, within the limit."""
+        if self._hangs and self._done.empty():
+            raise DetectorError("hangs", f"detector {self.name} has not come back from an earlier picture")
+        if self._hangs:
+            self._done.get()  # what it found is of a picture long past
+            self._hangs = False
+        if self._thread is None:
+            # a daemon: one that never comes back must not keep the process from ending
+            self._thread = threading.Thread(target=self._serve, daemon=True, name=f"detector {self.name}")
+            self._thread.start()
+        self._work.put((image, phrases))
+        try:
+            return self._done.get(timeout=self._limit_s)
+        except queue.Empty:
+            self._hangs = True
+            message = f"detector {self.name} has found nothing and said nothing for {self._limit_s:g} s"
+            raise DetectorError("hangs", message) from None
+
     def _serve(self) -> None:
         while True:
             image, phrases = self._work.get()
             try:
-                answer: tuple[Any, BaseException | None] = (self._detector.detect(image, phrases), None)
+                answer = self._ask(image, phrases)
             except BaseException as error:
                 answer = (None, error)
             self._done.put(answer)

@@ -123,6 +123,8 @@ class Discoveries:
 
     def _associate(self, seen: Sequence[Sighting]) -> list[Entry | None]:
         """The entry of each sighting, None for a thing that is new: no two are one, and the sum of misfits is least."""
+        if not seen:
+            return []
         known = [entry for entry in self.knowledge if entry.kind != "room"]
         prices = np.full((len(seen), len(known) + len(seen)), _NEVER)
         for i, sighting in enumerate(seen):

@@ -124,7 +124,7 @@ def _without_rim(mask: NDArray[np.bool_], own: NDArray[np.bool_], image: CameraI
     Our choice, measured (docs/detectors.md): masks are off by a pixel or two, and what they catch there of the
     background made small things reach meters far. Of what is too thin to have anything within all pixels count.
     """
-    window = ndimage.find_objects(own.astype(np.uint8), 1)[0]
+    window = tuple(slice(at[0], at[-1] + 1) for axis in (1, 0) for at in [np.flatnonzero(own.any(axis))])
     inside = own[window]
     z = np.where(inside, image.depth[window], 0.0).astype(float)
     for rim_px in range(_RIM_PX, 0, -1):

@@ -77,7 +77,10 @@ class SegmentationDetector:
     Attributes:
         name: "segmentation", with its errors' address if they are on.
         note: One line on the errors to be printed; "" if they are off.
+        prompt: It waits for nothing; see `Guarded`.
     """
+
+    prompt = True
 
     def __init__(
         self,
@@ -109,15 +112,17 @@ class SegmentationDetector:
         if image.labels is None:
             return []
         size = image.labels.shape
-        things = self._visible(image.labels, image.names)
+        meant = {phrase: {ROBOT} if phrase == ROBOT else set(self._vocabulary.named(phrase)) for phrase in phrases}
+        # Whoever errs may take for a phrase whatever is in view.
+        names = set(image.names.values()) if rng is not None else set().union(*meant.values())
+        things = self._visible(image.labels, image.names, names)
         if rng is not None:
             things = [t for thing in things if (t := self._mistaken(thing, size, rng)) is not None]
         found = []
-        for phrase in dict.fromkeys(phrases):
-            meant = [ROBOT] if phrase == ROBOT else self._vocabulary.named(phrase)
-            own = [thing for thing in things if thing.label in meant]
+        for phrase, labels in meant.items():
+            own = [thing for thing in things if thing.label in labels]
             if rng is not None and phrase != ROBOT and read(phrase) is not None:
-                others = [thing for thing in things if thing.label not in (*meant, ROBOT)]
+                others = [thing for thing in things if thing.label not in (*labels, ROBOT)]
                 own += self._confused(others, rng)
             found += [Detection(phrase, thing.score, thing.box.copy(), thing.spread(size)) for thing in own]
         return found
@@ -142,25 +147,32 @@ class SegmentationDetector:
         score = 1.0 - (1.0 - LOWEST_SCORE) * float(np.sqrt(rank))
         return [replace(others[int(which * len(others))], score=score)]
 
-    def _visible(self, labels: NDArray[np.int32], names: Mapping[int, str]) -> list[_Seen]:
-        """Each thing that enough of is seen, in the order of their labels."""
-        known = sorted(set(names.values()))
+    def _visible(self, labels: NDArray[np.int32], names: Mapping[int, str], wanted: set[str]) -> list[_Seen]:
+        """Each of the wanted things that enough of is seen, in the order of their labels."""
+        known = sorted(wanted.intersection(names.values()))
         index = {name: k + 1 for k, name in enumerate(known)}
         last = int(labels.max(initial=0))
         if last < _TABLE and labels.min(initial=0) >= 0:
-            table = np.zeros(last + 1, np.int32)
+            table = np.zeros(last + 1, np.uint8 if len(known) < 256 else np.int32)
             for id_, name in names.items():
-                if 0 <= id_ <= last:
+                if 0 <= id_ <= last and name in index:
                     table[id_] = index[name]
-            shown = table[labels]
+            shown = np.take(table, labels)
         else:  # ids that come from elsewhere may be any numbers
             ids, places = np.unique(labels, return_inverse=True)
             table = np.array([index.get(names.get(id_, ""), 0) for id_ in ids.tolist()], np.int32)
             shown = table[places].reshape(labels.shape)
+        lit = shown > 0
+        if not lit.any():
+            return []
+        tall, wide = (np.flatnonzero(lit.any(axis)) for axis in (1, 0))
+        top, left = int(tall[0]), int(wide[0])  # in most pictures it is little that counts
+        shown = shown[top : tall[-1] + 1, left : wide[-1] + 1]
         counts = np.bincount(shown.ravel(), minlength=len(known) + 1).tolist()
         boxes = ndimage.find_objects(shown, len(known))
+        corner = np.array([left, top] * 2)
         return [
-            _Seen(label, np.array([columns.start, rows.start, columns.stop, rows.stop]), shown[rows, columns] == k)
+            _Seen(label, corner + [columns.start, rows.start, columns.stop, rows.stop], shown[rows, columns] == k)
             for k, label in enumerate(known, start=1)
             if counts[k] >= (1 if label == ROBOT else max(1, self._least_px))
             for rows, columns in [boxes[k - 1]]
