@@ -49,8 +49,8 @@ def test_episodes_that_the_policys_backend_failed_are_named_and_are_nobodys_scor
     }  # fmt: skip
     assert data["overall"]["q_score_of_finished"] == pytest.approx(2.5 / 3)
     assert "backend failure" in text
-    assert "instance 3: the policy's backend failed, server_closed: it went away" in text
-    assert "failed by the policy's backend, not by the policy: picking_up_trash_3_0" in text
+    assert "instance 3: a backend failed, server_closed: it went away" in text
+    assert "failed by a backend, not by the robot: picking_up_trash_3_0" in text
 
 
 def test_clipped_actions_and_failed_grasps_are_told() -> None:

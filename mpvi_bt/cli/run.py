@@ -92,7 +92,7 @@ def run(
     """Run one episode of TASK with the tree shown live, then print its score.
 
     Exit code 0 where the goal is true at the end, 1 where it is not; of a dry run, where the tree succeeds or not. 3
-    where the policy's server failed.
+    where the policy's server or a language model failed.
     """
     if settings["rerun"]:
         from mpvi_bt.executive.rerun_log import require_sdk

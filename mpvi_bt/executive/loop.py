@@ -11,7 +11,7 @@ from typing import Any, Protocol
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Context, Failure, Log
-from mpvi_bt.errors import BackendError, NodeError, PolicyError
+from mpvi_bt.errors import BackendError, ModelError, NodeError, PolicyError
 from mpvi_bt.robot.protocol import Robot
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
@@ -59,8 +59,8 @@ class Outcome:
     """How an episode went.
 
     Attributes:
-        ending: The root's SUCCESS or FAILURE, the limit of simulated time, Ctrl-C, a policy's backend that failed, or
-            another exception.
+        ending: The root's SUCCESS or FAILURE, the limit of simulated time, Ctrl-C, a policy's server or a language
+            model that failed, or another exception.
         time_s, steps: Simulated time and control steps.
         ticks: Updates of the tree.
         failure: Why the root failed, if it did; what the backend failed of.
@@ -155,7 +155,7 @@ def run_episode(
 
     Raises:
         UserError: `saved` is of another tree.
-        NodeError: A behavior raised. (PolicyError is not raised on: it is how the episode ended.)
+        NodeError: A behavior raised. (PolicyError and ModelError are not raised on: they are how it ended.)
         BackendError: The wall limit was passed.
         KeyboardInterrupt: Ctrl-C.
     """
@@ -201,7 +201,7 @@ def run_episode(
         raise
     except NodeError as error:
         outcome.error = error
-        if not isinstance(error.__cause__, PolicyError):
+        if not isinstance(error.__cause__, PolicyError | ModelError):
             raise
         outcome.ending = "backend_error"
         outcome.failure = Failure(error.__cause__.reason, str(error.__cause__), error.path, world.time_s)

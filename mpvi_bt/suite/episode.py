@@ -69,7 +69,7 @@ def run(
 
     Returns:
         The result, ready for JSON. Ctrl-C gives one too, its "ended" being "interrupted", and so does a policy's server
-        that fails: "backend_error".
+        or a language model that fails: "backend_error".
 
     Raises:
         UserError: Something in `config` does not exist or is wrong.

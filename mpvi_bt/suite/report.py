@@ -73,7 +73,7 @@ def report_text(
         if overall["finished"] < overall["episodes"]:
             lines[0] += f" with missing ones as 0, {overall['q_score_of_finished']:.3f} without"
     if failed := [config.name for config, fault in faults.items() if fault.backend and config not in results]:
-        lines.append(f"failed by the policy's backend, not by the policy: {', '.join(failed)}; run again, or leave out")
+        lines.append(f"failed by a backend, not by the robot: {', '.join(failed)}; run again, or leave out")
     if data["privileged"]:
         lines.append(f"backends that read simulator truth: {', '.join(data['privileged'])}")
     if asked := queries_text(result.queries for result in results.values()):
@@ -162,7 +162,7 @@ def _failures(
         result = results.get(config)
         if result is None:
             if (fault := faults.get(config)) and fault.backend:
-                lines.append(f"  instance {config.instance}: the policy's backend failed, {fault.message}")
+                lines.append(f"  instance {config.instance}: a backend failed, {fault.message}")
             continue
         if felt := troubles(result.clipped, result.grasps.empty, result.grasps.lost):
             lines.append(f"  instance {config.instance}: {felt}")

@@ -104,7 +104,7 @@ class Result(Record):
         q_score: Official q.
         goal_fraction: Share of the goal's literals that hold at the end.
         ended: How the episode ended, such as "success", "failure", "time_limit"; "backend_error": what failed is the
-            server of the policy, so that the result says nothing of the policy.
+            server of the policy or a language model, so that the result says nothing of the policy.
         clipped: Actions of the policy that had to be brought within the robot's limits.
         grasps: That failed.
         queries: Of the completion checker.

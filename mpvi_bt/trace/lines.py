@@ -111,7 +111,7 @@ class Broken:
         message: Its type and text.
         path: Of the node that raised it, if one did.
         place: File and line of the behavior's own code, if any was at work.
-        reason: Stable code, of a policy's backend that failed.
+        reason: Stable code, of a policy's server or a language model that failed.
     """
 
     message: str

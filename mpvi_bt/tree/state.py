@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Status = Literal["SUCCESS", "FAILURE", "RUNNING", "INVALID"]
-# How an episode ends. "backend_error": the policy's server failed, which is no fault of the policy's or the tree's.
+# How an episode ends. "backend_error": a policy's server or a language model failed, which is no fault of the tree's.
 Ending = Literal["success", "failure", "time_limit", "interrupted", "backend_error", "error"]
 
 
