@@ -203,7 +203,9 @@ class Tree:
             UnknownName: There is no node at that path.
             UserError: A node of the new part names something that the run does not have; nothing was changed.
         """
-        self._splice(path, [new], rest=False)
+        above = self._above(path)
+        first = above.children.index(path) if above else 0
+        self._splice(path, above, first, first + 1, [new])
 
     def swap_rest(self, path: str, new: Sequence[NodeSpec]) -> None:
         """As `swap`, with one or more nodes in the place of the one at `path` and all its later siblings: a new plan.
@@ -211,20 +213,40 @@ class Tree:
         Raises:
             UserError: The node is not a child of a sequence, selector or parallel.
         """
-        self._splice(path, list(new), rest=True)
-
-    def _splice(self, path: str, new: list[NodeSpec], rest: bool) -> None:
-        if path not in self.nodes:
-            raise UnknownName("node", path, self.nodes, f"tree {self.spec.name!r}")
-        above = next((placed for placed in self.spec.nodes if path in placed.children), None)
-        if rest and (above is None or above.spec.type.family != "composite"):
-            raise UserError(f"{path} is no child of a sequence, selector or parallel; swap it alone.")
+        above = self._above_siblings(path)
         if not new:
             raise UserError(f"{path}: nothing was given to put there.")
+        self._splice(path, above, above.children.index(path), len(above.children), new)
+
+    def swap_after(self, path: str, new: Sequence[NodeSpec]) -> None:
+        """As `swap_rest`, but the node at `path` stays: what follows it is another plan, or nothing any more.
+
+        Raises:
+            UserError: The node is not a child of a sequence, selector or parallel; or `new` is empty, and what would be
+                taken away runs.
+        """
+        above = self._above_siblings(path)
+        first = above.children.index(path) + 1
+        if not new and any(self.nodes[later].status == Status.RUNNING for later in above.children[first:]):
+            raise UserError(f"{path}: what follows runs already; nothing was given to put there.")
+        self._splice(path, above, first, len(above.children), new)
+
+    def _above(self, path: str) -> Placed | None:
+        """The parent of a node, None for the root. Raises UnknownName if there is no such node."""
+        if path not in self.nodes:
+            raise UnknownName("node", path, self.nodes, f"tree {self.spec.name!r}")
+        return next((placed for placed in self.spec.nodes if path in placed.children), None)
+
+    def _above_siblings(self, path: str) -> Placed:
+        above = self._above(path)
+        if above is None or above.spec.type.family != "composite":
+            raise UserError(f"{path} is no child of a sequence, selector or parallel; swap it alone.")
+        return above
+
+    def _splice(self, path: str, above: Placed | None, first: int, stop: int, new: Sequence[NodeSpec]) -> None:
+        """Put nodes in the place of the children first to stop of a node; above None: of the root itself."""
         if unbound := sorted({name for node in new for name in _unbound(node)}):
             raise UserError(f"{path}: what is put there has parameters without a value: {', '.join(unbound)}.")
-        first = above.children.index(path) if above else 0
-        stop = len(above.children) if above and rest else first + 1
         spec = replace(self.spec, root=_spliced(self.spec, above.path if above else None, first, stop, new))
         _check(spec, above.path if above else spec.nodes[0].path)
         placed = {p.path: p for p in spec.nodes}
@@ -239,7 +261,7 @@ class Tree:
             self.root = built[0]
         else:
             below = self._below[self.nodes[above.path]]
-            _put(below[first:stop], built)
+            _put(below, first, stop, built)
             below[first:stop] = built
         self.spec, self._last = spec, None
         self.nodes = self._by_path()
@@ -277,7 +299,7 @@ def _make(spec: NodeSpec, children: list[Behaviour]) -> Behaviour:
         raise UserError(f"{where}node type {spec.kind!r} cannot be made by {made}: {error}") from error
 
 
-def _spliced(spec: TreeSpec, parent: str | None, first: int, stop: int, new: list[NodeSpec]) -> NodeSpec:
+def _spliced(spec: TreeSpec, parent: str | None, first: int, stop: int, new: Sequence[NodeSpec]) -> NodeSpec:
     """The root with `new` in the place of the children first to stop of the node at path `parent`."""
 
     def copy(placed: Placed) -> NodeSpec:
@@ -309,9 +331,9 @@ def _check(spec: TreeSpec, changed: str) -> None:
         raise UserError(f"{changed}: at most {MAX_NODES} nodes in a tree, {MAX_DEPTH} one below the other.")
 
 
-def _put(old: list[Behaviour], new: list[Behaviour]) -> None:
-    """Put nodes in the place of neighboring siblings, which are stopped; a cursor that was on one is on the first."""
-    parent = old[0].parent
+def _put(siblings: list[Behaviour], first: int, stop: int, new: list[Behaviour]) -> None:
+    """Put nodes in the place of some siblings, which are stopped; a cursor that was on one is on the first."""
+    parent, old = siblings[0].parent, siblings[first:stop]
     for node in old:
         if node.status != Status.INVALID:
             node.stop(Status.INVALID)
@@ -319,13 +341,11 @@ def _put(old: list[Behaviour], new: list[Behaviour]) -> None:
         parent.decorated, parent.children = new[0], list(new)
     else:
         assert isinstance(parent, Composite)
-        first = parent.children.index(old[0])
         if parent.current_child in old:
             parent.current_child = new[0]
-        parent.children[first : first + len(old)] = new
-        selected = getattr(getattr(parent, "policy", None), "children", None)
-        if selected and selected[0] in old:  # what `until_complete` waits for
-            selected[:] = [new[-1]]
+        parent.children[first:stop] = new
+        if selected := getattr(getattr(parent, "policy", None), "children", None):  # what `until_complete` waits for
+            selected[:] = [parent.children[-1]]
     for node in old:
         node.parent = None
     for node in new:
