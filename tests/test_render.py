@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from wcwidth import wcswidth
 
-from mpvi_bt.behaviors.parameters import Limit, Memory, NavigateTo, NoParameters
+from mpvi_bt.behaviors.parameters import Limit, Memory, NavigateTo, OnFailure
 from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.cli.render import render
 from mpvi_bt.drawing.cells import columns, cut, one_line, wrapped
@@ -182,7 +182,7 @@ def _bushy(children: int, depth: int) -> NodeSpec:
     if not depth:
         return NodeSpec("navigate", NavigateTo(target="the table", room="living room"))
     below = tuple(_bushy(children, depth - 1) for _ in range(children))
-    return NodeSpec("attempt", NoParameters(), "tidy", (NodeSpec("sequence", Memory(memory=True), "all", below),))
+    return NodeSpec("attempt", OnFailure(), "tidy", (NodeSpec("sequence", Memory(memory=True), "all", below),))
 
 
 @given(tree=trees | st.builds(lambda n, d: TreeSpec("bushy", _bushy(n, d)), st.integers(1, 5), st.integers(1, 3)))

@@ -13,6 +13,7 @@ from mpvi_bt.behaviors.parameters import (
     Message,
     NavigateTo,
     NoParameters,
+    OnFailure,
     Pause,
     Policy,
     Prompt,
@@ -74,7 +75,7 @@ _leaf_parameters = {
     "fail": st.builds(Reason, reason=st.none() | keys),
 }
 _one_child = {
-    "attempt": st.just(NoParameters()),
+    "attempt": st.builds(OnFailure, on_failure=st.sampled_from(["advance", "replan"])),
     "invert": st.just(NoParameters()),
     "timeout": st.builds(Limit, limit=durations),
     "cooldown": st.builds(Limit, limit=durations),

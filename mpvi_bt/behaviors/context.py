@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import TracebackType
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.behaviors.protocols import Checker, Clock, Cost, Judgement, Memory, Navigator, Policy, Triggers
@@ -93,6 +93,53 @@ class Notice:
     time_s: float
 
 
+@dataclass(frozen=True)
+class Replan:
+    """What came of asking the planner for another plan for the rest of the work.
+
+    Attributes:
+        path: Of the `attempt` that failed; the new plan took the place of what followed it.
+        segments: Of the new plan, 0 if it says that nothing is left to do; None: there is none, the old one advanced.
+        said: Why there is none, one line, or "".
+        time_s: When it was asked for, in simulated time.
+        latency_s: How long the planner took.
+        cost: Of a language model's answers, or None.
+    """
+
+    path: str
+    segments: int | None
+    said: str
+    time_s: float
+    latency_s: float = 0.0
+    cost: Cost | None = None
+
+
+class Request(Protocol):
+    """A new plan that an `attempt` waits for.
+
+    Attributes:
+        note: How it stands, a few words for a person.
+    """
+
+    note: str
+
+    def waits(self) -> bool:
+        """Whether it is still to come or to be swapped in; asked once a tick, and no more once it is not."""
+        ...
+
+
+class Replanning(Protocol):
+    """Has new plans made, and puts them into the tree."""
+
+    def ask(self, path: str, failure: Failure) -> Request:
+        """Ask for a plan for all that follows the node at `path`, which failed. It never blocks."""
+        ...
+
+    def swap(self) -> None:
+        """Put the plans into the tree that are there; between two ticks."""
+        ...
+
+
 @dataclass
 class Log:
     """What happened in one run.
@@ -101,12 +148,14 @@ class Log:
         failures: Of segments that were given up (`attempt` writes them), in order.
         queries: Of the completion checker, in the order of their answers.
         notices: Of empty and lost grasps, in order.
+        replans: Of requests for another plan, in the order of their answers.
         clipped: How many actions of the policy had to be brought within the robot's limits.
     """
 
     failures: list[Failure] = field(default_factory=list)
     queries: list[Query] = field(default_factory=list)
     notices: list[Notice] = field(default_factory=list)
+    replans: list[Replan] = field(default_factory=list)
     clipped: int = 0
 
 
@@ -159,6 +208,7 @@ class Context:
         while_asked: What the policy does while the checker has not answered yet: it goes on (Paper, Completion Checker:
             the VLA continues until it is told), or the robot holds still.
         asking: Questions to the checker that are open.
+        replanning: Has new plans made where an `attempt` wants one; None: it does without.
         log: Failures and queries so far.
         stopwatch: Where the wall time goes.
         blackboard: Values that nodes leave for each other, by key; of this run alone.
@@ -175,6 +225,7 @@ class Context:
     memory: Memory | None = None
     while_asked: Literal["go_on", "hold"] = "go_on"
     asking: set[Question[Judgement]] = field(default_factory=set)
+    replanning: Replanning | None = None
     log: Log = field(default_factory=Log)
     stopwatch: Stopwatch = field(default_factory=Stopwatch)
     blackboard: dict[str, Value] = field(default_factory=dict)

@@ -46,6 +46,7 @@ _DURATION_SCHEMA = {
     ]
 }
 _MEMORY = "true resumes at the child that was running, false asks every child again"
+_ON_FAILURE = "advance goes on with the next child, replan asks the planner for another plan for the rest"
 _VALUE_SCHEMA = {"type": ["boolean", "number", "string"]}
 
 Duration = Annotated[float | str, PlainValidator(_duration), WithJsonSchema(_DURATION_SCHEMA)]
@@ -88,6 +89,15 @@ class Memory(Parameters):
     """Of a sequence or selector: whether it resumes at the child that was running. Always said, never assumed."""
 
     memory: Annotated[bool, Field(description=_MEMORY)]
+
+
+class OnFailure(Parameters):
+    """Of attempt: what follows a failure that it has recorded. "advance": the next sibling (Paper, Orchestrator).
+
+    "replan": the run's planner is asked for what is left to do, and its plan takes the place of all later siblings.
+    """
+
+    on_failure: Annotated[Literal["advance", "replan"], Field(description=_ON_FAILURE)] = "advance"
 
 
 class Policy(Parameters):

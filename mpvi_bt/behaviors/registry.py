@@ -26,6 +26,7 @@ from mpvi_bt.behaviors.parameters import (
     Message,
     NavigateTo,
     NoParameters,
+    OnFailure,
     Parameters,
     Pause,
     Policy,
@@ -99,6 +100,11 @@ class NodeType:
         )
 
 
+def _attempt(name: str, parameters: OnFailure) -> str:
+    word = "attempt" if parameters.on_failure == "advance" else "attempt or replan"
+    return f"{word}: {name}" if name else word
+
+
 def _call(parameters: Call) -> str:
     arguments = ", ".join(f"{key}={as_text(value)}" for key, value in parameters.arguments.items())
     return f"subtree {parameters.tree}" + (f"({arguments})" if arguments else "")
@@ -152,10 +158,11 @@ _OWN = (
     NodeType(
         "attempt",
         "decorator",
-        NoParameters,
+        OnFailure,
         "name",
         "mpvi_bt.behaviors.attempt:Attempt",
-        "Records a failure, then lets the plan go on.",
+        "Records a failure, then lets the plan go on, or has a new one made.",
+        label=_attempt,
     ),
     NodeType(
         "timeout",

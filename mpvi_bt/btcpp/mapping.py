@@ -44,6 +44,7 @@ class Builtin:
         constant: Ports with the values that stand for those parameters.
         port, parameter: The one port that holds a parameter; "name" is the node's name.
         differs: What it does otherwise at the edges, or "".
+        partly: It does only for some values of the parameters; the others are a node of ours.
     """
 
     tag: str
@@ -53,6 +54,7 @@ class Builtin:
     port: str = ""
     parameter: str = ""
     differs: str = ""
+    partly: bool = False
 
 
 _AGAIN = "BehaviorTree.CPP begins a child that took more than one tick again within the same tick, mpvi_bt at the next"
@@ -76,7 +78,13 @@ BUILTINS = (
         differs="in BehaviorTree.CPP the first child that ends settles it; mpvi_bt ticks all, and a failure wins",
     ),
     Builtin("Inverter", "invert"),
-    Builtin("ForceSuccess", "attempt", differs="BehaviorTree.CPP keeps no record of what was given up"),
+    Builtin(
+        "ForceSuccess",
+        "attempt",
+        {"on_failure": "advance"},
+        differs="BehaviorTree.CPP keeps no record of what was given up",
+        partly=True,
+    ),
     Builtin(
         "Timeout",
         "timeout",
@@ -84,6 +92,7 @@ BUILTINS = (
         parameter="limit",
         differs="BehaviorTree.CPP counts wall-clock time and halts the child between ticks; mpvi_bt counts simulated "
         "time, and a child that ends at the last tick has its way",
+        partly=True,
     ),
     Builtin("RetryUntilSuccessful", "retry", port="num_attempts", parameter="tries", differs=_AGAIN),
     Builtin("Repeat", "repeat", port="num_cycles", parameter="times", differs=_AGAIN),
@@ -93,6 +102,7 @@ BUILTINS = (
         port="msec",
         parameter="duration",
         differs="BehaviorTree.CPP counts wall-clock time, mpvi_bt simulated time",
+        partly=True,
     ),
     Builtin("AlwaysSuccess", "succeed"),
     Builtin("AlwaysFailure", "fail", port="name", parameter="reason"),
@@ -139,7 +149,7 @@ def own_id(kind: str) -> str:
 
 def own_kinds() -> Mapping[str, str]:
     """The kinds that may be nodes of ours, by their IDs: all but those that one of theirs always does for."""
-    always = {row.kind for row in BUILTINS if row.port != "msec"} | {"subtree"}
+    always = {row.kind for row in BUILTINS if not row.partly} | {"subtree"}
     return {own_id(kind): kind for kind in node_types() if kind not in always}
 
 

@@ -191,6 +191,11 @@ class _Linter:
             yield self.problem(node, "", "pointless-repeat", "what is repeated here can't succeed")
         elif node.kind == "timeout":
             yield from self.timeout(node, above)
+        elif getattr(node.parameters, "on_failure", None) == "replan" and not _has_a_rest(above):
+            message = (
+                "a new plan takes the place of what follows, here nothing: put it right into a sequence with memory"
+            )
+            yield self.problem(node, "on_failure", "no-rest", message, severity="error")
         elif not node.children and not ends and not any(_can_end(parent, i) for parent, i in above):
             message = (
                 f"{node.kind!r} never ends by itself, and nothing above it ends it; try 'until_complete' or 'timeout'"
@@ -278,6 +283,12 @@ def _can_end(parent: NodeSpec, child: int) -> bool:
     """Whether a node may cut off its running child of that index."""
     reactive = getattr(parent.parameters, "memory", None) is False
     return parent.kind in _ENDS_A_CHILD or (reactive and child > 0)
+
+
+def _has_a_rest(above: tuple[tuple[NodeSpec, int], ...]) -> bool:
+    """Whether what follows a node, whose parents are `above`, is the rest of its work."""
+    parent = above[-1][0] if above else None
+    return parent is not None and parent.kind == "sequence" and bool(getattr(parent.parameters, "memory", False))
 
 
 def _limit(timeout: NodeSpec) -> float | str:
