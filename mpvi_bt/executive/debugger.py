@@ -19,7 +19,7 @@ from mpvi_bt.drawing.text import ascii_tree
 from mpvi_bt.errors import UserError
 from mpvi_bt.executive.loop import Watcher, World
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.globs import require_match
+from mpvi_bt.tree.globs import matching, require_match
 
 _WIDTH = 80
 _STOP = "q\n"
@@ -80,11 +80,15 @@ class Debugger(Watcher):
         """Find the nodes to break at. Raises UserError if a break fits none."""
         self._blackboard = dict(tree.spec.blackboard)
         self._paths = {path for glob in self._breaks for path in require_match(glob, tree.spec, "--break")}
+        self._spec = tree.spec
 
     def step(self, tree: Tree, world: World) -> None:
         """Pause if it is time to."""
         if not self._seen and tree.ticks > 1:  # it goes on from where it was saved: nothing of that begins now
             self._seen = {node: node.status for node in tree.nodes.values()}
+        if tree.spec is not self._spec:  # a part was swapped: the breaks are for it as well
+            self._spec = tree.spec
+            self._paths |= {path for glob in self._breaks for path in matching(glob, tree.spec)}
         if self._until == "end":
             return
         begun, changed = self._look(tree)
@@ -165,6 +169,7 @@ class Debugger(Watcher):
                 except UserError as error:
                     self._say(str(error))
                 else:
+                    self._breaks.append(rest.strip())
                     self._paths.update(paths)
                     self._say(*(f"breaks at {path}" for path in paths))
             case "s":

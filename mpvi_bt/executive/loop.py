@@ -67,8 +67,8 @@ class Outcome:
         error: What ended it, where ending is "error" or "backend_error".
         log: Segments that were given up, questions to the checker, what hands noticed, actions that were clipped.
         wall_s: Wall time [s] by activity: "stepping" the world; within ticks the behaviors' "navigation", "motion",
-            "policy", "rendering", "triggers", "checker", and "ticking", the rest of it, which is the tree's own;
-            "watching", the subscribers'; "total".
+            "policy", "rendering", "triggers", "checker", "planner", and "ticking", the rest of it, which is the tree's
+            own; "watching", the subscribers'; "total".
     """
 
     ending: Ending
@@ -179,6 +179,8 @@ def run_episode(
             with context.stopwatch("navigation"):
                 context.sense()
             status = tree.tick()
+            if context.replanning is not None:
+                context.replanning.swap()
             ticked = clock()
             for subscriber in subscribers:
                 subscriber.step(tree, world)

@@ -1,0 +1,189 @@
+"""A new plan where a part of the old one failed: the planner is asked, and its plan put into the tree between ticks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+
+from py_trees.common import Status
+
+from mpvi_bt.behaviors.context import Context, Failure, Log, Replan
+from mpvi_bt.behaviors.question import Question
+from mpvi_bt.behaviors.references import unescaped
+from mpvi_bt.errors import BackendError, UserError
+from mpvi_bt.plan.history import History, Replanner, Rest, Thing, Unit
+from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.compile import compile_units
+from mpvi_bt.tree.spec import Placed, TreeSpec
+
+MOST = 3  # Our choice: a plan that failed three times over is not mended by a fourth
+_ANSWERS = 2  # of the checker, the last
+_LONGEST = 300  # characters of why there is no plan
+_NUMBER = re.compile(r"\d+ ")
+
+
+class Replanning:
+    """Implements the protocol that `attempt` knows.
+
+    A new plan is for the rest of the work. What is done stays in the tree, and so does what was given up; the new units
+    follow, numbered on. Where the planner fails, has no valid plan, or has been asked `most` times in this episode, the
+    old plan advances, and the run's log says why.
+
+    Args:
+        planner: Whom to ask; in a thread if it is `remote`.
+        tree: Into which the plans go.
+        context: Of the run.
+        instruction: What the tree is to carry out; "": what it says itself.
+        seen: What the robot knows of things, when it is asked.
+        swapped: Called with the new tree after each swap.
+        most: How often the planner is asked in an episode.
+    """
+
+    def __init__(
+        self,
+        planner: Replanner,
+        tree: Tree,
+        context: Context,
+        instruction: str = "",
+        seen: Callable[[], Iterable[Thing]] = tuple,
+        swapped: Callable[[TreeSpec], object] = lambda spec: None,
+        most: int = MOST,
+    ) -> None:
+        self._planner, self._tree, self._context = planner, tree, context
+        self._instruction, self._seen, self._swapped, self._most = instruction, seen, swapped, most
+        self._open: list[_Request] = []
+
+    def ask(self, path: str, failure: Failure) -> _Request:
+        """Ask for a plan for all that follows the `attempt` at `path`."""
+        log = self._context.log
+        answered = next((r for r in log.replans if r.path == path and r.time_s >= failure.time_s), None)
+        if answered is not None:  # before the run was stopped
+            return _Request(path, log, _came_to(answered.segments, answered.said))
+        if row_of(self._tree.spec, path) is None:
+            return _Request(path, log, "no new plan: it is no child of a sequence with memory")
+        if len(log.replans) >= self._most:
+            return _Request(path, log, f"no new plan: {self._most} were asked for already")
+        history = history_of(self._tree, self._context, path, failure, self._seen())
+        instruction = self._instruction or self._tree.spec.instruction
+        question = Question(
+            partial(self._planner.replan, self._tree.spec.name, instruction, history),
+            self._context.clock,
+            lambda rest: rest.latency_s,
+            at_once=not getattr(self._planner, "remote", False),
+        )
+        self._open.append(_Request(path, log, "asking for a new plan", question))
+        return self._open[-1]
+
+    def swap(self) -> None:
+        """Put the plans into the tree that are there."""
+        for request in self._open:
+            # Whoever waited for it may have been interrupted since.
+            if request.rest is not None and self._tree.nodes[request.path].status is Status.RUNNING:
+                self._swap(request, request.rest)
+        self._open = [request for request in self._open if request.question is not None and request.rest is None]
+
+    def _swap(self, request: _Request, rest: Rest) -> None:
+        spec, path = self._tree.spec, request.path
+        row = row_of(spec, path) or (path,)
+        place = row.index(path) + 1
+        gone = tuple(f"{later}/" for later in row[place:])
+        kept = (node.spec.segments for node in spec.nodes if not f"{node.path}/".startswith(gone))
+        index = 1 + max((i for segments in kept for i in segments), default=-1)
+        plan = rest.plan
+        units = compile_units(plan, self._context.skills, "replan", place + 1, index) if plan else ()
+        try:
+            self._tree.swap_after(path, units)
+        except (UserError, BackendError) as error:
+            request.refuse(error)
+            return
+        request.close(len(plan.segments) if plan else 0)
+        self._swapped(self._tree.spec)
+
+
+class _Request:
+    """Implements `behaviors.context.Request`.
+
+    Args:
+        path: Of the `attempt` that waits.
+        log: Of the run.
+        note: How it stands, a few words.
+        question: To the planner; None: it is not asked.
+
+    Attributes:
+        rest: The answer, from when it is there until it is in the tree.
+    """
+
+    def __init__(self, path: str, log: Log, note: str, question: Question[Rest] | None = None) -> None:
+        self.path, self.note, self.question = path, note, question
+        self.rest: Rest | None = None
+        self._log = log
+
+    def waits(self) -> bool:
+        """Until there is no plan to be had, or the new one is in the tree."""
+        if self.question is not None and self.rest is None:
+            try:
+                self.rest = self.question.answer()
+            except (UserError, BackendError) as error:
+                self.refuse(error)
+        return self.question is not None
+
+    def close(self, segments: int) -> None:
+        """The new plan is in the tree."""
+        self._close(segments, "")
+
+    def refuse(self, error: UserError | BackendError) -> None:
+        """There is no new plan: the old one advances."""
+        said = " ".join(str(error).split())
+        said = said if len(said) <= _LONGEST else said[: _LONGEST - 3] + "..."
+        self._close(None, said)
+
+    def _close(self, segments: int | None, said: str) -> None:
+        assert self.question is not None
+        asked_s, rest = self.question.asked_s, self.rest
+        latency_s, cost = (rest.latency_s, rest.cost) if rest else (0.0, None)
+        self._log.replans.append(Replan(self.path, segments, said, asked_s, latency_s, cost))
+        self.note, self.question, self.rest = _came_to(segments, said), None, None
+
+
+def _came_to(segments: int | None, said: str) -> str:
+    if segments is None:
+        return f"no new plan: {said}"
+    return f"new plan: {segments} segment{'s' * (segments != 1)}"
+
+
+def history_of(tree: Tree, context: Context, path: str, failure: Failure, seen: Iterable[Thing] = ()) -> History:
+    """What came of a sequence up to the `attempt` at `path`, which has just failed, and what would come after it."""
+    row = row_of(tree.spec, path) or (path,)
+    placed = {node.path: node for node in tree.spec.nodes}
+    place = row.index(path)
+    units = [
+        _unit(context, placed, sibling, getattr(tree.nodes.get(sibling), "failure", None)) for sibling in row[:place]
+    ]
+    units.append(_unit(context, placed, path, failure))
+    return History(tuple(units), tuple(_said(placed, later) for later in row[place + 1 :]), tuple(seen))
+
+
+def row_of(spec: TreeSpec, path: str) -> tuple[str, ...] | None:
+    """The children of the sequence with memory that a node is a child of, or None if it is none."""
+    above = next((node for node in spec.nodes if path in node.children), None)
+    memory = above is not None and above.spec.kind == "sequence" and getattr(above.spec.parameters, "memory", False)
+    return above.children if above is not None and memory else None
+
+
+def _unit(context: Context, placed: Mapping[str, Placed], path: str, failure: Failure | None) -> Unit:
+    said = _said(placed, path)
+    if failure is None:
+        return Unit(said)
+    asked = [query for query in context.log.queries if query.path.startswith(f"{path}/")]
+    answers = (f"{query.criterion}? {'yes' if query.complete else 'no'}: {query.reason}" for query in asked[-_ANSWERS:])
+    return Unit(said, failure.reason, failure.evidence, tuple(answers))
+
+
+def _said(placed: Mapping[str, Placed], path: str) -> str:
+    """What a node is to do: the prompt below it, which names cut short, or its name without its number."""
+    node = inner = placed[path]
+    while inner.children:
+        inner = placed[inner.children[0]]
+    prompt = getattr(inner.spec.parameters, "prompt", None)
+    return unescaped(prompt) if prompt is not None else _NUMBER.sub("", node.spec.name, count=1) or node.spec.label

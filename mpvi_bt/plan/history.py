@@ -1,0 +1,149 @@
+"""What a planner is told when a part of its plan has failed: what is done, what failed and why, what was seen."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+from mpvi_bt.behaviors.protocols import Cost
+from mpvi_bt.plan.schema import Plan
+
+LONGEST = 8000  # characters of it all; Our choice: some two thousand tokens, whatever happened
+_SECTION = 1700  # of each list
+_NAME = 60  # of a thing, or of a reason code
+_SENTENCE = 300
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One unit of a plan that was begun.
+
+    Attributes:
+        said: What it was to do.
+        reason: Code of why it was given up, such as "no_path"; "" if it was done.
+        evidence: What was seen then.
+        answers: What the completion checker answered last while it was at work.
+    """
+
+    said: str
+    reason: str = ""
+    evidence: str = ""
+    answers: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Thing:
+    """Something that the robot knows of because it has seen it.
+
+    Attributes:
+        name: What it is called.
+        room: In which it is, or None.
+        inside: What it is in, or None.
+        held: Whether the robot holds it, or something that it is in.
+    """
+
+    name: str
+    room: str | None = None
+    inside: str | None = None
+    held: bool = False
+
+
+@dataclass(frozen=True)
+class History:
+    """How the work went so far.
+
+    Attributes:
+        units: What was begun, in order; the last one has just failed.
+        planned: What was to come after it.
+        seen: What is known of things, the surest first.
+    """
+
+    units: tuple[Unit, ...]
+    planned: tuple[str, ...] = ()
+    seen: tuple[Thing, ...] = ()
+
+    def text(self) -> str:
+        """All of it for a prompt, in lines, at most `LONGEST` characters.
+
+        Names and evidence come from the world and from other models. Here they are data: JSON strings on one line each,
+        cut to a length, whatever they say.
+        """
+        *before, failed = self.units
+        lines = [f"Failed just now: {_json(_told(failed))}"]
+        sections = (
+            ("What came before it, in order", [_told(unit) for unit in before], True),
+            ("What was planned to come after it", [_line(said) for said in self.planned], False),
+            ("Things that the robot has seen", [_thing(thing) for thing in self.seen], False),
+        )
+        for title, items, latest in sections:
+            shown = _fitting([f"- {_json(item)}" for item in items], latest)
+            left_out = f", {len(items) - len(shown)} left out" if len(shown) < len(items) else ""
+            lines += [f"{title}{left_out}:", *shown] if items else [f"{title}: nothing."]
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A new plan for what is left.
+
+    Attributes:
+        plan: What to do from here; None: nothing is left to do.
+        latency_s: How long the planner took.
+        cost: Of a language model's answers, or None.
+    """
+
+    plan: Plan | None
+    latency_s: float = 0.0
+    cost: Cost | None = None
+
+
+@runtime_checkable
+class Replanner(Protocol):
+    """A planner that plans anew when a part of the work has failed.
+
+    It may have `remote` besides, a bool: True if it waits for something elsewhere. It is then asked in a thread.
+    """
+
+    def replan(self, task_name: str, instruction: str, history: History) -> Rest:
+        """What is left to do. Raises MpviError if there is no plan to be had."""
+        ...
+
+
+def _told(unit: Unit) -> dict[str, Any]:
+    if not unit.reason:
+        return {"what": _line(unit.said), "came_to": "done"}
+    told: dict[str, Any] = {"what": _line(unit.said), "came_to": "given up", "reason": _line(unit.reason, _NAME)}
+    if unit.evidence:
+        told["evidence"] = _line(unit.evidence)
+    if unit.answers:
+        told["checker"] = [_line(answer) for answer in unit.answers]
+    return told
+
+
+def _thing(thing: Thing) -> dict[str, Any]:
+    told = {"name": thing.name, "room": thing.room, "in": thing.inside}
+    known: dict[str, Any] = {key: _line(text, _NAME) for key, text in told.items() if text}
+    return known | ({"held": True} if thing.held else {})
+
+
+def _line(text: str, longest: int = _SENTENCE) -> str:
+    """A text on one line, of printable characters, not too long."""
+    plain = " ".join("".join(c if c.isprintable() else " " for c in text[: 10 * longest]).split())
+    return plain if len(plain) <= longest else plain[: longest - 3] + "..."
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _fitting(lines: Sequence[str], latest: bool) -> list[str]:
+    """As many lines as have room in a section, the first or the latest ones."""
+    room, found = _SECTION, []
+    for line in reversed(lines) if latest else lines:
+        room -= len(line) + 1
+        if room < 0:
+            break
+        found.append(line)
+    return found[::-1] if latest else found
