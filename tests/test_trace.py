@@ -29,7 +29,7 @@ from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.trace.explain import explain
 from mpvi_bt.trace.explain_text import explanation_text
-from mpvi_bt.trace.lines import Answer, End, Header, Tick
+from mpvi_bt.trace.lines import Answer, End, Header, Replanned, Tick
 from mpvi_bt.trace.read import Trace, read_trace
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.reader import MAX_DEPTH
@@ -658,6 +658,7 @@ DOCUMENT = (Path(__file__).parent.parent / "docs" / "trace.md").read_text(encodi
         ("A tick", Tick),
         ("A node's state", NodeState),
         ("A query", Answer),
+        ("A new plan", Replanned),
         ("The last line", End),
     ],
 )

@@ -72,9 +72,10 @@ def _print_json(trace: Trace, tick: int | None) -> None:
         return
     click.echo("[", nl=False)
     for i, change in enumerate(trace.ticks):
-        shown = {name: value for name, value in vars(change).items() if name != "queries"}
+        shown = dict(vars(change))
         shown["nodes"] = {path: vars(state) for path, state in change.nodes.items()}
-        shown["queries"] = [asdict(answer) for answer in change.queries]
+        for name in ("queries", "notices", "replans"):
+            shown[name] = [asdict(entry) for entry in shown[name]]
         click.echo((",\n " if i else "\n ") + json.dumps(shown), nl=False)
     click.echo("\n]")
 

@@ -18,7 +18,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 import mpvi_bt
-from mpvi_bt.behaviors.context import Context, Notice, Query
+from mpvi_bt.behaviors.context import Context, Notice, Query, Replan
 from mpvi_bt.errors import MpviError, NodeError, UserError
 from mpvi_bt.executive.loop import Outcome, Watcher, World
 from mpvi_bt.executive.saved import SavedRun
@@ -71,6 +71,7 @@ class Recorder(Watcher):
             raise unwritable(self._path, error) from None
         self._tree, self._world, self._began = tree, world, time.perf_counter()
         self._resumed_s, self._queries, self._notices = world.time_s, 0, 0
+        self._replans = len(self._saved.replans) if self._saved else 0
         self._states: dict[str, NodeState] = {}
         self._changes: _Changes | None = None
         self._spec, self._nodes = tree.spec, tree.nodes
@@ -113,7 +114,8 @@ class Recorder(Watcher):
             return
         context, changed = tree.context, self._changes.of(tree.touched)
         log = context.log
-        told = (len(log.queries), len(log.notices)) == (self._queries, self._notices)
+        counts = len(log.queries), len(log.notices), len(log.replans)
+        told = counts == (self._queries, self._notices, self._replans)
         if not changed and told and context.blackboard == self._blackboard:
             return
         self._record({vars(node)["path"]: tree.state_of(node) for node in changed})
@@ -171,6 +173,9 @@ class Recorder(Watcher):
                 felt = context.log.notices[self._notices :]
                 line["notices"] = [_noticed(notice) for notice in felt if notice.time_s >= self._resumed_s]
                 self._notices = len(context.log.notices)
+            if plans := context.log.replans[self._replans :]:
+                line["replans"] = [_replanned(plan, self._world.time_s) for plan in plans]
+                self._replans += len(plans)
         if line:
             self._write(self._now() | line)
 
@@ -288,6 +293,15 @@ def _answer(query: Query, now_s: float) -> dict[str, Any]:
 
 def _noticed(notice: Notice) -> dict[str, Any]:
     return {key: value for key, value in vars(notice).items() if key != "time_s"}
+
+
+def _replanned(replan: Replan, now_s: float) -> dict[str, Any]:
+    """Likewise; of no segments the number tells."""
+    data = dataclasses.asdict(replan)
+    asked_s = data.pop("time_s")
+    told = {key: value for key, value in data.items() if key == "segments" or value not in ("", 0)}
+    told = {key: value for key, value in told.items() if value is not None}
+    return told | ({"asked_s": asked_s} if asked_s != now_s else {})
 
 
 def _described(error: Exception) -> dict[str, str]:

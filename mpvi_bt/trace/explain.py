@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
-from mpvi_bt.trace.lines import Answer, Broken, Tick
+from mpvi_bt.trace.lines import Answer, Broken, Replanned, Tick
 from mpvi_bt.trace.read import Moment, Trace
 from mpvi_bt.tree.spec import NodeSpec, Placed, TreeSpec
 from mpvi_bt.tree.state import Ending, NodeState, Status
@@ -38,6 +38,7 @@ class Link:
         interrupted: Where nothing below failed: what was still running there when it was cut off, deepest nodes only.
         earlier: Likewise: failures below that did not end it, such as those of earlier tries, in order.
         asked: Likewise: what the checker was asked there in the meantime.
+        replanned: Of a node that gave up and asked for a new plan: what came of it.
     """
 
     path: str
@@ -53,6 +54,7 @@ class Link:
     interrupted: tuple[Link, ...] = ()
     earlier: tuple[Link, ...] = ()
     asked: tuple[Asked, ...] = ()
+    replanned: Replanned | None = None
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,7 @@ def explain(trace: Trace) -> Explanation:
     tick = 0
     for change in trace.ticks:
         history.add(change)
-        gave_up += [history.link(path) for path, state in change.nodes.items() if state.gave_up]
+        gave_up += [history.gave_up(path) for path, state in change.nodes.items() if state.gave_up]
         tick = change.tick
     end = trace.end
     root = history.moment.tree.nodes[0].path
@@ -120,6 +122,7 @@ class _History:
         self.since: dict[str, float] = {}
         self.failures: defaultdict[str, list[_Failed]] = defaultdict(list)
         self.asked: list[Asked] = []
+        self.replanned: dict[str, Replanned] = {}
 
     def add(self, tick: Tick) -> None:
         """Take in the next tick."""
@@ -135,7 +138,12 @@ class _History:
             if new.status == "FAILURE":
                 self.failures[path].append(_Failed(tick.time_s, new, self.placed[path].spec))
         self.asked += [Asked(tick.time_s if a.asked_s is None else a.asked_s, a) for a in tick.queries]
+        self.replanned |= {replanned.path: replanned for replanned in tick.replans}
         self.moment.apply(tick)
+
+    def gave_up(self, path: str) -> Link:
+        """A node that passes over a failure, and what came of the new plan that it asked for, if it did."""
+        return replace(self.link(path), replanned=self.replanned.pop(path, None))
 
     def _swap(self, tree: TreeSpec) -> None:
         """Forget how nodes stood that are others now. Their failures stay: they are part of what happened."""

@@ -53,9 +53,11 @@ def explanation_text(explanation: Explanation, width: int = 80) -> str:
         for link in e.gave_up if whole else text.last(e.gave_up, "before", 1, _UNITS):
             if whole:
                 text.chain(link, 1)
+                text.replanned(link, 3)
             else:
                 text.head(link, 1)
                 text.reasons(link, 3)
+                text.replanned(link, 3)
     return text.text
 
 
@@ -113,6 +115,15 @@ class _Text:
             self.add(f"{link.label}: {_why(link)}", depth)
         for below in link.below:
             self.reasons(below, depth)
+
+    def replanned(self, link: Link, depth: int) -> None:
+        """What came of the new plan that it asked for."""
+        if (plan := link.replanned) is None:
+            return
+        count = f"{plan.segments} segment{'s' * (plan.segments != 1)}"
+        came = f"no new plan: {plan.said}" if plan.segments is None else f"a new plan of {count}"
+        took = f", answered in {plan.latency_s:.1f} s" if plan.latency_s else ""
+        self.add(f"then {came}{took}", depth)
 
     def leaf(self, link: Link, depth: int) -> None:
         """A node that was running, and its last words."""

@@ -68,6 +68,26 @@ class Noticed:
 
 
 @dataclass(frozen=True)
+class Replanned:
+    """What came of asking the planner for another plan.
+
+    Attributes:
+        path: Of the `attempt` that failed.
+        segments: Of the new plan, which took the place of what followed; None: there is none, the old one advanced.
+        said: Why there is none.
+        asked_s: When it was asked for, in simulated time; None: in the tick that has the answer.
+        latency_s, cost: Of the planner's answers.
+    """
+
+    path: str
+    segments: _Count | None = None
+    said: str = ""
+    asked_s: _Time | None = None
+    latency_s: _Time = 0.0
+    cost: Cost | None = None
+
+
+@dataclass(frozen=True)
 class Tick:
     """What changed at a tick.
 
@@ -78,6 +98,7 @@ class Tick:
         blackboard: New values, None for a key that is gone.
         queries: The completion checker's answers.
         notices: What hands felt.
+        replans: What came of asking for another plan.
         tree: The tree from this tick on, as `yaml_io.expanded` gives it, if a part of it was swapped.
     """
 
@@ -90,6 +111,7 @@ class Tick:
     blackboard: Mapping[str, Value | None] = field(default_factory=dict)
     queries: tuple[Answer, ...] = ()
     notices: tuple[Noticed, ...] = ()
+    replans: tuple[Replanned, ...] = ()
     tree: dict[str, Any] | None = None
 
 
