@@ -22,7 +22,8 @@ from mpvi_bt.suite.human import human_stats
 from mpvi_bt.tree.compile import compile_plan
 from mpvi_bt.tree.lint import check_rooms, lint
 from mpvi_bt.tree.yaml_io import dump_tree, parse_tree
-from tests.symbolic_run import FLOORS, KEPT, CannotBe, SymbolicRun
+from tests.symbolic_run import SymbolicRun
+from tests.symbolic_state import FLOORS, KEPT, CannotBe
 
 SKILLS = load_skills()
 TASKS = sorted(human_stats())
@@ -209,8 +210,8 @@ def without(formula: Formula, predicates: set[str]) -> Formula | None:
 def unmet(task: str, plan: Plan, backward: bool = False) -> list[str]:
     """What the goal wants of what is checked and a plan does not bring about. Raises CannotBe."""
     problem = problem_of(task)
-    run = SymbolicRun(problem, called(task), openable(), call_of, backward, task in UNCOUNTED)
-    run.run(plan)
+    run = SymbolicRun(problem, called(task), openable(), backward)
+    run.run(plan, call_of, task in UNCOUNTED)
     unknown = NOT_CHECKED.get(task, set())
     wanted = [part for condition in problem.conditions if (part := without(condition, unknown)) is not None]
     return [str(part) for part in wanted if not holds(part, run.truth)]
