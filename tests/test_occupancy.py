@@ -201,3 +201,21 @@ def test_maps_keep_their_rooms() -> None:
     assert occupancy.map.resolution_m == house.resolution_m
     assert Occupancy.unknown((0.0, 0.0)).map.room_at((1.0, 1.0)) is None
     assert Occupancy.unknown((3.0, 1.0), (8, 4), 0.1).map.occupied.shape == (40, 80)
+
+
+@pytest.mark.parametrize("prior", [True, False])
+def test_a_restored_map_goes_on_as_the_one_that_was_saved(prior: bool) -> None:
+    """What was taken away is cleared by the same pictures, what overhangs by none, and half of a hit still counts."""
+    house = two_rooms()
+    board: Box = ((2.0, 2.4, 0.9), (2.4, 2.9, 1.0))
+    whole, other = (Occupancy.prior(house) if prior else Occupancy.unknown(np.array([4.0, 2.0])) for _ in range(2))
+    whole.update(picture(POSE, [*walls(house), CRATE, board], 0.5))
+    other.restore({name: cells.copy() for name, cells in whole.save().items()})
+    assert np.array_equal(whole.map.occupied, other.map.occupied)
+    for pose, boxes in (((0.9, 1.8, 0.1), [board]), ((1.2, 2.1, 0.0), [CRATE]), ((1.2, 2.2, 0.1), [])):
+        image = picture(pose, [*walls(house), *boxes], 0.5)
+        assert whole.update(image) == other.update(image)
+        assert np.array_equal(whole.map.occupied, other.map.occupied)
+        assert np.array_equal(whole.known, other.known)
+    with pytest.raises(ValueError, match="the map is"):
+        other.restore({name: cells[1:] for name, cells in whole.save().items()})

@@ -101,9 +101,8 @@ class Lookout:
 
     def save(self) -> dict[str, Any]:
         """What was learned so far, as JSON values."""
-        masks = {"known": self.occupancy.known, "added": self.occupancy.added,
-                 "seen": self.visibility.seen, "closer": self.closer.seen}  # fmt: skip
-        return {"discoveries": self.discoveries.save(), **{name: _packed(mask) for name, mask in masks.items()}}
+        maps = {name: _packed(cells) for name, cells in self._maps().items()}
+        return {"discoveries": self.discoveries.save(), "pictures": self.pictures, **maps}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Bring this to what was saved.
@@ -111,29 +110,36 @@ class Lookout:
         Raises:
             KeyError, TypeError, ValueError: What was saved is not as `save` writes it, or is of another map.
         """
-        shape = self.visibility.seen.shape
-        known, added, seen, closer = (_unpacked(saved[name], shape) for name in ("known", "added", "seen", "closer"))
+        maps = {name: _unpacked(saved[name], was) for name, was in self._maps().items()}
+        pictures = int(saved["pictures"])
         self.discoveries.restore(saved["discoveries"])
-        self.occupancy.restore(known, added)
-        self.visibility.seen, self.closer.seen = seen, closer
+        self.occupancy.restore(maps)
+        self.visibility.seen, self.closer.seen, self.pictures = maps["seen"], maps["closer"], pictures
+
+    def _maps(self) -> dict[str, NDArray[Any]]:
+        """What was learned of each cell: arrays (H, W), bool or bytes."""
+        return {**self.occupancy.save(), "seen": self.visibility.seen, "closer": self.closer.seen}
 
 
-def _packed(mask: NDArray[np.bool_]) -> str:
-    """A mask as text, a bit a cell before it is compressed."""
-    return base64.b64encode(zlib.compress(np.packbits(mask).tobytes())).decode()
+def _packed(cells: NDArray[Any]) -> str:
+    """An array of bool or bytes as text; a mask is a bit a cell before it is compressed."""
+    data = np.packbits(cells) if cells.dtype == bool else cells
+    return base64.b64encode(zlib.compress(data.tobytes())).decode()
 
 
-def _unpacked(text: str, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """The mask of a text. Raises ValueError if it is of another size."""
-    count = int(np.prod(shape))
+def _unpacked(text: str, like: NDArray[Any]) -> NDArray[Any]:
+    """The array of a text, of the shape and type of another one. Raises ValueError if it is of another size."""
+    size = -(-like.size // 8) if like.dtype == bool else like.size
     try:
         unpacker = zlib.decompressobj()
-        data = unpacker.decompress(base64.b64decode(text, validate=True), count)
+        data = unpacker.decompress(base64.b64decode(text, validate=True), size + 1)
     except zlib.error as error:
-        raise ValueError(f"no mask of a map: {error}") from None
-    if len(data) != -(-count // 8):
-        raise ValueError(f"a mask of {8 * len(data)} cells for a map of {count}")
-    return np.unpackbits(np.frombuffer(data, np.uint8), count=count).astype(bool).reshape(shape)
+        raise ValueError(f"no cells of a map: {error}") from None
+    if len(data) != size:
+        raise ValueError(f"{len(data)} bytes of cells where a map has {size}")
+    cells = np.frombuffer(data, np.uint8)
+    flat = np.unpackbits(cells, count=like.size) if like.dtype == bool else cells
+    return flat.astype(like.dtype).reshape(like.shape)
 
 
 def _same(before: Array, now: Array) -> bool:

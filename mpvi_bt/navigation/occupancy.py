@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,24 +73,21 @@ class Occupancy:
         blank = OccupancyMap(np.ones((rows, columns), bool), rooms, (), resolution_m, origin)
         return cls(blank, np.zeros((rows, columns), bool), np.zeros((rows, columns), bool))
 
-    @property
-    def added(self) -> NDArray[np.bool_]:
-        """(H, W) what stands where the prior map has nothing."""
-        added: NDArray[np.bool_] = self.map.occupied & self.known & ~self._fixed
-        return added
+    def save(self) -> dict[str, NDArray[Any]]:
+        """What was learned: arrays (H, W) by name."""
+        return {"known": self.known, "hits": self._hits, "lowest": self._lowest_cm, "highest": self._highest_cm}
 
-    def restore(self, known: NDArray[np.bool_], added: NDArray[np.bool_]) -> None:
-        """Bring this to what `known` and `added` of another one with the same prior map said.
+    def restore(self, saved: Mapping[str, NDArray[Any]]) -> None:
+        """Bring this to what was saved of another one with the same prior map.
 
         Raises:
-            ValueError: They are not (H, W).
+            KeyError, ValueError: It is not as `save` gives it, or of another size.
         """
-        if known.shape != self.known.shape or added.shape != self.known.shape:
-            raise ValueError(f"the map is {self.known.shape}, not {known.shape} and {added.shape}")
-        self.known = known.copy()
-        self._hits = np.where(added, _HITS, 0).astype(np.uint8)
-        self._height_cm = np.where(added, np.uint8(100 * BAND_M[0]), 0).astype(np.uint8)
-        self.map = replace(self.map, occupied=self._fixed | added | ~known)
+        arrays = [saved[name].astype(was.dtype) for name, was in self.save().items()]
+        if any(array.shape != self.known.shape for array in arrays):
+            raise ValueError(f"the map is {self.known.shape}, not {[array.shape for array in arrays]}")
+        self.known, self._hits, self._lowest_cm, self._highest_cm = arrays
+        self.map = replace(self.map, occupied=self._fixed | (self._hits >= _HITS) | ~self.known)
 
     def update(self, image: CameraImage, ignore: Sequence[tuple[float, float, float]] = ()) -> bool:
         """Add what a picture shows, and take away what it sees through.
