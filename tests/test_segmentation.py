@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -241,3 +243,18 @@ def test_an_address_that_makes_no_sense_is_refused(address: str, says: str) -> N
         DetectionErrors.read(address)
     assert says in str(caught.value)
     assert "detector segmentation" in str(caught.value)
+
+
+def test_a_run_that_goes_on_has_the_mistakes_that_it_would_have_had() -> None:
+    """What was saved after some pictures, through the guard, says which mistakes come next."""
+    errors = DetectionErrors(0.3, 0.3, 2.0)
+    whole, stopped, later = (Guarded(SegmentationDetector(MANY, errors=errors, seed=5)) for _ in range(3))
+    for _ in range(7):
+        whole.detect(many(), ASKED)
+        stopped.detect(many(), ASKED)
+    later.restore(json.loads(json.dumps(stopped.save())))
+    told = [[(d.phrase, d.score, *d.box.tolist()) for d in one.detect(many(), ASKED)] for one in (whole, later)]
+    assert told[0] == told[1]
+    for spoilt in ({}, {"pictures": "many"}, {"pictures": None}):
+        with pytest.raises((KeyError, TypeError, ValueError)):
+            later.restore(spoilt)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -18,6 +18,7 @@ from mpvi_bt.robot.protocol import CameraImage
 ROBOT = "robot"  # the phrase that finds the robot's own parts
 SWITCH = ".switch"  # ends the label of a thing's switch
 MOST_DETECTIONS = 10_000  # in one picture: more is a fault
+_MOST_HANGS = 3  # a run may wait so often; one that is late with each picture would cost the limit for each
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +41,9 @@ class Detection:
 class Detector(Protocol):
     """Finds things by phrases.
 
+    One whose answers depend on the pictures before may have `save()`, which gives that as JSON values, and
+    `restore(saved)`: a run that was stopped goes on with it.
+
     Attributes:
         name: As given on the command line.
     """
@@ -61,8 +65,9 @@ class Guarded:
     """A detector around another one, of which nothing is taken on trust.
 
     Whatever goes wrong in it is a `DetectorError` with a reason that docs/detectors.md lists. It works in a thread of
-    its own: one that hangs is left alone, and refused until it has come back. One that says of itself that it
-    is `prompt`, as it waits for nothing, is called right away: on a busy machine a thread is waited for long.
+    its own: one that hangs is left alone, and refused until it has come back; after three times, for good. One that
+    says of itself that it is `prompt`, as it waits for nothing, is called right away: on a busy machine a thread is
+    waited for long.
 
     Attributes:
         name: The other one's.
@@ -81,7 +86,7 @@ class Guarded:
         self._work: queue.SimpleQueue[tuple[CameraImage, Sequence[str]]] = queue.SimpleQueue()
         self._done: queue.SimpleQueue[_Answer] = queue.SimpleQueue()
         self._thread: threading.Thread | None = None
-        self._hangs = False
+        self._hangs, self._hung = False, 0
         self._prompt = getattr(detector, "prompt", False) is True
         self.name = str(getattr(detector, "name", type(detector).__name__))
         self.note = str(getattr(detector, "note", ""))
@@ -105,6 +110,14 @@ class Guarded:
             check_detection(detection, image, phrases, f"detector {self.name}")
         return list(found)
 
+    def save(self) -> dict[str, Any]:
+        """What the other one keeps from picture to picture, as JSON values."""
+        return dict(getattr(self._detector, "save", dict)())
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Have it go on from there. Raises KeyError, TypeError or ValueError if that is not as it writes it."""
+        getattr(self._detector, "restore", dict)(saved)
+
     def _ask(self, image: CameraImage, phrases: Sequence[str]) -> _Answer:
         try:
             return self._detector.detect(image, phrases), None
@@ -113,6 +126,8 @@ class Guarded:
 
     def _wait(self, image: CameraImage, phrases: Sequence[str]) -> _Answer:
         """What it answers from its thread, within the limit."""
+        if self._hung >= _MOST_HANGS:
+            raise DetectorError("hangs", f"detector {self.name} was late {self._hung} times: it is asked no more")
         if self._hangs and self._done.empty():
             raise DetectorError("hangs", f"detector {self.name} has not come back from an earlier picture")
         if self._hangs:
@@ -126,7 +141,7 @@ class Guarded:
         try:
             return self._done.get(timeout=self._limit_s)
         except queue.Empty:
-            self._hangs = True
+            self._hangs, self._hung = True, self._hung + 1
             message = f"detector {self.name} has found nothing and said nothing for {self._limit_s:g} s"
             raise DetectorError("hangs", message) from None
 

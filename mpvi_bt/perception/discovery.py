@@ -247,6 +247,7 @@ class Discoveries:
             "looks": {name: asdict(looks) for name, looks in self._looks.items()},
             "hands": self._carrying.save(),
             "errors": self.errors,
+            "detector": getattr(self._detector, "save", dict)(),
         }
 
     def restore(self, saved: Mapping[str, Any]) -> None:
@@ -260,6 +261,7 @@ class Discoveries:
         self._numbers = {str(phrase): int(number) for phrase, number in saved["numbers"].items()}
         self._looks = defaultdict(Looks, TypeAdapter(dict[str, Looks]).validate_python(saved["looks"]))
         self.errors = int(saved["errors"])
+        getattr(self._detector, "restore", dict)(saved["detector"])
 
 
 def _alike(phrases: tuple[str, ...], others: Iterable[str]) -> bool:

@@ -127,6 +127,14 @@ class SegmentationDetector:
             found += [Detection(phrase, thing.score, thing.box.copy(), thing.spread(size)) for thing in own]
         return found
 
+    def save(self) -> dict[str, int]:
+        """How many pictures there were: the mistakes in the next one depend on that."""
+        return {"pictures": self._pictures}
+
+    def restore(self, saved: Mapping[str, int]) -> None:
+        """Go on after as many. Raises KeyError, TypeError or ValueError if that is not as `save` writes it."""
+        self._pictures = int(saved["pictures"])
+
     def _mistaken(self, thing: _Seen, size: tuple[int, ...], rng: np.random.Generator) -> _Seen | None:
         """A thing as it seems to be, or None if it is missed. Each takes as many draws as any other."""
         missed, rank = rng.random(2)
