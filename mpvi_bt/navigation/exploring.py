@@ -20,6 +20,7 @@ from mpvi_bt.navigation.navigator import KnownPlaceNavigator, Trip
 from mpvi_bt.navigation.nod import nod, tilt_toward
 from mpvi_bt.navigation.search import Search
 from mpvi_bt.navigation.traversability import Traversability
+from mpvi_bt.navigation.ways import stuck
 from mpvi_bt.perception.detector import Detection
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, normalize
 from mpvi_bt.perception.map import OccupancyMap
@@ -139,7 +140,7 @@ class ExploringNavigator(KnownPlaceNavigator):
                 yield from self._find(trip, room)
                 entries, room = self._look_up(trip)
                 if not entries:
-                    raise GaveUp("not_found", self._evidence(trip))
+                    raise self._not_found(trip)
             names, slack_m = {entry.name for entry in entries}, 0.0
             try:
                 yield from self._drive_to(trip, entries, room, until=partial(self._are_gone, names))
@@ -154,7 +155,7 @@ class ExploringNavigator(KnownPlaceNavigator):
                 return
         if entries:
             raise GaveUp("not_reached", f"{trip.target} was elsewhere each time that it was gone to")
-        raise GaveUp("not_found", self._evidence(trip))
+        raise self._not_found(trip)
 
     def _find(self, trip: Trip, room: str | None) -> Iterator[Report]:
         """Look for the target where it was said to be, then everywhere."""
@@ -236,6 +237,13 @@ class ExploringNavigator(KnownPlaceNavigator):
         """Whether none of the entries is believed in any more."""
         known = self._knowledge().entries
         return not any(name in known for name in names)
+
+    def _not_found(self, trip: Trip) -> GaveUp:
+        """Why the search was in vain; without a prior map a base that sees nothing is not in anything, for that."""
+        here, evidence = self._robot.proprioception().base_pose[:2], self._evidence(trip)
+        if self.lookout.occupancy.known.all() and stuck(self._driver.grid(), here):
+            return GaveUp("start_in_collision", f"the base cannot leave the obstacles that it stands in: {evidence}")
+        return GaveUp("not_found", evidence)
 
     def _evidence(self, trip: Trip) -> str:
         share, area = self.search.coverage()

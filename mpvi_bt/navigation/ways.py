@@ -65,7 +65,14 @@ def find_way(
             path = _way(grid, tried, pose, goal.pose)
             if path is not None:
                 return path, goal.pose, grid
-    raise _why(free, grid, start, ranked, halts)
+    raise _why(free, start, ranked, halts)
+
+
+def stuck(free: Traversability, start: Array) -> bool:
+    """Whether a base at `start` (2,) stands in obstacles that it cannot leave."""
+    grid = free.escaping(start)
+    reach = cost_to_reach(grid.cost, grid.map.cell(start))
+    return not (np.isfinite(reach) & np.isfinite(free.cost)).any()
 
 
 def _fits(grid: Traversability, goal: Goal) -> bool:
@@ -87,10 +94,9 @@ def _way(grid: Traversability, footprint: Footprint, start: Array, goal: Array) 
     return None if found is None else grid.points(found[0])
 
 
-def _why(free: Traversability, grid: Traversability, start: Array, goals: list[Goal], halts: list[Array]) -> GaveUp:
-    """Why there is no plan; `grid` is `free` for a robot that may leave where it stands."""
-    reach = cost_to_reach(grid.cost, grid.map.cell(start))
-    if not (np.isfinite(reach) & np.isfinite(free.cost)).any():
+def _why(free: Traversability, start: Array, goals: list[Goal], halts: list[Array]) -> GaveUp:
+    """Why there is no plan."""
+    if stuck(free, start):
         return GaveUp("start_in_collision", "the base stands in obstacles and cannot leave them: no way")
     if halts:
         return GaveUp("blocked", "something blocks the way, and there is no other way")
