@@ -7,6 +7,7 @@ import math
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from mpvi_bt.navigation.grid import compiled, cost_to_reach, segment_free, shortest_path
 from mpvi_bt.navigation.traversability import ESCAPE_COST, floor_obstacles, traversability
@@ -216,3 +218,20 @@ def test_without_a_folder_for_its_cache_the_search_compiles_anew(monkeypatch: py
 
     monkeypatch.setattr("numba.njit", njit)
     assert compiled(lambda a, b: a + b)(1, 2) == 3
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_clearance_is_that_of_the_whole_map(seed: int) -> None:
+    """However little of it is free: what is beyond the map, and what is not known, counts as occupied."""
+    rng = np.random.default_rng(seed)
+    occupied = np.ones((50, 70), bool)
+    for _ in range(int(rng.integers(0, 4))):
+        row, column = rng.integers(0, [50, 70])
+        occupied[row : row + rng.integers(1, 30), column : column + rng.integers(1, 30)] = False
+    grid_map = replace(two_rooms(), occupied=occupied, rooms=np.zeros(occupied.shape, np.int16))
+    grid = traversability(grid_map, 0.1)
+    whole = ndimage.distance_transform_edt(np.pad(~occupied, 1))[1:-1, 1:-1] * grid_map.resolution_m
+    expected = np.maximum(whole - grid_map.resolution_m / 2, 0.0)
+    np.testing.assert_allclose(grid.clearance_m, expected, atol=1e-6)
+    np.testing.assert_array_equal(grid.blocked, grid.clearance_m < 0.1)

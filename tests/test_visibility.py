@@ -223,3 +223,15 @@ def test_occupied_cells_of_another_map_are_refused() -> None:
     view = VisibilityMap(two_rooms())
     with pytest.raises(ValueError, match=r"\(3, 3\).*\(80, 160\)"):
         view.would_see(np.array([1.0, 1.0]), 0.0, FOV_RAD, np.zeros((3, 3), bool))
+
+
+@settings(max_examples=30, deadline=None)
+@given(SEEDS, st.floats(-np.pi, np.pi))
+def test_no_look_shows_more_than_is_within_reach(seed: int, yaw: float) -> None:
+    """The bound that saves looks is one, wherever the camera is."""
+    rng = np.random.default_rng(seed)
+    view = VisibilityMap(two_rooms(), reach_m=float(rng.uniform(0.5, 4.0)))
+    wanted = rng.random(view.seen.shape) < 0.3
+    nothing = np.zeros_like(wanted)
+    for xy in (rng.uniform([0.0, 0.0], [8.0, 4.0]), np.array([-1.0, 2.0]), np.full(2, np.nan)):
+        assert view.would_see(xy, yaw, 2.0, nothing, wanted) <= view.within_reach(xy, wanted)
