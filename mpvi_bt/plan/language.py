@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,32 +14,13 @@ from mpvi_bt.marked_yaml import Marks, validate_data
 from mpvi_bt.plan.check import plan_problems
 from mpvi_bt.plan.context import Grounding
 from mpvi_bt.plan.examples import examples
+from mpvi_bt.plan.planners import Planned
 from mpvi_bt.plan.prompt import answer_schema, checked_instruction, conversation, repair, told
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.writing import write_whole
 
 REPAIRS = 3  # Our choice: how often a model may mend its plan
-
-
-@dataclass(frozen=True)
-class Planned:
-    """A plan, and what it took.
-
-    Attributes:
-        plan: A valid one, without errors.
-        answers: Of the model, the last of which is the plan.
-        doubts: Warnings that are left.
-    """
-
-    plan: Plan
-    answers: tuple[Answer, ...] = ()
-    doubts: tuple[Problem, ...] = ()
-
-    @property
-    def latency_s(self) -> float:
-        """What all its answers took, together [s of wall time]."""
-        return sum(answer.latency_s for answer in self.answers)
 
 
 class LanguagePlanner:
@@ -80,12 +61,7 @@ class LanguagePlanner:
         return self.ask(task_name, instruction).plan
 
     def ask(self, task_name: str, instruction: str, situation: str = "") -> Planned:
-        """A plan for the instruction.
-
-        Args:
-            task_name: Name of the plan; "": the model names it.
-            instruction: What a user said; untrusted.
-            situation: What has happened so far, in lines, if the robot is under way: then what is left is planned.
+        """As `Planner` says; a plan without a name is named by the model.
 
         Raises:
             UserError: The instruction is none.
@@ -96,25 +72,35 @@ class LanguagePlanner:
         shown = examples(self._recorded, self._skills, instruction, {task_name, *self._without})
         messages = conversation(instruction, self._skills, self._grounding, shown, situation)
         answers: list[Answer] = []
-        warned = False
+        usable: Planned | None = None  # with warnings
         found: list[Problem] = []
         while len(answers) <= REPAIRS:
             self._tell(_asking(self.name, found))
             mending = repair(answers[-1].text, found) if answers else []
-            answers.append(self._model.ask([*messages, *mending], answer_schema()))
+            try:
+                answers.append(self._model.ask([*messages, *mending], answer_schema()))
+            except ModelError:
+                if usable is None:
+                    raise
+                break
             data, found = read_answer(answers[-1].text)
-            if isinstance(data, dict) and data.get("segments") == []:
+            if isinstance(data, dict) and data.get("segments") == [] and usable is None:
                 raise ModelError("refused", f"{self.name} finds no plan for the instruction{self._keep(answers[-1])}")
             if not found:
                 plan, found = checked(data, task_name, instruction, self._skills, self._grounding, not situation)
-                wrong = any(problem.severity == "error" for problem in found)
-                if plan is not None and not wrong and (warned or not found or len(answers) > REPAIRS):
-                    return Planned(plan, tuple(answers), tuple(found))
-                warned = warned or not wrong
+                if plan is not None and not any(problem.severity == "error" for problem in found):
+                    last = not found or usable is not None or len(answers) > REPAIRS
+                    usable = Planned(plan, (), tuple(found))
+                    if last:
+                        break
+                    continue
+            if usable is not None:
+                break  # it made things worse
+        if usable is not None:
+            return replace(usable, answers=tuple(answers))
         count = f"{len(found)} problem{'s' * (len(found) > 1)}"
-        head = (
-            f"{self.name} gave no valid plan in {len(answers)} answers; {count} in the last{self._keep(answers[-1])}:"
-        )
+        kept = self._keep(answers[-1])
+        head = f"{self.name} gave no valid plan in {len(answers)} answers; {count} in the last{kept}:"
         raise ModelError("bad_answer", "\n  ".join([head, *told(found)]))
 
     def _keep(self, answer: Answer) -> str:

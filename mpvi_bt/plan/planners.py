@@ -2,11 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from mpvi_bt.errors import UnknownName
+from mpvi_bt.errors import Problem, UnknownName, UserError
+from mpvi_bt.language.chat import Answer
 from mpvi_bt.plan.schema import Plan, load_plan
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A plan, and what it took.
+
+    Attributes:
+        plan: A valid one, without errors.
+        answers: Of a language model, if one was asked.
+        doubts: Warnings that are left.
+    """
+
+    plan: Plan
+    answers: tuple[Answer, ...] = ()
+    doubts: tuple[Problem, ...] = ()
+
+    @property
+    def latency_s(self) -> float:
+        """What all the answers took, together [s of wall time]."""
+        return sum(answer.latency_s for answer in self.answers)
 
 
 class Planner(Protocol):
@@ -18,8 +40,17 @@ class Planner(Protocol):
 
     name: str
 
-    def plan(self, task_name: str, instruction: str) -> Plan:
-        """A plan for the instruction. Raises MpviError if there is none to be had."""
+    def ask(self, task_name: str, instruction: str, situation: str = "") -> Planned:
+        """A plan for the instruction.
+
+        Args:
+            task_name: Name of the plan.
+            instruction: What a user said; untrusted.
+            situation: What has happened so far, in lines, if the robot is under way: then what is left is planned.
+
+        Raises:
+            MpviError: There is none to be had.
+        """
         ...
 
 
@@ -32,6 +63,12 @@ class RecordedPlanner:
         """`folder` holds the plans; by default `tasks/plans` of every root is searched."""
         self._folder = folder
 
+    def ask(self, task_name: str, instruction: str = "", situation: str = "") -> Planned:
+        """As `plan`. Raises UserError, too, where the robot is under way: what is on file begins at the beginning."""
+        if situation:
+            raise UserError("the recorded planner can't plan what is left; choose --planner openai:MODEL.")
+        return Planned(self.plan(task_name, instruction))
+
     def plan(self, task_name: str, instruction: str = "") -> Plan:
         """The recorded plan of the task; `instruction` replaces the recorded one if it is given.
 
@@ -39,11 +76,18 @@ class RecordedPlanner:
             UnknownName: No plan is recorded for the task.
             FileProblems: Everything that is wrong with the file.
         """
-        files = {path.stem: path for folder in reversed(self._folders()) for path in sorted(folder.glob("*.json"))}
+        files = self._files()
         if task_name not in files:
             raise UnknownName("recorded plan", task_name, files)
         plan = load_plan(files[task_name])
         return plan.model_copy(update={"instruction": instruction}) if instruction else plan
+
+    def all(self) -> list[Plan]:
+        """Every recorded plan, by name. Raises FileProblems."""
+        return [load_plan(path) for _, path in sorted(self._files().items())]
+
+    def _files(self) -> dict[str, Path]:
+        return {path.stem: path for folder in reversed(self._folders()) for path in sorted(folder.glob("*.json"))}
 
     def _folders(self) -> list[Path]:
         if self._folder is not None:
