@@ -14,8 +14,8 @@ from mpvi_bt.errors import BackendError, MpviError, UserError
 _OF_THE_MACHINE = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
 
 
-def write_whole(path: str | Path, text: str) -> None:
-    """Write UTF-8 text to a temporary file beside `path`, synced, which then takes its place.
+def write_whole(path: str | Path, content: str | bytes) -> None:
+    """Write bytes, or text as UTF-8, to a temporary file beside `path`, synced, which then takes its place.
 
     The file gets the permissions that the umask gives every new file, or keeps those that it has. What is no regular
     file, such as a pipe, is written to as it is.
@@ -24,19 +24,20 @@ def write_whole(path: str | Path, text: str) -> None:
         UserError: It cannot be written there.
         BackendError: The disk is full or broken; what was there before is untouched.
     """
+    data = content.encode() if isinstance(content, str) else content
     given = Path(path)
     path = given.resolve()  # a link stays one
     try:
         if path.exists() and not path.is_file():
-            with path.open("w", encoding="utf-8") as stream:
-                stream.write(text)
+            with path.open("wb") as stream:
+                stream.write(data)
             return
         temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
         try:
-            with temporary.open("x", encoding="utf-8", newline="\n") as file:
+            with temporary.open("xb") as file:
                 if path.exists():
                     temporary.chmod(stat.S_IMODE(path.stat().st_mode))
-                file.write(text)
+                file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
             temporary.replace(path)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
 Schema = Mapping[str, Any]
@@ -45,10 +45,6 @@ class Answer:
     tokens_out: int = 0
     tries: int = 1
     kept: bool = False
-
-    def from_file(self) -> Answer:
-        """The same answer, read back."""
-        return replace(self, kept=True)
 
 
 class ChatModel(Protocol):
