@@ -72,8 +72,8 @@ class SymbolicRun(SymbolicState):
             return
         fixed = self.problem.rooms
         there = [t for t in self.meant(phrase) if normalize(self.room_of(t)) == room and t not in self.held.values()]
-        if not there:
-            raise CannotBe(f"no {phrase!r} in the {room}")
+        if all(map(self.shut_in, there)):
+            raise CannotBe(f"no {phrase!r} is to be seen in the {room}")
         movable = [t for t in there if t not in fixed]
         if movable:
             self.place = min(movable, key=lambda t: self.moved[t])
