@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import click
@@ -103,7 +104,7 @@ class Finite(click.FloatRange):
 
 
 def backends(command: Any) -> Any:
-    """The options that choose the backends of an episode, and how the policy is driven."""
+    """The options that choose the backends of an episode, and how policy and language models are asked."""
     options = [
         click.option(
             f"--{kind}",
@@ -143,6 +144,35 @@ def backends(command: Any) -> Any:
             default="go_on",
             show_default=True,
             help="What the robot does while the checker has not answered yet.",
+        ),
+    ]
+    command = language(command)
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def language(command: Any) -> Any:
+    """The options that say how language models are asked."""
+    options = [
+        click.option(
+            "--exchanges",
+            type=click.Path(file_okay=False, path_type=Path),
+            metavar="DIR",
+            help="Keep what language models are asked and answer; what is kept there is not asked again.",
+        ),
+        click.option("--offline", is_flag=True, help="Ask language models nothing that is not kept there."),
+        click.option(
+            "--calls",
+            type=click.IntRange(min=0),
+            metavar="N",
+            help="Ask language models N questions at most, in an episode.",
+        ),
+        click.option(
+            "--tokens",
+            type=click.IntRange(min=0),
+            metavar="N",
+            help="Ask them nothing more once questions and answers took N tokens.",
         ),
     ]
     for option in reversed(options):

@@ -10,6 +10,20 @@ EPISODE = "mpvi_bt.suite.episode:run"  # the function that runs one
 
 
 @dataclass(frozen=True)
+class SuiteBudget:
+    """How much all episodes of a suite together may ask of language models.
+
+    Attributes:
+        ledger: File in which their processes count.
+        calls, tokens: At most; None: any number.
+    """
+
+    ledger: Path
+    calls: int | None = None
+    tokens: int | None = None
+
+
+@dataclass(frozen=True)
 class EpisodeConfig:
     """One episode, fully named: the same config gives the same result, wall times apart.
 
@@ -29,9 +43,15 @@ class EpisodeConfig:
         plan: Name or file of a plan instead of the task's own, or None.
         arguments: Names and values of that tree's parameters.
         substitute: File of rules that put stand-ins in the place of nodes, or None.
+        exchanges: Folder of what is asked of language models and answered, which is not asked again; None: none.
+        offline: Whether nothing is asked but what is on file there.
+        calls, tokens: How much the episode may ask of language models at most; None: any number.
+        suite_budget: The same of its suite, or None.
         video, picture, rerun, trace: Where to write the episode's film, its picture from above, its recording for the
             rerun viewer and its trace, or None.
         saved: Where to write how it stands if it is stopped, or None.
+        planned: Where to write the plan that a language model makes, or None; its last answer, where it makes none,
+            goes beside it.
     """
 
     task: str
@@ -52,11 +72,17 @@ class EpisodeConfig:
     plan: str | None = None
     arguments: tuple[tuple[str, str], ...] = ()
     substitute: str | None = None
+    exchanges: Path | None = None
+    offline: bool = False
+    calls: int | None = None
+    tokens: int | None = None
+    suite_budget: SuiteBudget | None = None
     video: Path | None = None
     picture: Path | None = None
     rerun: Path | None = None
     trace: Path | None = None
     saved: Path | None = None
+    planned: Path | None = None
 
     @property
     def task_name(self) -> str:
@@ -75,7 +101,7 @@ class EpisodeConfig:
 
     def record(self) -> dict[str, Any]:
         """What a result says of it: everything that can change the outcome, so not where pictures go."""
-        entries = {key: value for key, value in asdict(self).items() if key not in _OUTPUTS}
+        entries = {key: value for key, value in asdict(self).items() if key not in _OUTPUTS | _ASKING}
         entries["arguments"] = dict(self.arguments)
         return {
             key: value
@@ -84,6 +110,8 @@ class EpisodeConfig:
         }
 
 
-_OUTPUTS = {"video", "picture", "rerun", "trace", "saved"}
+_OUTPUTS = {"video", "picture", "rerun", "trace", "saved", "planned"}
+# Of language models what they answer matters, and neither where that is kept nor what it may cost.
+_ASKING = {"exchanges", "offline", "calls", "tokens", "suite_budget"}
 # Left out where they are not used.
 _RARE = {"arguments", "substitute", "policy_settings", "policy_horizon", "policy_ensemble", "assisted"}

@@ -1,0 +1,72 @@
+"""Makes the language models that a run chooses, with its exchanges and its budgets around them."""
+
+from __future__ import annotations
+
+from mpvi_bt.errors import UserError
+from mpvi_bt.language.budget import Budget, BudgetedModel
+from mpvi_bt.language.chat import ChatModel
+from mpvi_bt.language.endpoint import split_address
+from mpvi_bt.language.exchanges import KeptModel, check_folder
+from mpvi_bt.suite.backends import split
+from mpvi_bt.suite.config import EpisodeConfig
+
+NAME = "openai"  # of the backend, whichever kind it is of
+
+
+class Models:
+    """The language models of one episode. They share its budget.
+
+    Args:
+        config: Of the episode.
+
+    Attributes:
+        budget: Of the episode, and what it has spent.
+    """
+
+    def __init__(self, config: EpisodeConfig) -> None:
+        self.budget = Budget("episode", config.calls, config.tokens)
+        self._config = config
+        suite = config.suite_budget
+        self._budgets = [self.budget]
+        if suite is not None:
+            self._budgets.append(Budget("suite", suite.calls, suite.tokens, suite.ledger))
+
+    def make(self, given: str) -> ChatModel:
+        """The model of a choice such as "openai:MODEL" or "openai:MODEL@URL". It is not asked yet.
+
+        Offline nobody is ever asked: neither a key nor the SDK is needed.
+
+        Raises:
+            UserError: There is no such address or folder.
+            ModelError: The SDK is not installed, or there is no key where one is needed.
+        """
+        model, url = split_address(split(given)[1])
+        config = self._config
+        if config.offline and config.exchanges is None:
+            raise UserError(
+                "--offline answers from the exchanges of an earlier run: say where they are, --exchanges DIR."
+            )
+        if config.exchanges is not None:
+            check_folder(config.exchanges, config.offline)
+        inner: ChatModel | None = None
+        if not config.offline:
+            from mpvi_bt.language.openai import OpenAIModel
+
+            inner = BudgetedModel(OpenAIModel(model, url), self._budgets)
+        if config.exchanges is None:
+            assert inner is not None
+            return inner
+        return KeptModel(given, model, config.exchanges, inner)
+
+
+def make_model(given: str, config: EpisodeConfig) -> ChatModel:
+    """One model alone, as `Models.make`."""
+    return Models(config).make(given)
+
+
+def check_language_choice(config: EpisodeConfig) -> None:
+    """Refuse language models that cannot be asked. Raises as `Models.make`."""
+    for kind in ("planner", "checker"):
+        given = config.backends[kind]
+        if split(given)[0] == NAME:
+            make_model(given, config)
