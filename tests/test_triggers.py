@@ -117,6 +117,26 @@ def test_letting_go_after_a_grasp_fires_a_release(width_m: float) -> None:
     assert go(hands, triggers, 3.0) == [TriggerEvent("release", "right")]
 
 
+def test_a_hand_need_not_be_told_to_open_wide_to_have_let_go() -> None:
+    """A careful one opens just enough: what it is told lies between shut and the width that it has."""
+    hands = Hands()
+    triggers = grips(hands)
+    assert grasp(hands, triggers, 0.007)
+    assert go(hands, triggers, 0.5, to_m=0.024, command=-0.4) == []
+    assert go(hands, triggers, 0.5, joint_speed=0.4) + go(hands, triggers, 3.0) == [TriggerEvent("release", "right")]
+
+
+@given(st.floats(-1.0, 0.0), st.floats(0.004, 0.045))
+@settings(max_examples=20, deadline=None)
+def test_fingers_that_stop_short_of_where_they_are_told_to_be_hold_something(told: float, short_m: float) -> None:
+    """Learned policies seldom say shut; fingers that get where they are told to be hold nothing."""
+    for width_m, events in (((told + 1) * 0.05 + short_m, [TriggerEvent("grasp", "right")]), ((told + 1) * 0.05, [])):
+        hands = Hands()
+        triggers = grips(hands)
+        fired = go(hands, triggers, 0.5, to_m=width_m, command=told) + go(hands, triggers, 1.0, joint_speed=0.5)
+        assert fired + go(hands, triggers, 3.0) == events
+
+
 def test_opening_an_empty_hand_is_no_release() -> None:
     """Only what was held can be let go."""
     hands = Hands()

@@ -11,7 +11,7 @@ import numpy as np
 
 from mpvi_bt.behaviors.protocols import TriggerEvent
 from mpvi_bt.errors import UnknownName
-from mpvi_bt.robot import kinematics
+from mpvi_bt.robot import kinematics, r1
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Robot, Side
 from mpvi_bt.robot.solids import Array
 
@@ -30,8 +30,8 @@ class Thresholds:
         smoothing: Weight of the newest width in its exponential moving average.
         still_m_s: The width is steady while it changes by less than this.
         hold_s: How long the width must be steady.
-        held_m: A closed hand at least this wide holds something.
-        empty_m: A closed hand narrower than this holds nothing; between the two it is as before.
+        held_m: A hand that is wider than it is told to be, by more than this, has something between its fingers.
+        empty_m: One that got to within this of where it was told to be has not; between the two it is as before.
         opened_m: How much wider than its grasp a hand must get to have let go,
         full_m: or, of a thing nearly as wide as the hand opens, how wide at all.
         arm_still_rad_s: The arms are at rest while no joint of either is faster; for "rest", base and torso too [m/s].
@@ -146,8 +146,8 @@ class _Hand:
         self._since_event = _LONG_AGO
         self._recent: deque[float] = deque([self._width], maxlen=_STEPS_OF_A_RATE + 1)  # smoothed
         # Of a hand that holds something from the start, as after another primitive, only a release can be new.
-        closed = body.gripper_command[side] < 0
-        self._grasp_width = self._width if closed and self._width > thresholds.held_m else None
+        grips = self._width > _told_m(body, side) + thresholds.held_m
+        self._grasp_width = self._width if grips else None
         self._news: Literal["grasp", "release"] | None = None
         self._armed = False
         self._way: _Way | None = None  # of what it took hold of since
@@ -165,16 +165,17 @@ class _Hand:
             self._armed = True
         if not self.steady:
             return
-        closed = body.gripper_command[self._side] < 0
+        told_m = _told_m(body, self._side)
+        grips = self._width > told_m + t.held_m
         if self._grasp_width is None:
-            if closed and self._width > t.held_m:
+            if grips:
                 self._grasp_width = self._width
                 self._way = _Way(self._t)
                 self._report("grasp")
-        elif not closed and self._width >= min(self._grasp_width + t.opened_m, t.full_m):
+        elif not grips and self._width >= min(self._grasp_width + t.opened_m, t.full_m):
             self._grasp_width, self._way = None, None
             self._report("release")
-        elif closed and self._width < t.empty_m:  # it slipped out: nothing is held and nothing was let go on purpose
+        elif told_m < self._grasp_width and self._width < told_m + t.empty_m:  # it slipped out: not let go on purpose
             self._grasp_width, self._way, self._news = None, None, None
 
     def feel_way(self, body: Proprioception) -> None:
@@ -267,6 +268,11 @@ class _Rest:
             self._home = {"left": self._recent[-1][:7], "right": self._recent[-1][7:14]}
         self._farthest = dict.fromkeys(SIDES, 0.0)
         self.since_event = 0
+
+
+def _told_m(body: Proprioception, side: Side) -> float:
+    """The width that a hand is told to have; learned policies seldom say -1, and careful ones open just enough."""
+    return (body.gripper_command[side] + 1.0) * r1.FINGER_TRAVEL_M
 
 
 def _steps(seconds: float) -> int:
