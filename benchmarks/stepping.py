@@ -1,11 +1,13 @@
 """What a control step costs: against a bare `scene.step()` loop over the same scene, and what navigation adds to it.
 
-    python benchmarks/stepping.py
+    python -m benchmarks.stepping
 
 Both sides of the first drive the same way: the bare loop repeats the drive targets that the last action left, four
 physics steps a control step, and nothing else. The two alternate within one run, so that the machine's noise meets
 both. For the second the robot drives through the house; planning and following are timed against stepping the world,
-step by step in turn. A first round, which loads what is compiled, does not count.
+step by step in turn. A first round, which loads what is compiled, does not count. Then it searches the house for
+things, with a map and without: what looking, mapping and planning add, what rendering adds, and how many pictures a
+second of wall time that makes.
 """
 
 from __future__ import annotations
@@ -15,10 +17,11 @@ import time
 
 import numpy as np
 
+from benchmarks.searches.play import Job, play
 from mpvi_bt.behaviors.protocols import Progress
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.perception.map import OccupancyMap
-from mpvi_bt.robot.protocol import ActionLayout
+from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.sim.prior_map import prior_map
@@ -26,10 +29,11 @@ from mpvi_bt.sim.world import Placement, World
 
 ROUNDS, STEPS, SUBSTEPS = 15, 60, 4
 DRIVES, TARGETS = 3, ("kitchen", "can of soda", "bathroom", "bedroom", "garage", "utility room")
+SEARCHES = (20, 22, 24)  # seeds; any do but those of the final table
 
 
 def main() -> None:
-    """Print both parts."""
+    """Print all parts."""
     catalogue = load_catalogue()
     can, T = catalogue["can_of_soda"], np.eye(4)
     T[:3, 3] = (12.0, 4.2, 0.001)
@@ -37,7 +41,10 @@ def main() -> None:
     world = World(house, {"can": Placement(can, T)}, np.array([9.5, 3.5, 0.0]), render=False)
     world.settle()
     against_bare(world)
-    navigation(world, prior_map(house))
+    driving(world, prior_map(house))
+    play(Job(SEARCHES[0]))
+    for given in ("prior", "online"):
+        searching(given)
 
 
 def against_bare(world: World) -> None:
@@ -62,7 +69,7 @@ def against_bare(world: World) -> None:
     print(f"ratio, median of {ROUNDS} rounds    {statistics.median(ratios):7.2f}")
 
 
-def navigation(world: World, grid_map: OccupancyMap) -> None:
+def driving(world: World, grid_map: OccupancyMap) -> None:
     """What driving from room to room adds to the cost of stepping."""
     navigator = KnownPlaceNavigator(world.robot, grid_map, world.knowledge)
     shares, plans = [], []
@@ -83,8 +90,23 @@ def navigation(world: World, grid_map: OccupancyMap) -> None:
             if report.progress is not Progress.SUCCEEDED:
                 raise SystemExit(f"the drive to {target!r} failed: {report}")
             shares += [navigating / stepping] if round_ else []
-    print(f"navigation, of the cost of stepping, median of {len(shares)} drives {statistics.median(shares):8.1%}")
+    print(f"driving, of the cost of stepping, median of {len(shares)} drives    {statistics.median(shares):8.1%}")
     print(f"of that the first step of a drive, which plans     {1e3 * statistics.median(plans):6.1f} ms")
+
+
+def searching(given: str) -> None:
+    """What searches with a map ("prior" or "online") add to the cost of stepping."""
+    rows = [play(Job(seed, given)) for seed in SEARCHES]
+    steps = sum(round(row.simulated_s * CONTROL_HZ) for row in rows)
+    total = {key: sum(row.wall_s[key] for row in rows) for key in ("stepping", "navigation", "rendering")}
+    pictures = sum(row.pictures for row in rows)
+    print(
+        f"searching, map {given}, {len(rows)} searches: stepping       {1e3 * total['stepping'] / steps:6.2f} ms a step"
+    )
+    print(f"  navigation, of the cost of stepping              {total['navigation'] / total['stepping']:8.1%}")
+    print(f"  rendering, of the cost of stepping               {total['rendering'] / total['stepping']:8.1%}")
+    print(f"  pictures a second of wall time, all told         {pictures / sum(total.values()):6.1f}")
+    print(f"  navigation for each picture                      {1e3 * total['navigation'] / pictures:6.2f} ms")
 
 
 if __name__ == "__main__":
