@@ -20,8 +20,10 @@ from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_epis
 from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.executive.replanning import Replanning
 from mpvi_bt.executive.saved import SavedRun, restore_world, save_run
+from mpvi_bt.language.chat import Answer
 from mpvi_bt.marked_yaml import parse_marked
-from mpvi_bt.plan.history import History, Rest, Thing
+from mpvi_bt.plan.history import Thing
+from mpvi_bt.plan.planners import NoPlan, Planned
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.trace.diff import diff
@@ -51,25 +53,30 @@ def plan(*said: str) -> Plan:
 
 OLD = plan("go to the cup", "pick up the cup", "go to the bin", "put the cup in the bin", "go to the door")
 NEW = plan("go to the shelf", "put the cup on the shelf")
-Answer = Rest | Plan | Exception | None
 
 
 @dataclass
 class Says:
-    """A planner that says what it is told to, the last for good."""
+    """A planner that says what it is told to, the last for good; None: nothing is left to do."""
 
-    answers: Sequence[Answer]
+    answers: Sequence[Plan | Exception | None]
     latency_s: float = 0.0
     remote: bool = False
-    told: list[History] = field(default_factory=list)
+    name: str = "says"
+    told: list[str] = field(default_factory=list)
 
-    def replan(self, task_name: str, instruction: str, history: History) -> Rest:
+    def ask(self, task_name: str, instruction: str, situation: str = "") -> Planned:
         assert (task_name, instruction) == ("tidy", "Tidy up.")
-        answer = self.answers[min(len(self.told), len(self.answers) - 1)]
-        self.told.append(history)
-        if isinstance(answer, Exception):
-            raise answer
-        return answer if isinstance(answer, Rest) else Rest(answer, self.latency_s)
+        said = self.answers[min(len(self.told), len(self.answers) - 1)]
+        self.told.append(situation)
+        answers = (Answer("", "m", self.latency_s / 2, 10, 1), Answer("", "m", self.latency_s / 2, 20, 2))
+        if isinstance(said, NoPlan):
+            raise NoPlan(said.reason, str(said), answers)
+        if isinstance(said, Exception):
+            raise said
+        if said is None:
+            raise NoPlan("nothing_left", "nothing is left", answers)
+        return Planned(said, answers)
 
 
 def rules(*failing: str) -> Rules:
@@ -159,17 +166,32 @@ def test_the_planner_is_told_what_is_done_what_failed_and_what_was_seen() -> Non
     cup = Thing("cup", "kitchen", held=True)
     episode(planner, "*/2 */check_complete", "*/4 */check_complete", seen=[cup])
     first, second = planner.told
-    assert [(unit.said, unit.reason) for unit in first.units] == [("go to the cup", ""), ("pick up the cup", "no_way")]
-    assert first.units[-1].evidence == "substituted by rules.yaml:2"
-    assert first.planned == ("go to the bin", "put the cup in the bin", "go to the door")
-    assert first.seen == (cup,)
-    assert [(unit.said, unit.reason) for unit in second.units] == [
-        ("go to the cup", ""),
-        ("pick up the cup", "no_way"),
-        ("go to the sink", ""),
-        ("pick up the fork", "no_way"),
+    assert first == (
+        'Failed just now: {"what": "pick up the cup", "came_to": "given up", "reason": "no_way", '
+        '"evidence": "substituted by rules.yaml:2"}\n'
+        'What came before it, in order:\n- {"what": "go to the cup", "came_to": "done"}\n'
+        'What was planned to come after it:\n- "go to the bin"\n- "put the cup in the bin"\n- "go to the door"\n'
+        'Things that the robot has seen:\n- {"name": "cup", "room": "kitchen", "held": true}'
+    )
+    assert '"what": "pick up the fork", "came_to": "given up"' in second.splitlines()[0]
+    assert [line.split(", ")[0][11:] for line in second.splitlines()[2:5]] == [
+        '"go to the cup"',
+        '"pick up the cup"',
+        '"go to the sink"',
     ]
-    assert second.planned == ()
+    assert "What was planned to come after it: nothing." in second
+
+
+def test_a_failure_that_took_its_time_takes_it_again() -> None:
+    """Answers that hold no plan come when they came; so a run with answers on file ticks as the live one did."""
+    error = NoPlan("bad_answer", "three times nonsense", ())
+    run = episode(Says([error], latency_s=0.5), "*/2 */check_complete")
+    (replan,) = run.outcome.log.replans
+    assert (replan.segments, replan.said, replan.latency_s) == (None, "three times nonsense", 0.5)
+    assert replan.cost is not None
+    assert (replan.cost.model, replan.cost.tokens_in, replan.cost.tokens_out) == ("m", 30, 3)
+    at_once = episode(Says([error]), "*/2 */check_complete")
+    assert run.outcome.ticks == at_once.outcome.ticks + 15
 
 
 @pytest.mark.parametrize("failing", ["*/1 */navigate", "*/5 */navigate"])
@@ -250,9 +272,9 @@ def test_a_slow_planner_does_not_stop_the_loop() -> None:
     """The loop ticks on, held to real time, while the planner thinks."""
 
     class Thinks(Says):
-        def replan(self, task_name: str, instruction: str, history: History) -> Rest:
+        def ask(self, task_name: str, instruction: str, situation: str = "") -> Planned:
             time.sleep(0.3)
-            return super().replan(task_name, instruction, history)
+            return super().ask(task_name, instruction, situation)
 
     run = episode(Thinks([NEW], latency_s=0.3, remote=True), "*/2 */check_complete")
     assert 0.25 < run.outcome.wall_s["total"] < 5

@@ -10,7 +10,9 @@ import numpy as np
 from mpvi_bt.behaviors.context import Context
 from mpvi_bt.errors import BackendError
 from mpvi_bt.executive.loop import Outcome, Subscriber, run_episode
+from mpvi_bt.executive.replanning import Replanning
 from mpvi_bt.executive.saved import SavedRun, restore_world
+from mpvi_bt.plan.planners import Planner
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, CameraImage, Proprioception
 from mpvi_bt.robot.solids import Array
@@ -39,6 +41,7 @@ def run_dry(
     stop: Callable[[], bool] = lambda: False,
     world: EmptyWorld | None = None,
     saved: SavedRun | None = None,
+    planner: Planner | None = None,
 ) -> Outcome:
     """Tick a tree that needs no robot, as fast as it goes.
 
@@ -50,6 +53,7 @@ def run_dry(
         stop: Asked before every tick; where it says so the run is interrupted.
         world: Whose time passes; a new one by default.
         saved: Where the run was stopped before, to go on from there.
+        planner: Makes new plans where an `attempt` wants one; None: it does without.
 
     Raises:
         NodeError: A behavior raised; also one that asked for a robot though its node type does not say that it does.
@@ -57,6 +61,8 @@ def run_dry(
     """
     world = world or EmptyWorld()
     context = dry_context(world, tree, skills)
+    if planner is not None:
+        context.replanning = Replanning(planner, tree, context)
     if saved is not None:
         restore_world(saved, world, context)
     return run_episode(tree, world, context, subscribers, max_time_s, stop=stop, saved=saved.tree if saved else None)

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Context, Failure, Log, Replan
+from mpvi_bt.behaviors.protocols import Cost
 from mpvi_bt.behaviors.question import Question
 from mpvi_bt.behaviors.references import unescaped
 from mpvi_bt.errors import BackendError, UserError
-from mpvi_bt.plan.history import History, Replanner, Rest, Thing, Unit
+from mpvi_bt.language.chat import Answer
+from mpvi_bt.perception.knowledge import LIKELY, Entry
+from mpvi_bt.plan.history import History, Thing, Unit
+from mpvi_bt.plan.planners import NoPlan, Planner
+from mpvi_bt.plan.schema import Plan
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import compile_units
 from mpvi_bt.tree.spec import Placed, TreeSpec
@@ -42,7 +48,7 @@ class Replanning:
 
     def __init__(
         self,
-        planner: Replanner,
+        planner: Planner,
         tree: Tree,
         context: Context,
         instruction: str = "",
@@ -67,7 +73,7 @@ class Replanning:
         history = history_of(self._tree, self._context, path, failure, self._seen())
         instruction = self._instruction or self._tree.spec.instruction
         question = Question(
-            partial(self._planner.replan, self._tree.spec.name, instruction, history),
+            partial(_rest, self._planner, self._tree.spec.name, instruction, history.text()),
             self._context.clock,
             lambda rest: rest.latency_s,
             at_once=not getattr(self._planner, "remote", False),
@@ -83,7 +89,7 @@ class Replanning:
                 self._swap(request, request.rest)
         self._open = [request for request in self._open if request.question is not None and request.rest is None]
 
-    def _swap(self, request: _Request, rest: Rest) -> None:
+    def _swap(self, request: _Request, rest: _Rest) -> None:
         spec, path = self._tree.spec, request.path
         row = row_of(spec, path) or (path,)
         place = row.index(path) + 1
@@ -101,6 +107,36 @@ class Replanning:
         self._swapped(self._tree.spec)
 
 
+@dataclass(frozen=True)
+class _Rest:
+    """What the planner said: a plan, that nothing is left to do, or what is wrong with its answers."""
+
+    plan: Plan | None
+    answers: Sequence[Answer] = ()
+    error: NoPlan | None = None
+
+    @property
+    def latency_s(self) -> float:
+        return sum(answer.latency_s for answer in self.answers)
+
+    @property
+    def cost(self) -> Cost | None:
+        """Of all answers together."""
+        if not self.answers:
+            return None
+        tokens_in, tokens_out = (sum(getattr(a, way) for a in self.answers) for way in ("tokens_in", "tokens_out"))
+        return Cost(self.answers[-1].model, tokens_in, tokens_out, all(answer.kept for answer in self.answers))
+
+
+def _rest(planner: Planner, name: str, instruction: str, situation: str) -> _Rest:
+    """Ask. A failure that took its time is an answer too, which comes when that has passed; others are raised."""
+    try:
+        planned = planner.ask(name, instruction, situation)
+    except NoPlan as error:
+        return _Rest(None, error.answers, None if error.reason == "nothing_left" else error)
+    return _Rest(planned.plan, planned.answers)
+
+
 class _Request:
     """Implements `behaviors.context.Request`.
 
@@ -114,9 +150,9 @@ class _Request:
         rest: The answer, from when it is there until it is in the tree.
     """
 
-    def __init__(self, path: str, log: Log, note: str, question: Question[Rest] | None = None) -> None:
+    def __init__(self, path: str, log: Log, note: str, question: Question[_Rest] | None = None) -> None:
         self.path, self.note, self.question = path, note, question
-        self.rest: Rest | None = None
+        self.rest: _Rest | None = None
         self._log = log
 
     def waits(self) -> bool:
@@ -124,6 +160,8 @@ class _Request:
         if self.question is not None and self.rest is None:
             try:
                 self.rest = self.question.answer()
+                if self.rest is not None and self.rest.error is not None:
+                    raise self.rest.error
             except (UserError, BackendError) as error:
                 self.refuse(error)
         return self.question is not None
@@ -162,6 +200,20 @@ def history_of(tree: Tree, context: Context, path: str, failure: Failure, seen: 
     ]
     units.append(_unit(context, placed, path, failure))
     return History(tuple(units), tuple(_said(placed, later) for later in row[place + 1 :]), tuple(seen))
+
+
+def things(known: Iterable[Entry]) -> list[Thing]:
+    """What a knowledge base holds of what was seen, carried things first, then the surest; none of a prior map."""
+    by_name = {entry.name: entry for entry in known}
+    seen = [e for e in by_name.values() if e.kind != "room" and e.source != "prior" and e.confidence >= LIKELY]
+    return [
+        Thing(_called(e), e.room, _called(by_name[e.inside]) if e.inside in by_name else e.inside, e.held)
+        for e in sorted(seen, key=lambda e: (not e.held, e.kind != "object", -e.confidence))
+    ]
+
+
+def _called(entry: Entry) -> str:
+    return entry.phrases[0] if entry.phrases else entry.name
 
 
 def row_of(spec: TreeSpec, path: str) -> tuple[str, ...] | None:

@@ -5,10 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
-
-from mpvi_bt.behaviors.protocols import Cost
-from mpvi_bt.plan.schema import Plan
+from typing import Any
 
 LONGEST = 8000  # characters of it all; Our choice: some two thousand tokens, whatever happened
 _SECTION = 1700  # of each list
@@ -82,33 +79,6 @@ class History:
             left_out = f", {len(items) - len(shown)} left out" if len(shown) < len(items) else ""
             lines += [f"{title}{left_out}:", *shown] if items else [f"{title}: nothing."]
         return "\n".join(lines)
-
-
-@dataclass(frozen=True)
-class Rest:
-    """A new plan for what is left.
-
-    Attributes:
-        plan: What to do from here; None: nothing is left to do.
-        latency_s: How long the planner took.
-        cost: Of a language model's answers, or None.
-    """
-
-    plan: Plan | None
-    latency_s: float = 0.0
-    cost: Cost | None = None
-
-
-@runtime_checkable
-class Replanner(Protocol):
-    """A planner that plans anew when a part of the work has failed.
-
-    It may have `remote` besides, a bool: True if it waits for something elsewhere. It is then asked in a thread.
-    """
-
-    def replan(self, task_name: str, instruction: str, history: History) -> Rest:
-        """What is left to do. Raises MpviError if there is no plan to be had."""
-        ...
 
 
 def _told(unit: Unit) -> dict[str, Any]:

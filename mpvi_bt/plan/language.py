@@ -14,7 +14,7 @@ from mpvi_bt.marked_yaml import Marks, validate_data
 from mpvi_bt.plan.check import plan_problems
 from mpvi_bt.plan.context import Grounding
 from mpvi_bt.plan.examples import examples
-from mpvi_bt.plan.planners import Planned
+from mpvi_bt.plan.planners import NoPlan, Planned
 from mpvi_bt.plan.prompt import answer_schema, checked_instruction, conversation, repair, told
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.plan.skills import Skill
@@ -41,6 +41,8 @@ class LanguagePlanner:
         name: The model's.
     """
 
+    remote = True
+
     def __init__(
         self,
         model: ChatModel,
@@ -65,8 +67,8 @@ class LanguagePlanner:
 
         Raises:
             UserError: The instruction is none.
-            ModelError: The model gave no answer; or none that can be carried out ("bad_answer"), or it finds no plan
-                for the instruction ("refused").
+            ModelError: The model gave no answer.
+            NoPlan: Its answers hold none.
         """
         instruction = checked_instruction(instruction)
         shown = examples(self._recorded, self._skills, instruction, {task_name, *self._without})
@@ -75,7 +77,8 @@ class LanguagePlanner:
         usable: Planned | None = None  # with warnings
         found: list[Problem] = []
         while len(answers) <= REPAIRS:
-            self._tell(_asking(self.name, found))
+            if not situation:  # under way there are other things to be seen
+                self._tell(_asking(self.name, found))
             mending = repair(answers[-1].text, found) if answers else []
             try:
                 answers.append(self._model.ask([*messages, *mending], answer_schema()))
@@ -85,7 +88,10 @@ class LanguagePlanner:
                 break
             data, found = read_answer(answers[-1].text)
             if isinstance(data, dict) and data.get("segments") == [] and usable is None:
-                raise ModelError("refused", f"{self.name} finds no plan for the instruction{self._keep(answers[-1])}")
+                if situation:
+                    raise NoPlan("nothing_left", f"{self.name} finds that nothing is left to do", tuple(answers))
+                message = f"{self.name} finds no plan for the instruction{self._keep(answers[-1])}"
+                raise NoPlan("refused", message, tuple(answers))
             if not found:
                 plan, found = checked(data, task_name, instruction, self._skills, self._grounding, not situation)
                 if plan is not None and not any(problem.severity == "error" for problem in found):
@@ -101,7 +107,7 @@ class LanguagePlanner:
         count = f"{len(found)} problem{'s' * (len(found) > 1)}"
         kept = self._keep(answers[-1])
         head = f"{self.name} gave no valid plan in {len(answers)} answers; {count} in the last{kept}:"
-        raise ModelError("bad_answer", "\n  ".join([head, *told(found)]))
+        raise NoPlan("bad_answer", "\n  ".join([head, *told(found)]), tuple(answers))
 
     def _keep(self, answer: Answer) -> str:
         """Write an answer to its file; what to say of that."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from mpvi_bt.errors import Problem, UnknownName, UserError
+from mpvi_bt.errors import ModelError, Problem, UnknownName, UserError
 from mpvi_bt.language.chat import Answer
 from mpvi_bt.plan.schema import Plan, load_plan
 
@@ -31,8 +31,24 @@ class Planned:
         return sum(answer.latency_s for answer in self.answers)
 
 
+class NoPlan(ModelError):
+    """A language model answered, and its answers hold no plan.
+
+    Attributes:
+        reason: "bad_answer": none that can be carried out. "refused": it finds none for the instruction.
+            "nothing_left": it finds that nothing is left to do.
+        answers: What it said.
+    """
+
+    def __init__(self, reason: str, message: str, answers: tuple[Answer, ...]) -> None:
+        self.answers = answers
+        super().__init__(reason, message)
+
+
 class Planner(Protocol):
     """Cuts an instruction into segments (the LLM's place in the paper).
+
+    It may have `remote` besides, a bool: True if `ask` waits for something elsewhere. An episode then asks in a thread.
 
     Attributes:
         name: As given on the command line.
@@ -49,7 +65,7 @@ class Planner(Protocol):
             situation: What has happened so far, in lines, if the robot is under way: then what is left is planned.
 
         Raises:
-            MpviError: There is none to be had.
+            MpviError: There is none to be had; NoPlan with "nothing_left": none is needed, as nothing is left to do.
         """
         ...
 

@@ -116,7 +116,8 @@ def user_text(instruction: str, situation: str = "") -> str:
     """The question: the instruction, and what has happened so far."""
     text = f"Instruction: {json.dumps(instruction, ensure_ascii=False)}"
     if situation:
-        text += f"\n\nThe robot is under way. So far:\n{situation[:LONGEST_SITUATION]}\n\nPlan what is left to do."
+        text += f"\n\nThe robot is under way. So far:\n{situation[:LONGEST_SITUATION]}\n\nPlan what is left to do. "
+        text += "If nothing is, the list of segments is empty."
     return text
 
 
