@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.prepare import prepare
 from mpvi_bt.tree.relevant import task_relevant
 from mpvi_bt.tree.yaml_io import parse_tree
@@ -12,7 +13,7 @@ SKILLS = load_skills()
 
 def test_targets_and_things_of_prompts_each_once() -> None:
     """Without articles and hands."""
-    prepared = prepare("picking_up_trash")
+    prepared = prepare(EpisodeConfig("picking_up_trash"))
     assert task_relevant(prepared.spec, prepared.skills) == ("trash can", "can of soda")
 
 

@@ -15,6 +15,7 @@ NOBODY_READS = 141  # 128 + SIGPIPE: what read our output, such as `head`, went 
 # name: (module:function, one line of help)
 COMMANDS: dict[str, tuple[str, str]] = {
     "run": ("mpvi_bt.cli.run:run", "Run one episode with the tree shown live, then its score."),
+    "plan": ("mpvi_bt.cli.plan:plan", "Write the plan of a task, or of an instruction, as JSON."),
     "compile": ("mpvi_bt.cli.compile:compile_", "Write the tree of a plan, as YAML."),
     "render": ("mpvi_bt.cli.render:render", "Draw a tree, or where a run stands, as text, picture or page."),
     "check": ("mpvi_bt.cli.check:check", "List every problem in YAML files, with line and column."),

@@ -98,7 +98,9 @@ def run(
         from mpvi_bt.executive.rerun_log import require_sdk
 
         require_sdk()
-    config, prepared, dry = _resumed(resume, settings) if resume else _asked_for(task, arguments(params), dry, settings)
+    config, prepared, dry = (
+        _resumed(resume, settings) if resume else _asked_for(task, arguments(params), dry, out, settings)
+    )
     if dry and (config.video or config.picture or config.rerun):
         raise click.UsageError("A dry run has nothing to film, to draw or to log.")
     stem = config.name if not dry else f"{Path(config.tree or config.plan or config.task).stem}_dry"
@@ -107,9 +109,10 @@ def run(
     from mpvi_bt.suite.detectors import make_detector
 
     notes = () if dry else (make_detector(config.detector, {}, config.seed).note, checkers.doubt(config))
-    for doubt in (prepared.doubt, *notes):
+    doubts = [f"{p.pointer}: {p.message} [{p.code}]" for p in (prepared.planned.doubts if prepared.planned else ())]
+    for doubt in (prepared.doubt, *doubts, *notes):
         if doubt:
-            click.echo(f"mpvi: {doubt}", err=True)
+            _note(doubt)
     from mpvi_bt.executive.debugger import Debugger
     from mpvi_bt.executive.live import LiveTree
     from mpvi_bt.executive.loop import Last
@@ -155,10 +158,11 @@ def run(
 
 
 def _asked_for(
-    task: str | None, values: dict[str, str], dry: bool, settings: dict[str, Any]
+    task: str | None, values: dict[str, str], dry: bool, out: Path, settings: dict[str, Any]
 ) -> tuple[EpisodeConfig, Prepared, bool]:
     """What the command line asks for, and whether it is dry."""
     from mpvi_bt.suite.prepare import prepare, prepare_episode
+    from mpvi_bt.suite.tasks import load_task
 
     if task is None and not dry:
         raise click.UsageError("Missing argument 'TASK'; only with --dry a tree runs without one.")
@@ -167,12 +171,16 @@ def _asked_for(
     if dry:
         _refuse_in_a_dry_run()
     config = EpisodeConfig(task or "", arguments=tuple(values.items()), **settings)
+    config = replace(config, planned=out / f"{config.name}.plan.json")
     if not dry:
-        return config, prepare_episode(config), dry
-    prepared = prepare(task, config.tree, config.plan, values, config.substitute)
-    if prepared.task is not None:
-        prepared.task.check_instance(config.instance)
-    return config, prepared, dry
+        return config, prepare_episode(config, _note), dry
+    if task is not None:
+        load_task(task).check_instance(config.instance)
+    return config, prepare(config, _note), dry
+
+
+def _note(line: str) -> None:
+    click.echo(f"mpvi: {line}", err=True)
 
 
 def _resumed(file: str, settings: dict[str, Any]) -> tuple[EpisodeConfig, Prepared, bool]:

@@ -73,14 +73,15 @@ def run(
     Prints the report at the end. Ends with 3 if an episode could not be finished for a fault of the machine; it is
     tried again by the next run.
     """
-    from mpvi_bt.suite.prepare import prepare_episode
+    from mpvi_bt.suite.prepare import check_episode
     from mpvi_bt.suite.progress import Progress
     from mpvi_bt.suite.report import report_data, report_text
     from mpvi_bt.suite.runner import run_suite
 
     title, store, episodes = _open(name, out, options)
+    episodes = [replace(c, planned=store.out / "plans" / f"{c.name}.json") for c in episodes]
     for config in {c.task: c for c in episodes}.values():
-        prepare_episode(config)  # what is wrong with a tree or a plan is said once, and before workers start
+        check_episode(config)  # what is wrong with a tree or a plan is said once, and before workers start
     if trace:
         episodes = [replace(c, trace=store.out / "traces" / f"{c.name}.jsonl") for c in episodes]
     if video:

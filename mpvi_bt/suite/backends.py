@@ -39,7 +39,10 @@ class Backend:
 
 
 BACKENDS: Mapping[str, Mapping[str, Backend]] = {
-    "planner": {"recorded": Backend("the plan on file for the task")},
+    "planner": {
+        "recorded": Backend("the plan on file for the task"),
+        "openai": Backend("a language model behind an OpenAI-compatible endpoint", address="MODEL[@URL]"),
+    },
     "map": {
         "prior": Backend("occupancy, rooms and fixtures, derived from the house before the episode"),
         "online": Backend("nothing at first; occupancy is built from depth on the way"),
@@ -74,6 +77,9 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
             privileged=True,
             address="fp=0.05,fn=0.1,latency=1",
             optional=True,
+        ),
+        "openai": Backend(
+            "a language model that sees, behind an OpenAI-compatible endpoint", address="MODEL[@URL]", sees=True
         ),
     },
     "trigger": {

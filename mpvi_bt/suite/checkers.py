@@ -14,26 +14,33 @@ from mpvi_bt.suite.config import EpisodeConfig
 
 if TYPE_CHECKING:
     from mpvi_bt.sim.world import World
+    from mpvi_bt.suite.language import Models
 
 Vocabulary = Mapping[str, Iterable[str]]  # label of a thing to what people call it
 _MOST_STEPS = 10**6
 
 
-def make_checker(given: str, world: World, vocabulary: Vocabulary, seed: int = 0) -> Checker:
+def make_checker(given: str, world: World, vocabulary: Vocabulary, seed: int, models: Models) -> Checker:
     """The checker of a name.
 
     Args:
-        given: Such as "visual" or "visual:fp=0.05,fn=0.1".
+        given: Such as "visual", "visual:fp=0.05,fn=0.1" or "openai:MODEL".
         world: The simulator's; only privileged checkers look at it.
         vocabulary: What the labels of pictures, which are the names of things, stand for.
         seed: Of the mistakes that it is to make.
+        models: Of the episode.
 
     Raises:
         UnknownName: There is none of that name.
         UserError: Its address is wrong.
+        ModelError: The language model cannot be asked.
     """
     choose("checker", given)
     name, address = split(given)
+    if name == "openai":
+        from mpvi_bt.completion.judge import LanguageChecker
+
+        return LanguageChecker(models.make(given))
     checker = _MAKERS[name](world, vocabulary)
     return MistakenChecker(checker, CheckErrors.read(address, name), world, seed) if address else checker
 
@@ -87,4 +94,5 @@ def _oracle(world: World, vocabulary: Vocabulary) -> Checker:
     return OracleChecker(TrueState(world), vocabulary)
 
 
+# Those that are computed here, and may be made to err.
 _MAKERS: Mapping[str, Callable[[World, Vocabulary], Checker]] = {"visual": _visual, "oracle": _oracle}

@@ -41,7 +41,7 @@ from mpvi_bt.suite.navigators import make_navigator
 from mpvi_bt.suite.policies import Ground, in_chunks, make_policy
 from mpvi_bt.suite.prepare import Prepared, prepare_episode
 from mpvi_bt.suite.queries import count_queries
-from mpvi_bt.suite.result import Failure, Grasps, make_result
+from mpvi_bt.suite.result import Failure, Grasps, Planning, make_result
 from mpvi_bt.suite.saved import Keeper, SavedEpisode
 from mpvi_bt.suite.tasks import Task
 from mpvi_bt.suite.truth import Audit, TrueState
@@ -99,7 +99,7 @@ def run(
         robot=world.robot,
         navigator=navigator,
         policy=in_chunks(policy, config),
-        checker=make_checker(config.checker, world, vocabulary, config.seed),
+        checker=make_checker(config.checker, world, vocabulary, config.seed, prepared.models),
         triggers=make_triggers(config.trigger, world.robot),
         skills=skills,
         sense=navigator.feel,
@@ -141,6 +141,7 @@ def run(
         clipped=outcome.log.clipped,
         grasps=Grasps.model_validate(Counter(notice.kind for notice in outcome.log.notices)),
         queries=count_queries(outcome.log.queries, audit.truths, tree.spec),
+        planning=Planning.of(prepared.planned),
         wall={
             "total_s": total,
             "setup_s": ready - began,

@@ -2,11 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from mpvi_bt.plan.context import Grounding
+from mpvi_bt.plan.language import LanguagePlanner
+from mpvi_bt.plan.planners import Planner, RecordedPlanner
+from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import load_house
+from mpvi_bt.suite.backends import split
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.language import Models
 from mpvi_bt.suite.tasks import Task
+
+
+def make_planner(
+    config: EpisodeConfig,
+    task: Task | None,
+    models: Models,
+    house: str | None = None,
+    tell: Callable[[str], None] = lambda line: None,
+) -> Planner:
+    """The planner that a run chooses. A language model is not asked yet.
+
+    Args:
+        config: Of the run: the planner's name, and where its plans go.
+        task: That is planned; its recorded plan is no example. None: an instruction alone.
+        models: Of the run.
+        house: Name or file of the house that the model is told of; None: the task's, or nothing of any.
+        tell: Is told in a line what is being done.
+
+    Raises:
+        UserError: There is no such planner or house.
+        ModelError: The model cannot be asked.
+        FileProblems: Everything that is wrong with a file that the model is told of.
+    """
+    if split(config.planner)[0] == "recorded":
+        return RecordedPlanner()
+    place = house or (task.house if task else None)
+    own = {task.plan, task.problem, config.task_name} if task else set()
+    return LanguagePlanner(
+        models.make(config.planner),
+        load_skills(),
+        ground(place, task) if place else None,
+        RecordedPlanner().all(),
+        own,
+        config.planned.with_suffix(".answer.txt") if config.planned else None,
+        tell,
+    )
 
 
 def ground(house: str, task: Task | None = None) -> Grounding:

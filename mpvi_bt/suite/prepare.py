@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, UserError
-from mpvi_bt.marked_yaml import Marks, load_marked
-from mpvi_bt.plan.planners import RecordedPlanner
-from mpvi_bt.plan.schema import load_plan
+from mpvi_bt.marked_yaml import load_marked
+from mpvi_bt.plan.check import plan_problems
+from mpvi_bt.plan.planners import Planned
+from mpvi_bt.plan.schema import Plan, check_plan
 from mpvi_bt.plan.skills import Skill, load_skills
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.suite.backends import choose
 from mpvi_bt.suite.checkers import check_checker_choice
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.detectors import make_detector
+from mpvi_bt.suite.language import Models, check_language_choice
+from mpvi_bt.suite.planners import ground, make_planner
 from mpvi_bt.suite.policies import check_policy_choice
 from mpvi_bt.suite.saved import SavedEpisode
 from mpvi_bt.suite.tasks import Task, load_task
@@ -24,6 +27,7 @@ from mpvi_bt.tree.lint import check_rooms, lint
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.substitute import Rules, load_rules
 from mpvi_bt.tree.yaml_io import check_tree
+from mpvi_bt.writing import write_whole
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,8 @@ class Prepared:
         skills: By name.
         spec: The tree, its parameters filled in.
         rules: Of stand-ins, or None.
+        models: Language models of the run.
+        planned: What the planner made of the instruction, if it was asked.
         saved: Where it was stopped, if it goes on from there.
     """
 
@@ -42,6 +48,8 @@ class Prepared:
     skills: Mapping[str, Skill]
     spec: TreeSpec
     rules: Rules | None
+    models: Models
+    planned: Planned | None = None
     saved: SavedEpisode | None = None
 
     @property
@@ -53,58 +61,71 @@ class Prepared:
         return f"tree {self.spec.name!r} was made for another instruction than the task's: {own!r}"
 
 
-def prepare(
-    task: str | None,
-    tree: str | None = None,
-    plan: str | None = None,
-    arguments: Mapping[str, str] | None = None,
-    substitute: str | None = None,
-) -> Prepared:
-    """Read and check what an episode is made of.
+def prepare(config: EpisodeConfig, tell: Callable[[str], None] = lambda line: None) -> Prepared:
+    """Read and check what a run is made of, and have a plan made if there is none.
 
     Args:
-        task: Name or file of a task; None: a tree or a plan alone.
-        tree: Name or file of a tree to run instead of compiling a plan.
-        plan: Name or file of a plan instead of the task's own.
-        arguments: Values of the tree's parameters.
-        substitute: File of substitution rules.
+        config: Its task, tree, plan and rules; "" stands for no task: a tree or a plan alone.
+        tell: Is told in a line what takes its time.
 
     Raises:
         UserError: One of them does not exist or is wrong, a parameter has no value, or nothing is there to run.
         FileProblems: All that is wrong with a file, rooms that the task's house lacks, or rules that fit no node.
+        ModelError: A language model is to plan, and makes no plan.
     """
-    loaded = load_task(task) if task else None
-    marks = Marks("")
-    skills = load_skills()
-    if arguments and tree is None:
+    task = load_task(config.task) if config.task else None
+    skills, arguments = load_skills(), dict(config.arguments)
+    models, planned = Models(config), None
+    if arguments and config.tree is None:
         raise UserError("only a tree of a file has parameters; name one with --tree.")
-    if tree is not None:
-        data, marks = load_marked(paths.find_or_file("trees", tree))
-        spec = check_tree(data, marks, skills, arguments)
-        if wrong := [problem for problem in lint(spec, skills, marks) if problem.severity == "error"]:
-            raise FileProblems(wrong)
-        if spec.unbound:
-            wanted = " ".join(f"--param {name}={spec.parameters[name].type.upper()}" for name in spec.unbound)
-            raise UserError(f"tree {spec.name!r} needs values for its parameters: {wanted}")
-    elif plan is not None:
-        spec = compile_plan(load_plan(paths.find_or_file("tasks/plans", plan)), skills)
-    elif loaded is not None:
-        spec = compile_plan(RecordedPlanner().plan(loaded.plan, loaded.instruction), skills)
+    if config.tree is not None:
+        spec = _tree(config.tree, task, skills, arguments)
+    elif config.plan is not None:
+        spec = compile_plan(_plan(config.plan, task, skills), skills)
+    elif task is not None:
+        planned = make_planner(config, task, models, tell=tell).ask(task.plan, task.instruction)
+        if planned.answers and config.planned is not None:
+            config.planned.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(config.planned, planned.plan.to_json())
+        spec = compile_plan(planned.plan, skills)
+        if problems := check_rooms(spec, load_house(task.house).rooms):
+            raise FileProblems(problems)
     else:
         raise UserError("there is nothing to run: name a task, a tree or a plan.")
-    if loaded is not None and (problems := check_rooms(spec, load_house(loaded.house).rooms, marks)):
-        raise FileProblems(problems)
     rules = None
-    if substitute is not None:
-        rules = load_rules(substitute)
+    if config.substitute is not None:
+        rules = load_rules(config.substitute)
         rules.check(spec)
-    return Prepared(loaded, skills, spec, rules)
+    return Prepared(task, skills, spec, rules, models, planned)
+
+
+def _tree(name: str, task: Task | None, skills: Mapping[str, Skill], arguments: Mapping[str, str]) -> TreeSpec:
+    data, marks = load_marked(paths.find_or_file("trees", name))
+    spec = check_tree(data, marks, skills, arguments)
+    if wrong := [problem for problem in lint(spec, skills, marks) if problem.severity == "error"]:
+        raise FileProblems(wrong)
+    if spec.unbound:
+        wanted = " ".join(f"--param {name}={spec.parameters[name].type.upper()}" for name in spec.unbound)
+        raise UserError(f"tree {spec.name!r} needs values for its parameters: {wanted}")
+    if task is not None and (problems := check_rooms(spec, load_house(task.house).rooms, marks)):
+        raise FileProblems(problems)
+    return spec
+
+
+def _plan(name: str, task: Task | None, skills: Mapping[str, Skill]) -> Plan:
+    data, marks = load_marked(paths.find_or_file("tasks/plans", name))
+    plan = check_plan(data, marks)
+    found = plan_problems(plan, skills, ground(task.house, task) if task else None, marks)
+    if wrong := [problem for problem in found if problem.severity == "error"]:
+        raise FileProblems(wrong)
+    return plan
 
 
 def check_backends(config: EpisodeConfig) -> None:
-    """Refuse backends that do not exist or cannot be made. Raises UserError."""
+    """Refuse backends that do not exist or cannot be made. Raises UserError, and ModelError of language models."""
     for kind, name in config.backends.items():
         choose(kind, name)
+    check_language_choice(config)
     check_policy_choice(config)
     check_checker_choice(config)
     make_detector(config.detector, {})
@@ -112,17 +133,30 @@ def check_backends(config: EpisodeConfig) -> None:
         raise UserError("--map online is built by looking: choose a detector that looks, such as segmentation.")
 
 
-def prepare_episode(config: EpisodeConfig) -> Prepared:
+def prepare_episode(config: EpisodeConfig, tell: Callable[[str], None] = lambda line: None) -> Prepared:
     """As `prepare`, of an episode; its backends and its instance exist.
 
     Raises:
         UserError: Something in `config` does not exist or is wrong.
+        ModelError: As of `prepare`.
     """
     check_backends(config)
-    ready = prepare(config.task, config.tree, config.plan, dict(config.arguments), config.substitute)
-    assert ready.task is not None
-    ready.task.check_instance(config.instance)
-    return ready
+    load_task(config.task).check_instance(config.instance)
+    return prepare(config, tell)
+
+
+def check_episode(config: EpisodeConfig) -> None:
+    """Refuse what `prepare_episode` would, as far as that can be told before a language model is asked for a plan.
+
+    Raises:
+        UserError: Something in `config` does not exist or is wrong.
+        ModelError: The model cannot be asked.
+    """
+    if config.tree is None and config.plan is None and choose("planner", config.planner).address:
+        check_backends(config)
+        load_task(config.task).check_instance(config.instance)
+    else:
+        prepare_episode(config)
 
 
 def prepare_saved(saved: SavedEpisode) -> Prepared:
@@ -143,4 +177,4 @@ def prepare_saved(saved: SavedEpisode) -> Prepared:
     rules = load_rules(config.substitute) if config.substitute else None
     if rules is not None:
         rules.check(spec)
-    return Prepared(task, load_skills(), spec, rules, saved)
+    return Prepared(task, load_skills(), spec, rules, Models(config), saved=saved)

@@ -15,6 +15,7 @@ from pydantic import ConfigDict, Field, JsonValue, ValidationError
 from mpvi_bt import __version__
 from mpvi_bt.goals.evaluate import GoalReport
 from mpvi_bt.marked_yaml import Record
+from mpvi_bt.plan.planners import Planned
 from mpvi_bt.suite.backends import privileged
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.human import human_stats
@@ -93,6 +94,37 @@ class Grasps(Record):
     lost: Count = 0
 
 
+class Planning(Record):
+    """What the plan took, where a language model made it.
+
+    Attributes:
+        answers: How often the model was asked: once, and again for every repair.
+        latency_s: Sum of the times that its answers took; of those on file as it was then.
+        tokens_in, tokens_out: As the server counts them.
+        kept: Answers that were on file.
+    """
+
+    answers: Count
+    latency_s: Amount
+    tokens_in: Count
+    tokens_out: Count
+    kept: Count
+
+    @classmethod
+    def of(cls, planned: Planned | None) -> Planning | None:
+        """What a plan took; None where no model was asked."""
+        if planned is None or not planned.answers:
+            return None
+        answers = planned.answers
+        return cls(
+            answers=len(answers),
+            latency_s=planned.latency_s,
+            tokens_in=sum(answer.tokens_in for answer in answers),
+            tokens_out=sum(answer.tokens_out for answer in answers),
+            kept=sum(answer.kept for answer in answers),
+        )
+
+
 class Result(Record):
     """One episode's result; the field names are the file's keys.
 
@@ -108,6 +140,7 @@ class Result(Record):
         clipped: Actions of the policy that had to be brought within the robot's limits.
         grasps: That failed.
         queries: Of the completion checker.
+        planning: Of the language model that made the plan; null if none did.
         config: Everything that can change the outcome.
         privileged: Backends that read simulator truth, as "kind:name".
         directions: What each figure's unit is, and which way is better.
@@ -135,6 +168,7 @@ class Result(Record):
     clipped: Count = 0
     grasps: Grasps = Grasps()
     queries: Queries = Queries()
+    planning: Planning | None = None
     config: dict[str, JsonValue]
     privileged: list[str]
     directions: dict[str, str]
@@ -157,6 +191,7 @@ def make_result(
     clipped: int = 0,
     grasps: Grasps | None = None,
     queries: Queries | None = None,
+    planning: Planning | None = None,
     wall: Mapping[str, Any] | None = None,
 ) -> Result:
     """Put an episode's result together.
@@ -168,7 +203,7 @@ def make_result(
         measured: What the meter says.
         ended: How the episode ended.
         failures: What failed on the way, in order.
-        clipped, grasps, queries: As of `Result`.
+        clipped, grasps, queries, planning: As of `Result`.
         wall: Wall-clock figures [s]; may nest.
     """
     human = human_stats().get(task.problem)
@@ -200,6 +235,7 @@ def make_result(
         clipped=clipped,
         grasps=grasps or Grasps(),
         queries=queries or Queries(),
+        planning=planning,
         config=config.record(),
         privileged=privileged(config.backends),
         directions=dict(DIRECTIONS),
