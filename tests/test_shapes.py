@@ -195,6 +195,14 @@ def test_a_table_is_furniture_with_a_face() -> None:
     assert shape.box()[1, 2] == pytest.approx(0.74, abs=0.005)
 
 
+def test_a_book_that_pictures_show_a_little_apart_is_no_vessel() -> None:
+    """What seems to lie behind a front, but has a top over it, is no inside: cameras may be mounted a little askew."""
+    points = visible([upright("box", (0.0175, 0.075, 0.105), 0.0)], EYE)
+    shape = fit(np.concatenate([points, points + [0.014, 0.0, 0.0]]), table(), EYE)
+    assert shape is not None
+    assert shape.kind == "box"
+
+
 def test_nothing_comes_of_too_little() -> None:
     """Fewer than five points are no thing."""
     assert fit(np.zeros((4, 3)), table(), EYE) is None

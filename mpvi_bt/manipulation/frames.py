@@ -17,6 +17,7 @@ from mpvi_bt.robot.solids import Array
 
 _OWN_PX = 2  # the robot's mask is grown so far: the edges of masks are never exact
 _NOISE_PER_M = 0.009  # three times the standard deviation of a good depth camera's pixel at 1 m [m]
+_STEEP = 4.0  # faces seen at a flatter slant than one in so many are rare; their next row is that much farther
 _FLOOR_M = 0.025  # what is lower than this is taken for the floor
 
 
@@ -111,5 +112,19 @@ def take(
         if shown.phrase == ROBOT:
             own |= shown.mask
     own = ndimage.binary_dilation(own, np.ones((3, 3), bool), iterations=_OWN_PX)
-    things = tuple(shown for shown in found if shown.phrase != ROBOT)
+    things = tuple(replace(s, mask=_without_background(s.mask, image)) for s in found if s.phrase != ROBOT)
     return Frame(image, image.points_world(), own, things, stand, way_m)
+
+
+def _without_background(mask: NDArray[np.bool_], image: CameraImage) -> NDArray[np.bool_]:
+    """(H, W) bool: a mask without what its edge has caught of what is behind the thing, next to it a wall, mostly."""
+    rows, columns = np.nonzero(mask)
+    if not len(rows):
+        return mask
+    window = np.s_[max(rows.min() - 1, 0) : rows.max() + 2, max(columns.min() - 1, 0) : columns.max() + 2]
+    own, depth = mask[window], image.depth[window]
+    edge = own & ~ndimage.binary_erosion(own, np.ones((3, 3), bool))
+    nearest = ndimage.minimum_filter(np.where(own & (depth > 0), depth, np.inf), 3, mode="nearest")
+    kept = mask.copy()
+    kept[window] &= ~(edge & (depth - nearest > _STEEP * depth / float(image.K[0, 0])))
+    return kept

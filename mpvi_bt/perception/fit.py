@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mpvi_bt.perception.furniture import furniture
-from mpvi_bt.perception.outlines import Outline, circle, main_cluster, outline, support_height, thinned, trimmed
+from mpvi_bt.perception.outlines import THIN_M, Outline, circle, main_cluster, outline, support_height, thinned, trimmed
 from mpvi_bt.perception.shape import SeenBar, Shape, frame, upright_box
 from mpvi_bt.robot.solids import Array, Solid, pose
 
@@ -22,6 +22,7 @@ _GRAIN_PER_M = 0.0008  # depth is that much rougher for every square meter of ra
 _WALL_M = 0.008  # of vessels
 _FURNITURE_M = 0.55  # what is longer than this is furniture: faces to put things on
 _UPRIGHT_M = 0.9  # likewise what is higher
+_COVERED = 0.1  # share of a vessel's opening in which something may be seen at the height of the rim
 _SLICE_M = 0.01
 _STAVES = 16
 
@@ -167,7 +168,9 @@ def _vessel(points: Array, seen: Outline, support: float, top: float) -> Shape |
     low = points[:, 2] < rim - min(0.012, 0.3 * (rim - support))
     below_rim = points[:, 2] < rim + 0.006
     covered = int((~low & below_rim & (off < 0.5)).sum())
-    if int((low & (inward > 0.6 * _WALL_M)).sum()) < 8 or covered > 0.04 * len(points) + 2:
+    opening = float(np.prod(around.sides / 2)) / THIN_M**2  # points that would cover the middle of it
+    most = min(0.04 * len(points), _COVERED * opening) + 2
+    if int((low & (inward > 0.6 * _WALL_M)).sum()) < 8 or covered > most:
         return None
     bottom = points[(off < 0.6) & (points[:, 2] < rim + 0.006), 2]
     floor = support + _WALL_M

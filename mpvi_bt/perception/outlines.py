@@ -12,6 +12,7 @@ from mpvi_bt.robot.solids import Array
 
 _CELL_M = 0.015  # of the grid in which points hang together
 _LARGE_M, _LARGE_CELL_M = 0.15, 0.04  # that of large things: what holds a bail may be too thin to be seen
+THIN_M = 0.004  # of points that lie that near to each other one is kept
 _AROUND_M = 0.12  # from how far around a thing its support is told
 
 
@@ -34,7 +35,7 @@ def main_cluster(points: Array) -> Array:
     return points[own == np.bincount(own).argmax()]
 
 
-def thinned(points: Array, cell_m: float = 0.004) -> Array:
+def thinned(points: Array, cell_m: float = THIN_M) -> Array:
     """One point a cell that points (n, 3) lie in, their mean: a picture from near must not outvote the others."""
     if len(points) < 2:
         return points
