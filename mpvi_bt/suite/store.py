@@ -29,7 +29,7 @@ class Fault:
 
     Attributes:
         message: One line.
-        backend: Reason code, such as "server_closed", if it is a policy's server or a language model that failed; else "".
+        backend: Reason code, such as "server_closed", if a policy's server or a language model failed; else "".
         details: The traceback, if there was one.
         hopeless: Every other episode would break alike, such as a name that is unknown.
         exit_code: What the command line ends with for it.
