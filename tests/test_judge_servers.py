@@ -1,0 +1,182 @@
+"""The judge over real sockets: a scripted server for the exact cases, and a real one with a tiny random model.
+
+What no test here can show is whether a model answers rightly: the real server's has random weights.
+"""
+
+from __future__ import annotations
+
+import base64
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from py_trees.common import Status
+
+from mpvi_bt.behaviors.protocols import TriggerEvent
+from mpvi_bt.completion.judge import LanguageChecker, png
+from mpvi_bt.executive.loop import run_episode
+from mpvi_bt.language.exchanges import KeptModel
+from mpvi_bt.language.openai import OpenAIModel
+from mpvi_bt.robot.protocol import CONTROL_HZ
+from mpvi_bt.suite.backends import BACKENDS, choose
+from mpvi_bt.suite.checkers import _MAKERS, make_checker
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.language import Models
+from mpvi_bt.testing import KinematicRobot
+from tests.bench import HELD, PICK, Bench
+from tests.chat_servers import ChatServer, Reply, completion, failure, free_port
+
+pytest.importorskip("openai")
+
+PICTURE = KinematicRobot().look("head")
+
+
+@pytest.fixture(autouse=True)
+def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("OPENAI_API_KEY", "OPENAI_BASE_URL"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture
+def server(scripted_chat_server: ChatServer) -> ChatServer:
+    """Such a server, by a shorter name."""
+    return scripted_chat_server
+
+
+def bench(checker: LanguageChecker, *ticks: int) -> Bench:
+    """A pick whose triggers fire at those ticks, counted from 0."""
+    made = Bench(PICK)
+    made.context.checker = checker
+    made.context.triggers.reset = lambda kinds=None: None  # type: ignore[method-assign]
+    made.context.triggers.update = lambda: (  # type: ignore[method-assign]
+        TriggerEvent("grasp", "right") if made.world.steps in ticks else None
+    )
+    return made
+
+
+def test_the_picture_and_the_statement_get_there(server: ChatServer) -> None:
+    """As a data URL of PNG beside the words; the answer comes back with what it cost."""
+    judged = LanguageChecker(OpenAIModel("tiny", server.url)).check(HELD, PICTURE)
+    assert judged.complete
+    assert judged.cost is not None
+    assert (judged.cost.model, judged.cost.tokens_in, judged.cost.tokens_out) == ("scripted-1", 11, 3)
+    text, image = server.requests[0]["messages"][1]["content"]
+    assert f'"{HELD}"' in text["text"]
+    assert base64.b64decode(image["image_url"]["url"].removeprefix("data:image/png;base64,")) == png(PICTURE.rgb)
+
+
+@pytest.mark.parametrize(
+    ("reply", "fault"),
+    [
+        (completion("Yes and no."), "bad_answer"),
+        (completion("yes " * 2_600_000), "bad_answer"),  # 10 MB
+        (completion(None), "bad_answer"),
+        (completion("yes", finish="length"), "bad_answer"),
+        (completion("yes", refusal="I do not look at pictures"), "refused"),
+        (Reply('{"choices": [{"message": {"content": "yes"'), "bad_answer"),
+        (Reply("yes"), "bad_answer"),
+        (Reply('{"choices": NaN}'), "bad_answer"),
+        (Reply('{"a":' * 50_000), "bad_answer"),
+        (Reply(b"\xff\xfe\x00 yes"), "bad_answer"),
+        (Reply("yes", cut=2), "endpoint_down"),
+        (Reply(b"x" * 65536, endless=True), "bad_answer"),
+        (failure(400, "the image cannot be read"), "refused"),
+        (failure(429, retry_after_ms="1"), "rate_limited"),
+        (failure(503, retry_after_ms="1"), "server_error"),
+        (Reply(completion("yes"), delay_s=60.0), "model_timeout"),
+        (Reply(completion("yes"), drip=(1, 0.05)), "model_timeout"),
+    ],
+)  # fmt: skip
+def test_what_is_no_answer_is_a_no_and_is_counted(server: ChatServer, reply: Any, fault: str) -> None:
+    """Within the time that it is given; the episode goes on."""
+    server.answers([reply])
+    timeout_s = 0.5 if fault == "model_timeout" else 60.0
+    began = time.monotonic()
+    judged = LanguageChecker(OpenAIModel("tiny", server.url, timeout_s, retries=0)).check(HELD, PICTURE)
+    assert (judged.complete, judged.fault) == (False, fault)
+    assert judged.latency_s <= time.monotonic() - began < 2 * timeout_s + 10.0
+    assert "\n" not in judged.reason
+    assert len(judged.reason) <= 300
+
+
+def test_a_server_that_is_away_is_a_no_and_one_that_wants_another_key_ends_the_episode(
+    server: ChatServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first may be back by the next question; the second will not."""
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-not-to-be-told")
+    away = f"http://127.0.0.1:{free_port()}/v1"
+    checker = LanguageChecker(OpenAIModel("tiny", away, timeout_s=1.0, retries=0))
+    assert checker.check(HELD, PICTURE).fault == "endpoint_down"
+    for status, reason in ((401, "wrong_key"), (404, "unknown_model")):
+        server.answers([completion("no"), failure(status, "no such", "model_not_found" if status == 404 else None)])
+        made = bench(LanguageChecker(OpenAIModel("tiny", server.url, retries=0)), 0, 60)
+        outcome = run_episode(made.tree, made.world, made.context, max_time_s=60)
+        assert outcome.ending == "backend_error"
+        assert outcome.failure is not None
+        assert outcome.failure.reason == reason
+        assert "\n" not in outcome.failure.evidence
+        assert "sk-not" not in outcome.failure.evidence
+        assert [q.complete for q in outcome.log.queries] == [False], "what was done is kept"
+
+
+def test_an_episode_from_file_ticks_as_the_live_one_did(server: ChatServer, tmp_path: Path) -> None:
+    """Every answer falls on the same step, and nobody is asked: the server is gone."""
+    server.answers([Reply(completion("no"), delay_s=0.2), Reply(completion("yes"), delay_s=0.1)])
+    first = KeptModel("openai:tiny", "tiny", tmp_path, OpenAIModel("tiny", server.url))
+    live = bench(LanguageChecker(first), 3, 30)
+    live.world.robot.look = different(live)  # type: ignore[method-assign]
+    assert live.run(600) == Status.SUCCESS
+    server.stop()
+    again = bench(LanguageChecker(KeptModel("openai:tiny", "tiny", tmp_path, None)), 3, 30)
+    again.world.robot.look = different(again)  # type: ignore[method-assign]
+    assert again.run(600) == Status.SUCCESS
+    assert again.tree.ticks == live.tree.ticks > 30 + 0.1 * CONTROL_HZ
+    pairs = list(zip(live.context.log.queries, again.context.log.queries, strict=True))
+    assert [(a.complete, a.time_s, a.latency_s) for a, _ in pairs] == [
+        (b.complete, b.time_s, b.latency_s) for _, b in pairs
+    ]
+    assert [b.cost.kept for _, b in pairs if b.cost] == [True, True]
+
+
+def different(made: Bench) -> Any:
+    """A camera that sees something else at every step, so that no question is asked twice."""
+    look = KinematicRobot.look
+
+    def see(camera: str) -> Any:
+        image = look(made.world.robot, camera)
+        image.rgb[0, 0] = made.world.steps % 256
+        return image
+
+    return see
+
+
+def test_what_is_not_on_file_ends_an_offline_episode(tmp_path: Path) -> None:
+    """In one line, with what was done until then."""
+    (tmp_path / "kept").mkdir()
+    checker = LanguageChecker(KeptModel("openai:tiny", "tiny", tmp_path / "kept", None))
+    made = bench(checker, 3)
+    outcome = run_episode(made.tree, made.world, made.context, max_time_s=10)
+    assert (outcome.ending, outcome.failure and outcome.failure.reason) == ("backend_error", "not_recorded")
+
+
+def test_every_checker_that_is_listed_can_be_made(server: ChatServer) -> None:
+    """A language model by its name and address; it sees, and reads no truth."""
+    assert {*_MAKERS, "openai"} == set(BACKENDS["checker"])
+    given = f"openai:tiny@{server.url}"
+    assert choose("checker", given).sees
+    assert not choose("checker", given).privileged
+    checker = make_checker(given, None, {}, 0, Models(EpisodeConfig("t", checker=given)))  # type: ignore[arg-type]
+    assert (checker.name, checker.needs_image) == (given, True)
+    assert checker.check(HELD, PICTURE).complete
+
+
+@pytest.mark.slow
+def test_a_real_server_is_asked_and_its_noise_is_no_yes(real_chat_server: Any) -> None:
+    """A tiny random model that sees: it reads the picture and answers noise, which is a no and is counted."""
+    checker = LanguageChecker(OpenAIModel(real_chat_server.seeing, real_chat_server.url, 120.0))
+    judged = checker.check(HELD, PICTURE)
+    assert (judged.complete, judged.fault) == (False, "bad_answer")
+    assert judged.cost is not None
+    assert judged.cost.tokens_in > 10
+    assert judged.latency_s > 0
