@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from functools import cache
+from pathlib import Path
 
 import pytest
 
@@ -267,3 +269,16 @@ def test_what_is_not_checked_is_listed() -> None:
     for task in TASKS:
         there = {literal.predicate for literal in literals(problem_of(task).goal)}
         assert there - KEPT.keys() <= NOT_CHECKED.get(task, set()) <= there, task
+
+
+def test_the_document_tells_what_there_is() -> None:
+    """Its table has the segments of every plan, those that name no skill, and what is not checked of its goal."""
+    text = (Path(__file__).parent.parent / "docs" / "plans.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| (\d+) \| (\d+) \| (\d*) ?\| ([a-z_, ]*?) ?\|$", text, re.MULTILINE)
+    told = {task: (int(drives), int(does), int(other or 0), unknown) for task, drives, does, other, unknown in rows}
+    for task in TASKS:
+        does = [s.description for s in plan_of(task).segments if isinstance(s, Manipulation)]
+        other = sum(call_of(description) is None for description in does)
+        drives = len(plan_of(task).segments) - len(does)
+        assert told.get(task) == (drives, len(does), other, ", ".join(sorted(NOT_CHECKED.get(task, ())))), task
+    assert len(rows) == len(TASKS)
