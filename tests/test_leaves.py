@@ -10,7 +10,7 @@ import pytest
 from mpvi_bt.manipulation.close import pushes
 from mpvi_bt.manipulation.openings import moved
 from mpvi_bt.perception.fronts import fronts
-from mpvi_bt.perception.leaves import leaf, with_leaf
+from mpvi_bt.perception.leaves import leaf, with_leaf, within_drawer
 from tests.small_house import small_world
 from tests.test_fronts import EYE, FIXTURES, seen
 
@@ -37,6 +37,24 @@ def test_nothing_hangs_on_what_is_closed(name: str) -> None:
     """Closed doors and drawers are not taken for open ones."""
     points = seen(small_world(thing=FIXTURES[name]), 0.002)
     assert all(d.position < 0.1 * d.limit for d in with_leaf(fronts(points, EYE), leaf(points, EYE)))
+
+
+def test_the_room_in_a_drawer_is_behind_its_face() -> None:
+    """It is as long as the drawer is drawn out, and lies within the drawer; a closed drawer, and a door, have none."""
+    world = small_world(thing=FIXTURES["drawers"])
+    world.set_opening("thing", "drawer_3", 0.8)
+    world.refresh()
+    found = leaf(seen(world, 0.002, FROM), FROM)
+    assert found is not None
+    room = within_drawer(found.door)
+    assert room is not None
+    (low, high), middle = room.aabb(), room.aabb().mean(0)
+    true = min((v.aabb() for v in world.volumes("thing")), key=lambda box: abs(float(box.mean(0)[2] - middle[2])))
+    assert (low > true[0] - 0.03).all()
+    assert (high < true[1] + 0.03).all()
+    assert 2 * room.half_m[0] == pytest.approx(found.door.position)
+    assert within_drawer(replace(found.door, position=0.0)) is None
+    assert within_drawer(replace(found.door, kind="hinge")) is None
 
 
 @pytest.mark.parametrize(("name", "body", "fraction"), OPEN)

@@ -6,7 +6,7 @@ which thing in the next picture is told by where it is.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -27,7 +27,7 @@ from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Obstacles, Surroundings
 from mpvi_bt.robot.motion import MotionFailure
 from mpvi_bt.robot.protocol import EMPTY_M, SIDES, CameraImage, Proprioception, Side
-from mpvi_bt.robot.solids import Array, bounds
+from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.robot.squeeze import squeezes
 
 _KEPT = 20  # pictures remembered
@@ -191,7 +191,7 @@ class Memory:
         thing.views = []
         middle = thing.shape.box().mean(0)
         for other in self._things.values():
-            for volume in self._shape(other.name).volumes if other is not thing else ():
+            for volume in self.volumes(other.name) if other is not thing else ():
                 low, high = volume.aabb()
                 if not dropped and ((middle[:2] > low[:2]) & (middle[:2] < high[:2])).all() and middle[2] > low[2]:
                     fall = thing.shape.box()[0, 2] - low[2]
@@ -233,6 +233,10 @@ class Memory:
             if held == name:
                 return self._tcp(side) @ T_tcp_world
         return None
+
+    def volumes(self, name: str) -> Sequence[Solid]:
+        """The room inside a thing, as boxes or cylinders in the world."""
+        return self._shape(name).volumes
 
     def _held(self) -> set[str]:
         both = () if self._both is None else (self._both[0],)
@@ -324,7 +328,7 @@ class Memory:
     def _lies_in(self, shape: Shape, container: str) -> bool:
         """Whether what has a shape, where it is now, is in a container; how deep one in hand is may be out of view."""
         middle, deeper = shape.box().mean(0), _DEEPER_M if container in self._held() else 0.0
-        for volume in self._shape(container).volumes:
+        for volume in self.volumes(container):
             low, high = volume.aabb()
             if (
                 (middle > low - [0.02, 0.02, 0.02 + deeper]).all()

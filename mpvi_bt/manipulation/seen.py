@@ -18,7 +18,7 @@ from mpvi_bt.perception.detector import switch_of
 from mpvi_bt.perception.field import Field, FineField
 from mpvi_bt.perception.fronts import fronts, switch
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
-from mpvi_bt.perception.leaves import leaf, with_leaf
+from mpvi_bt.perception.leaves import leaf, with_leaf, within_drawer
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.shape import SeenBar
 from mpvi_bt.robot.collision import Obstacles, Surroundings, Together
@@ -59,8 +59,11 @@ class Seen(Memory):
         return self._shape(name).solids
 
     def volumes(self, name: str) -> Sequence[Solid]:
-        """As `Scene` says."""
-        return self._shape(name).volumes
+        """As `Scene` says; what is drawn out of furniture is seen by its face, for that hides what is behind it."""
+        own = super().volumes(name)
+        if self._known(name).shape.kind != "furniture":
+            return own
+        return [*own, *(inner for door in self.doors(name) if (inner := within_drawer(door)) is not None)]
 
     def handles(self, name: str) -> Sequence[SeenBar]:
         """As `Scene` says."""

@@ -105,6 +105,18 @@ def with_leaf(fronts: Sequence[Door], found: Leaf | None) -> list[Door]:
     return [door, *closed]
 
 
+def within_drawer(door: Door) -> Solid | None:
+    """The room inside a drawer that stands open, in the world: behind its face, as high as that; None where none is."""
+    if door.kind != "slide" or door.position < _REACH_M:
+        return None
+    across = np.cross(_Z, door.axis)
+    R, face = np.stack([door.axis, across, _Z], axis=1), door.solids[0]
+    half = np.abs(R.T @ face.T[:3, :3]) @ face.half_m
+    inner = np.array([door.position / 2, half[1] - _PANEL_M, half[2] - _PANEL_M / 2])
+    middle = face.T[:3, 3] - door.axis * (half[0] + inner[0]) + _Z * _PANEL_M / 2  # it has a bottom
+    return Solid("box", inner, kin.transform(R, middle))
+
+
 def _headings(points: Array) -> list[float]:
     """Angles [rad], modulo a right angle, along which the points lie in rows, the sharpest first."""
     steep = points[_steep(points)]
