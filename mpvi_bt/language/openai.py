@@ -101,9 +101,10 @@ class OpenAIModel:
         elif form == "json_object":
             asked["response_format"] = {"type": form}
         try:
-            headers: Any = {"Authorization": self._endpoint.authorization or self._sdk.omit}
-            answer = self._client.chat.completions.with_raw_response.create(**asked, extra_headers=headers)
-            return answer.http_response.text, answer.retries_taken + 1
+            answer = self._client.chat.completions.with_raw_response.create(
+                **asked, extra_headers={"Authorization": self._endpoint.authorization or self._sdk.omit}
+            )
+            return self._hide(answer.http_response.text), answer.retries_taken + 1
         except ModelError as error:
             failure = ModelError(error.reason, str(error))
         except self._sdk.APIStatusError as error:
