@@ -22,7 +22,7 @@ _GRAIN_PER_M = 0.0008  # depth is that much rougher for every square meter of ra
 _WALL_M = 0.008  # of vessels
 _FURNITURE_M = 0.55  # what is longer than this is furniture: faces to put things on
 _UPRIGHT_M = 0.9  # likewise what is higher
-_COVERED = 0.1  # share of a vessel's opening in which something may be seen at the height of the rim
+_COVERED = 0.3  # share of a vessel's opening in which something may be seen at the height of the rim
 _SLICE_M = 0.01
 _STAVES = 16
 
