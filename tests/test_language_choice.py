@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import json
 import pickle
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from mpvi_bt.cli.run import _OF_THIS_RUN
 from mpvi_bt.errors import ModelError, UserError
 from mpvi_bt.language.chat import Message
 from mpvi_bt.language.endpoint import find_endpoint, split_address
 from mpvi_bt.suite.config import EpisodeConfig, SuiteBudget
 from mpvi_bt.suite.language import Models, check_language_choice
-from tests.chat_servers import ChatServer
+from tests.chat_servers import ChatServer, completion, failure
 
 pytest.importorskip("openai")
 
@@ -163,3 +166,49 @@ def test_where_answers_are_kept_and_what_they_cost_is_no_part_of_a_result(tmp_pa
     )
     assert plain.record() == limited.record()
     assert pickle.loads(pickle.dumps(limited)) == limited
+
+
+def test_a_suite_hands_its_budget_to_every_episode(
+    scripted_chat_server: ChatServer, tmp_path: Path, mpvi: Callable[..., Any]
+) -> None:
+    """Their processes count in one file, and what is over is told as a fault that names the budget."""
+    (tmp_path / "s.yaml").write_text(
+        "tasks: [tidying_bedroom, putting_shoes_on_rack, picking_up_trash]\ninstances: [0]\nseeds: [0]\n"
+    )
+    options = ["--suite-calls", "2", "--calls", "1", "--workers", "2", "--out", "o"]
+    planner = f"openai:tiny@{scripted_chat_server.url}"
+    done = mpvi("suite", "run", "s.yaml", "--planner", planner, *options, timeout=300)
+    assert done.returncode == 3
+    assert "backend failure: over_budget: the budget of the suite is spent: 2 of 2 calls" in done.stderr
+    spent = json.loads((tmp_path / "o" / "asked.json").read_text())
+    assert spent["calls"] == len(scripted_chat_server.requests) == 2
+
+
+def test_no_secret_is_on_the_screen_or_in_files(
+    scripted_chat_server: ChatServer, tmp_path: Path, mpvi: Callable[..., Any]
+) -> None:
+    """Of a whole command, whose server says what it was sent; and no traceback."""
+    key = "sk-CANARY-0123456789"
+    for reply in (completion(f"yes {key}"), failure(400, key), failure(401, key), completion(None, refusal=key)):
+        scripted_chat_server.answers([reply])
+        planner = f"openai:tiny@{scripted_chat_server.url}"
+        done = mpvi(
+            *("plan", "tidying_bedroom", "--planner", planner, "--exchanges", "x", "--out", "plan.json"),
+            OPENAI_API_KEY=key,
+            OPENAI_LOG="debug",
+        )
+        assert done.returncode == 3
+        assert "mpvi: " in done.stderr
+        assert "Traceback" not in done.stderr
+        assert "CANARY" not in done.stdout + done.stderr
+    assert scripted_chat_server.headers[0]["authorization"] == f"Bearer {key}"
+    for path in tmp_path.rglob("*"):
+        assert not path.is_file() or "CANARY" not in path.read_text(errors="replace")
+
+
+def test_resumed_runs_are_asked_as_this_one_says() -> None:
+    """Where answers are kept and what they may cost is of the run, not of the episode that it goes on with."""
+    from mpvi_bt.cli.run import run
+
+    names = {parameter.name for parameter in run.params}
+    assert {"exchanges", "offline", "calls", "tokens"} <= names & set(_OF_THIS_RUN)

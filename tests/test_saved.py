@@ -52,7 +52,7 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def resume(file: Path) -> str:
     """Read it and go on; how it ended."""
-    prepared = prepare_saved(load_saved(file))
+    prepared = prepare_saved(saved := load_saved(file), saved.episode)
     assert prepared.saved is not None
     return run_dry(dry_tree(prepared.spec, prepared.rules), saved=prepared.saved.run).ending
 

@@ -15,7 +15,7 @@ from mpvi_bt.cli import INTERRUPTED
 from mpvi_bt.cli.given import File, Name, arguments, backends, complete_param, complete_path
 from mpvi_bt.cli.score import brief_score, score
 from mpvi_bt.errors import BackendError, NodeError, UserError
-from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.config import ASKING, EpisodeConfig
 
 if TYPE_CHECKING:
     from mpvi_bt.executive.loop import Outcome, Subscriber
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 
 _OUTPUT = click.Path(dir_okay=False, path_type=Path)
+_OF_THIS_RUN = ("video", "picture", "rerun", *ASKING)  # of an episode that goes on, what may be said anew
 
 
 @click.command()
@@ -189,9 +190,9 @@ def _resumed(file: str, settings: dict[str, Any]) -> tuple[EpisodeConfig, Prepar
     from mpvi_bt.suite.prepare import prepare_saved
     from mpvi_bt.suite.saved import load_saved
 
-    prepared = prepare_saved(saved := load_saved(file))
-    outputs = {key: settings[key] for key in ("video", "picture", "rerun")}
-    return replace(saved.episode, **outputs), prepared, saved.dry
+    saved = load_saved(file)
+    config = replace(saved.episode, **{key: value for key, value in settings.items() if key in _OF_THIS_RUN})
+    return config, prepare_saved(saved, config), saved.dry
 
 
 def _episode(
@@ -266,7 +267,7 @@ def _left(config: EpisodeConfig) -> Path | None:
 
 def _refuse_beside_resume() -> None:
     """Raises UsageError if anything was given that the saved episode says itself."""
-    own = {"resume", "breaks", "step", "video", "picture", "rerun", "out", "trace", "watch", "unicode", "as_json"}
+    own = {"resume", "breaks", "step", "out", "trace", "watch", "unicode", "as_json", *_OF_THIS_RUN}
     for parameter in _given():
         if parameter.name not in own:
             given = parameter.opts[0] if parameter.param_type_name == "option" else "TASK"

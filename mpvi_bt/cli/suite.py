@@ -13,7 +13,7 @@ import click
 
 from mpvi_bt.cli.given import File, Name, backends
 from mpvi_bt.errors import BackendError
-from mpvi_bt.suite.config import EPISODE, EpisodeConfig
+from mpvi_bt.suite.config import EPISODE, EpisodeConfig, SuiteBudget
 
 # The heavier modules load in the functions, so that `--help` is quick.
 
@@ -56,6 +56,15 @@ def _shared(command: Any) -> Any:
 @click.option("--trace/--no-trace", default=True, show_default=True, help="Write what happened in every episode.")
 @click.option("--video/--no-video", default=False, help="Film every episode.")
 @click.option("--picture/--no-picture", default=False, help="Draw every episode's path from above.")
+@click.option(
+    "--suite-calls",
+    type=click.IntRange(min=0),
+    metavar="N",
+    help="Ask language models N questions at most, in all episodes of all runs with this --out together.",
+)
+@click.option(
+    "--suite-tokens", type=click.IntRange(min=0), metavar="N", help="Likewise, of what questions and answers take."
+)
 def run(
     name: str,
     out: Path | None,
@@ -66,6 +75,8 @@ def run(
     trace: bool,
     video: bool,
     picture: bool,
+    suite_calls: int | None,
+    suite_tokens: int | None,
     **options: Any,
 ) -> int:
     """Run the episodes of SUITE that have no result.
@@ -79,7 +90,8 @@ def run(
     from mpvi_bt.suite.runner import run_suite
 
     title, store, episodes = _open(name, out, options)
-    episodes = [replace(c, planned=store.out / "plans" / f"{c.name}.json") for c in episodes]
+    budget = SuiteBudget(store.out / "asked.json", suite_calls, suite_tokens)
+    episodes = [replace(c, suite_budget=budget, planned=store.out / "plans" / f"{c.name}.json") for c in episodes]
     for config in {c.task: c for c in episodes}.values():
         check_episode(config)  # what is wrong with a tree or a plan is said once, and before workers start
     if trace:

@@ -101,7 +101,7 @@ class EpisodeConfig:
 
     def record(self) -> dict[str, Any]:
         """What a result says of it: everything that can change the outcome, so not where pictures go."""
-        entries = {key: value for key, value in asdict(self).items() if key not in _OUTPUTS | _ASKING}
+        entries = {key: value for key, value in asdict(self).items() if key not in (*_OUTPUTS, *ASKING)}
         entries["arguments"] = dict(self.arguments)
         return {
             key: value
@@ -112,6 +112,6 @@ class EpisodeConfig:
 
 _OUTPUTS = {"video", "picture", "rerun", "trace", "saved", "planned"}
 # Of language models what they answer matters, and neither where that is kept nor what it may cost.
-_ASKING = {"exchanges", "offline", "calls", "tokens", "suite_budget"}
+ASKING = ("exchanges", "offline", "calls", "tokens", "suite_budget")
 # Left out where they are not used.
 _RARE = {"arguments", "substitute", "policy_settings", "policy_horizon", "policy_ensemble", "assisted"}

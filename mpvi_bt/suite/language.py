@@ -59,14 +59,9 @@ class Models:
         return KeptModel(given, model, config.exchanges, inner)
 
 
-def make_model(given: str, config: EpisodeConfig) -> ChatModel:
-    """One model alone, as `Models.make`."""
-    return Models(config).make(given)
-
-
 def check_language_choice(config: EpisodeConfig) -> None:
     """Refuse language models that cannot be asked. Raises as `Models.make`."""
     for kind in ("planner", "checker"):
         given = config.backends[kind]
         if split(given)[0] == NAME:
-            make_model(given, config)
+            Models(config).make(given)

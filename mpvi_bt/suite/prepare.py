@@ -159,14 +159,17 @@ def check_episode(config: EpisodeConfig) -> None:
         prepare_episode(config)
 
 
-def prepare_saved(saved: SavedEpisode) -> Prepared:
+def prepare_saved(saved: SavedEpisode, config: EpisodeConfig) -> Prepared:
     """What goes on from where it was stopped: the task and the rules of its settings, and the very tree.
+
+    Args:
+        saved: How it stood.
+        config: Of the run that goes on: the saved one, with outputs of its own.
 
     Raises:
         UserError: Its task is not there any more, or the like.
         FileProblems: Its tree is none, or its rules do not fit it.
     """
-    config = saved.episode
     task = load_task(config.task) if config.task else None
     if task is None and not saved.dry:
         raise UserError("the saved episode names no task.")

@@ -3,6 +3,7 @@
 - json/{task}_{instance}_{seed}.json: the result, written whole or not at all
 - faults/{task}_{instance}_{seed}.json: what broke, for episodes that the machine could not finish
 - traces/, for `mpvi explain` and its like, unless they were not wanted; videos/ and pictures/, if asked for
+- asked.json: calls and tokens that language models were asked for, if any were
 - plans/: those that a language model made, or its last answer where it made none
 """
 
