@@ -26,6 +26,7 @@ from mpvi_bt.suite.planners import ground
 from mpvi_bt.suite.prepare import check_episode
 from mpvi_bt.suite.result import Planning
 from mpvi_bt.suite.tasks import load_task
+from mpvi_bt.suite.worker import run_episode
 from tests.chat_servers import ChatServer, RealServer, completion, failure, free_port
 
 SKILLS = load_skills()
@@ -213,6 +214,19 @@ def test_a_suite_asks_nothing_before_its_episodes(scripted_chat_server: ChatServ
     assert scripted_chat_server.requests == []
     with pytest.raises(ModelError, match="OPENAI_API_KEY"):
         check_episode(replace(config, planner="openai:m"))
+
+
+def _fails(config: EpisodeConfig) -> dict[str, Any]:
+    raise ModelError(config.planner, "it gave\n  no plan")
+
+
+def test_an_episode_without_a_plan_is_a_backends_fault(tmp_path: Path) -> None:
+    """Not a task failure; where no other episode could have a plan either, the suite ends."""
+    for reason, hopeless in (("bad_answer", False), ("rate_limited", False), ("wrong_key", True)):
+        fault = run_episode(f"{__name__}:_fails", EpisodeConfig("picking_up_trash", planner=reason), tmp_path)
+        assert fault is not None
+        assert (fault.message, fault.backend, fault.hopeless) == (f"{reason}: it gave no plan", reason, hopeless)
+        assert fault.kind == "backend failure"
 
 
 def test_a_result_says_what_its_plan_took() -> None:

@@ -9,9 +9,11 @@ import threading
 import traceback
 from pathlib import Path
 
-from mpvi_bt.errors import NoRenderingDevice, UserError
+from mpvi_bt.errors import ModelError, NoRenderingDevice, UserError
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.store import Fault, Store
+
+_HOPELESS = ("no_key", "wrong_key", "unknown_model", "not_installed")  # language models that answer no episode
 
 
 def prepare() -> None:
@@ -47,6 +49,9 @@ def run_episode(function: str, config: EpisodeConfig, out: Path) -> Fault | None
         if result["ended"] == "backend_error":
             why = result["failures"][-1]
             return Fault(f"{why['reason']}: {why['feedback']}", backend=why["reason"])
+    except ModelError as error:
+        message = f"{error.reason}: {' '.join(str(error).split())}"
+        return Fault(message, hopeless=error.reason in _HOPELESS, backend=error.reason)
     except (Exception, SystemExit) as error:
         line = " ".join(str(error).split()) or type(error).__name__
         message = str(error) if isinstance(error, UserError) else f"{type(error).__name__}: {line}"
