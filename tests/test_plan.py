@@ -16,6 +16,7 @@ from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.primitives import primitives
 from mpvi_bt.plan.schema import Manipulation, Navigation, Plan, load_plan
 from mpvi_bt.plan.skills import load_skill, load_skills
+from mpvi_bt.tree.compile import compile_plan
 
 SKILLS = load_skills()
 PLANS = sorted((paths.shipped() / "tasks" / "plans").glob("*.json"))
@@ -101,6 +102,24 @@ def test_only_manipulations_before_navigation_or_the_end_are_terminal() -> None:
         i: i + 1 == len(plan.segments) or isinstance(plan.segments[i + 1], Navigation) for i in found
     }
     assert [i for i, p in found.items() if not p.terminal] == [3, 6, 9]
+
+
+@given(plan=plans)
+def test_post_processing_covers_every_plan(plan: Plan) -> None:
+    """Each manipulation, and nothing else, is looked at; it is terminal before navigation and at the end.
+
+    A group of them is judged by its last criterion, and asked for by all of their descriptions.
+    """
+    found = primitives(plan, SKILLS)
+    kinds = [isinstance(segment, Manipulation) for segment in plan.segments]
+    assert list(found) == [i for i, hands in enumerate(kinds) if hands]
+    assert all(p.terminal is not any(kinds[i + 1 : i + 2]) for i, p in found.items())
+    nodes = [placed.spec for placed in compile_plan(plan, SKILLS).nodes]
+    judged = [node.segments[0] for node in nodes if node.kind == "check_complete"]
+    assert judged == [i for i, p in found.items() if p.terminal]
+    asked = [node.segments for node in nodes if node.kind == "manipulate"]
+    assert [i for group in asked for i in group] == list(found)
+    assert [group[-1] for group in asked] == judged
 
 
 @pytest.mark.parametrize(

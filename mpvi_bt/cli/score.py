@@ -27,6 +27,7 @@ def score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | No
         *(("", f"[{'x' if c['satisfied'] else ' '}] {c['condition']}") for c in result["goal"]),
         ("time", f"{result['time']['simulator_time']:.1f} s simulated{human}"),
         ("distance", f"base {moved['base']:.1f} m, left hand {moved['left']:.1f} m, right hand {moved['right']:.1f} m"),
+        *((("plan", made),) if (made := _planned(result)) else ()),
         *_failed(result),
         *((("hands", felt),) if (felt := _felt(result)) else ()),
         *((("checks", asked),) if (asked := _asked(result)) else ()),
@@ -70,6 +71,16 @@ def _felt(result: Mapping[str, Any]) -> str:
 
     grasps = result.get("grasps", {})
     return troubles(result.get("clipped", 0), grasps.get("empty", 0), grasps.get("lost", 0))
+
+
+def _planned(result: Mapping[str, Any]) -> str:
+    """What the plan took, if a language model made it."""
+    took = result.get("planning")
+    if not took:
+        return ""
+    count = f"{took['answers']} answer{'s' * (took['answers'] > 1)}"
+    tokens = took["tokens_in"] + took["tokens_out"]
+    return f"by {result['config']['planner']}: {count} in {took['latency_s']:.1f} s, {tokens} tokens"
 
 
 def _asked(result: Mapping[str, Any]) -> str:
