@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -9,6 +11,8 @@ from mpvi_bt.behaviors.context import Query
 from mpvi_bt.behaviors.protocols import Cost
 from mpvi_bt.completion.oracle import OracleChecker
 from mpvi_bt.executive.loop import run_episode
+from mpvi_bt.executive.saved import SavedRun, save_run
+from mpvi_bt.marked_yaml import Marks, validate_data
 from mpvi_bt.suite.queries import Queries, count_queries, queries_text
 from mpvi_bt.suite.truth import Audit
 from tests.bench import HELD, PICK, Bench, tree
@@ -62,6 +66,18 @@ def test_questions_are_told_on_one_line() -> None:
         "9 asked in 3 units, 3 yes (1 false), 6 no (2 false), 1 neither yes nor no, 1 refused, 1 without an answer, "
         "4.5 s waited for, 909 tokens, 3 answers from file"
     )
+
+
+def test_a_stopped_run_remembers_what_its_questions_cost() -> None:
+    """Through the file, and with the truths that were noted before."""
+    bench = Bench(PICK)
+    bench.tick()
+    bench.context.log.queries.append(query(True, "", 1.5, COST))
+    back = validate_data(json.loads(save_run(bench.tree, bench.world).model_dump_json()), Marks("x"), SavedRun)
+    assert back.queries == bench.context.log.queries
+    audit = Audit(OracleChecker(Facts(), PHRASES), [False])
+    audit.step(bench.tree, bench.world)
+    assert audit.truths == [False]
 
 
 def test_the_truth_is_noted_when_an_answer_comes_and_nothing_in_the_tree_sees_it() -> None:
