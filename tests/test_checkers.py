@@ -384,7 +384,7 @@ def test_what_the_skills_should_end_in_is_understood() -> None:
 
 
 class Facts:
-    """One can held in the left hand, the other in the bin, the bin on the floor, the cabinet open; no lamp is known."""
+    """One can held in the left hand by the table, the other in the bin, the bin on the floor, the cabinet open."""
 
     def held(self, name: str, side: Side | None) -> bool:
         """Whether it is so."""
@@ -401,6 +401,8 @@ class Facts:
             ("ontop", "bin", "floor"),
             ("open", "cabinet", ""),
             ("nextto", "bin", "table"),
+            ("nextto", "can_1", "table"),
+            ("nextto", "can_2", "can_1"),
         }
         return None if relation == "clean" else (relation, name, other) in facts
 
@@ -418,6 +420,8 @@ class Facts:
         ("the trash can is on the table", False),
         ("the trash can is next to the table", True),
         ("the trash can is under the table", False),
+        ("a can of soda is next to the table", False),
+        ("a can of soda is next to another can of soda", False),
         ("the cabinet is open", True),
         ("the door of the cabinet is open", True),
         ("the cabinet is closed", False),
@@ -428,7 +432,7 @@ class Facts:
     ],
 )
 def test_the_oracle_says_what_is_so(criterion: str, so: bool) -> None:
-    """Whatever is true, by name, hand and count; what it cannot parse is a no."""
+    """Whatever is true, by name, hand and count; a thing in hand is not set down; what does not parse is a no."""
     assert OracleChecker(Facts(), PHRASES).check(criterion, None).complete is so
 
 

@@ -9,6 +9,8 @@ from mpvi_bt.behaviors.protocols import Judgement
 from mpvi_bt.completion.criteria import UNARY, Criterion, Relation, named, parse
 from mpvi_bt.robot.protocol import CameraImage, Side
 
+_SET_DOWN = ("ontop", "nextto", "under")  # relations of what rests: a hand that holds a thing there is not done yet
+
 
 class Truth(Protocol):
     """What is so, by names of things."""
@@ -73,6 +75,10 @@ class OracleChecker:
             return truth.held(subject, asked.side)
         if asked.relation == "lifted":
             return truth.lifted(subject)
+        if asked.relation in _SET_DOWN and truth.held(subject, None):
+            return False
         others = [""] if asked.relation in UNARY else [o for o in objects if o != subject]
+        if asked.relation == "nextto":
+            others = [o for o in others if not truth.held(o, None)]
         answers = [truth.so(asked.relation, subject, other) for other in others]
         return None if None in answers else any(answers)
