@@ -92,6 +92,23 @@ class Choice(click.ParamType[str]):
         return _items((f"{n}:" if b.address and not b.optional else n for n, b in known), incomplete)
 
 
+class Reaction(click.ParamType[str]):
+    """What becomes of a unit that fails, such as "retry:2"."""
+
+    name = "reaction"
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """As given. Raises UserError if there is no such thing."""
+        from mpvi_bt.tree.compile import parse_on_failure
+
+        parse_on_failure(value)
+        return value
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """What it may be; of "retry:" the number is missing."""
+        return _items(["advance", "retry:", "replan"], incomplete)
+
+
 class Finite(click.FloatRange):
     """A number in a range, and neither infinite nor none."""
 
@@ -101,6 +118,19 @@ class Finite(click.FloatRange):
         if not math.isfinite(number):
             self.fail(f"{value} is no finite number.", param, ctx)
         return number
+
+
+def on_failure(command: Any) -> Any:
+    """The option that says what becomes of a unit that fails."""
+    return click.option(
+        "--on-failure",
+        type=Reaction(),
+        default="advance",
+        show_default=True,
+        metavar="WHAT",
+        help="What becomes of a unit of the plan that fails: advance: it is given up, and the next one begins; "
+        "retry:N: it is tried N more times before; replan: the planner makes a new plan for the rest.",
+    )(command)
 
 
 def backends(command: Any) -> Any:
@@ -146,7 +176,7 @@ def backends(command: Any) -> Any:
             help="What the robot does while the checker has not answered yet.",
         ),
     ]
-    command = language(command)
+    command = language(on_failure(command))
     for option in reversed(options):
         command = option(command)
     return command

@@ -224,14 +224,16 @@ def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], 
     tree = dry_tree(prepared.spec, prepared.rules)
     saved = prepared.saved.run if prepared.saved else None
     if config.trace is not None:
-        used = {key: config.record().get(key) for key in ("task", "tree", "plan", "arguments", "substitute")}
+        used = {
+            key: config.record().get(key) for key in ("task", "tree", "plan", "arguments", "substitute", "on_failure")
+        }
         told = {"dry": True, **{key: value for key, value in used.items() if value}}
         watchers = [Recorder(config.trace, told, config.seed, saved), *watchers]
     budget_s = prepared.task.budget_s if prepared.task else 3600.0
     world = EmptyWorld()
     with stop:
         keeper = Keeper(stop, config, tree, world)
-        outcome = run_dry(tree, prepared.skills, watchers, budget_s, keeper, world, saved)
+        outcome = run_dry(tree, prepared.skills, watchers, budget_s, keeper, world, saved, prepared.planner)
     result = _brief(config, prepared, outcome)
     _tell(result, config, True, as_json)
     return INTERRUPTED if outcome.ending == "interrupted" else 0 if result["success"] else 1
@@ -248,6 +250,9 @@ def _brief(config: EpisodeConfig, prepared: Prepared, outcome: Outcome) -> dict[
         "time": {"simulator_time": outcome.time_s},
         "failures": [
             {"node": f.path, "reason": f.reason, "feedback": f.evidence, "time_s": f.time_s} for f in failures
+        ],
+        "replans": [
+            {"node": r.path, "segments": r.segments, "said": r.said, "time_s": r.time_s} for r in outcome.log.replans
         ],
         "trace": str(config.trace) if config.trace else None,
     }

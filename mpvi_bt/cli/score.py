@@ -29,6 +29,7 @@ def score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | No
         ("distance", f"base {moved['base']:.1f} m, left hand {moved['left']:.1f} m, right hand {moved['right']:.1f} m"),
         *((("plan", made),) if (made := _planned(result)) else ()),
         *_failed(result),
+        *_replanned(result),
         *((("hands", felt),) if (felt := _felt(result)) else ()),
         *((("checks", asked),) if (asked := _asked(result)) else ()),
         ("wall", _wall(result["wall"])),
@@ -51,7 +52,7 @@ def brief_score(
     head = f"{_verdict(result)}  {'dry run, ' * dry}tree: {ended}"
     ticks = "1 tick" if result["ticks"] == 1 else f"{result['ticks']} ticks"
     time = f"{result['time']['simulator_time']:.1f} s simulated, {ticks}"
-    entries = [("time", time), *_failed(result)]
+    entries = [("time", time), *_failed(result), *_replanned(result)]
     return "\n".join([head, *(_entry(name, text) for name, text in entries), *_next(result, trace, saved)])
 
 
@@ -64,6 +65,13 @@ def _failed(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     for failure in result["failures"]:
         said = failure["feedback"] or failure["reason"]
         yield "failed", f"{failure['time_s']:.1f} s: {_part(failure['node'])}: {said}"
+
+
+def _replanned(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    for replan in result.get("replans", ()):
+        count = replan["segments"]
+        came = f"no new plan: {replan['said']}" if count is None else f"new plan: {count} segment{'s' * (count != 1)}"
+        yield "replanned", f"{replan['time_s']:.1f} s: {_part(replan['node'])}: {came}"
 
 
 def _felt(result: Mapping[str, Any]) -> str:

@@ -77,8 +77,7 @@ class LanguagePlanner:
         usable: Planned | None = None  # with warnings
         found: list[Problem] = []
         while len(answers) <= REPAIRS:
-            if not situation:  # under way there are other things to be seen
-                self._tell(_asking(self.name, found))
+            self._tell(_asking(self.name, found))
             mending = repair(answers[-1].text, found) if answers else []
             try:
                 answers.append(self._model.ask([*messages, *mending], answer_schema()))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
@@ -34,6 +34,7 @@ class EpisodeConfig:
         policy, detector, checker, trigger, planner, map: Backends, by name, or name and address
             ("openpi:ws://localhost:8000").
         while_asked: What the robot does while the checker has not answered yet: "go_on" or "hold".
+        on_failure: What becomes of a unit of the plan that fails: "advance", "retry:2" or "replan".
         policy_settings: Name or file of how a remote policy is spoken to, or None: its default.
         policy_horizon: How many actions of each chunk are carried out before the policy is asked again; None: all.
         policy_ensemble: Decay of the weights where the policy is asked at every step and what its chunks foresee for a
@@ -64,6 +65,7 @@ class EpisodeConfig:
     planner: str = "recorded"
     map: str = "prior"
     while_asked: Literal["go_on", "hold"] = "go_on"
+    on_failure: str = "advance"
     policy_settings: str | None = None
     policy_horizon: int | None = None
     policy_ensemble: float | None = None
@@ -103,15 +105,12 @@ class EpisodeConfig:
         """What a result says of it: everything that can change the outcome, so not where pictures go."""
         entries = {key: value for key, value in asdict(self).items() if key not in (*_OUTPUTS, *ASKING)}
         entries["arguments"] = dict(self.arguments)
-        return {
-            key: value
-            for key, value in entries.items()
-            if key not in _RARE or (value is not False and value not in (None, {}))
-        }
+        unused = {field.name for field in fields(self) if getattr(self, field.name) == field.default} & _RARE
+        return {key: value for key, value in entries.items() if key not in unused}
 
 
 _OUTPUTS = {"video", "picture", "rerun", "trace", "saved", "planned"}
 # Of language models what they answer matters, and neither where that is kept nor what it may cost.
 ASKING = ("exchanges", "offline", "calls", "tokens", "suite_budget")
 # Left out where they are not used.
-_RARE = {"arguments", "substitute", "policy_settings", "policy_horizon", "policy_ensemble", "assisted"}
+_RARE = {"arguments", "substitute", "on_failure", "policy_settings", "policy_horizon", "policy_ensemble", "assisted"}

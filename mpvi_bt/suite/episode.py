@@ -17,6 +17,7 @@ from mpvi_bt.errors import BackendError
 from mpvi_bt.executive.loop import Last, Subscriber, run_episode
 from mpvi_bt.executive.pictures import PathPicture
 from mpvi_bt.executive.recorder import Recorder
+from mpvi_bt.executive.replanning import Replanning, things
 from mpvi_bt.executive.rerun_log import RerunLog
 from mpvi_bt.executive.saved import restore_world
 from mpvi_bt.executive.stop import Stop
@@ -27,6 +28,7 @@ from mpvi_bt.goals.problem import Problem, load_problem
 from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.plan.planners import Planner
 from mpvi_bt.sim.catalogue import Catalogue, load_catalogue
 from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.prior_map import prior_map
@@ -41,12 +43,13 @@ from mpvi_bt.suite.navigators import make_navigator
 from mpvi_bt.suite.policies import Ground, in_chunks, make_policy
 from mpvi_bt.suite.prepare import Prepared, prepare_episode
 from mpvi_bt.suite.queries import count_queries
-from mpvi_bt.suite.result import Failure, Grasps, Planning, make_result
+from mpvi_bt.suite.result import Failure, Grasps, Planning, Replanned, make_result
 from mpvi_bt.suite.saved import Keeper, SavedEpisode
 from mpvi_bt.suite.tasks import Task
 from mpvi_bt.suite.truth import Audit, TrueState
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.relevant import task_relevant
+from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.substitute import stand_ins
 
 _LABELS = ("oracle", "segmentation")  # policies that see have a detector of labels of their own, for what is near
@@ -107,6 +110,8 @@ def run(
         while_asked=config.while_asked,
         blackboard=dict(tree.spec.blackboard),
     )
+    if prepared.planner is not None:
+        context.replanning = _replanning(prepared.planner, tree, context, task, world)
     saved = prepared.saved
     if saved is not None:
         restore_world(saved.run, world, context)
@@ -137,6 +142,9 @@ def run(
         failures=[
             Failure(node=f.path, reason=f.reason, feedback=f.evidence, time_s=f.time_s)
             for f in (*outcome.log.failures, *filter(None, [outcome.failure]))
+        ],
+        replans=[
+            Replanned(node=r.path, segments=r.segments, said=r.said, time_s=r.time_s) for r in outcome.log.replans
         ],
         clipped=outcome.log.clipped,
         grasps=Grasps.model_validate(Counter(notice.kind for notice in outcome.log.notices)),
@@ -171,6 +179,19 @@ def _world(
     raise BackendError(
         f"{config.task}: no start of instance {config.instance} came to rest as :init has it in {_DRAWS} draws"
     )
+
+
+def _replanning(planner: Planner, tree: Tree, context: Context, task: Task, world: World) -> Replanning:
+    """What makes new plans, of what the robot itself has seen; what they name is looked for from then on."""
+    navigator = context.navigator
+    if not isinstance(navigator, ExploringNavigator):
+        return Replanning(planner, tree, context, task.instruction, lambda: things(world.knowledge()))
+    discoveries = navigator.lookout.discoveries
+
+    def look_for(spec: TreeSpec) -> None:
+        discoveries.phrases = tuple(dict.fromkeys((*discoveries.phrases, *task_relevant(spec, context.skills))))
+
+    return Replanning(planner, tree, context, task.instruction, lambda: things(discoveries.knowledge), look_for)
 
 
 def _renders(config: EpisodeConfig) -> bool:

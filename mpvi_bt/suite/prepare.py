@@ -9,7 +9,7 @@ from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, UserError
 from mpvi_bt.marked_yaml import load_marked
 from mpvi_bt.plan.check import plan_problems
-from mpvi_bt.plan.planners import Planned
+from mpvi_bt.plan.planners import Planned, Planner
 from mpvi_bt.plan.schema import Plan, check_plan
 from mpvi_bt.plan.skills import Skill, load_skills
 from mpvi_bt.sim.house import load_house
@@ -24,7 +24,7 @@ from mpvi_bt.suite.saved import SavedEpisode
 from mpvi_bt.suite.tasks import Task, load_task
 from mpvi_bt.tree.compile import compile_plan
 from mpvi_bt.tree.lint import check_rooms, lint
-from mpvi_bt.tree.spec import TreeSpec
+from mpvi_bt.tree.spec import Placed, TreeSpec
 from mpvi_bt.tree.substitute import Rules, load_rules
 from mpvi_bt.tree.yaml_io import check_tree
 from mpvi_bt.writing import write_whole
@@ -42,6 +42,7 @@ class Prepared:
         models: Language models of the run.
         planned: What the planner made of the instruction, if it was asked.
         saved: Where it was stopped, if it goes on from there.
+        planner: Makes a new plan where a unit fails that asks for one, or None.
     """
 
     task: Task | None
@@ -51,6 +52,7 @@ class Prepared:
     models: Models
     planned: Planned | None = None
     saved: SavedEpisode | None = None
+    planner: Planner | None = None
 
     @property
     def doubt(self) -> str:
@@ -79,15 +81,17 @@ def prepare(config: EpisodeConfig, tell: Callable[[str], None] = lambda line: No
     if arguments and config.tree is None:
         raise UserError("only a tree of a file has parameters; name one with --tree.")
     if config.tree is not None:
+        if config.on_failure != "advance":
+            raise UserError("the tree of a file says itself what becomes of failures; --on-failure is for plans.")
         spec = _tree(config.tree, task, skills, arguments)
     elif config.plan is not None:
-        spec = compile_plan(_plan(config.plan, task, skills), skills)
+        spec = compile_plan(_plan(config.plan, task, skills), skills, config.on_failure)
     elif task is not None:
         planned = make_planner(config, task, models, tell=tell).ask(task.plan, task.instruction)
         if planned.answers and config.planned is not None:
             config.planned.parent.mkdir(parents=True, exist_ok=True)
             write_whole(config.planned, planned.plan.to_json())
-        spec = compile_plan(planned.plan, skills)
+        spec = compile_plan(planned.plan, skills, config.on_failure)
         if problems := check_rooms(spec, load_house(task.house).rooms):
             raise FileProblems(problems)
     else:
@@ -96,7 +100,7 @@ def prepare(config: EpisodeConfig, tell: Callable[[str], None] = lambda line: No
     if config.substitute is not None:
         rules = load_rules(config.substitute)
         rules.check(spec)
-    return Prepared(task, skills, spec, rules, models, planned)
+    return Prepared(task, skills, spec, rules, models, planned, planner=_replanner(config, task, models, spec))
 
 
 def _tree(name: str, task: Task | None, skills: Mapping[str, Skill], arguments: Mapping[str, str]) -> TreeSpec:
@@ -142,7 +146,9 @@ def prepare_episode(config: EpisodeConfig, tell: Callable[[str], None] = lambda 
     """
     check_backends(config)
     load_task(config.task).check_instance(config.instance)
-    return prepare(config, tell)
+    ready = prepare(config, tell)
+    _check_replanning(ready, config.planner)
+    return ready
 
 
 def check_episode(config: EpisodeConfig) -> None:
@@ -159,6 +165,28 @@ def check_episode(config: EpisodeConfig) -> None:
         prepare_episode(config)
 
 
+def _replanner(config: EpisodeConfig, task: Task | None, models: Models, spec: TreeSpec) -> Planner | None:
+    """Who makes new plans where the tree wants them; None where it does not, or where there are but plans on file."""
+    if not any(_wants_a_plan(placed) for placed in spec.nodes) or not choose("planner", config.planner).address:
+        return None
+    return make_planner(config, task, models)
+
+
+def _check_replanning(ready: Prepared, planner: str) -> None:
+    """Raise UserError if a node wants a new plan where it fails, and nobody makes any."""
+    node = next(filter(_wants_a_plan, ready.spec.nodes), None)
+    if node is not None and ready.planner is None:
+        where = f" ({node.spec.place})" if node.spec.place else ""
+        raise UserError(
+            f"{node.path!r}{where} wants a new plan where it fails; planner {planner!r} only has the plan on file: "
+            "choose one that plans, such as --planner openai:MODEL, or --on-failure advance."
+        )
+
+
+def _wants_a_plan(placed: Placed) -> bool:
+    return getattr(placed.spec.parameters, "on_failure", "") == "replan"
+
+
 def prepare_saved(saved: SavedEpisode, config: EpisodeConfig) -> Prepared:
     """What goes on from where it was stopped: the task and the rules of its settings, and the very tree.
 
@@ -168,7 +196,7 @@ def prepare_saved(saved: SavedEpisode, config: EpisodeConfig) -> Prepared:
 
     Raises:
         UserError: Its task is not there any more, or the like.
-        FileProblems: Its tree is none, or its rules do not fit it.
+        FileProblems: Its tree is none, or its rules are none.
     """
     task = load_task(config.task) if config.task else None
     if task is None and not saved.dry:
@@ -177,7 +205,11 @@ def prepare_saved(saved: SavedEpisode, config: EpisodeConfig) -> Prepared:
         check_backends(config)
         task.check_instance(config.instance)
     spec = saved.spec
-    rules = load_rules(config.substitute) if config.substitute else None
-    if rules is not None:
-        rules.check(spec)
-    return Prepared(task, load_skills(), spec, rules, Models(config), saved=saved)
+    rules = load_rules(config.substitute) if config.substitute else None  # may fit what a new plan replaced
+    models = Models(config)
+    ready = Prepared(
+        task, load_skills(), spec, rules, models, saved=saved, planner=_replanner(config, task, models, spec)
+    )
+    if not saved.dry:
+        _check_replanning(ready, config.planner)
+    return ready

@@ -87,6 +87,22 @@ class Failure(Record):
     time_s: Amount = 0.0
 
 
+class Replanned(Record):
+    """One time that the planner was asked for a new plan.
+
+    Attributes:
+        node: Path of the node that failed.
+        segments: Of the new plan; null: there was none, and the old one went on.
+        said: Why there was none.
+        time_s: Simulated time at which it was asked.
+    """
+
+    node: str
+    segments: Count | None
+    said: str = ""
+    time_s: Amount = 0.0
+
+
 class Grasps(Record):
     """How often a hand closed on nothing, and how often what it held was gone."""
 
@@ -137,6 +153,7 @@ class Result(Record):
         goal_fraction: Share of the goal's literals that hold at the end.
         ended: How the episode ended, such as "success", "failure", "time_limit"; "backend_error": what failed is the
             server of the policy or a language model, so that the result says nothing of the policy.
+        replans: Requests for a new plan.
         clipped: Actions of the policy that had to be brought within the robot's limits.
         grasps: That failed.
         queries: Of the completion checker.
@@ -165,6 +182,7 @@ class Result(Record):
     goal: list[GoalCondition]
     ended: str
     failures: list[Failure]
+    replans: list[Replanned] = []
     clipped: Count = 0
     grasps: Grasps = Grasps()
     queries: Queries = Queries()
@@ -188,6 +206,7 @@ def make_result(
     *,
     ended: str,
     failures: Iterable[Failure] = (),
+    replans: Iterable[Replanned] = (),
     clipped: int = 0,
     grasps: Grasps | None = None,
     queries: Queries | None = None,
@@ -203,6 +222,7 @@ def make_result(
         measured: What the meter says.
         ended: How the episode ended.
         failures: What failed on the way, in order.
+        replans: Requests for a new plan, in order.
         clipped, grasps, queries, planning: As of `Result`.
         wall: Wall-clock figures [s]; may nest.
     """
@@ -232,6 +252,7 @@ def make_result(
         goal=[GoalCondition(condition=c.text, satisfied=c.satisfied) for c in goal.conditions],
         ended=ended,
         failures=list(failures),
+        replans=list(replans),
         clipped=clipped,
         grasps=grasps or Grasps(),
         queries=queries or Queries(),

@@ -42,6 +42,7 @@ class SavedSettings(Record):
     map: str
     trigger: str = "proprioceptive"
     while_asked: Literal["go_on", "hold"] = "go_on"
+    on_failure: str = "advance"
     policy_settings: str | None = None
     policy_horizon: Annotated[int, Field(ge=1)] | None = None
     policy_ensemble: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
