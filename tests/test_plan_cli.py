@@ -12,6 +12,7 @@ import pytest
 
 from mpvi_bt import paths
 from mpvi_bt.cli.group import run
+from mpvi_bt.cli.score import score
 from mpvi_bt.errors import ModelError
 from mpvi_bt.language.chat import Answer
 from mpvi_bt.plan.check import plan_problems
@@ -28,6 +29,7 @@ from mpvi_bt.suite.result import Planning
 from mpvi_bt.suite.tasks import load_task
 from mpvi_bt.suite.worker import run_episode
 from tests.chat_servers import ChatServer, RealServer, completion, failure, free_port
+from tests.fake_episodes import fake_result
 
 SKILLS = load_skills()
 TASK = load_task("picking_up_trash")
@@ -234,9 +236,13 @@ def test_a_result_says_what_its_plan_took() -> None:
     answers = (Answer("x", "m", 1.5, 100, 10, kept=True), Answer("y", "m", 2.0, 200, 20))
     assert Planning.of(Planned(TRASH)) is None
     assert Planning.of(None) is None
-    assert Planning.of(Planned(TRASH, answers)) == Planning(
-        answers=2, latency_s=3.5, tokens_in=300, tokens_out=30, kept=1
-    )
+    took = Planning(answers=2, latency_s=3.5, tokens_in=300, tokens_out=30, kept=1)
+    assert Planning.of(Planned(TRASH, answers)) == took
+    told = fake_result(EpisodeConfig("picking_up_trash", planner="openai:m"))
+    assert told["planning"] is None
+    assert "by openai:m" not in score(told)
+    text = score({**told, "planning": took.model_dump()})
+    assert "\n  plan      by openai:m: 2 answers in 3.5 s, 330 tokens\n" in text
 
 
 def test_exported_chats_are_the_plans_again(capsys: pytest.CaptureFixture[str]) -> None:
