@@ -79,6 +79,19 @@ def test_pictures_can_be_drawn_here() -> None:
     assert "picture" in done.stdout
 
 
+def test_the_endpoint_of_language_models_is_told_by_its_host(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the password that its address may have; one that is none is a finding."""
+    for url, ok, found in (
+        ("", True, "not set"),
+        ("https://me:CANARY99@gateway.example:8443/v1", True, "gateway.example"),
+        ("me:CANARY99@gateway.example", False, "must be like"),
+    ):
+        monkeypatch.setenv("OPENAI_BASE_URL", url)
+        check = doctor._guarded("endpoint", False, "mend", doctor._endpoint)
+        assert (check.ok, found in check.found) == (ok, True)
+        assert "CANARY" not in check.found
+
+
 def test_a_wrong_mpvi_path_is_mended_by_mending_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Not by installing anything again."""
     monkeypatch.setenv("MPVI_PATH", "/nowhere")

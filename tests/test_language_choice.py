@@ -168,6 +168,7 @@ def test_where_answers_are_kept_and_what_they_cost_is_no_part_of_a_result(tmp_pa
     assert pickle.loads(pickle.dumps(limited)) == limited
 
 
+@pytest.mark.slow
 def test_a_suite_hands_its_budget_to_every_episode(
     scripted_chat_server: ChatServer, tmp_path: Path, mpvi: Callable[..., Any]
 ) -> None:
@@ -177,7 +178,7 @@ def test_a_suite_hands_its_budget_to_every_episode(
     )
     options = ["--suite-calls", "2", "--calls", "1", "--workers", "2", "--out", "o"]
     planner = f"openai:tiny@{scripted_chat_server.url}"
-    done = mpvi("suite", "run", "s.yaml", "--planner", planner, *options, timeout=300)
+    done = mpvi("suite", "run", "s.yaml", "--planner", planner, *options, timeout=600)
     assert done.returncode == 3
     assert "backend failure: over_budget: the budget of the suite is spent: 2 of 2 calls" in done.stderr
     spent = json.loads((tmp_path / "o" / "asked.json").read_text())

@@ -17,6 +17,7 @@ import click
 
 from mpvi_bt import __version__, paths
 from mpvi_bt.errors import MpviError, UserError
+from mpvi_bt.language.endpoint import BASE_URL, base_url
 
 PROBE_LIMIT_S = 120.0  # with stock shaders the first picture takes half a minute on a busy machine
 APT_LIBRARIES = "libx11-6 libgl1 libglib2.0-0 libvulkan1"
@@ -54,7 +55,9 @@ def examine() -> list[Check]:
         _extra("maniskill", "mani_skill", "maniskill"),
         _extra("detector", "transformers", "grounding-dino"),
         _extra("recording", "rerun-sdk", "rerun"),
+        _extra("language", "openai", "openai"),
         _key("OPENAI_API_KEY"),
+        _guarded("endpoint", False, "export OPENAI_BASE_URL=http://HOST:PORT/v1", _endpoint),
     ]
 
 
@@ -161,6 +164,16 @@ def _key(variable: str) -> Check:
         f"{variable} is {'set' if ok else 'not set; optional'}",
         "" if ok else f"export {variable}=...",
     )
+
+
+def _endpoint() -> str:
+    """The host that language models are asked at, without what lets us in."""
+    if not os.environ.get(BASE_URL):
+        return f"{BASE_URL} is not set; language models are OpenAI's own"
+    try:
+        return f"{BASE_URL} is set: {base_url(os.environ).hostname}"
+    except UserError as error:
+        raise MpviError(str(error)) from None  # it is this variable that is to be mended
 
 
 def _probe(name: str, probe: str, core: bool, mend: str) -> Check:

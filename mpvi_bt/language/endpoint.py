@@ -65,8 +65,7 @@ def find_endpoint(url: str = "", environment: Mapping[str, str] = os.environ) ->
         UserError: There is no such address.
         ModelError: The vendor's own wants a key, and there is none ("no_key"); or what is set is none ("wrong_key").
     """
-    base = url or environment.get(BASE_URL, "").strip() or VENDOR
-    parts = _split(base, "the URL" if url else BASE_URL)
+    parts = _split(url, "the URL") if url else base_url(environment)
     key = environment.get(KEY, "").strip()
     if not re.fullmatch(r"[\x21-\x7e]*", key):
         raise ModelError("wrong_key", f"{KEY} has blanks, line breaks or letters that no key has.")
@@ -82,6 +81,11 @@ def find_endpoint(url: str = "", environment: Mapping[str, str] = os.environ) ->
     if host == "openai.com" or host.endswith(".openai.com"):
         raise ModelError("no_key", f"{host} wants a key: set {KEY}, or name another endpoint, MODEL@{_EXAMPLE}.")
     return Endpoint(bare, None, False, Secrets.of([]))
+
+
+def base_url(environment: Mapping[str, str]) -> SplitResult:
+    """The parts of OPENAI_BASE_URL, user and password among them, else of the vendor's. Raises UserError."""
+    return _split(environment.get(BASE_URL, "").strip() or VENDOR, BASE_URL)
 
 
 def _split(url: str, what: str) -> SplitResult:
