@@ -240,6 +240,7 @@ def test_a_result_says_what_its_plan_took() -> None:
     assert Planning.of(Planned(TRASH, answers)) == took
     told = fake_result(EpisodeConfig("picking_up_trash", planner="openai:m"))
     assert told["planning"] is None
+    told["wall"] = {"total_s": 2.0, "setup_s": 1.0, "loop": {}}
     assert "by openai:m" not in score(told)
     text = score({**told, "planning": took.model_dump()})
     assert "\n  plan      by openai:m: 2 answers in 3.5 s, 330 tokens\n" in text
