@@ -13,15 +13,18 @@ from hypothesis import strategies as st
 from mpvi_bt.behaviors.context import Failure
 from mpvi_bt.errors import ModelError
 from mpvi_bt.executive.dry import EmptyWorld, dry_context
-from mpvi_bt.executive.loop import Outcome, run_episode
+from mpvi_bt.executive.loop import Outcome, Watcher, World, run_episode
 from mpvi_bt.executive.replanning import Replanning, history_of, things
 from mpvi_bt.language.chat import Message
 from mpvi_bt.language.scripted import Says, ScriptedChatModel
 from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.plan.history import LONGEST, History, Thing, Unit
 from mpvi_bt.plan.language import LanguagePlanner
-from mpvi_bt.plan.prompt import LONGEST_SITUATION
+from mpvi_bt.plan.planners import RecordedPlanner
+from mpvi_bt.plan.prompt import LONGEST_SITUATION, answer_text
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import compile_plan
 from tests.test_replan import OLD, dry_rules, units
@@ -158,6 +161,38 @@ def test_the_longest_texts_have_room() -> None:
     history = History((Unit(long, long, long, (long, long)),) * 300, (long,) * 300, (Thing(long, long, long),) * 300)
     assert len(history.text()) <= LONGEST
     assert "left out" in history.text()
+
+
+def test_a_wrong_plan_is_replaced_by_one_that_works() -> None:
+    """With a robot that drives and grasps: it stands still while the model thinks, then carries out what it said."""
+    right = RecordedPlanner().plan("picking_up_trash")
+    piano = {"description": "go to the piano", "target": "piano", "room": None}
+    wrong = right.model_copy(
+        update={"segments": (*right.segments[:2], right.segments[0].model_copy(update=piano), *right.segments[3:])}
+    )
+    rest = right.model_copy(update={"segments": right.segments[2:]})
+    world = KinematicWorld()
+    held, binned = (right.segments[i].completion_criterion for i in (1, 4))
+    things_at = {"trash can": (1.0, 0.0), "can of soda": (0.0, 0.5)}
+    context = scripted_context(world, SKILLS, things_at, {held: (True,), binned: (True,)})
+    tree = Tree(compile_plan(wrong, SKILLS, "replan"))
+    model = ScriptedChatModel([answer_text(rest)], latency_s=0.5)
+    context.replanning = Replanning(LanguagePlanner(model, SKILLS), tree, context)
+    poses: list[Array] = []
+
+    class Looks(Watcher):
+        def step(self, tree: Tree, world: World) -> None:
+            if tree.nodes[tree.spec.nodes[0].children[2]].feedback_message.endswith("asking for a new plan"):
+                poses.append(world.robot.proprioception().base_pose)
+
+    outcome = run_episode(tree, world, context, [Looks()], max_time_s=600.0)
+    assert outcome.ending == "success"
+    assert [failure.reason for failure in outcome.log.failures] == ["unknown_target"]
+    assert [replan.segments for replan in outcome.log.replans] == [len(rest.segments)]
+    assert len(poses) >= 15
+    assert np.ptp(poses, axis=0).max() < 1e-9
+    whole = compile_plan(right, SKILLS, "replan").root.children
+    assert [unit.name[2:] for unit in tree.spec.root.children[3:]] == [unit.name[2:] for unit in whole[2:]]
 
 
 def entry(name: str, kind: str, **more: Any) -> Entry:
