@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from mpvi_bt import paths
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.goals.formula import Literal
 from mpvi_bt.goals.problem import Fact, Problem, load_problem, parse_problem
@@ -20,8 +21,10 @@ from mpvi_bt.sim.house import load_house
 from mpvi_bt.sim.prior_map import obstacles, prior_map
 from mpvi_bt.sim.sampling import (
     APART_M,
+    ASKEW_RAD,
     DOORWAY_M,
     OBJECT_CLEARANCE_M,
+    PASSAGE_M,
     ROBOT_CLEARANCE_M,
     Start,
     sample,
@@ -226,3 +229,79 @@ def test_a_thing_too_broad_for_a_table_is_said() -> None:
     broad = mine("(ontop can__of__soda.n.01_1 table.n.02_1) (inroom table.n.02_1 hall)", room="hall")
     with pytest.raises(BackendError, match="table_1"):
         sample(house, CATALOGUE, broad, {"can__of__soda.n.01": "trash_can"}, np.random.default_rng(0))
+
+
+STARTS = [(name, instance) for name in paths.names("tasks") for instance in range(load_task(name).instances)]
+
+
+def drawn(name: str, instance: int) -> tuple[Problem, Start]:
+    """The first start of an instance for which there is room, with its problem."""
+    task = load_task(name)
+    of = load_problem(task.problem)
+    of = of.expanded({synset: len(HOUSE.fixtures_of(synset, room)) for synset, room in of.wildcards.items()})
+    for attempt in range(20):
+        rng = np.random.default_rng([zlib.crc32(task.problem.encode()), instance, attempt])
+        try:
+            return of, sample(HOUSE, CATALOGUE, of, task.bindings, rng)
+        except BackendError:
+            continue
+    raise AssertionError(f"{name}, instance {instance}: no room in 20 draws")
+
+
+@pytest.mark.parametrize(("name", "instance"), STARTS[::5], ids=str)
+def test_every_task_has_room_for_its_things(name: str, instance: int) -> None:
+    """Each thing is where :init has it: in its container, over its fixture, on its floor; none shares a place."""
+    of, begin = drawn(name, instance)
+    assert set(begin.objects) == set(of.movables)
+    for fact in of.init:
+        thing, place = (*fact.literal.args, "")[:2]
+        if thing not in begin.objects:
+            continue
+        at = begin.objects[thing].T_world[:3, 3]
+        if fact.literal.predicate == "inside":
+            into = begin.objects[place]
+            (volume,) = into.entry.description.root.volumes
+            low, high = volume.moved(into.T_world).aabb()
+            assert ((low - 0.005 < at) & (at < high)).all()
+        elif (scene := begin.scene_names[place]).startswith("floor_"):
+            assert MAP.room_at(at[:2]) == scene.removeprefix("floor_")
+        else:
+            low, high = HOUSE.fixtures[scene].extent()
+            assert ((low[:2] < at[:2]) & (at[:2] < high[:2])).all()
+    places = [p.T_world[:3, 3] for n, p in begin.objects.items() if not p.entry.description.root.volumes]
+    assert all(np.linalg.norm(a - b) > 0.05 for i, a in enumerate(places) for b in places[:i])
+
+
+def test_a_robot_that_begins_on_a_lawn_stands_on_it() -> None:
+    """What is flat enough to drive over is ground, not an obstacle."""
+    _, begin = drawn("hiding_Easter_eggs", 0)
+    low, high = HOUSE.fixtures[begin.scene_names["lawn.n.01_1"]].extent()
+    assert ((low[:2] < begin.base_pose[:2]) & (begin.base_pose[:2] < high[:2])).all()
+
+
+@pytest.mark.parametrize("instance", range(0, 10, 3))
+def test_what_takes_two_hands_lies_square_and_near(instance: int) -> None:
+    """A book on a bed is within reach of two arms from a side, and turned from it by no more than a quarter radian."""
+    _, begin = drawn("tidying_bedroom", instance)
+    T = begin.objects["book.n.02_1"].T_world
+    low, high = HOUSE.fixtures[begin.scene_names["bed.n.01_1"]].extent()
+    assert min(*(T[:2, 3] - low[:2]), *(high[:2] - T[:2, 3])) < 0.3
+    turned = float(np.arctan2(T[1, 0], T[0, 0]))
+    assert abs((turned + np.pi / 4) % (np.pi / 2) - np.pi / 4) < ASKEW_RAD + 0.15
+
+
+@pytest.mark.parametrize("instance", range(0, 10, 3))
+def test_things_in_a_corridor_leave_a_way(instance: int) -> None:
+    """A robot gets along the corridor from door to door past all the shoes, not leaving it."""
+    _, begin = drawn("putting_shoes_on_rack", instance)
+    rows, columns = np.indices(MAP.occupied.shape)
+    occupied = MAP.occupied.copy()
+    for name, p in begin.objects.items():
+        cell = MAP.cell(p.T_world[:2, 3])
+        occupied |= np.hypot(rows - cell[0], columns - cell[1]) * MAP.resolution_m < radius(name, begin)
+    corridor = MAP.rooms == MAP.room_names.index("corridor")
+    wide = ndimage.distance_transform_edt(~occupied) * MAP.resolution_m > PASSAGE_M
+    parts, _ = ndimage.label(wide & corridor)
+    nearest = ndimage.distance_transform_edt(parts == 0, return_distances=False, return_indices=True)
+    ends = [d.at for d in HOUSE.doorways if "corridor" in d.rooms]
+    assert len({int(parts[tuple(nearest[(slice(None), *MAP.cell(np.array(end)))])]) for end in ends}) == 1

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from mpvi_bt.errors import BackendError, UserError
@@ -23,8 +24,13 @@ ROBOT_CLEARANCE_M = 0.45  # free floor around the robot at the start
 OBJECT_CLEARANCE_M = 0.30  # free floor around an object's edge, so that a hand gets at it
 APART_M = 0.45  # between two objects' edges
 DOORWAY_M = 0.9  # nothing lies this near the middle of a doorway
-INSIDE_CLEARANCE_M = 0.012  # inside a container: to its walls, and between things
-REACH_M = 0.85  # from where a robot can stand to a thing on a fixture
+PASSAGE_M = 0.36  # half the width of the ways that things on the floor leave free
+INSIDE_CLEARANCE_M = 0.03  # between things in a container
+HAND_M = 0.08  # from the middle of what is in a container to its walls, so that a hand gets around it
+REACH_M = 0.85  # from where a robot can stand to a thing on a fixture,
+TWO_HANDS_REACH_M = 0.58  # and to one that takes two hands
+ONE_HAND_M = 0.085
+ASKEW_RAD = 0.25  # how far such a thing is turned from square, at the most
 KNOWN = ("ontop", "inside")
 _DROP_M = 0.001  # things are let go of so far above what carries them
 _DRAWS = 400
@@ -104,7 +110,7 @@ def sample(
             xy, z = floor.draw(names[place], radius, OBJECT_CLEARANCE_M, rng)
             T = pose((float(xy[0]), float(xy[1]), z + _DROP_M), float(rng.uniform(-np.pi, np.pi)))
         else:
-            T = floor.on_top(names[place], radius, rng)
+            T = floor.on_top(names[place], entry, rng)
         objects[name] = Placement(entry, T)
     ground = problem.agent_support
     if ground is None:
@@ -138,11 +144,11 @@ def _bound(problem: Problem, catalogue: Catalogue, bindings: Mapping[str, str], 
 
 
 def _within(container: Placement, entry: Entry, taken: list[tuple[Array, float]], rng: np.random.Generator) -> Array:
-    """(4, 4) a place for a thing on the bottom of a container, clear of what was put there before."""
+    """(4, 4) a place for a thing on the bottom of a container, with room for a hand and clear of what is there."""
     radius, height = _radius(entry), float(np.ptp(entry.description.extent()[:, 2]))
     for volume in container.entry.description.root.volumes:
         low, high = volume.aabb()
-        reach = (high - low)[:2] / 2 - radius - INSIDE_CLEARANCE_M
+        reach = (high - low)[:2] / 2 - max(radius + INSIDE_CLEARANCE_M, HAND_M)
         if (reach <= 0).any() or height / 2 > high[2] - low[2]:
             continue
         middle = (low + high)[:2] / 2
@@ -153,6 +159,13 @@ def _within(container: Placement, entry: Entry, taken: list[tuple[Array, float]]
                 spot = pose((float(xy[0]), float(xy[1]), float(low[2]) + _DROP_M), float(rng.uniform(-np.pi, np.pi)))
                 return np.asarray(container.T_world @ spot)
     raise BackendError(f"no free place of radius {radius:.2f} m inside {container.entry.name}")
+
+
+def _for_two_hands(entry: Entry) -> bool:
+    """Whether a thing is too broad for one hand and has no rim or bar to take it by."""
+    size = np.ptp(entry.description.extent(), axis=0)
+    root = entry.description.root
+    return bool(size[:2].min() > ONE_HAND_M and not root.volumes and not root.handles)
 
 
 def _radius(entry: Entry) -> float:
@@ -168,8 +181,10 @@ class _Floor:
         self._clearance = ndimage.distance_transform_edt(~grid.occupied) * grid.resolution_m
         passable, _ = ndimage.label(self._clearance > 0.36)
         self._reachable = passable == np.bincount(passable[passable > 0]).argmax()  # by a robot from anywhere else
-        self._from_reachable_m = ndimage.distance_transform_edt(~self._reachable) * grid.resolution_m
+        away, self._standing = ndimage.distance_transform_edt(~self._reachable, return_indices=True)
+        self._from_reachable_m = away * grid.resolution_m
         self._taken: list[tuple[Array, float]] = []
+        self._occupied = grid.occupied.copy()  # with what was drawn
 
     def is_ground(self, support: str) -> bool:
         """Whether a support is a floor, or so flat that a robot drives over it, such as a lawn."""
@@ -190,32 +205,76 @@ class _Floor:
             height = float(high[2])
         for _ in range(_DRAWS if len(cells) else 0):
             xy = self._map.center(*cells[rng.integers(len(cells))])
-            if self._is_free(xy, radius):
+            if self._is_free(xy, radius) and (radius == 0.0 or self._leaves_a_way(xy, radius)):
                 self._taken.append((xy, radius))
                 return xy, height
         raise BackendError(f"no free place of radius {radius:.2f} m on {ground}")
 
-    def on_top(self, fixture: str, radius: float, rng: np.random.Generator) -> Array:
-        """(4, 4) a place on the broadest upper face of a fixture that has one free within reach."""
+    def on_top(self, fixture: str, entry: Entry, rng: np.random.Generator) -> Array:
+        """(4, 4) a place for a thing on the broadest upper face of a fixture that has one free within reach.
+
+        What takes two hands lies near an edge, about square to whoever stands before it.
+        """
+        radius, two_hands = _radius(entry), _for_two_hands(entry)
         solids = list(self._house.fixtures[fixture].solids())
         broad = [s for s in solids if s.kind != "sphere" and (np.ptp(s.aabb(), axis=0)[:2] > 2 * radius).all()]
         for face in sorted(broad, key=_breadth):
             low, high = face.aabb()
-            others = Surroundings([
-                s for f in self._house.fixtures.values() for s in f.solids()
-                if f.name != fixture or (s is not face and s.aabb()[1, 2] > high[2] + 0.005)
-            ])  # fmt: skip
+            others = Surroundings(
+                [
+                    s
+                    for f in self._house.fixtures.values()
+                    for s in f.solids()
+                    if f.name != fixture or (s is not face and s.aabb()[1, 2] > high[2] + 0.005)
+                ]
+            )
             for _ in range(_DRAWS):
                 spot = np.append(rng.uniform(low[:2] + radius, high[:2] - radius), high[2])
                 if (
                     all(np.linalg.norm(spot[:2] - other) > radius + r + 0.05 for other, r in self._taken)
-                    and self._from_reachable_m[self._map.cell(spot)] < REACH_M
+                    and self._from_reachable_m[self._map.cell(spot)] < (TWO_HANDS_REACH_M if two_hands else REACH_M)
                     and carries(face, spot, radius)
                     and others.distance(spot + [0, 0, 0.05]) > radius
                 ):
                     self._taken.append((spot[:2], radius))
-                    return pose(spot + [0, 0, _DROP_M], float(rng.uniform(-np.pi, np.pi)))
+                    yaw = float(rng.uniform(-np.pi, np.pi))
+                    if two_hands:
+                        ahead = spot[:2] - self._map.center(*self._standing[:, *self._map.cell(spot)])
+                        yaw = float(np.arctan2(ahead[1], ahead[0])) + yaw * ASKEW_RAD / np.pi
+                    return pose(spot + [0, 0, _DROP_M], yaw)
         raise BackendError(f"no free place of radius {radius:.2f} m on {fixture}")
+
+    def _leaves_a_way(self, xy: Array, radius: float) -> bool:
+        """Whether a robot still gets from each doorway of the room, and each thing in it, to all others, within it.
+
+        If so, a thing stands there from now on.
+        """
+        cell = np.array(self._map.cell(xy))
+        index = self._map.rooms[tuple(cell)]
+        room = self._map.rooms == index
+        (window,) = ndimage.find_objects(room.astype(np.int32))
+        low = np.array([part.start for part in window])
+        name = self._map.room_names[index]
+        ends = [xy, *(np.asarray(d.at) for d in self._house.doorways if name in d.rooms)]
+        ends += [at for at, _ in self._taken if self._map.rooms[self._map.cell(at)] == index]
+        cells = [np.array(self._map.cell(end)) - low for end in ends]
+        before = self._occupied[window]
+        away = np.linalg.norm(np.moveaxis(np.indices(before.shape), 0, -1) - (cell - low), axis=-1)
+        after = before | (away * self._map.resolution_m < radius)
+        if len(self._parts(after, room[window], cells)) > len(self._parts(before, room[window], cells)):
+            return False
+        self._occupied[window] = after
+        return True
+
+    def _parts(self, occupied: NDArray[np.bool_], room: NDArray[np.bool_], ends: list[Array]) -> set[int]:
+        """The connected parts of a room that a robot can pass through and that are nearest to some cells."""
+        wide = ndimage.distance_transform_edt(~occupied) * self._map.resolution_m > PASSAGE_M
+        parts, count = ndimage.label(wide & room)
+        if not count:
+            return set()
+        nearest = ndimage.distance_transform_edt(parts == 0, return_distances=False, return_indices=True)
+        cells = np.clip(ends, 0, np.array(parts.shape) - 1)
+        return {int(parts[tuple(nearest[:, row, column])]) for row, column in cells}
 
     def _is_free(self, xy: Array, radius: float) -> bool:
         doorways = all(np.linalg.norm(xy - np.asarray(d.at)) > DOORWAY_M for d in self._house.doorways)
