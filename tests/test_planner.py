@@ -290,7 +290,7 @@ JUNK = [
     json.dumps({"plan": json.loads(GOOD)}), GOOD.replace('"task_name"', '"task_name": "a", "task_name"'),
     GOOD.replace("}, {", "}, {}, {"), json.dumps(GOOD), json.dumps(json.loads(GOOD)["segments"]),
 ]  # fmt: skip
-VALUES = [
+VALUES: list[Any] = [
     None, True, 0, -1, 10**400, 1.5, float("nan"), float("inf"), "", " ", "\n", "\x00", "\ud800", "x" * 301, [], {},
     [[[]]], {"a": {}}, "```",
     "the robot puts the can away", "attic", "$object", "navigation", "\u202e", "pick up the cup",
