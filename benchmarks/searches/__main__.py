@@ -22,7 +22,7 @@ from mpvi_bt.errors import MpviError, UserError
 
 
 @click.command()
-@click.option("--seeds", type=SEEDS, default="0-19", show_default=True, help="100-199 are for the final table only.")
+@click.option("--seeds", type=SEEDS, default="0-19", show_default=True, help="100-299 are for final tables only.")
 @click.option("--map", "maps", default="prior", show_default=True, help="Maps, joined by commas: prior, online.")
 @click.option("--detector", default="segmentation", show_default=True, help="As of mpvi run.")
 @click.option("--workers", "-j", type=click.IntRange(1, 64), default=2, show_default=True)
