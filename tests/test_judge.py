@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mpvi_bt.behaviors.protocols import Cost, TriggerEvent
-from mpvi_bt.completion.judge import FATAL, HANDOVER_S, LONGEST_PX, LanguageChecker, png, question
+from mpvi_bt.completion.judge import FATAL, LONGEST_PX, LanguageChecker, png, question
 from mpvi_bt.errors import ModelError
 from mpvi_bt.executive.loop import run_episode
 from mpvi_bt.language.chat import Answer
@@ -67,7 +67,7 @@ def test_a_plain_yes_is_a_yes(said: str) -> None:
     """With what it cost."""
     model = ScriptedChatModel([Answer(said, "tiny-1", 1.5, 900, 2, kept=True)], name="openai:tiny")
     judged = LanguageChecker(model).check(HELD, PICTURE)
-    assert (judged.complete, judged.fault, judged.latency_s) == (True, "", 1.5 + HANDOVER_S)
+    assert (judged.complete, judged.fault, judged.latency_s) == (True, "", 1.5)
     assert judged.cost == Cost("tiny-1", 900, 2, True)
     assert judged.reason == "openai:tiny says yes"
 
@@ -99,7 +99,7 @@ def test_a_question_without_an_answer_is_a_no_with_its_reason(reason: str) -> No
     """It may pass: the episode goes on, after the time that it took."""
     model = ScriptedChatModel([ModelError(reason, "it went wrong", latency_s=2.5, tokens=40)])
     judged = LanguageChecker(model).check(HELD, PICTURE)
-    assert (judged.complete, judged.fault, judged.latency_s) == (False, reason, 2.5 + HANDOVER_S)
+    assert (judged.complete, judged.fault, judged.latency_s) == (False, reason, 2.5)
     assert judged.reason == f"{reason}: it went wrong"
     assert judged.cost == Cost("scripted", 40)
 

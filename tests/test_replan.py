@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from mpvi_bt.behaviors.context import Context
+from mpvi_bt.behaviors.question import HANDOVER_S
 from mpvi_bt.errors import BackendError, ModelError, MpviError, NodeError, UserError
 from mpvi_bt.executive.debugger import Debugger
 from mpvi_bt.executive.dry import EmptyWorld, dry_context
@@ -261,7 +262,8 @@ def test_the_answer_takes_its_time_and_the_robot_waits(remote: bool) -> None:
 
     began = time.monotonic()
     run = episode(Says([NEW], latency_s=0.5, remote=remote), "*/2 */check_complete", watchers=[Looks()])
-    assert [round(time_s - ticked[0][0], 3) for time_s, _ in ticked] == [round(i / 30, 3) for i in range(16)]
+    ticks = round((0.5 + (HANDOVER_S if remote else 0.0)) * 30) + 1
+    assert [round(time_s - ticked[0][0], 3) for time_s, _ in ticked] == [round(i / 30, 3) for i in range(ticks)]
     assert {name for _, name in ticked} == {"2 pick up the cup"}
     assert run.outcome.log.replans[0].latency_s == 0.5
     assert time.monotonic() - began < 5

@@ -8,21 +8,23 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from mpvi_bt.behaviors.protocols import Clock
-from mpvi_bt.robot.protocol import CONTROL_HZ
 
 T = TypeVar("T")
 
+# Added to what another thread answers: what a busy machine takes to put an answer on file and hand it over after it was
+# timed. Without it a live run would now and then get one a step later than the run from file does.
+HANDOVER_S = 0.2
 _SLACK_S = 1e-6  # a step's time is a sum of thirtieths: let rounding not cost a step
-_STEP_S = 1 / CONTROL_HZ
 
 
 class Question(Generic[T]):
     """An answer on its way. The control loop goes on meanwhile; `answer`, called once a tick, never waits a step long.
 
-    The answer takes as much simulated time as its latency says: it is there at the first tick at which that has passed
-    since it was asked. So a run with answers on file, each with the latency that was measured when it was first given,
-    ticks as the live run did. For this the live run must not be ahead of the wall clock: while a question is open, a
-    tick whose simulated time is reached too early waits until it is due, as on a robot (Our choice).
+    The answer takes as much simulated time as its latency says, and `HANDOVER_S`: it is there at the first tick at
+    which that has passed since it was asked. So a run with answers on file, each with the latency that was measured
+    when it was first given, ticks as the live run did. For this the live run must not be ahead of the wall clock: while
+    a question is open, a tick whose simulated time is reached too early waits until it is due, as on a robot (Our
+    choice).
 
     To forget a question is to drop it: its thread ends when `ask` does, and keeps no process from ending.
 
@@ -31,7 +33,7 @@ class Question(Generic[T]):
             is taken before.
         clock: Simulated time; the question is asked now.
         latency_s: How long the answer took; of one on file, how long it took when it was first given. An `ask` that
-            takes longer than this says is late by as much.
+            takes longer than this says, by more than `HANDOVER_S`, is late.
         at_once: Ask in this thread and wait. For what is computed here, whose time says nothing; the answer is there in
             the same tick unless `latency_s` makes it later.
 
@@ -44,6 +46,7 @@ class Question(Generic[T]):
     ) -> None:
         self.asked_s = clock.time_s
         self._clock, self._latency_s = clock, latency_s
+        self._handover_s = 0.0 if at_once else HANDOVER_S
         self._asked_wall_s = time.monotonic()
         self._mail: _Mail[T] = _Mail()
         if at_once:
@@ -58,12 +61,11 @@ class Question(Generic[T]):
             Exception: What `ask` raised, as soon as it did.
         """
         elapsed_s = self._clock.time_s - self.asked_s
-        # A step of grace: what is measured as a latency ends a little before the thread has handed the answer over.
-        ahead_s = elapsed_s + _STEP_S - (time.monotonic() - self._asked_wall_s)
+        ahead_s = elapsed_s - (time.monotonic() - self._asked_wall_s)
         if not self._mail.arrived.wait(max(0.0, ahead_s)):
             return None
         answer = self._mail.opened()
-        return answer if self._latency_s(answer) <= elapsed_s + _SLACK_S else None
+        return answer if self._latency_s(answer) + self._handover_s <= elapsed_s + _SLACK_S else None
 
 
 class _Mail(Generic[T]):

@@ -15,9 +15,6 @@ from mpvi_bt.language.chat import ChatModel, Message
 from mpvi_bt.robot.protocol import CameraImage
 
 LONGEST_PX = 512  # of a picture's sides; what is larger is made smaller
-# Added to every answer's time: what a busy machine takes to put the answer on file and hand it over after it was timed.
-# Without it a live run would now and then get an answer a step later than the run from file does.
-HANDOVER_S = 0.2
 _MOST_CHARACTERS = 600  # of a statement
 # Asking again would not help: the episode ends. Any other failure may pass, and is a no.
 FATAL = ("no_key", "wrong_key", "unknown_model", "over_budget", "not_recorded")
@@ -73,8 +70,8 @@ class LanguageChecker:
             if error.reason in FATAL:
                 raise
             spent = Cost(self.name, error.tokens) if error.tokens else None
-            return Judgement(False, f"{error.reason}: {error}"[:300], error.latency_s + HANDOVER_S, error.reason, spent)
-        said, latency_s = parse_yes_no(answer.text), answer.latency_s + HANDOVER_S
+            return Judgement(False, f"{error.reason}: {error}"[:300], error.latency_s, error.reason, spent)
+        said, latency_s = parse_yes_no(answer.text), answer.latency_s
         cost = Cost(answer.model, answer.tokens_in, answer.tokens_out, answer.kept)
         if said is None:
             reason = f"{self.name} answers neither yes nor no: {shown(answer.text)}"
