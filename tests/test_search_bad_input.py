@@ -137,7 +137,12 @@ def test_a_detector_that_hangs_costs_a_bounded_time() -> None:
 
 def test_a_detector_that_is_always_late_is_asked_no_more() -> None:
     """One that comes back after each time that it was given up would else cost the limit again and again."""
-    detector = Answering(lambda: time.sleep(0.2) or [])
+
+    def late() -> list[Detection]:
+        time.sleep(0.2)
+        return []
+
+    detector = Answering(late)
     guarded = Guarded(detector, limit_s=0.02)
     image = Seeing(1.0, 2.0, 0.0, []).look("head")
     more, deadline = 50, time.monotonic() + 60
