@@ -112,9 +112,9 @@ def test_a_loop_that_is_slower_than_real_time_waits_for_simulated_time() -> None
     """An answer that is there is not used before the robot would have had it."""
     clock = Steps()
     question = Question(lambda: 0.1, clock, itself)
-    time.sleep(0.4)
+    time.sleep(0.15)
     assert question.answer() is None
-    clock.steps += 8
+    clock.steps += round((0.1 + HANDOVER_S) * CONTROL_HZ) - 1
     assert question.answer() is None
     clock.steps += 1
     assert question.answer() == 0.1
