@@ -102,9 +102,12 @@ class ScriptedPolicy:
                 self.note = f"no skill for {clause!r}"
                 return
             calls.append(call)
+        done = 0  # so many calls have succeeded once
         for _ in range(_ROUNDS):  # what was dropped on the way is picked up again
-            for call in calls:
-                if not (yield from self.attempt(work, call)):
+            for k, call in enumerate(calls):
+                if (yield from self.attempt(work, call)):
+                    done = max(done, k + 1)
+                elif k >= done:  # what was done before may be done still, such as a thing that lies where it was put
                     break
             else:
                 yield from self.finish(work)

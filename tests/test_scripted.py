@@ -1,0 +1,54 @@
+"""How a scripted policy goes on with a prompt after one of its skills has failed."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import pytest
+
+from mpvi_bt.manipulation.scene import Scene
+from mpvi_bt.manipulation.scripted import ScriptedPolicy
+from mpvi_bt.manipulation.work import Work
+from mpvi_bt.plan.skills import SkillCall, load_skills
+from mpvi_bt.robot.motion import Actions
+
+PROMPT = "put the cup on the table with the left hand, then put the bowl on the table with the right hand"
+
+
+class Told(ScriptedPolicy):
+    """Its skills succeed or fail as told, one after the other; it notes what it tried."""
+
+    def __init__(self, outcomes: str) -> None:
+        super().__init__(cast("Scene", None), load_skills())
+        self.outcomes, self.objects = list(outcomes), ""
+
+    def attempt(self, work: Work, call: SkillCall) -> Any:
+        """The next outcome: "+" or "-", and after the last one always "-"."""
+        yield from ()
+        self.objects += call.arguments["object"][0]
+        return bool(self.outcomes) and self.outcomes.pop(0) == "+"
+
+    def finish(self, work: Work) -> Actions:
+        """Everything is done."""
+        yield from ()
+        self.objects += "."
+        self.outcomes = []
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "objects"),
+    [
+        ("++", "cb."),
+        ("+--+", "cbcb."),  # the cup is on the table and in no hand: the bowl is tried again all the same
+        ("+-++", "cbcb."),  # the cup was picked up anew, say
+        ("+---", "cbcbcb"),
+        ("-+-++", "ccbcb."),  # the cup needed two rounds
+        ("---", "ccc"),  # what was never done holds up what comes after it
+    ],
+)
+def test_a_round_goes_on_after_what_was_done_before(outcomes: str, objects: str) -> None:
+    """What failed is tried again, whether or not what came before it can be done twice."""
+    policy = Told(outcomes)
+    list(policy.perform(cast("Work", None), PROMPT))
+    assert policy.objects[: len(objects)] == objects
+    assert ("." in objects) == ("." in policy.objects)
