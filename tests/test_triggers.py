@@ -15,6 +15,7 @@ from mpvi_bt.errors import UnknownName
 from mpvi_bt.robot.protocol import CONTROL_HZ, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 from tests.navigation_maps import KinematicRobot
+from tests.test_squeeze import TORSO, facing_hands
 
 
 class Hands(KinematicRobot):
@@ -344,3 +345,50 @@ def test_a_noisy_width_still_makes_a_grasp() -> None:
         if (event := triggers.update()) is not None:
             events.append(event)
     assert events == [TriggerEvent("grasp", "right")]
+
+
+class Pressing(KinematicRobot):
+    """Hands that face each other; what keeps them apart and what they are told is set by the test."""
+
+    def __init__(self, apart_m: float, told_m: float) -> None:
+        super().__init__(0.0, 0.0)
+        self.arms, self.told = facing_hands(apart_m), facing_hands(told_m)
+
+    def proprioception(self) -> Proprioception:
+        """As set."""
+        return replace(super().proprioception(), torso=TORSO, arm=self.arms, arm_command=self.told)
+
+
+def passes(robot: KinematicRobot, triggers: ProprioceptiveTriggers, seconds: float, way_m: float = 0.0) -> list[str]:
+    """Let time pass while the base drives straight on; the kinds of what fired."""
+    steps = round(seconds * CONTROL_HZ)
+    events = []
+    for _ in range(steps):
+        robot.pose = robot.pose + np.array([way_m / steps, 0.0, 0.0])
+        if (event := triggers.update()) is not None:
+            events.append(event.kind)
+    return events
+
+
+def test_hands_that_cease_to_press_a_thing_have_let_go_of_it() -> None:
+    """The fingers of both are open all the while; it is told of once, when the base has come to rest, too."""
+    robot = Pressing(0.30, 0.24)
+    triggers = ProprioceptiveTriggers(robot)
+    triggers.reset({"release": None})
+    assert passes(robot, triggers, 2.0, way_m=0.5) + passes(robot, triggers, 3.0) == [], "they press it still"
+    robot.arms = robot.told = facing_hands(0.40)
+    assert passes(robot, triggers, 2.0, way_m=-0.5) == [], "the base moves"
+    assert passes(robot, triggers, 5.0) == ["release"]
+    assert passes(robot, triggers, 2.0, way_m=0.5) + passes(robot, triggers, 5.0) == ["release"], "after a no, anew"
+
+
+@pytest.mark.parametrize(("apart_m", "told_m"), [(0.30, 0.30), (0.30, 0.24)])
+def test_hands_that_pressed_nothing_or_press_on_have_let_go_of_nothing(apart_m: float, told_m: float) -> None:
+    """Neither hands that part with nothing between them nor a squeeze that lasts is a release."""
+    robot = Pressing(apart_m, told_m)
+    triggers = ProprioceptiveTriggers(robot)
+    triggers.reset({"release": None})
+    assert passes(robot, triggers, 2.0) == []
+    if apart_m == told_m:
+        robot.arms = robot.told = facing_hands(0.40)
+    assert passes(robot, triggers, 2.0, way_m=0.5) + passes(robot, triggers, 5.0) == []

@@ -14,6 +14,7 @@ from mpvi_bt.errors import UnknownName
 from mpvi_bt.robot import kinematics, r1
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Robot, Side
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.squeeze import squeezes
 
 KINDS = ("grasp", "release", "stop", "rest")
 _STEPS_OF_A_RATE = 3  # rates of change are taken over so many steps
@@ -64,6 +65,9 @@ class ProprioceptiveTriggers:
     once, and anew after the arms have moved and settled again, so that a judge who said no is asked again when there
     may be something new to see (Paper, Completion Checker appendix).
 
+    Two hands that pressed a thing between them and do so no more have let go of it, too: a "release" of no hand, when
+    the whole body has come to rest. Our choice: the paper's triggers know grippers only, and those stay open meanwhile.
+
     "stop": what a hand has taken hold of was moved and now stands, the hand still on it, such as a door that is open as
     far as it goes. What was in hand before, such as a bin that is carried along, is no news.
 
@@ -100,6 +104,7 @@ class ProprioceptiveTriggers:
         self._hands = {side: _Hand(self.thresholds, body, side) for side in SIDES}
         self._angles: deque[Array] = deque(maxlen=_STEPS_OF_A_RATE + 1)
         self._rest = _Rest(self.thresholds, body)
+        self._press = _Press(self.thresholds, body) if "release" in self._apart else None
 
     def update(self) -> TriggerEvent | None:
         """Read proprioception once a step; the event that fires now, if any.
@@ -113,13 +118,19 @@ class ProprioceptiveTriggers:
             if "stop" in self._apart:
                 hand.feel_way(body)
         steady = all(hand.steady for hand in self._hands.values())
-        rested = self._rest.feel(body, steady) if "rest" in self._apart else None
+        rested = self._rest.feel(body, steady)
+        if self._press is not None:
+            self._press.feel(body, self._rest.stands)
         for side, hand in self._hands.items():
             if (kind := hand.due(self._apart)) is not None:
                 hand.fired()
                 self._rest.fired()
                 return TriggerEvent(kind, side)
-        if rested is not None and self._rest.since_event >= self._apart["rest"]:
+        if self._press is not None and self._press.let_go and self._rest.since_event >= self._apart["release"]:
+            self._press.fired()
+            self._rest.fired()
+            return TriggerEvent("release", None)
+        if rested is not None and "rest" in self._apart and self._rest.since_event >= self._apart["rest"]:
             self._rest.fired()
             return TriggerEvent("rest", rested)
         return None
@@ -235,6 +246,34 @@ class _Way:
         return self._farthest_m > self._t.moved_m and self._still >= _steps(self._t.settle_s)
 
 
+class _Press:
+    """Whether both hands have let go of what they pressed between them, and the whole body stands now."""
+
+    def __init__(self, thresholds: Thresholds, body: Proprioception) -> None:
+        self._t = thresholds
+        self._presses = squeezes(body)
+        self._otherwise = 0  # steps
+        self._news = self._armed = self._stands = False
+
+    def feel(self, body: Proprioception, stands: bool) -> None:
+        """Take in one step; `stands`: the whole body is at rest."""
+        self._otherwise = self._otherwise + 1 if squeezes(body) != self._presses else 0
+        if self._otherwise >= _steps(self._t.hold_s):
+            self._presses, self._otherwise = not self._presses, 0
+            self._news = not self._presses
+        self._stands = stands
+        self._armed = self._armed or not stands
+
+    @property
+    def let_go(self) -> bool:
+        """Whether they have, and have moved and settled since that was last told of."""
+        return self._news and self._armed and self._stands
+
+    def fired(self) -> None:
+        """The event was reported; it is due again only after the body has moved and settled."""
+        self._armed = False
+
+
 class _Rest:
     """Whether the arms have gone somewhere since the last rest, and the whole body stands now."""
 
@@ -259,8 +298,12 @@ class _Rest:
         self._still = 0 if went > t.arm_still_rad_s * max(len(self._recent) - 1, 1) else self._still + 1
         self.since_event += 1
         farther: Side = "left" if self._farthest["left"] > self._farthest["right"] else "right"
-        rested = steady and self._still >= _steps(t.settle_s)
-        return farther if rested and self._farthest[farther] > t.moved_rad else None
+        return farther if steady and self.stands and self._farthest[farther] > t.moved_rad else None
+
+    @property
+    def stands(self) -> bool:
+        """Whether arms, torso and base have been at rest for long enough."""
+        return self._still >= _steps(self._t.settle_s)
 
     def fired(self) -> None:
         """An event was reported: the next way begins where the arms are now."""
