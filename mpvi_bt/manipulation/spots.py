@@ -21,6 +21,7 @@ _HEADROOMS_M = (0.35, 0.03)  # above a spot, for the thing and the hand; above t
 _GRID_M = 0.06
 _FLOOR_REACH_M = 0.9  # from the middle of the robot
 _NEAR_M = 1.7
+_OUTWARD = 1.0  # cost per meter by which a thing reaches away from what it lies beside: long ones lie along it
 _TOUCH_M = 0.005  # what is set down beside a thing keeps that far away,
 _BESIDE_M = (0.006, 0.012, 0.02, 0.03)  # or farther, where that still counts as next to it
 _SECTORS = 12
@@ -109,6 +110,7 @@ def beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Itera
             T = pose.T_world_thing.copy()
             box, radius = size([s.moved(T) for s in mine])
             edge = outline([s.moved(T) for s in mine])
+            outward = _OUTWARD * float(np.ptp(edge @ away[:2]))
             levels = np.linspace(box[0, 2] + 0.005, min(box[1, 2], theirs[1, 2] + 0.02), 4)
             rows = np.concatenate([np.column_stack([edge, np.full(len(edge), z)]) for z in levels])
             at = np.append(middle[:2], 0.0)
@@ -122,7 +124,7 @@ def beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Itera
                 if _next_to(moved, theirs):
                     shifted = T.copy()
                     shifted[:3, 3] += at + away * d
-                    group.append(Pose(shifted, pose.cost + 2.0 * abs(wanted - 0.012)))
+                    group.append(Pose(shifted, pose.cost + outward + 2.0 * abs(wanted - 0.012)))
         spots = np.array([np.append(p.T_world_thing[:2, 3], floor_z) for p in group]).reshape(-1, 3)
         room = _room(work, held, spots, 0.01, without=target) if len(spots) else np.zeros(0, bool)
         group = [p for p, free in zip(group, room, strict=True) if free]

@@ -78,7 +78,7 @@ class TrueScene:
         return Surroundings(self.truth.obstacles(xy, radius_m, without))
 
     def spots(self, surface: str, radius_m: float, height_m: float, near: Array) -> list[Array]:
-        """As `Scene` says, on a grid of 5 cm."""
+        """As `Scene` says, on a grid of 5 cm about the middle of each face."""
         own = self.truth.solids(surface)
         faces = [s for s in own if s.kind != "sphere" and (s.aabb()[1] - s.aabb()[0])[:2].min() > 2 * radius_m]
         held = {n for side in ("left", "right") if (n := self.truth.holding(side)) is not None}
@@ -89,14 +89,20 @@ class TrueScene:
             low, high = face.aabb()
             above = [s.aabb() for s in (*others, *(f for f in own if f is not face))]
             blocking = [b for b in above if b[1, 2] > high[2] + 0.005 and b[0, 2] < high[2] + height_m]
-            for x in np.arange(low[0] + radius_m, high[0] - radius_m + 1e-9, _GRID_M):
-                for y in np.arange(low[1] + radius_m, high[1] - radius_m + 1e-9, _GRID_M):
+            for x in _lines(low[0] + radius_m, high[0] - radius_m):
+                for y in _lines(low[1] + radius_m, high[1] - radius_m):
                     at = np.array([x, y])
                     gap = min((_aside(b, at) for b in blocking), default=9.0)
                     spot = np.array([x, y, high[2]])
                     if gap > radius_m and carries(face, spot, radius_m):
                         spots.append(spot)
         return sorted(spots, key=lambda s: float(np.linalg.norm(s[:2] - near)))
+
+
+def _lines(low: float, high: float) -> Array:
+    """Coordinates (n,) of grid lines in a range, as far from its one end as from the other."""
+    n = int((high - low + 1e-9) / _GRID_M)
+    return np.asarray((low + high) / 2 + _GRID_M * (np.arange(n + 1) - n / 2), float)
 
 
 def _aside(box: Array, at: Array) -> float:

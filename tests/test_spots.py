@@ -1,0 +1,56 @@
+"""Where a held thing would be laid: on faces and beside things."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mpvi_bt.manipulation import spots
+from mpvi_bt.manipulation.truth import TrueScene
+from mpvi_bt.manipulation.work import Work
+from mpvi_bt.robot.motion import Motion
+from mpvi_bt.sim.world import World
+from tests.small_house import placed, small_world
+
+WORLD = small_world(table="{entry: table, at: [1.0, 0.0]}")
+TOP = max((s for s in WORLD.solids("table")), key=lambda s: float(s.aabb()[1, 2])).aabb()
+NARROW_M = float(np.ptp(TOP, axis=0)[:2].min())
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0.02, 0.499))
+def test_spots_lie_about_the_middle_of_a_face(share: float) -> None:
+    """Nothing depends on which edge they are counted from: a thing about as broad as a board goes on its middle."""
+    found = np.array(TrueScene(WORLD).spots("table", share * NARROW_M, 0.1, np.zeros(2)))
+    np.testing.assert_allclose(found[:, :2].min(0) + found[:, :2].max(0), TOP[:, :2].sum(0), atol=1e-6)
+    assert len({tuple(spot) for spot in found.round(6)}) == len(found)
+
+
+class Holding(TrueScene):
+    """A scene in which the left hand holds a thing, wherever that is."""
+
+    def __init__(self, world: World, name: str) -> None:
+        super().__init__(world)
+        self.holding = lambda side: name if side == "left" else None  # type: ignore[method-assign, assignment]
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7])
+def test_a_long_thing_is_best_laid_along_what_it_lies_beside(yaw: float) -> None:
+    """It reaches away from the target as little as it can, however the hand has it."""
+    world = small_world({"sandal": placed("sandal", -1.0, 0.5, 0.01, yaw)}, bed="{entry: bed, at: [1.5, 0.0]}")
+    work = Work(Holding(world, "sandal"), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    held = work.held()["left"]
+    group = next(spots.beside(work, held, "bed", (0.0,)))
+    bed = spots.size(world.solids("bed"))[0].mean(0)[:2]
+    away = work.motion.felt.base_pose[:2] - bed
+    away /= np.linalg.norm(away)
+
+    def reach_m(pose: spots.Pose) -> float:
+        moved = [s.moved(pose.T_world_thing @ np.linalg.inv(world.pose("sandal"))) for s in world.solids("sandal")]
+        return float(np.ptp(spots.outline(moved) @ away))
+
+    best = min(group, key=lambda pose: pose.cost)
+    reaches = [reach_m(pose) for pose in group]
+    assert reach_m(best) < min(reaches) + 0.05 < max(reaches) - 0.05
