@@ -9,7 +9,7 @@ from mpvi_bt.manipulation.pick import _bring, pick
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 
@@ -17,8 +17,8 @@ CAN = {"object": "can of soda"}
 TABLE = "{entry: table, at: [0.9, 0.0]}"
 
 
-def lowest(world: World) -> float:
-    return float(min(s.aabb()[0, 2] for s in world.solids("can")))
+def lowest(world: World, name: str = "can") -> float:
+    return float(min(s.aabb()[0, 2] for s in world.solids(name)))
 
 
 def played(world: World, task: Work, actions: Actions) -> None:
@@ -63,3 +63,19 @@ def test_what_is_in_hand_where_it_lay_is_not_picked_up(held: tuple[World, Work, 
     task.lay["can"] = np.append(task.scene.pose("can")[:2, 3], 1.5)
     with pytest.raises(MotionFailure, match="slipped"):
         played(world, task, _bring(task, "can", side))
+
+
+@pytest.mark.slow
+def test_what_is_picked_up_out_of_a_container_is_above_its_rim() -> None:
+    """Both hands take a thing out of a basket; neither is left low in it, and it stands where it stood."""
+    eggs = {f"egg_{k}": placed("easter_egg", 0.7, y, 0.1) for k, y in enumerate((0.06, -0.06))}
+    world = small_world({"basket": placed("wicker_basket", 0.7, 0.0), **eggs}, (-0.2, 0.0, 0.0))
+    world.settle()
+    stood = world.pose("basket")
+    for side in SIDES:
+        task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+        played(world, task, pick(task, {"object": "Easter egg", "source": "wicker basket", "hand": side}, []))
+        held = task.scene.holding(side)
+        assert held is not None
+        assert lowest(world, held) > max(float(s.aabb()[1, 2]) for s in world.solids("basket"))
+    np.testing.assert_allclose(world.pose("basket"), stood, atol=0.02)
