@@ -79,3 +79,18 @@ def test_what_is_picked_up_out_of_a_container_is_above_its_rim() -> None:
         assert held is not None
         assert lowest(world, held) > max(float(s.aabb()[1, 2]) for s in world.solids("basket"))
     np.testing.assert_allclose(world.pose("basket"), stood, atol=0.02)
+
+
+def test_a_thing_is_taken_from_where_it_is_said_to_be() -> None:
+    """Of two alike the one in or on the source is meant, though it is farther away; elsewhere if none is there."""
+    cans = {"near": placed("can_of_soda", 0.4, 0.0), "far": placed("can_of_soda", 0.9, 0.0, 0.73)}
+    world = small_world({**cans, "basket": placed("wicker_basket", 0.0, 1.0)}, (-0.2, 0.0, 0.0), table_1=TABLE)
+    task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    assert task.nearest("can of soda") == "near"
+    assert task.nearest("can of soda", "table") == "far"
+    assert task.nearest("can of soda", "basket") == "near"
+    world = small_world({"laid": placed("easter_egg", 0.4, 0.0), "egg": placed("easter_egg", 0.9, 0.0, 0.02),
+                         "basket": placed("wicker_basket", 0.9, 0.0)}, (-0.2, 0.0, 0.0))  # fmt: skip
+    task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    assert task.nearest("Easter egg") == "laid"
+    assert task.nearest("Easter egg", "wicker basket") == "egg"

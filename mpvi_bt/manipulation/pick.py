@@ -46,7 +46,7 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
             if held in work.lay:  # a try that failed on its way has it in hand
                 yield from _bring(work, held, side)
             return
-    name = work.nearest(words["object"])
+    name = work.nearest(words["object"], words.get("source"))
     for side in work.free_hands(name, words.get("hand")):
         try:
             yield from pick_up(work, name, side, tried)

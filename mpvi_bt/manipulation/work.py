@@ -11,6 +11,7 @@ from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.scene import Scene, Sight
 from mpvi_bt.manipulation.search import Search
+from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Load, Obstacles
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
@@ -21,6 +22,7 @@ Words = Mapping[str, str]  # what fills the slots of a skill call, such as {"obj
 
 NEAR_M = 1.7  # solids farther from the robot than this do not matter to a skill
 _LIFTED_M = 0.10
+_ON_M = 0.03  # what lies on a thing is as much above its top, or below its bottom, at the most
 
 
 @dataclass(eq=False)
@@ -69,8 +71,12 @@ class Work:
         """(3,) the middle of the box about a thing, in the world."""
         return np.asarray(bounds(self.scene.solids(name)).mean(0))
 
-    def nearest(self, phrase: str) -> str:
+    def nearest(self, phrase: str, source: str | None = None) -> str:
         """The thing that a phrase names, what is still to be picked up first, then the nearest.
+
+        Args:
+            phrase: What it is called.
+            source: What it is said to be in or on; where nothing so called is there, it may be anywhere.
 
         Raises:
             MotionFailure: "unknown_object" if nothing is called so.
@@ -79,6 +85,9 @@ class Work:
         if not found:
             raise MotionFailure("unknown_object")
         here = self.motion.felt.base_pose[:2]
+        if source is not None:
+            places = self.scene.knowledge().find(source)
+            found = [e for e in found if any(_there(e, place) for place in places)] or found
         best = (found[0].held, found[0].inside is not None)
         alike = [e for e in found if (e.held, e.inside is not None) == best]
         return min(alike, key=lambda e: float(np.linalg.norm(e.center[:2] - here))).name
@@ -152,6 +161,13 @@ class Work:
     def gripped(self, side: Side) -> bool:
         """Whether the closed hand has something between its fingers, by its width."""
         return self.motion.felt.holds(side)
+
+
+def _there(entry: Entry, place: Entry) -> bool:
+    """Whether a thing that no hand holds is in or on another one."""
+    aside = (entry.center < place.lowest) | (entry.center > place.highest)
+    level = place.lowest[2] - _ON_M < entry.lowest[2] < place.highest[2] + _ON_M
+    return not entry.held and entry is not place and bool(level) and not aside[:2].any()
 
 
 # What performs a skill: work, the words of the call, and base poses tried before, to which each try adds its own.
