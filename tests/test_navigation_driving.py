@@ -235,6 +235,20 @@ def test_of_two_cans_the_nearer_by_road_comes_first() -> None:
     assert distance_to(here, robot.pose[:2]) <= HANDOFF.distance_m
 
 
+def test_what_is_carried_is_taken_to_where_others_alike_lie() -> None:
+    """Of two trees alike the one beside which an egg lies comes first, though it is farther; the nearer without one."""
+    near = thing("tree_1", (2.0, 0.8, 0.5), (0.2, 0.2, 1.0), kind="fixture")
+    far = thing("tree_2", (2.0, 3.2, 0.5), (0.2, 0.2, 1.0), kind="fixture")
+    near.phrases = far.phrases = ("tree",)
+    carried = thing("egg_1", (0.8, 1.2, 0.8), (0.05, 0.05, 0.05), held=True)
+    laid = thing("egg_2", (2.0, 3.05, 0.03), (0.05, 0.05, 0.05))
+    carried.phrases = laid.phrases = ("egg",)
+    for known, expected in ((knowing(near, far, carried), near), (knowing(near, far, carried, laid), far)):
+        robot = KinematicRobot(0.8, 1.2)
+        assert drive(robot, KnownPlaceNavigator(robot, two_rooms(), known), "tree")[0].progress is Progress.SUCCEEDED
+        assert distance_to(expected, robot.pose[:2]) <= HANDOFF.distance_m
+
+
 def test_it_drives_around_loose_things_on_the_floor() -> None:
     """An object that the map lacks but the knowledge base holds is kept clear of."""
     robot, grid_map = KinematicRobot(0.8, 2.0), two_rooms()

@@ -164,6 +164,8 @@ class KnownPlaceNavigator:
             return [], trip.target
         hits = [h for h in hits if h.kind != "room"]
         best = [h for h in hits if (h.held, h.inside is None) == (hits[0].held, hits[0].inside is None)]
+        if hits and hits[0].kind == "fixture":
+            best = knowledge.joined(best)
         return best, rooms.get(normalize(trip.room)) if trip.room else None
 
     def _is_there(self, entries: list[Entry], room: str | None, slack_m: float = 0.0) -> bool:

@@ -16,6 +16,7 @@ from mpvi_bt.perception.phrases import normalize as normalize
 from mpvi_bt.perception.phrases import whole as whole
 from mpvi_bt.robot.solids import Array
 
+_AT_M = 0.3  # what lies as near to a thing as this, seen from above, is there
 LIKELY = 0.5  # what is less likely than that to be there is not told to those who ask where a thing is
 
 Kind = Literal["room", "fixture", "object"]
@@ -94,6 +95,15 @@ class KnowledgeBase:
             hits = [e for e in hits if e.room is None or normalize(e.room) == room]
         return sorted(hits, key=lambda e: (e.held, e.inside is not None))
 
+    def joined(self, places: list[Entry]) -> list[Entry]:
+        """Those of several places where something lies that is called like what the robot carries; all if none is.
+
+        Our choice: what is alike is taken to one place, so that "the tree" is the one where the first egg was laid.
+        """
+        carried = {normalize(phrase) for e in self if e.held for phrase in e.phrases}
+        laid = [e for e in self if not e.held and e.inside is None and carried & set(map(normalize, e.phrases))]
+        return [p for p in places if any(_at(e.center, p) for e in laid)] or places
+
     def save(self) -> list[JsonValue]:
         """What was learned, as JSON values: every entry but those known beforehand and never seen since."""
         learned = [e for e in self if e.source != "prior" or e.seen_s is not None]
@@ -108,6 +118,11 @@ class KnowledgeBase:
         entries = [SavedEntry.model_validate(given).entry() for given in saved]
         self.entries = {e.name: e for e in self if e.source == "prior"}
         self.entries.update((e.name, e) for e in entries)
+
+
+def _at(p: Array, place: Entry) -> bool:
+    """Whether a point is at a place, seen from above."""
+    return bool(((place.lowest - _AT_M < p) & (p < place.highest + _AT_M))[:2].all())
 
 
 @lru_cache(maxsize=10_000)
