@@ -9,10 +9,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from mpvi_bt.manipulation.outline import points
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.arm_motion import glide, plan, plan_level, stay, sweep, trace
-from mpvi_bt.robot.collision import Body, Surroundings
+from mpvi_bt.robot.collision import Body, Load, Surroundings
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, Solid, box
 
@@ -226,3 +227,15 @@ def test_a_sweep_into_something_is_none() -> None:
     assert sweep(barred, bent, {}) is None
     assert sweep(barred, TORSO, {}) == {}
     assert sweep(free, TORSO, level_hand) is not None  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("rise_m", "barred"), [(-0.03, False), (0.001, True), (0.01, True)])
+def test_a_sweep_keeps_the_corners_of_what_is_held_out_of_things(rise_m: float, barred: bool) -> None:
+    """The torso goes down over a post: its top may stay well below the lowest corner, and may not meet it."""
+    shoe = Solid("box", np.array([0.042, 0.125, 0.014]), kin.transform(kin.rot_z(0.5), (0.0, 0.0, 0.08)))
+    down = TORSO - [0.15, 0.0, 0.0, 0.0]
+    corners = points([shoe.moved(kin.tcp(down, r1.TRAVEL_ARM["left"], "left"))])
+    x, y, z = corners[corners[:, 2].argmin()]
+    post = box((x, y, z + rise_m - 0.05), (0.03, 0.03, 0.1))
+    body = Body(TORSO, dict(r1.TRAVEL_ARM), {"left": Load([shoe])}, Surroundings([post]))
+    assert (sweep(body, down, {}) is None) == barred

@@ -18,6 +18,7 @@ _STEP_RAD = 2.0  # how far a tree grows at once, if the way is free
 _LEAST_RAD = 0.1  # a shorter step is none
 _CHECK_RAD = 0.07  # spacing of the checks along an edge
 _SWING_M = 0.03  # what hangs from a hand swings that far while torso and arms move
+_CORNERS_M = 0.015  # the spheres that cover what is held leave out its corners by nearly as much
 _SWEEP_LEAP_RAD = 0.7  # likewise while the torso moves
 _LEAP_RAD = 0.45  # between neighbors of a line; more is another elbow
 
@@ -151,7 +152,11 @@ def sweep(
     arms, start = dict(body.arms), np.asarray(body.torso, float)
     out = {side: [arms[side]] for side in hands}
     # What stands too near the furniture may stay so; the arms themselves have to come clear of each other.
-    near = {s: tuple(min(0.0, float(c[0])) - 1e-6 for c in body.clearance(s, arms[s])) for s in arms}
+    near = {}
+    for s in arms:
+        around, itself = body.clearance(s, arms[s])
+        keep = _CORNERS_M if s in body.held else 0.0
+        near[s] = (min(keep, float(around[0])) - 1e-6, min(0.0, float(itself[0])) - 1e-6)
     for u in np.linspace(0, 1, samples + 1)[1:]:
         now = start[:3] + (np.asarray(torso, float)[:3] - start[:3]) * u
         chest = kin.inverse(kin.chest(now))
