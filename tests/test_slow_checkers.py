@@ -12,6 +12,7 @@ import pytest
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.protocols import Checker, Cost, Judgement, TriggerEvent
+from mpvi_bt.behaviors.question import HANDOVER_S
 from mpvi_bt.errors import NodeError, UserError
 from mpvi_bt.executive.loop import run_episode
 from mpvi_bt.executive.recorder import Recorder
@@ -23,6 +24,7 @@ from mpvi_bt.tree.saving import restore, save
 from tests.bench import HELD, PICK, Bench
 
 CHECK = f"check_complete: {HELD}"
+HANDOVER = round(HANDOVER_S * CONTROL_HZ)  # steps that every answer of another thread is given
 
 
 class Slow:
@@ -62,9 +64,9 @@ GRASP, RELEASE = TriggerEvent("grasp", "right"), TriggerEvent("release", "left")
 
 
 def test_the_tree_runs_on_until_the_answer_is_due() -> None:
-    """An answer that took 0.2 s comes six steps after its question, and ends the unit then."""
+    """An answer that took 0.2 s comes six steps and the handover after its question, and ends the unit then."""
     made = bench(PICK, Slow([True], says_s=0.2), {3: GRASP})
-    assert made.run(9) == Status.RUNNING
+    assert made.run(9 + HANDOVER) == Status.RUNNING
     assert made.context.asking
     assert made.tick() == Status.SUCCESS
     (query,) = made.context.log.queries
@@ -107,7 +109,7 @@ def test_an_event_that_fires_while_a_question_is_open_asks_the_next_one() -> Non
     made = bench(CHECK, Slow([False, True, True], says_s=0.5), events)
     made.run(100)
     asked = [(q.event, q.complete, round(q.time_s * CONTROL_HZ)) for q in made.context.log.queries]
-    assert asked == [("grasp", False, 0), ("release", True, 16)]
+    assert asked == [("grasp", False, 0), ("release", True, 16 + HANDOVER)]
 
 
 @pytest.mark.parametrize("while_asked", ["go_on", "hold"])
@@ -133,7 +135,7 @@ def test_the_policy_goes_on_or_holds_while_asked(while_asked: str) -> None:
         went.append(float(made.world.robot.proprioception().arm["left"][0]))
     moved = np.flatnonzero(np.diff(went) > 1e-6)
     still = sorted(set(range(1, 59)) - set(moved.tolist()))
-    assert len(still) == (30 if while_asked == "hold" else 0)
+    assert len(still) == (30 + HANDOVER if while_asked == "hold" else 0)
     assert np.diff(still).tolist() == [1] * (len(still) - 1)
     steps = np.diff(went)[moved]
     assert np.ptp(steps[1:]) < 1e-9, "an action was left out"
@@ -155,7 +157,7 @@ def test_a_run_that_goes_on_asks_the_open_question_anew() -> None:
     second = bench(CHECK, Slow([True], says_s=0.1), {})
     second.tree.setup(second.context)
     restore(second.tree, saved)
-    assert second.run(5) == Status.SUCCESS
+    assert second.run(5 + HANDOVER) == Status.SUCCESS
     assert second.tree.root.feedback_message == "asked 2: yes, thought"
     (query,) = second.context.log.queries
     assert (query.event, query.time_s) == ("release", 0.0)
@@ -206,7 +208,7 @@ def test_a_trace_tells_when_it_was_asked_and_what_it_cost(tmp_path: Path) -> Non
     run_episode(made.tree, made.world, made.context, [Recorder(tmp_path / "t.jsonl")])
     trace = read_trace(tmp_path / "t.jsonl")
     ((tick, answer),) = [(change.tick, answer) for change in trace.ticks for answer in change.queries]
-    assert (tick, answer.asked_s, answer.latency_s) == (10, 3 / CONTROL_HZ, 0.2)
+    assert (tick, answer.asked_s, answer.latency_s) == (10 + HANDOVER, 3 / CONTROL_HZ, 0.2)
     assert answer.cost is not None
     assert (answer.cost.model, answer.cost.tokens_in, answer.cost.kept) == ("tiny", 900, False)
     assert "asked at 0.1 s (after a grasp, answered in 0.2 s)" in explanation_text(explain(trace)).replace("\n", " ")
