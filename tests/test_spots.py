@@ -8,6 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mpvi_bt.manipulation import spots
+from mpvi_bt.manipulation.outline import outline
+from mpvi_bt.manipulation.placing import Pose
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot.motion import Motion
@@ -33,7 +35,7 @@ class Holding(TrueScene):
 
     def __init__(self, world: World, name: str) -> None:
         super().__init__(world)
-        self.holding = lambda side: name if side == "left" else None  # type: ignore[method-assign, assignment]
+        self.holding = lambda side: name if side == "left" else None
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7])
@@ -47,9 +49,9 @@ def test_a_long_thing_is_best_laid_along_what_it_lies_beside(yaw: float) -> None
     away = work.motion.felt.base_pose[:2] - bed
     away /= np.linalg.norm(away)
 
-    def reach_m(pose: spots.Pose) -> float:
+    def reach_m(pose: Pose) -> float:
         moved = [s.moved(pose.T_world_thing @ np.linalg.inv(world.pose("sandal"))) for s in world.solids("sandal")]
-        return float(np.ptp(spots.outline(moved) @ away))
+        return float(np.ptp(outline(moved) @ away))
 
     best = min(group, key=lambda pose: pose.cost)
     reaches = [reach_m(pose) for pose in group]

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from mpvi_bt.navigation.goals import Handoff, object_goals
@@ -148,7 +149,7 @@ class _Places:
         near: Array = (self._clearance > _GRASP_M) & (self._to_reachable < 0.5)
         return near
 
-    def _on_floor(self, cells: Array, rng: np.random.Generator) -> tuple[str, Array] | None:
+    def _on_floor(self, cells: NDArray[np.int64], rng: np.random.Generator) -> tuple[str, Array] | None:
         for cell in cells[rng.permutation(len(cells))][:50]:
             xy = self._map.center(*cell)
             if self._free(xy) and all(np.linalg.norm(xy - np.asarray(d.at)) > 0.9 for d in self._house.doorways):
@@ -164,7 +165,7 @@ class _Places:
         lowest, highest = spot + [-_EDGE_M, -_EDGE_M, 0.0], spot + [_EDGE_M, _EDGE_M, _HEADROOM_M]
         return any(bool(((box[0] < highest) & (box[1] > lowest)).all()) for box in self._boxes)
 
-    def _cells(self, room: str, mask: Array) -> Array:
+    def _cells(self, room: str, mask: Array) -> NDArray[np.int64]:
         return np.argwhere((self._map.rooms == self._map.room_names.index(room)) & mask)
 
     def _sees(self, start: Array, end: Array) -> bool:
