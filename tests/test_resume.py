@@ -118,7 +118,7 @@ def test_an_episode_goes_on_in_the_simulator(mpvi: Shell, tmp_path: Path) -> Non
     for line in process.stdout:
         if "4 pick up a can of soda" in line and "[*]" in line:
             break
-    time.sleep(1.0)
+    time.sleep(0.2)
     process.send_signal(signal.SIGINT)
     rest = process.communicate()[0]
     assert process.returncode == 130, rest
