@@ -13,14 +13,12 @@ from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.hand import opened
 from mpvi_bt.manipulation.stance import Option
 from mpvi_bt.manipulation.work import Words, Work
-from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Load
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
-from mpvi_bt.robot.solids import Array, bounds
+from mpvi_bt.robot.solids import Array
 
-_RIM_M = 0.04  # between the rim of a container and what was taken out of it
 _OFF_M, _AWAY_M = 0.055, 0.20  # above what it lay on, or aside: a thing that tips in the hand has risen by less
 _SLANTED_RAD = 0.8  # from straight down; such hands may reach into compartments
 # From how far to close in, how far to lift, how far behind the arm takes its posture [m], and the cost of it.
@@ -102,9 +100,7 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
 
 def _bring(work: Work, name: str, side: Side) -> Actions:
     """Bring what a hand has taken to the chest, and off what it lay on."""
-    yield from _out(work, name, side)
     yield from settle(work, without={name})
-    yield from _out(work, name, side)  # from where it was out of reach before
     if _covered(work, side):
         yield from back_off(work)
     if not _off(work, name):
@@ -114,22 +110,6 @@ def _bring(work: Work, name: str, side: Side) -> Actions:
         raise MotionFailure("dropped")
     if not _off(work, name):
         raise MotionFailure("slipped")
-
-
-def _out(work: Work, name: str, side: Side) -> Actions:
-    """Raise a hand straight up out of a container, if it can be: low between its walls it would drag it along."""
-    box = bounds(work.scene.solids(name))
-    tops = [float(e.highest[2]) for e in work.scene.knowledge() if e.kind == "object" and _about(e, box)]
-    by_m = max(tops, default=-np.inf) + _RIM_M - float(box[0, 2])
-    if by_m > 0 and not _covered(work, side):
-        with suppress(MotionFailure):
-            yield from work.rise(side, by_m)
-
-
-def _about(entry: Entry, box: Array) -> bool:
-    """Whether a thing that the robot does not carry is all around the middle of a box (2, 3)."""
-    middle = box.mean(0)
-    return not entry.held and bool(((entry.lowest < middle) & (middle < entry.highest + [0, 0, _RIM_M])).all())
 
 
 def _covered(work: Work, side: Side) -> bool:
