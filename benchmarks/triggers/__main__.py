@@ -84,7 +84,8 @@ def text(records: list[dict[str, Any]]) -> str:
     """The tables for people."""
     lines: list[str] = []
     for run, members in itertools.groupby(records, key=lambda r: (r["checker"], r["policy"], r["detector"], r["map"])):
-        lines += ["" if lines else None, f"checker {run[0]}, policy {run[1]}, detector {run[2]}, map {run[3]}", ""]  # type: ignore[list-item]
+        lines += [""] if lines else []
+        lines += [f"checker {run[0]}, policy {run[1]}, detector {run[2]}, map {run[3]}", ""]
         lines.append("| task | trigger | n | q | change of q | queries/unit | false yes/unit | false no/unit | s |")
         lines.append("|---|---|---|---|---|---|---|---|---|")
         for r in sorted(members, key=lambda r: (r["task"] != "all", r["task"])):
@@ -94,7 +95,7 @@ def text(records: list[dict[str, Any]]) -> str:
                 f"| {r['task']} | {r['trigger']} | {r['n']}{broken} | {r['q']:.3f} | {change} | "
                 f"{r['queries']:.2f} | {r['false_yes']:.2f} | {r['false_no']:.2f} | {r['s']:.0f} |"
             )
-    return "\n".join([line for line in lines if line is not None] + ["", f"the paper's change of q: {PAPER:+.0%}"])
+    return "\n".join([*lines, "", f"the paper's change of q: {PAPER:+.0%}"])
 
 
 def _records(key: tuple[str, ...], by_trigger: dict[str, list[Row]]) -> Iterator[dict[str, Any]]:
