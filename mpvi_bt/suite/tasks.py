@@ -30,7 +30,7 @@ class Task(Record):
         house: Where it is (tasks/houses/).
         bindings: Synset of every movable object to its catalogue entry.
         plan: Recorded plan (tasks/plans/).
-        tree: Compiled tree (trees/).
+        tree: The plan's compiled tree (trees/), for people to read and change; None: it is compiled where it is wanted.
         instances: How many start states there are: 0 to instances - 1.
         time_budget_s: Simulated time after which the episode ends; None: twice the mean human time.
         notes: For people.
@@ -41,7 +41,7 @@ class Task(Record):
     house: Name
     bindings: dict[str, Name]
     plan: Name
-    tree: Name
+    tree: Name | None = None
     instances: Annotated[int, Field(ge=1, le=1000)] = 10
     time_budget_s: Annotated[float, Field(gt=0.0, le=86_400.0, allow_inf_nan=False)] | None = None
     notes: str = ""
@@ -162,9 +162,9 @@ def _check_names(task: Task, marks: Marks) -> list[FileProblem]:
         "tree": paths.names("trees"),
     }
     problems = [
-        marks.unknown((key,), key, getattr(task, key), names)
+        marks.unknown((key,), key, given, names)
         for key, names in known.items()
-        if getattr(task, key) not in names
+        if (given := getattr(task, key)) is not None and given not in names
     ]
     if task.time_budget_s is None and task.problem in known["problem"] and task.problem not in human_stats():
         message = f"no human did {task.problem!r}, so time_budget_s must be given"
