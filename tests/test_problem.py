@@ -3,14 +3,18 @@
 import contextlib
 import subprocess
 import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mpvi_bt import paths
+from mpvi_bt.cli.check import below, problems_in
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.goals.evaluate import snapshot
-from mpvi_bt.goals.formula import Literal
+from mpvi_bt.goals.formula import All, Formula, Literal
 from mpvi_bt.goals.problem import Problem, load_problem, parse_problem
 from mpvi_bt.suite.human import human_stats
 
@@ -69,6 +73,62 @@ def test_picking_up_trash_is_what_it_says() -> None:
     assert problem.agent_room == "kitchen"
 
 
+# Facts of BEHAVIOR 3.7's goals: literals, and how many of them hold at the start.
+RESTATED = {
+    "cook_hot_dogs": ({"cooked(hotdog.n.02_1)", "cooked(hotdog.n.02_2)"}, 0),
+    "sorting_household_items": (
+        {
+            "under(bottle__of__detergent.n.01_1, sink.n.01_1)",
+            "under(bottle__of__detergent.n.01_2, sink.n.01_1)",
+            "nextto(bottle__of__detergent.n.01_1, bottle__of__detergent.n.01_2)",
+            "ontop(box__of__sanitary_napkin.n.01_1, shelf.n.01_1)",
+            "ontop(soap_dispenser.n.01_1, sink.n.01_1)",
+            "ontop(cup.n.01_1, sink.n.01_1)",
+            "nextto(tube__of__toothpaste.n.01_1, cup.n.01_1)",
+            "inside(toothbrush.n.01_1, cup.n.01_1)",
+        },
+        1,
+    ),
+}
+
+
+@pytest.mark.parametrize("activity", RESTATED)
+def test_what_changed_since_the_distribution_is_restated(activity: str) -> None:
+    """Two problems are those of the challenge, not of the older distribution: all of their literals must hold."""
+    problem, (facts, held) = load_problem(activity), RESTATED[activity]
+    assert {str(literal) for literal in snapshot(problem, lambda _: False)} == facts
+    assert all(isinstance(literal, Literal) for literal in flat_conditions(problem.conditions))
+    stated = {str(fact.literal) for fact in problem.init if fact.positive}
+    assert len(facts & stated) == held
+    assert problem.rooms.keys() | set(problem.movables) | {"agent.n.01_1"} == problem.objects.keys()
+
+
+def flat_conditions(parts: Iterable[Formula]) -> Iterator[Formula]:
+    """Parts of `and` and `forall` one by one."""
+    for part in parts:
+        if isinstance(part, All):
+            yield from flat_conditions(part.children)
+        else:
+            yield part
+
+
+def test_only_what_changed_is_restated() -> None:
+    """Everything else is read from the distribution, so that its goals are BEHAVIOR's own."""
+    assert {file.stem for file in (paths.shipped() / "tasks" / "problems").iterdir()} == RESTATED.keys()
+
+
+def test_a_users_own_problem_is_found_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file in a root of MPVI_PATH makes an activity known, or takes the place of one."""
+    folder = tmp_path / "tasks" / "problems"
+    folder.mkdir(parents=True)
+    for name in ("watering_plants", "cook_hot_dogs"):
+        (folder / f"{name}.bddl").write_text(TINY % "(open shelf.n.01_1)")
+    monkeypatch.setenv("MPVI_PATH", str(tmp_path))
+    for name in ("watering_plants", "cook_hot_dogs"):
+        assert load_problem(name).conditions == (Literal("open", ("shelf.n.01_1",)),)
+    assert load_problem("picking_up_trash").movables
+
+
 def test_init_tells_fixtures_movables_and_what_comes_later_apart() -> None:
     """Fixtures have a room, the robot and future things are no movables."""
     problem = tiny()
@@ -118,6 +178,29 @@ def test_what_is_wrong_is_said(goal: str, words: str) -> None:
     assert words in str(caught.value)
     assert "tiny" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_start_names_declared_objects_only() -> None:
+    """A misspelled object of :init is told at once, not when a start state is sought."""
+    with pytest.raises(UserError, match=r"tiny: :init: unknown object 'cup.n.01_3'. Did you mean 'cup.n.01_[12]'"):
+        parse_problem((TINY % "(open shelf.n.01_1)").replace("ontop cup.n.01_1", "ontop cup.n.01_3"), "tiny")
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "words"),
+    [
+        (TINY % "(open shelf.n.01_7)", 0, "unknown object 'shelf.n.01_7'"),
+        ("(define\n(:objects)))", 2, "')' closes nothing"),
+    ],
+)
+def test_check_tells_what_is_wrong_with_a_problem(tmp_path: Path, text: str, line: int, words: str) -> None:
+    """`mpvi check` reads .bddl files, those below a folder too."""
+    path = tmp_path / "mine.bddl"
+    path.write_text(text)
+    assert below(str(tmp_path)) == [str(path)]
+    (problem,) = problems_in(str(path))
+    assert (problem.file, problem.line, problem.code) == (str(path), line, "invalid-value")
+    assert words in problem.message
 
 
 def test_unknown_activity_names_the_nearest() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 import sys
 from collections import Counter
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ from mpvi_bt.cli import problems as show
 from mpvi_bt.cli.given import File
 from mpvi_bt.errors import FileProblems, Problem, UserError
 from mpvi_bt.file_kinds import kind_of, taken_by
-from mpvi_bt.marked_yaml import MAX_PROBLEMS, Marks, load_marked, parse_marked
+from mpvi_bt.marked_yaml import MAX_PROBLEMS, Marks, load_marked, parse_marked, read_text
 
 if TYPE_CHECKING:
     from mpvi_bt.plan.context import Grounding
@@ -37,8 +38,9 @@ STDIN = "<stdin>"
 def check(files: tuple[str, ...], task: str | None, as_json: bool) -> int:
     """List every problem in trees, plans, skills, tasks, suites, houses, rules, policies and the catalogue, by line.
 
-    FILE may be a folder: then every .yaml, .yml and .json below it is checked. It may be the name of a tree, too, or
-    "-" for the standard input. The exit code is 1 if there is any problem, a warning too, and 2 if a FILE is not there.
+    FILE may be a folder: then every .yaml, .yml, .json and .bddl below it is checked. It may be the name of a tree,
+    too, or "-" for the standard input. The exit code is 1 if there is any problem, a warning too, and 2 if a FILE is
+    not there.
     """
     site = None if task is None else _site(task)
     texts: dict[str, str] = {}
@@ -85,7 +87,7 @@ def below(given: str) -> list[str]:
     if not is_folder:
         return [str(paths.find_or_file("trees", given, "tree"))]
     if not (found := list(_files(given))):
-        raise UserError("there is no .yaml, .yml or .json file below it.")
+        raise UserError("there is no .yaml, .yml, .json or .bddl file below it.")
     return found
 
 
@@ -94,7 +96,7 @@ def _files(folder: str) -> Iterator[str]:
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         for name in sorted(files):
             path = Path(place, name)
-            if path.suffix in (".yaml", ".yml", ".json") and path.is_file():
+            if path.suffix in (".yaml", ".yml", ".json", ".bddl") and path.is_file():
                 yield str(path)
 
 
@@ -108,6 +110,8 @@ def problems_in(file: str, site: Grounding | None = None, text: str | None = Non
         named: Whether a user named it: then a file of ours that has nothing to check is told for what it is.
     """
     try:
+        if file.endswith(".bddl"):
+            return _bddl_problems(file)
         data, marks = load_marked(file) if text is None else parse_marked(text, file)
         kind = kind_of(data, marks)
         if kind.noun == "tree":
@@ -124,6 +128,19 @@ def problems_in(file: str, site: Grounding | None = None, text: str | None = Non
         return list(error.problems)
     except UserError as error:
         return [Problem(file, 0, 0, "unreadable", str(error).removeprefix(f"{file}: "))]
+    return []
+
+
+def _bddl_problems(file: str) -> list[Problem]:
+    from mpvi_bt.goals.problem import parse_problem
+
+    text = read_text(file)
+    try:
+        parse_problem(text, file)
+    except UserError as error:
+        said = re.fullmatch(r"(?::(\d+))?: (.*)", str(error).removeprefix(file), re.DOTALL)
+        line, message = said.groups() if said else (None, str(error))
+        return [Problem(file, int(line or 0), int(line is not None), "invalid-value", message)]
     return []
 
 

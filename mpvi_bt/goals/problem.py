@@ -1,8 +1,9 @@
-"""BDDL problems: read from the installed `bddl` distribution's data files, without importing the package.
+"""BDDL problems: ours (tasks/problems/), or else from the installed `bddl` distribution's data files.
 
-Importing it is slow, and scoring with it is wrong (qscore.py). The parser keeps upstream's quirks, because scores must
-agree: of a goal only its first formula counts (what stands beside the `and` is dropped), and stray words between the
-sections, such as a backslash, mean nothing.
+Ours restate what the challenge changed after the last release of the distribution. The package itself is never
+imported: that is slow, and scoring with it is wrong (qscore.py). The parser keeps upstream's quirks, because scores
+must agree: of a goal only its first formula counts (what stands beside the `and` is dropped), and stray words between
+the sections, such as a backslash, mean nothing.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from functools import cached_property
 from importlib import metadata
 from pathlib import Path
 
+from mpvi_bt import paths
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.goals.formula import All, Exactly, Formula, Literal, Not, Pairs, Some
 
@@ -109,17 +111,20 @@ class Problem:
 
 
 def activities() -> dict[str, Path]:
-    """Every activity of the installed `bddl` distribution and its problem file.
+    """Every activity and its problem file: a root's tasks/problems/*.bddl, or else the `bddl` distribution's.
 
     Raises:
-        UserError: The distribution is not installed.
+        UserError: The distribution is not installed; or as `paths.roots`.
     """
     try:
         distribution = metadata.distribution("bddl")
     except metadata.PackageNotFoundError:
         raise UserError("the distribution 'bddl', which holds the goals, is not installed: pip install bddl") from None
     found = ((_ACTIVITY.search(str(file)), file) for file in distribution.files or ())
-    return {match[1]: Path(str(distribution.locate_file(file))) for match, file in found if match}
+    known = {match[1]: Path(str(distribution.locate_file(file))) for match, file in found if match}
+    for root in reversed(paths.roots()):  # the first root's wins
+        known.update((file.stem, file) for file in sorted((root / "tasks" / "problems").glob("*.bddl")))
+    return known
 
 
 def load_problem(activity: str) -> Problem:
@@ -149,6 +154,9 @@ def parse_problem(text: str, name: str) -> Problem:
         synset = fact.literal.args[0].removesuffix("_*")
         if fact.literal.predicate == "inroom" and synset in wildcards and fact.literal.args[0].endswith("_*"):
             wildcards[synset] = fact.literal.args[1]
+    for fact in facts:
+        if (thing := fact.literal.args[0]) not in objects and thing.removesuffix("_*") not in starred:
+            raise UnknownName("object", thing, objects, where=f"{name}: :init")
     init = tuple(f for f in facts if not any(a.endswith("_*") for a in f.literal.args))
     problem = Problem(name, objects, wildcards, init, sections[":goal"][0])
     _ = problem.conditions  # grounding finds unknown names now, not at the end of an episode
