@@ -33,6 +33,7 @@ RANKS = [
     {"trace"},
     {"executive", "testing"},
     {"suite"},
+    {"report"},
     {"cli"},
 ]
 RANK = {part: rank for rank, parts in enumerate(RANKS) for part in parts}

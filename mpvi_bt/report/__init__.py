@@ -1,0 +1,1 @@
+"""A suite's results as figures, plots and pages."""
