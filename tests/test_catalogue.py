@@ -39,12 +39,13 @@ def test_things_stand_on_their_origin(entry: Entry) -> None:
     assert re.sub(r"_+", " ", entry.synset.rsplit(".", 2)[0]) in entry.phrases
 
 
-@pytest.mark.parametrize("entry", [e for e in ENTRIES if e.mass_kg is not None], ids=named)
+@pytest.mark.parametrize("entry", [e for e in ENTRIES if e.mass_kg is not None and e.mass_kg < 10], ids=named)
 def test_movable_things_can_be_grasped(entry: Entry) -> None:
     """One hand closes on 8.5 cm at most, so a wider thing has a lip, a bar, or a width for two hands under 43 cm."""
     low, high = entry.description.extent()
+    root = entry.description.root
     narrowest = (high - low).min()
-    assert narrowest <= 0.085 or entry.description.root.volumes
+    assert narrowest <= 0.085 or root.volumes or root.handles or 0.10 < (high - low)[:2].min() < 0.43
     assert np.sort(high - low)[1] < 0.43
 
 

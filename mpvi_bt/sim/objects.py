@@ -141,6 +141,7 @@ class Piece(Record):
         size_m: Along x, y and z; a cylinder has its diameter twice and its length along `axis`.
         axis: That a cylinder lies along.
         color: None for the compound's own.
+        collides: False for what is only seen, such as a label.
     """
 
     kind: Literal["box", "cylinder", "sphere"]
@@ -148,6 +149,7 @@ class Piece(Record):
     size_m: Size
     axis: Literal["x", "y", "z"] = "z"
     color: Rgb | None = None
+    collides: bool = True
 
 
 def compound(*, pieces: tuple[Piece, ...], color: Rgb) -> Description:
@@ -156,12 +158,13 @@ def compound(*, pieces: tuple[Piece, ...], color: Rgb) -> Description:
     for piece in pieces:
         paint = piece.color or color
         if piece.kind == "box":
-            parts.box(piece.at, piece.size_m, paint)
+            parts.box(piece.at, piece.size_m, paint, collides=piece.collides)
         elif piece.kind == "sphere":
-            parts.sphere(piece.at, piece.size_m[0], paint)
+            parts.sphere(piece.at, piece.size_m[0], paint, collides=piece.collides)
         else:
             along = "xyz".index(piece.axis)
-            parts.cylinder(piece.at, piece.size_m[along - 1], piece.size_m[along], paint, axis=piece.axis)
+            across, length = piece.size_m[along - 1], piece.size_m[along]
+            parts.cylinder(piece.at, across, length, paint, axis=piece.axis, collides=piece.collides)
     return parts.thing()
 
 
