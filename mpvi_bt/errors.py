@@ -5,6 +5,7 @@ MpviError                  exit code 3  a fault of the machine or a backend
 │   ├── UnknownName                     a name that is in no registry, with the nearest match
 │   └── FileProblems                    everything wrong with a file, each as file:line:col
 ├── BackendError           exit code 3  a backend broke or refused
+│   ├── DiskFull                        there is no room for what is to be written
 │   ├── NoRenderingDevice               pictures were asked for and this machine can draw none
 │   ├── PolicyError                     a policy's server is away or answers what no policy may; has a reason code
 │   ├── DetectorError                   a detector broke, hangs or answers what no detector may; has a reason code
@@ -101,6 +102,10 @@ class FileProblems(UserError):
 
 class BackendError(MpviError):
     """A backend (simulator, policy, detector, checker, planner) broke or refused."""
+
+
+class DiskFull(BackendError):
+    """There is no room for what is to be written, on the disk or in what the user may take of it."""
 
 
 class NoRenderingDevice(BackendError):

@@ -9,9 +9,10 @@ import secrets
 import stat
 from pathlib import Path
 
-from mpvi_bt.errors import BackendError, MpviError, UserError
+from mpvi_bt.errors import BackendError, DiskFull, MpviError, UserError
 
-_OF_THE_MACHINE = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+_OF_THE_MACHINE = (errno.EIO, errno.EFBIG)
 
 
 def write_whole(path: str | Path, content: str | bytes) -> None:
@@ -22,7 +23,8 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
 
     Raises:
         UserError: It cannot be written there.
-        BackendError: The disk is full or broken; what was there before is untouched.
+        DiskFull: The disk is full; what was there before is untouched.
+        BackendError: The disk is broken; likewise.
     """
     data = content.encode() if isinstance(content, str) else content
     given = Path(path)
@@ -56,5 +58,5 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
 
 def unwritable(what: str | Path, error: OSError) -> MpviError:
     """What to raise where something cannot be written: bad input, unless the disk is full or broken."""
-    kind = BackendError if error.errno in _OF_THE_MACHINE else UserError
+    kind = DiskFull if error.errno in _FULL else BackendError if error.errno in _OF_THE_MACHINE else UserError
     return kind(f"{what}: cannot be written: {(error.strerror or str(error)).lower()}")

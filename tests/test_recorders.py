@@ -189,7 +189,7 @@ def test_a_file_that_cannot_be_written_is_a_user_error(tmp_path: Path) -> None:
     """Said before the episode begins, with the path."""
     (tmp_path / "file").write_text("")
     bad = tmp_path / "file" / "episode.mp4"
-    with pytest.raises(UserError, match="cannot write the video"):
+    with pytest.raises(UserError, match="cannot be written"):
         watch(KinematicWorld(), Video(bad))
 
 

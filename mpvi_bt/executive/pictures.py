@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mpvi_bt.errors import UserError
 from mpvi_bt.executive.labels import Picture
 from mpvi_bt.executive.loop import Outcome, Watcher, World
 from mpvi_bt.executive.map_canvas import Canvas
@@ -21,6 +20,7 @@ from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
+from mpvi_bt.writing import unwritable
 
 _SAME_M = 0.05  # goals that are nearer to one another are one
 _START, _END = (24, 130, 70), (200, 40, 50)
@@ -130,4 +130,4 @@ def write_png(file: Path, picture: Picture) -> None:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(data.tobytes())
     except OSError as error:
-        raise UserError(f"{file}: cannot write the picture: {error.strerror}") from error
+        raise unwritable(file, error) from error

@@ -9,7 +9,7 @@ from typing import Protocol, cast
 import numpy as np
 
 from mpvi_bt.drawing.text import LEGEND, ascii_tree
-from mpvi_bt.errors import BackendError, UserError
+from mpvi_bt.errors import BackendError
 from mpvi_bt.executive.frame_text import COLUMNS, DIM, INK, PAPER, SIZE, write, write_tree
 from mpvi_bt.executive.labels import Picture
 from mpvi_bt.executive.loop import Outcome, Watcher, World
@@ -18,6 +18,7 @@ from mpvi_bt.executive.search_view import SearchView
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
+from mpvi_bt.writing import unwritable
 
 _OUTSIDE = (800, 600)  # picture from outside, upper left,
 _RENDERED = (640, 480)  # rendered smaller, as it is most of what a frame costs on a CPU (0.1 s)
@@ -71,7 +72,7 @@ class Video(Watcher):
             self._file.parent.mkdir(parents=True, exist_ok=True)
             self._file.open("wb").close()
         except OSError as error:
-            raise UserError(f"{self._file}: cannot write the video: {error.strerror}") from error
+            raise unwritable(self._file, error) from error
         self._writer = imageio_ffmpeg.write_frames(
             str(self._file),
             SIZE,
