@@ -91,6 +91,7 @@ def run(
     world, start = _world(config, task, house, catalogue, problem)
     truth = truth_in(world, start.scene_names)
     before = snapshot(problem, truth)
+    places = _places(world)
     vocabulary = {e.name: e.phrases for e in world.knowledge() if e.kind != "room"}
     detector = make_detector(config.detector, vocabulary, config.seed)
     ground = Ground(skills, vocabulary, None if detector.name in _LABELS else detector, world, config.seed)
@@ -150,6 +151,7 @@ def run(
         grasps=Grasps.model_validate(Counter(notice.kind for notice in outcome.log.notices)),
         queries=count_queries(outcome.log.queries, audit.truths, tree.spec),
         planning=Planning.of(prepared.planned),
+        things={name: [places[name], place] for name, place in _places(world).items() if name in places},
         wall={
             "total_s": total,
             "setup_s": ready - began,
@@ -179,6 +181,11 @@ def _world(
     raise BackendError(
         f"{config.task}: no start of instance {config.instance} came to rest as :init has it in {_DRAWS} draws"
     )
+
+
+def _places(world: World) -> dict[str, list[float]]:
+    """Where each movable thing is, x and y in the world [m], to whole centimetres."""
+    return {e.name: [round(float(c), 2) for c in e.center[:2]] for e in world.knowledge() if e.kind == "object"}
 
 
 def _replanning(planner: Planner, tree: Tree, context: Context, task: Task, world: World) -> Replanning:

@@ -7,7 +7,7 @@ evaluator does, the inverse of the paper's wording) they are higher-is-better, 1
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,11 +15,13 @@ from mpvi_bt.executive.loop import Watcher, World
 from mpvi_bt.robot import kinematics
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Side
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.suite.way import thinned
 from mpvi_bt.tree.build import Tree
 
 DIRECTIONS: Mapping[str, str] = {
-    "q_score": "0..1, higher is better",
-    "goal_fraction": "0..1, higher is better",
+    "q_score": "0..1, higher is better; what held at the start earns nothing",
+    "goal_fraction": "0..1, higher is better; what held at the start counts",
+    "conditions_met": "0..1, higher is better; of the conditions as listed",
     "time.simulator_time": "seconds, lower is better",
     "time.normalized_time": "human / robot, higher is better",
     "agent_distance": "metres in the world, lower is better",
@@ -37,12 +39,14 @@ class Measurement:
         base_m: Sum of the base's steps on the floor.
         hand_world_m: Sum of each hand's steps in the world: driving counts.
         hand_base_m: Sum of each hand's steps in the base frame: driving does not count.
+        way: Corners of the base's way, x and y in the world [m].
     """
 
     steps: int
     base_m: float
     hand_world_m: Mapping[Side, float]
     hand_base_m: Mapping[Side, float]
+    way: list[list[float]] = field(default_factory=list)
 
     @property
     def time_s(self) -> float:
@@ -56,6 +60,7 @@ class Measurement:
             base_m=earlier.base_m + self.base_m,
             hand_world_m={side: earlier.hand_world_m[side] + self.hand_world_m[side] for side in SIDES},
             hand_base_m={side: earlier.hand_base_m[side] + self.hand_base_m[side] for side in SIDES},
+            way=earlier.way + self.way,
         )
 
 
@@ -98,6 +103,7 @@ class Meter(Watcher):
             base_m=_way(base[:, :2]),
             hand_world_m={side: _way((T_world_base @ T_base_hand[side])[:, :3, 3]) for side in SIDES},
             hand_base_m={side: _way(T_base_hand[side][:, :3, 3]) for side in SIDES},
+            way=thinned(base[:, :2]),
         )
         return measured.after(self._earlier) if self._earlier else measured
 

@@ -29,7 +29,7 @@ def report_data(
         faults: What broke the others.
 
     Returns:
-        Keys "suite", "episodes" (each result without its wall times), "missing", "tasks" and "overall" (means),
+        Keys "suite", "episodes" (each result without its way and wall times), "missing", "tasks" and "overall" (means),
         "privileged", "directions". "q_score" counts missing episodes as 0, as BEHAVIOR's leaderboard does;
         "q_score_of_finished" leaves them out.
     """
@@ -37,7 +37,7 @@ def report_data(
     return {
         "suite": name,
         "episodes": [
-            results[c].model_dump(mode="json", exclude={"wall", "directions"}) for c in episodes if c in results
+            results[c].model_dump(mode="json", exclude={"wall", "directions", "way"}) for c in episodes if c in results
         ],
         "missing": [
             {"episode": c.name, "fault": fault.message if (fault := faults.get(c)) else None}

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, JsonValue, ValidationError
 
 from mpvi_bt import __version__
-from mpvi_bt.goals.evaluate import GoalReport
+from mpvi_bt.goals.evaluate import GoalReport, conditions_met
 from mpvi_bt.marked_yaml import Record
 from mpvi_bt.plan.planners import Planned
 from mpvi_bt.suite.backends import privileged
@@ -22,6 +22,7 @@ from mpvi_bt.suite.human import human_stats
 from mpvi_bt.suite.metrics import DIRECTIONS, Measurement, ratio
 from mpvi_bt.suite.queries import Queries
 from mpvi_bt.suite.tasks import Task
+from mpvi_bt.suite.way import Way
 from mpvi_bt.writing import unwritable, write_whole
 
 Amount = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
@@ -149,8 +150,9 @@ class Result(Record):
         version: Version of mpvi_bt.
         rollout_id: The seed.
         success: The goal was true at the end.
-        q_score: Official q.
-        goal_fraction: Share of the goal's literals that hold at the end.
+        q_score: Official q: what held at the start earns nothing.
+        goal_fraction: q that credits what held at the start, too: share of literals that hold, in the best option.
+        conditions_met: The plain fraction: share of `goal` that holds.
         ended: How the episode ended, such as "success", "failure", "time_limit"; "backend_error": what failed is the
             server of the policy or a language model, so that the result says nothing of the policy.
         replans: Requests for a new plan.
@@ -160,6 +162,7 @@ class Result(Record):
         planning: Of the language model that made the plan; null if none did.
         config: Everything that can change the outcome.
         privileged: Backends that read simulator truth, as "kind:name".
+        way: Of the base and of things, for drawing; null where it was not kept.
         directions: What each figure's unit is, and which way is better.
         wall: Every wall-clock figure [s].
     """
@@ -180,6 +183,7 @@ class Result(Record):
     normalized_agent_distance: Ratios
     agent_distance_base_relative: Hands
     goal: list[GoalCondition]
+    conditions_met: Share = Field(default_factory=lambda data: conditions_met([c.satisfied for c in data["goal"]]))
     ended: str
     failures: list[Failure]
     replans: list[Replanned] = []
@@ -189,6 +193,7 @@ class Result(Record):
     planning: Planning | None = None
     config: dict[str, JsonValue]
     privileged: list[str]
+    way: Way | None = None
     directions: dict[str, str]
     wall: dict[str, JsonValue]
 
@@ -211,6 +216,7 @@ def make_result(
     grasps: Grasps | None = None,
     queries: Queries | None = None,
     planning: Planning | None = None,
+    things: Mapping[str, list[list[float]]] | None = None,
     wall: Mapping[str, Any] | None = None,
 ) -> Result:
     """Put an episode's result together.
@@ -224,6 +230,7 @@ def make_result(
         failures: What failed on the way, in order.
         replans: Requests for a new plan, in order.
         clipped, grasps, queries, planning: As of `Result`.
+        things: As of `Way`.
         wall: Wall-clock figures [s]; may nest.
     """
     human = human_stats().get(task.problem)
@@ -250,6 +257,7 @@ def make_result(
         ),
         agent_distance_base_relative=Hands(left=measured.hand_base_m["left"], right=measured.hand_base_m["right"]),
         goal=[GoalCondition(condition=c.text, satisfied=c.satisfied) for c in goal.conditions],
+        conditions_met=goal.conditions_met,
         ended=ended,
         failures=list(failures),
         replans=list(replans),
@@ -259,6 +267,7 @@ def make_result(
         planning=planning,
         config=config.record(),
         privileged=privileged(config.backends),
+        way=Way(base=measured.way, things=dict(things or {})),
         directions=dict(DIRECTIONS),
         wall=dict(wall or {}),
     )
