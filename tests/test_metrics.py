@@ -134,6 +134,24 @@ def test_the_layout_is_the_evaluators() -> None:
     assert data["privileged"] == ["policy:expert"]
 
 
+def test_three_scores_are_reported() -> None:
+    """What held at the start: nothing in the official q, something in the other q; and the share of conditions."""
+    data = fake_result(CONFIG)
+    scores = {key: data[key] for key in ("q_score", "goal_fraction", "conditions_met")}
+    assert scores == {"q_score": {"final": 0.5}, "goal_fraction": 0.5, "conditions_met": 0.0}
+    assert scores.keys() <= set(DIRECTIONS)
+
+
+def test_a_result_from_before_the_plain_fraction_gets_it_from_its_conditions() -> None:
+    """Older files stay valid, and their third score is what their conditions say."""
+    data = fake_result(CONFIG)
+    del data["conditions_met"]
+    data["goal"] = [{"condition": "p", "satisfied": True}, {"condition": "q", "satisfied": False}]
+    assert Result.model_validate(data).conditions_met == 0.5
+    with pytest.raises(ValidationError):
+        Result.model_validate(data | {"goal": 3})
+
+
 def test_without_wall_times_equal_configs_give_equal_files() -> None:
     """Everything that depends on the wall clock is under one key."""
     first, second = fake_result(CONFIG), fake_result(CONFIG)

@@ -135,8 +135,21 @@ def test_what_held_from_the_start_earns_nothing_but_counts() -> None:
     start = snapshot(problem, lambda k: k.args == ("a_1",))
     end = snapshot(problem, lambda k: k.args in (("a_1",), ("a_2",)))
     report = judge(problem, start, end)
-    assert (report.satisfied, report.q, report.fraction) == (False, 1 / 3, 2 / 3)
+    assert (report.satisfied, report.q, report.fraction, report.conditions_met) == (False, 1 / 3, 2 / 3, 2 / 3)
     assert [(c.text, c.satisfied) for c in report.conditions] == [("p(a_1)", True), ("p(a_2)", True), ("p(a_3)", False)]
+
+
+def test_conditions_are_counted_whatever_options_they_have() -> None:
+    """Of `some a` and b, the second holds: half of the conditions, and half of either option's literals.
+
+    Of `some pair of a`, of which one holds, no condition is met, but a half of the best option.
+    """
+    some = parse_problem(HEAD.format("(and (exists (?x - a) (p ?x)) (p b_1))"), "some")
+    report = judge(some, snapshot(some, lambda _: False), snapshot(some, lambda k: k.args == ("b_1",)))
+    assert (report.q, report.fraction, report.conditions_met) == (1 / 2, 1 / 2, 1 / 2)
+    pair = parse_problem(HEAD.format("(forn (2) (?x - a) (p ?x))"), "pair")
+    report = judge(pair, snapshot(pair, lambda _: False), snapshot(pair, lambda k: k.args == ("a_3",)))
+    assert (report.q, report.fraction, report.conditions_met) == (1 / 2, 1 / 2, 0.0)
 
 
 def test_an_option_that_contradicts_itself_is_none() -> None:

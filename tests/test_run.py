@@ -24,6 +24,8 @@ def result(**changes: Any) -> dict[str, Any]:
     usual: dict[str, Any] = {
         "success": False,
         "q_score": {"final": 2 / 3},
+        "goal_fraction": 3 / 4,
+        "conditions_met": 1 / 2,
         "ended": "time_limit",
         "goal": [
             {"condition": "inside(can__of__soda.n.01_1, ashcan.n.01_1)", "satisfied": True},
@@ -155,7 +157,7 @@ def test_the_score_says_what_matters_within_80_columns() -> None:
     assert max(map(len, text.splitlines())) <= 80
     for part in (
         "FAILURE  q = 0.667",
-        "1 of 2 conditions",
+        "1 of 2 conditions (0.500); q = 0.750 with what held at the start",
         "[x] inside(can__of__soda.n.01_1, ashcan.n.01_1)",
         "[ ] inside(can__of__soda.n.01_2, ashcan.n.01_1)",
         "351.2 s simulated\n",

@@ -23,7 +23,7 @@ def score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | No
     met = sum(condition["satisfied"] for condition in result["goal"])
     ended = result["ended"].replace("_", " ")
     entries = [
-        ("goal", f"{met} of {len(result['goal'])} conditions"),
+        ("goal", f"{met} of {len(result['goal'])} conditions{_credited(result)}"),
         *(("", f"[{'x' if c['satisfied'] else ' '}] {c['condition']}") for c in result["goal"]),
         ("time", f"{result['time']['simulator_time']:.1f} s simulated{human}"),
         ("distance", f"base {moved['base']:.1f} m, left hand {moved['left']:.1f} m, right hand {moved['right']:.1f} m"),
@@ -59,6 +59,14 @@ def brief_score(
 def _verdict(result: Mapping[str, Any]) -> str:
     verdicts = {"interrupted": "STOPPED", "backend_error": "BACKEND ERROR", "error": "ERROR"}
     return "SUCCESS" if result["success"] else verdicts.get(result["ended"], "FAILURE")
+
+
+def _credited(result: Mapping[str, Any]) -> str:
+    """The other two scores, where they say more than the first."""
+    scores = [result.get(key, result["q_score"]["final"]) for key in ("goal_fraction", "conditions_met")]
+    if scores == [result["q_score"]["final"]] * 2:
+        return ""
+    return f" ({scores[1]:.3f}); q = {scores[0]:.3f} with what held at the start"
 
 
 def _failed(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from mpvi_bt.goals.formula import All, Formula, Literal, Truth, holds, literals, signed
@@ -24,10 +24,13 @@ class Condition:
 class GoalReport:
     """How an episode's goal stands.
 
+    The scores are 0..1, higher is better, and exact: no way of reaching the goal is left out (docs/scoring.md).
+
     Attributes:
         satisfied: The goal is true.
-        q: BEHAVIOR's official q, 0..1, higher is better: 1 if satisfied, else the newly true share.
-        fraction: Share of the goal's literals that hold, 0..1, higher is better; credits those true from the start.
+        q: BEHAVIOR's official q: 1 if satisfied, else the share of literals that were false at the start and hold now,
+            in the best option.
+        fraction: Share of literals that hold now, in the best option: what held from the start counts too.
         conditions: What must hold, `forall` and `and` written out.
     """
 
@@ -35,6 +38,16 @@ class GoalReport:
     q: float
     fraction: float
     conditions: tuple[Condition, ...]
+
+    @property
+    def conditions_met(self) -> float:
+        """The plain fraction: share of the conditions that hold now, whatever held at the start."""
+        return conditions_met([condition.satisfied for condition in self.conditions])
+
+
+def conditions_met(conditions: Sequence[bool]) -> float:
+    """Share of a goal's conditions that hold, 0..1, higher is better; 1 of a goal that asks for nothing."""
+    return sum(conditions) / len(conditions) if conditions else 1.0
 
 
 def snapshot(problem: Problem, truth: Truth) -> Snapshot:

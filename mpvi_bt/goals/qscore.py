@@ -186,7 +186,10 @@ def best_fraction(goal: Formula, credit: Callable[[Literal, bool], bool]) -> flo
 
 
 def qscore(goal: Formula, start: Truth, end: Truth) -> float:
-    """BEHAVIOR's official q, 0..1: higher is better (benchmarks-and-protocols: TaskMetric)."""
+    """BEHAVIOR's official q, 0..1: higher is better (its evaluator's TaskMetric, over every option).
+
+    What held at the start earns nothing, but stays in the denominator.
+    """
     if holds(goal, end):
         return 1.0
     return best_fraction(goal, lambda literal, positive: start(literal) != positive and end(literal) == positive)
@@ -195,7 +198,7 @@ def qscore(goal: Formula, start: Truth, end: Truth) -> float:
 def fraction(goal: Formula, end: Truth) -> float:
     """Share of the literals that hold at the end, in the best option, 0..1: higher is better (Paper, Metrics).
 
-    Unlike q it credits what held from the start.
+    Unlike the official q it credits what held from the start.
     """
     if holds(goal, end):
         return 1.0
