@@ -55,9 +55,10 @@ def test_objects_rest_on_the_floor(name: str) -> None:
     thing = build_object(scene, entry, name, pose((6.0, 2.5, 0.002)), render=False)
     for _ in range(240):
         scene.step()
-    assert thing.rigid_body.mass == pytest.approx(entry.mass_kg)
+    bodies = [thing.rigid_body] if thing.articulation is None else thing.articulation.links
+    assert sum(body.mass for body in bodies) == pytest.approx(entry.mass_kg)
     np.testing.assert_allclose(thing.T_world_body()[:3, 3], (6.0, 2.5, 0.0), atol=0.005)
-    assert thing.rigid_body.is_sleeping
+    assert thing.rigid_body.is_sleeping if thing.articulation is None else thing.root_body.sleeping
     touched = {body.entity for contact in scene.get_contacts() for body in contact.bodies}
     assert not touched & set(house["floor_living_room"].entities.values())
 
@@ -112,6 +113,39 @@ def test_volumes_follow_a_drawer(built) -> None:
     moved = [np.linalg.norm(a.T[:3, 3] - b.T[:3, 3]) for a, b in zip(before, after, strict=True)]
     travel = next(b.joint.limit for b in chest.description.bodies if b.name == "drawer_2" and b.joint)
     assert moved == pytest.approx([0, travel, 0], abs=1e-4)
+
+
+LIDDED = [e.name for e in CATALOGUE if e.mass_kg is not None and e.description.jointed]
+
+
+@pytest.mark.parametrize("name", LIDDED)
+def test_a_lid_stays_where_it_is_left(name: str) -> None:
+    """Half open, a lid neither falls shut nor falls open, and what it is on stays upright; its joint tells how far."""
+    scene = new_scene(render=False)
+    build_house(scene, HOUSE, render=False)
+    thing = build_object(scene, CATALOGUE[name], name, pose((6.0, 2.5, 0.002)), render=False)
+    thing.set_joint_fraction("lid", 0.5)
+    for _ in range(360):
+        scene.step()
+    assert thing.joint_fractions() == pytest.approx([0.5], abs=0.03)
+    assert thing.T_world_body()[2, 2] > 0.999
+
+
+@pytest.mark.parametrize("name", LIDDED)
+def test_what_has_a_lid_is_placed_and_put_back_with_it(name: str) -> None:
+    """Placed elsewhere its lid goes with it; brought back to how it stood, it stands there, lid and all."""
+    scene = new_scene(render=False)
+    build_house(scene, HOUSE, render=False)
+    thing = build_object(scene, CATALOGUE[name], name, pose((6.0, 2.5, 0.002)), render=False)
+    thing.set_joint_fraction("lid", 0.5)
+    before, lid = thing.motion(), np.linalg.inv(thing.T_world_body()) @ thing.T_world_body("lid")
+    thing.place(pose((5.0, 2.0, 0.3), 1.0))
+    np.testing.assert_allclose(thing.T_world_body(), pose((5.0, 2.0, 0.3), 1.0), atol=1e-5)
+    np.testing.assert_allclose(thing.T_world_body() @ lid, thing.T_world_body("lid"), atol=1e-5)
+    for _ in range(60):
+        scene.step()
+    thing.set_motion(before)
+    assert {k: pytest.approx(v, abs=1e-5) for k, v in before.items()} == thing.motion()
 
 
 def test_a_fixture_is_no_object() -> None:

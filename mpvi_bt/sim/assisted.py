@@ -28,7 +28,7 @@ class Attachments:
         """Fix a movable thing to a hand as they stand."""
         T_world_hand = hand.entity.pose.to_transformation_matrix().astype(float)
         T_hand_thing = kin.inverse(T_world_hand) @ thing.T_world_body()
-        drive = self._scene.create_drive(hand, sapien.Pose(T_hand_thing), thing.rigid_body, sapien.Pose())
+        drive = self._scene.create_drive(hand, sapien.Pose(T_hand_thing), thing.root_body, sapien.Pose())
         for limit in (drive.set_limit_x, drive.set_limit_y, drive.set_limit_z, drive.set_limit_twist):
             limit(0.0, 0.0)
         drive.set_limit_cone(0.0, 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -49,8 +49,22 @@ class Thing:
 
     @cached_property
     def rigid_body(self) -> sapien.physx.PhysxRigidDynamicComponent:
-        """The dynamics of a movable thing."""
+        """The dynamics of a movable thing that is one body."""
         return self.entity.find_component_by_type(sapien.physx.PhysxRigidDynamicComponent)
+
+    @cached_property
+    def root_body(self) -> sapien.physx.PhysxRigidBodyComponent:
+        """What of a movable thing can be fixed to a hand: its one body, or the one that the others are joined to."""
+        return self.rigid_body if self.articulation is None else self.articulation.root
+
+    @property
+    def moves(self) -> bool:
+        """Whether it, or any part of it, can move."""
+        return self.movable or self.articulation is not None
+
+    def wake(self) -> None:
+        """Have physics go on with it, and tell its contacts, if it sleeps."""
+        self.root_body.wake_up()
 
     def T_world_body(self, body: str | None = None) -> Array:  # noqa: N802
         """(4, 4) pose of a body, the root by default."""
@@ -58,34 +72,55 @@ class Thing:
         return np.asarray(entity.pose.to_transformation_matrix(), float)
 
     def place(self, T: Array) -> None:
-        """Put a movable thing at `T` (4, 4, body to world), at rest."""
+        """Put a movable thing at `T` (4, 4, body to world), at rest; its joints stay as they are."""
+        if self.articulation is not None:
+            q = self.articulation.get_qpos()
+            self._set_root([*sapien.Pose(T).p, *sapien.Pose(T).q], np.zeros(6))
+            self.articulation.set_qpos(q)
+            self.articulation.set_qvel(np.zeros_like(q))
+            self.wake()
+            return
         self.entity.set_pose(sapien.Pose(T))
         if not self.rigid_body.kinematic:
             self.rigid_body.set_linear_velocity([0, 0, 0])
             self.rigid_body.set_angular_velocity([0, 0, 0])
-            self.rigid_body.wake_up()
+            self.wake()
 
     def motion(self) -> dict[str, list[float]]:
-        """How a thing that can move stands and moves: a free body's pose (xyz, wxyz) and velocities, or its joints'."""
+        """How a thing that can move stands and moves: a free body's pose (xyz, wxyz) and velocities, joints' q and v.
+
+        A free body with joints has both, its velocities as "root_v".
+        """
+        out: dict[str, list[float]] = {}
+        if self.movable:
+            pose, body = self.entity.pose, self.root_body
+            out["pose"] = [*pose.p.tolist(), *pose.q.tolist()]
+            speeds = [*body.linear_velocity.tolist(), *body.angular_velocity.tolist()]
+            out["v" if self.articulation is None else "root_v"] = speeds
         if self.articulation is not None:
-            return {"q": self.articulation.get_qpos().tolist(), "v": self.articulation.get_qvel().tolist()}
-        pose, body = self.entity.pose, self.rigid_body
-        return {
-            "pose": [*pose.p.tolist(), *pose.q.tolist()],
-            "v": [*body.linear_velocity.tolist(), *body.angular_velocity.tolist()],
-        }
+            out |= {"q": self.articulation.get_qpos().tolist(), "v": self.articulation.get_qvel().tolist()}
+        return out
 
     def set_motion(self, motion: Mapping[str, list[float]]) -> None:
         """Have it stand and move as `motion` told. Raises KeyError or ValueError if that is of another thing."""
         if self.articulation is not None:
+            if self.movable:
+                self._set_root(_finite(motion["pose"], 7), _finite(motion["root_v"], 6))
             self.articulation.set_qpos(_finite(motion["q"], len(self.articulation.get_qpos())))
             self.articulation.set_qvel(_finite(motion["v"], len(self.articulation.get_qpos())))
-            return
-        pose, v = _finite(motion["pose"], 7), _finite(motion["v"], 6)
-        self.entity.set_pose(sapien.Pose(pose[:3], pose[3:]))
-        self.rigid_body.set_linear_velocity(v[:3])
-        self.rigid_body.set_angular_velocity(v[3:])
-        self.rigid_body.wake_up()
+        else:
+            pose, v = _finite(motion["pose"], 7), _finite(motion["v"], 6)
+            self.entity.set_pose(sapien.Pose(pose[:3], pose[3:]))
+            self.rigid_body.set_linear_velocity(v[:3])
+            self.rigid_body.set_angular_velocity(v[3:])
+        if self.movable:
+            self.wake()
+
+    def _set_root(self, pose: Sequence[float], v: Sequence[float]) -> None:
+        assert self.articulation is not None
+        self.articulation.set_root_pose(sapien.Pose(pose[:3], pose[3:]))
+        self.articulation.set_root_linear_velocity(v[:3])
+        self.articulation.set_root_angular_velocity(v[3:])
 
     def solids(self) -> list[Solid]:
         """What collides, posed in the world as it stands now."""
@@ -210,19 +245,25 @@ class _Builder:
         if entry.mass_kg is None:
             raise ValueError(f"{entry.name} has no mass in the catalogue: it is a fixture")
         description = entry.description
+        if description.jointed:
+            thing = self.jointed(name, entry.synset, description, T, entry.friction, fixed=False)
+            assert thing.articulation is not None
+            scale = entry.mass_kg / sum(link.mass for link in thing.articulation.links)
+            for link in thing.articulation.links:
+                _weigh(link, link.mass * scale, entry.rolling_damping)
+            return thing
         builder = self.scene.create_actor_builder()
         self._add(builder, description.root, entry.friction)
         builder.set_initial_pose(sapien.Pose(T))
         entity = builder.build(name)
         body = entity.find_component_by_type(sapien.physx.PhysxRigidDynamicComponent)
-        inertia = np.asarray(body.inertia) * (entry.mass_kg / body.mass)
-        body.mass = entry.mass_kg
-        body.inertia = inertia
-        body.set_angular_damping(entry.rolling_damping)
+        _weigh(body, entry.mass_kg, entry.rolling_damping)
         self._show(entity, description.root)
         return Thing(name, entry.synset, description, {description.root.name: entity}, movable=True)
 
-    def jointed(self, name: str, synset: str, description: Description, T: Array, friction: float) -> Thing:
+    def jointed(
+        self, name: str, synset: str, description: Description, T: Array, friction: float, fixed: bool = True
+    ) -> Thing:
         builder = self.scene.create_articulation_builder()
         root = builder.create_link_builder()
         for body in description.bodies:
@@ -241,19 +282,19 @@ class _Builder:
                     damping=joint.damping,
                 )
         builder.set_initial_pose(sapien.Pose(T))
-        articulation = builder.build(fix_root_link=True)
+        articulation = builder.build(fix_root_link=fixed)
         articulation.set_name(name)
         articulation.set_qpos(np.zeros(articulation.dof))  # else its links have no poses before the first step
         links = {link.name.removeprefix(f"{name}/"): link for link in articulation.links}
         for body in description.bodies:
             self._show(links[body.name].entity, body)
-            if body.joint is None:
+            if body.joint is None and fixed:
                 _mark_fixed(links[body.name])
-            elif body.joint.sprung:
+            elif body.joint is not None and body.joint.sprung:
                 links[body.name].disable_gravity = True
         joints = {joint.name.removeprefix(f"{name}/"): k for k, joint in enumerate(articulation.active_joints)}
         entities = {body: link.entity for body, link in links.items()}
-        return Thing(name, synset, description, entities, articulation, _joints=joints)
+        return Thing(name, synset, description, entities, articulation, not fixed, _joints=joints)
 
     def _add(self, builder: sapien.ActorBuilder, body: Body, friction: float, density: float = 1000.0) -> None:
         """Add a body's collision shapes."""
@@ -308,6 +349,14 @@ def show(
         )
         component.attach(shape)
     entity.add_component(component)
+
+
+def _weigh(body: sapien.physx.PhysxRigidBodyComponent, mass_kg: float, angular_damping: float) -> None:
+    """Give a body another mass, its inertia in proportion."""
+    inertia = np.asarray(body.inertia) * (mass_kg / body.mass)
+    body.mass = mass_kg
+    body.inertia = inertia
+    body.set_angular_damping(angular_damping)
 
 
 def _mark_fixed(component: sapien.physx.PhysxRigidBaseComponent) -> None:

@@ -196,6 +196,14 @@ class Parts:
         """A sphere about `center` [m]."""
         self.items.append(Part(Solid("sphere", np.full(3, diameter / 2), pose(center)), color, collides))
 
+    def bar(self, center: Vector, along: Array, length: float, thick: float, face: float, color: Color) -> None:
+        """A round bar along y or z to take hold of [m], with two posts back to a face at x = `face`."""
+        self.cylinder(center, thick, length, color, axis="y" if along[1] else "z")
+        for sign in (-1, 1):
+            post = np.array(center) + sign * along * (length / 2 - 0.012)
+            gap = center[0] - face
+            self.box((face + gap / 2, float(post[1]), float(post[2])), (gap, 0.012, 0.012), color)
+
     def body(
         self,
         name: str = "body",

@@ -210,7 +210,7 @@ def _door(
     if window:
         size = (thickness + 0.004, w - 0.16, h - 0.16) if min(w, h) > 0.25 else (thickness + 0.004, w * 0.6, h * 0.6)
         parts.box(middle, size, _GLASS, collides=False)
-    _bar(parts, handle, along, across, grip, 0.0, handle_color)
+    parts.bar(handle, along, across, grip, 0.0, handle_color)
     bar_handle = Handle(np.array(handle), along, np.array([1.0, 0, 0]), across, grip)
     joint = Joint("hinge", origin, axis, 1.4 if hinge == "top" else 1.57 if hinge == "bottom" else 2.0, sprung=sprung)
     return parts.body(name, handles=(bar_handle,), joint=joint)
@@ -232,28 +232,11 @@ def _drawer(
     parts.box((middle - depth / 2 + side / 2, 0, 0.026 + height / 2), (side, width - 2 * side, height), color)
     center = (x / 2 + 0.05, 0.0, pitch * 0.62)
     along = np.array([0.0, 1.0, 0.0])
-    _bar(parts, center, along, bar, 0.018, x / 2, handle_color)
+    parts.bar(center, along, bar, 0.018, x / 2, handle_color)
     interior = Solid("box", np.array([depth - side, width - 2 * side, height]) / 2)
     handle = Handle(np.array(center), along, np.array([1.0, 0, 0]), bar, 0.018)
     joint = Joint("slide", np.array([0.0, 0.0, low]), np.array([1.0, 0, 0]), min(0.35, depth * 0.8), damping=5.0)
     return parts.body(name, (_at(interior, (middle + side / 2, 0, 0.026 + height / 2)),), (handle,), joint)
-
-
-def _bar(
-    parts: Parts,
-    center: tuple[float, float, float],
-    along: np.ndarray,
-    length: float,
-    thick: float,
-    face: float,
-    color: Color,
-) -> None:
-    """A round bar along y or z with two posts back to the door's face at x = `face`."""
-    parts.cylinder(center, thick, length, color, axis="y" if along[1] else "z")
-    for sign in (-1, 1):
-        post = np.array(center) + sign * along * (length / 2 - 0.012)
-        gap = center[0] - face
-        parts.box((face + gap / 2, float(post[1]), float(post[2])), (gap, 0.012, 0.012), color)
 
 
 def _at(solid: Solid, center: tuple[float, float, float]) -> Solid:

@@ -154,7 +154,7 @@ class World:
     def wake(self) -> None:
         """Have the next step report the contacts of what sleeps, too."""
         for thing in self._objects.values():
-            thing.rigid_body.wake_up()
+            thing.wake()
 
     def set_opening(self, name: str, body: str, fraction: float) -> None:
         """Put a door or drawer of a fixture at an opening, 0 closed to 1 fully open, at rest.
@@ -189,16 +189,21 @@ class World:
 
         Raises:
             UnknownName: There is no such movable thing.
+            UserError: It has joints, and is to be fixed.
         """
         if name not in self._objects:
             raise UnknownName("movable thing", name, self._objects)
-        self._objects[name].rigid_body.kinematic = fixed
-        self._objects[name].place(T)
+        thing = self._objects[name]
+        if thing.articulation is None:
+            thing.rigid_body.kinematic = fixed
+        elif fixed:
+            raise UserError(f"{name} cannot be fixed: it has joints")
+        thing.place(T)
         self._known = None
 
     def save(self) -> dict[str, Any]:
         """How everything stands, as JSON values: the robot, and every thing that can move."""
-        things = {name: thing.motion() for name, thing in self._things.items() if thing.movable or thing.articulation}
+        things = {name: thing.motion() for name, thing in self._things.items() if thing.moves}
         return {"steps": self.steps, "robot": self.robot.save(), "things": things, "on": self._switches.on}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
@@ -208,7 +213,7 @@ class World:
         Raises:
             UserError: Other things were saved than there are here.
         """
-        movable = {name for name, thing in self._things.items() if thing.movable or thing.articulation}
+        movable = {name for name, thing in self._things.items() if thing.moves}
         if set(saved["things"]) != movable:
             odd = sorted(movable.symmetric_difference(saved["things"]))
             raise UserError(f"the saved world has not the same things as this one: {', '.join(odd[:5])}")
@@ -277,21 +282,13 @@ class World:
         return self._things[name].T_world_body()
 
     def handles(self, name: str) -> Sequence[Handle]:
-        """Its handles in the world."""
+        """Bars to carry it by, in the world: not those of its doors and lids."""
         thing = self._things[name]
-        out = []
-        for body in thing.description.bodies:
-            for handle in body.handles:
-                T = thing.T_world_body(body.name)
-                R = T[:3, :3]
-                center, axis, outward = R @ handle.center + T[:3, 3], R @ handle.axis, R @ handle.outward
-                out.append(replace(handle, center=center, axis=axis, outward=outward))
-        return out
+        return [_posed(handle, thing.T_world_body()) for handle in thing.description.root.handles]
 
     def doors(self, name: str) -> Sequence[Door]:
         """Its doors, lids and drawers in the world, as they stand now."""
         thing = self._things[name]
-        bars = self.handles(name)
         out = []
         for body, fraction in zip((b for b in thing.description.bodies if b.joint), self.joint_fractions(name),
                                   strict=True):  # fmt: skip
@@ -301,8 +298,7 @@ class World:
             origin, axis = T[:3, :3] @ joint.origin + T[:3, 3], T[:3, :3] @ joint.axis
             now = thing.T_world_body(body.name)
             solids = [part.solid.moved(now) for part in body.parts if part.collides]
-            centers = [now[:3, :3] @ handle.center + now[:3, 3] for handle in body.handles]
-            bar = next((b for b in bars if any(np.allclose(b.center, c) for c in centers)), None)
+            bar = _posed(body.handles[0], now) if body.handles else None
             out.append(Door(body.name, joint.kind, origin, axis, fraction * joint.limit, joint.limit, bar, solids))
         return out
 
@@ -398,6 +394,13 @@ class World:
                 )  # fmt: skip
             self._known = (self.steps, base)
         return self._known[1]
+
+
+def _posed(handle: Handle, T: Array) -> Handle:
+    """A handle in the frame that `T` (4, 4) maps its body's into."""
+    R = T[:3, :3]
+    center, axis, outward = R @ handle.center + T[:3, 3], R @ handle.axis, R @ handle.outward
+    return replace(handle, center=center, axis=axis, outward=outward)
 
 
 def _gap(solid: Solid, p: Array) -> float:
