@@ -57,6 +57,13 @@ KINDS = (
         "mpvi suite run FILE",
         "mpvi_bt.suite.tasks:check_suite",
     ),
+    Kind(
+        "a method",
+        frozenset({"policy", "detector", "checker", "trigger", "planner", "map", "drive", "on_failure", "while_asked"}),
+        "methods",
+        "mpvi run --method FILE",
+        "mpvi_bt.suite.methods:check_method",
+    ),
     Kind("a task", frozenset({"problem", "bindings"}), "tasks", "mpvi run FILE", "mpvi_bt.suite.tasks:check_task"),
     Kind(
         "a catalogue",

@@ -36,6 +36,7 @@ REQUIRED = {  # by folder
     "houses": {"outside", "rect", "floor", "walls"},
     "catalogues": {"synset", "family", "shape"},
     "suites": {"tasks", "instances"},
+    "methods": {"about", "planner", "policy", "checker", "trigger"},
     "policies": {"camera", "part", "at"},
     "tasks": {"instruction", "problem", "house", "plan", "tree", "can__of__soda.n.01"},
 }
@@ -74,6 +75,9 @@ WRONG = {  # key: values that it can't have
     "test": ("Not A Key",),
     "fail": ("Not A Reason",),
     "name": ("other_name", "Other Name"),
+    "planner": ("recorde", "openai"),
+    "trigger": ("periodic", "periodical:300"),
+    "drive": ("navigate", "planner"),
 }
 
 

@@ -18,6 +18,7 @@ from mpvi_bt.errors import FileProblems
 from mpvi_bt.file_kinds import KINDS
 from mpvi_bt.plan.schema import load_plan
 from mpvi_bt.plan.skills import load_skill
+from mpvi_bt.suite.methods import load_method
 from mpvi_bt.suite.result import Result
 from mpvi_bt.suite.saved import SavedEpisode, load_saved
 from mpvi_bt.suite.tasks import load_suite, load_task
@@ -32,6 +33,7 @@ FILES: dict[str, tuple[str, str]] = {  # name: its text, and what takes it
     "pick.yaml": ((ROOT / "skills/pick.yaml").read_text(), "a folder skills/"),
     "task.yaml": ((ROOT / "tasks/picking_up_trash.yaml").read_text(), "mpvi run FILE"),
     "suite.yaml": ("tasks: [picking_up_trash]\ninstances: [0]\n", "mpvi suite run FILE"),
+    "method.yaml": ((ROOT / "tasks/methods/mpvi.yaml").read_text(), "mpvi run --method FILE"),
     "rules.yaml": (RULES, "mpvi run --substitute FILE"),
     "run.saved.json": (json.dumps(dict.fromkeys(SavedEpisode.model_fields, 1)), "mpvi run --resume FILE"),
     "result.json": (json.dumps(dict.fromkeys(Result.model_fields, 1)), "mpvi suite"),
@@ -44,6 +46,7 @@ LOADERS: dict[str, Callable[[str], Any]] = {
     "pick.yaml": load_skill,
     "task.yaml": load_task,
     "suite.yaml": load_suite,
+    "method.yaml": load_method,
     "rules.yaml": load_rules,
 }
 

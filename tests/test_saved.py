@@ -131,6 +131,8 @@ def test_the_settings_of_an_episode_are_what_it_records() -> None:
         substitute="rules.yaml",
         tree="t.yaml",
         plan="p.json",
+        method="mpvi",
+        drive="policy",
         on_failure="retry:2",
         policy_settings="comet.yaml",
         policy_horizon=8,

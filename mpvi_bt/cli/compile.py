@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from mpvi_bt.cli.given import File, on_failure
+from mpvi_bt.cli.given import File, drive, on_failure
 from mpvi_bt.writing import write_whole
+
+if TYPE_CHECKING:
+    from mpvi_bt.tree.compile import Drive
 
 
 @click.command(name="compile")
 @click.argument("plan", type=File("tasks/plans"))
 @on_failure
+@drive
 @click.option("--out", type=click.Path(dir_okay=False), help="Write here instead of to the terminal.")
 @click.option("--json", "as_json", is_flag=True, help='For programs: one JSON object with the text under "yaml".')
-def compile_(plan: str, on_failure: str, out: str | None, as_json: bool) -> None:
+def compile_(plan: str, on_failure: str, drive: Drive, out: str | None, as_json: bool) -> None:
     """Write the tree of a plan, as YAML. PLAN is a file, or the name of a recorded plan."""
     from mpvi_bt.plan.planners import RecordedPlanner
     from mpvi_bt.plan.schema import load_plan
@@ -26,7 +31,7 @@ def compile_(plan: str, on_failure: str, out: str | None, as_json: bool) -> None
 
     is_file = Path(plan).suffix in (".json", ".yaml", ".yml") or "/" in plan
     loaded = load_plan(plan) if is_file else RecordedPlanner().plan(plan)
-    text = dump_tree(compile_plan(loaded, load_skills(), on_failure))
+    text = dump_tree(compile_plan(loaded, load_skills(), on_failure, drive))
     if out is not None:
         write_whole(out, text)
     if as_json:

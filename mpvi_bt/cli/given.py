@@ -120,6 +120,41 @@ class Finite(click.FloatRange):
         return number
 
 
+def _take_method(ctx: click.Context, param: click.Parameter, given: str | None) -> str | None:
+    """The name of the method that is given; what it says holds wherever the command line says nothing else."""
+    if given is None:
+        return None
+    from mpvi_bt.suite.methods import load_method
+
+    fields = dict(load_method(given))
+    name = str(fields.pop("method"))
+    ctx.default_map = {**(ctx.default_map or {}), **fields}
+    return name
+
+
+def method(command: Any) -> Any:
+    """The option that names a method."""
+    return click.option(
+        "--method",
+        type=Name("tasks/methods", file=True),
+        is_eager=True,
+        callback=_take_method,
+        metavar="NAME",
+        help="Choose all of these as a method does, by name or file; what is given beside it overrides the method.",
+    )(command)
+
+
+def drive(command: Any) -> Any:
+    """The option that says who drives."""
+    return click.option(
+        "--drive",
+        type=click.Choice(["navigator", "policy"]),
+        default="navigator",
+        show_default=True,
+        help="Who carries out the navigation segments of a plan: the planned route, or the policy, told in words.",
+    )(command)
+
+
 def on_failure(command: Any) -> Any:
     """The option that says what becomes of a unit that fails."""
     return click.option(
@@ -176,10 +211,10 @@ def backends(command: Any) -> Any:
             help="What the robot does while the checker has not answered yet.",
         ),
     ]
-    command = language(on_failure(command))
+    command = language(drive(on_failure(command)))
     for option in reversed(options):
         command = option(command)
-    return command
+    return method(command)
 
 
 def language(command: Any) -> Any:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 
 _OUTPUT = click.Path(dir_okay=False, path_type=Path)
+_COMPILED = ("method", "drive", "on_failure")  # what changes the tree of a plan, or says why
 _OF_THIS_RUN = ("video", "picture", "rerun", *ASKING)  # of an episode that goes on, what may be said anew
 
 
@@ -225,7 +226,7 @@ def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], 
     saved = prepared.saved.run if prepared.saved else None
     if config.trace is not None:
         used = {
-            key: config.record().get(key) for key in ("task", "tree", "plan", "arguments", "substitute", "on_failure")
+            key: config.record().get(key) for key in ("task", "tree", "plan", "arguments", "substitute", *_COMPILED)
         }
         told = {"dry": True, **{key: value for key, value in used.items() if value}}
         watchers = [Recorder(config.trace, told, config.seed, saved), *watchers]
@@ -233,7 +234,9 @@ def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], 
     world = EmptyWorld()
     with stop:
         keeper = Keeper(stop, config, tree, world)
-        outcome = run_dry(tree, prepared.skills, watchers, budget_s, keeper, world, saved, prepared.planner)
+        outcome = run_dry(
+            tree, prepared.skills, watchers, budget_s, keeper, world, saved, prepared.planner, config.drive
+        )
     result = _brief(config, prepared, outcome)
     _tell(result, config, True, as_json)
     return INTERRUPTED if outcome.ending == "interrupted" else 0 if result["success"] else 1

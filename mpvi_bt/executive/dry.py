@@ -17,6 +17,7 @@ from mpvi_bt.plan.skills import Skill
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, CameraImage, Proprioception
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.compile import Drive
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.substitute import Rules, stand_ins
 
@@ -42,6 +43,7 @@ def run_dry(
     world: EmptyWorld | None = None,
     saved: SavedRun | None = None,
     planner: Planner | None = None,
+    drive: Drive = "navigator",
 ) -> Outcome:
     """Tick a tree that needs no robot, as fast as it goes.
 
@@ -54,6 +56,7 @@ def run_dry(
         world: Whose time passes; a new one by default.
         saved: Where the run was stopped before, to go on from there.
         planner: Makes new plans where an `attempt` wants one; None: it does without.
+        drive: Who carries out the navigation segments of these, as of `compile_plan`.
 
     Raises:
         NodeError: A behavior raised; also one that asked for a robot though its node type does not say that it does.
@@ -62,7 +65,7 @@ def run_dry(
     world = world or EmptyWorld()
     context = dry_context(world, tree, skills)
     if planner is not None:
-        context.replanning = Replanning(planner, tree, context)
+        context.replanning = Replanning(planner, tree, context, drive=drive)
     if saved is not None:
         restore_world(saved, world, context)
     return run_episode(tree, world, context, subscribers, max_time_s, stop=stop, saved=saved.tree if saved else None)

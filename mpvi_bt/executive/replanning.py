@@ -20,7 +20,7 @@ from mpvi_bt.plan.history import History, Thing, Unit
 from mpvi_bt.plan.planners import NoPlan, Planner
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.compile import compile_units
+from mpvi_bt.tree.compile import Drive, compile_units
 from mpvi_bt.tree.spec import Placed, TreeSpec
 
 MOST = 3  # Our choice: a plan that failed three times over is not mended by a fourth
@@ -44,6 +44,7 @@ class Replanning:
         seen: What the robot knows of things, when it is asked.
         swapped: Called with the new tree after each swap.
         most: How often the planner is asked in an episode.
+        drive: Who carries out the navigation segments of new plans, as of `compile_plan`.
     """
 
     def __init__(
@@ -55,9 +56,11 @@ class Replanning:
         seen: Callable[[], Iterable[Thing]] = tuple,
         swapped: Callable[[TreeSpec], object] = lambda spec: None,
         most: int = MOST,
+        drive: Drive = "navigator",
     ) -> None:
         self._planner, self._tree, self._context = planner, tree, context
-        self._instruction, self._seen, self._swapped, self._most = instruction, seen, swapped, most
+        self._instruction, self._seen, self._swapped = instruction, seen, swapped
+        self._most, self._drive = most, drive
         self._open: list[_Request] = []
 
     def ask(self, path: str, failure: Failure) -> _Request:
@@ -97,7 +100,8 @@ class Replanning:
         kept = (node.spec.segments for node in spec.nodes if not f"{node.path}/".startswith(gone))
         index = 1 + max((i for segments in kept for i in segments), default=-1)
         plan = rest.plan
-        units = compile_units(plan, self._context.skills, "replan", place + 1, index) if plan else ()
+        skills = self._context.skills
+        units = compile_units(plan, skills, "replan", self._drive, place + 1, index) if plan else ()
         try:
             self._tree.swap_after(path, units)
         except (UserError, BackendError) as error:

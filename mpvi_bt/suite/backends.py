@@ -38,10 +38,13 @@ class Backend:
         return f"{name}[:{self.address}]" if self.optional else f"{name}:{self.address}"
 
 
+NOBODY = "none"  # plans: the policy is told the whole instruction
+
 BACKENDS: Mapping[str, Mapping[str, Backend]] = {
     "planner": {
         "recorded": Backend("the plan on file for the task"),
         "openai": Backend("a language model behind an OpenAI-compatible endpoint", address="MODEL[@URL]"),
+        NOBODY: Backend("the policy is told the whole instruction, and has the whole time"),
     },
     "map": {
         "prior": Backend("occupancy, rooms and fixtures, derived from the house before the episode"),

@@ -33,6 +33,10 @@ class EpisodeConfig:
         seed: Seed of everything random in the episode; the evaluator's rollout id.
         policy, detector, checker, trigger, planner, map: Backends, by name, or name and address
             ("openpi:ws://localhost:8000").
+        method: Name of the method that these choices come from (tasks/methods/*.yaml), or None; the choices themselves
+            say what was run.
+        drive: Who carries out the navigation segments of a plan: the "navigator", or the "policy", which is told their
+            descriptions.
         while_asked: What the robot does while the checker has not answered yet: "go_on" or "hold".
         on_failure: What becomes of a unit of the plan that fails: "advance", "retry:2" or "replan".
         policy_settings: Name or file of how a remote policy is spoken to, or None: its default.
@@ -64,6 +68,8 @@ class EpisodeConfig:
     trigger: str = "proprioceptive"
     planner: str = "recorded"
     map: str = "prior"
+    method: str | None = None
+    drive: Literal["navigator", "policy"] = "navigator"
     while_asked: Literal["go_on", "hold"] = "go_on"
     on_failure: str = "advance"
     policy_settings: str | None = None
@@ -113,4 +119,7 @@ _OUTPUTS = {"video", "picture", "rerun", "trace", "saved", "planned"}
 # Of language models what they answer matters, and neither where that is kept nor what it may cost.
 ASKING = ("exchanges", "offline", "calls", "tokens", "suite_budget")
 # Left out where they are not used.
-_RARE = {"arguments", "substitute", "on_failure", "policy_settings", "policy_horizon", "policy_ensemble", "assisted"}
+_RARE = {
+    "arguments", "substitute", "on_failure", "policy_settings", "policy_horizon", "policy_ensemble", "assisted",
+    "method", "drive",
+}  # fmt: skip

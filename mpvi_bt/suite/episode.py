@@ -48,6 +48,7 @@ from mpvi_bt.suite.saved import Keeper, SavedEpisode
 from mpvi_bt.suite.tasks import Task
 from mpvi_bt.suite.truth import Audit, TrueState
 from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.compile import Drive
 from mpvi_bt.tree.relevant import task_relevant
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.substitute import stand_ins
@@ -112,7 +113,7 @@ def run(
         blackboard=dict(tree.spec.blackboard),
     )
     if prepared.planner is not None:
-        context.replanning = _replanning(prepared.planner, tree, context, task, world)
+        context.replanning = _replanning(prepared.planner, tree, context, task, world, config.drive)
     saved = prepared.saved
     if saved is not None:
         restore_world(saved.run, world, context)
@@ -188,17 +189,18 @@ def _places(world: World) -> dict[str, list[float]]:
     return {e.name: [round(float(c), 2) for c in e.center[:2]] for e in world.knowledge() if e.kind == "object"}
 
 
-def _replanning(planner: Planner, tree: Tree, context: Context, task: Task, world: World) -> Replanning:
+def _replanning(planner: Planner, tree: Tree, context: Context, task: Task, world: World, drive: Drive) -> Replanning:
     """What makes new plans, of what the robot itself has seen; what they name is looked for from then on."""
     navigator = context.navigator
     if not isinstance(navigator, ExploringNavigator):
-        return Replanning(planner, tree, context, task.instruction, lambda: things(world.knowledge()))
+        return Replanning(planner, tree, context, task.instruction, lambda: things(world.knowledge()), drive=drive)
     discoveries = navigator.lookout.discoveries
 
     def look_for(spec: TreeSpec) -> None:
         discoveries.phrases = tuple(dict.fromkeys((*discoveries.phrases, *task_relevant(spec, context.skills))))
 
-    return Replanning(planner, tree, context, task.instruction, lambda: things(discoveries.knowledge), look_for)
+    known = discoveries.knowledge
+    return Replanning(planner, tree, context, task.instruction, lambda: things(known), look_for, drive=drive)
 
 
 def _renders(config: EpisodeConfig) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from mpvi_bt.errors import UserError
 from mpvi_bt.plan.context import Grounding
 from mpvi_bt.plan.language import LanguagePlanner
 from mpvi_bt.plan.planners import Planner, RecordedPlanner
@@ -11,7 +12,7 @@ from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import load_house
-from mpvi_bt.suite.backends import split
+from mpvi_bt.suite.backends import NOBODY, split
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.language import Models
 from mpvi_bt.suite.tasks import Task
@@ -38,6 +39,8 @@ def make_planner(
         ModelError: The model cannot be asked.
         FileProblems: Everything that is wrong with a file that the model is told of.
     """
+    if config.planner == NOBODY:
+        raise UserError(f"planner {NOBODY} makes no plan: choose recorded, or a model such as openai:MODEL.")
     if split(config.planner)[0] == "recorded":
         return RecordedPlanner()
     place = house or (task.house if task else None)

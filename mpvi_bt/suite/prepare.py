@@ -13,7 +13,7 @@ from mpvi_bt.plan.planners import Planned, Planner
 from mpvi_bt.plan.schema import Plan, check_plan
 from mpvi_bt.plan.skills import Skill, load_skills
 from mpvi_bt.sim.house import load_house
-from mpvi_bt.suite.backends import choose
+from mpvi_bt.suite.backends import NOBODY, choose
 from mpvi_bt.suite.checkers import check_checker_choice
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.detectors import make_detector
@@ -22,7 +22,7 @@ from mpvi_bt.suite.planners import ground, make_planner
 from mpvi_bt.suite.policies import check_policy_choice
 from mpvi_bt.suite.saved import SavedEpisode
 from mpvi_bt.suite.tasks import Task, load_task
-from mpvi_bt.tree.compile import compile_plan
+from mpvi_bt.tree.compile import compile_instruction, compile_plan
 from mpvi_bt.tree.lint import check_rooms, lint
 from mpvi_bt.tree.spec import Placed, TreeSpec
 from mpvi_bt.tree.substitute import Rules, load_rules
@@ -80,18 +80,24 @@ def prepare(config: EpisodeConfig, tell: Callable[[str], None] = lambda line: No
     models, planned = Models(config), None
     if arguments and config.tree is None:
         raise UserError("only a tree of a file has parameters; name one with --tree.")
+    if config.planner == NOBODY:
+        _refuse_a_plan(config)
     if config.tree is not None:
         if config.on_failure != "advance":
             raise UserError("the tree of a file says itself what becomes of failures; --on-failure is for plans.")
+        if config.drive != "navigator":
+            raise UserError("the tree of a file says itself who drives; --drive is for plans.")
         spec = _tree(config.tree, task, skills, arguments)
     elif config.plan is not None:
-        spec = compile_plan(_plan(config.plan, task, skills), skills, config.on_failure)
+        spec = compile_plan(_plan(config.plan, task, skills), skills, config.on_failure, config.drive)
+    elif task is not None and config.planner == NOBODY:
+        spec = compile_instruction(config.task_name, task.instruction)
     elif task is not None:
         planned = make_planner(config, task, models, tell=tell).ask(task.plan, task.instruction)
         if planned.answers and config.planned is not None:
             config.planned.parent.mkdir(parents=True, exist_ok=True)
             write_whole(config.planned, planned.plan.to_json())
-        spec = compile_plan(planned.plan, skills, config.on_failure)
+        spec = compile_plan(planned.plan, skills, config.on_failure, config.drive)
         if problems := check_rooms(spec, load_house(task.house).rooms):
             raise FileProblems(problems)
     else:
@@ -101,6 +107,15 @@ def prepare(config: EpisodeConfig, tell: Callable[[str], None] = lambda line: No
         rules = load_rules(config.substitute)
         rules.check(spec)
     return Prepared(task, skills, spec, rules, models, planned, planner=_replanner(config, task, models, spec))
+
+
+def _refuse_a_plan(config: EpisodeConfig) -> None:
+    """Raise UserError if a plan is to be followed that nobody makes."""
+    for option, given in (("--tree", config.tree), ("--plan", config.plan)):
+        if given is not None:
+            raise UserError(f"{option} says what to do step by step; with planner {NOBODY} only the policy knows.")
+    if config.on_failure != "advance":
+        raise UserError(f"--on-failure is for the units of a plan; planner {NOBODY} makes none.")
 
 
 def _tree(name: str, task: Task | None, skills: Mapping[str, Skill], arguments: Mapping[str, str]) -> TreeSpec:

@@ -41,6 +41,8 @@ class SavedSettings(Record):
     planner: str
     map: str
     trigger: str = "proprioceptive"
+    method: str | None = None
+    drive: Literal["navigator", "policy"] = "navigator"
     while_asked: Literal["go_on", "hold"] = "go_on"
     on_failure: str = "advance"
     policy_settings: str | None = None

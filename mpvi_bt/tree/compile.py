@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
+from typing import Literal
 
 from mpvi_bt.behaviors.parameters import Criterion, Limit, Memory, NavigateTo, NoParameters, OnFailure, Prompt, Tries
 from mpvi_bt.behaviors.references import escaped
 from mpvi_bt.errors import UserError, nearest, shown
 from mpvi_bt.plan.primitives import Primitive, primitives
-from mpvi_bt.plan.schema import Navigation, Plan
+from mpvi_bt.plan.schema import Navigation, Plan, Segment
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.tree.spec import NodeSpec, TreeSpec
 
 NAVIGATION_TIMEOUT_S = 300.0  # Our choice (the paper is silent): what looking through a whole house may take
 _LONGEST_NAME = 120  # of a unit that joins many segments; its prompt holds them all
 MANIPULATION_TIMEOUT_S = 90.0  # Our choice: of a segment that no skill file gives a time
+DRIVING = "go_to"  # the skill whose triggers tell that a drive has ended
+Drive = Literal["navigator", "policy"]
 _SETTING = re.compile(r"(advance|replan)|retry:([1-9][0-9]{0,2})")
 
 
-def compile_plan(plan: Plan, skills: Mapping[str, Skill], on_failure: str = "advance") -> TreeSpec:
+def compile_plan(
+    plan: Plan, skills: Mapping[str, Skill], on_failure: str = "advance", drive: Drive = "navigator"
+) -> TreeSpec:
     """The tree of a plan.
 
     Navigation segments stand alone. Consecutive manipulation segments form one unit: its prompt joins their
@@ -32,28 +37,41 @@ def compile_plan(plan: Plan, skills: Mapping[str, Skill], on_failure: str = "adv
         plan: To compile.
         skills: By name.
         on_failure: What becomes of a unit that fails, see `parse_on_failure`.
+        drive: Who carries out navigation segments. "policy": each is a unit as of manipulation, its description the
+            prompt (Paper, Ablation Study, Subtask Prediction).
 
     Raises:
         UserError: There is no such setting.
     """
-    root = NodeSpec("sequence", Memory(memory=True), plan.task_name, compile_units(plan, skills, on_failure))
+    units = compile_units(plan, skills, on_failure, drive)
+    root = NodeSpec("sequence", Memory(memory=True), plan.task_name, units)
     return TreeSpec(plan.task_name, root, plan.instruction)
 
 
+def compile_instruction(name: str, instruction: str) -> TreeSpec:
+    """The tree of a policy that is left to itself: told the whole instruction, and never told that it is done."""
+    return TreeSpec(name, NodeSpec("manipulate", Prompt(prompt=escaped(instruction)), name), instruction)
+
+
 def compile_units(
-    plan: Plan, skills: Mapping[str, Skill], on_failure: str = "advance", number: int = 1, index: int = 0
+    plan: Plan,
+    skills: Mapping[str, Skill],
+    on_failure: str = "advance",
+    drive: Drive = "navigator",
+    number: int = 1,
+    index: int = 0,
 ) -> tuple[NodeSpec, ...]:
     """The units of `compile_plan`.
 
     Args:
-        plan, skills, on_failure: As of `compile_plan`.
+        plan, skills, on_failure, drive: As of `compile_plan`.
         number: Of the first unit, more than 1 of a plan that is the rest of another.
         index: Of the first segment, likewise.
     """
     parameters, retries = parse_on_failure(on_failure)
     found = primitives(plan, skills)
     return tuple(
-        _attempt(n, segments, plan, _unit(segments, plan, found, index), parameters, retries)
+        _attempt(n, segments, plan, _unit(segments, plan, found, index, skills, drive), parameters, retries)
         for n, segments in enumerate(_groups(plan), start=number)
     )
 
@@ -94,25 +112,36 @@ def _attempt(
     return NodeSpec("attempt", parameters, name, (unit,), unit.segments)
 
 
-def _unit(segments: tuple[int, ...], plan: Plan, found: Mapping[int, Primitive], index: int) -> NodeSpec:
+def _unit(
+    segments: tuple[int, ...],
+    plan: Plan,
+    found: Mapping[int, Primitive],
+    index: int,
+    skills: Mapping[str, Skill],
+    drive: Drive,
+) -> NodeSpec:
     parts = [plan.segments[i] for i in segments]
     numbers = tuple(index + i for i in segments)
     if isinstance(first := parts[0], Navigation):
         seconds = NAVIGATION_TIMEOUT_S
-        node = NodeSpec(
-            "navigate",
-            NavigateTo(target=escaped(first.target), room=first.room and escaped(first.room)),
-            segments=numbers,
-        )
+        if drive == "policy":
+            node = _by_policy(parts, numbers, skills.get(DRIVING))
+        else:
+            room = first.room and escaped(first.room)
+            node = NodeSpec("navigate", NavigateTo(target=escaped(first.target), room=room), segments=numbers)
     else:
-        skills = [call.skill if (call := found[i].call) else None for i in segments]
-        seconds = sum(skill.timeout_s if skill else MANIPULATION_TIMEOUT_S for skill in skills)
-        prompt = Prompt(prompt=escaped(", then ".join(part.description for part in parts)))
-        last = skills[-1]
-        criterion = Criterion(criterion=escaped(parts[-1].completion_criterion), skill=last.name if last else None)
-        children = (
-            NodeSpec("manipulate", prompt, segments=numbers),
-            NodeSpec("check_complete", criterion, segments=numbers[-1:]),
-        )
-        node = NodeSpec("until_complete", NoParameters(), "", children, numbers)
+        known = [call.skill if (call := found[i].call) else None for i in segments]
+        seconds = sum(skill.timeout_s if skill else MANIPULATION_TIMEOUT_S for skill in known)
+        node = _by_policy(parts, numbers, known[-1])
     return NodeSpec("timeout", Limit(limit=seconds), "", (node,), numbers)
+
+
+def _by_policy(parts: Sequence[Segment], numbers: tuple[int, ...], last: Skill | None) -> NodeSpec:
+    """The policy at work on some segments until the checker says that the last one, done by that skill, is complete."""
+    prompt = Prompt(prompt=escaped(", then ".join(part.description for part in parts)))
+    criterion = Criterion(criterion=escaped(parts[-1].completion_criterion), skill=last.name if last else None)
+    children = (
+        NodeSpec("manipulate", prompt, segments=numbers),
+        NodeSpec("check_complete", criterion, segments=numbers[-1:]),
+    )
+    return NodeSpec("until_complete", NoParameters(), "", children, numbers)
