@@ -1,4 +1,4 @@
-"""`mpvi list`: what tasks, skills, trees, behaviors and backends there are, with one line each."""
+"""`mpvi list`: what tasks, methods, skills, trees, behaviors and backends there are, with one line each."""
 
 from __future__ import annotations
 
@@ -12,21 +12,23 @@ import click
 from mpvi_bt import paths
 from mpvi_bt.errors import UserError
 
-FOLDERS = ("tasks", "suites", "skills", "trees")
+FOLDERS = {
+    "tasks": "tasks", "suites": "tasks/suites", "methods": "tasks/methods", "skills": "skills", "trees": "trees",
+}  # fmt: skip
 
 
 @click.command(name="list")
 @click.argument("what", type=click.Choice([*FOLDERS, "behaviors", "backends"]))
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object by name.")
 def list_(what: str, as_json: bool) -> None:
-    """What tasks, suites, skills, trees, behaviors or backends there are, with one line each.
+    """What tasks, suites, methods, skills, trees, behaviors or backends there are, with one line each.
 
     Behaviors are the nodes that a tree may have, those of installed packages too, with their parameters.
     """
     if what == "behaviors":
         _print_behaviors(as_json)
         return
-    lines = _backends() if what == "backends" else _files("tasks/suites" if what == "suites" else what)
+    lines = _backends() if what == "backends" else _files(FOLDERS[what])
     if as_json:
         click.echo(json.dumps(lines, indent=2))
         return
