@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,13 +75,15 @@ def estimate(
 
 def resampled(tables: Sequence[Array], resamples: int, seed: int) -> Array:
     """(resamples, k) means over instances drawn anew, then over tasks; each table (n, k), n at least 2."""
-    rng = np.random.default_rng(seed)
-    total = np.zeros((resamples, tables[0].shape[1]))
-    for table in tables:
-        n = len(table)
-        drawn = rng.multinomial(n - 1, np.full(n, 1 / n), size=resamples)
-        total += drawn @ table / (n - 1)
-    return total / len(tables)
+    means = [_weights(len(table), resamples, seed, i) @ table for i, table in enumerate(tables)]
+    return np.asarray(np.mean(means, axis=0))
+
+
+@lru_cache(maxsize=64)  # a report asks for the same draws for every measure
+def _weights(n: int, resamples: int, seed: int, place: int) -> Array:
+    """(resamples, n) how often each of n instances is among n - 1 that are drawn, as a share of these."""
+    rng = np.random.default_rng([seed, place])
+    return rng.multinomial(n - 1, np.full(n, 1 / n), size=resamples) / (n - 1)
 
 
 def difference(means: Array) -> Array:

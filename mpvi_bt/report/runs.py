@@ -1,0 +1,109 @@
+"""What a report is made of: the episodes of each method, their results, and what is measured of a result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from mpvi_bt.report.statistics import Array
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.result import Result
+from mpvi_bt.suite.store import Fault
+
+Key = tuple[str, int, int]  # task, instance, seed
+
+
+@dataclass(frozen=True)
+class Runs:
+    """How the episodes of one method stand.
+
+    Attributes:
+        method: Its name.
+        episodes: All of it, in order.
+        results: Those that are there.
+        faults: What broke others.
+        folder: Of the results, with their traces and videos; None: there are none to look at.
+        about: One line for people.
+    """
+
+    method: str
+    episodes: Sequence[EpisodeConfig]
+    results: Mapping[EpisodeConfig, Result]
+    faults: Mapping[EpisodeConfig, Fault] = field(default_factory=dict)
+    folder: Path | None = None
+    about: str = ""
+
+    @property
+    def tasks(self) -> list[str]:
+        """Their names, in order."""
+        return list(dict.fromkeys(config.task_name for config in self.episodes))
+
+    @property
+    def by_key(self) -> dict[Key, Result]:
+        """The results, as another method's can be looked up beside them."""
+        return {(c.task_name, c.instance, c.seed): self.results[c] for c in self.episodes if c in self.results}
+
+
+@dataclass(frozen=True)
+class Measure:
+    """Something that is measured of every episode.
+
+    Attributes:
+        key: Its name for programs.
+        label: Its name for people.
+        unit: "" of ratios.
+        better: Which way.
+        of: Its value in a result; None where the result has none.
+        digits: Behind the point.
+    """
+
+    key: str
+    label: str
+    unit: str
+    better: Literal["higher", "lower"]
+    of: Callable[[Result], float | None]
+    digits: int = 2
+
+    @property
+    def title(self) -> str:
+        """The label with its unit and an arrow to where it is better."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        return f"{self.label}{unit} {'↑' if self.better == 'higher' else '↓'}"
+
+
+MEASURES: tuple[Measure, ...] = (
+    Measure("q_score", "q", "", "higher", lambda r: r.q, 3),
+    Measure("success_rate", "success", "", "higher", lambda r: float(r.success)),
+    Measure("goal_fraction", "q with what held at the start", "", "higher", lambda r: r.goal_fraction, 3),
+    Measure("conditions_met", "share of conditions", "", "higher", lambda r: r.conditions_met, 3),
+    Measure("simulator_time", "time", "s", "lower", lambda r: r.time.simulator_time, 1),
+    Measure("normalized_time", "human time / robot time", "", "higher", lambda r: r.time.normalized_time),
+    Measure("base", "base", "m", "lower", lambda r: r.agent_distance.base, 1),
+    Measure("left", "left hand", "m", "lower", lambda r: r.agent_distance.left, 1),
+    Measure("right", "right hand", "m", "lower", lambda r: r.agent_distance.right, 1),
+    Measure("normalized_base", "human / robot, base", "", "higher", lambda r: r.normalized_agent_distance.base),
+    Measure("normalized_left", "human / robot, left hand", "", "higher", lambda r: r.normalized_agent_distance.left),
+    Measure("normalized_right", "human / robot, right hand", "", "higher", lambda r: r.normalized_agent_distance.right),
+    Measure(
+        "left_base_relative", "left hand from the base", "m", "lower", lambda r: r.agent_distance_base_relative.left, 1
+    ),
+    Measure(
+        "right_base_relative", "right hand from the base", "m", "lower",
+        lambda r: r.agent_distance_base_relative.right, 1,
+    ),
+)  # fmt: skip
+BY_KEY = {measure.key: measure for measure in MEASURES}
+
+
+def by_instance(rows: Iterable[tuple[Key, Sequence[float]]]) -> dict[str, Array]:
+    """Task to (instances, k): figures of its instances, means over their seeds."""
+    tasks: dict[str, dict[int, list[Sequence[float]]]] = {}
+    for (task, instance, _), values in rows:
+        tasks.setdefault(task, {}).setdefault(instance, []).append(values)
+    return {
+        task: np.array([np.mean(seeds, axis=0) for seeds in instances.values()]) for task, instances in tasks.items()
+    }
