@@ -47,6 +47,7 @@ ONLY_IN = {
     "torch": {"sim/maniskill.py", "perception/grounding_dino.py"},
     "transformers": {"perception/grounding_dino.py"},
     "rerun": {"executive/rerun_log.py"},
+    "pandas": {"suite/dataset.py"},
     "openai": {"language/openai.py"},
     "httpx2": {"language/openai.py"},
 }
@@ -59,7 +60,7 @@ DISTRIBUTION = {
 }
 HEAVY = (
     *("numpy", "sapien", "torch", "pydantic", "numba", "scipy", "yaml", "py_trees", "mani_skill"),
-    *("msgpack", "websockets", "transformers", "rerun", "pyarrow", "openai", "httpx2"),
+    *("msgpack", "websockets", "transformers", "rerun", "pandas", "pyarrow", "openai", "httpx2"),
 )
 
 

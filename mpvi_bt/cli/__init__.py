@@ -26,6 +26,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "explain": ("mpvi_bt.cli.trace:explain_", "Say why a recorded run ended as it did."),
     "diff": ("mpvi_bt.cli.trace:diff_", "Show the first tick at which two recorded runs part."),
     "suite": ("mpvi_bt.cli.suite:suite", "Run many episodes, resume them, tabulate the scores."),
+    "dataset": ("mpvi_bt.cli.dataset:dataset", "Make a LeRobot dataset of recorded demonstrations."),
     "serve": ("mpvi_bt.cli.serve:serve", "Serve a policy to other programs, by openpi's protocol."),
     "list": ("mpvi_bt.cli.listing:list_", "List tasks, suites, skills, trees, behaviors, backends."),
     "doctor": ("mpvi_bt.cli.doctor:doctor", "Say what this machine can do, and how to mend the rest."),

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mpvi_bt.suite.prepare import Prepared
 
 
+FRAME_RATES = (1, 2, 3, 5, 6, 10, 15, 30)  # they divide the control rate
 _OUTPUT = click.Path(dir_okay=False, path_type=Path)
 _COMPILED = ("method", "drive", "on_failure")  # what changes the tree of a plan, or says why
 _OF_THIS_RUN = ("video", "picture", "rerun", *ASKING)  # of an episode that goes on, what may be said anew
@@ -66,6 +67,19 @@ _OF_THIS_RUN = ("video", "picture", "rerun", *ASKING)  # of an episode that goes
 @click.option("--picture", type=_OUTPUT, metavar="FILE", help="Draw the way taken, from above, as png.")
 @click.option("--rerun", type=_OUTPUT, metavar="FILE", help="Log the episode for the rerun viewer, as rrd.")
 @click.option(
+    "--demonstration",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="DIR",
+    help="Record pictures, state and actions there, for `mpvi dataset`.",
+)
+@click.option(
+    "--demonstration-fps",
+    type=click.Choice(FRAME_RATES),
+    default=10,
+    show_default=True,
+    help="Recorded rows and pictures a second.",
+)
+@click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
     default="runs",
@@ -103,8 +117,8 @@ def run(
     config, prepared, dry = (
         _resumed(resume, settings) if resume else _asked_for(task, arguments(params), dry, out, settings)
     )
-    if dry and (config.video or config.picture or config.rerun):
-        raise click.UsageError("A dry run has nothing to film, to draw or to log.")
+    if dry and (config.video or config.picture or config.rerun or config.demonstration):
+        raise click.UsageError("A dry run has nothing to film, to draw, to log or to record.")
     stem = config.name if not dry else f"{Path(config.tree or config.plan or config.task).stem}_dry"
     config = replace(config, trace=out / f"{stem}.trace.jsonl" if trace else None, saved=out / f"{stem}.saved.json")
     from mpvi_bt.suite import checkers

@@ -54,6 +54,8 @@ class EpisodeConfig:
         suite_budget: The same of its suite, or None.
         video, picture, rerun, trace: Where to write the episode's film, its picture from above, its recording for the
             rerun viewer and its trace, or None.
+        demonstration: Folder to record it in as a demonstration for LeRobot datasets, or None.
+        demonstration_fps: Rows and pictures of that a second; divides 30.
         saved: Where to write how it stands if it is stopped, or None.
         planned: Where to write the plan that a language model makes, or None; its last answer, where it makes none,
             goes beside it.
@@ -89,6 +91,8 @@ class EpisodeConfig:
     picture: Path | None = None
     rerun: Path | None = None
     trace: Path | None = None
+    demonstration: Path | None = None
+    demonstration_fps: int = 10
     saved: Path | None = None
     planned: Path | None = None
 
@@ -115,7 +119,7 @@ class EpisodeConfig:
         return {key: value for key, value in entries.items() if key not in unused}
 
 
-_OUTPUTS = {"video", "picture", "rerun", "trace", "saved", "planned"}
+_OUTPUTS = {"video", "picture", "rerun", "trace", "demonstration", "demonstration_fps", "saved", "planned"}
 # Of language models what they answer matters, and neither where that is kept nor what it may cost.
 ASKING = ("exchanges", "offline", "calls", "tokens", "suite_budget")
 # Left out where they are not used.

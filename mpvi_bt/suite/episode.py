@@ -14,6 +14,7 @@ import numpy as np
 from mpvi_bt.behaviors.context import Context
 from mpvi_bt.completion.oracle import OracleChecker
 from mpvi_bt.errors import BackendError
+from mpvi_bt.executive.demonstration import Demonstration
 from mpvi_bt.executive.loop import Last, Subscriber, run_episode
 from mpvi_bt.executive.pictures import PathPicture
 from mpvi_bt.executive.recorder import Recorder
@@ -120,7 +121,15 @@ def run(
     meter = Meter(saved.measurement if saved else None)
     audit = Audit(OracleChecker(TrueState(world), vocabulary), saved.truths if saved else ())
     last = Last()
-    watchers = [meter, audit, last, *_recorders(config, prior_map(house), world, navigator, saved), *subscribers]
+    demonstration = _demonstration(config, task)
+    watchers = [
+        meter,
+        audit,
+        last,
+        *demonstration,
+        *_recorders(config, prior_map(house), world, navigator, saved),
+        *subscribers,
+    ]
     ready = time.perf_counter()
     try:
         with stop or nullcontext(lambda: False) as asked:
@@ -160,6 +169,8 @@ def run(
             "planning_s": getattr(policy, "planning_s", 0.0),
         },
     )
+    for recorded in demonstration:
+        recorded.conclude(result.q, result.success)
     return result.model_dump(mode="json")
 
 
@@ -206,7 +217,16 @@ def _replanning(planner: Planner, tree: Tree, context: Context, task: Task, worl
 def _renders(config: EpisodeConfig) -> bool:
     """Whether anything in the episode looks at pictures."""
     looking = (choose(kind, name).sees for kind, name in config.backends.items())
-    return config.video is not None or config.rerun is not None or any(looking)
+    outputs = (config.video, config.rerun, config.demonstration)
+    return any(output is not None for output in outputs) or any(looking)
+
+
+def _demonstration(config: EpisodeConfig, task: Task) -> list[Demonstration]:
+    if config.demonstration is None:
+        return []
+    about = {"task": config.task_name, "instance": config.instance, "seed": config.seed, "config": config.record()}
+    about["instruction"] = task.instruction
+    return [Demonstration(config.demonstration, about, config.demonstration_fps)]
 
 
 def _recorders(

@@ -1,0 +1,255 @@
+"""Demonstrations, and the LeRobot datasets made of them."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from mpvi_bt.cli.dataset import dataset
+from mpvi_bt.errors import UserError
+from mpvi_bt.executive.demonstration import CAMERAS, Demonstration, state
+from mpvi_bt.executive.loop import Outcome
+from mpvi_bt.paths import find
+from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout, Proprioception, Side
+from mpvi_bt.suite.dataset import (
+    QUANTILES,
+    VECTORS,
+    find_demonstrations,
+    read_demonstration,
+    write_dataset,
+)
+from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.yaml_io import load_tree
+
+SIZES = {"head": (240, 320), "left": (224, 224), "right": (224, 224)}
+
+
+class Moving:
+    """A robot whose every sense and command tells the step it is at."""
+
+    def __init__(self) -> None:
+        self.steps = 0
+        self.looked: list[str] = []
+
+    @property
+    def robot(self) -> Moving:
+        return self
+
+    @property
+    def action(self) -> np.ndarray:
+        return np.arange(ACTION_SIZE) + 100.0 * self.steps
+
+    def proprioception(self) -> Proprioception:
+        n = float(self.steps)
+        sides: dict[Side, float] = {"left": 1.0, "right": 2.0}
+        return Proprioception(
+            base_pose=np.array([n, 1, 2]),
+            base_velocity=np.array([n, 0, 0]),
+            torso=np.full(4, n),
+            arm={side: np.full(7, n + k) for side, k in sides.items()},
+            arm_velocity={side: np.zeros(7) for side in sides},
+            gripper_width={side: k / 100 for side, k in sides.items()},
+            gripper_command=dict.fromkeys(sides, 1.0),
+        )
+
+    def look(self, camera: str) -> SimpleNamespace:
+        self.looked.append(camera)
+        return SimpleNamespace(rgb=np.full((*SIZES[camera], 3), 8 * (self.steps // 3) % 256, np.uint8))
+
+
+def recorded(folder: Path, frames: int, q: float = 1.0, fps: int = 10, **about: object) -> Path:
+    """A demonstration of so many frames, in a folder."""
+    tree, world = Tree(load_tree(find("trees", "hello"))), cast("Any", Moving())
+    told = {"task": "hello", "instance": 0, "seed": 0, "instruction": "Wave.", **about}
+    demonstration = Demonstration(folder, told, fps)
+    demonstration.start(tree, world)
+    for _ in range((frames - 1) * (30 // fps) + 1):
+        demonstration.step(tree, world)
+        world.steps += 1
+    demonstration.end(Outcome("success"))
+    demonstration.conclude(q, q == 1.0)
+    return folder
+
+
+def test_a_row_has_what_was_felt_before_the_action_that_it_names(tmp_path: Path) -> None:
+    """Ten rows a second: of every third step, state and action are those of that very step."""
+    frames = read_demonstration(recorded(tmp_path / "one", 5)).frames
+    assert frames["action"][:, 0].tolist() == [0, 300, 600, 900, 1200]
+    assert frames["base_pose"][:, 0].tolist() == [0, 3, 6, 9, 12]
+    assert frames["state"].shape == (5, ACTION_SIZE)
+
+
+def test_the_state_has_the_order_of_the_action() -> None:
+    """Where an action commands a joint, the state tells that joint; a gripper's opening stands at its command."""
+    felt = Moving().proprioception()
+    values = state(felt)
+    assert (values[ActionLayout.ARM["right"]] == felt.arm["right"]).all()
+    assert values[ActionLayout.GRIPPER["left"]] == felt.gripper_width["left"]
+    assert (values[ActionLayout.TORSO] == felt.torso).all()
+
+
+def test_pictures_are_taken_only_for_rows(tmp_path: Path) -> None:
+    """A picture costs more than all else: none is rendered between rows."""
+    tree, world = Tree(load_tree(find("trees", "hello"))), cast("Any", Moving())
+    demonstration = Demonstration(tmp_path / "one", {}, 10, ("head",))
+    demonstration.start(tree, world)
+    for world.steps in range(9):
+        demonstration.step(tree, world)
+    demonstration.end(Outcome("success"))
+    assert world.looked == ["head"] * 3
+
+
+def test_an_episode_that_broke_leaves_no_demonstration(tmp_path: Path) -> None:
+    """What a server or a Ctrl-C cut short is no demonstration: no description is written, which comes last."""
+    for ending in ("interrupted", "backend_error", "error"):
+        tree, world = Tree(load_tree(find("trees", "hello"))), cast("Any", Moving())
+        demonstration = Demonstration(tmp_path / ending, {}, 10, ())
+        demonstration.start(tree, world)
+        demonstration.step(tree, world)
+        demonstration.end(Outcome(cast("Any", ending)))
+        demonstration.conclude(1.0, True)
+        with pytest.raises(UserError, match="no demonstration"):
+            read_demonstration(tmp_path / ending)
+
+
+def test_a_dataset_holds_every_row_of_its_episodes(tmp_path: Path) -> None:
+    """Rows come out of the tables as they were recorded, numbered through, each with its task."""
+    pd = pytest.importorskip("pandas")
+    folders = [recorded(tmp_path / f"e{n}", n, instruction=f"Do {n % 2}.") for n in (4, 7, 5)]
+    write_dataset([read_demonstration(folder) for folder in folders], tmp_path / "set")
+    info = json.loads((tmp_path / "set/meta/info.json").read_text())
+    assert (info["codebase_version"], info["total_episodes"], info["total_frames"]) == ("v3.0", 3, 16)
+    assert info["total_tasks"] == 2
+    episodes = pd.read_parquet(tmp_path / "set/meta/episodes/chunk-000/file-000.parquet")
+    tasks = pd.read_parquet(tmp_path / "set/meta/tasks.parquet")
+    index = []
+    for row, folder in zip(episodes.to_dict("records"), folders, strict=True):
+        place = info["data_path"].format(chunk_index=row["data/chunk_index"], file_index=row["data/file_index"])
+        table = pd.read_parquet(tmp_path / "set" / place)
+        frames = read_demonstration(folder).frames
+        for key, (name, names) in VECTORS.items():
+            assert (np.stack(table[key]) == frames[name]).all()
+            assert info["features"][key]["shape"] == [len(names)] == [frames[name].shape[1]]
+        assert set(table.columns) | {f"observation.images.{c}" for c in CAMERAS} == info["features"].keys()
+        assert np.allclose(table["timestamp"], np.arange(len(table)) / 10)
+        assert tasks.iloc[table["task_index"][0]].name == read_demonstration(folder).about["instruction"]
+        assert row["dataset_to_index"] - row["dataset_from_index"] == row["length"] == len(table)
+        index += table["index"].tolist()
+        for camera in CAMERAS:
+            key = f"observation.images.{camera}"
+            video = info["video_path"].format(
+                video_key=key, chunk_index=row[f"videos/{key}/chunk_index"], file_index=row[f"videos/{key}/file_index"]
+            )
+            assert (tmp_path / "set" / video).stat().st_size > 0
+    assert index == list(range(16))
+
+
+def test_a_videos_frames_are_as_many_as_the_rows_at_their_times(tmp_path: Path) -> None:
+    """A loader seeks by time: frame n of the video is the picture of row n."""
+    cv2 = pytest.importorskip("cv2")
+    recorded(tmp_path / "one", 6)
+    video = cv2.VideoCapture(str(tmp_path / "one/head.mp4"))
+    shades, times = [], []
+    while True:
+        there, picture = video.read()
+        if not there:
+            break
+        times.append(video.get(cv2.CAP_PROP_POS_MSEC))
+        shades.append(picture.mean())
+    assert shades == pytest.approx([0, 8, 16, 24, 32, 40], abs=3)
+    assert times == pytest.approx([0, 100, 200, 300, 400, 500], abs=1)
+
+
+def test_statistics_are_those_of_all_rows_and_pixels(tmp_path: Path) -> None:
+    """Normalization takes them: of two episodes together, as numpy has them of what is in the tables."""
+    pytest.importorskip("pandas")
+    folders = [recorded(tmp_path / f"e{n}", n) for n in (4, 9)]
+    write_dataset([read_demonstration(folder) for folder in folders], tmp_path / "set")
+    stats = json.loads((tmp_path / "set/meta/stats.json").read_text())
+    actions = np.concatenate([read_demonstration(f).frames["action"] for f in folders]).astype(float)
+    assert np.allclose(stats["action"]["mean"], actions.mean(0))
+    assert np.allclose(stats["action"]["std"], actions.std(0))
+    for name, q in QUANTILES.items():
+        assert np.allclose(stats["action"][name], np.quantile(actions, q, axis=0))
+    shades = np.array([8 * n for count in (4, 9) for n in range(count)]) / 255
+    seen = stats["observation.images.head"]
+    assert np.allclose(np.ravel(seen["mean"]), shades.mean())
+    assert np.allclose(np.ravel(seen["std"]), shades.std())
+    assert np.ravel(seen["max"]).tolist() == pytest.approx([shades.max()] * 3)
+    assert stats["action"]["count"] == [13] == seen["count"]
+
+
+def test_only_what_reached_its_goal_is_taken_unless_all_is_asked_for(tmp_path: Path) -> None:
+    """A demonstration shows how it is done; what failed comes only by --all."""
+    pytest.importorskip("pandas")
+    recorded(tmp_path / "demos/good", 3)
+    recorded(tmp_path / "demos/bad", 3, q=0.5)
+    run = CliRunner().invoke
+    done = run(dataset, [str(tmp_path / "demos"), "--out", str(tmp_path / "set"), "--json"])
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["episodes"] == 1
+    assert json.loads(done.stdout)["left_out"] == [str(tmp_path / "demos/bad")]
+    done = run(dataset, [str(tmp_path / "demos"), "--out", str(tmp_path / "all"), "--all"])
+    assert "2 episodes, 6 frames" in done.output
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda f: (f / "episode.json").write_text("{"), "no description of a demonstration"),
+        (lambda f: (f / "episode.json").write_text('{"version": 99}'), "version 99"),
+        (lambda f: (f / "frames.npz").write_bytes(b"PK"), "cannot be read"),
+        (lambda f: (f / "frames.npz").unlink(), "cannot be read"),
+        (lambda f: np.savez(f / "frames.npz", state=np.zeros((3, 2))), "state is not"),
+    ],
+)
+def test_a_broken_demonstration_is_told_and_nothing_is_left(tmp_path: Path, spoil: object, said: str) -> None:
+    """The file and what is wrong with it are named, and no half a dataset stays."""
+    pytest.importorskip("pandas")
+    folder = recorded(tmp_path / "one", 3)
+    spoil(folder)  # type: ignore[operator]
+    with pytest.raises(UserError, match=said):
+        write_dataset(find_demonstrations([folder]), tmp_path / "set")
+    assert [path.name for path in tmp_path.iterdir()] == ["one"]
+
+
+def test_episodes_that_do_not_go_together_are_refused(tmp_path: Path) -> None:
+    """Another rate is another dataset; a folder that exists, or has no demonstrations, is told."""
+    pytest.importorskip("pandas")
+    slow, fast = recorded(tmp_path / "slow", 3), recorded(tmp_path / "fast", 3, fps=30)
+    with pytest.raises(UserError, match=r"fps 10, but .* 30"):
+        write_dataset([read_demonstration(fast), read_demonstration(slow)], tmp_path / "set")
+    with pytest.raises(UserError, match="exists"):
+        write_dataset([read_demonstration(slow)], tmp_path)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(UserError, match="no demonstrations there"):
+        find_demonstrations([tmp_path / "empty"])
+    with pytest.raises(UserError, match="none reached its goal"):
+        write_dataset([], tmp_path / "set")
+
+
+@pytest.mark.skipif("LEROBOT_PYTHON" not in os.environ, reason="LEROBOT_PYTHON names no environment with lerobot")
+def test_lerobots_own_loader_reads_what_was_recorded(tmp_path: Path) -> None:
+    """In an environment of its own (it pins an older torch), every row and picture comes out as recorded."""
+    folders = [recorded(tmp_path / f"e{n}", n) for n in (12, 9)]
+    write_dataset([read_demonstration(folder) for folder in folders], tmp_path / "set")
+    script = Path(__file__).with_name("lerobot_loader.py")
+    done = subprocess.run(
+        [os.environ["LEROBOT_PYTHON"], str(script), str(tmp_path / "set")], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    read = json.loads(done.stdout.splitlines()[-1])
+    actions = np.concatenate([read_demonstration(f).frames["action"] for f in folders])
+    assert np.array_equal(read["action"], actions)
+    assert read["task"] == ["Wave."] * 21
+    shades = [8 * n / 255 for count in (12, 9) for n in range(count)]
+    assert read["shade"] == pytest.approx(shades, abs=3 / 255)
+    assert read["chunk"] == [8, ACTION_SIZE]
