@@ -11,6 +11,7 @@ from mpvi_bt.errors import UnknownName
 from mpvi_bt.goals.predicates import toggled_on
 from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.sim.catalogue import Entry
 from mpvi_bt.sim.switches import PRESSED_STEPS, SWITCH_M
 from mpvi_bt.sim.world import World
 from tests.small_house import CATALOGUE, placed, small_world
@@ -60,6 +61,37 @@ def test_a_brush_or_a_miss_does_nothing() -> None:
         world._switches.step(AWAY if k % 4 == 3 else fingers(world, 0.0))
         world._switches.step(fingers(world, SWITCH_M + 0.001))
     assert not world.toggled_on("radio")
+
+
+def press(world: World, name: str) -> None:
+    """A fingertip on the thing's switch for long enough, and then off."""
+    for _ in range(PRESSED_STEPS):
+        world._switches.step(fingers(world, 0.0, name))
+    world._switches.step(AWAY)
+
+
+CLOSED_ONLY = {"dishwasher.n.01", "microwave.n.02", "washer.n.03"}  # BEHAVIOR's `requires_closed`
+APPLIANCES = [e for e in CATALOGUE if {"openable", "toggleable"} <= set(e.abilities)]
+
+
+@pytest.mark.parametrize("entry", APPLIANCES, ids=lambda e: e.name)
+@pytest.mark.parametrize(("opened", "kept"), [(0.0, True), (0.049, True), (0.051, False), (1.0, False)])
+def test_some_appliances_run_only_while_they_are_closed(entry: Entry, opened: float, kept: bool) -> None:
+    """One that is open past 5 % is not turned on, and one that is on goes off when it is opened, and stays off."""
+    world = small_world(it=f"{{entry: {entry.name}, at: [2, 0], yaw_deg: 180}}")
+    door = entry.description.bodies[1].name
+    runs = kept or entry.synset not in CLOSED_ONLY
+    world.set_opening("it", door, opened)
+    press(world, "it")
+    assert toggled_on(world, "it") is runs
+    world.set_opening("it", door, 0.0)
+    world.turn("it", True)
+    world.set_opening("it", door, opened)
+    world._switches.step(AWAY)
+    assert toggled_on(world, "it") is runs
+    world.set_opening("it", door, 0.0)
+    world._switches.step(AWAY)
+    assert toggled_on(world, "it") is runs
 
 
 def test_what_is_on_is_saved_and_restored() -> None:

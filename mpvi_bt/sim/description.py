@@ -67,11 +67,13 @@ class Switch:
         center: (3,) middle of its face, in the body frame [m].
         outward: (3,) unit vector out of the thing.
         radius_m: Of what is seen of it.
+        closed_only: Whether the thing is on only while it is closed: opening it turns it off.
     """
 
     center: Array
     outward: Array
     radius_m: float = 0.014
+    closed_only: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,9 +170,9 @@ class Description:
         return np.stack([corners[:, 0].min(0), corners[:, 1].max(0)])
 
 
-def switch(center: Vector, outward: Axis) -> Switch:
+def switch(center: Vector, outward: Axis, closed_only: bool = False) -> Switch:
     """A switch on a face that looks along an axis of the body frame."""
-    return Switch(np.array(center, float), _Z_TO[outward][:, 2])
+    return Switch(np.array(center, float), _Z_TO[outward][:, 2], closed_only=closed_only)
 
 
 @dataclass

@@ -28,7 +28,7 @@ _GAP = 0.004  # between a door and its neighbors
 def cabinet(
     *, size_m: Size, color: Rgb, door_color: Rgb | None = None, hinge: Hinge = "right", doors: Literal[1, 2] = 1,
     shelves_z_m: tuple[Length, ...] = (), plinth_m: float = 0.0, handle_m: Length = 0.16, window: bool = False,
-    handle_color: Rgb = _STEEL, panel: Literal["top", "side"] | None = None,
+    handle_color: Rgb = _STEEL, panel: Literal["top", "side"] | None = None, closed_only: bool = False,
 ) -> Description:  # fmt: skip
     """A box with one hinged door, or two that meet in the middle: cabinets, a refrigerator, a microwave, an oven.
 
@@ -41,6 +41,7 @@ def cabinet(
         window: Whether the door has a pane.
         panel: Where beside a single door a strip with the switch is, if it has one; at the side it is the door's free
             edge.
+        closed_only: Whether the switch turns it on only while it is closed, as that of a microwave does.
     """
     x, y, z = size_m
     depth = x - _WALL  # of the carcass; its front is at x / 2 - _WALL
@@ -72,7 +73,7 @@ def cabinet(
                 (plinth_m + top) / 2 if strip else z - _PANEL / 2,
             )
             parts.box(center, size, color)
-            switches.append(switch((x / 2, center[1] if strip else y * 0.3, center[2]), "x"))
+            switches.append(switch((x / 2, center[1] if strip else y * 0.3, center[2]), "x", closed_only))
         root = parts.body(volumes=(interior,), switches=tuple(switches))
         opening = (x / 2 - _WALL, y, plinth_m, top)
         door = _door("door", opening, -free * strip / 2, y - strip, hinge, paint, handle_m, window, handle_color)
@@ -130,7 +131,7 @@ def washer(*, size_m: Size, color: Rgb, door_color: Rgb = _GLASS) -> Description
     drum = box(((back - _WALL) / 2, 0, (low + high) / 2), (carcass - back, inside, high - low))
     opening = (x / 2 - _WALL, inside + 0.04, low - 0.02, high + 0.02)
     door = _door("door", opening, 0.0, inside + 0.04, "left", door_color, 0.12, True, _STEEL)
-    dial = switch((x / 2 + 0.002, 0.16, z - 0.08), "x")
+    dial = switch((x / 2 + 0.002, 0.16, z - 0.08), "x", closed_only=True)
     return Description((parts.body(volumes=(drum,), switches=(dial,)), door))
 
 

@@ -1,4 +1,7 @@
-"""Switches of things: a fingertip that stays on one for a moment turns the thing on or off, as in OmniGibson."""
+"""Switches of things: a fingertip that stays on one for a moment turns the thing on or off, as in OmniGibson.
+
+Some things are on only while they are closed: no finger turns them on while they are open, and opening turns them off.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import sapien
 
+from mpvi_bt.goals.predicates import OPEN_FRACTION
 from mpvi_bt.perception.detector import SWITCH
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.solids import Array, Solid
@@ -28,6 +32,7 @@ class _Place:
     Attributes:
         thing, body: What it is on.
         T_body: (4, 4) the switch to the body, z pointing out of the thing.
+        closed_only: As of `Switch`.
         fixed: (4, 4) the switch to the world where it never moves, else None.
         lights: What cameras see of it while it is off and while it is on; empty without rendering.
         pressed: Control steps that a fingertip has been on it.
@@ -36,6 +41,7 @@ class _Place:
     thing: Thing
     body: str
     T_body: Array
+    closed_only: bool
     fixed: Array | None = None
     lights: Sequence[sapien.Entity] = ()
     pressed: int = 0
@@ -43,6 +49,10 @@ class _Place:
     def T_world(self) -> Array:  # noqa: N802
         """(4, 4) the switch to the world, z pointing out of the thing."""
         return self.thing.T_world_body(self.body) @ self.T_body if self.fixed is None else self.fixed
+
+    def kept_off(self) -> bool:
+        """Whether it cannot be on now, because its thing is open."""
+        return self.closed_only and any(f > OPEN_FRACTION for f in self.thing.joint_fractions())
 
 
 class Switches:
@@ -52,7 +62,7 @@ class Switches:
         """Find the switches of `things`; `visible` ones are small disks, red while off and green while on."""
         self._on = {name: False for name, thing in things.items() if any(b.switches for b in thing.description.bodies)}
         self._places = [
-            _place(thing, body.name, _frame(switch), _lights(scene, name, switch) if visible else ())
+            _place(thing, body.name, switch, _lights(scene, name, switch) if visible else ())
             for name, thing in things.items()
             for body in thing.description.bodies
             for switch in body.switches
@@ -85,9 +95,12 @@ class Switches:
         centers = np.array([place.T_world()[:3, 3] for place in self._places])
         nearest = ((fingertips[:, None] - centers) ** 2).sum(-1).min(0)
         for place, squared in zip(self._places, nearest.tolist(), strict=True):
+            name = place.thing.name
             place.pressed = place.pressed + 1 if squared < SWITCH_M**2 else 0
+            if (place.pressed or self._on[name]) and place.kept_off():
+                place.pressed, self._on[name] = 0, False
             if place.pressed == PRESSED_STEPS:
-                self._on[place.thing.name] = not self._on[place.thing.name]
+                self._on[name] = not self._on[name]
 
     def show(self) -> None:
         """Bring what cameras see to where the switches are."""
@@ -99,10 +112,12 @@ class Switches:
                 light.set_pose(sapien.Pose(T if shown else away))
 
 
-def _place(thing: Thing, body: str, T_body: Array, lights: Sequence[sapien.Entity]) -> _Place:
+def _place(thing: Thing, body: str, switch: Switch, lights: Sequence[sapien.Entity]) -> _Place:
     """A place, its frame worked out beforehand where the body stands still: that of every fixture but its doors."""
+    T_body = _frame(switch)
     still = not thing.movable and body == thing.description.root.name
-    return _Place(thing, body, T_body, thing.T_world_body(body) @ T_body if still else None, lights)
+    fixed = thing.T_world_body(body) @ T_body if still else None
+    return _Place(thing, body, T_body, switch.closed_only, fixed, lights)
 
 
 def _lights(scene: sapien.Scene, name: str, switch: Switch) -> tuple[sapien.Entity, ...]:
