@@ -148,6 +148,20 @@ def test_what_has_a_lid_is_placed_and_put_back_with_it(name: str) -> None:
     assert {k: pytest.approx(v, abs=1e-5) for k, v in before.items()} == thing.motion()
 
 
+def test_a_fixture_with_a_mass_moves(built) -> None:
+    """What the house has that rolls is pushed by a small force; it stays upright."""
+    scene, things = built
+    chair: Thing = things["swivel_chair_1"]
+    before = chair.T_world_body()
+    for _ in range(60):
+        chair.rigid_body.add_force_at_point([20.0, 0.0, 0.0], chair.T_world_body()[:3, 3] + [0.0, 0.0, 0.4])
+        scene.step()
+    moved = chair.T_world_body()
+    chair.place(before)
+    assert moved[0, 3] - before[0, 3] > 0.05
+    assert moved[2, 2] > 0.99
+
+
 def test_a_fixture_is_no_object() -> None:
     """What has no mass cannot be built as an object."""
     with pytest.raises(ValueError, match="fixture"):

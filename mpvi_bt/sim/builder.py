@@ -207,6 +207,9 @@ def build_house(scene: sapien.Scene, house: House, render: bool) -> dict[str, Th
         things[name] = builder.static(name, "hedge.n.01" if outdoors else "wall.n.01", parts.thing(), np.eye(4), 0.5)
     for fixture in house.fixtures.values():
         entry = fixture.entry
+        if entry.mass_kg is not None:  # such as a chair that rolls
+            things[fixture.name] = builder.movable(entry, fixture.name, fixture.T_world_fixture)
+            continue
         build = builder.jointed if entry.description.jointed else builder.static
         things[fixture.name] = build(
             fixture.name, entry.synset, entry.description, fixture.T_world_fixture, entry.friction

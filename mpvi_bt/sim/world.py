@@ -153,8 +153,9 @@ class World:
 
     def wake(self) -> None:
         """Have the next step report the contacts of what sleeps, too."""
-        for thing in self._objects.values():
-            thing.wake()
+        for thing in self._things.values():
+            if thing.movable:
+                thing.wake()
 
     def set_opening(self, name: str, body: str, fraction: float) -> None:
         """Put a door or drawer of a fixture at an opening, 0 closed to 1 fully open, at rest.
@@ -376,10 +377,17 @@ class World:
                 near.append(solid)
         return near
 
+    def _now(self, known: Known) -> Known:
+        """What is known of a room or fixture; where it stands now, if it can be moved."""
+        if known.name not in self._fixtures or not self._fixtures[known.name].movable:
+            return known
+        low, high = bounds(self.solids(known.name))
+        return replace(known, lowest=low, highest=high)
+
     def knowledge(self) -> KnowledgeBase:
         """Where everything is now, by the simulator (the `oracle` detector)."""
         if self._known is None or self._known[0] != self.steps:
-            base = KnowledgeBase({e.name: e for e in self._prior})
+            base = KnowledgeBase({e.name: self._now(e) for e in self._prior})
             containers = {c: set(self.within(c)) for c in self._objects if self.volumes(c)}
             carried = {h for s in SIDES if (h := self.holding(s)) is not None} | ({self.between()} - {None})
             for name, thing in self._objects.items():
