@@ -149,12 +149,12 @@ def test_what_has_a_lid_is_placed_and_put_back_with_it(name: str) -> None:
 
 
 def test_a_fixture_with_a_mass_moves(built) -> None:
-    """What the house has that rolls is pushed by a small force; it stays upright."""
+    """What the house has that rolls is pushed by some 40 N; it stays upright."""
     scene, things = built
     chair: Thing = things["swivel_chair_1"]
     before = chair.T_world_body()
     for _ in range(60):
-        chair.rigid_body.add_force_at_point([20.0, 0.0, 0.0], chair.T_world_body()[:3, 3] + [0.0, 0.0, 0.4])
+        chair.rigid_body.add_force_at_point([40.0, 0.0, 0.0], chair.T_world_body()[:3, 3] + [0.0, 0.0, 0.4])
         scene.step()
     moved = chair.T_world_body()
     chair.place(before)
