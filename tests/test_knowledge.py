@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -38,6 +39,13 @@ def test_other_words_for_a_thing_find_it_but_do_not_rival_its_name() -> None:
     assert [e.name for e in known.find("the fridge")] == ["fridge"]
 
 
+def test_what_was_laid_down_is_not_what_is_to_be_picked_up() -> None:
+    """A can means one that the robot has not laid anywhere yet, where there is one; then one that it has."""
+    given = {"laid": {"laid": True}, "held": {"held": True}, "new": {}}
+    known = base(*(replace(can(n, **more), phrases=("can",)) for n, more in given.items()))
+    assert [e.name for e in known.find("a can")] == ["new", "laid", "held"]
+
+
 def test_what_was_in_a_forgotten_thing_is_in_nothing_known() -> None:
     """Its contents stay known, loose."""
     known = base(can("bin", held=True), can("inner", inside="bin", held=True), can("other", inside="box"))
@@ -58,6 +66,7 @@ entries = st.builds(
     source=st.sampled_from(["prior", "segmentation"]),
     held=st.booleans(),
     inside=st.none() | st.text(max_size=9),
+    laid=st.booleans(),
     confidence=st.floats(0, 1),
     seen_s=st.none() | st.floats(0, 1e4),
     view=st.none() | place,

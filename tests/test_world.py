@@ -155,6 +155,24 @@ def test_a_closed_hand_holds_what_is_between_its_fingers(side: Side) -> None:
     assert not world.knowledge().entries["can"].held
 
 
+def test_what_was_held_and_lies_elsewhere_is_laid_down() -> None:
+    """Near where a hand took it a thing slipped; away from there it was laid, which a saved world knows, too."""
+    world = small_world({"can": placed("can_of_soda", 2.0, 2.0), "far": placed("can_of_soda", -2.0, 2.0)})
+    place_in_hand(world, "can", "left")
+    assert not world.knowledge().entries["can"].laid
+    action = world.robot.action
+    action[ActionLayout.GRIPPER["left"]] = 1.0
+    run(world, action, 1.0)
+    x, y = world.pose("can")[:2, 3]
+    for away, laid in ((0.0, False), (1.0, True)):
+        world.place("can", pose((x + away, y, 0.001)))
+        world.place("far", pose((x - 2 - away, y, 0.001)))
+        assert [world.knowledge().entries[n].laid for n in ("can", "far")] == [laid, False]
+    again = small_world({"can": placed("can_of_soda", 2.0, 2.0), "far": placed("can_of_soda", -2.0, 2.0)})
+    again.restore(json.loads(json.dumps(world.save())))
+    assert again.knowledge().entries["can"].laid
+
+
 def test_an_empty_fist_holds_nothing() -> None:
     """Hands that closed on nothing hold nothing, though a can is near."""
     world = small_world({"can": placed("can_of_soda", 2.0, 2.0)})

@@ -88,8 +88,7 @@ class Work:
         if source is not None:
             places = self.scene.knowledge().find(source)
             found = [e for e in found if any(_there(e, place) for place in places)] or found
-        best = (found[0].held, found[0].inside is not None)
-        alike = [e for e in found if (e.held, e.inside is not None) == best]
+        alike = [e for e in found if e.away == found[0].away]
         return min(alike, key=lambda e: float(np.linalg.norm(e.center[:2] - here))).name
 
     def free_hands(self, name: str, wanted: str | None = None) -> list[Side]:

@@ -163,7 +163,7 @@ class KnownPlaceNavigator:
             trip.target = rooms[normalize(trip.target)]
             return [], trip.target
         hits = [h for h in hits if h.kind != "room"]
-        best = [h for h in hits if (h.held, h.inside is None) == (hits[0].held, hits[0].inside is None)]
+        best = [h for h in hits if h.away == hits[0].away]
         if hits and hits[0].kind == "fixture":
             best = knowledge.joined(best)
         return best, rooms.get(normalize(trip.room)) if trip.room else None

@@ -17,6 +17,7 @@ from mpvi_bt.perception.phrases import whole as whole
 from mpvi_bt.robot.solids import Array
 
 _AT_M = 0.3  # what lies as near to a thing as this, seen from above, is there
+LAID_M = 0.3  # what lies farther from where a hand took it, seen from above, was laid there; what is nearer slipped
 LIKELY = 0.5  # what is less likely than that to be there is not told to those who ask where a thing is
 
 Kind = Literal["room", "fixture", "object"]
@@ -35,6 +36,7 @@ class Entry:
         source: Who said so: "prior", "oracle", a detector's name.
         held: Carried by the robot now, or inside something that is.
         inside: Name of the movable container that it is in, or None.
+        laid: Put down by the robot, away from where it had taken it.
         confidence: Probability that it is there, 0 to 1.
         seen_s: Simulated time at which it was last seen; None if it never was.
         view: (3,) base pose x, y [m] and yaw [rad] that it was last seen from.
@@ -49,6 +51,7 @@ class Entry:
     source: str = "prior"
     held: bool = False
     inside: str | None = None
+    laid: bool = False
     confidence: float = 1.0
     seen_s: float | None = None
     view: Array | None = None
@@ -57,6 +60,11 @@ class Entry:
     def center(self) -> Array:
         """(3,) middle of the bounding box [m]."""
         return (self.lowest + self.highest) / 2
+
+    @property
+    def away(self) -> tuple[bool, bool, bool]:
+        """How far it is put away, what is still to be picked up first: carried, in a movable container, laid down."""
+        return self.held, self.inside is not None, self.laid
 
 
 @dataclass
@@ -83,8 +91,9 @@ class KnowledgeBase:
         """Entries that `phrase` names and that are likely enough there (`LIKELY`), what is not yet put away first.
 
         What is called just so comes before what the words may mean, see `calls`: where there is the one, the other is
-        left out. Our choice: things that are neither carried nor in a movable container come before those that are, so
-        that "a can of soda" means one that is still to be picked up. Within that the order of entry is kept.
+        left out. Our choice: things that are neither carried nor in a movable container nor laid down by the robot come
+        before those that are, so that "a can of soda" means one that is still to be picked up. Within that the order of
+        entry is kept.
         """
         wanted = normalize(phrase)
         room = room and normalize(room)
@@ -93,7 +102,7 @@ class KnowledgeBase:
         hits = hits or [e for e in likely if calls(e.phrases, phrase)]
         if room:
             hits = [e for e in hits if e.room is None or normalize(e.room) == room]
-        return sorted(hits, key=lambda e: (e.held, e.inside is not None))
+        return sorted(hits, key=lambda e: e.away)
 
     def joined(self, places: list[Entry]) -> list[Entry]:
         """Those of several places where something lies that is called like what the robot carries; all if none is.
@@ -146,6 +155,7 @@ class SavedEntry(Record):
     source: str
     held: bool
     inside: str | None
+    laid: bool = False
     confidence: Annotated[float, Field(ge=0, le=1)]
     seen_s: FiniteFloat | None
     view: Place | None

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from mpvi_bt.errors import UnknownName, UserError
+from mpvi_bt.perception.knowledge import LAID_M, KnowledgeBase
 from mpvi_bt.perception.knowledge import Entry as Known
-from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, CameraImage, Side
@@ -98,6 +98,7 @@ class World:
             self.cameras.before = self._switches.show
         self._prior, self._map = knowledge(house), prior_map(house)
         self._known: tuple[int, KnowledgeBase] | None = None
+        self._taken_at: dict[str, Array] = {}  # the middle (3,) of what a hand first held, at that time
         self._attachments = Attachments(self._scene) if assisted else None
         self.bumps: Bumps | None = None
         self.steps = 0
@@ -205,7 +206,9 @@ class World:
     def save(self) -> dict[str, Any]:
         """How everything stands, as JSON values: the robot, and every thing that can move."""
         things = {name: thing.motion() for name, thing in self._things.items() if thing.moves}
-        return {"steps": self.steps, "robot": self.robot.save(), "things": things, "on": self._switches.on}
+        taken = {name: at.tolist() for name, at in self._taken_at.items()}
+        return {"steps": self.steps, "robot": self.robot.save(), "things": things, "on": self._switches.on,
+                "taken_at": taken}  # fmt: skip
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Bring everything to how it stood. Contacts are found anew, so what follows is close to, not the same as,
@@ -225,6 +228,7 @@ class World:
             self._things[name].set_motion(motion)
         self.robot.restore(saved["robot"])
         self._switches.turn(saved.get("on", {}))
+        self._taken_at = {name: np.array(at) for name, at in saved.get("taken_at", {}).items()}
         self.steps, self._known = int(saved["steps"]), None
 
     def look_from(self, T_world_camera: Array, size: tuple[int, int] = (640, 480), fov_rad: float = 1.0) -> CameraImage:
@@ -393,11 +397,16 @@ class World:
             for name, thing in self._objects.items():
                 low, high = bounds(thing.solids())
                 inside = next((c for c, names in containers.items() if name in names), None)
+                if name in carried:
+                    self._taken_at.setdefault(name, (low + high) / 2)
+                taken_at = self._taken_at.get(name)
+                laid = taken_at is not None and name not in carried
+                laid = laid and bool(np.linalg.norm(((low + high) / 2 - taken_at)[:2]) > LAID_M)
                 base.put(
                     Known(
                         name=name, phrases=self._phrases[name], kind="object", lowest=low, highest=high,
                         room=self._map.room_at((low + high)[:2] / 2), source="oracle",
-                        held=name in carried or inside in carried, inside=inside,
+                        held=name in carried or inside in carried, inside=inside, laid=laid,
                     )
                 )  # fmt: skip
             self._known = (self.steps, base)
