@@ -65,7 +65,8 @@ def fake_result(config: EpisodeConfig, steps: int = 900, backend: bool = False) 
     ended = "success" if success else "failure"
     if backend:
         ended, failures = "backend_error", [Failure(node="task/pick", reason="server_closed", feedback="it went away")]
-    result = make_result(config, TASK, goal, measured, ended=ended, failures=failures, wall={"total_s": time.time()})
+    wall = {"total_s": float(os.environ.get("FAKE_SLEEP", "1"))}
+    result = make_result(config, TASK, goal, measured, ended=ended, failures=failures, wall=wall)
     return result.model_dump(mode="json")
 
 

@@ -27,7 +27,7 @@ from mpvi_bt.suite.planners import ground
 from mpvi_bt.suite.prepare import check_episode
 from mpvi_bt.suite.result import Planning
 from mpvi_bt.suite.tasks import load_task
-from mpvi_bt.suite.worker import run_episode
+from mpvi_bt.suite.worker import play
 from tests.chat_servers import ChatServer, RealServer, completion, failure, free_port
 from tests.fake_episodes import fake_result
 
@@ -222,10 +222,10 @@ def _fails(config: EpisodeConfig) -> dict[str, Any]:
     raise ModelError(config.planner, "it gave\n  no plan")
 
 
-def test_an_episode_without_a_plan_is_a_backends_fault(tmp_path: Path) -> None:
+def test_an_episode_without_a_plan_is_a_backends_fault() -> None:
     """Not a task failure; where no other episode could have a plan either, the suite ends."""
     for reason, hopeless in (("bad_answer", False), ("rate_limited", False), ("wrong_key", True)):
-        fault = run_episode(f"{__name__}:_fails", EpisodeConfig("picking_up_trash", planner=reason), tmp_path)
+        fault = play(f"{__name__}:_fails", EpisodeConfig("picking_up_trash", planner=reason)).fault
         assert fault is not None
         assert (fault.message, fault.backend, fault.hopeless) == (f"{reason}: it gave no plan", reason, hopeless)
         assert fault.kind == "backend failure"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from pathlib import Path
 
@@ -10,7 +9,6 @@ import pytest
 
 from mpvi_bt.cli.score import score
 from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.progress import Progress
 from mpvi_bt.suite.report import report_data, report_text, troubles
 from mpvi_bt.suite.result import Grasps, Result
 from mpvi_bt.suite.store import Fault, Store
@@ -99,48 +97,6 @@ def test_the_table_fits_a_terminal_and_tells_everything() -> None:
     assert "instance 1 at the end: not met: inside(can, bin)" in text
     assert "four: 3/4 episodes, 2 succeeded, mean q 0.625 with missing ones as 0, 0.833 without" in text
     assert "simulator truth: policy:expert" in text
-
-
-class Terminal(io.StringIO):
-    """A stream that says it is a terminal."""
-
-    def isatty(self) -> bool:
-        return True
-
-
-def tell(stream: io.StringIO) -> str:
-    """What is written of a run that finds one result, makes two, and breaks once."""
-    progress = Progress(stream)
-    progress.begin([RESULTS[EPISODES[0]]], 3, 2)
-    progress.tick(2)
-    progress.finished(EPISODES[1], RESULTS[EPISODES[1]])
-    progress.broke(EPISODES[3], FAULTS[EPISODES[3]], again=False)
-    progress.tick(1)
-    progress.finished(EPISODES[2], RESULTS[EPISODES[2]])
-    progress.end()
-    return stream.getvalue()
-
-
-def test_progress_is_plain_lines_when_piped() -> None:
-    """No control characters; each line stands alone."""
-    text = tell(io.StringIO())
-    assert "\x1b" not in text
-    assert "\r" not in text
-    assert text.splitlines()[0] == "4 episodes, 1 already there, 3 to run in 2 worker processes"
-    assert "2/4 done, 2 running, 1 failed, mean q 0.75, " in text.splitlines()[1]
-    assert text.splitlines()[2] == (
-        "picking_up_trash_3_0  machine fault: the worker process died (exit code -9); given up"
-    )
-    assert "3/4 done, 1 running, 1 failed, 1 machine fault, mean q 0.83" in text.splitlines()[3]
-
-
-def test_progress_redraws_one_line_on_a_terminal() -> None:
-    """The line is cleared before anything else is written, and gone at the end."""
-    text = tell(Terminal())
-    shown = [part for part in text.split("\r\x1b[2K") if "\n" not in part and part]
-    assert len(shown) == 2
-    assert all(len(line) < 80 for line in shown)
-    assert text.rsplit("\r\x1b[2K", 1)[-1].endswith("\n") or text.endswith("\r\x1b[2K")
 
 
 def test_status_and_report_read_the_folder(mpvi: Shell, tmp_path: Path) -> None:

@@ -9,13 +9,14 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import pytest
 
 from mpvi_bt.errors import UserError
 from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.processes import ProcessEngine
 from mpvi_bt.suite.result import Result, read_result
 from mpvi_bt.suite.runner import run_suite
 from mpvi_bt.suite.store import Fault, Store
@@ -32,10 +33,17 @@ class Heard:
         self.kept = self.todo = -1
         self.done: list[EpisodeConfig] = []
         self.faults: list[tuple[int, bool]] = []
+        self.moved: list[Path] = []
         self.ended = False
 
-    def begin(self, results: Sequence[Result], todo: int, workers: int) -> None:
-        self.kept, self.todo = len(results), todo
+    def begin(self, results: Mapping[EpisodeConfig, Result], todo: Sequence[EpisodeConfig], workers: int) -> None:
+        self.kept, self.todo = len(results), len(todo)
+
+    def corrupt(self, config: EpisodeConfig, moved: Path) -> None:
+        self.moved.append(moved)
+
+    def started(self, config: EpisodeConfig) -> None:
+        pass
 
     def finished(self, config: EpisodeConfig, result: Result) -> None:
         self.done.append(config)
@@ -43,11 +51,16 @@ class Heard:
     def broke(self, config: EpisodeConfig, fault: Fault, again: bool) -> None:
         self.faults.append((config.instance, again))
 
-    def tick(self, running: int) -> None:
+    def tick(self, workers: int) -> None:
         pass
 
     def end(self) -> None:
         self.ended = True
+
+
+def processes(workers: int, wall_limit_s: float = 60.0) -> ProcessEngine:
+    """Workers that play fake episodes."""
+    return ProcessEngine(workers, FAKE, wall_limit_s)
 
 
 @pytest.fixture
@@ -145,7 +158,7 @@ def test_a_dead_worker_is_replaced_and_its_episode_tried_again(
     monkeypatch.setenv("FAKE_DIE", "1")
     monkeypatch.setenv("FAKE_RAISE", "2")
     heard = Heard()
-    outcome = run_suite(EPISODES[:4], Store(tmp_path / "out"), 2, heard, FAKE)
+    outcome = run_suite(EPISODES[:4], Store(tmp_path / "out"), processes(2), heard)
     assert list(outcome.results) == EPISODES[:4]
     assert not outcome.faults
     assert sorted(heard.faults) == [(1, True), (2, True)]
@@ -162,7 +175,7 @@ def test_what_breaks_twice_is_a_fault_that_the_next_run_tries_again(
     monkeypatch.setenv("FAKE_RAISE", "1")
     monkeypatch.setenv("FAKE_ALWAYS", "1")
     heard = Heard()
-    outcome = run_suite(EPISODES[:2], store, 1, heard, FAKE)
+    outcome = run_suite(EPISODES[:2], store, processes(1), heard)
     assert list(outcome.results) == EPISODES[:1]
     assert outcome.faults[EPISODES[1]].message == "Unpicklable: broke at 1, 2"
     assert heard.faults == [(1, True), (1, False)]
@@ -172,7 +185,7 @@ def test_what_breaks_twice_is_a_fault_that_the_next_run_tries_again(
 
     monkeypatch.delenv("FAKE_RAISE")
     heard = Heard()
-    outcome = run_suite(EPISODES[:2], store, 1, heard, FAKE)
+    outcome = run_suite(EPISODES[:2], store, processes(1), heard)
     assert (heard.kept, heard.todo, heard.done) == (1, 1, EPISODES[1:2])
     assert not outcome.faults
     assert store.fault(EPISODES[1]) is None
@@ -185,13 +198,13 @@ def test_a_failure_of_the_policys_backend_is_no_result_and_the_next_run_tries_ag
     store = Store(tmp_path / "out")
     monkeypatch.setenv("FAKE_BACKEND", "0")
     heard = Heard()
-    outcome = run_suite(EPISODES[:2], store, 1, heard, FAKE)
+    outcome = run_suite(EPISODES[:2], store, processes(1), heard)
     assert list(outcome.results) == EPISODES[:2], "the second try went through"
     assert heard.faults == [(0, True)]
 
     store = Store(tmp_path / "again")
     monkeypatch.setenv("FAKE_ALWAYS", "1")
-    outcome = run_suite(EPISODES[:2], store, 1, Heard(), FAKE)
+    outcome = run_suite(EPISODES[:2], store, processes(1), Heard())
     assert list(outcome.results) == EPISODES[1:2]
     fault = store.fault(EPISODES[0])
     assert fault is not None
@@ -204,7 +217,7 @@ def test_a_failure_of_the_policys_backend_is_no_result_and_the_next_run_tries_ag
 
     monkeypatch.delenv("FAKE_BACKEND")
     heard = Heard()
-    run_suite(EPISODES[:2], store, 1, heard, FAKE)
+    run_suite(EPISODES[:2], store, processes(1), heard)
     assert (heard.kept, heard.done) == (1, EPISODES[:1])
     assert store.fault(EPISODES[0]) is None
 
@@ -214,7 +227,7 @@ def test_a_hung_episode_is_stopped_and_tried_again(tmp_path: Path, log: Path, mo
     """Past its wall-time limit an episode's worker is killed."""
     monkeypatch.setenv("FAKE_HANG", "0")
     heard = Heard()
-    outcome = run_suite(EPISODES[:2], Store(tmp_path / "out"), 1, heard, FAKE, wall_limit_s=4.0)
+    outcome = run_suite(EPISODES[:2], Store(tmp_path / "out"), processes(1, wall_limit_s=4.0), heard)
     assert list(outcome.results) == EPISODES[:2]
     assert heard.faults == [(0, True)]
 
@@ -224,7 +237,7 @@ def test_bad_input_ends_the_run_at_once(tmp_path: Path, log: Path, monkeypatch: 
     monkeypatch.setenv("FAKE_USER_ERROR", "0")
     monkeypatch.setenv("FAKE_SLEEP", "30")
     with pytest.raises(UserError, match=r"^the tree is missing$"):
-        run_suite(EPISODES, Store(tmp_path / "out"), 1, Heard(), FAKE)
+        run_suite(EPISODES, Store(tmp_path / "out"), processes(1), Heard())
     assert not started(log, "end")
 
 
@@ -236,7 +249,7 @@ def test_nothing_is_started_when_all_is_there(tmp_path: Path, log: Path) -> None
     for config in EPISODES[:3]:
         store.write(config, fake_result(config))
     heard = Heard()
-    run_suite(EPISODES[:3], store, 2, heard, "no.such.module:run")
+    run_suite(EPISODES[:3], store, ProcessEngine(2, "no.such.module:run"), heard)
     assert (heard.kept, heard.todo) == (3, 0)
 
     whole = store.path(EPISODES[0]).read_text()
@@ -244,6 +257,8 @@ def test_nothing_is_started_when_all_is_there(tmp_path: Path, log: Path) -> None
     other = json.loads(store.path(EPISODES[1]).read_text()) | {"task": "another"}
     store.path(EPISODES[1]).write_text(json.dumps(other))
     heard = Heard()
-    run_suite(EPISODES[:3], store, 1, heard, FAKE)
+    run_suite(EPISODES[:3], store, processes(1), heard)
     assert (heard.kept, sorted(c.instance for c in heard.done)) == (1, [0, 1])
+    assert [path.relative_to(store.out).parent.as_posix() for path in heard.moved] == ["quarantine"] * 2
+    assert {path.read_text() for path in heard.moved} == {whole[: len(whole) // 2], json.dumps(other)}
     assert read_result(store.path(EPISODES[0])) is not None

@@ -5,15 +5,21 @@ from __future__ import annotations
 import json
 import os
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from mpvi_bt.cli.given import File, Name, backends
 from mpvi_bt.errors import BackendError
 from mpvi_bt.suite.config import EPISODE, EpisodeConfig, SuiteBudget
+
+if TYPE_CHECKING:
+    from mpvi_bt.suite.runner import Engine
+
+_NAMED = 20  # episodes at most that `status` names one by one
 
 # The heavier modules load in the functions, so that `--help` is quick.
 
@@ -43,7 +49,12 @@ def _shared(command: Any) -> Any:
 
 @suite.command()
 @_shared
-@click.option("--workers", type=click.IntRange(1, 256), default=None, help="Worker processes.  [default: one a core]")
+@click.option(
+    "--workers",
+    type=click.IntRange(1, 4096),
+    default=None,
+    help="Episodes at work at once.  [default: one a core, of this machine or of the cluster]",
+)
 @click.option(
     "--wall-limit",
     type=click.FloatRange(min=1),
@@ -51,6 +62,18 @@ def _shared(command: Any) -> Any:
     show_default=True,
     metavar="SECONDS",
     help="Wall time after which an episode counts as hung.",
+)
+@click.option(
+    "--engine",
+    type=click.Choice(["processes", "ray"]),
+    default="processes",
+    show_default=True,
+    help="Where episodes are played: in processes of this machine, or on a Ray cluster.",
+)
+@click.option(
+    "--ray-address",
+    metavar="ADDRESS",
+    help="Of the cluster, such as auto or HOST:6379.  [default: one is started on this machine]",
 )
 @click.option("--episode", default=EPISODE, hidden=True, help="module:function that runs one episode, for tests.")
 @click.option("--trace/--no-trace", default=True, show_default=True, help="Write what happened in every episode.")
@@ -71,6 +94,8 @@ def run(
     as_json: bool,
     workers: int | None,
     wall_limit: float,
+    engine: str,
+    ray_address: str | None,
     episode: str,
     trace: bool,
     video: bool,
@@ -84,24 +109,37 @@ def run(
     Prints the report at the end. Ends with 3 if an episode could not be finished for a fault of the machine; it is
     tried again by the next run.
     """
+    from mpvi_bt.suite.manifest import make_manifest
     from mpvi_bt.suite.prepare import check_episode
     from mpvi_bt.suite.progress import Progress
     from mpvi_bt.suite.report import report_data, report_text
     from mpvi_bt.suite.runner import run_suite
+    from mpvi_bt.suite.schedule import Pace, budgets_s, in_rounds
 
+    if ray_address is not None and engine != "ray":
+        raise click.UsageError("--ray-address is where --engine ray plays episodes; it is not chosen.")
     title, store, episodes = _open(name, out, options)
+    manifest, budget_s = make_manifest(title, episodes), budgets_s(episodes)
     budget = SuiteBudget(store.out / "asked.json", suite_calls, suite_tokens)
-    episodes = [replace(c, suite_budget=budget, planned=store.out / "plans" / f"{c.name}.json") for c in episodes]
-    for config in {c.task: c for c in episodes}.values():
+    for config in {(c.task, c.method): replace(c, suite_budget=budget) for c in episodes}.values():
         check_episode(config)  # what is wrong with a tree or a plan is said once, and before workers start
-    if trace:
-        episodes = [replace(c, trace=store.out / "traces" / f"{c.name}.jsonl") for c in episodes]
-    if video:
-        episodes = [replace(c, video=store.out / "videos" / f"{c.name}.mp4") for c in episodes]
-    if picture:
-        episodes = [replace(c, picture=store.out / "pictures" / f"{c.name}.png") for c in episodes]
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    outcome = run_suite(episodes, store, workers or cores, Progress(sys.stderr), episode, wall_limit)
+    wanted = {"trace": (trace, "traces", "jsonl"), "video": (video, "videos", "mp4")}
+    wanted |= {"picture": (picture, "pictures", "png"), "planned": (True, "plans", "json")}
+    episodes = [
+        replace(
+            config,
+            suite_budget=budget,
+            **{
+                field: store.folder(config) / folder / f"{config.name}.{suffix}"
+                for field, (asked, folder, suffix) in wanted.items()
+                if asked
+            },
+        )
+        for config in episodes
+    ]
+    player = _engine(engine, workers, episode, wall_limit, ray_address)
+    progress = Progress(sys.stderr, Pace(budget_s))
+    outcome = run_suite(episodes, store, player, progress, lambda todo: in_rounds(todo, budget_s), manifest)
     if as_json:
         _print_json(report_data(title, episodes, outcome.results, outcome.faults))
     else:
@@ -109,36 +147,70 @@ def run(
     return BackendError.exit_code if outcome.faults else 0
 
 
+def _engine(name: str, workers: int | None, episode: str, wall_limit_s: float, address: str | None) -> Engine:
+    """What plays the episodes. Raises UserError if it is not installed."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if name == "ray":
+        from mpvi_bt.suite.ray_engine import RayEngine
+
+        return RayEngine(address, workers, episode, wall_limit_s)
+    from mpvi_bt.suite.processes import ProcessEngine
+
+    return ProcessEngine(workers or cores, episode, wall_limit_s)
+
+
 @suite.command()
 @_shared
 def status(name: str, out: Path | None, as_json: bool, **options: Any) -> None:
     """Say how far SUITE is: what is done, broken, to do."""
-    title, store, episodes = _open(name, out, options)
+    title, store, episodes = _open(name, out, options, as_run=True)
     results = {c: r for c in episodes if (r := store.result(c)) is not None}
-    faults = [c for c in episodes if c not in results and store.fault(c)]
-    data = {
-        "suite": title,
-        "folder": str(store.out),
-        "running": store.running(),
-        "episodes": len(episodes),
-        "done": len(results),
-        "failed": sum(not r.success for r in results.values()),
-        "faults": len(faults),
-        "mean_q": sum(r.q for r in results.values()) / len(results) if results else None,
-        "to_do": [c.name for c in episodes if c not in results],
-    }
+    faults = {c: f for c in episodes if c not in results and (f := store.fault(c)) is not None}
+    methods = list(dict.fromkeys(c.method for c in episodes))
+    data = {"suite": title, "folder": str(store.out), "running": store.running(), **_stand(episodes, results, faults)}
+    if methods != [None]:
+        data["methods"] = {
+            str(method): _stand([c for c in episodes if c.method == method], results, faults) for method in methods
+        }
+    to_do = [c for c in episodes if c not in results]
+    data["to_do"] = [_told(c) for c in to_do]
     if as_json:
         _print_json(data)
         return
-    line = f"{title}: {len(results)}/{len(episodes)} done, {data['failed']} failed"
-    line += f", mean q {data['mean_q']:.2f}" if results else ""
-    line += f", {len(faults)} machine fault{'s' * (len(faults) > 1)}" if faults else ""
-    click.echo(line + (", a run is at work now" if data["running"] else ""))
-    if data["to_do"]:
+    click.echo(f"{title}: {_line(data)}" + (", a run is at work now" if data["running"] else ""))
+    for method, stand in data.get("methods", {}).items():
+        click.echo(f"  {method}: {_line(stand)}")
+    if 0 < len(to_do) <= _NAMED:
         click.echo("to do: " + ", ".join(data["to_do"]))
-    for config in faults:
-        fault = store.fault(config)
-        click.echo(f"{config.name}: {fault.kind}: {fault.message}" if fault else config.name)
+    elif to_do:
+        left = Counter(c.task_name for c in to_do)
+        click.echo("to do: " + ", ".join(f"{task} {number}" for task, number in left.items()))
+    for config, fault in faults.items():
+        click.echo(f"{_told(config)}: {fault.kind}: {fault.message}")
+
+
+def _stand(
+    episodes: list[EpisodeConfig], results: dict[EpisodeConfig, Any], faults: dict[EpisodeConfig, Any]
+) -> dict[str, Any]:
+    """How far some episodes are."""
+    done = [results[c] for c in episodes if c in results]
+    return {
+        "episodes": len(episodes),
+        "done": len(done),
+        "failed": sum(not result.success for result in done),
+        "faults": sum(c in faults for c in episodes),
+        "mean_q": sum(result.q for result in done) / len(done) if done else None,
+    }
+
+
+def _line(stand: dict[str, Any]) -> str:
+    line = f"{stand['done']}/{stand['episodes']} done, {stand['failed']} failed"
+    line += f", mean q {stand['mean_q']:.2f}" if stand["done"] else ""
+    return line + (f", {stand['faults']} machine fault{'s' * (stand['faults'] > 1)}" if stand["faults"] else "")
+
+
+def _told(config: EpisodeConfig) -> str:
+    return f"{config.method} {config.name}" if config.method else config.name
 
 
 @suite.command()
@@ -150,7 +222,7 @@ def report(name: str, out: Path | None, as_json: bool, **options: Any) -> None:
     """
     from mpvi_bt.suite.report import report_data, report_text
 
-    title, store, episodes = _open(name, out, options)
+    title, store, episodes = _open(name, out, options, as_run=True)
     results = {c: r for c in episodes if (r := store.result(c)) is not None}
     faults = {c: f for c in episodes if c not in results and (f := store.fault(c)) is not None}
     if as_json:
@@ -159,14 +231,32 @@ def report(name: str, out: Path | None, as_json: bool, **options: Any) -> None:
         click.echo(report_text(title, episodes, results, faults))
 
 
-def _open(name: str, out: Path | None, options: dict[str, Any]) -> tuple[str, Any, list[EpisodeConfig]]:
-    """The suite's title, its store and its episodes, all names checked."""
+def _open(
+    name: str, out: Path | None, options: dict[str, Any], as_run: bool = False
+) -> tuple[str, Any, list[EpisodeConfig]]:
+    """The suite's title, its store and its episodes, all names checked.
+
+    Args:
+        name: Of a suite, or its file.
+        out: Folder of its results, or None: the usual one.
+        options: What the command line says of methods and backends.
+        as_run: Whether to take the episodes as they were run in that folder, where the command line says nothing else.
+    """
+    from mpvi_bt.suite.manifest import read_manifest
     from mpvi_bt.suite.store import Store
     from mpvi_bt.suite.tasks import load_suite
 
     loaded = load_suite(name)
     title = Path(name).stem
-    return title, Store(out or Path("runs") / title), loaded.episodes(**options)
+    store = Store(out or Path("runs") / title)
+    context = click.get_current_context()
+    given = {
+        key: value
+        for key, value in options.items()
+        if context.get_parameter_source(key) is not click.core.ParameterSource.DEFAULT
+    }
+    manifest = read_manifest(store.out) if as_run and not given else None
+    return title, store, manifest.episodes() if manifest else loaded.episodes(**given)
 
 
 def _print_json(data: Any) -> None:

@@ -2,49 +2,71 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TextIO
 
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.result import Result
+from mpvi_bt.suite.schedule import Pace
 from mpvi_bt.suite.store import Fault
 
 
 class Progress:
-    """Listens to a run and writes how it goes."""
+    """Listens to a run and writes how it goes.
 
-    def __init__(self, stream: TextIO) -> None:
-        self.stream, self.live = stream, stream.isatty()
+    Args:
+        stream: Where to.
+        pace: Says how much time is left.
+    """
+
+    def __init__(self, stream: TextIO, pace: Pace) -> None:
+        self.stream, self.live, self.pace = stream, stream.isatty(), pace
         self.q: list[float] = []
-        self.failed = self.faults = self.running = self.fresh = 0
-        self.total, self.workers, self.began, self.drawn = 0, 1, time.monotonic(), ""
+        self.waiting: dict[EpisodeConfig, None] = {}
+        self.running: dict[EpisodeConfig, float] = {}
+        self.total = self.failed = self.faults = 0
+        self.workers, self.drawn = 1, ""
 
-    def begin(self, results: Sequence[Result], todo: int, workers: int) -> None:
+    def begin(self, results: Mapping[EpisodeConfig, Result], todo: Sequence[EpisodeConfig], workers: int) -> None:
         """Count what is there and say so."""
-        self.total, self.workers, self.began = len(results) + todo, workers, time.monotonic()
-        for result in results:
-            self._count(result)
+        self.total, self.workers, self.waiting = len(results) + len(todo), workers, dict.fromkeys(todo)
+        for config, result in results.items():
+            self._count(config, result)
         kept = f", {len(results)} already there" if results else ""
-        processes = f" in {min(workers, todo)} worker processes" if todo else ""
-        self._print(f"{self.total} episodes{kept}, {todo} to run{processes}")
+        processes = f" in {min(workers, len(todo))} worker processes" if todo and workers else ""
+        self._print(f"{self.total} episodes{kept}, {len(todo)} to run{processes}")
+
+    def corrupt(self, config: EpisodeConfig, moved: Path) -> None:
+        """Say where the file is now."""
+        self._print(f"{_name(config)}  its result file is broken; moved to {moved}, and to run again")
+
+    def started(self, config: EpisodeConfig) -> None:
+        """Note when."""
+        self.waiting.pop(config, None)
+        self.running[config] = time.monotonic()
 
     def finished(self, config: EpisodeConfig, result: Result) -> None:
         """Name the episode and its score."""
-        self._count(result)
-        self.fresh += 1
-        line = f"{config.name}  q {result.q:.2f}  {result.time.simulator_time:.0f} s simulated"
+        self.running.pop(config, None)
+        self._count(config, result)
+        line = f"{_name(config)}  q {result.q:.2f}  {result.time.simulator_time:.0f} s simulated"
         self._print(line if self.live else f"{line}  | {self.summary()}")
 
     def broke(self, config: EpisodeConfig, fault: Fault, again: bool) -> None:
         """Name the episode and what broke."""
+        self.running.pop(config, None)
+        if again:
+            self.waiting[config] = None
         self.faults += not again
-        self._print(f"{config.name}  {fault.kind}: {fault.message}; {'trying once more' if again else 'given up'}")
+        self._print(f"{_name(config)}  {fault.kind}: {fault.message}; {'trying once more' if again else 'given up'}")
 
-    def tick(self, running: int) -> None:
+    def tick(self, workers: int) -> None:
         """Redraw the line, on a terminal."""
-        self.running = running
+        self.workers = workers
         if self.live:
             line = self.summary()[: shutil.get_terminal_size().columns - 1]
             if line != self.drawn:
@@ -57,19 +79,22 @@ class Progress:
 
     def summary(self) -> str:
         """Such as "4/10 done, 2 running, 1 failed, mean q 0.75, 2 min left"."""
-        parts = [f"{len(self.q)}/{self.total} done", f"{self.running} running", f"{self.failed} failed"]
+        parts = [f"{len(self.q)}/{self.total} done", f"{len(self.running)} running", f"{self.failed} failed"]
         if self.faults:
             parts.append(f"{self.faults} machine fault{'s' * (self.faults > 1)}")
         if self.q:
             parts.append(f"mean q {sum(self.q) / len(self.q):.2f}")
-        left = self.total - len(self.q) - self.faults
-        if self.fresh and left:
-            parts.append(f"{_duration(left * (time.monotonic() - self.began) / self.fresh)} left")
+        now = time.monotonic()
+        left = self.pace.left_s(self.waiting, {c: now - then for c, then in self.running.items()}, self.workers)
+        if left > 0 and math.isfinite(left):
+            parts.append(f"{_duration(left)} left")
         return ", ".join(parts)
 
-    def _count(self, result: Result) -> None:
+    def _count(self, config: EpisodeConfig, result: Result) -> None:
         self.q.append(result.q)
         self.failed += not result.success
+        if isinstance(wall := result.wall.get("total_s"), int | float):
+            self.pace.learn(config, wall)
 
     def _print(self, line: str) -> None:
         self._clear()
@@ -83,6 +108,10 @@ class Progress:
     def _write(self, text: str) -> None:
         self.stream.write(text)
         self.stream.flush()
+
+
+def _name(config: EpisodeConfig) -> str:
+    return f"{config.method} {config.name}" if config.method else config.name
 
 
 def _duration(seconds: float) -> str:

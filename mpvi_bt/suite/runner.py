@@ -1,38 +1,67 @@
-"""Runs a suite in persistent worker processes: what is done stays done, and nothing runs twice.
+"""Runs a suite: what is done stays done, and nothing runs twice.
 
-A worker that dies is replaced and its episode tried once more; so is an episode that breaks or hangs. What breaks twice
-is a machine fault: it gets no result, is reported as such, and the next run tries it again.
+An episode whose worker dies, breaks or hangs is tried once more. What breaks twice is a machine fault: it gets no
+result, is reported as such, and the next run tries it again. Only this process writes results, so that a worker that
+outlives it for a moment, or a machine that was thought to be lost, never writes one a second time.
 """
 
 from __future__ import annotations
 
-import contextlib
-import multiprocessing
-import os
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
-from pebble import ProcessExpired, ProcessPool
-
 from mpvi_bt.errors import BackendError, UserError
-from mpvi_bt.suite.config import EPISODE, EpisodeConfig
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.manifest import Manifest
 from mpvi_bt.suite.result import Result
 from mpvi_bt.suite.store import Fault, Store
-from mpvi_bt.suite.worker import prepare, run_episode
+from mpvi_bt.suite.worker import Played
 
-WALL_LIMIT_S = 1800.0  # Our choice: only a hung episode takes that long
 ATTEMPTS = 2
-THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _POLL_S = 0.2
+
+
+class Engine(Protocol):
+    """Where episodes are played: `processes.ProcessEngine`, `ray_engine.RayEngine`."""
+
+    @property
+    def workers(self) -> int:
+        """How many episodes may be at work at once, now."""
+        ...
+
+    def open(self) -> None:
+        """Make ready to start."""
+        ...
+
+    def start(self, config: EpisodeConfig) -> None:
+        """Begin an episode."""
+        ...
+
+    def wait(self, seconds: float) -> Iterator[tuple[EpisodeConfig, Played]]:
+        """Episodes that ended, each once, as soon as one has or after that time."""
+        ...
+
+    def close(self) -> None:
+        """Stop whatever is at work."""
+        ...
 
 
 class Listener(Protocol):
     """Is told how a run goes."""
 
-    def begin(self, results: Sequence[Result], todo: int, workers: int) -> None:
-        """Results that were there already, and how many episodes are to run."""
+    def begin(self, results: Mapping[EpisodeConfig, Result], todo: Sequence[EpisodeConfig], workers: int) -> None:
+        """Results that were there already, and what is to run."""
+        ...
+
+    def corrupt(self, config: EpisodeConfig, moved: Path) -> None:
+        """A file that was to be an episode's result and is none was put aside; the episode is run again."""
+        ...
+
+    def started(self, config: EpisodeConfig) -> None:
+        """An episode begins."""
         ...
 
     def finished(self, config: EpisodeConfig, result: Result) -> None:
@@ -43,8 +72,8 @@ class Listener(Protocol):
         """An episode met a machine fault; it is tried again, or given up."""
         ...
 
-    def tick(self, running: int) -> None:
-        """A moment passed."""
+    def tick(self, workers: int) -> None:
+        """A moment passed; how many may be at work now."""
         ...
 
     def end(self) -> None:
@@ -63,36 +92,40 @@ class Outcome:
 def run_suite(
     episodes: Iterable[EpisodeConfig],
     store: Store,
-    workers: int,
+    engine: Engine,
     listener: Listener,
-    function: str = EPISODE,
-    wall_limit_s: float = WALL_LIMIT_S,
+    order: Callable[[Sequence[EpisodeConfig]], Iterable[EpisodeConfig]] = iter,
+    manifest: Manifest | None = None,
 ) -> Outcome:
     """Run every episode that has no valid result yet.
 
     Args:
         episodes: Each once.
         store: Where results are and go.
-        workers: Processes at work at once.
+        engine: Plays them; it is opened only if there is anything to run.
         listener: Is told how it goes.
-        function: "module:name" of the function that runs one episode.
-        wall_limit_s: Wall time after which an episode counts as hung.
+        order: In which what is left is begun.
+        manifest: What the results are of; the folder must hold no others.
 
     Raises:
         UserError: Bad input; or the folder is in use, or holds results of another configuration.
-        BackendError: Every episode would break alike, or workers cannot be started.
+        BackendError: Every episode would break alike, or none can be started, or the disk is full.
         KeyboardInterrupt: After the workers were stopped.
     """
     episodes = list(episodes)
-    with store.locked():
+    with store.locked(episodes):
+        if manifest is not None:
+            manifest.claim(store.out)
         results = {config: result for config in episodes if (result := store.result(config)) is not None}
-        todo = [config for config in episodes if config not in results]
-        listener.begin(list(results.values()), len(todo), workers)
+        todo = list(order([config for config in episodes if config not in results]))
+        listener.begin(results, todo, engine.workers)
         try:
-            run = _Run(store, listener, function, wall_limit_s)
+            for config in todo:
+                if moved := store.quarantine(config):
+                    listener.corrupt(config, moved)
+            run = _Run(store, listener, engine)
             if todo:
-                with _single_threads():
-                    run.all(todo, min(workers, len(todo)))
+                run.all(todo)
         finally:
             listener.end()
         results |= run.results
@@ -100,76 +133,46 @@ def run_suite(
 
 
 class _Run:
-    """One pool's work."""
+    """One engine's work."""
 
-    def __init__(self, store: Store, listener: Listener, function: str, wall_limit_s: float) -> None:
-        self.store, self.listener, self.function, self.wall_limit_s = store, listener, function, wall_limit_s
+    def __init__(self, store: Store, listener: Listener, engine: Engine) -> None:
+        self.store, self.listener, self.engine = store, listener, engine
         self.results: dict[EpisodeConfig, Result] = {}
         self.faults: dict[EpisodeConfig, Fault] = {}
-        self.waiting: dict[Future[Fault | None], tuple[EpisodeConfig, int]] = {}
+        self.waiting: deque[tuple[EpisodeConfig, int]] = deque()
+        self.running: dict[EpisodeConfig, int] = {}
 
-    def all(self, todo: Sequence[EpisodeConfig], workers: int) -> None:
-        pool = ProcessPool(workers, initializer=prepare, context=multiprocessing.get_context("spawn"))
+    def all(self, todo: Sequence[EpisodeConfig]) -> None:
+        self.waiting.extend((config, 1) for config in todo)
         try:
-            for config in todo:
-                self._schedule(pool, config, 1)
-            while self.waiting:
-                done, _ = wait(self.waiting, timeout=_POLL_S, return_when=FIRST_COMPLETED)
-                self.listener.tick(sum(future.running() for future in self.waiting))
-                for future in done:
-                    self._take(pool, future)
-            pool.close()  # type: ignore[no-untyped-call]
-        except BaseException:
-            pool.stop()  # type: ignore[no-untyped-call]
-            raise
+            self.engine.open()
+            while self.waiting or self.running:
+                while self.waiting and len(self.running) < self.engine.workers:
+                    config, attempt = self.waiting.popleft()
+                    self.engine.start(config)
+                    self.running[config] = attempt
+                    self.listener.started(config)
+                self.listener.tick(self.engine.workers)
+                for config, played in self.engine.wait(_POLL_S):
+                    self._take(config, played)
         finally:
-            pool.join()
+            self.engine.close()
 
-    def _schedule(self, pool: ProcessPool, config: EpisodeConfig, attempt: int) -> None:
-        try:
-            future = pool.schedule(run_episode, args=(self.function, config, self.store.out), timeout=self.wall_limit_s)
-        except RuntimeError as error:
-            raise BackendError(f"the worker processes broke down: {error}") from error
-        self.waiting[future] = (config, attempt)
-
-    def _take(self, pool: ProcessPool, future: Future[Fault | None]) -> None:
-        config, attempt = self.waiting.pop(future)
-        fault = self._fault(future)
-        # A worker that died right after it wrote its result has finished.
-        result = self.store.result(config)
-        if result is not None:
-            self.results[config] = result
-            self.listener.finished(config, result)
+    def _take(self, config: EpisodeConfig, played: Played) -> None:
+        attempt = self.running.pop(config)
+        if played.result is not None:
+            self.store.write(config, played.result)
+        fault = played.fault
+        if fault is None:
+            self.results[config] = Result.model_validate(played.result)
+            self.listener.finished(config, self.results[config])
             return
-        fault = fault or Fault("the result file vanished")
         if fault.hopeless:
             raise (UserError if fault.exit_code == UserError.exit_code else BackendError)(fault.message)
         again = attempt < ATTEMPTS
         self.listener.broke(config, fault, again)
         if again:
-            self._schedule(pool, config, attempt + 1)
+            self.waiting.appendleft((config, attempt + 1))
         else:
             self.faults[config] = fault
             self.store.write_fault(config, fault)
-
-    def _fault(self, future: Future[Fault | None]) -> Fault | None:
-        try:
-            return future.result()
-        except TimeoutError:
-            return Fault(f"no result within {self.wall_limit_s:g} s of wall time")
-        except ProcessExpired as error:
-            return Fault(f"the worker process died (exit code {error.exitcode})")
-        except (Exception, CancelledError) as error:
-            return Fault(f"{type(error).__name__}: {error}")
-
-
-@contextlib.contextmanager
-def _single_threads() -> Iterator[None]:
-    """Let numeric libraries in the workers, which inherit our environment, use one thread: each core has a worker."""
-    added = [name for name in THREAD_LIMITS if name not in os.environ]
-    os.environ.update(dict.fromkeys(added, "1"))
-    try:
-        yield
-    finally:
-        for name in added:
-            os.environ.pop(name, None)

@@ -16,6 +16,7 @@ from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
 from mpvi_bt.sim.catalogue import Catalogue, load_catalogue
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.human import human_stats
+from mpvi_bt.suite.methods import load_method
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]*$", max_length=100)]
 Whole = Annotated[int, Field(ge=0, le=999_999)]
@@ -60,16 +61,19 @@ class Task(Record):
 
 
 class Suite(Record):
-    """Many episodes (tasks/suites/*.yaml): every task with every instance and every seed.
+    """Many episodes (tasks/suites/*.yaml): every task with every method, every instance and every seed.
 
     Attributes:
         about: One line for people.
+        methods: Names of methods (tasks/methods/*.yaml), each with a folder of its own for results; none: as episodes
+            are by default.
         tasks: Names of tasks.
         instances: Start states of each.
         seeds: Seeds of each.
     """
 
     about: str = ""
+    methods: list[Name] = []
     tasks: Annotated[list[str], Field(min_length=1)]
     instances: Annotated[list[Whole], Field(min_length=1)]
     seeds: Annotated[list[Whole], Field(min_length=1, default_factory=lambda: [0])]
@@ -78,10 +82,13 @@ class Suite(Record):
         """Every episode, instances running fastest.
 
         Args:
-            **options: Further fields of `EpisodeConfig`.
+            **options: Further fields of `EpisodeConfig`, which override what methods say. With "method" among them the
+                others are all that it says, and the suite's own methods are left out.
         """
+        ways = [{}] if "method" in options else [load_method(name) for name in self.methods] or [{}]
         return [
-            EpisodeConfig(task, instance, seed, **options)
+            EpisodeConfig(task, instance, seed, **{**way, **options})
+            for way in ways
             for task in self.tasks
             for seed in self.seeds
             for instance in self.instances
@@ -132,11 +139,16 @@ def check_suite(data: Any, marks: Marks) -> Suite:
     expect("suite", data, marks)
     suite = validate_data(data, marks, Suite)
     problems = []
-    for key in ("tasks", "instances", "seeds"):
+    for key in ("methods", "tasks", "instances", "seeds"):
         values = getattr(suite, key)
         for i, value in enumerate(values):
             if value in values[:i]:
                 problems.append(marks.problem((key, i), "repeated", f"{value!r} is in {key} twice"))
+    for i, method in enumerate(suite.methods):
+        try:
+            load_method(method)
+        except UnknownName as error:
+            problems.append(marks.unknown(("methods", i), "method", method, error.known))
     for i, task in enumerate(suite.tasks):
         try:
             loaded = load_task(task)

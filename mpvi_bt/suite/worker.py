@@ -1,4 +1,4 @@
-"""What runs in a worker process."""
+"""What runs in a worker process, on this machine or on another."""
 
 from __future__ import annotations
 
@@ -7,13 +7,30 @@ import multiprocessing
 import os
 import threading
 import traceback
-from pathlib import Path
+from dataclasses import dataclass
+from typing import Any
 
-from mpvi_bt.errors import ModelError, NoRenderingDevice, UserError
+from mpvi_bt.errors import DiskFull, ModelError, NoRenderingDevice, UserError
 from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.store import Fault, Store
+from mpvi_bt.suite.result import Result
+from mpvi_bt.suite.store import Fault
 
+THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # set to 1: each core has its worker
+EPISODES_A_PROCESS = 40  # Our choice: the renderer keeps some memory of every scene
 _HOPELESS = ("no_key", "wrong_key", "unknown_model", "not_installed")  # language models that answer no episode
+
+
+@dataclass(frozen=True)
+class Played:
+    """What came of one attempt at an episode.
+
+    Attributes:
+        result: Ready for JSON; None: there is none.
+        fault: What broke; None: nothing did. A backend that fails leaves both.
+    """
+
+    result: dict[str, Any] | None = None
+    fault: Fault | None = None
 
 
 def prepare() -> None:
@@ -31,30 +48,30 @@ def prepare() -> None:
     threading.Thread(target=follow, daemon=True, name="follow parent").start()
 
 
-def run_episode(function: str, config: EpisodeConfig, out: Path) -> Fault | None:
-    """Run one episode and write its result.
+def play(function: str, config: EpisodeConfig) -> Played:
+    """Play one episode.
 
     Args:
         function: "module:name" of a function from EpisodeConfig to the result, as a dict.
         config: The episode.
-        out: The suite's folder.
 
     Returns:
-        None when the result is on disk, else what broke; exceptions stay here, as not all of them can be pickled.
+        Its result, or what broke; exceptions stay here, as not all of them can be pickled.
     """
     try:
         module, name = function.split(":")
-        result = getattr(importlib.import_module(module), name)(config)
-        Store(out).write(config, result)
-        if result["ended"] == "backend_error":
-            why = result["failures"][-1]
-            return Fault(f"{why['reason']}: {why['feedback']}", backend=why["reason"])
+        result = Result.model_validate(getattr(importlib.import_module(module), name)(config))
+        fault = None
+        if result.ended == "backend_error":
+            why = result.failures[-1]
+            fault = Fault(f"{why.reason}: {why.feedback}", backend=why.reason)
+        return Played(result.model_dump(mode="json"), fault)
     except ModelError as error:
         message = f"{error.reason}: {' '.join(str(error).split())}"
-        return Fault(message, hopeless=error.reason in _HOPELESS, backend=error.reason)
+        return Played(fault=Fault(message, hopeless=error.reason in _HOPELESS, backend=error.reason))
     except (Exception, SystemExit) as error:
         line = " ".join(str(error).split()) or type(error).__name__
-        message = str(error) if isinstance(error, UserError) else f"{type(error).__name__}: {line}"
-        hopeless = isinstance(error, UserError | NoRenderingDevice)
-        return Fault(message, traceback.format_exc(), hopeless, getattr(error, "exit_code", 3))
-    return None
+        message = str(error) if isinstance(error, UserError | DiskFull) else f"{type(error).__name__}: {line}"
+        hopeless = isinstance(error, UserError | NoRenderingDevice | DiskFull)
+        code = getattr(error, "exit_code", 3)
+        return Played(fault=Fault(message, traceback.format_exc(), hopeless, code))
