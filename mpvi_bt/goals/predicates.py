@@ -112,11 +112,9 @@ def truth_in(state: WorldState, names: Mapping[str, str] | None = None) -> Truth
 
 def _meets(state: WorldState, a: str, b: str, direction: Array) -> bool:
     """Whether a vertical ray that leaves a's surface, over or under the middle of its bounding box, meets b."""
-    box = aabb(state, a)
-    middle = box.mean(0)
+    middle = aabb(state, a).mean(0)
     spans = [span for solid in state.solids(a) if (span := interval(solid, middle, direction)) is not None]
-    # A ray that misses a itself (the middle of a ring) leaves from the face of the bounding box.
-    outermost = max((span[1] for span in spans), default=float(np.ptp(box[:, 2])) / 2)
+    outermost = max((span[1] for span in spans), default=0.0)  # where it misses a itself, as in a ring: the middle
     return crosses(state.solids(b), middle + outermost * direction, direction, RAY_M)
 
 
