@@ -14,7 +14,7 @@ from mpvi_bt.sim.dimensions import Length, Rgb, Size
 
 _STEEL: Color = (0.62, 0.63, 0.66)
 _SCREEN: Color = (0.1, 0.12, 0.16)
-_OPEN_RAD = 1.9  # a little past upright
+_OPEN_RAD, _SCREEN_RAD = 1.9, 1.75  # a little past upright
 _BAR_M = 0.014  # thickness of a lid's bar: those that hands open doors by are hardly thicker
 _CLEAR_M = 0.035  # from the lid's front edge to the middle of its bar, so that a finger gets behind it
 _FRICTION, _DAMPING = 0.02, 0.05  # of hinges that a finger moves, on things so light that they would slide
@@ -64,13 +64,13 @@ def laptop(*, size_m: Size, color: Rgb, screen_m: Length = 0.014) -> Description
     lid = Parts()
     lid.box((x / 2, 0, screen_m / 2), (x, y, screen_m), color)
     lid.box((x / 2, 0, 0.0), (x * 0.9, y * 0.94, 0.001), _SCREEN, collides=False)
-    return Description((parts.body(), _lid(lid, x, base)))
+    return Description((parts.body(), _lid(lid, x, base, limit=_SCREEN_RAD)))
 
 
-def _lid(parts: Parts, depth: float, rim: float, handles: tuple[Handle, ...] = ()) -> Body:
+def _lid(parts: Parts, depth: float, rim: float, handles: tuple[Handle, ...] = (), limit: float = _OPEN_RAD) -> Body:
     """A lid whose frame lies on the hinge: at the back, at the height of the rim."""
     joint = Joint(
-        "hinge", np.array([-depth / 2, 0.0, rim]), np.array([0.0, -1.0, 0.0]), _OPEN_RAD, _FRICTION, _DAMPING,
+        "hinge", np.array([-depth / 2, 0.0, rim]), np.array([0.0, -1.0, 0.0]), limit, _FRICTION, _DAMPING,
         sprung=True,
     )  # fmt: skip
     return parts.body("lid", handles=handles, joint=joint)

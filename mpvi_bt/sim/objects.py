@@ -154,6 +154,7 @@ class Piece(Record):
         axis: That a cylinder lies along.
         color: None for the compound's own.
         collides: False for what is only seen, such as a label.
+        grip: Whether it is what a hand takes the compound by: it lies along x or y, and its sides are free.
     """
 
     kind: Literal["box", "cylinder", "sphere"]
@@ -162,6 +163,7 @@ class Piece(Record):
     axis: Literal["x", "y", "z"] = "z"
     color: Rgb | None = None
     collides: bool = True
+    grip: bool = False
 
 
 def compound(*, pieces: tuple[Piece, ...], color: Rgb) -> Description:
@@ -177,7 +179,15 @@ def compound(*, pieces: tuple[Piece, ...], color: Rgb) -> Description:
             along = "xyz".index(piece.axis)
             across, length = piece.size_m[along - 1], piece.size_m[along]
             parts.cylinder(piece.at, across, length, paint, axis=piece.axis, collides=piece.collides)
-    return parts.thing()
+    return parts.thing(handles=tuple(_grip(piece) for piece in pieces if piece.grip))
+
+
+def _grip(piece: Piece) -> Handle:
+    """A handle that is taken from above."""
+    long = int(np.argmax(piece.size_m[:2]))
+    return Handle(
+        np.array(piece.at), np.eye(3)[long], np.array([0.0, 0, 1]), piece.size_m[long], piece.size_m[1 - long]
+    )
 
 
 def _walls(parts: Parts, size: tuple[float, float, float], wall: float, color: Color) -> None:
