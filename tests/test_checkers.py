@@ -190,6 +190,36 @@ def test_a_can_held_above_the_bin_is_not_in_it() -> None:
     assert "above" in judged.reason
 
 
+def gripper(x: float, y: float, z: float) -> list[Box]:
+    """Two fingers about a can that stands at a place."""
+    return [
+        ("robot", (x - 0.03, y + 0.033, z), (x + 0.03, y + 0.06, z + 0.15)),
+        ("robot", (x - 0.03, y - 0.06, z), (x + 0.03, y - 0.033, z + 0.15)),
+    ]
+
+
+def test_a_can_that_a_hand_holds_in_a_cabinet_is_not_in_it_yet() -> None:
+    """Between fingers, over a board and under a roof; let go of and standing there, it is."""
+    walls: list[Box] = [
+        ("cabinet", (-0.3, -0.4, 0.38), (0.4, 0.4, 0.4)),
+        ("cabinet", (0.38, -0.4, 0.4), (0.4, 0.4, 0.8)),
+    ]
+    held = head([FLOOR, *walls, can(0.0, 0.0, 0.55), *gripper(0.0, 0.0, 0.55)])
+    judged = see("a can of soda is in the cabinet", held)
+    assert not judged.complete
+    assert "gripper" in judged.reason
+    assert see("a can of soda is in the cabinet", head([FLOOR, *walls, can(0.0, 0.0, 0.4)])).complete
+
+
+def test_what_lies_next_to_a_thing_in_a_hand_is_next_to_nothing_yet() -> None:
+    """A can on a table and another one that a gripper is about to put there; once it stands there, both are."""
+    table: Box = ("table", (-0.3, -0.4, 0.38), (0.4, 0.4, 0.4))
+    held = head([FLOOR, table, can(0.08, 0.0, 0.4), can(0.0, 0.0, 0.45, "can_2"), *gripper(0.0, 0.0, 0.45)])
+    assert not see("a can of soda is next to another can of soda", held).complete
+    both = head([FLOOR, table, can(0.0, -0.08, 0.4), can(0.0, 0.0, 0.4, "can_2")])
+    assert see("a can of soda is next to another can of soda", both).complete
+
+
 def test_a_bin_in_the_air_holds_its_can_too() -> None:
     """The container may be carried: its own rim counts, not its height."""
     image = head([FLOOR, *trash_can(z=0.3), can(0.04, 0.0, 0.31)])
@@ -397,6 +427,7 @@ class Facts:
     def so(self, relation: Relation, name: str, other: str) -> bool | None:
         """Whether it is so; nothing is known of dirt."""
         facts = {
+            ("inside", "can_1", "bin"),
             ("inside", "can_2", "bin"),
             ("ontop", "bin", "floor"),
             ("open", "cabinet", ""),

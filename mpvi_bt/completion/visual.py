@@ -163,8 +163,8 @@ class _Picture:
             return Judgement(False, f"{name} is seen beside {container}")
         if np.mean(within & low) < self._sight.share:
             return Judgement(False, f"{name} is seen above {container}")
-        if self._gripped(name) and np.median(thing[:, 2]) > highest[2]:
-            return Judgement(False, f"{name} is seen in a gripper above {container}")
+        if self._lifted(name).complete or (self._gripped(name) and np.median(thing[:, 2]) > highest[2]):
+            return Judgement(False, f"{name} is seen in a gripper in or above {container}")
         return Judgement(True, f"{name} is seen inside {container}")
 
     def ontop(self, name: str, surface: str) -> Judgement:
@@ -188,6 +188,8 @@ class _Picture:
         """Whether the gap between what is seen of the two is small for their size, and they are at one height."""
         if self._gripped(name):
             return Judgement(False, f"{name} is seen in a gripper")
+        if self._lifted(other).complete:
+            return Judgement(False, f"{other} is seen in a gripper")
         a, b = self._box(name), self._box(other)
         gap = np.maximum(0.0, np.maximum(a[0], b[0]) - np.minimum(a[1], b[1]))
         size = float(np.mean((a[1] - a[0])[:2] + (b[1] - b[0])[:2]) / 2)
