@@ -144,6 +144,17 @@ def method(command: Any) -> Any:
     )(command)
 
 
+def demonstration_fps(command: Any) -> Any:
+    """The option that says how often what is demonstrated is noted: at a rate that divides the control rate."""
+    return click.option(
+        "--demonstration-fps",
+        type=click.Choice((1, 2, 3, 5, 6, 10, 15, 30)),
+        default=10,
+        show_default=True,
+        help="Recorded rows and pictures a second.",
+    )(command)
+
+
 def drive(command: Any) -> Any:
     """The option that says who drives."""
     return click.option(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mpvi_bt.cli import INTERRUPTED
-from mpvi_bt.cli.given import File, Name, arguments, backends, complete_param, complete_path
+from mpvi_bt.cli.given import File, Name, arguments, backends, complete_param, complete_path, demonstration_fps
 from mpvi_bt.cli.score import brief_score, score
 from mpvi_bt.errors import BackendError, NodeError, UserError
 from mpvi_bt.suite.config import ASKING, EpisodeConfig
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from mpvi_bt.suite.prepare import Prepared
 
 
-FRAME_RATES = (1, 2, 3, 5, 6, 10, 15, 30)  # they divide the control rate
 _OUTPUT = click.Path(dir_okay=False, path_type=Path)
 _COMPILED = ("method", "drive", "on_failure")  # what changes the tree of a plan, or says why
 _OF_THIS_RUN = ("video", "picture", "rerun", *ASKING)  # of an episode that goes on, what may be said anew
@@ -72,13 +71,7 @@ _OF_THIS_RUN = ("video", "picture", "rerun", *ASKING)  # of an episode that goes
     metavar="DIR",
     help="Record pictures, state and actions there, for `mpvi dataset`.",
 )
-@click.option(
-    "--demonstration-fps",
-    type=click.Choice(FRAME_RATES),
-    default=10,
-    show_default=True,
-    help="Recorded rows and pictures a second.",
-)
+@demonstration_fps
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
