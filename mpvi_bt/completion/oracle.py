@@ -9,7 +9,7 @@ from mpvi_bt.behaviors.protocols import Judgement
 from mpvi_bt.completion.criteria import UNARY, Criterion, Relation, named, parse
 from mpvi_bt.robot.protocol import CameraImage, Side
 
-_SET_DOWN = ("inside", "ontop", "nextto", "under")  # relations of what rests: a hand that holds a thing there is not done yet
+_SET_DOWN = ("inside", "ontop", "nextto", "under")  # relations of what rests: in a hand it is not done yet
 
 
 class Truth(Protocol):

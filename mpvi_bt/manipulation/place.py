@@ -12,7 +12,6 @@ from mpvi_bt.manipulation.gaze import look_at, study
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.placing import LYING, SLANTED, UPRIGHT, Pose, place_at, release
 from mpvi_bt.manipulation.work import Words, Work
-from mpvi_bt.perception.knowledge import normalize
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array
@@ -20,7 +19,6 @@ from mpvi_bt.robot.solids import Array
 Spots = Callable[[Work, Held, str, Sequence[float]], Iterator[Sequence[Pose]]]  # by a thing, for some leans
 Groups = Callable[[], Iterable[Sequence[Pose]]]  # poses to leave a thing in, those about one place together
 
-_FLOORS = ("floor", "ground")
 _LOST_M = 0.04  # what came to lie that much higher or lower than it was to lie has fallen over or off
 _SPOTS = 4  # tried with the thing upright, before it may lean
 
@@ -63,8 +61,9 @@ def place_on(work: Work, words: Words, tried: list[Array]) -> Actions:
             motion's own reason.
     """
     side = work.hand_with(words["object"], words.get("hand"))
-    if normalize(words["surface"]).split()[-1:] in [[floor] for floor in _FLOORS]:
-        yield from _place(work, side, None, lambda: spots.on_floor(work, work.held()[side]), tried)
+    if spots.is_floor(words["surface"]):
+        groups = _upright_first(lambda leans: spots.on_floor(work, work.held()[side], leans), LYING)
+        yield from _place(work, side, None, groups, tried)
         return
     yield from _place_by(work, side, work.nearest(words["surface"]), spots.on, LYING, tried)
 

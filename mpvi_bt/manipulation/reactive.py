@@ -12,9 +12,9 @@ from mpvi_bt.manipulation.looking import look_for, look_from_elsewhere
 from mpvi_bt.manipulation.readings import count, readings
 from mpvi_bt.manipulation.scripted import ScriptedPolicy
 from mpvi_bt.manipulation.seen import Seen
+from mpvi_bt.manipulation.spots import is_floor
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.detector import Detector
-from mpvi_bt.perception.phrases import normalize
 from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.skills import Skill, SkillCall
@@ -33,7 +33,6 @@ _IN_HAND = {
     **dict.fromkeys(("wipe", "spray"), ("tool",)),
     "pour": ("source", "object"),
 }
-_FLOOR = ("floor", "ground")  # is there, seen or not
 
 
 class ReactivePolicy(ScriptedPolicy):
@@ -112,7 +111,7 @@ class ReactivePolicy(ScriptedPolicy):
     def _phrases(self, call: SkillCall, slots: Iterable[str]) -> list[str]:
         """What a call names in some slots, but for the floor."""
         named = [call.arguments[slot] for slot in slots if slot in call.arguments]
-        return [phrase for phrase in named if normalize(phrase) not in _FLOOR]
+        return [phrase for phrase in named if not is_floor(phrase)]
 
     def _needed(self, call: SkillCall) -> list[str]:
         """What a call names that has to be known before it can be done: seen, or held."""

@@ -7,6 +7,7 @@ import numpy as np
 from mpvi_bt.manipulation.carry import settle
 from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.search import Search
+from mpvi_bt.manipulation.spots import floor_around, is_floor
 from mpvi_bt.manipulation.two_hands import Box, behind, open_wide, raise_both, seen_box
 from mpvi_bt.manipulation.work import Perform, Words, Work
 from mpvi_bt.robot import kinematics as kin
@@ -44,14 +45,20 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     name = scene.between()
     if name is None or name not in {e.name for e in scene.knowledge().find(words["object"])}:
         raise MotionFailure("not_held")
-    surface = work.nearest(words["surface"])
+    surface = None if is_floor(words["surface"]) else work.nearest(words["surface"])
     for _ in range(_LEGS):
-        yield from look_at(work, surface)
+        if surface is not None:
+            yield from look_at(work, surface)
         box = seen_box(work, name)
-        spots = scene.spots(surface, max(box.length, box.width) / 2 + 0.01, box.height + 0.1, motion.felt.base_pose[:2])
+        radius, here = max(box.length, box.width) / 2 + 0.01, motion.felt.base_pose[:2]
+        if surface is None:
+            spots = floor_around(work, words["surface"], radius, box.height)
+        else:
+            spots = scene.spots(surface, radius, box.height + 0.1, here)
         search = work.search("right", {name})
         # What is far off may have room that is not seen from here.
-        nearer = _toward(motion.felt.base_pose, spots[0] if spots else work.middle(surface))
+        far_off = spots[0] if spots else None if surface is None else work.middle(surface)
+        nearer = None if far_off is None else _toward(motion.felt.base_pose, far_off)
         route = None if nearer is None else search.route(motion.felt.base_pose, nearer)
         if route is None:
             break
@@ -75,7 +82,7 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from motion.wait(0.2)
     yield from open_wide(work)
     yield from motion.drive(back, speed=0.3)
-    yield from settle(work, without={name, surface})
+    yield from settle(work, without={name, surface} - {None})
     yield from look_at(work, name)
     if abs(min(s.aabb()[0, 2] for s in scene.solids(name)) - spot[2]) > 0.04:
         raise MotionFailure("missed")

@@ -12,10 +12,12 @@ from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.outline import disc, outline
 from mpvi_bt.manipulation.placing import LIES_RAD, Pose, leaning, poses
 from mpvi_bt.manipulation.work import Work
+from mpvi_bt.perception.knowledge import normalize
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.solids import Array, Solid, bounds
 
+_FLOORS = ("floor", "ground")
 _CLEAR_M = 0.03  # between things on a surface
 _HEADROOMS_M = (0.35, 0.03)  # above a spot, for the thing and the hand; above the thing if there is no more
 _GRID_M = 0.06
@@ -59,7 +61,7 @@ def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: boo
                     yield list(poses(work, held, spot, [lean for lean, _ in able]))
 
 
-def on_floor(work: Work, held: Held) -> Iterator[list[Pose]]:
+def on_floor(work: Work, held: Held, leans: Sequence[float]) -> Iterator[list[Pose]]:
     """Poses on the free floor around the robot, the nearest first."""
     here = work.motion.felt.base_pose
     steps = np.arange(-_FLOOR_REACH_M, _FLOOR_REACH_M + 1e-9, 2 * _GRID_M)
@@ -70,7 +72,37 @@ def on_floor(work: Work, held: Held) -> Iterator[list[Pose]]:
     places = here[:2] + grid[np.argsort(np.abs(np.linalg.norm(grid, axis=1) - 0.6) + 0.3 * (1 - ahead))]
     spots = np.column_stack([places, np.zeros(len(places))])
     for spot in spots[_room(work, held, spots, _CLEAR_M)]:
-        yield list(poses(work, held, spot))
+        yield list(poses(work, held, spot, leans))
+
+
+def is_floor(phrase: str) -> bool:
+    """Whether a phrase names a floor, such as "the corridor floor" or "the floor"."""
+    return normalize(phrase).split()[-1:] in [[floor] for floor in _FLOORS]
+
+
+def floor_around(work: Work, phrase: str, radius_m: float, height_m: float) -> list[Array]:
+    """Free places (3,) on the floor that a phrase names, the nearest first: of that room if it names one.
+
+    Args:
+        work: Robot and world.
+        phrase: Such as "the corridor floor".
+        radius_m: Of the free disc.
+        height_m: Free above it.
+    """
+    here = work.motion.felt.base_pose[:2]
+    steps = np.arange(-_NEAR_M, _NEAR_M + 1e-9, 2 * _GRID_M)
+    places = here + np.stack(np.meshgrid(steps, steps, indexing="ij"), -1).reshape(-1, 2)
+    room = normalize(phrase).rpartition(" ")[0]
+    rooms = [e for e in work.scene.knowledge().find(room) if e.kind == "room"] if room else []
+    if rooms:
+        low, high = np.array([e.lowest[:2] for e in rooms]), np.array([e.highest[:2] for e in rooms])
+        within = (places[:, None] > low + radius_m) & (places[:, None] < high - radius_m)
+        places = places[within.all(-1).any(1)]
+    spots = np.column_stack([places, np.zeros(len(places))])
+    others = work.scene.obstacles(here, _NEAR_M + 2 * radius_m, without=work.carried())
+    for z in np.linspace(0.02, max(0.04, height_m), 4):
+        spots = spots[others.distance(spots + [0.0, 0.0, z]) > radius_m]
+    return sorted(spots, key=lambda spot: float(np.linalg.norm(spot[:2] - here)))
 
 
 def under(work: Work, held: Held, target: str, leans: Sequence[float]) -> Iterator[list[Pose]]:

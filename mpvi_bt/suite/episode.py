@@ -95,6 +95,7 @@ def run(
     before = snapshot(problem, truth)
     places = _places(world)
     vocabulary = {e.name: e.phrases for e in world.knowledge() if e.kind != "room"}
+    judged = vocabulary | _floors(house)
     detector = make_detector(config.detector, vocabulary, config.seed)
     ground = Ground(skills, vocabulary, None if detector.name in _LABELS else detector, world, config.seed)
     policy = make_policy(config.policy, ground, config.policy_settings)
@@ -105,7 +106,7 @@ def run(
         robot=world.robot,
         navigator=navigator,
         policy=in_chunks(policy, config),
-        checker=make_checker(config.checker, world, vocabulary, config.seed, prepared.models),
+        checker=make_checker(config.checker, world, judged, config.seed, prepared.models),
         triggers=make_triggers(config.trigger, world.robot),
         skills=skills,
         sense=navigator.feel,
@@ -119,7 +120,7 @@ def run(
     if saved is not None:
         restore_world(saved.run, world, context)
     meter = Meter(saved.measurement if saved else None)
-    audit = Audit(OracleChecker(TrueState(world), vocabulary), saved.truths if saved else ())
+    audit = Audit(OracleChecker(TrueState(world), judged), saved.truths if saved else ())
     last = Last()
     demonstration = _demonstration(config, task)
     watchers = [
@@ -193,6 +194,11 @@ def _world(
     raise BackendError(
         f"{config.task}: no start of instance {config.instance} came to rest as :init has it in {_DRAWS} draws"
     )
+
+
+def _floors(house: House) -> dict[str, tuple[str, ...]]:
+    """What floors are called, by their names in the world: judges are asked of them, nobody looks for them."""
+    return {f"floor_{room.name}": ("floor", *(f"{p} floor" for p in room.phrases)) for room in house.rooms.values()}
 
 
 def _places(world: World) -> dict[str, list[float]]:
