@@ -8,8 +8,12 @@ from pathlib import Path
 import pytest
 
 from mpvi_bt.cli.score import score
+from mpvi_bt.report import data as for_programs
+from mpvi_bt.report import text as for_people
+from mpvi_bt.report.figures import figures
+from mpvi_bt.report.runs import runs_of
+from mpvi_bt.report.text import troubles
 from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.report import report_data, report_text, troubles
 from mpvi_bt.suite.result import Grasps, Result
 from mpvi_bt.suite.store import Fault, Store
 from tests.conftest import Shell
@@ -17,7 +21,18 @@ from tests.fake_episodes import fake_result
 
 EPISODES = [EpisodeConfig("picking_up_trash", instance) for instance in range(4)]
 RESULTS = {c: Result.model_validate(fake_result(c)) for c in EPISODES[:3]}
+
 FAULTS = {EPISODES[3]: Fault("the worker process died (exit code -9)")}
+
+
+def report_data(name, episodes, results, faults):
+    runs = runs_of(episodes, results, faults)
+    return for_programs.report_data(figures(name, runs), runs)
+
+
+def report_text(name, episodes, results, faults):
+    runs = runs_of(episodes, results, faults)
+    return for_people.report_text(figures(name, runs), runs)
 
 
 def test_means_count_missing_episodes_as_zero_and_say_so() -> None:
@@ -40,15 +55,15 @@ def test_the_report_for_programs_is_strict_json_without_wall_times() -> None:
 def test_episodes_that_the_policys_backend_failed_are_named_and_are_nobodys_score() -> None:
     """Their row says so, so does a line of their own, and the mean of the finished ones leaves them out."""
     faults = {EPISODES[3]: Fault("server_closed: it went away", backend="server_closed")}
-    data, text = report_data("four", EPISODES, RESULTS, faults), report_text("four", EPISODES, RESULTS, faults)
-    (missing,) = data["missing"]
+    told, words = report_data("four", EPISODES, RESULTS, faults), report_text("four", EPISODES, RESULTS, faults)
+    (missing,) = told["missing"]
     assert missing == {
         "episode": "picking_up_trash_3_0", "fault": "server_closed: it went away", "backend": "server_closed",
     }  # fmt: skip
-    assert data["overall"]["q_score_of_finished"] == pytest.approx(2.5 / 3)
-    assert "backend failure" in text
-    assert "instance 3: a backend failed, server_closed: it went away" in text
-    assert "failed by a backend, not by the robot: picking_up_trash_3_0" in text
+    assert told["overall"]["q_score_of_finished"] == pytest.approx(2.5 / 3)
+    assert "backend failure" in words
+    assert "instance 3: a backend failed, server_closed: it went away" in words
+    assert "failed by a backend, not by the robot: picking_up_trash_3_0" in words
 
 
 def test_clipped_actions_and_failed_grasps_are_told() -> None:
@@ -73,6 +88,22 @@ def test_assisted_grasps_are_named_in_every_report() -> None:
 def _told(result: Result) -> dict[str, object]:
     """As `mpvi run` is handed it."""
     return {**result.model_dump(mode="json"), "wall": {"total_s": 2.0, "setup_s": 1.0, "loop": {"stepping": 1.0}}}
+
+
+def test_methods_are_told_apart() -> None:
+    """A table for each of a task's methods, means of each, and how they compare; nothing is mixed."""
+    both = [EpisodeConfig("picking_up_trash", i, method=name) for name in ("e2e", "mpvi") for i in range(4)]
+    results = {c: Result.model_validate(fake_result(c)) for c in both if c.method == "mpvi" or c.instance < 2}
+    told, words = report_data("two", both, results, {}), report_text("two", both, results, {})
+    assert {name: of["overall"]["finished"] for name, of in told["methods"].items()} == {"e2e": 2, "mpvi": 4}
+    assert "overall" not in told
+    assert [(m["method"], m["episode"]) for m in told["missing"]] == [
+        ("e2e", "picking_up_trash_2_0"), ("e2e", "picking_up_trash_3_0"),
+    ]  # fmt: skip
+    assert told["figures"]["comparisons"][0]["overall"]["pairs"] == 2
+    assert "e2e: picking_up_trash\n" in words
+    assert "two, mpvi: 4/4 episodes, 2 succeeded, mean q 0.750 [" in words
+    assert "mpvi against e2e, on 2 episodes" in words
 
 
 def test_an_empty_suite_has_no_means() -> None:

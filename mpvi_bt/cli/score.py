@@ -83,7 +83,7 @@ def _replanned(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _felt(result: Mapping[str, Any]) -> str:
-    from mpvi_bt.suite.report import troubles  # it needs numpy, which the help does not
+    from mpvi_bt.report.text import troubles  # it needs numpy, which the help does not
 
     grasps = result.get("grasps", {})
     return troubles(result.get("clipped", 0), grasps.get("empty", 0), grasps.get("lost", 0))

@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mpvi_bt.cli.given import File, Name, backends
+from mpvi_bt.cli.suite_report import Told
 from mpvi_bt.errors import BackendError
 from mpvi_bt.suite.config import EPISODE, EpisodeConfig, SuiteBudget
 
 if TYPE_CHECKING:
     from mpvi_bt.suite.runner import Engine
 
+_FILE = click.Path(dir_okay=False, path_type=Path)
 _NAMED = 20  # episodes at most that `status` names one by one
 
 # The heavier modules load in the functions, so that `--help` is quick.
@@ -112,7 +114,6 @@ def run(
     from mpvi_bt.suite.manifest import make_manifest
     from mpvi_bt.suite.prepare import check_episode
     from mpvi_bt.suite.progress import Progress
-    from mpvi_bt.suite.report import report_data, report_text
     from mpvi_bt.suite.runner import run_suite
     from mpvi_bt.suite.schedule import Pace, budgets_s, in_rounds
 
@@ -140,10 +141,7 @@ def run(
     player = _engine(engine, workers, episode, wall_limit, ray_address)
     progress = Progress(sys.stderr, Pace(budget_s))
     outcome = run_suite(episodes, store, player, progress, lambda todo: in_rounds(todo, budget_s), manifest)
-    if as_json:
-        _print_json(report_data(title, episodes, outcome.results, outcome.faults))
-    else:
-        click.echo(report_text(title, episodes, outcome.results, outcome.faults))
+    click.echo(Told.of(title, store, episodes, outcome.results, outcome.faults).told(as_json))
     return BackendError.exit_code if outcome.faults else 0
 
 
@@ -215,20 +213,29 @@ def _told(config: EpisodeConfig) -> str:
 
 @suite.command()
 @_shared
-def report(name: str, out: Path | None, as_json: bool, **options: Any) -> None:
+@click.option("--html", type=_FILE, help="Write one page with plots and every episode, which needs nothing else.")
+@click.option("--markdown", type=_FILE, help="Write Markdown, with its plots as SVG files beside it.")
+@click.option("--baseline", metavar="METHOD", help="What to compare with.  [default: e2e, or the first method]")
+def report(
+    name: str,
+    out: Path | None,
+    as_json: bool,
+    html: Path | None,
+    markdown: Path | None,
+    baseline: str | None,
+    **options: Any,
+) -> None:
     """Tabulate the results of SUITE so far.
 
-    One line an episode with its q, time, distances and failures, then their means.
+    One line an episode with its q, time, distances and failures, then their means. Several methods are compared on the
+    episodes that both have finished.
     """
-    from mpvi_bt.suite.report import report_data, report_text
-
     title, store, episodes = _open(name, out, options, as_run=True)
     results = {c: r for c in episodes if (r := store.result(c)) is not None}
     faults = {c: f for c in episodes if c not in results and (f := store.fault(c)) is not None}
-    if as_json:
-        _print_json(report_data(title, episodes, results, faults))
-    else:
-        click.echo(report_text(title, episodes, results, faults))
+    told = Told.of(title, store, episodes, results, faults, name, baseline)
+    written = [*(told.write_html(html) if html else ()), *(told.write_markdown(markdown) if markdown else ())]
+    click.echo(told.told(as_json) if as_json or not written else "\n".join(f"wrote {path}" for path in written))
 
 
 def _open(

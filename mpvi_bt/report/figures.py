@@ -37,6 +37,7 @@ class Group:
         finished: That have a result.
         successes: Of these.
         q_with_missing: Mean q, episodes without a result counted as 0, as BEHAVIOR's leaderboard does.
+        q_instances: Mean q of each instance that has a result; of all tasks together, of each task.
         measures: Means of what was measured over seeds, instances, then tasks, of episodes that have a result.
     """
 
@@ -44,6 +45,7 @@ class Group:
     finished: int
     successes: int
     q_with_missing: float
+    q_instances: list[float]
     measures: dict[str, Estimate | None]
 
 
@@ -187,11 +189,13 @@ def _group(runs: Runs, configs: Sequence[EpisodeConfig]) -> Group:
     zeros = by_instance(
         ((c.task_name, c.instance, c.seed), (runs.results[c].q if c in runs.results else 0.0,)) for c in configs
     )
+    scores = list(by_instance((key, (result.q,)) for key, result in rows).values())
     return Group(
         episodes=len(configs),
         finished=len(done),
         successes=sum(result.success for _, result in done),
         q_with_missing=found.mean if (found := estimate(list(zeros.values()), resamples=1)) else 0.0,
+        q_instances=[float(q) for table in scores for q in (table[:, 0] if len(zeros) == 1 else table.mean(0))],
         measures={
             measure.key: estimate(
                 list(by_instance((key, (x,)) for key, r in rows if (x := measure.of(r)) is not None).values())

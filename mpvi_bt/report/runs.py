@@ -9,10 +9,14 @@ from typing import Literal
 
 import numpy as np
 
+from mpvi_bt import paths
+from mpvi_bt.errors import MpviError
+from mpvi_bt.marked_yaml import load_marked
 from mpvi_bt.report.statistics import Array
 from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.methods import FOLDER, check_method
 from mpvi_bt.suite.result import Result
-from mpvi_bt.suite.store import Fault
+from mpvi_bt.suite.store import Fault, Store
 
 Key = tuple[str, int, int]  # task, instance, seed
 
@@ -46,6 +50,44 @@ class Runs:
     def by_key(self) -> dict[Key, Result]:
         """The results, as another method's can be looked up beside them."""
         return {(c.task_name, c.instance, c.seed): self.results[c] for c in self.episodes if c in self.results}
+
+
+def runs_of(
+    episodes: Iterable[EpisodeConfig],
+    results: Mapping[EpisodeConfig, Result],
+    faults: Mapping[EpisodeConfig, Fault],
+    store: Store | None = None,
+) -> list[Runs]:
+    """A suite's episodes by method; those that name none go by their policy.
+
+    Args:
+        episodes: All of it, in order.
+        results: Those that are there.
+        faults: What broke others.
+        store: Where they lie; None: there are no files to look at.
+    """
+    methods: dict[str | None, list[EpisodeConfig]] = {}
+    for config in episodes:
+        methods.setdefault(config.method, []).append(config)
+    return [
+        Runs(
+            method or configs[0].policy,
+            configs,
+            {c: results[c] for c in configs if c in results},
+            {c: faults[c] for c in configs if c in faults},
+            store.folder(configs[0]) if store else None,
+            _about(method),
+        )
+        for method, configs in methods.items()
+    ]
+
+
+def _about(method: str | None) -> str:
+    """What a method's file says of it, if it is still there."""
+    try:
+        return check_method(*load_marked(paths.find_or_file(FOLDER, method, "method"))).about if method else ""
+    except MpviError:
+        return ""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,120 @@
+"""The part of a page that tells of one episode: goal, failures, map, what ran when, and its film."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from html import escape
+from pathlib import Path
+from urllib.parse import quote
+
+from mpvi_bt.drawing.cells import cut, one_line
+from mpvi_bt.errors import MpviError
+from mpvi_bt.report.map import way_map
+from mpvi_bt.report.runs import Runs
+from mpvi_bt.report.text import troubles
+from mpvi_bt.report.timeline import timeline, timeline_html
+from mpvi_bt.sim.house import House
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.result import Result
+from mpvi_bt.trace.read import read_trace
+
+# Our choices: what a page of hundreds of episodes can hold of each.
+MOST_FAILURES, MOST_CONDITIONS, _LONG = 12, 40, 240
+
+
+def episode_html(runs: Runs, config: EpisodeConfig, houses: Mapping[str, House], page: Path | None) -> str:
+    """An episode that has a result, folded.
+
+    Args:
+        runs: Of its method.
+        config: The episode.
+        houses: By task; those whose symbols are in the page.
+        page: Its file, beside which films are looked for; None: there are no links to files.
+    """
+    result = runs.results[config]
+    films = _film(runs, config, page)
+    head = (
+        f'<span class="pill {"good" if result.success else "bad"}">q {result.q:.2f}</span> '
+        f"instance {result.instance_id}, seed {result.rollout_id} "
+        f'<span class="dim">{escape(one_line(result.ended.replace("_", " ")))} after {result.time.simulator_time:.0f} s'
+        f"{_count(len(result.failures), 'failure')}{' · film' if films else ''}</span>"
+    )
+    drawn = way_map(result.way, houses.get(config.task_name)) if result.way else ""
+    drawn = drawn or '<p class="dim">The way was not kept.</p>'
+    body = [
+        f'<div class="sides"><figure>{drawn}</figure><div>{_goal(result)}{_facts(result)}</div></div>',
+        _failures(result),
+        _what_ran(runs, config, result),
+        films,
+    ]
+    mark = f"{runs.method}-{config.name}"
+    return f'<details class="episode" id="{escape(mark)}"><summary>{head}</summary>{"".join(body)}</details>'
+
+
+def _goal(result: Result) -> str:
+    items = [
+        f'<li class="{"met" if c.satisfied else "unmet"}">{_text(c.condition)}</li>'
+        for c in sorted(result.goal, key=lambda c: c.satisfied)[:MOST_CONDITIONS]
+    ]
+    more = len(result.goal) - len(items)
+    met = sum(c.satisfied for c in result.goal)
+    rest = f'<li class="dim">and {more} more</li>' if more > 0 else ""
+    return f"<h5>Goal: {met} of {len(result.goal)} conditions hold</h5><ul class='goal'>{''.join(items)}{rest}</ul>"
+
+
+def _facts(result: Result) -> str:
+    way, ratio = result.agent_distance, result.time.normalized_time
+    facts = [f"base {way.base:.1f} m, hands {way.left:.1f} m and {way.right:.1f} m"]
+    if ratio is not None:
+        facts.append(f"people take {ratio:.2f} of its time")
+    facts += filter(None, [troubles(result.clipped, result.grasps.empty, result.grasps.lost)])
+    if result.queries.asked:
+        facts.append(f"the checker was asked {result.queries.asked} times")
+    if result.replans:
+        facts.append(f"planned anew {len(result.replans)} times")
+    return f'<p class="dim">{escape("; ".join(facts))}</p>'
+
+
+def _failures(result: Result) -> str:
+    if not result.failures:
+        return ""
+    items = []
+    for failure in result.failures[:MOST_FAILURES]:
+        node = "/".join(failure.node.split("/")[1:2]) or failure.node
+        why = f": {_text(failure.feedback)}" if failure.feedback else ""
+        items.append(f"<li>{failure.time_s:.0f} s, {_text(node)}: <code>{_text(failure.reason)}</code>{why}</li>")
+    if more := len(result.failures) - len(items):
+        items.append(f'<li class="dim">and {more} more</li>')
+    return f"<h5>Failures</h5><ul>{''.join(items)}</ul>"
+
+
+def _what_ran(runs: Runs, config: EpisodeConfig, result: Result) -> str:
+    path = runs.folder / "traces" / f"{config.name}.jsonl" if runs.folder else None
+    if path is None or not path.is_file():
+        return '<p class="dim">There is no trace that says what ran when.</p>'
+    try:
+        rows = timeline(read_trace(path))
+    except MpviError as error:
+        return f'<p class="dim">Its trace cannot be read: {_text(str(error))}</p>'
+    more = f"<p class='dim'>Every tick: <code>mpvi render {_text(str(path))} --out run.html</code></p>"
+    return f"<h5>What ran when</h5>{timeline_html(rows, result.time.simulator_time)}{more}"
+
+
+def _film(runs: Runs, config: EpisodeConfig, page: Path | None) -> str:
+    path = runs.folder / "videos" / f"{config.name}.mp4" if runs.folder else None
+    if path is None or page is None or not path.is_file():
+        return ""
+    there = quote(Path(os.path.relpath(path.resolve(), page.resolve().parent)).as_posix())
+    address = escape(there)
+    return (
+        f'<h5>Film</h5><video controls preload="none" src="{address}"></video><p><a href="{address}">{address}</a></p>'
+    )
+
+
+def _text(text: str) -> str:
+    return escape(cut(one_line(text), _LONG))
+
+
+def _count(number: int, what: str) -> str:
+    return f" · {number} {what}{'s' * (number > 1)}" if number else ""
