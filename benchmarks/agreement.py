@@ -21,6 +21,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 from unittest import mock
 
@@ -39,10 +40,12 @@ World = Mapping[Literal, bool]
 Scores = tuple[bool, float, float]  # the goal is true, official q, q with what held at the start
 
 
+house = cache(load_house)
+
+
 def counts_of(task: str) -> dict[str, int]:
     """How many things of each of its wildcards' synsets our house has in their room."""
-    house = load_house("family_house")
-    return {synset: len(house.fixtures_of(synset, room)) for synset, room in load_problem(task).wildcards.items()}
+    return {synset: len(house().fixtures_of(synset, room)) for synset, room in load_problem(task).wildcards.items()}
 
 
 class Thing:
