@@ -10,6 +10,7 @@ from mpvi_bt.goals.problem import AGENT, Fact, Problem
 from mpvi_bt.goals.qscore import fraction, qscore
 
 Snapshot = Mapping[Literal, bool]
+UNSIMULATED = ("cooked",)  # what :init may say of things, and is taken as it is said: temperatures are not simulated
 
 
 @dataclass(frozen=True)
@@ -69,13 +70,13 @@ def judge(problem: Problem, start: Snapshot, end: Snapshot) -> GoalReport:
 def unmet(problem: Problem, truth: Truth) -> list[Fact]:
     """Facts of :init that do not hold: what a sampler still has to mend.
 
-    Where fixtures are (`inroom`), what exists later (`future`), substances' taps (`insource`) and the robot's own place
-    are left out.
+    Where fixtures are (`inroom`), what exists later (`future`), substances' taps (`insource`), the robot's own place
+    and what is not simulated are left out.
     """
     return [
         fact
         for fact in problem.init
-        if fact.literal.predicate not in {"inroom", "future", "insource"}
+        if fact.literal.predicate not in {"inroom", "future", "insource", *UNSIMULATED}
         and problem.objects.get(fact.literal.args[0]) != AGENT
         and truth(fact.literal) != fact.positive
     ]

@@ -187,6 +187,11 @@ def _world(
         except BackendError:
             continue
         world = World(house, start.objects, start.base_pose, render=_renders(config), assisted=config.assisted)
+        for name, openings in start.openings.items():
+            for body, fraction in openings.items():
+                world.set_opening(name, body, fraction)
+        for name in start.on:
+            world.turn(name, True)
         world.settle()
         truth = truth_in(world, start.scene_names)
         if not unmet(problem, truth) and not early(problem, truth):

@@ -1,0 +1,138 @@
+"""Where on floors and lawns things and the robot can begin, and how far everything is from where a robot can stand."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from mpvi_bt.errors import BackendError
+from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.sim.house import House
+from mpvi_bt.sim.prior_map import BAND_M, prior_map
+
+ROBOT_CLEARANCE_M = 0.45  # free floor around the robot at the start
+OBJECT_CLEARANCE_M = 0.30  # free floor around an object's edge, so that a hand gets at it
+APART_M = 0.45  # between two objects' edges
+DOORWAY_M = 0.9  # nothing lies this near the middle of a doorway
+PASSAGE_M = 0.36  # half the width of the ways that things on the floor leave free
+NEAR_M = 0.5  # things on the floor lie this near to where a robot can stand
+_DRAWS = 400
+
+
+class Ground:
+    """Free places on floors and lawns, fewer with each draw."""
+
+    def __init__(self, house: House) -> None:
+        self._house, self._map = house, _map(house)
+        self._clearance = ndimage.distance_transform_edt(~self._map.occupied) * self._map.resolution_m
+        self._reachable = standing_room(self._map)
+        away, self._standing = ndimage.distance_transform_edt(~self._reachable, return_indices=True)
+        self._from_reachable_m = away * self._map.resolution_m
+        self._taken: list[tuple[Array, float]] = []
+        self._reached: list[Array] = []
+        self._occupied = self._map.occupied.copy()  # with what was drawn
+
+    def is_ground(self, support: str) -> bool:
+        """Whether a support is a floor, or so flat that a robot drives over it, such as a lawn."""
+        return support.startswith("floor_") or self._house.fixtures[support].extent()[1, 2] < BAND_M[0]
+
+    def draw(self, ground: str, radius: float, clearance: float, rng: np.random.Generator) -> tuple[Array, float]:
+        """(2,) a free place [m] on some ground for something of a radius [m], and its height [m]; taken from now on.
+
+        Raises:
+            BackendError: There is none.
+        """
+        standing = self._reachable if radius == 0.0 else self._from_reachable_m < NEAR_M
+        free = (self._clearance > radius + clearance) & standing
+        height = 0.0
+        if ground.startswith("floor_"):
+            free = free & (self._map.rooms == self._map.room_names.index(ground.removeprefix("floor_")))
+        cells = np.argwhere(free)
+        if not ground.startswith("floor_"):
+            low, high = self._house.fixtures[ground].extent()
+            at = np.array([self._map.center(*cell) for cell in cells]).reshape(-1, 2)
+            cells = cells[((at > low[:2] + radius) & (at < high[:2] - radius)).all(1)]
+            height = float(high[2])
+        for _ in range(_DRAWS if len(cells) else 0):
+            xy = self._map.center(*cells[rng.integers(len(cells))])
+            if self._is_free(xy, radius) and (radius == 0.0 or self._leaves_a_way(xy, radius)):
+                self._taken.append((xy, radius))
+                return xy, height
+        raise BackendError(f"no free place of radius {radius:.2f} m on {ground}")
+
+    def away_m(self, xy: Array) -> Array:
+        """(n,) how far [m] places (n, 2) are from where a robot can stand; infinite outside the map."""
+        cells = self._cells(xy)
+        inside = ((cells >= 0) & (cells < self._from_reachable_m.shape)).all(1)
+        cells = np.where(inside[:, None], cells, 0)
+        return np.where(inside, self._from_reachable_m[cells[:, 0], cells[:, 1]], np.inf)
+
+    def ahead(self, xy: Array) -> Array:
+        """(n,) the way [rad] that a robot looks that stands as near as it can before places (n, 2)."""
+        cells = np.clip(self._cells(xy), 0, np.array(self._from_reachable_m.shape) - 1)
+        nearest = self._standing[:, cells[:, 0], cells[:, 1]].T[:, ::-1]
+        way = xy - (self._map.origin_m + (nearest + 0.5) * self._map.resolution_m)
+        return np.asarray(np.arctan2(way[:, 1], way[:, 0]))
+
+    def _cells(self, xy: Array) -> NDArray[np.intp]:
+        """(n, 2) rows and columns of places (n, 2)."""
+        return np.floor((xy - self._map.origin_m) / self._map.resolution_m).astype(int)[:, ::-1]
+
+    def keep_way_to(self, xy: Array) -> None:
+        """Have what is drawn from now on leave a way to a place (2,) where a thing lies that is not on the floor."""
+        self._reached.append(np.asarray(xy, float)[:2])
+
+    def _leaves_a_way(self, xy: Array, radius: float) -> bool:
+        """Whether a robot still gets from each doorway of the room, and each thing in it, to all others, within it.
+
+        If so, a thing stands there from now on.
+        """
+        cell = np.array(self._map.cell(xy))
+        index = self._map.rooms[tuple(cell)]
+        room = self._map.rooms == index
+        (window,) = ndimage.find_objects(room.astype(np.int32))
+        low = np.array([part.start for part in window])
+        name = self._map.room_names[index]
+        ends = [xy, *(np.asarray(d.at) for d in self._house.doorways if name in d.rooms)]
+        ends += [at for at in (*(at for at, _ in self._taken), *self._reached) if self._room_index(at) == index]
+        cells = [np.array(self._map.cell(end)) - low for end in ends]
+        before = self._occupied[window]
+        away = np.linalg.norm(np.moveaxis(np.indices(before.shape), 0, -1) - (cell - low), axis=-1)
+        after = before | (away * self._map.resolution_m < radius)
+        if len(self._parts(after, room[window], cells)) > len(self._parts(before, room[window], cells)):
+            return False
+        self._occupied[window] = after
+        return True
+
+    def _room_index(self, xy: Array) -> int:
+        return int(self._map.rooms[self._map.cell(xy)])
+
+    def _parts(self, occupied: NDArray[np.bool_], room: NDArray[np.bool_], ends: list[Array]) -> set[int]:
+        """The connected parts of a room that a robot can pass through and that are nearest to some cells."""
+        wide = ndimage.distance_transform_edt(~occupied) * self._map.resolution_m > PASSAGE_M
+        parts, count = ndimage.label(wide & room)
+        if not count:
+            return set()
+        nearest = ndimage.distance_transform_edt(parts == 0, return_distances=False, return_indices=True)
+        cells = np.clip(ends, 0, np.array(parts.shape) - 1)
+        return {int(parts[tuple(nearest[:, row, column])]) for row, column in cells}
+
+    def _is_free(self, xy: Array, radius: float) -> bool:
+        doorways = all(np.linalg.norm(xy - np.asarray(d.at)) > DOORWAY_M for d in self._house.doorways)
+        return doorways and all(np.linalg.norm(xy - other) > radius + r + APART_M for other, r in self._taken)
+
+
+@lru_cache(maxsize=2)
+def _map(house: House) -> OccupancyMap:
+    return prior_map(house)
+
+
+def standing_room(grid: OccupancyMap) -> NDArray[np.bool_]:
+    """(H, W) bool: where a robot can stand that can get there from nearly everywhere else."""
+    clearance = ndimage.distance_transform_edt(~grid.occupied) * grid.resolution_m
+    passable, _ = ndimage.label(clearance > PASSAGE_M)
+    return np.asarray(passable == np.bincount(passable[passable > 0]).argmax())
