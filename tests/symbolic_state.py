@@ -114,7 +114,9 @@ class SymbolicState:
         return self.at.get(thing, ("", ""))[1] == other
 
     def so(self, criterion: criteria.Criterion) -> bool | None:
-        """Whether a criterion holds, by the rules of the oracle; None where it names nothing of the problem."""
+        """Whether a criterion holds, by the rules of the oracle; None where it names nothing that is kept here."""
+        if criterion.relation == "at":
+            return None
         things = {thing: phrases for thing, phrases in self.called.items() if thing not in self.gone}
         subjects = criteria.named(criterion.subject, things)
         others = criteria.named(criterion.object, things) if criterion.object else []

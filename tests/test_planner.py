@@ -201,11 +201,11 @@ def test_names_of_things_are_data() -> None:
 
 
 def test_the_prompt_says_what_the_robot_and_the_house_have() -> None:
-    """Every room, kind of fixture, skill and hand is told; without a house, nothing of one."""
+    """Every room, kind of fixture, skill of hands and hand is told; without a house, nothing of one."""
     text = system_text(SKILLS, HOUSE)
     for room, kinds in HOUSE.fixtures().items():
         assert json.dumps({room: kinds}) in text
-    assert all(skill.about in text for skill in SKILLS.values())
+    assert all((skill.about in text) is (skill.hands > 0) for skill in SKILLS.values())
     assert "hands: left, right." in text
     assert "kitchen" not in system_text(SKILLS, None)
     assert len(text) < 8000

@@ -25,11 +25,12 @@ _BOTH = r"(?:in|by|with|between) (?:both|two|the two) (?:of )?(?:its |the )?(?:r
 _TURNED = r"(?:turned |switched |powered |toggled )?"
 
 Relation = Literal[
-    "held", "lifted", "inside", "ontop", "nextto", "under", "open", "closed", "on", "off", "clean", "sprayed"
+    "at", "held", "lifted", "inside", "ontop", "nextto", "under", "open", "closed", "on", "off", "clean", "sprayed"
 ]  # fmt: skip
 _PATTERNS: tuple[tuple[Relation, re.Pattern[str]], ...] = tuple(
     (relation, re.compile(text))  # type: ignore[misc]
     for relation, text in (
+        ("at", rf"robot {_BE} (?:standing )?(?:at|in|inside|by|{_BESIDE}|within reach of) (?P<subject>.+)"),
         ("lifted", rf"(?P<subject>.+?) {_BE} (?:being )?(?:held|grasped|gripped|lifted|carried)(?: up)? {_BOTH}"),
         ("lifted", rf"(?:robot|{_HAND}) {_HOLD} (?P<subject>.+?) {_BOTH}"),
         ("lifted", rf"(?P<subject>.+?) {_BE} (?:lifted|raised)(?: up)?(?: (?:off|from|above) .+)?"),
@@ -48,7 +49,7 @@ _PATTERNS: tuple[tuple[Relation, re.Pattern[str]], ...] = tuple(
         ("ontop", rf"(?P<subject>.+?) {_BE} {_PUT}{_ON} (?P<object>.+)"),
     )
 )  # fmt: skip
-UNARY = ("held", "lifted", "open", "closed", "on", "off", "clean", "sprayed")  # relations of one thing
+UNARY = ("at", "held", "lifted", "open", "closed", "on", "off", "clean", "sprayed")  # relations of one thing
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class Criterion:
 
     Attributes:
         relation: "held" in a hand or "lifted" by both; "inside" a container, "ontop" of a surface, "nextto" or "under"
-            a thing; "open" or "closed", switched "on" or "off", "clean", "sprayed".
+            a thing; "open" or "closed", switched "on" or "off", "clean", "sprayed"; "at": where the robot itself is.
         subject: What the state is about, such as "can of soda".
         object: The other thing; "" for a relation in `UNARY`.
         count: How many of the subject, at least.
@@ -74,9 +75,10 @@ class Criterion:
 def parse(text: str) -> Criterion | None:
     """The criterion that a sentence states, or None where it is none of these.
 
-    "<object> is held in a gripper", "... in the left gripper", "... with both hands"; "<object> is in <container>";
-    likewise "on", "next to" and "under"; each also with a count ("two cans of soda are in the trash can", "there are 2
-    cans of soda in ..."). "<object> is open", "closed", "turned on", "turned off", "clean", "sprayed".
+    "the robot is at <place>"; "<object> is held in a gripper", "... in the left gripper", "... with both hands";
+    "<object> is in <container>"; likewise "on", "next to" and "under"; each also with a count ("two cans of soda are in
+    the trash can", "there are 2 cans of soda in ..."). "<object> is open", "closed", "turned on", "turned off", "clean",
+    "sprayed".
     """
     if len(text) > MOST_CHARACTERS:
         return None

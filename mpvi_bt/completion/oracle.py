@@ -23,6 +23,10 @@ class Truth(Protocol):
         """Whether the robot alone carries the thing, with one hand or both."""
         ...
 
+    def at(self, phrase: str) -> bool | None:
+        """Whether the robot is at something that a phrase names and that it does not carry; None: nothing is."""
+        ...
+
     def so(self, relation: Relation, name: str, other: str) -> bool | None:
         """Whether a relation holds of the thing, and of the other one if it takes two; None: that is not simulated."""
         ...
@@ -58,6 +62,11 @@ class OracleChecker:
         asked = parse(criterion)
         if asked is None:
             return None, f"not a criterion that it understands: {criterion[:80]!r}"
+        if asked.relation == "at":
+            there = self._truth.at(asked.subject)
+            if there is None:
+                return None, f"nothing is called {asked.subject!r}"
+            return there, f"the robot is {'' if there else 'not '}at the {asked.subject}"
         subjects, objects = named(asked.subject, self._phrases), named(asked.object, self._phrases)
         if not subjects:
             return None, f"nothing is called {asked.subject!r}"

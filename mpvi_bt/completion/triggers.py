@@ -16,7 +16,8 @@ from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Robot, Sid
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
-KINDS = ("grasp", "release", "stop", "rest")
+_OF_HANDS = ("grasp", "release", "stop", "rest")
+KINDS = (*_OF_HANDS, "arrival")
 _STEPS_OF_A_RATE = 3  # rates of change are taken over so many steps
 _LONG_AGO = 10**9  # steps
 
@@ -39,6 +40,7 @@ class Thresholds:
         moved_rad: How far a joint of an arm must have turned since the last rest for the next one to be an event.
         moved_m: How far a hand must have moved what it holds since it took hold of it, or since the last event,
         still_hand_m_s: and how slow it must be then, for a stop to be an event.
+        driven_m, turned_rad: How far the base must have gone from where it stood, or turned, for its rest to be news.
         settle_s: How long the arms must be at rest: the event marks the end of a primitive, not its middle.
         refractory_s: At least this long between two events of one hand, unless a skill says otherwise.
     """
@@ -54,6 +56,8 @@ class Thresholds:
     moved_rad: float = 0.3
     moved_m: float = 0.10
     still_hand_m_s: float = 0.01
+    driven_m: float = 0.1
+    turned_rad: float = 0.2
     settle_s: float = 0.5
     refractory_s: float = 1.0
 
@@ -75,6 +79,10 @@ class ProprioceptiveTriggers:
     door that was pushed shut or a button that was pressed, shows in this alone. It is the event of the arm that went
     farther.
 
+    "arrival": the base has driven or turned and the whole body stands. Our choice, for policies that drive (the paper's
+    heuristics are of grippers and arms): only a skill that drives asks for it. The first rest is an arrival too, as the
+    robot may be there already (Paper, Navigation appendix: that is looked at first).
+
     One end is one event: of several that are due, the first of this list.
     """
 
@@ -88,8 +96,8 @@ class ProprioceptiveTriggers:
         """Begin anew. What a hand holds now it is known to hold.
 
         Args:
-            kinds: As of `Triggers`; None: all, as a primitive that nobody has told us of may end in any (Paper,
-                Proprioceptive trigger: general heuristics).
+            kinds: As of `Triggers`; None: all but "arrival", as a primitive that nobody has told us of may end in any
+                (Paper, Proprioceptive trigger: general heuristics).
 
         Raises:
             UnknownName: A kind that these triggers do not have.
@@ -97,7 +105,7 @@ class ProprioceptiveTriggers:
         for kind in kinds or ():
             if kind not in KINDS:
                 raise UnknownName("trigger", kind, KINDS)
-        given = dict.fromkeys(KINDS) if kinds is None else kinds
+        given = dict.fromkeys(_OF_HANDS) if kinds is None else kinds
         refractory_s = self.thresholds.refractory_s
         self._apart = {kind: _steps(refractory_s if s is None else s) for kind, s in given.items()}
         body = self._robot.proprioception()
@@ -105,6 +113,7 @@ class ProprioceptiveTriggers:
         self._angles: deque[Array] = deque(maxlen=_STEPS_OF_A_RATE + 1)
         self._rest = _Rest(self.thresholds, body)
         self._press = _Press(self.thresholds, body) if "release" in self._apart else None
+        self._drive = _Drive(self.thresholds)
 
     def update(self) -> TriggerEvent | None:
         """Read proprioception once a step; the event that fires now, if any.
@@ -133,6 +142,8 @@ class ProprioceptiveTriggers:
         if rested is not None and "rest" in self._apart and self._rest.since_event >= self._apart["rest"]:
             self._rest.fired()
             return TriggerEvent("rest", rested)
+        if "arrival" in self._apart and self._drive.arrived(body, self._rest.stands):
+            return TriggerEvent("arrival", None)
         return None
 
     def _arms_move(self, body: Proprioception) -> bool:
@@ -272,6 +283,26 @@ class _Press:
     def fired(self) -> None:
         """The event was reported; it is due again only after the body has moved and settled."""
         self._armed = False
+
+
+class _Drive:
+    """Whether the base has gone somewhere since the last arrival, and the whole body stands now."""
+
+    def __init__(self, thresholds: Thresholds) -> None:
+        self._t = thresholds
+        self._left: Array | None = None  # (3,) base pose at the last arrival
+
+    def arrived(self, body: Proprioception, stands: bool) -> bool:
+        """Take in one step; `stands`: the whole body is at rest."""
+        now = body.base_pose
+        if not stands:
+            return False
+        if self._left is not None:
+            gone_m, turned = np.linalg.norm((now - self._left)[:2]), abs(kinematics.wrap(now[2] - self._left[2]))
+            if gone_m <= self._t.driven_m and turned <= self._t.turned_rad:
+                return False
+        self._left = now.copy()
+        return True
 
 
 class _Rest:

@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull, QhullError
 from mpvi_bt.behaviors.protocols import Judgement
 from mpvi_bt.completion.criteria import UNARY, Criterion, named, parse
 from mpvi_bt.perception.detector import SWITCH
+from mpvi_bt.perception.phrases import Vocabulary
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.kinematics import LINK_TO_OPTICAL, inverse, rot_y, transform
 from mpvi_bt.robot.protocol import CameraImage
@@ -37,6 +38,8 @@ class Eyesight:
         beside: Two things are next to each other if the gap between them is at most so much of their mean size.
         light_px: A switch with fewer pixels than this is not seen.
         hollow_m: How far behind its outline what is seen of a thing lies where one looks into it.
+        at_m: The robot is at a thing no farther than this from its camera, from above: the handoff distance and what
+            navigation adds to it before a wide table.
         hollow_share: So much of what is seen of an open thing is hollow, and so little of a closed one: a handle is.
     """
 
@@ -50,6 +53,7 @@ class Eyesight:
     beside: float = 1 / 3
     light_px: int = 4
     hollow_m: float = 0.12
+    at_m: float = 1.25
     hollow_share: tuple[float, float] = (0.05, 0.01)
 
 
@@ -86,7 +90,7 @@ class VisualChecker:
         if image is None or image.labels is None:
             return Judgement(False, "no labeled picture to look at")
         picture = _Picture(image, self._phrases, self._eyesight)
-        subjects = picture.visible(asked.subject)
+        subjects = picture.meant(asked.subject) if asked.relation == "at" else picture.visible(asked.subject)
         if not subjects:
             return Judgement(False, f"no {asked.subject} in the picture")
         if asked.relation in UNARY:
@@ -127,10 +131,16 @@ class _Picture:
 
     def visible(self, phrase: str) -> list[str]:
         """Names of the things called so of which enough is seen."""
-        return [n for n in named(phrase, self._phrases) if np.count_nonzero(self._mask(n)) >= self._sight.seen_px]
+        return list(filter(self._seen, named(phrase, self._phrases)))
+
+    def meant(self, phrase: str) -> list[str]:
+        """As `visible`, of the things that a phrase means by any of its words: "the other shoe" is some shoe."""
+        return list(filter(self._seen, Vocabulary(self._phrases).named(phrase)))
 
     def alone(self, name: str, asked: Criterion) -> Judgement:
         """Whether a relation holds that takes one thing."""
+        if asked.relation == "at":
+            return self._near(name)
         if asked.relation == "held":
             return self.held(name, asked)
         if asked.relation == "lifted":
@@ -216,6 +226,17 @@ class _Picture:
             return Judgement(False, f"{other} is seen around {name}, not over it")
         return Judgement(True, f"{name} is seen under {other}")
 
+    def _near(self, name: str) -> Judgement:
+        """By how far what is seen of it is from the head, as seen from above; what the robot carries is nowhere."""
+        if self._image.camera != "head":
+            return Judgement(False, "only the head camera tells where the robot is")
+        held = [other for other in self._phrases if self._seen(other) and self._gripped(other)]
+        if name in held or any(self.inside(name, other).complete for other in held):
+            return Judgement(False, f"{name} is seen to be carried")
+        gap = np.percentile(np.linalg.norm(self._points[self._mask(name)][:, :2] - self._eye[:2], axis=1), 5)
+        near = bool(gap <= self._sight.at_m)
+        return Judgement(near, f"{name} is seen {'within reach' if near else 'far off'}")
+
     def _lit(self, name: str, wanted: bool) -> Judgement:
         """By the light of its switch: green while it is on, red while it is off."""
         red, green = self._image.rgb[self._mask(name + SWITCH)][:, :2].astype(float).T
@@ -237,7 +258,7 @@ class _Picture:
             hull = ConvexHull(points).equations
         except QhullError:
             return Judgement(False, f"too little of {name} is seen")
-        eye = self._image.T_world_camera[:3, 3]
+        eye = self._eye
         rays = points - eye
         distance = np.linalg.norm(rays, axis=1)
         toward = rays / distance[:, None] @ hull[:, :3].T  # (points, faces)
@@ -250,6 +271,14 @@ class _Picture:
         if hollow <= most:
             return Judgement(not wanted, f"{name} is seen closed")
         return Judgement(False, f"the picture does not tell whether {name} is {'open' if wanted else 'closed'}")
+
+    @property
+    def _eye(self) -> Array:
+        """(3,) where the camera is."""
+        return self._image.T_world_camera[:3, 3]
+
+    def _seen(self, name: str) -> bool:
+        return bool(np.count_nonzero(self._mask(name)) >= self._sight.seen_px)
 
     def _box(self, name: str) -> Array:
         """(2, 3) lowest and highest of what is seen of it."""

@@ -102,7 +102,7 @@ def system_text(skills: Mapping[str, Skill], grounding: Grounding | None) -> str
     """The rules, the robot's hands and skills, and the house."""
     hands = grounding.hands if grounding else ("left", "right")
     lines = [_RULES, f"The robot's hands: {', '.join(hands)}.", "Its skills, and how each is asked for:"]
-    for skill in skills.values():
+    for skill in filter(lambda skill: skill.hands, skills.values()):
         said = json.dumps(example(skill.phrases[0]), ensure_ascii=False)
         lines.append(f"- {said}: {skill.about}{' Takes both hands.' if skill.hands == 2 else ''}")
     lines.append('One may add "with the left hand" or "with the right hand". Other deeds may be asked for, too.')

@@ -23,13 +23,14 @@ class Trigger(Record):
 
     Attributes:
         event: A hand has taken hold ("grasp") or has let go ("release"), what it holds has been moved and stands
-            ("stop"), or the arms have moved and come to rest ("rest").
+            ("stop"), the arms have moved and come to rest ("rest"), or the base has driven and come to rest
+            ("arrival").
         camera: "head"; "hand": the wrist camera of the hand that it happened to (Paper, Manipulation: the trigger
             directs the query to that wrist's view); "other_hand": that of the other one, which now holds the thing.
         refractory_s: Least simulated time between this event and the one before; None: as all others.
     """
 
-    event: Literal["grasp", "release", "stop", "rest"]
+    event: Literal["grasp", "release", "stop", "rest", "arrival"]
     camera: Literal["head", "hand", "other_hand"]
     refractory_s: Annotated[float, Field(ge=0, le=3600, allow_inf_nan=False)] | None = None
 
@@ -41,7 +42,8 @@ class Skill(Record):
         name: Such as "place_in".
         about: One line for a person.
         phrases: What names it in a plan.
-        hands: How many hands it takes.
+        hands: How many hands it takes; 0: it only drives, for policies that are handed navigation segments. Planners
+            are not told of it: a plan says itself what is navigation.
         shows: What the judge should see at the end, as a criterion with slots; `SkillCall.criterion` fills it in.
         triggers: Events that ask the completion checker.
         timeout_s: Simulated time that it may take.
@@ -50,7 +52,7 @@ class Skill(Record):
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
     about: Phrase
     phrases: tuple[Annotated[Phrase, AfterValidator(checked_phrase)], ...] = Field(min_length=1)
-    hands: Literal[1, 2] = 1
+    hands: Literal[0, 1, 2] = 1
     shows: Annotated[Phrase, AfterValidator(checked_template)] | None = None
     triggers: tuple[Trigger, ...] = Field(min_length=1)
     timeout_s: float = Field(gt=0, le=86_400, allow_inf_nan=False, strict=True)

@@ -9,12 +9,14 @@ from mpvi_bt.completion.criteria import Relation
 from mpvi_bt.completion.oracle import OracleChecker
 from mpvi_bt.executive.loop import Watcher, World
 from mpvi_bt.goals.predicates import BINARY, UNARY
+from mpvi_bt.navigation.goals import Handoff, distance_to
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.tree.build import Tree
 
 if TYPE_CHECKING:
     from mpvi_bt.sim.world import World as SimulatedWorld
 
+_AT_M = Handoff().distance_m + Handoff().slack_m  # as far as a base stops that was sent to a thing
 _PREDICATES: Mapping[Relation, tuple[str, bool]] = {
     **{relation: (relation, False) for relation in ("inside", "ontop", "nextto", "under", "open")},
     "closed": ("open", True),
@@ -37,6 +39,17 @@ class TrueState:
         """Whether a hand holds it, or nothing but the robot and what lies in it touches it."""
         others = set(self._world.things) - {name, *self._world.within(name)}
         return self.held(name, None) or not any(self._world.touching(name, other) for other in others)
+
+    def at(self, phrase: str) -> bool | None:
+        """By the distance from its base to the thing's box, or by the room that it is in."""
+        base = self._world.knowledge()
+        here = self._world.robot.proprioception().base_pose[:2]
+        found = base.find(phrase)
+        rooms = {e.name: distance_to(e, here) == 0 for e in base if e.kind == "room"}
+        near = (rooms.get(e.room or "", True) and distance_to(e, here) <= _AT_M for e in found if not e.held)
+        if any(e.kind == "room" for e in found):
+            near = (rooms[e.name] for e in found if e.kind == "room")
+        return any(near) if found else None
 
     def so(self, relation: Relation, name: str, other: str) -> bool | None:
         """By BDDL's predicates."""
