@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.errors import UnknownName
 
-MODULES = ("pick", "place", "doors", "two_hands", "tools")
+MODULES = ("pick", "place", "doors", "lids", "two_hands", "tools")
 
 
 def skills() -> dict[str, dict[str, Scene]]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from mpvi_bt.manipulation.follow import go_along, resistance, take_up, touch
 from mpvi_bt.manipulation.open import course_search, sides, swing, then_leave
 from mpvi_bt.manipulation.openings import (
     doors_meant,
+    lid,
     look_from_aside,
     look_over,
     moved,
@@ -33,11 +35,14 @@ _CLOSED = 0.03  # of its limit
 _MOST_DOORS = 8
 _FACING = 0.7  # cosine, of directions that are of the same front
 _FIST_M = 0.012  # the fingertips are that far before the tcp
+_FINGER_HALF_M = 0.0065  # half a finger's thickness
+_LEANS = (0.0, 0.5, -0.5, 1.0, -1.0)  # of a hand that pushes a lid down, along its hinge [rad]
 _SHORT_M = 0.10
 _TURNS = (0.5, 0.75, 0.3, 0.9)
 _BESIDE_M = 0.09  # from the bar's end, or from its axis, to the middle of the fist
 _INSET_M = (0.07, 0.12, 0.2)  # from the free edge
 _INSET_UNSEEN_M = (0.18, 0.24)  # likewise, where its bar is hidden: farther in than bars are
+_INSET_LID_M = (0.03, 0.045)  # likewise, where a finger lies along the face: the palm has to stay beyond the edge
 _ASLANT = 0.6  # tangent of how a fist draws back from a closed door
 _NEARLY = 0.85  # of the way
 _SHUT_M = 0.010
@@ -115,20 +120,35 @@ def is_closed(door: Door) -> bool:
 def _shut(work: Work, thing: str, door: Door, tried: list[Array], hand: str | None) -> Generator[Array, None, bool]:
     """Push a door home, or bring it home by its bar; returns whether it was felt to stop where it has to be."""
     flap = door.kind == "hinge" and not upright(door)
-    if work.sight is not None or upright(door):
+    if work.sight is not None or upright(door) or lid(door):
         courses, further = pushes(door), pushes(door, _beyond(work, door))
-        for side in sides(work, door, thing, hand):
-            search = course_search(work, thing, door, side, tried, bendable=flap)
-            start = search.start(courses)
-            if start is None:
-                continue
-            tried.append(start.base)
-            return (yield from _push_home(work, door, further[start.course], start, side, search.other))
+        for heading in _headings(work, door, courses):
+            for side in sides(work, door, thing, hand):
+                search = course_search(work, thing, door, side, tried, bendable=flap)
+                start = search.start([replace(c, heading=heading) for c in courses])
+                if start is None:
+                    continue
+                tried.append(start.base)
+                return (yield from _push_home(work, door, further[start.course], start, side, search.other))
     if door.bar is None:
         yield from stand_before(work, thing, _edge(door), outward(door), door)
         raise MotionFailure("no_stance")
     yield from swing(work, thing, door, [0.0], tried, hand)
     return False
+
+
+def _headings(work: Work, door: Door, courses: Sequence[Course]) -> list[float]:
+    """Ways to look at a door that is to be pushed [rad]: straight onto it, or at a lid from any side, from here first.
+
+    A lid is pushed from above, so that it matters little where the robot stands.
+    """
+    if not lid(door) or not courses:
+        return [course.heading for course in courses[:1]]
+    x, y, _ = work.motion.felt.base_pose
+    at = _edge(door)
+    here = float(np.arctan2(at[1] - y, at[0] - x))
+    square = float(np.arctan2(door.axis[1], door.axis[0]))
+    return sorted((square + k * np.pi / 2 for k in range(4)), key=lambda heading: abs(float(kin.wrap(heading - here))))
 
 
 def _beyond(work: Work, door: Door) -> float:
@@ -196,6 +216,9 @@ def pushes(door: Door, beyond: float = 0.03) -> list[Course]:
         point = point + out_of * half[through]
         if door.bar is not None and _near_bar(door, point):
             continue
+        if lid(door):
+            out += [_push(door, point, R, 0.0, beyond, cost + bias) for R, cost in _from_above(door)]
+            continue
         for turn in _TURNS if door.kind == "hinge" else (0.0,):
             for flip in (1.0, -1.0):
                 straight = kin.hand_rotation(-(shut[:3, :3] @ out_of), flip * np.cross(rise, out_of))
@@ -203,15 +226,30 @@ def pushes(door: Door, beyond: float = 0.03) -> list[Course]:
     return sorted(out, key=lambda course: course.cost)[:_MOST_COURSES]
 
 
+def _from_above(door: Door) -> Iterator[tuple[Array, float]]:
+    """Rotations (3, 3) of a fist that goes down with a lid as it is, the fingertips side by side, with their costs."""
+    up = moved(door, -door.position)[:3, :3] @ outward(door)
+    for lean in _LEANS:
+        approach, along = np.sin(lean) * door.axis - np.cos(lean) * up, np.cos(lean) * door.axis + np.sin(lean) * up
+        for flip in (1.0, -1.0):
+            yield kin.hand_rotation(approach, flip * along), 0.3 * abs(lean)
+
+
 def _points(door: Door, center: Array, away: Array, rise: Array, wide: float, high: float) -> list[tuple[Array, float]]:
     """Points [m] in the middle plane of a panel to push it at, with their costs."""
     if door.kind == "slide":
         return [(center + away * u * wide + rise * v * high, abs(u) / 10 + abs(v)) for u in _ASIDE for v in (0.0, -0.3)]
     return [
-        (center + away * (wide - inset) + rise * height, 3.0 * (inset - _INSET_M[0]) + bias)
-        for inset in (_INSET_M if door.bar is not None else _INSET_UNSEEN_M) if inset < wide * 1.5
+        (center + away * (wide - inset) + rise * height, 3.0 * (inset - _insets(door)[0]) + bias)
+        for inset in _insets(door) if inset < wide * 1.5
         for height, bias in _heights(door, center, rise, high)
     ]  # fmt: skip
+
+
+def _insets(door: Door) -> tuple[float, ...]:
+    if lid(door):
+        return _INSET_LID_M
+    return _INSET_M if door.bar is not None else _INSET_UNSEEN_M
 
 
 def _heights(door: Door, center: Array, rise: Array, half: float) -> list[tuple[float, float]]:
@@ -233,7 +271,7 @@ def _near_bar(door: Door, point: Array) -> bool:
 
 
 def _push(door: Door, point: Array, straight: Array, turn: float, beyond: float, cost: float) -> Course:
-    start = door.position
+    start, face = door.position, outward(door)
 
     def hand(x: float) -> Array:
         at = start - (start + beyond) * x
@@ -241,7 +279,9 @@ def _push(door: Door, point: Array, straight: Array, turn: float, beyond: float,
         if door.kind == "hinge":
             R = turned(door.axis, turn * at) @ straight
         T = moved(door, at - start)
-        return kin.transform(R, T[:3, :3] @ point + T[:3, 3] - _FIST_M * R[:, 2])
+        out = T[:3, :3] @ face
+        aside = _FINGER_HALF_M * float(np.linalg.norm(np.cross(out, R[:, 2])))  # a finger that lies along the face
+        return kin.transform(R, T[:3, :3] @ point + T[:3, 3] - _FIST_M * R[:, 2] + aside * out)
 
     before = hand(0.0)
     touched = before[:3, 3].copy()

@@ -203,6 +203,8 @@ def _rims(volume: Solid, solids: Sequence[Solid], bearing: float) -> Iterator[Gr
     wall = Surroundings(solids)
     covered = max(0.0, min(1.0, _PALM_REACH_M / float(half[:2].min()) - 1.0))  # none of a bowl, nearly all of a cup
     for edge, outward in _edges(volume):
+        if wall.distance((rim + edge - 0.01 * outward + 0.006 * up)[None])[0] <= 0:
+            continue  # a lid is on it
         reach = np.arange(-0.004, _RIM_WALL_M + 0.002, 0.001)
         inside = wall.distance(rim + edge - 0.008 * up + reach[:, None] * outward) <= 0
         if not inside.any():

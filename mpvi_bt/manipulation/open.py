@@ -11,6 +11,7 @@ from mpvi_bt.manipulation.course import Course, CourseSearch, Start
 from mpvi_bt.manipulation.follow import back_out, go_along, take_up, touch
 from mpvi_bt.manipulation.openings import (
     doors_meant,
+    lid,
     look_over,
     moved,
     outward,
@@ -31,6 +32,7 @@ from mpvi_bt.robot.solids import Array, Solid
 # bar can still be taken hold of to close it again.
 _UPRIGHT_RAD = (1.5, 1.3, 1.1, 0.9)
 _FLAP_RAD = (1.2, 1.0)
+_LID_RAD = (1.5, 1.3, 1.1)  # no farther than that a hand gets behind it to close it
 _SLIDE_M = (0.3, 0.24)
 _OPEN_ENOUGH = 0.8  # of the first of these
 _AROUND_M = 2.5
@@ -86,7 +88,9 @@ def _as_before(now: Door, before: Door) -> bool:
 
 def targets(door: Door) -> tuple[float, ...]:
     """How far to open it [rad or m], the most first."""
-    return _SLIDE_M if door.kind == "slide" else _UPRIGHT_RAD if upright(door) else _FLAP_RAD
+    if door.kind == "slide":
+        return _SLIDE_M
+    return _UPRIGHT_RAD if upright(door) else _LID_RAD if lid(door) else _FLAP_RAD
 
 
 def is_open(door: Door) -> bool:
@@ -156,6 +160,8 @@ def then_leave(work: Work, side: Side, doing: Actions, aside: Array | None = Non
     away = -(work.base @ motion.hand(side))[:2, 2]
     if (length := float(np.linalg.norm(away))) > 0.3:
         yield from _trying(back_out(motion, away / length + (0.0 if aside is None else aside), _BACK_OUT_M), failures)
+    else:
+        yield from _trying(work.rise(side), [])
     yaw = motion.felt.base_pose[2]
     yield from _trying(back_out(motion, -np.array([np.cos(yaw), np.sin(yaw)]), _BACK_OFF_M), failures)
     yield from _trying(settle(work), failures)

@@ -219,6 +219,12 @@ def upright(door: Door) -> bool:
     return door.kind == "hinge" and abs(float(door.axis[2])) > 0.7
 
 
+def lid(door: Door) -> bool:
+    """Whether it lies on top of what it closes, and turns about a level hinge."""
+    shut = moved(door, -door.position)[:3, :3] @ outward(door)
+    return door.kind == "hinge" and not upright(door) and float(shut[2]) > 0.7
+
+
 def panel(door: Door) -> Solid:
     """Its largest solid."""
     return max(door.solids, key=lambda s: float(np.sort(s.half_m)[1:].prod()))

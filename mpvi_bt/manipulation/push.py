@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,7 +28,6 @@ _SHORT_M = 0.10
 _FINGER_HALF_M = 0.0065  # half a finger's thickness
 _APART = 0.6  # of a thing's width: how far apart two fingertips behind it keep it from turning or slipping away
 _DROOPS = (0.0, 0.4, 0.8, 1.1, 1.4)  # how far the hand points down [rad]
-_STEEP = -0.6  # the hand points down by so much: it leaves upward, off what the thing stands on
 _HEIGHTS = (0.35, 0.5, 0.65, 0.2, 0.1, 0.8, 0.95)  # of the thing, where to push it
 _TOPPLING = 1.5  # cost of pushing higher than a thing is deep, for as much again: it may tip over
 _LOWEST_M = 0.03  # above what it stands on
@@ -79,9 +77,6 @@ def push(work: Work, words: Words, tried: list[Array]) -> Actions:
     def going() -> Actions:
         yield from touch(work, course, side, until_contact=True)
         yield from go_along(motion, course, side, start.torso_after, stuck, _SLOWNESS)
-        if course.hand(1.0)[2, 2] < _STEEP:
-            with suppress(MotionFailure):
-                yield from work.rise(side)
 
     tried.append(start.base)
     yield from motion.grip(side, opened(course.opening_m), 0.2)
