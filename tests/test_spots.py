@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mpvi_bt.goals.predicates import beside as in_line
 from mpvi_bt.manipulation import spots
 from mpvi_bt.manipulation.outline import outline
 from mpvi_bt.manipulation.placing import Pose
@@ -14,6 +15,7 @@ from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.solids import bounds
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 
@@ -69,3 +71,15 @@ def test_places_on_the_floor_are_free_and_in_the_room_that_is_named() -> None:
     assert (Surroundings(WORLD.solids("table")).distance(found + [0, 0, 0.1]) > 0.3).all()
     assert (np.diff(np.linalg.norm(found[:, :2] - here, axis=1)) > -1e-9).all()
     assert [spots.is_floor(phrase) for phrase in ("floor", "the hall floor", "the table")] == [True, True, False]
+
+
+def test_beside_a_table_is_neither_under_its_top_nor_between_its_legs() -> None:
+    """What is set down there is clear of the top, for the arm that brings it, and level with a leg."""
+    world = small_world({"pot": placed("caldron", -1.0, 0.5, 0.01)}, table="{entry: table, at: [1.0, 0.0]}")
+    work = Work(Holding(world, "pot"), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    top = max(world.solids("table"), key=lambda s: float(s.aabb()[1, 2])).aabb()
+    for pose in next(spots.beside(work, work.held()["left"], "table", (0.0,))):
+        moved = [s.moved(pose.T_world_thing @ np.linalg.inv(world.pose("pot"))) for s in world.solids("pot")]
+        low, high = bounds(moved)
+        assert (low[:2] > top[1, :2]).any() or (high[:2] < top[0, :2]).any()
+        assert in_line((low + high) / 2, world.solids("table")) or in_line(bounds(world.solids("table")).mean(0), moved)

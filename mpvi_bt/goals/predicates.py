@@ -5,7 +5,7 @@ Distances are in metres, in the world frame, z up. Rays see through things ("all
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.goals.formula import Literal, Truth
 from mpvi_bt.goals.rays import contains, crosses, interval
 from mpvi_bt.goals.state import WorldState, aabb
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.solids import Array, Solid
 
 RAY_M = 5.0
 OPEN_FRACTION = 0.05  # of a joint's range
@@ -52,7 +52,7 @@ def nextto(state: WorldState, a: str, b: str) -> bool:
     gap = np.maximum(0.0, np.maximum(box_a[0], box_b[0]) - np.minimum(box_a[1], box_b[1]))
     if np.linalg.norm(gap) > NEXT_TO_GAP * np.mean(np.ptp(box_a, axis=0) + np.ptp(box_b, axis=0)):
         return False
-    return _beside(state, box_a.mean(0), b) or _beside(state, box_b.mean(0), a)
+    return beside(box_a.mean(0), state.solids(b)) or beside(box_b.mean(0), state.solids(a))
 
 
 def open_(state: WorldState, a: str) -> bool:
@@ -118,8 +118,8 @@ def _meets(state: WorldState, a: str, b: str, direction: Array) -> bool:
     return crosses(state.solids(b), middle + outermost * direction, direction, RAY_M)
 
 
-def _beside(state: WorldState, middle: Array, other: str) -> bool:
-    solids = state.solids(other)
+def beside(middle: Array, solids: Sequence[Solid]) -> bool:
+    """Whether a horizontal ray from a thing's middle (3,) meets the solids of another one."""
     for turn in np.linspace(0.0, np.pi / 2, NEXT_TO_PLANES):
         c, s = np.cos(turn), np.sin(turn)
         for x, y in ((c, s), (-c, -s), (-s, c), (s, -c)):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.goals.predicates import NEXT_TO_GAP
+from mpvi_bt.goals.predicates import beside as in_line
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.outline import disc, outline
 from mpvi_bt.manipulation.placing import LIES_RAD, Pose, leaning, poses
@@ -27,6 +28,7 @@ _OUTWARD = 1.0  # cost per meter by which a thing reaches away from what it lies
 _TOUCH_M = 0.005  # what is set down beside a thing keeps that far away,
 _BESIDE_M = (0.006, 0.012, 0.02, 0.03)  # or farther, where that still counts as next to it
 _SECTORS = 12
+_ARM_M = 0.6  # above a thing that is set down beside another one, for the arm that brings it
 _EASY_M = 0.9  # boards at such a height are tried first
 _LEVEL_M = 0.02
 _SPOTS = 3  # of one lean and headroom
@@ -124,7 +126,29 @@ def under(work: Work, held: Held, target: str, leans: Sequence[float]) -> Iterat
 
 
 def beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Iterator[list[Pose]]:
-    """Poses next to a thing on what it stands on, as near as counts; those on the robot's side of it first."""
+    """Poses next to a thing on what it stands on, as near as counts; those on the robot's side of it first.
+
+    Those come before all others that are level with a part of it, as BEHAVIOR wants it: by a leg of a table, not
+    between its legs.
+    """
+    apart: list[list[Pose]] = []
+    for group in _all_beside(work, held, target, leans):
+        level = [pose for pose in group if _level(work, held, pose, target)]
+        if level:
+            yield level
+        else:
+            apart.append(group)
+    yield from apart
+
+
+def _level(work: Work, held: Held, pose: Pose, target: str) -> bool:
+    frame = kin.inverse(held.T_tcp_thing)
+    mine = [s.moved(pose.T_world_thing @ frame) for s in held.solids]
+    theirs = list(work.scene.solids(target))
+    return in_line(bounds(mine).mean(0), theirs) or in_line(bounds(theirs).mean(0), mine)
+
+
+def _all_beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Iterator[list[Pose]]:
     solids = work.scene.solids(target)
     theirs, reach = size(solids)
     middle, floor_z = theirs.mean(0), float(theirs[0, 2])
@@ -134,6 +158,7 @@ def beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Itera
     frame = kin.inverse(held.T_tcp_thing)
     mine = [s.moved(frame) for s in held.solids]
     upright = list(poses(work, held, np.array([0.0, 0.0, floor_z]), leans))
+    parts = {round(float(s.aabb()[:, 2].mean()), 2) for s in solids}
     angles = 2 * np.pi * np.arange(_SECTORS) / _SECTORS
     for angle in sorted(angles, key=lambda a: abs(float(kin.wrap(a)))):
         away = np.array([np.cos(bearing + angle), np.sin(bearing + angle), 0.0])
@@ -144,6 +169,8 @@ def beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Itera
             edge = outline([s.moved(T) for s in mine])
             outward = _OUTWARD * float(np.ptp(edge @ away[:2]))
             levels = np.linspace(box[0, 2] + 0.005, min(box[1, 2], theirs[1, 2] + 0.02), 4)
+            tops = [z for z in parts if box[1, 2] < z < box[1, 2] + _ARM_M]
+            levels = np.append(levels, sorted(tops))
             rows = np.concatenate([np.column_stack([edge, np.full(len(edge), z)]) for z in levels])
             at = np.append(middle[:2], 0.0)
             far = np.arange(0.0, reach + radius + 0.08, 0.004)
