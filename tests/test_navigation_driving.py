@@ -249,6 +249,23 @@ def test_what_is_carried_is_taken_to_where_others_alike_lie() -> None:
         assert distance_to(expected, robot.pose[:2]) <= HANDOFF.distance_m
 
 
+def test_the_fixture_that_it_was_at_is_meant_again() -> None:
+    """Of two cabinets the one gone to first is gone to again from where the other is nearer, also after a restart."""
+    first = thing("cabinet_1", (2.0, 0.8, 0.5), (0.2, 0.2, 1.0), kind="fixture")
+    other = thing("cabinet_2", (2.0, 3.2, 0.5), (0.2, 0.2, 1.0), kind="fixture")
+    first.phrases = other.phrases = ("cabinet",)
+    robot = KinematicRobot(0.8, 1.0)
+    navigator = KnownPlaceNavigator(robot, two_rooms(), knowing(first, other))
+    drive(robot, navigator, "cabinet")
+    assert distance_to(first, robot.pose[:2]) <= HANDOFF.distance_m
+    for remembers, expected in ((navigator.save(), first), ({"been": {}}, other)):
+        robot = KinematicRobot(0.8, 3.0)
+        navigator = KnownPlaceNavigator(robot, two_rooms(), knowing(first, other))
+        navigator.restore(remembers)
+        drive(robot, navigator, "the cabinet")
+        assert distance_to(expected, robot.pose[:2]) <= HANDOFF.distance_m
+
+
 def test_it_drives_around_loose_things_on_the_floor() -> None:
     """An object that the map lacks but the knowledge base holds is kept clear of."""
     robot, grid_map = KinematicRobot(0.8, 2.0), two_rooms()

@@ -12,8 +12,10 @@ from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.sim.house import House, load_house
+from mpvi_bt.sim.open_doors import OpenDoors
 from mpvi_bt.sim.overlap import penetration
 from mpvi_bt.sim.prior_map import BAND_M, knowledge, obstacles, prior_map
+from mpvi_bt.sim.world import World
 
 
 @pytest.fixture(scope="module")
@@ -110,3 +112,22 @@ def test_penetration_is_symmetric_and_negative_only_without_a_common_point(a: So
         grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 7)] * 3), -1).reshape(-1, 3)
         points = (grid * a.half_m) @ a.T[:3, :3].T + a.T[:3, 3]
         assert not within(b, points).any()
+
+
+def test_open_doors_are_on_the_map_while_they_stand_open(house: House) -> None:
+    """A door that swings out takes floor before its cabinet; shut again, the map is the one of closed doors."""
+    closed = prior_map(house)
+    world = World(house, {}, np.array([6.0, 2.5, 0.0]), render=False)
+    now = OpenDoors(closed, world)
+    assert now() is closed
+    world.set_opening("cabinet_1", "door", 0.8)
+    opened = now()
+    taken = opened.occupied & ~closed.occupied
+    assert taken.any()
+    assert now() is opened
+    leaf = np.stack([solid.aabb()[:, :2] for door in world.doors("cabinet_1") for solid in door.solids])
+    cells = np.stack([opened.center(*cell) for cell in np.argwhere(taken)])
+    assert (cells > leaf[:, 0].min(0) - 0.1).all()
+    assert (cells < leaf[:, 1].max(0) + 0.1).all()
+    world.set_opening("cabinet_1", "door", 0.0)
+    assert now() is closed

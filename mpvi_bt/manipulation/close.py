@@ -69,7 +69,7 @@ def close(work: Work, words: Words, tried: list[Array]) -> Actions:
         MotionFailure: "unknown_object", "no_door", "hands_full", "no_stance", "closed_empty", "slipped", "not_closed",
             or a motion's own reason.
     """
-    thing, places = thing_meant(work, words["object"])
+    thing, places = thing_meant(work, words["object"], ajar=True)
     yield from look_over(work, thing)
     if not work.scene.doors(thing):  # from within, an open door hides its bar
         if thing in work.ajar:

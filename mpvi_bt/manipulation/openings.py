@@ -32,12 +32,13 @@ _ALONG = (0.0, 0.3, -0.3)  # where to hold a bar, in lengths from its middle
 _TURNS = (0.5, 0.3, 0.7)
 
 
-def thing_meant(work: Work, phrase: str) -> tuple[str, list[str]]:
+def thing_meant(work: Work, phrase: str, ajar: bool = False) -> tuple[str, list[str]]:
     """The thing that a phrase names, and the words that tell its doors apart.
 
     Args:
         work: Robot and world.
         phrase: Such as "cabinet", "top drawer of the chest of drawers", "left cabinet door".
+        ajar: As of `Work.nearest`.
 
     Raises:
         MotionFailure: "unknown_object" if nothing is called so.
@@ -56,8 +57,8 @@ def thing_meant(work: Work, phrase: str) -> tuple[str, list[str]]:
         if match and (found(match["thing"]) or found(words)):
             said = [w for w in f"{match['places']} {match['rank'] or ''}".split() if w != "number"]
             # What only cameras know is called as it was asked for, place and all.
-            return work.nearest(match["thing"] if found(match["thing"]) else words), said
-    return work.nearest(words), []
+            return work.nearest(match["thing"] if found(match["thing"]) else words, ajar=ajar), said
+    return work.nearest(words, ajar=ajar), []
 
 
 def doors_meant(work: Work, thing: str, places: Sequence[str]) -> list[Door]:

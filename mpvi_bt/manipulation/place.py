@@ -33,7 +33,7 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
             "not_released", "missed", or a motion's own reason.
     """
     side = work.hand_with(words["object"], words.get("hand"))
-    container = work.nearest(words["container"])
+    container = work.nearest(words["container"], ajar=True)
     yield from unwedge(work)
     held = work.held()[side]
     if not work.scene.volumes(container):  # so far it may have been seen in part, or from below

@@ -22,6 +22,7 @@ Words = Mapping[str, str]  # what fills the slots of a skill call, such as {"obj
 
 NEAR_M = 1.7  # solids farther from the robot than this do not matter to a skill
 _LIFTED_M = 0.10
+_AJAR = 0.3  # of its limit: a door that stands open so far is open
 _ON_M = 0.03  # what lies on a thing is as much above its top, or below its bottom, at the most
 
 
@@ -71,12 +72,13 @@ class Work:
         """(3,) the middle of the box about a thing, in the world."""
         return np.asarray(bounds(self.scene.solids(name)).mean(0))
 
-    def nearest(self, phrase: str, source: str | None = None) -> str:
+    def nearest(self, phrase: str, source: str | None = None, ajar: bool = False) -> str:
         """The thing that a phrase names, what is still to be picked up first, then the nearest.
 
         Args:
             phrase: What it is called.
             source: What it is said to be in or on; where nothing so called is there, it may be anywhere.
+            ajar: What stands open near by comes before what is nearer and shut: to put something in, or to close it.
 
         Raises:
             MotionFailure: "unknown_object" if nothing is called so.
@@ -89,7 +91,13 @@ class Work:
             places = self.scene.knowledge().find(source)
             found = [e for e in found if any(_there(e, place) for place in places)] or found
         alike = [e for e in found if e.away == found[0].away]
+        if ajar and len(alike) > 1:
+            alike = [e for e in alike if np.linalg.norm(e.center[:2] - here) < NEAR_M and self._ajar(e.name)] or alike
         return min(alike, key=lambda e: float(np.linalg.norm(e.center[:2] - here))).name
+
+    def _ajar(self, name: str) -> bool:
+        """Whether a door, drawer or lid of a thing stands open."""
+        return any(door.position > _AJAR * door.limit for door in self.scene.doors(name))
 
     def free_hands(self, name: str, wanted: str | None = None) -> list[Side]:
         """Empty hands, the one on the side of a thing first; only the one `wanted` if given.

@@ -74,10 +74,11 @@ class ExploringNavigator(KnownPlaceNavigator):
 
     def save(self) -> dict[str, Any]:
         """What was learned so far, as JSON values; a drive begins anew."""
-        return self.lookout.save()
+        return {**super().save(), **self.lookout.save()}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Go on with what was learned. Raises KeyError, TypeError or ValueError if it is not as `save` writes it."""
+        super().restore(saved)
         self.lookout.restore(saved)
 
     def step(self) -> Report:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,8 @@ class KnownPlaceNavigator:
     """Navigates to rooms, fixtures and objects whose places the knowledge base holds (implements `Navigator`).
 
     Order (Paper, Navigation appendix): done if the base is at the target already; else the knowledge base is asked; a
-    target that it does not hold is looked up once more from inside the room that was named with it.
+    target that it does not hold is looked up once more from inside the room that was named with it. Of several fixtures
+    that are called so, it is the one that it was at before: a plan that says "the cabinet" again means the same.
 
     Fails with `unknown_target`, or as its `Driver` does.
     """
@@ -62,7 +64,17 @@ class KnownPlaceNavigator:
         self._knowledge = knowledge if callable(knowledge) else lambda: knowledge
         self._driver = Driver(robot, self._map, self._knowledge, stow, footprint_radius_m, parameters)
         self._work: Iterator[Report] | None = None
+        self._trip = Trip("", None)
         self._last = Report(Progress.FAILED, "not_started")
+        self._been: dict[str, str] = {}  # phrases to the fixture so called that it was at last
+
+    def save(self) -> dict[str, Any]:
+        """Which fixtures it was at, as JSON values; a drive begins anew."""
+        return {"been": self._been}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Go on with that. Raises KeyError, TypeError or ValueError if it is not as `save` writes it."""
+        self._been = {str(phrase): str(name) for phrase, name in dict(saved["been"]).items()}
 
     @property
     def goal(self) -> Array | None:
@@ -77,7 +89,8 @@ class KnownPlaceNavigator:
     def start(self, target: str, room: str | None) -> None:
         """Begin driving to `target`; see `Navigator`."""
         self._driver.forget()
-        self._work = self._drive(Trip(target, room))
+        self._trip = Trip(target, room)
+        self._work = self._drive(self._trip)
 
     def feel(self) -> None:
         """Once a control step, whatever the robot does: nothing, as the knowledge base knows what is held."""
@@ -93,6 +106,7 @@ class KnownPlaceNavigator:
             self._last = Report(Progress.FAILED, failure.reason, str(failure))
         except StopIteration:
             self._last = Report(Progress.SUCCEEDED, "", "arrived")
+            self._remember(self._trip)
         if self._last.progress is not Progress.RUNNING:
             self.stop()
         return self._last
@@ -117,6 +131,14 @@ class KnownPlaceNavigator:
             if not entries:
                 raise GaveUp("unknown_target", f"{trip.target} is not known in {room}")
         yield from self._drive_to(trip, entries, room)
+
+    def _remember(self, trip: Trip) -> None:
+        """Keep which of several fixtures is nearest now: skills, too, take a phrase for the nearest that it names."""
+        fixtures = [e for e in self._look_up(trip)[0] if e.kind == "fixture"]
+        if len(fixtures) > 1:
+            here = self._robot.proprioception().base_pose[:2]
+            nearest_one = min(fixtures, key=lambda e: float(np.linalg.norm(e.center[:2] - here)))
+            self._been[normalize(trip.target)] = nearest_one.name
 
     def _drive_to(
         self, trip: Trip, entries: list[Entry], room: str | None, until: Callable[[], bool] = never
@@ -165,7 +187,8 @@ class KnownPlaceNavigator:
         hits = [h for h in hits if h.kind != "room"]
         best = [h for h in hits if h.away == hits[0].away]
         if hits and hits[0].kind == "fixture":
-            best = knowledge.joined(best)
+            been = self._been.get(normalize(trip.target))
+            best = [h for h in best if h.name == been] or knowledge.joined(best)
         return best, rooms.get(normalize(trip.room)) if trip.room else None
 
     def _is_there(self, entries: list[Entry], room: str | None, slack_m: float = 0.0) -> bool:

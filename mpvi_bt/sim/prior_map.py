@@ -5,7 +5,8 @@ Derived from the house's solids, not drawn by hand (Paper, Navigation appendix: 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,15 @@ def prior_map(house: House, resolution_m: float = RESOLUTION_M) -> OccupancyMap:
     for solid in obstacles(house):
         _mark(occupied, solid, origin, resolution_m)
     return OccupancyMap(occupied, rooms, tuple(house.rooms), resolution_m, origin)
+
+
+def marked(grid_map: OccupancyMap, solids: Iterable[Solid]) -> OccupancyMap:
+    """The map with the footprints of further solids, those that reach into the robot's band of heights."""
+    occupied = grid_map.occupied.copy()
+    for solid in solids:
+        if _in_band(solid):
+            _mark(occupied, solid, grid_map.origin_m, grid_map.resolution_m)
+    return replace(grid_map, occupied=occupied)
 
 
 def obstacles(house: House) -> Iterator[Solid]:

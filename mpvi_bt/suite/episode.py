@@ -110,7 +110,7 @@ def run(
         triggers=make_triggers(config.trigger, world.robot),
         skills=skills,
         sense=navigator.feel,
-        memory=navigator if isinstance(navigator, ExploringNavigator) else None,
+        memory=navigator,
         while_asked=config.while_asked,
         blackboard=dict(tree.spec.blackboard),
     )

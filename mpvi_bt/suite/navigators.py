@@ -14,6 +14,7 @@ from mpvi_bt.perception.discovery import Discoveries
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.robot.stow import ArmStow
 from mpvi_bt.sim.house import House
+from mpvi_bt.sim.open_doors import OpenDoors
 from mpvi_bt.sim.prior_map import knowledge as prior_knowledge
 from mpvi_bt.sim.prior_map import prior_map
 from mpvi_bt.sim.world import World
@@ -31,7 +32,8 @@ def make_navigator(
         map_, world, house, phrases, detector, seed: As of `explorer`.
     """
     if chosen == "oracle":
-        return KnownPlaceNavigator(world.robot, prior_map(house), world.knowledge, ArmStow(world.robot, seed))
+        doors = OpenDoors(prior_map(house), world)
+        return KnownPlaceNavigator(world.robot, doors, world.knowledge, ArmStow(world.robot, seed))
     return explorer(world, house, phrases, detector, map_, seed)
 
 
