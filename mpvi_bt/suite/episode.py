@@ -142,7 +142,7 @@ def run(
         outcome = last.outcome
     finally:
         getattr(policy, "close", lambda: None)()
-    world.refresh()
+    world.settle()  # what was let go of in the last step is still falling
     goal = judge(problem, before, snapshot(problem, truth))
     total = time.perf_counter() - began
     result = make_result(
