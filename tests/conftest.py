@@ -13,8 +13,9 @@ import pytest
 from hypothesis import settings
 
 from tests.chat_servers import real_chat_server, scripted_chat_server
+from tests.suite_runs import log
 
-__all__ = ["mpvi", "real_chat_server", "scripted_chat_server"]
+__all__ = ["log", "mpvi", "real_chat_server", "scripted_chat_server"]
 
 # A shell that runs the tests in the background lets them ignore Ctrl-C, and what they start inherits that; the tests of
 # Ctrl-C need it back. A handler of ours becomes the default again in a new process.

@@ -44,6 +44,9 @@ def run(config: EpisodeConfig) -> dict[str, Any]:
     time.sleep(float(os.environ.get("FAKE_SLEEP", "0")))
     backend = os.environ.get("FAKE_BACKEND") == str(config.instance) and (first or "FAKE_ALWAYS" in os.environ)
     data = fake_result(config, backend=backend)
+    if config.trace is not None:
+        config.trace.parent.mkdir(parents=True, exist_ok=True)
+        config.trace.write_text(f"the trace of {config.name}\n")
     note(log, config, "end")
     return data
 

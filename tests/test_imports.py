@@ -47,6 +47,7 @@ ONLY_IN = {
     "torch": {"sim/maniskill.py", "perception/grounding_dino.py"},
     "transformers": {"perception/grounding_dino.py"},
     "rerun": {"executive/rerun_log.py"},
+    "ray": {"suite/ray_engine.py"},
     "pandas": {"suite/dataset.py"},
     "openai": {"language/openai.py"},
     "httpx2": {"language/openai.py"},
@@ -60,7 +61,7 @@ DISTRIBUTION = {
 }
 HEAVY = (
     *("numpy", "sapien", "torch", "pydantic", "numba", "scipy", "yaml", "py_trees", "mani_skill"),
-    *("msgpack", "websockets", "transformers", "rerun", "pandas", "pyarrow", "openai", "httpx2"),
+    *("msgpack", "websockets", "transformers", "rerun", "pandas", "pyarrow", "openai", "httpx2", "ray"),
 )
 
 

@@ -18,6 +18,7 @@ from mpvi_bt.errors import BackendError
 from mpvi_bt.suite.config import EPISODE, EpisodeConfig, SuiteBudget
 
 if TYPE_CHECKING:
+    from mpvi_bt.suite.manifest import Manifest
     from mpvi_bt.suite.runner import Engine
 
 _FILE = click.Path(dir_okay=False, path_type=Path)
@@ -119,6 +120,10 @@ def run(
 
     if ray_address is not None and engine != "ray":
         raise click.UsageError("--ray-address is where --engine ray plays episodes; it is not chosen.")
+    if ray_address is not None and (suite_calls is not None or suite_tokens is not None):
+        raise click.UsageError(
+            "The nodes of a cluster cannot count calls and tokens together; give --calls or --tokens."
+        )
     title, store, episodes = _open(name, out, options)
     manifest, budget_s = make_manifest(title, episodes), budgets_s(episodes)
     budget = SuiteBudget(store.out / "asked.json", suite_calls, suite_tokens)
@@ -138,20 +143,22 @@ def run(
         )
         for config in episodes
     ]
-    player = _engine(engine, workers, episode, wall_limit, ray_address)
+    player = _engine(engine, workers, episode, wall_limit, ray_address, manifest)
     progress = Progress(sys.stderr, Pace(budget_s))
     outcome = run_suite(episodes, store, player, progress, lambda todo: in_rounds(todo, budget_s), manifest)
     click.echo(Told.of(title, store, episodes, outcome.results, outcome.faults).told(as_json))
     return BackendError.exit_code if outcome.faults else 0
 
 
-def _engine(name: str, workers: int | None, episode: str, wall_limit_s: float, address: str | None) -> Engine:
+def _engine(
+    name: str, workers: int | None, episode: str, wall_limit_s: float, address: str | None, manifest: Manifest
+) -> Engine:
     """What plays the episodes. Raises UserError if it is not installed."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     if name == "ray":
         from mpvi_bt.suite.ray_engine import RayEngine
 
-        return RayEngine(address, workers, episode, wall_limit_s)
+        return RayEngine(address, workers, episode, wall_limit_s, manifest)
     from mpvi_bt.suite.processes import ProcessEngine
 
     return ProcessEngine(workers or cores, episode, wall_limit_s)

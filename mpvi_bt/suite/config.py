@@ -113,13 +113,14 @@ class EpisodeConfig:
 
     def record(self) -> dict[str, Any]:
         """What a result says of it: everything that can change the outcome, so not where pictures go."""
-        entries = {key: value for key, value in asdict(self).items() if key not in (*_OUTPUTS, *ASKING)}
+        entries = {key: value for key, value in asdict(self).items() if key not in (*OUTPUTS, *ASKING)}
         entries["arguments"] = dict(self.arguments)
         unused = {field.name for field in fields(self) if getattr(self, field.name) == field.default} & _RARE
         return {key: value for key, value in entries.items() if key not in unused}
 
 
-_OUTPUTS = {"video", "picture", "rerun", "trace", "demonstration", "demonstration_fps", "saved", "planned"}
+# Where what is watched goes.
+OUTPUTS = {"video", "picture", "rerun", "trace", "demonstration", "demonstration_fps", "saved", "planned"}
 # Of language models what they answer matters, and neither where that is kept nor what it may cost.
 ASKING = ("exchanges", "offline", "calls", "tokens", "suite_budget")
 # Left out where they are not used.
