@@ -20,7 +20,7 @@ from mpvi_bt.suite.result import Result
 from mpvi_bt.trace.read import read_trace
 
 # Our choices: what a page of hundreds of episodes can hold of each.
-MOST_FAILURES, MOST_CONDITIONS, _LONG = 12, 40, 240
+MOST_FAILURES, MOST_CONDITIONS, _LONG = 8, 30, 160
 
 
 def episode_html(runs: Runs, config: EpisodeConfig, houses: Mapping[str, House], page: Path | None) -> str:
@@ -37,7 +37,7 @@ def episode_html(runs: Runs, config: EpisodeConfig, houses: Mapping[str, House],
     head = (
         f'<span class="pill {"good" if result.success else "bad"}">q {result.q:.2f}</span> '
         f"instance {result.instance_id}, seed {result.rollout_id} "
-        f'<span class="dim">{escape(one_line(result.ended.replace("_", " ")))} after {result.time.simulator_time:.0f} s'
+        f'<span class="dim">{_ending(result)}'
         f"{_count(len(result.failures), 'failure')}{' · film' if films else ''}</span>"
     )
     drawn = way_map(result.way, houses.get(config.task_name)) if result.way else ""
@@ -50,6 +50,13 @@ def episode_html(runs: Runs, config: EpisodeConfig, houses: Mapping[str, House],
     ]
     mark = f"{runs.method}-{config.name}"
     return f'<details class="episode" id="{escape(mark)}"><summary>{head}</summary>{"".join(body)}</details>'
+
+
+def _ending(result: Result) -> str:
+    """How the tree ended, which knows nothing of the goal."""
+    ended = escape(one_line(result.ended.replace("_", " ")))
+    tree = "the tree ended in " if result.ended in ("success", "failure") else ""
+    return f"{tree}{ended} after {result.time.simulator_time:.0f} s"
 
 
 def _goal(result: Result) -> str:

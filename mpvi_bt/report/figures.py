@@ -225,6 +225,9 @@ def _wall(results: Sequence[Result]) -> tuple[dict[str, float], float | None]:
             continue
         totals.append(total)
         parts = {name: sum(_seconds(loop.get(key)) for key in keys) for name, keys in _ACTIVITIES.items()}
+        scripted = min(_seconds(result.wall.get("planning_s")), _seconds(loop.get("policy")))
+        parts["planning"] += scripted
+        parts["models"] -= scripted
         parts["setting up"] = _seconds(result.wall.get("setup_s"))
         parts["other"] = max(0.0, total - sum(parts.values()))
         for name, seconds in parts.items():

@@ -8,11 +8,13 @@ from html import escape
 
 from mpvi_bt.drawing.cells import one_line
 from mpvi_bt.sim.house import House
+from mpvi_bt.sim.prior_map import BAND_M
 from mpvi_bt.suite.way import Way
 
 WIDTH, TALLEST = 340.0, 420.0  # pixels; a telephone is as wide
 _MARGIN_M, _LEAST_M, _MOVED_M = 0.8, 3.0, 0.1
 _PALE = 6  # tints of rooms
+_CORNERS = 200  # of a way, at most: pages hold hundreds
 
 Box = tuple[float, float, float, float]
 
@@ -21,11 +23,14 @@ def house_symbol(house: House) -> str:
     """A house as an SVG symbol in metres, y up, which every map of it uses: it is in a page once."""
     parts = []
     for i, room in enumerate(house.rooms.values()):
-        parts.append(f'<path class="room r{i % _PALE}" d="{_rectangle(*room.rect)}"/>')
+        look = "outdoors" if room.outdoors else f"r{i % _PALE}"
+        parts.append(f'<path class="room {look}" d="{_rectangle(*room.rect)}"/>')
     for fixture in house.fixtures.values():
-        (x0, y0, _), (x1, y1, _) = fixture.extent().tolist()
+        boxes = [solid.aabb().tolist() for solid in fixture.solids()]
+        tall = [(a, b) for a, b in boxes if a[2] < BAND_M[1] and b[2] > BAND_M[0]]  # a lawn is driven over
+        path = "".join(_rectangle(*a[:2], *b[:2]) for a, b in tall)
         name = escape(one_line(fixture.name.replace("_", " ")))
-        parts.append(f'<path class="fixture" d="{_rectangle(x0, y0, x1, y1)}"><title>{name}</title></path>')
+        parts += [f'<path class="fixture" d="{path}"><title>{name}</title></path>'] if path else []
     for wall in house.walls:
         (x0, y0, _), (x1, y1, _) = wall.solid.aabb().tolist()
         parts.append(f'<path class="wall" d="{_rectangle(x0, y0, x1, y1)}"/>')
@@ -56,7 +61,8 @@ def way_map(way: Way, house: House | None) -> str:
         parts.append(f'<use href="#house-{escape(house.name)}" transform="{turn}"/>')
         parts += _room_names(house, (x0, y0, x1, y1), scale)
     if way.base:
-        points = " ".join(f"{x:.0f},{y:.0f}" for x, y in map(px, way.base))
+        corners = way.base[:: math.ceil(len(way.base) / _CORNERS)]
+        points = " ".join(f"{x:.0f},{y:.0f}" for x, y in map(px, [*corners, way.base[-1]]))
         parts.append(f'<polyline class="way" points="{points}"/>')
     for name, (before, after) in way.things.items():
         (a, b), (c, d) = px(before), px(after)
@@ -106,7 +112,7 @@ def _names(places: Mapping[str, tuple[float, float]], width: float, height: floa
     parts = []
     for name, (x, y) in places.items():
         text = one_line(name.split(".")[0].replace("__", " ").replace("_", " "))
-        wide = 5.6 * len(text)
+        wide = 6.3 * len(text)
         left = min(x + 7, width - wide - 2)
         box = (left, y - 9, left + wide, y + 3)
         if left < 0 or any(box[0] < b[2] and b[0] < box[2] and box[1] < b[3] and b[1] < box[3] for b in taken):

@@ -12,7 +12,8 @@ from mpvi_bt.report.plots import improvement_plot, method_plot
 from mpvi_bt.report.tables import Table
 
 # What Markdown or HTML would take for its own: underscores within a word are not, nor are brackets around numbers.
-_SPECIAL = re.compile(r"[\\`*<>|&~$]|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])|\[(?![-+0-9])|\](?=[(:\[])|^[#+-]|^\d+(?=[.)])")
+_SPECIAL = re.compile(r"[\\`*<>|&~$]|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])|\[(?![-+0-9])|\](?=[(:\[])")
+_BEGINS = re.compile(r"^(\d*)([-+#=.)])")  # a list, a heading, a line
 
 
 def report_markdown(figures: Figures, stem: str, running: bool = False) -> tuple[str, dict[str, str]]:
@@ -31,21 +32,25 @@ def report_markdown(figures: Figures, stem: str, running: bool = False) -> tuple
 
 
 def plain(text: str) -> str:
-    """Text in which Markdown finds nothing to obey."""
+    """Text in which Markdown finds nothing to obey; within a line."""
     return _SPECIAL.sub(lambda found: "\\" + found[0], one_line(text))
+
+
+def _paragraph(text: str) -> str:
+    return _BEGINS.sub(r"\1\\\2", plain(text))
 
 
 def _blocks(figures: Figures, stem: str, running: bool, plots: dict[str, str]) -> Iterator[str]:
     yield f"# {plain(figures.suite)}"
-    yield from filter(None, [plain(figures.about)])
-    yield plain(t.standing(figures, running))
+    yield from filter(None, [_paragraph(figures.about)])
+    yield _paragraph(t.standing(figures, running))
     yield "## Summary"
     yield _table(t.summary_table(figures))
     if figures.comparisons:
         yield "## Improvement"
     for found in figures.comparisons:
         yield f"### {plain(found.method)} against {plain(found.baseline)}"
-        yield plain(t.comparison_text(found))
+        yield _paragraph(t.comparison_text(found))
         yield _picture(f"{stem}.{found.method}.svg", improvement_plot(found, alone=True), "Change of q", plots)
         yield _table(t.comparison_table(found), titled=False)
     if figures.comparisons:
@@ -80,5 +85,5 @@ def _table(table: Table, titled: bool = True) -> str:
     lines = [f"| {' | '.join(map(plain, row))} |" for row in (table.head, *table.rows)]
     lines.insert(1, "|" + "---|" * len(table.head))
     title = f"### {plain(table.title)}\n\n" if table.title and titled else ""
-    note = f"\n\n{plain(table.note)}" if table.note else ""
+    note = f"\n\n{_paragraph(table.note)}" if table.note else ""
     return title + "\n".join(lines) + note

@@ -172,7 +172,8 @@ def failure_tables(figures: Figures) -> list[Table]:
     tables = [
         _counts("Failures on the way, by reason code", "reason", {n: f.reasons for n, f in counted.items()}, figures,
                 "A failure that a plan passes over counts; an episode may have many."),
-        _counts("How episodes ended", "end", {n: f.ended for n, f in counted.items()}, figures),
+        _counts("How episodes ended", "end", {n: f.ended for n, f in counted.items()}, figures,
+                "Success and failure are the tree's own; whether the goal holds is told by the scores."),
         _counts("Conditions of the goal that were not met, by predicate", "predicate",
                 {n: f.unmet for n, f in counted.items()}, figures),
     ]  # fmt: skip
@@ -197,7 +198,10 @@ def wall_table(figures: Figures) -> Table:
         [method.name, f"{method.wall_s:.0f}", *(f"{method.wall[name]:.0%}".replace("%", " %") for name in activities)]
         for method in timed
     ]
-    note = "Planning is the base's and the arms' motion; models are the policy, the checker and the planner."
+    note = (
+        "Planning: routes, motions of the arms, and what a scripted policy plans and sees. "
+        "Models: the rest of the policy, the checker, the planner."
+    )
     return Table("Where wall time goes", ["method", "s an episode", *activities], rows, note)
 
 

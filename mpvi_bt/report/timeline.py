@@ -10,8 +10,7 @@ from mpvi_bt.drawing.marks import MARKS, Standing, standing
 from mpvi_bt.trace.read import Trace
 
 MOST_ROWS = 40  # Our choice: the page of a suite holds hundreds of these
-_LABEL = 60  # columns
-_WIDE = 1000  # of the drawing of a row, which is stretched to the page
+_LABEL = 80  # columns
 _STEPS_S = (5, 10, 20, 30, 60, 120, 300, 600, 1800, 3600, 7200)
 
 
@@ -38,7 +37,10 @@ class Row:
 
 
 def timeline(trace: Trace) -> list[Row]:
-    """Every leaf that ran, in the order in which they began; one that still ran at the end stands as running."""
+    """Every leaf that ran, in the order in which they began; one that still ran at the end stands as running.
+
+    A leaf that is cut off because a node above it fails, such as a timeout, has failed with it.
+    """
     rows: dict[str, Row] = {}
     began: dict[str, float] = {}
     labels: dict[str, str] = {}
@@ -49,6 +51,7 @@ def timeline(trace: Trace) -> list[Row]:
         if moment.tree is not tree:
             tree = moment.tree
             labels = {n.path: n.spec.label for n in tree.nodes if n.spec.type.family == "leaf"}
+        failed = [p for p, s in tick.nodes.items() if p not in labels and (s.status == "FAILURE" or s.gave_up)]
         for path, state in tick.nodes.items():
             if path not in labels:
                 continue
@@ -56,7 +59,8 @@ def timeline(trace: Trace) -> list[Row]:
                 began.setdefault(path, end_s)
                 rows.setdefault(path, Row(one_line(labels[path])))
             elif path in began:
-                rows[path].spans.append(Span(began.pop(path), end_s, standing(state)))
+                cut_off = any(path.startswith(f"{above}/") for above in failed) and standing(state) == "interrupted"
+                rows[path].spans.append(Span(began.pop(path), end_s, "failure" if cut_off else standing(state)))
         for path in began.keys() - labels.keys():  # its part of the tree was swapped
             rows[path].spans.append(Span(began.pop(path), end_s, "interrupted"))
     if trace.end is not None:
@@ -76,25 +80,25 @@ def timeline_html(rows: list[Row], end_s: float) -> str:
     total = max([end_s, *(span.end_s for row in rows for span in row.spans), 1e-3])
     parts = []
     for row in rows[:MOST_ROWS]:
-        last = MARKS[row.spans[-1].standing]
-        boxes = "".join(_box(span, total) for span in row.spans)
+        last = row.spans[-1].standing
+        boxes = "".join(_box(span, total, last) for span in row.spans)
         spent = sum(span.end_s - span.start_s for span in row.spans)
         parts.append(
-            f'<div class="row"><span>{escape(cut(row.label, _LABEL))}</span>'
-            f'<svg viewBox="0 0 {_WIDE} 10" preserveAspectRatio="none" aria-hidden="true">{boxes}</svg>'
-            f'<span class="how {row.spans[-1].standing}">{last.unicode} {last.word} <i>{spent:.1f} s</i></span></div>'
+            f'<div class="row {last}"><span>{escape(cut(row.label, _LABEL))}</span><svg>{boxes}</svg>'
+            f"<span>{MARKS[last].unicode} {MARKS[last].word} {spent:.1f} s</span></div>"
         )
     step = next((step for step in _STEPS_S if total / step <= 6), total)
     ticks = "".join(
         f'<text x="{k * step / total * 100:.1f}%" y="11">{k * step:g} s</text>' for k in range(int(total / step) + 1)
     )
-    parts.append(f'<div class="row"><span></span><svg class="ticks">{ticks}</svg><span></span></div>')
+    parts.append(f'<div class="row axis"><span></span><svg>{ticks}</svg><span></span></div>')
     if len(rows) > MOST_ROWS:
         parts.append(f'<p class="dim">and {len(rows) - MOST_ROWS} more that ran</p>')
     return f'<div class="timeline">{"".join(parts)}</div>'
 
 
-def _box(span: Span, total: float) -> str:
-    x, width = span.start_s / total * _WIDE, max((span.end_s - span.start_s) / total * _WIDE, 2)
-    told = f"{MARKS[span.standing].word}, {span.start_s:.1f} to {span.end_s:.1f} s"
-    return f'<rect class="{span.standing}" x="{x:.0f}" width="{width:.0f}" height="10"><title>{told}</title></rect>'
+def _box(span: Span, total: float, usual: Standing) -> str:
+    """A stretch; it looks as its row does unless it stands otherwise."""
+    x, width = span.start_s / total * 100, max((span.end_s - span.start_s) / total * 100, 0.3)
+    look = f' class="{span.standing}"' if span.standing != usual else ""
+    return f'<rect{look} x="{x:.1f}%" width="{width:.1f}%"/>'
