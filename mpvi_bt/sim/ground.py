@@ -19,6 +19,7 @@ OBJECT_CLEARANCE_M = 0.30  # free floor around an object's edge, so that a hand 
 APART_M = 0.45  # between two objects' edges
 DOORWAY_M = 0.9  # nothing lies this near the middle of a doorway
 PASSAGE_M = 0.36  # half the width of the ways that things on the floor leave free
+SHARES = (1.0, 0.7, 0.4)  # of those distances that things on the floor have, the largest that there is room for
 NEAR_M = 0.5  # things on the floor lie this near to where a robot can stand
 _DRAWS = 400
 
@@ -47,22 +48,34 @@ class Ground:
             BackendError: There is none.
         """
         standing = self._reachable if radius == 0.0 else self._from_reachable_m < NEAR_M
-        free = (self._clearance > radius + clearance) & standing
-        height = 0.0
-        if ground.startswith("floor_"):
-            free = free & (self._map.rooms == self._map.room_names.index(ground.removeprefix("floor_")))
-        cells = np.argwhere(free)
+        open_ground, height = self._open(ground, radius)
+        for share in SHARES if radius else SHARES[:1]:
+            cells = np.argwhere(open_ground & standing & (self._clearance > radius + share * clearance))
+            for _ in range(_DRAWS if len(cells) else 0):
+                xy = self._map.center(*cells[rng.integers(len(cells))])
+                if self._is_free(xy, radius, share) and (radius == 0.0 or self._leaves_a_way(xy, radius)):
+                    self._taken.append((xy, radius))
+                    return xy, height
+        raise BackendError(f"no free place of radius {radius:.2f} m on {ground}")
+
+    def _open(self, ground: str, radius: float) -> tuple[NDArray[np.bool_], float]:
+        """(H, W) bool: where all of a thing of a radius [m] lies on some ground, and the height [m] of that ground."""
         if not ground.startswith("floor_"):
             low, high = self._house.fixtures[ground].extent()
-            at = np.array([self._map.center(*cell) for cell in cells]).reshape(-1, 2)
-            cells = cells[((at > low[:2] + radius) & (at < high[:2] - radius)).all(1)]
-            height = float(high[2])
-        for _ in range(_DRAWS if len(cells) else 0):
-            xy = self._map.center(*cells[rng.integers(len(cells))])
-            if self._is_free(xy, radius) and (radius == 0.0 or self._leaves_a_way(xy, radius)):
-                self._taken.append((xy, radius))
-                return xy, height
-        raise BackendError(f"no free place of radius {radius:.2f} m on {ground}")
+            return self._within(low + radius, high - radius), float(high[2])
+        free = self._map.rooms == self._map.room_names.index(ground.removeprefix("floor_"))
+        for name, fixture in self._house.fixtures.items():
+            if self.is_ground(name) and any(fixture.solids()):  # such as a lawn, which covers the garden's floor
+                low, high = fixture.extent()
+                free = free & ~self._within(low - radius, high + radius)
+        return free, 0.0
+
+    def _within(self, low: Array, high: Array) -> NDArray[np.bool_]:
+        """(H, W) bool: the cells whose middle is between two corners."""
+        rows, columns = self._map.occupied.shape
+        x = self._map.origin_m[0] + (np.arange(columns) + 0.5) * self._map.resolution_m
+        y = self._map.origin_m[1] + (np.arange(rows) + 0.5) * self._map.resolution_m
+        return np.asarray(((low[1] < y) & (y < high[1]))[:, None] & ((low[0] < x) & (x < high[0])))
 
     def away_m(self, xy: Array) -> Array:
         """(n,) how far [m] places (n, 2) are from where a robot can stand; infinite outside the map."""
@@ -121,9 +134,9 @@ class Ground:
         cells = np.clip(ends, 0, np.array(parts.shape) - 1)
         return {int(parts[tuple(nearest[:, row, column])]) for row, column in cells}
 
-    def _is_free(self, xy: Array, radius: float) -> bool:
+    def _is_free(self, xy: Array, radius: float, share: float) -> bool:
         doorways = all(np.linalg.norm(xy - np.asarray(d.at)) > DOORWAY_M for d in self._house.doorways)
-        return doorways and all(np.linalg.norm(xy - other) > radius + r + APART_M for other, r in self._taken)
+        return doorways and all(np.linalg.norm(xy - other) > radius + r + share * APART_M for other, r in self._taken)
 
 
 @lru_cache(maxsize=2)
