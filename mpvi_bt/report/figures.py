@@ -13,6 +13,7 @@ from mpvi_bt.report.failures import Failures, count_failures
 from mpvi_bt.report.paper import paper_mean, paper_scores
 from mpvi_bt.report.runs import MEASURES, Runs, by_instance
 from mpvi_bt.report.statistics import LEVEL, RESAMPLES, Estimate, estimate
+from mpvi_bt.suite.backends import privileged
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.queries import queries_text
 from mpvi_bt.suite.result import Result
@@ -161,9 +162,9 @@ def _method(runs: Runs) -> MethodFigures:
     return MethodFigures(
         name=runs.method,
         about=runs.about,
-        settings=_shared(result.config for result in results),
-        privileged=sorted({backend for result in results for backend in result.privileged}),
-        assisted=any(result.config.get("assisted") for result in results),
+        settings=_shared(config.record() for config in runs.episodes),
+        privileged=sorted({backend for config in runs.episodes for backend in privileged(config.backends)}),
+        assisted=any(config.assisted for config in runs.episodes),
         overall=_group(runs, runs.episodes),
         tasks={task: _group(runs, configs) for task, configs in of_task.items()},
         paper=paper_mean(runs.method, runs.tasks),

@@ -10,9 +10,10 @@ from html import escape
 from importlib import resources
 from pathlib import Path
 
-from mpvi_bt import __version__
+from mpvi_bt import __version__, paths
 from mpvi_bt.drawing.cells import one_line
 from mpvi_bt.errors import MpviError
+from mpvi_bt.marked_yaml import load_marked
 from mpvi_bt.report import tables as t
 from mpvi_bt.report.drawing import plot_style
 from mpvi_bt.report.episodes import episode_html
@@ -22,7 +23,6 @@ from mpvi_bt.report.plots import NARROW, improvement_plot, method_plot, shown_ta
 from mpvi_bt.report.runs import Runs
 from mpvi_bt.report.tables import Table
 from mpvi_bt.sim.house import House, load_house
-from mpvi_bt.suite.tasks import load_task
 
 
 def report_page(
@@ -123,20 +123,27 @@ def _houses(tasks: Sequence[str]) -> dict[str, House]:
     houses = {}
     for task in tasks:
         try:
-            name = load_task(task).house
+            data, _ = load_marked(
+                paths.find_or_file("tasks", task, "task")
+            )  # all else in the file was checked long ago
+            name = data["house"]
             if name not in loaded:
                 loaded[name] = load_house(name)
             houses[task] = loaded[name]
-        except MpviError:
+        except (MpviError, KeyError, TypeError):
             continue
     return houses
 
 
 def _omitted(figures: Figures) -> str:
     left = [task for task in figures.tasks if task not in shown_tasks(figures)]
+    run = {task for method in figures.methods for task, group in method.tasks.items() if group.finished}
     told = "A bar is the mean, a point an instance; the line on the bar of all tasks is its interval."
-    if left:
-        told += f" Left out, since no method got anything: {', '.join(left)}."
+    for tasks, why in (
+        ([task for task in left if task in run], "Left out, since no method got anything"),
+        ([task for task in left if task not in run], "No results yet"),
+    ):
+        told += f" {why}: {', '.join(tasks)}." if tasks else ""
     return f'<p class="dim">{escape(one_line(told))}</p>'
 
 

@@ -126,8 +126,9 @@ def efficiency_table(figures: Figures, task: str | None = None) -> Table:
 def comparison_text(found: Comparison) -> str:
     """A comparison in a few sentences."""
     pairs, whole = found.overall, found.relative
+    count = f"{pairs.pairs} episode{'s' * (pairs.pairs != 1)}"
     text = (
-        f"{found.method} against {found.baseline}, on {pairs.pairs} episodes that both have finished: mean q "
+        f"{found.method} against {found.baseline}, on {count} that both have finished: mean q "
         f"{pairs.method:.3f} against {pairs.baseline:.3f}, a difference of {told(pairs.difference)}"
     )
     text += f", {percent(whole)} of the baseline's. " if whole else "; nothing to divide by. "
