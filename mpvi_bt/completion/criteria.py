@@ -77,8 +77,8 @@ def parse(text: str) -> Criterion | None:
 
     "the robot is at <place>"; "<object> is held in a gripper", "... in the left gripper", "... with both hands";
     "<object> is in <container>"; likewise "on", "next to" and "under"; each also with a count ("two cans of soda are in
-    the trash can", "there are 2 cans of soda in ..."). "<object> is open", "closed", "turned on", "turned off", "clean",
-    "sprayed".
+    the trash can", "there are 2 cans of soda in ..."). "<object> is open", "closed", "turned on", "turned off",
+    "clean", "sprayed".
     """
     if len(text) > MOST_CHARACTERS:
         return None

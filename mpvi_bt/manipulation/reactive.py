@@ -10,7 +10,7 @@ from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.in_hand import show
 from mpvi_bt.manipulation.looking import look_for, look_from_elsewhere
 from mpvi_bt.manipulation.readings import count, readings
-from mpvi_bt.manipulation.scripted import ScriptedPolicy
+from mpvi_bt.manipulation.scripted import Performance, ScriptedPolicy
 from mpvi_bt.manipulation.seen import Seen
 from mpvi_bt.manipulation.spots import is_floor
 from mpvi_bt.manipulation.work import Work
@@ -25,7 +25,9 @@ from mpvi_bt.robot.squeeze import squeezes
 
 _TRIES = 3  # of a clause
 _NAMES = ("object", "container", "surface", "target", "tool", "source")  # slots that name things to look for
-_HIDDEN = {"pour": ("object",), "wipe": ("object",)}  # in a vessel, or mere dirt: these need not be seen
+_HIDDEN = {  # these need not be seen: what is in a vessel, mere dirt, and what driving looks for itself
+    "pour": ("object",), "wipe": ("object",), "go_to": ("target",),
+}  # fmt: skip
 _VESSEL = {"pour": ("source",)}  # elsewhere a source is only where to look
 # Slots of what a skill wants in hand, the first that is said: picked up first where it is not.
 _IN_HAND = {
@@ -53,14 +55,15 @@ class ReactivePolicy(ScriptedPolicy):
         self._seen.feel(observation["proprioception"])
         return super().infer(observation)
 
-    def perform(self, work: Work, prompt: str) -> Actions:
+    def perform(self, work: Work, prompt: str) -> Performance:
         """Do the first clause that can be grounded in view, then the next such one; look around if there is none."""
         calls = [c for clause in clauses(prompt, self._skills) if (c := match(clause, self._skills)) is not None]
         if not calls:
             self.note = f"no skill for {prompt[:60]!r}"
-            return
+            return None
         self._seen.forget(phrase for call in calls for r in readings(call) for phrase in self._phrases(r, _NAMES))
-        yield from self._look_at_hands(work)
+        if any(call.skill.hands for call in calls):
+            yield from self._look_at_hands(work)
         left = [(call, _TRIES) for call in calls for _ in range(count(call))]
         while left:
             k = self._first_grounded(left)
@@ -70,7 +73,7 @@ class ReactivePolicy(ScriptedPolicy):
                 k = self._first_grounded(left)
             if k is None:
                 self.note = f"nothing in view for {left[0][0].skill.name}"
-                return
+                return None
             call, tries = left[k]
             understood = self._grounded(call)
             assert understood is not None
@@ -82,8 +85,8 @@ class ReactivePolicy(ScriptedPolicy):
                 if place is not None:
                     yield from look_from_elsewhere(work, place, self._seen.passable)
             else:
-                return
-        yield from self.finish(work)
+                return None
+        return calls[-1]
 
     def _do(self, work: Work, call: SkillCall) -> Any:
         """Try a clause; what it wants in hand and is not is picked up first. Returns whether it succeeded."""

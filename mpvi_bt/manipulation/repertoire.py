@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from mpvi_bt.manipulation.close import close
+from mpvi_bt.manipulation.go_to import go_to
 from mpvi_bt.manipulation.hand_over import hand_over
 from mpvi_bt.manipulation.open import open_
 from mpvi_bt.manipulation.pick import pick
@@ -18,6 +19,7 @@ from mpvi_bt.manipulation.wipe import spray, wipe
 from mpvi_bt.manipulation.work import Perform
 
 REPERTOIRE: Mapping[str, Perform] = {
+    "go_to": go_to,
     "open": open_,
     "close": close,
     "press": press,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,9 @@ _ATTEMPTS = 4  # of one skill
 _ROUNDS = 3  # of a whole prompt
 _CHECKS = 100.0  # base poses that searches for a prompt may check at the start,
 _EARNED = 2.0 / CONTROL_HZ  # and more with every step: planning keeps well ahead of playing
-_ANYWHERE = ("unknown_object", "unknown_skill", "not_a_container", "not_held", "hands_full")  # backing off mends none
+Performance = Generator[Array, None, SkillCall | None]
+# Backing off mends none of these.
+_ANYWHERE = ("unknown_object", "unknown_skill", "not_a_container", "not_held", "hands_full", "not_found")
 
 
 class ScriptedPolicy:
@@ -36,6 +38,7 @@ class ScriptedPolicy:
     Attributes:
         name: As given on the command line.
         note: What it is doing or why it gave up, for a person.
+        ended: Whether it has come to the end of its prompt, by its own senses: it thinks it done, or has given up.
         attempts: Tries of skills so far.
         planning_s: Wall time spent on planning and seeing, measured by `timer`.
     """
@@ -64,6 +67,7 @@ class ScriptedPolicy:
         """Forget the prompt: the next observation starts its clauses from the first one."""
         self._prompt: str | None = None
         self._work: Work | None = None
+        self.ended = False
         self._actions: Actions = iter(())
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
@@ -72,6 +76,7 @@ class ScriptedPolicy:
         if observation["prompt"] != self._prompt or self._work is None:
             self._prompt = str(observation["prompt"])
             self._calls += 1
+            self.ended = False
             rng = np.random.default_rng([self._seed, self._calls])
             self._work = Work(self._scene, Motion(felt), rng, self._sight, effort=Effort(_CHECKS))
             self._actions = self._performed(self._work, self._prompt)
@@ -89,18 +94,21 @@ class ScriptedPolicy:
     def _performed(self, work: Work, prompt: str) -> Actions:
         """Everything that it does about a prompt; a motion that fails outside of any attempt ends it, with a note."""
         try:
-            yield from self.perform(work, prompt)
+            last = yield from self.perform(work, prompt)
+            if last is not None:
+                yield from self._finish(work, last)
         except MotionFailure as failure:
             self.note = f"{self.note}: {failure.reason}" if self.note else failure.reason
+        self.ended = True
 
-    def perform(self, work: Work, prompt: str) -> Actions:
-        """Everything that it does about a prompt."""
+    def perform(self, work: Work, prompt: str) -> Performance:
+        """Everything that it does about a prompt; returns the last skill of one that is done, None of another."""
         calls: list[SkillCall] = []
         for clause in clauses(prompt, self._skills):
             call = match(clause, self._skills)
             if call is None:
                 self.note = f"no skill for {clause!r}"
-                return
+                return None
             calls.append(call)
         done = 0  # so many calls have succeeded once
         for _ in range(_ROUNDS):  # what was dropped on the way is picked up again
@@ -110,18 +118,29 @@ class ScriptedPolicy:
                 elif k >= done:  # what was done before may be done still, such as a thing that lies where it was put
                     break
             else:
-                yield from self.finish(work)
+                return calls[-1]
+        return None
 
-    def finish(self, work: Work) -> Actions:
+    def _finish(self, work: Work, last: SkillCall) -> Actions:
         """Everything is done: carry what is held close, look at it, and show it if nobody says that it is complete."""
+        if not last.skill.hands:
+            yield from self._stay(work, last)
         with contextlib.suppress(MotionFailure):  # where it cannot be brought closer it stays
             yield from tuck(work)
         for side in work.held():
             if (name := work.scene.holding(side)) is not None and work.scene.volumes(name):
                 with contextlib.suppress(MotionFailure):
                     yield from look_at(work, name)
-        self.note = "done"
+        self.note, self.ended = "done", True
         yield from self._show(work)
+
+    def _stay(self, work: Work, last: SkillCall) -> Actions:
+        """It is there, and nobody has said so: back off and drive up to it again, for ever."""
+        self.note, self.ended = "done", True
+        while True:
+            yield from work.motion.wait(_PATIENCE_S)
+            yield from back_off(work)
+            yield from self.attempt(work, last)
 
     def _show(self, work: Work) -> Actions:
         """Nobody has said that it is complete: hold what has been filled out to the head, and home again, for ever."""

@@ -29,13 +29,13 @@ from mpvi_bt.goals.problem import Problem, load_problem
 from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.perception.map import OccupancyMap
-from mpvi_bt.plan.planners import Planner
+from mpvi_bt.plan.planners import Planner, RecordedPlanner
 from mpvi_bt.sim.catalogue import Catalogue, load_catalogue
 from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.prior_map import prior_map
 from mpvi_bt.sim.sampling import Start, sample
 from mpvi_bt.sim.world import World
-from mpvi_bt.suite.backends import choose
+from mpvi_bt.suite.backends import NOBODY, choose
 from mpvi_bt.suite.checkers import make_checker, make_triggers
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.detectors import make_detector
@@ -49,7 +49,7 @@ from mpvi_bt.suite.saved import Keeper, SavedEpisode
 from mpvi_bt.suite.tasks import Task
 from mpvi_bt.suite.truth import Audit, TrueState
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.compile import Drive
+from mpvi_bt.tree.compile import Drive, prompts_of
 from mpvi_bt.tree.relevant import task_relevant
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.substitute import stand_ins
@@ -97,10 +97,12 @@ def run(
     vocabulary = {e.name: e.phrases for e in world.knowledge() if e.kind != "room"}
     judged = vocabulary | _floors(house)
     detector = make_detector(config.detector, vocabulary, config.seed)
-    ground = Ground(skills, vocabulary, None if detector.name in _LABELS else detector, world, config.seed)
+    seeing = None if detector.name in _LABELS else detector
+    ground = Ground(skills, vocabulary, seeing, world, config.seed, _demonstrations(config))
     policy = make_policy(config.policy, ground, config.policy_settings)
     relevant = task_relevant(tree.spec, skills)
     navigator = make_navigator(config.detector, config.map, world, house, relevant, detector, config.seed)
+    guided = _guided(config, prepared)
     context = Context(
         clock=world,
         robot=world.robot,
@@ -109,8 +111,8 @@ def run(
         checker=make_checker(config.checker, world, judged, config.seed, prepared.models),
         triggers=make_triggers(config.trigger, world.robot),
         skills=skills,
-        sense=navigator.feel,
-        memory=navigator,
+        sense=navigator.feel if guided else lambda: None,
+        memory=navigator if guided else None,
         while_asked=config.while_asked,
         blackboard=dict(tree.spec.blackboard),
     )
@@ -209,6 +211,18 @@ def _floors(house: House) -> dict[str, tuple[str, ...]]:
 def _places(world: World) -> dict[str, list[float]]:
     """Where each movable thing is, x and y in the world [m], to whole centimetres."""
     return {e.name: [round(float(c), 2) for c in e.center[:2]] for e in world.knowledge() if e.kind == "object"}
+
+
+def _demonstrations(config: EpisodeConfig) -> dict[str, list[str]] | None:
+    """What stand-ins for a VLA know of whole instructions: the order of the subtasks of the plans on file."""
+    if config.planner != NOBODY:
+        return None
+    return {plan.instruction: prompts_of(plan) for plan in RecordedPlanner().all()}
+
+
+def _guided(config: EpisodeConfig, prepared: Prepared) -> bool:
+    """Whether the navigator has anything to do: to drive, or to know what new plans are told of."""
+    return (config.drive == "navigator" and config.planner != NOBODY) or prepared.planner is not None
 
 
 def _replanning(planner: Planner, tree: Tree, context: Context, task: Task, world: World, drive: Drive) -> Replanning:

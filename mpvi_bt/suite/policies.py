@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.errors import UserError
@@ -13,6 +13,9 @@ from mpvi_bt.perception.detector import Detector
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.suite.backends import choose, split
 from mpvi_bt.suite.config import EpisodeConfig
+
+if TYPE_CHECKING:
+    from mpvi_bt.manipulation.scripted import ScriptedPolicy
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,8 @@ class Ground:
         detector: Of what policies see; None: the pictures' labels, by the vocabulary.
         world: The simulator's; None where there is none, as in a server. Only privileged policies may look at it.
         seed: Of everything random.
+        demonstrations: Instruction to the prompts that it takes, where stand-ins for a VLA are told whole instructions;
+            None: they are told prompts.
     """
 
     skills: Mapping[str, Skill]
@@ -32,6 +37,7 @@ class Ground:
     detector: Detector | None = None
     world: Any = None
     seed: int = 0
+    demonstrations: Mapping[str, Sequence[str]] | None = None
 
 
 def make_policy(given: str, ground: Ground, settings: str | None = None) -> Policy:
@@ -83,13 +89,21 @@ def check_policy_choice(config: EpisodeConfig) -> None:
 def _expert(ground: Ground, address: str, settings: str | None) -> Policy:
     from mpvi_bt.manipulation.expert import ExpertPolicy
 
-    return ExpertPolicy(ground.world, ground.skills, ground.seed, timer=time.perf_counter)
+    return _demonstrated(ExpertPolicy(ground.world, ground.skills, ground.seed, timer=time.perf_counter), ground)
 
 
 def _reactive(ground: Ground, address: str, settings: str | None) -> Policy:
     from mpvi_bt.manipulation.reactive import ReactivePolicy
 
-    return ReactivePolicy(ground.skills, ground.seed, time.perf_counter, ground.detector, ground.vocabulary)
+    made = ReactivePolicy(ground.skills, ground.seed, time.perf_counter, ground.detector, ground.vocabulary)
+    return _demonstrated(made, ground)
+
+
+def _demonstrated(policy: ScriptedPolicy, ground: Ground) -> Policy:
+    """What scripted policies make of whole instructions, where they are told these."""
+    from mpvi_bt.manipulation.demonstrated import DemonstratedPolicy
+
+    return policy if ground.demonstrations is None else DemonstratedPolicy(policy, ground.demonstrations)
 
 
 def _openpi(ground: Ground, address: str, settings: str | None) -> Policy:

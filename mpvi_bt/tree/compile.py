@@ -53,6 +53,11 @@ def compile_instruction(name: str, instruction: str) -> TreeSpec:
     return TreeSpec(name, NodeSpec("manipulate", Prompt(prompt=escaped(instruction)), name), instruction)
 
 
+def prompts_of(plan: Plan) -> list[str]:
+    """What a policy is told that drives, too, unit by unit."""
+    return [", then ".join(plan.segments[i].description for i in segments) for segments in _groups(plan)]
+
+
 def compile_units(
     plan: Plan,
     skills: Mapping[str, Skill],

@@ -1,0 +1,175 @@
+"""Driving by sight: toward what is seen, straight, as long as there is room ahead. It keeps no map and plans no route.
+
+Our choice throughout: it stands in for how a VLA drives, and is not meant to be better at it than a VLA is.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Generator
+from dataclasses import replace
+
+import numpy as np
+
+from mpvi_bt.manipulation.carry import settle
+from mpvi_bt.manipulation.gaze import look_at
+from mpvi_bt.manipulation.site import base_clear
+from mpvi_bt.manipulation.work import Words, Work
+from mpvi_bt.perception.knowledge import Entry
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot import r1
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import SIDES
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.squeeze import squeezes
+
+_AT_M = 0.85  # from the base to the thing, within the handoff distance of navigation,
+_AS_NEAR_AS_IT_GETS_M = 1.2  # or what is near enough where something is in the way, such as the table that it lies on
+_TILT_RAD = 0.4  # of the head: the floor from 0.8 m on, and what is far
+_LEGS = 80
+_LEG_M = 1.2  # at most, from one look to the next
+_LEAST_M = 0.15  # a way is barred if there is less room
+_LEGS_AHEAD = 3  # before it looks around again
+_ASIDE_RAD = (0.6, 1.2, 1.8)  # off the way to the thing where that is barred, to one side and then to the other
+_LOOKS = 5  # a full turn
+_HALF_WIDTH_M = r1.BASE_RADIUS_M + 0.08
+_HEIGHT_M = (0.06, 1.45)  # of what is in the way; lower is the floor
+_SPECKS = 10  # so many pixels may be noise
+_OWN_M = 0.5  # what is seen nearer than that are its own folded hands,
+_LOAD_M = 0.4  # and what is so near to a hand that holds something is what that holds;
+_AROUND_M = 0.2  # so much about such a hand the way has to be free, too
+
+
+def go_to(work: Work, words: Words, tried: list[Array]) -> Actions:
+    """Look around for a thing, wander where it is not in view, and drive up to it, stopping or turning where barred.
+
+    Raises:
+        MotionFailure: "not_found" if it did not get there in a good while.
+    """
+    with contextlib.suppress(MotionFailure):  # as it is carried it is carried
+        yield from settle(work)
+    torso = work.motion.torso
+    torso[3] = _TILT_RAD
+    with contextlib.suppress(MotionFailure):
+        yield from work.motion.stand(torso)
+    yield from work.see("head")
+    side = work.rng.choice((-1.0, 1.0))
+    for _ in range(_LEGS):
+        if (thing := _nearest(work, words["target"])) is None:
+            yield from _look_for(work, words["target"])
+            continue
+        way = _way(work, thing)
+        if _off(way) <= _AT_M or not (yield from _advance(work, way, side)):
+            yield from _face(work, way)
+            if _off(way) <= _AS_NEAR_AS_IT_GETS_M:
+                with contextlib.suppress(MotionFailure):
+                    yield from look_at(work, thing.name)
+                return
+            side = -side
+    raise MotionFailure("not_found")
+
+
+def _nearest(work: Work, phrase: str) -> Entry | None:
+    """The nearest thing called so that is neither carried nor put away, if any is known."""
+    here, loads = work.motion.felt.base_pose[:2], _loads(work)
+    found = [e for e in work.scene.knowledge().find(phrase) if not e.held and e.inside is None]
+    found = [e for e in found if all(_off(e.center[:2] - load) > _LOAD_M for load in loads)]
+    return min(found, key=lambda e: _off(_nearest_point(e, here) - here), default=None)
+
+
+def _loads(work: Work) -> list[Array]:
+    """Where the hands are, (2,) each on the floor in the world [m], that hold something: it may not know what."""
+    felt = work.motion.felt
+    sides = [side for side in SIDES if squeezes(felt) or felt.holds(side)]
+    return [(work.base @ kin.tcp(felt.torso, felt.arm[side], side))[:2, 3] for side in sides]
+
+
+def _nearest_point(thing: Entry, here: Array) -> Array:
+    return np.clip(here, thing.lowest[:2], thing.highest[:2])
+
+
+def _way(work: Work, thing: Entry) -> Array:
+    """(2,) from the base to the nearest point of a thing on the floor [m]."""
+    here = work.motion.felt.base_pose[:2]
+    return np.asarray(_nearest_point(thing, here) - here)
+
+
+def _off(way: Array) -> float:
+    return float(np.linalg.norm(way))
+
+
+def _advance(work: Work, way: Array, side: float) -> Generator[Array, None, bool]:
+    """A leg toward a thing or, where that is barred, past what bars it; returns whether it got anywhere."""
+    yield from _face(work, way)
+    if (yield from _leg(work, _off(way) - _AT_M + 0.05)):
+        return True
+    if _off(way) <= _AS_NEAR_AS_IT_GETS_M:
+        return False
+    for turn in (s * a for s in (side, -side) for a in _ASIDE_RAD):
+        yield from _turn(work, math.atan2(way[1], way[0]) + turn)
+        if (yield from _leg(work)):
+            return True
+    return False
+
+
+def _leg(work: Work, most_m: float = _LEG_M) -> Generator[Array, None, bool]:
+    """Drive ahead as far as there is room, and look; returns whether it got anywhere."""
+    leg_m = min(most_m, _LEG_M, _room(work))
+    if leg_m < min(_LEAST_M, most_m):
+        return False
+    here = work.motion.felt.base_pose.copy()
+    with contextlib.suppress(MotionFailure):  # something that was not seen
+        yield from work.motion.drive(here + leg_m * np.array([math.cos(here[2]), math.sin(here[2]), 0.0]))
+    yield from work.see("head")
+    return _off(work.motion.felt.base_pose[:2] - here[:2]) > leg_m / 2
+
+
+def _face(work: Work, way: Array) -> Actions:
+    yield from _turn(work, math.atan2(way[1], way[0]))
+
+
+def _turn(work: Work, yaw: float) -> Actions:
+    """Turn on the spot and look there."""
+    x, y, now = work.motion.felt.base_pose
+    if abs(turn := float(kin.wrap(yaw - now))) > 0.05:
+        with contextlib.suppress(MotionFailure):  # what it does not turn to it does not see
+            yield from work.motion.drive(np.array([x, y, now + turn]))
+    yield from work.see("head")
+
+
+def _look_for(work: Work, phrase: str) -> Actions:
+    """Turn around until a thing is seen; where it is not, go on in some direction, an open one rather."""
+    start, openness = float(work.motion.felt.base_pose[2]), []
+    for k in range(_LOOKS):
+        yield from _turn(work, start + 2 * math.pi * k / _LOOKS)
+        if _nearest(work, phrase) is not None:
+            return
+        openness.append(_room(work) + 0.1)
+    chance = np.array(openness) / sum(openness)
+    yield from _turn(work, start + 2 * math.pi * int(work.rng.choice(_LOOKS, p=chance)) / _LOOKS)
+    for _ in range(_LEGS_AHEAD):
+        if not (yield from _leg(work)) or _nearest(work, phrase) is not None:
+            return
+
+
+def _room(work: Work) -> float:
+    """How far the base can go ahead [m], by the picture just taken; by the scene, a leg at most, where none is."""
+    if work.sight is None:
+        near, steps = work.near(), np.arange(_LEAST_M, _LEG_M + 0.01, 0.15)
+        ahead = (kin.transform(np.eye(3), (x, 0.0, 0.0)) for x in steps)
+        free = [base_clear(near.seen_from(work.base @ T)) for T in ahead]
+        return float(steps[free.index(False)]) - 0.15 if False in free else _LEG_M
+    felt = work.motion.felt
+    image = replace(work.images["head"], T_world_camera=kin.head_camera(felt.torso))
+    p = image.points_world().reshape(-1, 3)  # in the base frame
+    own = np.hypot(p[:, 0], p[:, 1]) < _OWN_M
+    front, left, right = _HALF_WIDTH_M, _HALF_WIDTH_M, -_HALF_WIDTH_M
+    for load in _loads(work):
+        x, y = (kin.inverse(work.base) @ np.append(load, (0.0, 1.0)))[:2]
+        own |= np.hypot(p[:, 0] - x, p[:, 1] - y) < _LOAD_M
+        front, left, right = max(front, x + _AROUND_M), max(left, y + _AROUND_M), min(right, y - _AROUND_M)
+    barring = (p[:, 1] < left) & (p[:, 1] > right) & (p[:, 2] > _HEIGHT_M[0]) & (p[:, 2] < _HEIGHT_M[1]) & ~own
+    ahead_m = np.sort(p[barring & (p[:, 0] > 0), 0])
+    far_m = float(ahead_m[min(_SPECKS, len(ahead_m) - 1)]) if len(ahead_m) else 9.0
+    return max(0.0, far_m - front)
