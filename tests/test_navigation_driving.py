@@ -93,6 +93,18 @@ def test_goals_before_a_counter_are_square_to_its_middle() -> None:
     assert abs(goal.pose[2] + math.pi / 2) < 0.05
 
 
+def test_goals_before_what_opens_are_at_its_front() -> None:
+    """A car is served from its trunk, although its side is nearer."""
+    grid_map = two_rooms()
+    put_box(grid_map, (1.4, 1.5), (2.9, 2.5))
+    car = thing("car", (2.15, 2.0, 0.7), (1.5, 1.0, 1.4), kind="fixture", room="kitchen")
+    start = np.array([2.15, 0.8])
+    grid = traversability(grid_map, 0.33)
+    assert object_goals(car, start, grid, HANDOFF)[0].pose[1] < 1.5
+    car.front = np.array([-1.0, 0.0])
+    assert object_goals(car, start, grid, HANDOFF)[0].pose[0] < 1.4
+
+
 def test_a_thing_deep_on_a_wide_table_is_approached_as_near_as_can_be() -> None:
     """Where nothing is free within the handoff distance, up to the slack more is taken."""
     grid_map = two_rooms()

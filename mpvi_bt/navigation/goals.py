@@ -15,6 +15,9 @@ from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.solids import Array
 
 
+_BEHIND_M = 4.0  # of driving, that a place at the side of a thing is worse than one before its front: twice that behind
+
+
 @dataclass(frozen=True)
 class Handoff:
     """Where navigation hands over to manipulation. Distances are from the base's center to the target's box.
@@ -91,7 +94,8 @@ def object_goals(entry: Entry, start: Array, grid: Traversability, handoff: Hand
     Each is free for the footprint, reachable from `start` (2,), in the target's room, within the handoff distance,
     faces the target, and has no obstacle between but the furniture that the target is or stands on. Where no such
     pose exists, those within `slack_m` more; where none of these can be reached, they are scored inf. The best are
-    cheap to reach, not nearer than preferred, and square to the middle of the target's side (Our choice).
+    cheap to reach, not nearer than preferred, square to the middle of the target's side, and before its front where
+    that is known (Our choice).
     """
     if not np.isfinite((entry.lowest, entry.highest)).all():
         return []
@@ -117,6 +121,8 @@ def object_goals(entry: Entry, start: Array, grid: Traversability, handoff: Hand
         + 3.0 * np.maximum(0.0, distance - 0.5 * (handoff.preferred_m + handoff.distance_m))
         + 1.0 * np.maximum(0.0, aside)
     )
+    if entry.front is not None:
+        score += _BEHIND_M * (1.0 - ((points - nearest) @ entry.front) / np.maximum(distance, 1e-6))
     yaw = facing_yaw(entry, points)
     order = _apart(cells, score.astype(float))[:most]
     return [Goal(np.array([*points[i], yaw[i]]), float(score[i])) for i in order]

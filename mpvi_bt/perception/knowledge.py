@@ -40,6 +40,7 @@ class Entry:
         confidence: Probability that it is there, 0 to 1.
         seen_s: Simulated time at which it was last seen; None if it never was.
         view: (3,) base pose x, y [m] and yaw [rad] that it was last seen from.
+        front: (2,) unit vector out of the side that it is opened from, if that is known.
     """
 
     name: str
@@ -55,6 +56,7 @@ class Entry:
     confidence: float = 1.0
     seen_s: float | None = None
     view: Array | None = None
+    front: Array | None = None
 
     @property
     def center(self) -> Array:
