@@ -19,6 +19,7 @@ from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
 _OVER_M = 0.05  # between a box and the surface that it is driven in over
+_CARRIED = 0.35  # of a box that stands on something narrower, so much of its breadth around its middle is carried
 _HEADINGS = tuple(np.arange(16) * np.pi / 8)
 _SPOTS = 40
 _FAR_M, _OFF_M, _LEG_M = 1.7, 1.3, 1.2  # a spot that far off is driven up to, in legs within what is known around
@@ -54,7 +55,7 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
         if surface is None:
             spots = floor_around(work, words["surface"], radius, box.height)
         else:
-            spots = scene.spots(surface, radius, box.height + 0.1, here)
+            spots = scene.spots(surface, radius, box.height + 0.1, here) or _on_the_middle(work, surface, box)
         search = work.search("right", {name})
         # What is far off may have room that is not seen from here.
         far_off = spots[0] if spots else None if surface is None else work.middle(surface)
@@ -86,6 +87,13 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from look_at(work, name)
     if abs(min(s.aabb()[0, 2] for s in scene.solids(name)) - spot[2]) > 0.04:
         raise MotionFailure("missed")
+
+
+def _on_the_middle(work: Work, surface: str, box: Box) -> list[Array]:
+    """Places (3,) for what is about as broad as its support, such as one box on another: those next to its middle."""
+    radius, here = _CARRIED * min(box.length, box.width), work.motion.felt.base_pose[:2]
+    spots = work.scene.spots(surface, radius, box.height + 0.1, here)
+    return sorted(spots, key=lambda spot: float(np.linalg.norm((spot - work.middle(surface))[:2])))
 
 
 def _toward(here: Array, spot: Array) -> Array | None:
