@@ -161,11 +161,13 @@ class SavedEntry(Record):
     confidence: Annotated[float, Field(ge=0, le=1)]
     seen_s: FiniteFloat | None
     view: Place | None
+    front: tuple[FiniteFloat, FiniteFloat] | None = None
 
     def entry(self) -> Entry:
         """The entry of this record."""
         view = None if self.view is None else np.array(self.view)
-        places = {"lowest": np.array(self.lowest), "highest": np.array(self.highest), "view": view}
+        front = None if self.front is None else np.array(self.front)
+        places = {"lowest": np.array(self.lowest), "highest": np.array(self.highest), "view": view, "front": front}
         return Entry(**{**dict(self), **places})
 
 
