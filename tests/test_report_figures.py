@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,11 +13,12 @@ from mpvi_bt.errors import UnknownName
 from mpvi_bt.report.compare import compare
 from mpvi_bt.report.failures import count_failures, predicates
 from mpvi_bt.report.figures import figures
+from mpvi_bt.report.official import official_summary
 from mpvi_bt.report.paper import paper_mean, paper_scores
 from mpvi_bt.report.runs import MEASURES, Runs
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.result import Failure, GoalCondition, Result, Score
-from mpvi_bt.suite.store import Fault
+from mpvi_bt.suite.store import Fault, Store
 from tests.fake_episodes import fake_result
 from tests.synthetic_suites import synthetic_runs
 
@@ -158,6 +161,43 @@ def test_the_baseline_is_a_method() -> None:
     assert [c.method for c in figures("s", runs, baseline="no_trigger").comparisons] == ["mpvi", "e2e"]
     with pytest.raises(UnknownName, match="Did you mean 'mpvi'"):
         figures("s", runs, baseline="mpv")
+
+
+def test_the_official_summary_is_the_evaluators() -> None:
+    """Sums over the rollouts that are there, over all that are to be: the same q as with missing episodes as 0."""
+    runs = synthetic_runs("mpvi", 0.6, finished=0.6)
+    summary, overall = official_summary(runs), figures("s", [runs]).methods[0].overall
+    assert summary["overall_scores"]["q_score"] == pytest.approx(overall.q_with_missing)
+    assert summary["overall_scores"].keys() == {
+        "q_score", "task_sr", "time_score", "base_distance_score", "left_distance_score", "right_distance_score",
+    }  # fmt: skip
+    done = [r for r in runs.results.values() if r.task == "hiding_Easter_eggs"]
+    times = [r.time.normalized_time or 0.0 for r in done]
+    assert summary["per_task_scores"]["time_score"]["hiding_Easter_eggs"] == pytest.approx(sum(times) / 3)
+    assert summary["per_task_scores"]["q_score"]["tidying_bedroom"] == 0
+    assert summary["per_rollout_scores"]["q_score"]["picking_up_trash"].keys() == {"0_0", "1_0", "2_0"}
+    assert summary["per_rollout_scores"]["q_score"]["tidying_bedroom"] == {}
+
+
+def test_every_measure_is_documented() -> None:
+    """docs/reports.md names each with which way is better, and no other."""
+    page = (Path(__file__).parent.parent / "docs" / "reports.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| .* \| (higher|lower) \|$", page, re.MULTILINE)
+    assert rows == [(measure.key, measure.better) for measure in MEASURES]
+
+
+def test_the_example_of_the_document_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It writes the page of the results that are there."""
+    monkeypatch.chdir(tmp_path)
+    store = Store(tmp_path / "runs" / "trash10")
+    for instance in range(2):
+        config = EpisodeConfig("picking_up_trash", instance)
+        store.write(config, fake_result(config))
+    page = (Path(__file__).parent.parent / "docs" / "reports.md").read_text(encoding="utf-8")
+    example = re.search(r"```python\n(.*?)```", page, re.DOTALL)
+    assert example is not None
+    exec(example[1], {})
+    assert "2 of 10 episodes have a result" in (tmp_path / "trash10.html").read_text(encoding="utf-8")
 
 
 def test_the_papers_figures_are_as_printed() -> None:

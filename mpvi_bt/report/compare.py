@@ -56,7 +56,8 @@ class Comparison:
         tasks: Of each task that has pairs.
         relative: Improvement of the mean q, as a share of the baseline's; None where that is 0.
         gains, equal, regressions: How many tasks' mean q is higher, the same, lower.
-        matched: How many pairs have the same q > 0.
+        matched: How many pairs have the same q > 0. Our choice of "above 0": the paper has 20 matching pairs, and must
+            have had many more in which both methods got nothing.
         efforts: Of those pairs, by how much the method's effort is above the baseline's, as a share of it; below 0 is
             less effort. Robot's over human time weighs tasks alike. Our choice: the ratio of the means over the pairs,
             and pairs are drawn anew whatever their task, since each task has few.

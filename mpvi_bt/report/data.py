@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from mpvi_bt.report.figures import Figures, Group, MethodFigures
+from mpvi_bt.report.official import official_summary
 from mpvi_bt.report.runs import Runs
 from mpvi_bt.suite.metrics import DIRECTIONS
 
@@ -14,12 +15,15 @@ def report_data(figures: Figures, runs: Sequence[Runs]) -> dict[str, Any]:
     """The report as plain data of JSON.
 
     Returns:
-        Keys "suite", "episodes" (each result without its way and wall times), "missing", "directions"; "tasks",
-        "overall" (means) and "privileged", or, where there are several methods, "methods" with these of each;
-        "figures", what pages show: means with intervals, comparisons, failures. "q_score" counts missing
-        episodes as 0, as BEHAVIOR's leaderboard does; "q_score_of_finished" leaves them out.
+        Keys "suite", "episodes" (each result without its way and wall times), "missing", "directions"; "tasks" and
+        "overall" (means), "privileged" and "official" (the evaluator's summary), or, where there are several methods,
+        "methods" with these of each; "figures", what pages show: means with intervals, comparisons, failures.
+        "q_score" counts missing episodes as 0, as BEHAVIOR's leaderboard does; "q_score_of_finished" leaves them out.
     """
-    each = {method.name: _means(method) for method in figures.methods}
+    each = {
+        method.name: _means(method) | {"official": official_summary(run)}
+        for method, run in zip(figures.methods, runs, strict=True)
+    }
     return {
         "suite": figures.suite,
         "episodes": [
