@@ -11,7 +11,7 @@ from pathlib import Path
 
 from mpvi_bt.errors import BackendError, DiskFull, MpviError, UserError
 
-_FULL = (errno.ENOSPC, errno.EDQUOT)
+FULL = (errno.ENOSPC, errno.EDQUOT)  # codes of a disk that is, or of what a user may take of it
 _OF_THE_MACHINE = (errno.EIO, errno.EFBIG)
 
 
@@ -58,5 +58,5 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
 
 def unwritable(what: str | Path, error: OSError) -> MpviError:
     """What to raise where something cannot be written: bad input, unless the disk is full or broken."""
-    kind = DiskFull if error.errno in _FULL else BackendError if error.errno in _OF_THE_MACHINE else UserError
+    kind = DiskFull if error.errno in FULL else BackendError if error.errno in _OF_THE_MACHINE else UserError
     return kind(f"{what}: cannot be written: {(error.strerror or str(error)).lower()}")

@@ -15,6 +15,7 @@ from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.metrics import Measurement
 from mpvi_bt.suite.result import Failure, make_result
 from mpvi_bt.suite.tasks import Task
+from mpvi_bt.writing import write_whole
 
 TASK = Task(
     instruction="Put the cans in the bin.",
@@ -46,7 +47,7 @@ def run(config: EpisodeConfig) -> dict[str, Any]:
     data = fake_result(config, backend=backend)
     if config.trace is not None:
         config.trace.parent.mkdir(parents=True, exist_ok=True)
-        config.trace.write_text(f"the trace of {config.name}\n")
+        write_whole(config.trace, f"the trace of {config.name}\n")
     note(log, config, "end")
     return data
 

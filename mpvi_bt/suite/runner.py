@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from mpvi_bt import __version__
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.manifest import Manifest
@@ -117,6 +118,12 @@ def run_suite(
         if manifest is not None:
             manifest.claim(store.out)
         results = {config: result for config in episodes if (result := store.result(config)) is not None}
+        for config, result in results.items():
+            if result.version != __version__:
+                raise UserError(
+                    f"{store.path(config)}: a result of version {result.version}, this is {__version__}; "
+                    "choose another --out"
+                )
         todo = list(order([config for config in episodes if config not in results]))
         listener.begin(results, todo, engine.workers)
         try:

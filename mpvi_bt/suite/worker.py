@@ -14,6 +14,7 @@ from mpvi_bt.errors import DiskFull, ModelError, NoRenderingDevice, UserError
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.result import Result
 from mpvi_bt.suite.store import Fault
+from mpvi_bt.writing import FULL
 
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # set to 1: each core has its worker
 EPISODES_A_PROCESS = 40  # Our choice: the renderer keeps some memory of every scene
@@ -71,7 +72,8 @@ def play(function: str, config: EpisodeConfig) -> Played:
         return Played(fault=Fault(message, hopeless=error.reason in _HOPELESS, backend=error.reason))
     except (Exception, SystemExit) as error:
         line = " ".join(str(error).split()) or type(error).__name__
+        full = isinstance(error, DiskFull) or (isinstance(error, OSError) and error.errno in FULL)
         message = str(error) if isinstance(error, UserError | DiskFull) else f"{type(error).__name__}: {line}"
-        hopeless = isinstance(error, UserError | NoRenderingDevice | DiskFull)
+        hopeless = full or isinstance(error, UserError | NoRenderingDevice)
         code = getattr(error, "exit_code", 3)
         return Played(fault=Fault(message, traceback.format_exc(), hopeless, code))
