@@ -71,6 +71,27 @@ def test_a_hand_that_holds_keeps_its_pose(side: Side) -> None:
     np.testing.assert_allclose(felt.arm[other(side)], r1.TRAVEL_ARM[other(side)], atol=1e-6)
 
 
+@pytest.mark.parametrize(("at", "draws_back"), [((0.45, 0.85), False), ((0.75, 1.3), True), ((0.55, 0.3), True)])
+def test_a_hand_that_holds_far_out_is_drawn_back_first(at: tuple[float, float], draws_back: bool) -> None:
+    """It may be in a shelf or a basket still, and turning would tear out what it holds; before the body it is not."""
+    home = world(left=-1.0)
+    T = kin.transform(kin.hand_rotation((1, 0, -0.5), (0, 1, 0)), (at[0], 0.2, at[1]))
+    torsos = np.array([(lift, 0.0, pitch, 0.0) for lift in (0.0, 0.2, 0.4) for pitch in (0.0, 0.5, 1.0)])
+    found = [(t, kin.nearest_posture(kin.inverse(kin.chest(t)) @ T, "left", r1.TRAVEL_ARM["left"])) for t in torsos]
+    torso, q = next((t, q) for t, q in found if q is not None)
+    action = home.robot.action
+    action[ActionLayout.TORSO] = torso
+    action[ActionLayout.ARM["left"]], action[ActionLayout.ARM["right"]] = q, r1.TRAVEL_ARM["right"]
+    for _ in range(60):
+        home.step(action)
+    home.robot.act(action)
+    before = home.robot.proprioception().base_pose
+    stow(home)
+    moved = home.robot.proprioception().base_pose - before
+    assert (moved[0] < -0.2) == draws_back
+    np.testing.assert_allclose(moved[1:], 0.0, atol=0.02)
+
+
 def test_a_stowed_robot_does_not_move() -> None:
     """Once folded, stowing again is done soon and leaves arms and base in place."""
     home = world()

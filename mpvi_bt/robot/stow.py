@@ -15,12 +15,15 @@ from mpvi_bt.robot.squeeze import squeezes
 
 _CLOSE_RAD = 0.05
 _BACK_M = 0.25
+_CARRIED_M = 0.65  # from the base's axis, and between these heights, a hand carries what it holds;
+_CARRIED_AT_M = (0.5, 1.15)  # farther out, lower or higher it may still be in a shelf, a basket or under a table
 
 
 class ArmStow:
     """Folds empty hands and straightens the torso; a hand that holds something keeps its pose in front of the body.
 
-    It knows nothing of the surroundings: from an unknown posture it first draws back from where the hands worked.
+    It knows nothing of the surroundings: from an unknown posture, and with a hand that holds something far out, it
+    first draws back from where the hands worked.
     """
 
     def __init__(self, robot: Robot, seed: int = 0) -> None:
@@ -53,7 +56,7 @@ class ArmStow:
         held: list[Side] = [s for s in SIDES if felt.holds(s)]
         empty: list[Side] = [s for s in SIDES if s not in held]
         away = [s for s in empty if np.abs(motion.arm(s) - r1.TRAVEL_ARM[s]).max() > _CLOSE_RAD]
-        if away:
+        if away or any(_far_out(motion.hand(s)) for s in held):
             x, y, yaw = felt.base_pose
             yield from motion.drive(np.array([x - _BACK_M * np.cos(yaw), y - _BACK_M * np.sin(yaw), yaw]), speed=0.2)
         rng = np.random.default_rng(self._seed)
@@ -67,3 +70,9 @@ class ArmStow:
         if arms is None:
             raise MotionFailure("no_reach")
         yield from motion.stand(r1.TRAVEL_TORSO, arms)
+
+
+def _far_out(T_base_tcp: Array) -> bool:
+    """Whether a hand is beyond where things are carried."""
+    x, y, z = T_base_tcp[:3, 3]
+    return bool(np.hypot(x, y) > _CARRIED_M or not _CARRIED_AT_M[0] < z < _CARRIED_AT_M[1])
