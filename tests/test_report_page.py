@@ -20,7 +20,7 @@ from mpvi_bt.report.page import report_page
 from mpvi_bt.report.paper import paper_scores
 from mpvi_bt.report.plots import improvement_plot, method_plot, shown_tasks
 from mpvi_bt.report.runs import Runs
-from mpvi_bt.report.tables import told
+from mpvi_bt.report.tables import missing_table, told
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.result import Failure, GoalCondition, Result
 from mpvi_bt.suite.store import Fault, Store
@@ -280,6 +280,17 @@ def test_the_command_writes_what_it_says(mpvi: Shell, tmp_path: Path) -> None:
     nowhere = mpvi("suite", "report", "trash10", "--html", "no/such/folder/a.html")
     assert nowhere.returncode == 2
     assert "no/such/folder/a.html: cannot be written" in nowhere.stderr
+
+
+def test_what_is_missing_is_told_with_its_cause() -> None:
+    """Each episode that broke, and how many of a task have not been run."""
+    runs = synthetic_runs("mpvi", 0.5, TASKS[:2], 4, finished=0.5)
+    broken = {runs.episodes[5]: Fault("the worker process died")}
+    rows = missing_table(figures("s", [replace(runs, faults=broken)])).rows
+    assert rows == [
+        ["mpvi", "hiding_Easter_eggs_1_0", "the worker process died"],
+        ["mpvi", "3 of hiding_Easter_eggs", "not run yet"],
+    ]
 
 
 def test_estimates_are_told_with_their_intervals() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
@@ -104,7 +105,9 @@ def _what_ran(runs: Runs, config: EpisodeConfig, result: Result) -> str:
         rows = timeline(read_trace(path))
     except MpviError as error:
         return f'<p class="dim">Its trace cannot be read: {_text(str(error))}</p>'
-    more = f"<p class='dim'>Every tick: <code>mpvi render {_text(str(path))} --out run.html</code></p>"
+    file = _text(shlex.quote(str(path)))
+    why = "" if result.success else f"Why: <code>mpvi explain {file}</code>. "
+    more = f"<p class='dim'>{why}Every tick: <code>mpvi render {file} --out run.html</code></p>"
     return f"<h5>What ran when</h5>{timeline_html(rows, result.time.simulator_time)}{more}"
 
 

@@ -46,6 +46,7 @@ def _blocks(figures: Figures, stem: str, running: bool, plots: dict[str, str]) -
     yield _paragraph(t.standing(figures, running))
     yield "## Summary"
     yield _table(t.summary_table(figures))
+    yield _paragraph(t.truth_text(figures))
     if figures.comparisons:
         yield "## Improvement"
     for found in figures.comparisons:

@@ -73,7 +73,7 @@ def _sections(
     figures: Figures, runs: Sequence[Runs], houses: Mapping[str, House], page: Path | None
 ) -> Iterator[tuple[str, str]]:
     """Name and content of each; "" where there is nothing to say."""
-    yield "Summary", _table(t.summary_table(figures))
+    yield "Summary", f"{_table(t.summary_table(figures))}<p>{escape(one_line(t.truth_text(figures)))}</p>"
     compared: list[str] = []
     for found in figures.comparisons:
         title = f"{found.method} against {found.baseline}"

@@ -11,7 +11,7 @@ from mpvi_bt.report.compare import SAME_Q, Comparison, TaskPairs
 from mpvi_bt.report.drawing import Drawing, method_color
 from mpvi_bt.report.figures import Figures, Group
 
-WIDE, NARROW = 860, 316  # pixels: of a page, and of a telephone
+WIDE, NARROW = 832, 316  # pixels: of a page, and of a telephone
 _ROW, _LABEL, _VALUE = 22.0, 270.0, 52.0
 _BAR, _GAP, _PANEL, _AXIS, _SPARE = 16.0, 4.0, 112.0, 150.0, 26.0
 

@@ -90,6 +90,14 @@ def summary_table(figures: Figures) -> Table:
     return Table("", head, rows, method_note(figures))
 
 
+def truth_text(figures: Figures) -> str:
+    """What of each method reads simulator truth, and whose grasps are assisted."""
+    parts = [f"{m.name}: {', '.join(m.privileged) or 'nothing'}" for m in figures.methods]
+    assisted = [m.name for m in figures.methods if m.assisted]
+    text = f"Backends that read simulator truth: {'; '.join(parts)}."
+    return text + (f" Assisted grasping: {', '.join(assisted)}." if assisted else "")
+
+
 def task_table(figures: Figures) -> Table:
     """Mean q of each method on each task, and the paper's of the methods of those names."""
     theirs = [name for name in figures.paper if figures.paper[name] and name in _names(figures)]
@@ -219,10 +227,13 @@ def settings_table(figures: Figures) -> Table:
 
 
 def missing_table(figures: Figures) -> Table:
-    """Episodes without a result."""
-    rows = [[method.name, name, fault or "not run yet"] for method in figures.methods
-            for name, fault in method.missing.items()]  # fmt: skip
-    rows.sort(key=lambda row: row[2] == "not run yet")
+    """Episodes without a result: each that broke, and how many of a task are still to be run."""
+    rows = [[method.name, name, fault] for method in figures.methods for name, fault in method.missing.items() if fault]
+    for method in figures.methods:
+        for task, group in method.tasks.items():
+            broken = sum(bool(f) for name, f in method.missing.items() if name.rsplit("_", 2)[0] == task)
+            if left := group.episodes - group.finished - broken:
+                rows.append([method.name, f"{left} of {task}", "not run yet"])
     return Table("Episodes without a result", ["method", "episode", "why"], rows)
 
 
