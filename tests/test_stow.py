@@ -111,3 +111,25 @@ def test_the_same_seed_folds_in_the_same_way() -> None:
 def test_stepping_before_a_start_is_harmless() -> None:
     """A stow that was never started has nothing to do."""
     assert ArmStow(world().robot).step()
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_what_is_held_far_out_is_drawn_back_and_brought_in(side: Side) -> None:
+    """A hand that was cut short in a fridge closes, the base draws back, and the hand comes in without tipping."""
+    home = world(**{side: -0.4})
+    T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.80, 0.25 * r1.SIGN[side], 0.95))
+    q = kin.nearest_posture(kin.inverse(kin.chest(home.robot.action[3:7])) @ T, side, r1.TRAVEL_ARM[side])
+    assert q is not None
+    action = home.robot.action
+    action[ActionLayout.ARM[side]] = q
+    home.step(action)
+    home.robot.act(action)
+    before = home.robot.proprioception()
+    sent = stow(home)
+    felt = home.robot.proprioception()
+    assert sent[-1][ActionLayout.GRIPPER[side]] == -1.0
+    ahead = np.array([np.cos(before.base_pose[2]), np.sin(before.base_pose[2])])
+    assert (before.base_pose - felt.base_pose)[:2] @ ahead > 0.4
+    hand = kin.tcp(felt.torso, felt.arm[side], side)
+    assert hand[0, 3] < 0.55
+    np.testing.assert_allclose(hand[:3, :3], T[:3, :3], atol=0.02)

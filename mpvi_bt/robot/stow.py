@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 
@@ -16,14 +17,18 @@ from mpvi_bt.robot.squeeze import squeezes
 _CLOSE_RAD = 0.05
 _BACK_M = 0.25
 _CARRIED_M = 0.65  # from the base's axis, and between these heights, a hand carries what it holds;
-_CARRIED_AT_M = (0.5, 1.15)  # farther out, lower or higher it may still be in a shelf, a basket or under a table
+_CARRIED_AT_M = (0.5, 1.15)  # farther out, lower or higher it may still be in a shelf, a basket or under a table,
+_OUT_M = 0.30  # and is drawn back to where it was so far ahead,
+_BEFORE_M = ((0.42, 0.25), (0.46, 0.30), (0.50, 0.30), (0.55, 0.28))  # then brought in: x, y toward its own side,
+_LEVELS_M = (1.00, 0.80, 0.70)  # at about the height that it has, or at one of these
+_CLOSING_S = 0.4  # for a hand that is told to be half open to close
 
 
 class ArmStow:
     """Folds empty hands and straightens the torso; a hand that holds something keeps its pose in front of the body.
 
     It knows nothing of the surroundings: from an unknown posture, and with a hand that holds something far out, it
-    first draws back from where the hands worked.
+    first draws back from where the hands worked. What is held far out is brought in, level, before the base turns.
     """
 
     def __init__(self, robot: Robot, seed: int = 0) -> None:
@@ -56,20 +61,39 @@ class ArmStow:
         held: list[Side] = [s for s in SIDES if felt.holds(s)]
         empty: list[Side] = [s for s in SIDES if s not in held]
         away = [s for s in empty if np.abs(motion.arm(s) - r1.TRAVEL_ARM[s]).max() > _CLOSE_RAD]
-        if away or any(_far_out(motion.hand(s)) for s in held):
+        for side in held:  # one that was cut short while it closed would lose what it holds
+            yield from motion.grip(side, -1.0, _CLOSING_S * (felt.gripper_command[side] + 1.0))
+        out = [s for s in held if _far_out(motion.hand(s))]
+        if away or out:
             x, y, yaw = felt.base_pose
-            yield from motion.drive(np.array([x - _BACK_M * np.cos(yaw), y - _BACK_M * np.sin(yaw), yaw]), speed=0.2)
+            back = max(_BACK_M, *(float(motion.hand(s)[0, 3]) - _OUT_M for s in out), 0.0)
+            yield from motion.drive(np.array([x - back * np.cos(yaw), y - back * np.sin(yaw), yaw]), speed=0.2)
         rng = np.random.default_rng(self._seed)
         for side in away:
             body = Body(motion.torso, {s: motion.arm(s) for s in SIDES})
             path = arm_motion.plan(body, side, r1.TRAVEL_ARM[side], rng)
             if path is not None:
                 yield from motion.follow(side, path)
+        for side in out:
+            yield from _bring_in(motion, side)
         body = Body(motion.torso, {s: motion.arm(s) for s in SIDES})
         arms = arm_motion.sweep(body, r1.TRAVEL_TORSO, {s: arm_motion.stay(motion.hand(s)) for s in held})
         if arms is None:
             raise MotionFailure("no_reach")
         yield from motion.stand(r1.TRAVEL_TORSO, arms)
+
+
+def _bring_in(motion: Motion, side: Side) -> Actions:
+    """Bring a hand, with what it holds, level to before the body; it stays where it is if no way leads there."""
+    body = Body(motion.torso, {s: motion.arm(s) for s in SIDES})
+    T = motion.hand(side)
+    here = float(np.clip(T[2, 3], min(_LEVELS_M), max(_LEVELS_M)))
+    for (x, y), z in product(_BEFORE_M, (here, *_LEVELS_M)):
+        goal = T.copy()
+        goal[:3, 3] = x, y * r1.SIGN[side], z
+        if (path := arm_motion.plan_level(body, side, goal)) is not None:
+            yield from motion.follow(side, path)
+            return
 
 
 def _far_out(T_base_tcp: Array) -> bool:
