@@ -270,11 +270,16 @@ def test_the_fixture_that_it_was_at_is_meant_again() -> None:
     navigator = KnownPlaceNavigator(robot, two_rooms(), knowing(first, other))
     drive(robot, navigator, "cabinet")
     assert distance_to(first, robot.pose[:2]) <= HANDOFF.distance_m
-    for remembers, expected in ((navigator.save(), first), ({"been": {}}, other)):
-        robot = KinematicRobot(0.8, 3.0)
+    been, none = navigator.save(), {"been": {}}
+    for remembers, said, expected in (
+        (been, "the cabinet", first),
+        (been, "another cabinet", other),
+        (none, "the cabinet", other),
+    ):
+        robot = KinematicRobot(0.8, 1.0 if said == "another cabinet" else 3.0)
         navigator = KnownPlaceNavigator(robot, two_rooms(), knowing(first, other))
         navigator.restore(remembers)
-        drive(robot, navigator, "the cabinet")
+        drive(robot, navigator, said)
         assert distance_to(expected, robot.pose[:2]) <= HANDOFF.distance_m
 
 

@@ -10,6 +10,7 @@ from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.solids import pose
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 
@@ -105,3 +106,17 @@ def test_what_stands_open_is_meant_where_things_are_put() -> None:
     world.set_opening("cabinet_2", "door", 0.8)
     assert task.nearest("cabinet") == "cabinet_1"
     assert task.nearest("cabinet", ajar=True) == "cabinet_2"
+
+
+def test_what_is_said_of_containers_tells_them_apart() -> None:
+    """Of two bowls the empty one, or the one with an egg in it, is meant though the other is nearer."""
+    bowls = {"near": placed("mixing_bowl", 0.5, 0.0), "far": placed("mixing_bowl", 0.9, 0.0)}
+    world = small_world({**bowls, "egg": placed("easter_egg", 0.5, 0.0, 0.02)}, (-0.2, 0.0, 0.0))
+    world.settle()
+    task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    assert task.nearest("mixing bowl") == task.nearest("mixing bowl with the egg") == "near"
+    assert task.nearest("empty mixing bowl") == "far"
+    world.place("egg", world.pose("far") @ pose((0.0, 0.0, 0.02)))
+    world.settle()
+    assert task.nearest("mixing bowl with the egg") == "far"
+    assert task.nearest("mixing bowl with the candle") == "near"

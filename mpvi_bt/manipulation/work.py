@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
@@ -12,6 +13,7 @@ from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.scene import Scene, Sight
 from mpvi_bt.manipulation.search import Search
 from mpvi_bt.perception.knowledge import Entry
+from mpvi_bt.perception.phrases import read
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Load, Obstacles
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
@@ -22,6 +24,7 @@ Words = Mapping[str, str]  # what fills the slots of a skill call, such as {"obj
 
 NEAR_M = 1.7  # solids farther from the robot than this do not matter to a skill
 _LIFTED_M = 0.10
+_WITH = re.compile(r"(?:with|containing|holding) (?P<what>.+)")
 _AJAR = 0.3  # of its limit: a door that stands open so far is open
 _ON_M = 0.03  # what lies on a thing is as much above its top, or below its bottom, at the most
 
@@ -90,10 +93,27 @@ class Work:
         if source is not None:
             places = self.scene.knowledge().find(source)
             found = [e for e in found if any(_there(e, place) for place in places)] or found
+        found = self._as_said(found, phrase)
         alike = [e for e in found if e.away == found[0].away]
         if ajar and len(alike) > 1:
             alike = [e for e in alike if np.linalg.norm(e.center[:2] - here) < NEAR_M and self._ajar(e.name)] or alike
         return min(alike, key=lambda e: float(np.linalg.norm(e.center[:2] - here))).name
+
+    def _as_said(self, found: list[Entry], phrase: str) -> list[Entry]:
+        """Those that are empty, open or shut, or with something in them, where a phrase says so; all if none is."""
+        reading = read(phrase)
+        if reading is None or len(found) < 2:
+            return found
+        said = dict(reading.qualities)
+        fitting = found
+        if said.get("filling") == "empty":
+            fitting = [e for e in fitting if not self.scene.within(e.name)]
+        if (state := said.get("state")) is not None:
+            fitting = [e for e in fitting if self._ajar(e.name) == (state == "open")]
+        if (contents := _WITH.match(reading.place)) is not None:
+            names = {e.name for e in self.scene.knowledge().find(contents["what"])}
+            fitting = [e for e in fitting if names & set(self.scene.within(e.name))]
+        return fitting or found
 
     def _ajar(self, name: str) -> bool:
         """Whether a door, drawer or lid of a thing stands open."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -27,6 +28,7 @@ class Trip:
     room: str | None
 
 
+_OTHER = re.compile(r"(?:the )?(?:another|other|next)\b", re.IGNORECASE)
 _GOALS = 40  # looked at of each target: the best where nothing carried would touch
 
 
@@ -35,7 +37,8 @@ class KnownPlaceNavigator:
 
     Order (Paper, Navigation appendix): done if the base is at the target already; else the knowledge base is asked; a
     target that it does not hold is looked up once more from inside the room that was named with it. Of several fixtures
-    that are called so, it is the one that it was at before: a plan that says "the cabinet" again means the same.
+    that are called so, it is the one that it was at before: a plan that says "the cabinet" again means the same, and
+    one that says "another cabinet" does not.
 
     Fails with `unknown_target`, or as its `Driver` does.
     """
@@ -187,8 +190,8 @@ class KnownPlaceNavigator:
         hits = [h for h in hits if h.kind != "room"]
         best = [h for h in hits if h.away == hits[0].away]
         if hits and hits[0].kind == "fixture":
-            been = self._been.get(normalize(trip.target))
-            best = [h for h in best if h.name == been] or knowledge.joined(best)
+            been, other = self._been.get(normalize(trip.target)), bool(_OTHER.match(trip.target))
+            best = [h for h in best if been and (h.name == been) != other] or knowledge.joined(best)
         return best, rooms.get(normalize(trip.room)) if trip.room else None
 
     def _is_there(self, entries: list[Entry], room: str | None, slack_m: float = 0.0) -> bool:
