@@ -32,7 +32,7 @@ def christmas_tree(*, size_m: Size, color: Rgb, pot_color: Rgb, tiers: Count = 9
     """A fir whose branches reach nearly to the ground, in a pot, with balls and a star."""
     parts = Parts()
     broad, z = min(size_m[:2]), size_m[2]
-    pot = 0.1 * z
+    pot = 0.045 * z
     parts.cylinder((0, 0, pot / 2), 0.5 * broad, pot, pot_color)
     parts.cylinder((0, 0, pot + 0.02), 0.12 * broad, 0.04, _BARK, collides=False)
     each = (0.96 * z - pot) / tiers
