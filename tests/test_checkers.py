@@ -297,6 +297,27 @@ def test_the_head_sees_a_can_lifted_by_the_robot_but_not_one_that_it_touches_on_
     assert not see("the can of soda is held in a gripper", head([FLOOR, can(0.0, 0.0, 0.45)])).complete
 
 
+# ----------------------------------------------------------------------------------------------- the robot's place
+
+
+@pytest.mark.parametrize(("x", "near"), [(0.3, True), (-0.2, True), (0.8, False)])
+def test_the_robot_is_at_what_it_sees_within_reach(x: float, near: bool) -> None:
+    """As far as the camera, 0.7 m before the origin, is from it on the floor; by any of the words that mean it."""
+    for said in ("the robot is at the trash can", "the robot is next to the other trash can"):
+        judged = see(said, head([FLOOR, *trash_can(x)]))
+        assert judged.complete is near, judged.reason
+
+
+def test_the_robot_is_not_at_what_it_carries_or_does_not_see() -> None:
+    """A can in the bin that it holds is no can that it has come to; a second one there is."""
+    hand: list[Box] = [("robot", (-0.03, 0.12, 0.35), (0.03, 0.15, 0.5))]
+    carried = [FLOOR, *hand, *trash_can(z=0.2), can(0.0, 0.0, 0.3)]
+    assert "carried" in see("the robot is at a can of soda", head(carried)).reason
+    assert not see("the robot is at the table", head(carried)).complete
+    assert see("the robot is at a can of soda", head([*carried, can(0.2, -0.3, 0.0, "can_2")])).complete
+    assert not see("the robot is at the trash can", wrist([*trash_can()])).complete
+
+
 # --------------------------------------------------------------------------------------------------- doubts
 
 
@@ -424,6 +445,10 @@ class Facts:
         """Whether it is so."""
         return name == "can_1"
 
+    def at(self, phrase: str) -> bool | None:
+        """Whether it is so; nothing else is called anything."""
+        return {"trash can": True, "cabinet": False}.get(phrase)
+
     def so(self, relation: Relation, name: str, other: str) -> bool | None:
         """Whether it is so; nothing is known of dirt."""
         facts = {
@@ -441,6 +466,9 @@ class Facts:
 @pytest.mark.parametrize(
     ("criterion", "so"),
     [
+        ("the robot is at the trash can", True),
+        ("the robot is in front of the cabinet", False),
+        ("the robot is at the moon", False),
         ("a can of soda is held in a gripper", True),
         ("a can of soda is held in the left gripper", True),
         ("a can of soda is held in the right gripper", False),

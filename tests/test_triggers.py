@@ -392,3 +392,43 @@ def test_hands_that_pressed_nothing_or_press_on_have_let_go_of_nothing(apart_m: 
     if apart_m == told_m:
         robot.arms = robot.told = facing_hands(0.40)
     assert passes(robot, triggers, 2.0, way_m=0.5) + passes(robot, triggers, 5.0) == []
+
+
+def drives() -> tuple[Hands, ProprioceptiveTriggers]:
+    """A robot that is about to drive, after the first look whether it is there already."""
+    hands = Hands()
+    triggers = ProprioceptiveTriggers(hands)
+    triggers.reset({"arrival": None})
+    assert go(hands, triggers, 3.0) == [TriggerEvent("arrival", None)], "it may be there already"
+    return hands, triggers
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0.15, 2.0), st.floats(-3.0, 3.0))
+def test_a_drive_or_a_turn_that_ends_is_an_arrival(way_m: float, turn_rad: float) -> None:
+    """One event, when the base stands again."""
+    hands, triggers = drives()
+    for _ in range(60):
+        hands.pose = hands.pose + np.array([way_m, 0.0, turn_rad]) / 60
+        assert triggers.update() is None
+    assert go(hands, triggers, 5.0) == [TriggerEvent("arrival", None)]
+
+
+def test_what_only_sways_has_not_arrived_anew() -> None:
+    """A few centimeters are no drive."""
+    hands, triggers = drives()
+    for way_m in (0.05, -0.05, 0.05):
+        for _ in range(30):
+            hands.pose = hands.pose + np.array([way_m, 0.0, 0.0]) / 30
+            assert triggers.update() is None
+        assert go(hands, triggers, 2.0) == []
+
+
+def test_what_nobody_has_told_us_of_is_no_drive() -> None:
+    """The general heuristics are of hands and arms: only a skill that drives asks for arrivals."""
+    hands = Hands()
+    triggers = ProprioceptiveTriggers(hands)
+    for _ in range(60):
+        hands.pose = hands.pose + np.array([0.02, 0.0, 0.0])
+        assert triggers.update() is None
+    assert go(hands, triggers, 5.0) == []
