@@ -90,6 +90,15 @@ def _told(result: Result) -> dict[str, object]:
     return {**result.model_dump(mode="json"), "wall": {"total_s": 2.0, "setup_s": 1.0, "loop": {"stepping": 1.0}}}
 
 
+def test_a_terminal_obeys_nothing_that_a_model_wrote() -> None:
+    """Control characters in feedback are shown as escapes, on one line."""
+    failures = [RESULTS[EPISODES[1]].failures[0].model_copy(update={"feedback": "\x1b[2J gone\nnew line"})]
+    changed = RESULTS[EPISODES[1]].model_copy(update={"failures": failures})
+    words = report_text("four", EPISODES, {**RESULTS, EPISODES[1]: changed}, FAULTS)
+    assert "\x1b" not in words
+    assert "timeout: \\x1b[2J gone new line" in words
+
+
 def test_methods_are_told_apart() -> None:
     """A table for each of a task's methods, means of each, and how they compare; nothing is mixed."""
     both = [EpisodeConfig("picking_up_trash", i, method=name) for name in ("e2e", "mpvi") for i in range(4)]

@@ -20,7 +20,8 @@ from mpvi_bt.report.page import report_page
 from mpvi_bt.report.paper import paper_scores
 from mpvi_bt.report.plots import improvement_plot, method_plot, shown_tasks
 from mpvi_bt.report.runs import Runs
-from mpvi_bt.report.tables import missing_table, told
+from mpvi_bt.report.statistics import Estimate
+from mpvi_bt.report.tables import missing_table, percent, told
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.result import Failure, GoalCondition, Result
 from mpvi_bt.suite.store import Fault, Store
@@ -247,7 +248,8 @@ def test_markdown_is_as_it_was() -> None:
 
 def test_hostile_words_stay_in_their_cells() -> None:
     """Every row of every table has as many cells as its head, and nothing is markup."""
-    text, _ = report_markdown(figures(EVIL, hostile(), EVIL), "report")
+    text, plots = report_markdown(figures(EVIL, hostile(), EVIL), "report")
+    assert all(re.fullmatch(r"[A-Za-z0-9._-]+", name) for name in plots)
     width = None
     for line in text.splitlines():
         cells = len(re.findall(r"(?<!\\)\|", line))
@@ -294,8 +296,11 @@ def test_what_is_missing_is_told_with_its_cause() -> None:
 
 
 def test_estimates_are_told_with_their_intervals() -> None:
-    """With as many digits as asked for; nothing where there is nothing."""
+    """With as many digits as asked for; nothing where there is nothing; nothing is less than 0 by rounding."""
     assert told(None) == "-"
+    assert told(Estimate(-1e-17, -0.0004, 0.5)) == "0.000 [0.000, 0.500]"
+    assert percent(Estimate(-1e-17, -0.25, None)) == "+0 % [-25 %, no bound]"
+    assert percent(Estimate(1.126)) == "+113 %"
     found = figures("s", [synthetic_runs("a", 0.5, instances=1)]).methods[0].overall.measures["q_score"]
     assert found is not None
     assert told(found, 2) == f"{found.mean:.2f}"

@@ -77,9 +77,9 @@ def _blocks(figures: Figures, stem: str, running: bool, plots: dict[str, str]) -
 
 
 def _picture(name: str, svg: str, title: str, plots: dict[str, str]) -> str:
-    plots[name] = svg + "\n"
-    address = re.sub(r"[^A-Za-z0-9._-]", lambda found: "".join(f"%{byte:02X}" for byte in found[0].encode()), name)
-    return f"![{title}]({address})"
+    file = re.sub(r"[^A-Za-z0-9._-]", "_", name)
+    plots[file] = svg + "\n"
+    return f"![{title}]({file})"
 
 
 def _table(table: Table, titled: bool = True) -> str:

@@ -40,19 +40,18 @@ def told(found: Estimate | None, digits: int = 3) -> str:
     """An estimate, such as "0.712 [0.650, 0.780]"; "-" where there is none."""
     if found is None:
         return NONE
-    if found.low is None or found.high is None:
-        return f"{found.mean:.{digits}f}"
-    return f"{found.mean:.{digits}f} [{found.low:.{digits}f}, {found.high:.{digits}f}]"
+    mean, *bounds = (None if x is None else f"{round(x, digits) + 0.0:.{digits}f}"  # never "-0.000"
+                     for x in (found.mean, found.low, found.high))  # fmt: skip
+    return f"{mean}" if None in bounds else f"{mean} [{', '.join(map(str, bounds))}]"
 
 
 def percent(found: Estimate | None) -> str:
     """A relative change, such as "+113 % [+90 %, +140 %]"."""
     if found is None:
         return NONE
-    if found.low is None and found.high is None:
-        return f"{found.mean:+.0%}".replace("%", " %")
-    low, high = ("no bound" if bound is None else f"{bound:+.0%}" for bound in (found.low, found.high))
-    return f"{found.mean:+.0%} [{low}, {high}]".replace("%", " %")
+    mean, low, high = ("no bound" if x is None else f"{round(x, 2) + 0.0:+.0%}".replace("%", " %")
+                       for x in (found.mean, found.low, found.high))  # fmt: skip
+    return mean if found.low is None and found.high is None else f"{mean} [{low}, {high}]"
 
 
 def standing(figures: Figures, running: bool = False) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from mpvi_bt.drawing.cells import one_line
 from mpvi_bt.report.figures import Figures, Group, MethodFigures
 from mpvi_bt.report.runs import Runs
 from mpvi_bt.report.tables import comparison_text
@@ -110,10 +111,10 @@ def _failures(
         if felt := troubles(result.clipped, result.grasps.empty, result.grasps.lost):
             lines.append(f"  instance {config.instance}: {felt}")
         for failure in result.failures:
-            node = "/".join(failure.node.split("/")[1:2]) or failure.node  # the segment, right under the root
-            why = f": {failure.feedback}" if failure.feedback else ""
+            node = one_line("/".join(failure.node.split("/")[1:2]) or failure.node)  # the segment, right under the root
+            why = f": {one_line(failure.feedback)}" if failure.feedback else ""
             lines.append(
-                f"  instance {config.instance} at {failure.time_s:.0f} s: {node} failed, {failure.reason}{why}"
+                f"  instance {config.instance} at {failure.time_s:.0f} s: {node} failed, {one_line(failure.reason)}{why}"
             )
         if not result.success:
             unmet = [condition.condition for condition in result.goal if not condition.satisfied]
