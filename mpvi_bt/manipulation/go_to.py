@@ -47,8 +47,10 @@ def go_to(work: Work, words: Words, tried: list[Array]) -> Actions:
     Raises:
         MotionFailure: "not_found" if it did not get there in a good while.
     """
-    with contextlib.suppress(MotionFailure):  # as it is carried it is carried
-        yield from settle(work)
+    known = work.scene.between() is not None or len(work.held()) == len(_loads(work))
+    with contextlib.suppress(MotionFailure):
+        if known:  # what it holds without knowing what stays as it is
+            yield from settle(work)
     torso = work.motion.torso
     torso[3] = _TILT_RAD
     with contextlib.suppress(MotionFailure):
