@@ -32,6 +32,7 @@ from mpvi_bt.robot.solids import Array, Solid
 # bar can still be taken hold of to close it again.
 _UPRIGHT_RAD = (1.5, 1.3, 1.1, 0.9)
 _FLAP_RAD = (1.2, 1.0)
+_RISING_RAD = (1.6, 1.4, 1.2)  # above what it closes it is in nobody's way
 _LID_RAD = (1.5, 1.3, 1.1)  # no farther than that a hand gets behind it to close it
 _SLIDE_M = (0.3, 0.24)
 _OPEN_ENOUGH = 0.8  # of the first of these
@@ -90,7 +91,9 @@ def targets(door: Door) -> tuple[float, ...]:
     """How far to open it [rad or m], the most first."""
     if door.kind == "slide":
         return _SLIDE_M
-    return _UPRIGHT_RAD if upright(door) else _LID_RAD if lid(door) else _FLAP_RAD
+    if upright(door) or lid(door):
+        return _UPRIGHT_RAD if upright(door) else _LID_RAD
+    return _RISING_RAD if door.origin[2] > panel(door).T[2, 3] else _FLAP_RAD
 
 
 def is_open(door: Door) -> bool:

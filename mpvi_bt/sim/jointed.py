@@ -213,7 +213,8 @@ def _door(
         parts.box(middle, size, _GLASS, collides=False)
     parts.bar(handle, along, across, grip, 0.0, handle_color)
     bar_handle = Handle(np.array(handle), along, np.array([1.0, 0, 0]), across, grip)
-    joint = Joint("hinge", origin, axis, 1.4 if hinge == "top" else 1.57 if hinge == "bottom" else 2.0, sprung=sprung)
+    limit = 1.75 if hinge == "top" else 1.57 if hinge == "bottom" else 2.0  # heads pass under what opens upward
+    joint = Joint("hinge", origin, axis, limit, sprung=sprung)
     return parts.body(name, handles=(bar_handle,), joint=joint)
 
 
