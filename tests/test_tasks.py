@@ -35,7 +35,7 @@ def test_every_shipped_task_loads_and_is_bound(name: str) -> None:
 @pytest.mark.parametrize("name", paths.names("tasks/suites"))
 def test_every_shipped_suite_names_each_episode_once(name: str) -> None:
     """Result files would overwrite one another otherwise."""
-    names = [config.name for config in load_suite(name).episodes()]
+    names = [(config.method, config.name) for config in load_suite(name).episodes()]
     assert names
     assert len(set(names)) == len(names)
 

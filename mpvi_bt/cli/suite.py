@@ -173,7 +173,7 @@ def status(name: str, out: Path | None, as_json: bool, **options: Any) -> None:
     faults = {c: f for c in episodes if c not in results and (f := store.fault(c)) is not None}
     methods = list(dict.fromkeys(c.method for c in episodes))
     data = {"suite": title, "folder": str(store.out), "running": store.running(), **_stand(episodes, results, faults)}
-    if methods != [None]:
+    if len(methods) > 1:
         data["methods"] = {
             str(method): _stand([c for c in episodes if c.method == method], results, faults) for method in methods
         }

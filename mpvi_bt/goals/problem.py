@@ -12,7 +12,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import metadata
 from pathlib import Path
 
@@ -116,15 +116,21 @@ def activities() -> dict[str, Path]:
     Raises:
         UserError: The distribution is not installed; or as `paths.roots`.
     """
+    known = dict(_distributed())
+    for root in reversed(paths.roots()):  # the first root's wins
+        known.update((file.stem, file) for file in sorted((root / "tasks" / "problems").glob("*.bddl")))
+    return known
+
+
+@cache
+def _distributed() -> dict[str, Path]:
+    """The problem files of the `bddl` distribution. Listing its thousands of files takes a tenth of a second."""
     try:
         distribution = metadata.distribution("bddl")
     except metadata.PackageNotFoundError:
         raise UserError("the distribution 'bddl', which holds the goals, is not installed: pip install bddl") from None
     found = ((_ACTIVITY.search(str(file)), file) for file in distribution.files or ())
-    known = {match[1]: Path(str(distribution.locate_file(file))) for match, file in found if match}
-    for root in reversed(paths.roots()):  # the first root's wins
-        known.update((file.stem, file) for file in sorted((root / "tasks" / "problems").glob("*.bddl")))
-    return known
+    return {match[1]: Path(str(distribution.locate_file(file))) for match, file in found if match}
 
 
 def load_problem(activity: str) -> Problem:

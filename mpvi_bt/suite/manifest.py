@@ -20,7 +20,7 @@ from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.result import write_json
-from mpvi_bt.suite.tasks import load_task
+from mpvi_bt.suite.tasks import Task, load_task
 
 FILE = "manifest.json"
 _MOST = 4  # differences that a message shows
@@ -144,17 +144,18 @@ def digests(episodes: Sequence[EpisodeConfig]) -> dict[str, str]:
         UserError: As `load_task`.
     """
     kinds = {(c.task, c.method): c for c in episodes}.values()
-    found = {_name(path): _digest(path) for path in sorted({path for config in kinds for path in _files(config)})}
+    tasks = {name: load_task(name) for name in dict.fromkeys(c.task for c in episodes)}
+    read = {path for config in kinds for path in _files(config, tasks[config.task])}
+    read |= {paths.find("skills", name) for name in paths.names("skills")}
+    found = {_name(path): _digest(path) for path in sorted(read)}
     catalogue = load_catalogue()
-    tasks = [load_task(name) for name in dict.fromkeys(c.task for c in episodes)]
-    used = {entry for task in tasks for entry in task.bindings.values()}
-    for house in {task.house for task in tasks}:
+    used = {entry for task in tasks.values() for entry in task.bindings.values()}
+    for house in {task.house for task in tasks.values()}:
         used |= {fixture.entry.name for fixture in load_house(house, catalogue).fixtures.values()}
     return found | {f"catalogue entry {name}": _hash(asdict(catalogue[name])) for name in sorted(used)}
 
 
-def _files(config: EpisodeConfig) -> Iterator[Path]:
-    task = load_task(config.task)
+def _files(config: EpisodeConfig, task: Task) -> Iterator[Path]:
     yield paths.find_or_file("tasks", config.task)
     yield activities()[task.problem]
     yield paths.find("tasks/houses", task.house)
@@ -163,8 +164,6 @@ def _files(config: EpisodeConfig) -> Iterator[Path]:
         yield paths.find_or_file("trees", tree)
     if config.policy_settings:
         yield paths.find_or_file("policies", config.policy_settings)
-    for name in paths.names("skills"):
-        yield paths.find("skills", name)
 
 
 def _digest(path: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -117,7 +118,7 @@ def check_task(data: Any, marks: Marks) -> Task:
     task = validate_data(data, marks, Task)
     problems = _check_names(task, marks)
     if not problems:
-        problems = _check_bindings(task, load_problem(task.problem), load_catalogue(), marks)
+        problems = _check_bindings(task, load_problem(task.problem), _catalogue(), marks)
     if problems:
         raise FileProblems(problems)
     return task
@@ -163,6 +164,17 @@ def check_suite(data: Any, marks: Marks) -> Suite:
     if problems:
         raise FileProblems(problems)
     return suite
+
+
+def _catalogue() -> Catalogue:
+    """The catalogue, read again only when its file has changed: a suite loads many tasks."""
+    path = paths.find("tasks/catalogues", "objects", "catalogue")
+    return _read_catalogue(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=1)
+def _read_catalogue(path: Path, changed: int) -> Catalogue:
+    return load_catalogue(path)
 
 
 def _check_names(task: Task, marks: Marks) -> list[FileProblem]:
