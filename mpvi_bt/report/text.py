@@ -112,10 +112,8 @@ def _failures(
             lines.append(f"  instance {config.instance}: {felt}")
         for failure in result.failures:
             node = one_line("/".join(failure.node.split("/")[1:2]) or failure.node)  # the segment, right under the root
-            why = f": {one_line(failure.feedback)}" if failure.feedback else ""
-            lines.append(
-                f"  instance {config.instance} at {failure.time_s:.0f} s: {node} failed, {one_line(failure.reason)}{why}"
-            )
+            why = ": ".join(one_line(text) for text in (failure.reason, failure.feedback) if text)
+            lines.append(f"  instance {config.instance} at {failure.time_s:.0f} s: {node} failed, {why}")
         if not result.success:
             unmet = [condition.condition for condition in result.goal if not condition.satisfied]
             lines.append(f"  instance {config.instance} at the end: not met: {'; '.join(unmet)}")
