@@ -424,6 +424,19 @@ def test_what_only_sways_has_not_arrived_anew() -> None:
         assert go(hands, triggers, 2.0) == []
 
 
+def test_a_skill_may_say_how_far_apart_its_arrivals_are() -> None:
+    """As of any event: the base that stood only for a moment is asked about later."""
+    hands = Hands()
+    triggers = ProprioceptiveTriggers(hands)
+    triggers.reset({"arrival": 5.0})
+    assert len(go(hands, triggers, 1.0)) == 1
+    for _ in range(30):
+        hands.pose = hands.pose + np.array([0.02, 0.0, 0.0])
+        assert triggers.update() is None
+    assert go(hands, triggers, 2.0) == []
+    assert go(hands, triggers, 3.0) == [TriggerEvent("arrival", None)]
+
+
 def test_what_nobody_has_told_us_of_is_no_drive() -> None:
     """The general heuristics are of hands and arms: only a skill that drives asks for arrivals."""
     hands = Hands()

@@ -142,7 +142,9 @@ class ProprioceptiveTriggers:
         if rested is not None and "rest" in self._apart and self._rest.since_event >= self._apart["rest"]:
             self._rest.fired()
             return TriggerEvent("rest", rested)
-        if "arrival" in self._apart and self._drive.arrived(body, self._rest.stands):
+        due = "arrival" in self._apart and self._rest.since_event >= self._apart["arrival"]
+        if due and self._drive.arrived(body, self._rest.stands):
+            self._rest.fired()
             return TriggerEvent("arrival", None)
         return None
 
