@@ -101,3 +101,12 @@ def test_a_hand_that_is_told_to_pause_half_way_holds_nothing() -> None:
     """A width as commanded is no grasp, so that closing on from there ends empty, not lost."""
     ways = (0.3, -0.4, 0.1, 0.03), (1.0, -0.4, 0.03, 0.03), (0.2, -1.0, 0.03, 0.0)
     assert [kind for _, kind in go(GripWatch(felt(0.1, 1.0)), *ways)] == ["empty"]
+
+
+@given(width_m=st.floats(0.006, 0.045))
+def test_a_hand_holds_what_keeps_it_wider_than_it_is_told_to_be(width_m: float) -> None:
+    """Closed on a thing it holds it; opened by just enough to let go of that, it holds nothing, though half closed."""
+    assert felt(width_m, -1.0).holds("right")
+    told = 2 * (width_m + 0.004) / r1.FINGER_TRAVEL_M / 2 - 1
+    assert not felt(width_m + 0.004, told).holds("right")
+    assert not felt(0.1, 1.0).holds("right")

@@ -117,6 +117,7 @@ def test_stepping_before_a_start_is_harmless() -> None:
 def test_what_is_held_far_out_is_drawn_back_and_brought_in(side: Side) -> None:
     """A hand that was cut short in a fridge closes, the base draws back, and the hand comes in without tipping."""
     home = world(**{side: -0.4})
+    home.robot.between_m[side] = 0.06
     T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.80, 0.25 * r1.SIGN[side], 0.95))
     q = kin.nearest_posture(kin.inverse(kin.chest(home.robot.action[3:7])) @ T, side, r1.TRAVEL_ARM[side])
     assert q is not None

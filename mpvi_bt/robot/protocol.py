@@ -15,6 +15,7 @@ Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
 CONTROL_HZ = 30  # control steps, and ticks, a second (BEHAVIOR's rate)
 ACTION_SIZE = 23
+OPEN_M = 0.10  # between the fingers of a hand that is fully open
 EMPTY_M = 0.003  # a closed hand that is no wider than this closed on nothing
 
 
@@ -64,8 +65,12 @@ class Proprioception:
     arm_command: Mapping[Side, Array] = field(default_factory=dict)
 
     def holds(self, side: Side) -> bool:
-        """Whether a hand that was told to close has something between its fingers (Our choice: over 3 mm)."""
-        return self.gripper_command[side] < 0 and self.gripper_width[side] > EMPTY_M
+        """Whether a hand that was told to close has something between its fingers: it is wider than it was told to be.
+
+        Our choice: by over 3 mm. A hand that opens just enough to let go of a thin thing is told to be half closed.
+        """
+        told_m = (self.gripper_command[side] + 1) / 2 * OPEN_M
+        return self.gripper_command[side] < 0 and self.gripper_width[side] > told_m + EMPTY_M
 
 
 @dataclass(frozen=True, eq=False)

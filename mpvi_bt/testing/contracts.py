@@ -14,13 +14,14 @@ from mpvi_bt.errors import BackendError, DetectorError, shown
 from mpvi_bt.perception.detector import ROBOT, Detection, Detector, check_detection
 from mpvi_bt.robot.protocol import (
     ACTION_SIZE,
+    OPEN_M,
     SIDES,
     ActionLayout,
     CameraImage,
     Robot,
 )
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.testing.doubles import OPEN_M, KinematicRobot
+from mpvi_bt.testing.doubles import KinematicRobot
 
 CAMERAS = ("head", *SIDES)
 

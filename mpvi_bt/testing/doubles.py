@@ -19,6 +19,7 @@ from mpvi_bt.plan.skills import Skill
 from mpvi_bt.robot.protocol import (
     ACTION_SIZE,
     CONTROL_HZ,
+    OPEN_M,
     SIDES,
     ActionLayout,
     CameraImage,
@@ -27,8 +28,6 @@ from mpvi_bt.robot.protocol import (
     Side,
 )
 from mpvi_bt.robot.solids import Array
-
-OPEN_M = 0.10
 
 
 class KinematicRobot:
