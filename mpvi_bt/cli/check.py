@@ -36,7 +36,7 @@ STDIN = "<stdin>"
 )
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object, made for mending the files.")
 def check(files: tuple[str, ...], task: str | None, as_json: bool) -> int:
-    """List every problem in trees, plans, skills, tasks, suites, houses, rules, policies and the catalogue, by line.
+    """List every problem in trees, plans, skills, tasks, suites, methods, houses, rules, policies and catalogues.
 
     FILE may be a folder: then every .yaml, .yml, .json and .bddl below it is checked. It may be the name of a tree,
     too, or "-" for the standard input. The exit code is 1 if there is any problem, a warning too, and 2 if a FILE is
