@@ -43,7 +43,8 @@ def _about(a: Array | float, axis: int) -> Array:
 def transform(R: Array, p: Array | tuple[float, float, float]) -> Array:
     """(..., 4, 4) from rotations (..., 3, 3) and positions (..., 3) [m]."""
     p = np.asarray(p, float)
-    T = np.zeros((*np.broadcast_shapes(R.shape[:-2], p.shape[:-1]), 4, 4))
+    single = R.ndim == 2 and p.ndim == 1  # most are, and numpy takes long to see it
+    T = np.zeros((4, 4) if single else (*np.broadcast_shapes(R.shape[:-2], p.shape[:-1]), 4, 4))
     T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = R, p, 1.0
     return T
 

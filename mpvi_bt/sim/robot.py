@@ -23,6 +23,7 @@ FINGER_FRICTION = 2.0  # rubber pads
 _HALF_FINGER_M, _FINGERTIP_M = 0.0065, 0.012  # a finger's half thickness; its end lies that far before the tcp
 _CLOSED_M = -0.01  # finger target beyond zero: grip force = stiffness * (half width + 1 cm)
 _BASE_ACCELERATION = np.array([1.5, 1.5, 3.0])  # [m/s^2, m/s^2, rad/s^2]: a jerk flings what is held
+_DRIVEN = np.r_[3:14, 15:22]  # of an action: torso, left arm, right arm
 
 
 class SimRobot:
@@ -132,8 +133,9 @@ class SimRobot:
     def fingertips_world(self) -> Array:
         """(4, 3) ends of the fingers: left hand, right hand [m]."""
         felt, out = self.proprioception(), []
+        base, chest = kin.base(felt.base_pose), kin.chest(felt.torso)
         for side in SIDES:
-            T = self.hand_pose_world(side)
+            T = base @ (chest @ kin.arm(felt.arm[side], side))
             apart = felt.gripper_width[side] / 2 + _HALF_FINGER_M
             out += [T[:3, 3] + y * T[:3, 1] + _FINGERTIP_M * T[:3, 2] for y in (-apart, apart)]
         return np.array(out)
@@ -179,8 +181,9 @@ class SimRobot:
         self._drive_base(action[ActionLayout.BASE])
         if sent is None or not np.array_equal(action[3:], sent[3:]):
             before = action if sent is None else sent
-            keep = np.r_[3:14, 15:22]
-            for joint, target, last in zip(self._targets, action[keep].tolist(), before[keep].tolist(), strict=True):
+            for joint, target, last in zip(
+                self._targets, action[_DRIVEN].tolist(), before[_DRIVEN].tolist(), strict=True
+            ):
                 joint.set_drive_target(target)
                 # Without its velocity a PD drive trails a moving target by damping / stiffness = 0.1 s.
                 joint.set_drive_velocity_target((target - last) * CONTROL_HZ)
