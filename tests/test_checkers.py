@@ -399,6 +399,18 @@ def test_an_open_cabinet_is_told_from_a_closed_one(door: str) -> None:
         assert judged.complete is so, judged.reason
 
 
+@pytest.mark.parametrize("door", ["closed", "open"])
+def test_a_cabinet_is_not_closed_because_another_is(door: str) -> None:
+    """Of two that are seen, both have to be."""
+    beside: list[Box] = [
+        ("other", (low[0] + 0.3, low[1] + 0.65, low[2]), (high[0] + 0.3, high[1] + 0.65, high[2]))
+        for _, low, high in cabinet("closed")
+    ]
+    checker = VisualChecker({"cabinet": ("cabinet",), "other": ("cabinet",)})
+    judged = checker.check("the cabinet is closed", head([*beside, *cabinet(door)]))
+    assert judged.complete is (door == "closed"), judged.reason
+
+
 @pytest.mark.parametrize(("color", "on"), [((30, 240, 80), True), ((220, 30, 25), False)])
 def test_the_light_of_a_switch_tells_what_is_on(color: tuple[int, int, int], on: bool) -> None:
     """Green is on and red is off; where no light is seen, neither is so."""
@@ -493,6 +505,23 @@ class Facts:
 def test_the_oracle_says_what_is_so(criterion: str, so: bool) -> None:
     """Whatever is true, by name, hand and count; a thing in hand is not set down; what does not parse is a no."""
     assert OracleChecker(Facts(), PHRASES).check(criterion, None).complete is so
+
+
+def test_of_several_alike_none_may_stand_open_where_one_is_to_be_closed() -> None:
+    """A cabinet that nobody touched is closed all the time: that does not shut the one next to it."""
+
+    class Cabinets(Facts):
+        def so(self, relation: Relation, name: str, other: str) -> bool | None:
+            return (relation == "open") == (name in self.ajar)
+
+        ajar: frozenset[str] = frozenset()
+
+    truth = Cabinets()
+    oracle = OracleChecker(truth, {"cabinet_1": ("cabinet",), "cabinet_2": ("cabinet",)})
+    assert oracle.check("the cabinet is closed", None).complete
+    truth.ajar = frozenset({"cabinet_2"})
+    assert not oracle.check("the cabinet is closed", None).complete
+    assert oracle.check("the cabinet is open", None).complete
 
 
 # ------------------------------------------------------------------------------------------------- mistakes

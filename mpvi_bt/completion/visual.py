@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,6 +93,10 @@ class VisualChecker:
         subjects = picture.meant(asked.subject) if asked.relation == "at" else picture.visible(asked.subject)
         if not subjects:
             return Judgement(False, f"no {asked.subject} in the picture")
+        if asked.relation == "closed":  # "the cabinet is closed" is not so while another is seen open
+            ajar = [seen for s in subjects if (seen := picture.alone(s, replace(asked, relation="open"))).complete]
+            if ajar:
+                return Judgement(False, ajar[0].reason)
         if asked.relation in UNARY:
             return _judge(asked, [picture.alone(s, asked) for s in subjects])
         objects = picture.visible(asked.object)
