@@ -114,3 +114,14 @@ def test_a_door_or_drawer_past_a_twentieth_opens_a_thing(
     world.set_opening(name, body, opened)
     assert truth_in(world)(Literal("open", (name,))) is expected
     world.set_opening(name, body, 0.0)
+
+
+@pytest.mark.parametrize(("gap", "expected"), [(0.0, True), (0.0015, True), (0.0025, False), (0.02, False)])
+def test_what_stands_up_to_two_millimeters_apart_touches(gap: float, expected: bool) -> None:
+    """Physics leaves things in contact a little apart; the same in both directions."""
+    world = small_world({"a": placed("box_of_oatmeal", 1.0, 0.0), "b": placed("box_of_oatmeal", 1.07 + gap, 0.0)})
+    world.settle(0.3)
+    truth = truth_in(world)
+    assert truth(literal("touching(a, b)")) is expected
+    assert truth(literal("touching(b, a)")) is expected
+    assert truth(literal("nextto(a, b)"))
