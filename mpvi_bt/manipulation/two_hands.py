@@ -95,7 +95,7 @@ def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
     ]
     if not boxes:
         raise MotionFailure("no_grasp")
-    search = work.search("right", {name})
+    search = work.search("right", {name, *scene.within(name)})
     search.tried.extend(tried)
     grip = _find(work, search, boxes)
     if grip is None:
