@@ -71,11 +71,12 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     found = _find_place(work, search, box, list(spots))
     if found is None:
         raise MotionFailure("no_stance")
-    base, spot = found
+    base, spot, way = found
     tried.append(base)
     back = behind(base)
     yield from raise_both(work, max(0.0, spot[2] + _OVER_M - box.bottom))
-    yield from motion.drive(back, speed=0.3)
+    for pose in way:
+        yield from motion.drive(pose, speed=0.3)
     if scene.between() != name:
         raise MotionFailure("slipped")
     yield from motion.drive(base, speed=0.2)
@@ -105,8 +106,8 @@ def _toward(here: Array, spot: Array) -> Array | None:
     return np.array([*(here[:2] + way * min(_LEG_M, far - _OFF_M) / far), np.arctan2(way[1], way[0])])
 
 
-def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tuple[Array, Array] | None:
-    """A base pose (3,) from which the held box comes to stand on one of the spots (3,), and that spot."""
+def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tuple[Array, Array, list[Array]] | None:
+    """A base pose (3,) from which the held box comes to stand on a spot (3,), that spot, and how to get behind it."""
     motion = work.motion
     here = motion.felt.base_pose
     held_at = (kin.inverse(work.base) @ np.append(box.middle, 1.0))[:2]
@@ -117,11 +118,11 @@ def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tup
             if any(np.linalg.norm(base - b) < 0.05 for b in search.tried):
                 continue
             around = search.around(base, touched=False)
-            if not (search.drivable(here, behind(base)) and search.drivable(behind(base), base)):
+            if not search.drivable(behind(base), base) or (way := search.route(here, behind(base))) is None:
                 continue
             torso = motion.torso  # raised by then, as `raise_both` does: lower down the arms would meet the surface
             torso[0] = np.clip(torso[0] + max(0.0, spot[2] + _OVER_M - box.bottom), *r1.TORSO_LIMITS[0])
             body = Body(torso, arms, {}, around)
             if all(body.free(side, arms[side], grasping=True)[0] for side in SIDES) and body.trunk_free():
-                return base, spot
+                return base, spot, way
     return None

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -68,12 +68,15 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class _Grip:
-    """Where to stand and how to press: a base pose, a torso, and postures of the arms wide, touching and pressing."""
+    """Where to stand and how to press: a base pose, base poses on the way to behind it, a torso, and postures of the
+    arms wide, touching and pressing.
+    """
 
     box: Box
     base: Array
     torso: Array
     arms: Mapping[Side, list[Array]]
+    way: Sequence[Array] = ()
 
 
 def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -165,10 +168,10 @@ def _find(work: Work, search: Search, boxes: list[Box]) -> _Grip | None:
         if any(np.linalg.norm(base[:2] - b[:2]) < 0.03 and abs(kin.wrap(base[2] - b[2])) < 0.3 for b in search.tried):
             continue
         back = behind(base)
-        if not (search.drivable(here, back) and search.drivable(back, base)):
+        if not search.drivable(back, base) or (way := search.route(here, back)) is None:
             continue
         if (grip := _grip_at(work, search, base, box)) is not None:
-            return grip
+            return replace(grip, way=way)
         checked += 1
         if checked >= _CHECKED_BASES:
             break
@@ -238,7 +241,8 @@ def _go_behind(work: Work, grip: _Grip, search: Search) -> Actions:
     """Form the arms some way before the box, where there is room."""
     motion = work.motion
     back = behind(grip.base)
-    yield from motion.drive(back)
+    for pose in grip.way:
+        yield from motion.drive(pose)
     torso = np.append(grip.torso[:3], motion.torso[3])
     yield from motion.stand(torso)
     around = search.around(back, touched=True)
