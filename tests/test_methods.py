@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +10,7 @@ from types import TracebackType
 from typing import Any
 
 import click
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -19,15 +21,18 @@ from mpvi_bt.cli.listing import list_
 from mpvi_bt.drawing.text import ascii_tree
 from mpvi_bt.errors import FileProblems, UnknownName, UserError
 from mpvi_bt.executive.dry import _absent
-from mpvi_bt.executive.loop import Watcher
+from mpvi_bt.executive.loop import Watcher, run_episode
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.robot.solids import Array
 from mpvi_bt.suite import episode
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.methods import load_method
 from mpvi_bt.suite.prepare import prepare
 from mpvi_bt.suite.saved import SavedSettings
 from mpvi_bt.suite.tasks import load_task
+from mpvi_bt.testing import KinematicWorld, scripted_context
+from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import compile_instruction, compile_plan
 
 METHODS = paths.names("tasks/methods")
@@ -104,6 +109,24 @@ def test_the_policy_alone_is_told_the_tasks_instruction() -> None:
     assert [(placed.spec.kind, placed.spec.parameters.prompt) for placed in spec.nodes] == [  # type: ignore[attr-defined]
         ("manipulate", load_task(TASK).instruction)
     ]
+
+
+def test_a_policy_hears_the_instruction_as_it_is_and_is_never_done() -> None:
+    """A dollar sign is a dollar sign, and the tree goes on as long as it is ticked."""
+    world, told = KinematicWorld(), []
+
+    class Hears:
+        name, cameras = "hears", ()
+
+        def reset(self) -> None: ...
+
+        def infer(self, observation: Mapping[str, Any]) -> Array:
+            told.append(observation["prompt"])
+            return np.zeros((4, 23))
+
+    context = replace(scripted_context(world, {}, {}, {}), policy=Hears())
+    outcome = run_episode(Tree(compile_instruction("shoes", PLAN.instruction)), world, context, max_time_s=2.0)
+    assert (outcome.ending, set(told)) == ("time_limit", {PLAN.instruction})
 
 
 def test_a_plan_means_nothing_to_who_has_none() -> None:
