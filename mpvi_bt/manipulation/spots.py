@@ -19,7 +19,8 @@ from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.solids import Array, Solid, bounds
 
 _FLOORS = ("floor", "ground")
-_CLEAR_M = 0.03  # between things on a surface
+_CLEAR_M = 0.03  # between things on a surface,
+_TIGHT_M = 0.008  # and where there is no more room, such as on a saucer
 _HEADROOMS_M = (0.35, 0.03)  # above a spot, for the thing and the hand; above the thing if there is no more
 _GRID_M = 0.06
 _FLOOR_REACH_M = 0.9  # from the middle of the robot
@@ -54,9 +55,12 @@ def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: boo
         box, radius = size([s.moved(kin.transform(R, (0.0, 0.0, 0.0)) @ frame) for s in held.solids])
         done: list[Array] = []
         for headroom in (_HEADROOMS_M[0], float(np.ptp(box, axis=0)[2]) + _HEADROOMS_M[1]):
-            spots = list(work.scene.spots(surface, radius + _CLEAR_M, headroom, near))
-            if inside:
-                spots = [s for s in spots if _within(work.scene.volumes(surface), s + [0, 0, 0.02])]
+            for clear in (_CLEAR_M, _TIGHT_M):
+                spots = list(work.scene.spots(surface, radius + clear, headroom, near))
+                if inside:
+                    spots = [s for s in spots if _within(work.scene.volumes(surface), s + [0, 0, 0.02])]
+                if spots:
+                    break
             for spot in _by_turns(spots)[:_SPOTS]:
                 if all(np.linalg.norm(spot - d) > _GRID_M for d in done):
                     done.append(spot)
