@@ -110,6 +110,8 @@ class ScriptedPolicy:
                 self.note = f"no skill for {clause!r}"
                 return None
             calls.append(call)
+        if not calls:
+            return None
         done = 0  # so many calls have succeeded once
         for _ in range(_ROUNDS):  # what was dropped on the way is picked up again
             for k, call in enumerate(calls):
