@@ -40,7 +40,8 @@ class Thresholds:
         moved_rad: How far a joint of an arm must have turned since the last rest for the next one to be an event.
         moved_m: How far a hand must have moved what it holds since it took hold of it, or since the last event,
         still_hand_m_s: and how slow it must be then, for a stop to be an event.
-        driven_m, turned_rad: How far the base must have gone from where it stood, or turned, for its rest to be news.
+        driven_m, turned_rad: How far the base must have gone from where it stood, or turned, for its rest to be news,
+        arrived_s: and how long the whole body must then stand: who looks around pauses for less.
         settle_s: How long the arms must be at rest: the event marks the end of a primitive, not its middle.
         refractory_s: At least this long between two events of one hand, unless a skill says otherwise.
     """
@@ -58,6 +59,7 @@ class Thresholds:
     still_hand_m_s: float = 0.01
     driven_m: float = 0.1
     turned_rad: float = 0.2
+    arrived_s: float = 1.0
     settle_s: float = 0.5
     refractory_s: float = 1.0
 
@@ -143,7 +145,7 @@ class ProprioceptiveTriggers:
             self._rest.fired()
             return TriggerEvent("rest", rested)
         due = "arrival" in self._apart and self._rest.since_event >= self._apart["arrival"]
-        if due and self._drive.arrived(body, self._rest.stands):
+        if due and self._drive.arrived(body, self._rest.stands_for(self.thresholds.arrived_s)):
             self._rest.fired()
             return TriggerEvent("arrival", None)
         return None
@@ -336,7 +338,11 @@ class _Rest:
     @property
     def stands(self) -> bool:
         """Whether arms, torso and base have been at rest for long enough."""
-        return self._still >= _steps(self._t.settle_s)
+        return self.stands_for(self._t.settle_s)
+
+    def stands_for(self, seconds: float) -> bool:
+        """Whether they have been at rest for so long."""
+        return self._still >= _steps(seconds)
 
     def fired(self) -> None:
         """An event was reported: the next way begins where the arms are now."""
