@@ -79,11 +79,11 @@ def bottle(*, diameter_m: Length, height_m: Length, color: Rgb, cap_color: Rgb =
 
 def bowl(
     *, diameter_m: Length, height_m: Length, color: Rgb, wall_m: Length = 0.008, sides: Count = 12,
-    feet_m: Length | None = None, bail_m: Length | None = None,
+    feet_m: Length | None = None,
 ) -> Description:  # fmt: skip
     """A round dish with an upright wall that fingers can pinch: bowls, plates with a lip, saucers, pans.
 
-    A caldron is one, too, on three feet and with a handle `bail_m` above its rim.
+    A caldron is one, too, on three feet.
     """
     parts = Parts()
     low = feet_m or 0.0
@@ -93,8 +93,7 @@ def bowl(
             parts.cylinder(at, 0.15 * diameter_m, feet_m, color)
     parts.cylinder((0, 0, low + wall_m / 2), diameter_m - wall_m, wall_m, color)
     _ring(parts, diameter_m, low + wall_m / 2, height_m, wall_m, color, sides)
-    handles = () if bail_m is None else (_bail(parts, height_m, bail_m, diameter_m / 2, color),)
-    return parts.thing(volumes=(_tube(diameter_m - 2 * wall_m, low + wall_m, height_m),), handles=handles)
+    return parts.thing(volumes=(_tube(diameter_m - 2 * wall_m, low + wall_m, height_m),))
 
 
 def cup(*, diameter_m: Length, height_m: Length, color: Rgb, wall_m: Length = 0.006) -> Description:
