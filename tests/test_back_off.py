@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.carry import back_off
+from mpvi_bt.manipulation.carry import back_off, step_back
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
-from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.motion import Actions, Motion
 from mpvi_bt.robot.solids import Array
 from tests.small_house import placed, small_world
 
 BEHIND = {side: placed("carton_of_milk", -0.58, y) for side, y in (("left", 0.2), ("right", -0.2))}
 
 
-def backed_off(*sides: str) -> Array:
+def backed_off(*sides: str, by: Callable[[Work], Actions] = back_off) -> Array:
     """Where the base goes (3,) from the origin with cartons behind it on these sides."""
     world = small_world({side: BEHIND[side] for side in sides})
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
-    for action in back_off(work):
+    for action in by(work):
         world.step(action)
         work.motion.felt = world.robot.proprioception()
     return np.asarray(work.motion.felt.base_pose)
@@ -40,3 +42,11 @@ def test_between_things_it_goes_less_far() -> None:
     x, y, _ = backed_off("left", "right")
     assert -0.25 < x < -0.1
     assert abs(y) < 0.02
+
+
+def test_a_step_back_ends_before_what_stands_there() -> None:
+    """After a failure the robot steps back in the open; with its back to something it stays where it is."""
+    assert backed_off(by=step_back)[0] == pytest.approx(-0.15, abs=0.02)
+    world = small_world({"box": placed("carton_of_milk", -0.45, 0.0)})
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    assert not list(step_back(work))

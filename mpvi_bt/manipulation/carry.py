@@ -20,6 +20,7 @@ from mpvi_bt.robot.solids import Array
 
 _FOLD_CLEAR_M = 0.02  # what is between the checks of a path may come that much nearer
 _BACK_M = (0.35, 0.2)  # to back off by,
+_STEP_M = 0.15  # after a failure
 _BACK_RAD = (0.0, 0.25, -0.25, 0.5, -0.5)  # from straight back
 _SHRUNK_M = 0.001
 _CARRY_HEIGHT_M = 0.80
@@ -145,6 +146,14 @@ def back_off(work: Work) -> Actions:
             if all(base_clear(a) and _passes(replace(body, around=a)) for a in around):
                 yield from work.motion.drive(here + back)
                 return
+
+
+def step_back(work: Work) -> Actions:
+    """A small step straight back, if the base is clear of everything there: against a wall it would be stuck."""
+    here = work.motion.felt.base_pose
+    step = -_STEP_M * np.array([np.cos(here[2]), np.sin(here[2]), 0.0])
+    if all(base_clear(work.near().seen_from(kin.base(here + share * step))) for share in (0.5, 1.0)):
+        yield from work.motion.drive(here + step)
 
 
 def _passes(body: Body) -> bool:

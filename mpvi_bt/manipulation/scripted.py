@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt.manipulation.carry import back_off, settle, tuck
+from mpvi_bt.manipulation.carry import back_off, settle, step_back, tuck
 from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.hold_out import present
@@ -189,9 +189,8 @@ class ScriptedPolicy:
             if side not in held:
                 with contextlib.suppress(MotionFailure):  # where no hand can rise, folding is tried all the same
                     yield from work.rise(side)
-        x, y, yaw = work.motion.felt.base_pose
         try:
             yield from settle(work)
-            yield from work.motion.drive(np.array([x - 0.15 * np.cos(yaw), y - 0.15 * np.sin(yaw), yaw]))
+            yield from step_back(work)
         except MotionFailure as failure:
             self.note = f"recovery: {failure.reason}"
