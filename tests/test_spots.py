@@ -92,3 +92,15 @@ def test_a_cup_finds_room_on_its_saucer() -> None:
         work = Work(Holding(world, "cup"), Motion(world.robot.proprioception()), np.random.default_rng(0))
         found = list(spots.on(work, work.held()["left"], "saucer", (0.0,)))
         assert bool(found) is finds
+
+
+def test_what_goes_into_a_cabinet_goes_to_its_back_first() -> None:
+    """What is put to the front would bar the way for what comes after it."""
+    world = small_world(
+        {"candle": placed("candle", -1.0, 0.5)}, cabinet="{entry: base_cabinet, at: [1.2, 0.0], yaw_deg: 180}"
+    )
+    work = Work(Holding(world, "candle"), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    groups = list(spots.on(work, work.held()["left"], "cabinet", (0.0,), inside=True))
+    depths = [float(group[0].T_world_thing[0, 3]) for group in groups]
+    assert depths[0] == max(depths)
+    assert min(depths) < max(depths) - 0.2

@@ -32,7 +32,7 @@ _SECTORS = 12
 _ARM_M = 0.6  # above a thing that is set down beside another one, for the arm that brings it
 _EASY_M = 0.9  # boards at such a height are tried first
 _LEVEL_M = 0.02
-_SPOTS = 3  # of one lean and headroom
+_SPOTS = 4  # of one lean and headroom
 
 
 def size(solids: Sequence[Solid]) -> tuple[Array, float]:
@@ -43,7 +43,8 @@ def size(solids: Sequence[Solid]) -> tuple[Array, float]:
 def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: bool = False) -> Iterator[list[Pose]]:
     """Poses on a thing's upper faces, one group a spot; `inside`: only in its container volumes.
 
-    Faces at a comfortable height come first, and what has room above.
+    Faces at a comfortable height come first, and what has room above; inside, the back before the front, where things
+    would bar the way to it.
     """
     near = work.motion.felt.base_pose[:2]
     frame = kin.inverse(held.T_tcp_thing)
@@ -58,7 +59,7 @@ def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: boo
             for clear in (_CLEAR_M, _TIGHT_M):
                 spots = list(work.scene.spots(surface, radius + clear, headroom, near))
                 if inside:
-                    spots = [s for s in spots if _within(work.scene.volumes(surface), s + [0, 0, 0.02])]
+                    spots = _back_first([s for s in spots if _within(work.scene.volumes(surface), s + [0, 0, 0.02])])
                 if spots:
                     break
             for spot in _by_turns(spots)[:_SPOTS]:
@@ -228,6 +229,12 @@ def _hand(work: Work, held: Held) -> Array:
 
 def _within(volumes: Sequence[Solid], p: Array) -> bool:
     return any((np.abs(kin.inverse(v.T)[:3] @ np.append(p, 1.0)) <= v.half_m).all() for v in volumes)
+
+
+def _back_first(spots: Sequence[Array]) -> list[Array]:
+    """Spots that came the nearest first, now the farthest, then the nearest, and so on: the front is filled last."""
+    both = [spot for pair in zip(reversed(spots), spots, strict=True) for spot in pair]
+    return both[: len(spots)]
 
 
 def _by_turns(spots: Sequence[Array]) -> list[Array]:
