@@ -24,6 +24,7 @@ _WIDTHS_M = (0.10, 0.46)  # between the hands: less is for one hand, more does n
 _TIP_M = 0.012  # the fingertips reach this far past the tcp
 _WIDE_M = 0.05  # between a hand and its side of the box, before it closes in
 _PRESS_M = 0.08  # how far inside the box the hands are told to go: measured to hold 5 kg while driving
+_TIP_UP_M = 0.014  # a fingertip stays that far above what a thin thing lies on: a hand that slants down is clear of it
 _LOW_M = 0.07  # a thing that is lower than this is taken with hands that point slantwise down,
 _SLANT_RAD = 0.75
 _LIFT_M = 0.15
@@ -53,7 +54,7 @@ class Box:
     def hands(self, reach: float) -> dict[Side, Array]:
         """T_world_tcp (4, 4) of hands on both sides, seen from behind; `reach` [m] off the sides, negative within."""
         low = self.height < _LOW_M
-        z = self.bottom + (max(0.012, self.height / 2) if low else max(0.05, 0.55 * self.height))
+        z = self.bottom + (max(_TIP_UP_M, self.height / 2) if low else max(0.05, 0.55 * self.height))
         along = np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
         leftward = np.array([-along[1], along[0], 0.0])
         slant = _SLANT_RAD if low else 0.0
