@@ -16,7 +16,8 @@ from mpvi_bt.suite.result import Result
 from mpvi_bt.suite.store import Fault
 from mpvi_bt.writing import FULL
 
-THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # set to 1: each core has its worker
+# Of numeric libraries and of Mesa's renderer. Set to 1: each core has its worker.
+THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "LP_NUM_THREADS")
 EPISODES_A_PROCESS = 40  # Our choice: the renderer keeps some memory of every scene
 _HOPELESS = ("no_key", "wrong_key", "unknown_model", "not_installed")  # language models that answer no episode
 
