@@ -76,6 +76,21 @@ def test_what_bars_the_straight_way_is_driven_around() -> None:
     assert off(world, "bin", base) < 1.3
 
 
+def test_where_nobody_says_that_it_is_there_it_looks_again_from_aside() -> None:
+    """What it carries may hide the thing: it turns to either side of it, so that there is something new to see."""
+    world = small_world({"bin": placed("trash_can", 1.2, 0.0)})
+    world.settle()
+    policy = ExpertPolicy(world, SKILLS)
+    there = play(world, policy, "go to the trash can", 20)
+    yaws = []
+    for _ in range(10 * CONTROL_HZ):
+        felt = world.robot.proprioception()
+        (action,) = policy.infer({"prompt": "go to the trash can", "proprioception": felt, "images": {}})
+        world.step(action)
+        yaws.append(felt.base_pose[2] - there[2])
+    assert (min(yaws), max(yaws)) == pytest.approx((-0.4, 0.4), abs=0.1)
+
+
 def test_without_pictures_it_drives_by_what_it_knows() -> None:
     """The expert knows where things are, and finds no way either: it goes straight."""
     world = small_world({"bin": placed("trash_can", 2.0, 1.0)}, base=(-1.5, -1.0, 2.0))

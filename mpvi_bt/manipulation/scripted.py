@@ -23,6 +23,7 @@ from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception
 from mpvi_bt.robot.solids import Array
 
 _PATIENCE_S = 2.0  # longer than a trigger takes to fire
+_PAST_RAD = (0.4, -0.8, 0.4)  # turns of the base: what is carried may hide what it has come to
 _ATTEMPTS = 4  # of one skill
 _ROUNDS = 3  # of a whole prompt
 _CHECKS = 100.0  # base poses that searches for a prompt may check at the start,
@@ -137,11 +138,13 @@ class ScriptedPolicy:
         yield from self._show(work)
 
     def _stay(self, work: Work, last: SkillCall) -> Actions:
-        """It is there, and nobody has said so: back off and drive up to it again, for ever."""
+        """It is there, and nobody has said so: look past what it carries, and drive up to it again, for ever."""
         self.note, self.ended = "done", True
         while True:
-            yield from work.motion.wait(_PATIENCE_S)
-            yield from back_off(work)
+            for turn in _PAST_RAD:
+                yield from work.motion.wait(_PATIENCE_S)
+                with contextlib.suppress(MotionFailure):
+                    yield from work.motion.drive(work.motion.felt.base_pose + [0.0, 0.0, turn])
             yield from self.attempt(work, last)
 
     def _show(self, work: Work) -> Actions:
