@@ -75,6 +75,11 @@ class SimRobot:
         self.apply()
 
     @property
+    def articulation(self) -> sapien.physx.PhysxArticulation:
+        """The joints and links."""
+        return self._articulation
+
+    @property
     def action(self) -> Array:
         """(23,) a copy of the command of the next step, `ActionLayout`."""
         return self._action.copy()

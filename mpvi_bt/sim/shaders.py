@@ -59,18 +59,28 @@ def new_scene(render: bool) -> sapien.Scene:
     scene = sapien.Scene(systems)
     scene.set_timestep(1 / PHYSICS_HZ)
     if render:
-        scene.set_ambient_light([0.52, 0.52, 0.54])
-        scene.add_directional_light([0.35, 0.6, -1.0], [1.15, 1.1, 1.0], shadow=False)
-        scene.add_directional_light([-0.7, -0.3, -0.45], [0.38, 0.4, 0.45], shadow=False)
+        add_lights(scene)
     return scene
+
+
+def add_lights(scene: sapien.Scene) -> None:
+    """Light a scene as all of this project's are."""
+    scene.set_ambient_light([0.52, 0.52, 0.54])
+    scene.add_directional_light([0.35, 0.6, -1.0], [1.15, 1.1, 1.0], shadow=False)
+    scene.add_directional_light([-0.7, -0.3, -0.45], [0.38, 0.4, 0.45], shadow=False)
+
+
+def use_light_shaders() -> None:
+    """Have cameras that are made from now on draw with the light shaders; a setting of the whole process."""
+    sapien.render.set_camera_shader_dir(str(shader_folder()))
+    for picture, pixel in _FORMATS.items():
+        sapien.render.set_picture_format(picture, pixel)
 
 
 def _renderer() -> sapien.System:
     try:
         sapien.render.set_log_level("error")
-        sapien.render.set_camera_shader_dir(str(shader_folder()))
-        for picture, pixel in _FORMATS.items():
-            sapien.render.set_picture_format(picture, pixel)
+        use_light_shaders()
         return sapien.render.RenderSystem()
     except RuntimeError as error:
         reason = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import sapien
 
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.perception.knowledge import LAID_M, KnowledgeBase
@@ -68,6 +69,7 @@ class World:
         base_pose: Array,
         render: bool = True,
         assisted: bool = False,
+        scene: sapien.Scene | None = None,
     ) -> None:
         """Build everything; nothing has moved yet.
 
@@ -77,13 +79,13 @@ class World:
             base_pose: (3,) the robot's x, y [m] and yaw [rad].
             render: Whether pictures can be asked for.
             assisted: Whether grasps are assisted: what a closing hand pinches stays in it until the hand opens.
+            scene: Where to build it all, with this project's physics and, with `render`, pictures; None: a new one.
 
         Raises:
             NoRenderingDevice: `render` was asked for on a machine that cannot.
         """
         self.house = house
-        self._scene = new_scene(render)
-        self._scene.set_timestep(1 / PHYSICS_HZ)
+        self._scene = new_scene(render) if scene is None else scene
         self._fixtures = build_house(self._scene, house, render)
         self._objects = {n: build_object(self._scene, p.entry, n, p.T_world, render) for n, p in objects.items()}
         self._phrases = {n: p.entry.phrases for n, p in objects.items()}
@@ -120,12 +122,16 @@ class World:
             self._scene.step()
             if self.bumps is not None:
                 self.bumps.update()
+        self.stepped()
+        self.physics_s += time.perf_counter() - started
+
+    def stepped(self) -> None:
+        """See to all that is due after the physics of a control step."""
         self.steps += 1
         if self._attachments is not None:
             self._assist(self._attachments)
         if self._switches.on:
             self._switches.step(self.robot.fingertips_world())
-        self.physics_s += time.perf_counter() - started
 
     def measure_bumps(self, carried: Collection[str] = ()) -> Bumps:
         """Measure from now on how hard the robot bumps into walls and fixtures; it costs time in each physics step.
