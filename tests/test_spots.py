@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mpvi_bt.goals.predicates import beside as in_line
 from mpvi_bt.manipulation import spots
 from mpvi_bt.manipulation.outline import outline
-from mpvi_bt.manipulation.placing import Pose
+from mpvi_bt.manipulation.placing import Pose, leaning
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot.collision import Surroundings
@@ -104,3 +104,14 @@ def test_what_goes_into_a_cabinet_goes_to_its_back_first() -> None:
     depths = [float(group[0].T_world_thing[0, 3]) for group in groups]
     assert depths[0] == max(depths)
     assert min(depths) < max(depths) - 0.2
+
+
+def test_what_has_something_in_it_is_set_down_upright() -> None:
+    """A bowl may lean as it is set down, but not with an egg in it."""
+    for egg_x, leans in ((0.5, True), (-1.0, False)):
+        things = {"bowl": placed("bowl", -1.0, 0.5), "egg": placed("easter_egg", egg_x, 0.5, 0.02)}
+        world = small_world(things)
+        work = Work(Holding(world, "bowl"), Motion(world.robot.proprioception()), np.random.default_rng(0))
+        held = work.held()["left"]
+        assert leaning(work, held, 0.0) is not None
+        assert (leaning(work, held, 0.25) is not None) is leans

@@ -62,13 +62,15 @@ class Pose:
 
 
 def leaning(work: Work, held: Held, lean: float) -> Array | None:
-    """The rotation (3, 3) of a thing that leans so far; None if it would fall over from there.
+    """The rotation (3, 3) of a thing that leans so far; None if it would fall over from there, or what is in it out.
 
     What leans a little comes to stand, what lies nearly flat comes to lie; what is between falls anywhere, but a ball.
     """
     upright = _upright(work.scene.pose(held.name)[:3, :3])
     if not lean:
         return upright
+    if work.scene.within(held.name):
+        return None
     frame = kin.inverse(held.T_tcp_thing)
     size = np.ptp(bounds(s.moved(kin.transform(upright, (0.0, 0.0, 0.0)) @ frame) for s in held.solids), axis=0)
     stands = abs(lean) < _STANDS * float(np.arctan2(size[:2].min(), size[2]))
