@@ -12,12 +12,11 @@ from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.robot.solids import Array, Solid, bounds, box, pose
 from mpvi_bt.sim.boards import DROP_M, Around, Board, Put, Shape, balanced, floor_of, heap, put_all
 from mpvi_bt.sim.description import Description
-from mpvi_bt.sim.ground import OBJECT_CLEARANCE_M, ROBOT_CLEARANCE_M, Ground
+from mpvi_bt.sim.ground import OBJECT_CLEARANCE_M, REACH_M, ROBOT_CLEARANCE_M, TWO_HANDS_REACH_M, Ground
 from mpvi_bt.sim.house import House
 
-REACH_M = 0.85  # from where a robot can stand to a thing on a fixture,
-TWO_HANDS_REACH_M = 0.58  # and to one that takes two hands
 HIGHEST_M = 1.75  # that a hand puts things down at, and takes them from
+Openings = Mapping[str, Mapping[str, float]]
 _SHELF_SHARE = 0.6  # of the room inside a cabinet that a solid takes up to be one of its boards, at the least
 
 
@@ -27,16 +26,19 @@ class Arrangement:
     Args:
         house: Where.
         names: BDDL name of each fixture and floor to the house's.
+        openings: Name in the house of each fixture that is not closed to how far its joints are open, by body.
         rng: Source of the draw.
 
     Attributes:
         done: What has been placed, by BDDL name.
     """
 
-    def __init__(self, house: House, names: Mapping[str, str], rng: np.random.Generator) -> None:
+    def __init__(self, house: House, names: Mapping[str, str], openings: Openings, rng: np.random.Generator) -> None:
         self.done: dict[str, Put] = {}
         self._house, self._names, self._rng = house, names, rng
-        self._ground = Ground(house)
+        there = ((house.fixtures[n], bodies) for n, bodies in openings.items() if n in house.fixtures)
+        doors = [s for f, bodies in there for s in f.entry.description.solids(f.T_world_fixture, bodies)]
+        self._ground = Ground(house, doors)
 
     def robot(self, ground: str) -> Array:
         """(3,) a free place for the robot on a floor or lawn: x, y [m], yaw [rad].

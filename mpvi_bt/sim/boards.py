@@ -51,12 +51,7 @@ class Shape:
     @cached_property
     def solids(self) -> list[Solid]:
         """What collides, in its body frame."""
-        out = []
-        for body in self.entry.description.bodies:
-            limit = body.joint.limit if body.joint else 0.0
-            frame = body.frame(self.openings.get(body.name, 0.0) * limit)
-            out += [part.solid.moved(frame) for part in body.parts if part.collides]
-        return out
+        return list(self.entry.description.solids(openings=self.openings))
 
     @cached_property
     def points(self) -> Array:

@@ -6,7 +6,7 @@ used from (a cabinet's doors, a chair's seat edge, a car's boot).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -147,10 +147,16 @@ class Description:
         """Whether anything in it moves."""
         return len(self.bodies) > 1
 
-    def solids(self, T: Array | None = None) -> Iterator[Solid]:
-        """What collides, with every joint closed, in the frame that `T` (4, 4, root body to frame) maps into."""
+    def solids(self, T: Array | None = None, openings: Mapping[str, float] | None = None) -> Iterator[Solid]:
+        """What collides, in the frame that `T` (4, 4, root body to frame) maps into.
+
+        Args:
+            T: None: the root body's own frame.
+            openings: Body to the opening of its joint, 0 to 1; all others are closed.
+        """
         for body in self.bodies:
-            frame = body.frame() if T is None else T @ body.frame()
+            position = (openings or {}).get(body.name, 0.0) * (body.joint.limit if body.joint else 0.0)
+            frame = body.frame(position) if T is None else T @ body.frame(position)
             for part in body.parts:
                 if part.collides:
                     yield part.solid.moved(frame)

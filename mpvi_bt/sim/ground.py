@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -10,9 +12,9 @@ from scipy import ndimage
 
 from mpvi_bt.errors import BackendError
 from mpvi_bt.perception.map import OccupancyMap
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.sim.house import House
-from mpvi_bt.sim.prior_map import BAND_M, prior_map
+from mpvi_bt.sim.prior_map import BAND_M, marked, prior_map
 
 ROBOT_CLEARANCE_M = 0.45  # free floor around the robot at the start
 OBJECT_CLEARANCE_M = 0.30  # free floor around an object's edge, so that a hand gets at it
@@ -21,15 +23,23 @@ DOORWAY_M = 0.9  # nothing lies this near the middle of a doorway
 PASSAGE_M = 0.36  # half the width of the ways that things on the floor leave free
 SHARES = (1.0, 0.7, 0.4)  # of those distances that things on the floor have, the largest that there is room for
 NEAR_M = 0.5  # things on the floor lie this near to where a robot can stand
+REACH_M = 0.85  # from where a robot can stand to a thing on a fixture,
+TWO_HANDS_REACH_M = 0.58  # and to one that takes two hands
 _DRAWS = 400
 
 
 class Ground:
-    """Free places on floors and lawns, fewer with each draw."""
+    """Free places on floors and lawns, fewer with each draw.
 
-    def __init__(self, house: House) -> None:
+    Args:
+        house: Whose.
+        open_doors: Solids in the world of doors and lids that stand open.
+    """
+
+    def __init__(self, house: House, open_doors: Sequence[Solid] = ()) -> None:
         self._house, self._map = house, _map(house)
-        self._clearance = ndimage.distance_transform_edt(~self._map.occupied) * self._map.resolution_m
+        occupied = marked(self._map, open_doors).occupied
+        self._clearance = ndimage.distance_transform_edt(~occupied) * self._map.resolution_m
         self._reachable = standing_room(self._map)
         away, self._standing = ndimage.distance_transform_edt(~self._reachable, return_indices=True)
         self._from_reachable_m = away * self._map.resolution_m
@@ -48,12 +58,15 @@ class Ground:
             BackendError: There is none.
         """
         standing = self._reachable if radius == 0.0 else self._from_reachable_m < NEAR_M
+        connected = standing_room(replace(self._map, occupied=self._occupied))
         open_ground, height = self._open(ground, radius)
         for share in SHARES if radius else SHARES[:1]:
             cells = np.argwhere(open_ground & standing & (self._clearance > radius + share * clearance))
             for _ in range(_DRAWS if len(cells) else 0):
                 xy = self._map.center(*cells[rng.integers(len(cells))])
-                if self._is_free(xy, radius, share) and (radius == 0.0 or self._leaves_a_way(xy, radius)):
+                if self._is_free(xy, radius, share) and (
+                    self._leaves_a_way(xy, radius) if radius else connected[self._map.cell(xy)]
+                ):
                     self._taken.append((xy, radius))
                     return xy, height
         raise BackendError(f"no free place of radius {radius:.2f} m on {ground}")
@@ -100,7 +113,7 @@ class Ground:
         self._reached.append(np.asarray(xy, float)[:2])
 
     def _leaves_a_way(self, xy: Array, radius: float) -> bool:
-        """Whether a robot still gets from each doorway of the room, and each thing in it, to all others, within it.
+        """Whether a robot still gets, within the room, from each doorway and each thing in it to all others.
 
         If so, a thing stands there from now on.
         """
@@ -110,13 +123,18 @@ class Ground:
         (window,) = ndimage.find_objects(room.astype(np.int32))
         low = np.array([part.start for part in window])
         name = self._map.room_names[index]
-        ends = [xy, *(np.asarray(d.at) for d in self._house.doorways if name in d.rooms)]
-        ends += [at for at in (*(at for at, _ in self._taken), *self._reached) if self._room_index(at) == index]
-        cells = [np.array(self._map.cell(end)) - low for end in ends]
+        things = [(xy, radius), *self._taken]
+        ends = [(np.asarray(d.at), PASSAGE_M) for d in self._house.doorways if name in d.rooms]
+        ends += [(at, r + NEAR_M) for at, r in things if self._room_index(at) == index]
+        ends += [(at, REACH_M) for at in self._reached if self._room_index(at) == index]
+        cells = [np.array(self._map.cell(end)) - low for end, _ in ends]
         before = self._occupied[window]
         away = np.linalg.norm(np.moveaxis(np.indices(before.shape), 0, -1) - (cell - low), axis=-1)
         after = before | (away * self._map.resolution_m < radius)
-        if len(self._parts(after, room[window], cells)) > len(self._parts(before, room[window], cells)):
+        parts, away_m = self._parts(after, room[window], cells)
+        parts_before, away_before_m = self._parts(before, room[window], cells)
+        too_far = (away_m > np.array([limit for _, limit in ends])) & (away_m > away_before_m)
+        if len(parts) > len(parts_before) or too_far.any():
             return False
         self._occupied[window] = after
         return True
@@ -124,15 +142,18 @@ class Ground:
     def _room_index(self, xy: Array) -> int:
         return int(self._map.rooms[self._map.cell(xy)])
 
-    def _parts(self, occupied: NDArray[np.bool_], room: NDArray[np.bool_], ends: list[Array]) -> set[int]:
-        """The connected parts of a room that a robot can pass through and that are nearest to some cells."""
+    def _parts(self, occupied: NDArray[np.bool_], room: NDArray[np.bool_], ends: list[Array]) -> tuple[set[int], Array]:
+        """The connected parts of a room that a robot can pass through and that are nearest to some cells, and how far
+        [m] from each cell.
+        """
         wide = ndimage.distance_transform_edt(~occupied) * self._map.resolution_m > PASSAGE_M
         parts, count = ndimage.label(wide & room)
         if not count:
-            return set()
-        nearest = ndimage.distance_transform_edt(parts == 0, return_distances=False, return_indices=True)
+            return set(), np.full(len(ends), np.inf)
+        away, nearest = ndimage.distance_transform_edt(parts == 0, return_indices=True)
         cells = np.clip(ends, 0, np.array(parts.shape) - 1)
-        return {int(parts[tuple(nearest[:, row, column])]) for row, column in cells}
+        away_m = np.array([away[row, column] for row, column in cells]) * self._map.resolution_m
+        return {int(parts[tuple(nearest[:, row, column])]) for row, column in cells}, away_m
 
     def _is_free(self, xy: Array, radius: float, share: float) -> bool:
         doorways = all(np.linalg.norm(xy - np.asarray(d.at)) > DOORWAY_M for d in self._house.doorways)

@@ -92,7 +92,8 @@ def sample(
     ground = problem.agent_support
     if ground is None:
         raise UserError(f"{problem.name}: :init does not say where the robot begins")
-    arrangement = Arrangement(house, names, rng)
+    opened = {names.get(name, name): bodies for name, bodies in openings.items()}
+    arrangement = Arrangement(house, names, opened, rng)
     for (predicate, place), things in wanted.items():
         try:
             arrangement.add(predicate, place, {name: shapes[name] for name in things})
@@ -105,13 +106,15 @@ def sample(
         objects={name: Placement(put.shape.entry, put.T) for name, put in arrangement.done.items()},
         base_pose=base_pose,
         scene_names=names,
-        openings={names.get(name, name): bodies for name, bodies in openings.items()},
+        openings=opened,
         on=tuple(names.get(f.literal.args[0], f.literal.args[0]) for f in _facts(problem, "toggled_on") if f.positive),
     )
 
 
 def _groups(problem: Problem, names: Mapping[str, str]) -> dict[tuple[str, str], list[str]]:
     """(predicate, place) to the things that :init has there, in the order of the file, carriers before what they carry.
+
+    Floors come last among them: what lies there leaves a way to the rest.
 
     Raises:
         UserError: It says something of them that cannot be sampled.
@@ -133,7 +136,7 @@ def _groups(problem: Problem, names: Mapping[str, str]) -> dict[tuple[str, str],
             (predicate, place), things = next(iter(groups.items()))
             literal = Literal(predicate, (things[0], place))
             raise UserError(f"{problem.name}: {literal}: :init does not say where {place} is")
-        for key in ready:
+        for key in sorted(ready, key=lambda key: names.get(key[1], "").startswith("floor_")):
             ordered[key] = groups.pop(key)
             there.update(ordered[key])
     return ordered

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,6 +32,7 @@ from mpvi_bt.sim.shaders import new_scene
 from mpvi_bt.sim.switches import Switches
 
 PHYSICS_HZ = 120
+ROBOT = "robot"  # among the names of `World.contacts`
 _HELD_M = 0.012  # a thing this near the line between the pads of a hand that closed on something is in that hand
 
 _PRESSED_M = 0.04  # likewise for a thing between two hands
@@ -267,6 +268,15 @@ class World:
             ):
                 return True
         return False
+
+    def contacts(self) -> Iterator[tuple[str, str, float]]:
+        """Names and depth [m] of the pairs that the last physics step reported in contact; the robot is `ROBOT`."""
+        names = {entity: t.name for t in self._things.values() for entity in t.entities.values()}
+        names |= {link.entity: ROBOT for link in self.robot.links.values()}
+        for contact in self._scene.get_contacts():
+            a, b = (names.get(body.entity, "") for body in contact.bodies)
+            if a != b and contact.points:
+                yield a, b, -min(float(p.separation) for p in contact.points)
 
     def joint_fractions(self, name: str) -> Sequence[float]:
         """Opening of its joints, 0 to 1."""
