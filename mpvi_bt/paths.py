@@ -8,6 +8,7 @@ what mpvi_bt ships, inside the installed package or in a checkout.
 from __future__ import annotations
 
 import os
+import tempfile
 from pathlib import Path
 
 from mpvi_bt.errors import UnknownName, UserError
@@ -36,6 +37,12 @@ def roots() -> list[Path]:
         if root.name in _FOLDERS and not any((root / folder).is_dir() for folder in _FOLDERS):
             raise UserError(f"MPVI_PATH: {root}: name the folder that holds {root.name}/, which is {root.parent}.")
     return [*own, shipped()]
+
+
+def caches() -> list[Path]:
+    """Where what can be made anew may be kept: the user's cache, or else a folder of this user in the temporary one."""
+    cache_home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return [Path(cache_home) / "mpvi_bt", Path(tempfile.gettempdir()) / f"mpvi_bt-{os.getuid()}"]
 
 
 def names(folder: str) -> list[str]:

@@ -16,7 +16,7 @@ from tests.conftest import Shell
         ("render pick_", ["file,pick_", "plain,pick_up"]),
         ("convert picking", ["file,picking", "plain,picking_up_trash"]),
         ("compile picking_up_tr", ["file,picking_up_tr", "plain,picking_up_trash"]),
-        ("run picking", ["plain,picking_up_trash"]),
+        ("run picking", ["plain,picking_up_toys", "plain,picking_up_trash"]),
         ("run --tree ./", ["file,./"]),
         ("run --resume runs/", ["file,runs/"]),
         ("run --substitute r", ["file,r"]),

@@ -127,6 +127,7 @@ def test_the_settings_of_an_episode_are_what_it_records() -> None:
     """Every setting that a result tells is one that a saved episode has."""
     full = EpisodeConfig(
         "t",
+        split="hidden",
         arguments=(("a", "b"),),
         substitute="rules.yaml",
         tree="t.yaml",

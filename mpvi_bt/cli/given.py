@@ -225,7 +225,18 @@ def backends(command: Any) -> Any:
     command = language(drive(on_failure(command)))
     for option in reversed(options):
         command = option(command)
-    return method(command)
+    return method(split(command))
+
+
+def split(command: Any) -> Any:
+    """The option that chooses the instances that are meant."""
+    return click.option(
+        "--split",
+        type=click.Choice(["public", "hidden"]),
+        default="public",
+        show_default=True,
+        help="Which instances: hidden ones are drawn from the secret in MPVI_HIDDEN_SEED.",
+    )(command)
 
 
 def language(command: Any) -> Any:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import sapien
 
+from mpvi_bt import paths
 from mpvi_bt.errors import NoRenderingDevice
 
 PHYSICS_HZ = 120
@@ -99,7 +100,7 @@ def shader_folder() -> Path:
     if any("samplerBRDFLUT" in text for text in light.values()):
         return stock / "minimal"
     key = hashlib.sha256(repr(sorted(light.items())).encode()).hexdigest()[:12]
-    for home in _homes():
+    for home in paths.caches():
         target = home / f"shaders-{sapien.__version__}-{key}"
         try:
             _write(target, light, stock / "common")
@@ -113,12 +114,6 @@ def _lightened(text: str) -> str:
     for pattern, replacement in _EDITS:
         text = re.sub(pattern, replacement, text, flags=re.MULTILINE)
     return text
-
-
-def _homes() -> list[Path]:
-    """Where the shaders may be kept: the user's cache, or else a folder of this user in the temporary one."""
-    cache_home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return [Path(cache_home) / "mpvi_bt", Path(tempfile.gettempdir()) / f"mpvi_bt-{os.getuid()}"]
 
 
 def _write(target: Path, texts: dict[str, str], common: Path) -> None:

@@ -31,6 +31,7 @@ class EpisodeConfig:
         task: Name of a task (tasks/*.yaml), or the file of one.
         instance: Which of the task's start states.
         seed: Seed of everything random in the episode; the evaluator's rollout id.
+        split: Which instances are meant: the "public" ones, or the "hidden" ones, whose seed is kept secret.
         policy, detector, checker, trigger, planner, map: Backends, by name, or name and address
             ("openpi:ws://localhost:8000").
         method: Name of the method that these choices come from (tasks/methods/*.yaml), or None; the choices themselves
@@ -64,6 +65,7 @@ class EpisodeConfig:
     task: str
     instance: int = 0
     seed: int = 0
+    split: Literal["public", "hidden"] = "public"
     policy: str = "expert"
     detector: str = "segmentation"
     checker: str = "visual"
@@ -103,8 +105,9 @@ class EpisodeConfig:
 
     @property
     def name(self) -> str:
-        """The stem of the episode's result file, as BEHAVIOR's evaluator names them."""
-        return f"{self.task_name}_{self.instance}_{self.seed}"
+        """The stem of the episode's result file, as BEHAVIOR's evaluator names them; hidden instances say so."""
+        split = "" if self.split == "public" else f"{self.split}_"
+        return f"{self.task_name}_{split}{self.instance}_{self.seed}"
 
     @property
     def backends(self) -> dict[str, str]:
@@ -126,5 +129,5 @@ ASKING = ("exchanges", "offline", "calls", "tokens", "suite_budget")
 # Left out where they are not used.
 _RARE = {
     "arguments", "substitute", "on_failure", "policy_settings", "policy_horizon", "policy_ensemble", "assisted",
-    "method", "drive",
+    "method", "drive", "split",
 }  # fmt: skip

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import time
-import zlib
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import nullcontext
 from typing import Any
 
-import numpy as np
-
 from mpvi_bt.behaviors.context import Context
 from mpvi_bt.completion.oracle import OracleChecker
-from mpvi_bt.errors import BackendError
 from mpvi_bt.executive.demonstration import Demonstration
 from mpvi_bt.executive.loop import Last, Subscriber, run_episode
 from mpvi_bt.executive.pictures import PathPicture
@@ -23,22 +19,21 @@ from mpvi_bt.executive.rerun_log import RerunLog
 from mpvi_bt.executive.saved import restore_world
 from mpvi_bt.executive.stop import Stop
 from mpvi_bt.executive.video import Video
-from mpvi_bt.goals.evaluate import early, judge, snapshot, unmet
+from mpvi_bt.goals.evaluate import judge, snapshot
 from mpvi_bt.goals.predicates import truth_in
-from mpvi_bt.goals.problem import Problem, load_problem
 from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.plan.planners import Planner, RecordedPlanner
-from mpvi_bt.sim.catalogue import Catalogue, load_catalogue
+from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.prior_map import prior_map
-from mpvi_bt.sim.sampling import Start, sample
 from mpvi_bt.sim.world import World
 from mpvi_bt.suite.backends import NOBODY, choose
 from mpvi_bt.suite.checkers import make_checker, make_triggers
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.detectors import make_detector
+from mpvi_bt.suite.instances import begin, expanded_problem
 from mpvi_bt.suite.metrics import Meter
 from mpvi_bt.suite.navigators import make_navigator
 from mpvi_bt.suite.policies import Ground, in_chunks, make_policy
@@ -55,7 +50,6 @@ from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.substitute import stand_ins
 
 _LABELS = ("oracle", "segmentation")  # policies that see have a detector of labels of their own, for what is near
-_DRAWS = 20  # of a start, until :init holds in physics
 
 
 def run(
@@ -87,10 +81,9 @@ def run(
     assert task is not None
     tree = Tree(prepared.spec, stand_ins(prepared.rules))
     house, catalogue = load_house(task.house), load_catalogue()
-    problem = load_problem(task.problem)
-    counts = {s: len(house.fixtures_of(s, room)) for s, room in problem.wildcards.items()}
-    problem = problem.expanded(counts)
-    world, start = _world(config, task, house, catalogue, problem)
+    problem = expanded_problem(task, house)
+    built = {"render": _renders(config), "assisted": config.assisted}
+    world, start = begin(task, house, catalogue, problem, config.instance, config.split, **built)
     truth = truth_in(world, start.scene_names)
     before = snapshot(problem, truth)
     places = _places(world)
@@ -175,32 +168,6 @@ def run(
     for recorded in demonstration:
         recorded.conclude(result.q, result.success)
     return result.model_dump(mode="json")
-
-
-def _world(
-    config: EpisodeConfig, task: Task, house: House, catalogue: Catalogue, problem: Problem
-) -> tuple[World, Start]:
-    """A settled world in which :init holds and of the goal nothing but what :init says."""
-    for draw in range(_DRAWS):
-        # The instance alone says where things begin, so that seeds of one instance can be compared.
-        rng = np.random.default_rng([zlib.crc32(task.problem.encode()), config.instance, draw])
-        try:
-            start = sample(house, catalogue, problem, task.bindings, rng)
-        except BackendError:
-            continue
-        world = World(house, start.objects, start.base_pose, render=_renders(config), assisted=config.assisted)
-        for name, openings in start.openings.items():
-            for body, fraction in openings.items():
-                world.set_opening(name, body, fraction)
-        for name in start.on:
-            world.turn(name, True)
-        world.settle()
-        truth = truth_in(world, start.scene_names)
-        if not unmet(problem, truth) and not early(problem, truth):
-            return world, start
-    raise BackendError(
-        f"{config.task}: no start of instance {config.instance} came to rest as :init has it in {_DRAWS} draws"
-    )
 
 
 def _floors(house: House) -> dict[str, tuple[str, ...]]:

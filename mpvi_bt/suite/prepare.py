@@ -21,6 +21,7 @@ from mpvi_bt.suite.language import Models, check_language_choice
 from mpvi_bt.suite.planners import ground, make_planner
 from mpvi_bt.suite.policies import check_policy_choice
 from mpvi_bt.suite.saved import SavedEpisode
+from mpvi_bt.suite.splits import check_split
 from mpvi_bt.suite.tasks import Task, load_task
 from mpvi_bt.tree.compile import compile_instruction, compile_plan
 from mpvi_bt.tree.lint import check_rooms, lint
@@ -161,6 +162,7 @@ def prepare_episode(config: EpisodeConfig, tell: Callable[[str], None] = lambda 
     """
     check_backends(config)
     load_task(config.task).check_instance(config.instance)
+    check_split(config.split)
     ready = prepare(config, tell)
     _check_replanning(ready, config.planner)
     return ready
@@ -176,6 +178,7 @@ def check_episode(config: EpisodeConfig) -> None:
     if config.tree is None and config.plan is None and choose("planner", config.planner).address:
         check_backends(config)
         load_task(config.task).check_instance(config.instance)
+        check_split(config.split)
     else:
         prepare_episode(config)
 

@@ -35,6 +35,7 @@ class SavedSettings(Record):
     task: str
     instance: Annotated[int, Field(ge=0)]
     seed: Annotated[int, Field(ge=0)]
+    split: Literal["public", "hidden"] = "public"
     policy: str
     detector: str
     checker: str

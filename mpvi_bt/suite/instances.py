@@ -1,0 +1,150 @@
+"""Instances of a task: a settled world in which :init holds, and nothing of the goal but what :init says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy import ndimage
+
+from mpvi_bt.errors import BackendError
+from mpvi_bt.goals.evaluate import early, unmet
+from mpvi_bt.goals.predicates import truth_in
+from mpvi_bt.goals.problem import Problem, load_problem
+from mpvi_bt.goals.state import aabb
+from mpvi_bt.sim.boards import Shape
+from mpvi_bt.sim.catalogue import Catalogue
+from mpvi_bt.sim.ground import PASSAGE_M, REACH_M, TWO_HANDS_REACH_M
+from mpvi_bt.sim.house import House
+from mpvi_bt.sim.prior_map import prior_map
+from mpvi_bt.sim.sampling import Start, sample
+from mpvi_bt.sim.world import ROBOT, World
+from mpvi_bt.suite.splits import Split, generator
+from mpvi_bt.suite.start_cache import StartCache
+from mpvi_bt.suite.tasks import Task
+
+DRAWS = 40  # of a start, until one will do
+OVERLAP_M = 0.003  # that things lie in each other by contact's give; more is interpenetration
+_TOUCH_M = 0.002
+_LOW_M = 0.3  # what begins lower than this is in the way of a robot's base
+_SETTLE_S, _WATCH_S, _MORE = 1.0, 0.25, 12
+_STILL_M = 0.002  # what moves less in that time is at rest
+
+
+def expanded_problem(task: Task, house: House) -> Problem:
+    """The task's problem, with its wildcards written out for the house."""
+    problem = load_problem(task.problem)
+    return problem.expanded({s: len(house.fixtures_of(s, room)) for s, room in problem.wildcards.items()})
+
+
+def begin(
+    task: Task,
+    house: House,
+    catalogue: Catalogue,
+    problem: Problem,
+    instance: int,
+    split: Split = "public",
+    *,
+    render: bool = True,
+    assisted: bool = False,
+) -> tuple[World, Start]:
+    """An instance of a task, settled and checked. The same arguments give the same world.
+
+    A start that did is kept in the user's cache, so that the draws before it are not made again.
+
+    Args:
+        task: What is done.
+        house, catalogue: Where, and with what.
+        problem: The task's, with wildcards written out.
+        instance: Which of its starts.
+        split: Of which instances.
+        render, assisted: As of `World`.
+
+    Raises:
+        UserError: :init asks for what cannot be sampled, or a hidden instance is meant and its seed is not known.
+        BackendError: No draw would do; it says why the last would not.
+    """
+    cache = StartCache(task, house, catalogue, problem, instance, split)
+    wrong = "no draw"
+    for draw in range(-1, DRAWS):  # before the first draw: what is kept
+        try:
+            start = (
+                sample(house, catalogue, problem, task.bindings, generator(split, task.problem, instance, draw))
+                if draw >= 0
+                else cache.load()
+            )
+        except BackendError as error:
+            wrong = str(error)
+            continue
+        if start is None:
+            continue
+        world, restless = settled(house, start, render=render, assisted=assisted)
+        reason = next(faults(world, start, house, problem), None) if not restless else f"{restless[0]} does not rest"
+        if reason is None:
+            if draw >= 0:
+                cache.save(start)
+            return world, start
+        wrong = reason
+    raise BackendError(f"{task.problem}: no start of instance {instance} would do in {DRAWS} draws; the last: {wrong}")
+
+
+def settled(house: House, start: Start, *, render: bool = True, assisted: bool = False) -> tuple[World, list[str]]:
+    """The world of a start once everything has come to rest, and the names of what has not within 4 s."""
+    world = World(house, start.objects, start.base_pose, render=render, assisted=assisted)
+    for name, openings in start.openings.items():
+        for body, fraction in openings.items():
+            world.set_opening(name, body, fraction)
+    for name in start.on:
+        world.turn(name, True)
+    world.settle(_SETTLE_S)
+    for _ in range(_MORE):
+        before = {name: world.pose(name)[:3, 3] for name in world.objects}
+        world.settle(_WATCH_S)
+        # Speeds would not do: contacts tremble, and go nowhere.
+        moved = [name for name, p in before.items() if np.linalg.norm(world.pose(name)[:3, 3] - p) > _STILL_M]
+        if not moved:
+            break
+    return world, moved
+
+
+def faults(world: World, start: Start, house: House, problem: Problem) -> Iterator[str]:
+    """Why a settled world will not do as the start of an episode, one line each."""
+    truth = truth_in(world, start.scene_names)
+    for fact in unmet(problem, truth):
+        yield f"{'' if fact.positive else 'not '}{fact.literal} does not hold"
+    for literal in early(problem, truth):
+        yield f"{literal} holds from the start"
+    for name, other, depth in world.contacts():
+        if depth > OVERLAP_M:
+            yield f"{name} lies {depth * 1000:.0f} mm deep in {other}"
+        if ROBOT in (name, other) and depth > -_TOUCH_M and not f"{name} {other}".count("floor_"):
+            yield f"{name} touches {other}"
+    yield from (f"{name} is out of the robot's reach" for name in _out_of_reach(world, start, house, problem))
+
+
+def _out_of_reach(world: World, start: Start, house: House, problem: Problem) -> Iterator[str]:
+    """Things that are too far from wherever the robot can drive to, past all that stands on floors.
+
+    What is on or in another movable thing has that carried, so that is what must be near.
+    """
+    grid = prior_map(house)
+    occupied = grid.occupied.copy()
+    boxes = {name: aabb(world, name) for name in world.objects}
+    windows = {}
+    for name, (low, high) in boxes.items():
+        (r0, c0), (r1, c1) = grid.cell(low), grid.cell(high)
+        windows[name] = (slice(r0, r1 + 1), slice(c0, c1 + 1))
+        if low[2] < _LOW_M:
+            occupied[windows[name]] = True
+    free = ndimage.distance_transform_edt(~occupied) * grid.resolution_m > PASSAGE_M - grid.resolution_m
+    regions, _ = ndimage.label(free)
+    here = regions[grid.cell(start.base_pose)]
+    if not here:
+        yield from boxes
+        return
+    away = ndimage.distance_transform_edt(regions != here) * grid.resolution_m
+    carried = {f.literal.args[0] for f in problem.init if len(f.literal.args) == 2 and f.literal.args[1] in boxes}
+    for name, window in windows.items():
+        two_hands = name not in carried and Shape(start.objects[name].entry).two_hands
+        if not (away[window] < (TWO_HANDS_REACH_M if two_hands else REACH_M)).any():
+            yield name
