@@ -28,6 +28,10 @@ from mpvi_bt.writing import unwritable
 
 _COUNT_S = 2.0  # how often the cluster is asked for its size
 _KNOCK_S = 10.0
+_SETTINGS = {
+    "RAY_USAGE_STATS_ENABLED": "0",
+    "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",  # a detector may use the node's GPU without one being reserved
+}
 _STORE_BYTES = 256 << 20  # shared memory of a cluster of our own: results and films pass through it
 
 
@@ -87,7 +91,8 @@ class RayEngine:
         import ray
 
         self._knock()
-        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+        for name, value in _SETTINGS.items():
+            os.environ.setdefault(name, value)
         own = {"num_cpus": self._asked, "include_dashboard": False, "object_store_memory": _STORE_BYTES}
         try:
             ray.init(
@@ -95,7 +100,7 @@ class RayEngine:
                 **({} if self._address else own),
                 log_to_driver=False,
                 logging_level=logging.ERROR,
-                runtime_env={"env_vars": dict.fromkeys(THREAD_LIMITS, "1")},
+                runtime_env={"env_vars": dict.fromkeys(THREAD_LIMITS, "1") | _SETTINGS},
             )
         except Exception as error:  # what it raises depends on what is there
             where = f"no Ray cluster at {self._address}" if self._address else "Ray cannot start here"
