@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt.perception.belief import Belief
-from mpvi_bt.perception.knowledge import LIKELY, Entry, KnowledgeBase
+from mpvi_bt.perception.knowledge import LIKELY, Entry, KnowledgeBase, laid_down
 from tests.navigation_maps import thing
 
 
@@ -37,6 +37,14 @@ def test_other_words_for_a_thing_find_it_but_do_not_rival_its_name() -> None:
     assert [e.name for e in known.find("the fridge")] == ["refrigerator"]
     known.put(thing("fridge", (5, 0, 1), (1, 1, 2)))
     assert [e.name for e in known.find("the fridge")] == ["fridge"]
+
+
+def test_what_is_put_on_another_level_is_laid_down() -> None:
+    """From a counter into the cabinet below it; what fell to the floor, or slipped, is still to be picked up."""
+    taken, half = np.array([4.6, 0.4, 0.91]), np.array([0.08, 0.08, 0.01])
+    for now, laid in (((4.6, 0.3, 0.13), True), ((4.6, 0.3, 0.01), False), ((4.7, 0.4, 0.91), False),
+                      ((5.6, 0.4, 0.01), True)):  # fmt: skip
+        assert laid_down(taken, now - half, now + half) is laid
 
 
 def test_what_was_laid_down_is_not_what_is_to_be_picked_up() -> None:

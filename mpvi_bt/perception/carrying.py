@@ -8,7 +8,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from mpvi_bt.perception.knowledge import LAID_M, Entry, KnowledgeBase
+from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, laid_down
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import SIDES, Proprioception
 from mpvi_bt.robot.solids import Array
@@ -149,7 +149,7 @@ class Carrying:
         carried = self._with_contents(grip.name)
         for one in carried:
             one.held, one.confidence = False, min(one.confidence, PUT)
-        entry.laid = bool(np.linalg.norm((entry.center - grip.boxes[grip.name].mean(0))[:2]) > LAID_M)
+        entry.laid = laid_down(grip.boxes[grip.name].mean(0), entry.lowest, entry.highest)
         self._fall(entry, body)
         return [one.name for one in carried]
 

@@ -17,7 +17,8 @@ from mpvi_bt.perception.phrases import whole as whole
 from mpvi_bt.robot.solids import Array
 
 _AT_M = 0.3  # what lies as near to a thing as this, seen from above, is there
-LAID_M = 0.3  # what lies farther from where a hand took it, seen from above, was laid there; what is nearer slipped
+LAID_M = 0.3  # what is farther from where a hand took it was laid there; what is nearer slipped,
+_FALLEN_M = 0.06  # and what went straight down so low fell
 LIKELY = 0.5  # what is less likely than that to be there is not told to those who ask where a thing is
 
 Kind = Literal["room", "fixture", "object"]
@@ -129,6 +130,18 @@ class KnowledgeBase:
         entries = [SavedEntry.model_validate(given).entry() for given in saved]
         self.entries = {e.name: e for e in self if e.source == "prior"}
         self.entries.update((e.name, e) for e in entries)
+
+
+def laid_down(taken_at: Array, lowest: Array, highest: Array) -> bool:
+    """Whether what a hand took at a place (3,), its middle, was put elsewhere: aside, or on another level than a floor.
+
+    Args:
+        taken_at: Where its middle was [m].
+        lowest, highest: (3,) corners of the box about it now.
+    """
+    moved = (lowest + highest) / 2 - taken_at
+    aside = float(np.linalg.norm(moved[:2])) > LAID_M
+    return aside or bool(abs(moved[2]) > LAID_M and lowest[2] > _FALLEN_M)
 
 
 def _at(p: Array, place: Entry) -> bool:

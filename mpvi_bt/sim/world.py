@@ -11,8 +11,8 @@ import numpy as np
 import sapien
 
 from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.perception.knowledge import LAID_M, KnowledgeBase
 from mpvi_bt.perception.knowledge import Entry as Known
+from mpvi_bt.perception.knowledge import KnowledgeBase, laid_down
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, CameraImage, Side
@@ -416,8 +416,7 @@ class World:
                 if name in carried:
                     self._taken_at.setdefault(name, (low + high) / 2)
                 taken_at = self._taken_at.get(name)
-                laid = taken_at is not None and name not in carried
-                laid = laid and bool(np.linalg.norm(((low + high) / 2 - taken_at)[:2]) > LAID_M)
+                laid = taken_at is not None and name not in carried and laid_down(taken_at, low, high)
                 base.put(
                     Known(
                         name=name, phrases=self._phrases[name], kind="object", lowest=low, highest=high,
