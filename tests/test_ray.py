@@ -16,7 +16,7 @@ from mpvi_bt.suite.manifest import make_manifest
 from mpvi_bt.suite.ray_engine import RayEngine, play_far
 from mpvi_bt.suite.runner import run_suite
 from mpvi_bt.suite.store import Store
-from tests.suite_runs import EPISODES, FAKE, Heard, launch, processes, started, wait_until, without_wall
+from tests.suite_runs import EPISODES, FAKE, Heard, launch, processes, started, wait_until, without_wall, workers_gone
 
 needs_ray = pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="Ray is not installed")
 
@@ -68,6 +68,26 @@ def test_a_node_that_is_lost_costs_no_episode(tmp_path: Path, log: Path, cluster
     assert all(Store(out).result(config) is not None for config in EPISODES)
     assert started(log).keys() == {config.name for config in EPISODES}
     assert said.count(" s simulated") == 10
+
+
+@needs_ray
+@pytest.mark.slow
+def test_a_killed_suite_goes_on_and_leaves_no_process(tmp_path: Path, log: Path) -> None:
+    """The cluster that it started ends with it; what had a result is not played again."""
+    out = tmp_path / "out"
+    run = launch(out, log, "--engine", "ray", FAKE_SLEEP="1")
+    wait_until(lambda: len(list((out / "json").glob("*.json"))) >= 2, seconds=120)
+    run.kill()
+    run.communicate()
+    wait_until(lambda: workers_gone(log), seconds=60)
+    kept, before = {path.stem: path.read_bytes() for path in (out / "json").glob("*.json")}, started(log)
+    assert 2 <= len(kept) < 10
+    run = launch(out, log, "--engine", "ray", FAKE_SLEEP="0")
+    text, said = run.communicate(timeout=120)
+    assert run.returncode == 0, said
+    assert "trash10: 10/10 episodes" in text
+    assert {name: (out / "json" / f"{name}.json").read_bytes() for name in kept} == kept
+    assert all(started(log)[name] == before[name] for name in kept)
 
 
 @needs_ray
