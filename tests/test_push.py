@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mpvi_bt.goals.predicates import nextto
 from mpvi_bt.manipulation.push import _way, pushes
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
@@ -95,3 +96,14 @@ def test_a_chair_is_pushed_to_the_table_and_stands() -> None:
     edge = min(solid.aabb()[0, 0] for solid in world.solids("t"))
     assert edge - reach < 0.08
     assert world.pose("seat")[2, 2] > 0.95
+
+
+@pytest.mark.slow
+def test_a_chair_that_rolls_is_pushed_up_to_a_desk() -> None:
+    """By the edge of its seat, which reaches farthest back: it comes to stand next to the desk, upright."""
+    chair, desk = "{entry: swivel_chair, at: [0.0, 0.0], yaw_deg: 180}", "{entry: desk, at: [1.5, 0.0], yaw_deg: 180}"
+    world = small_world(base=(-0.9, 0.1, 0.0), chair=chair, desk=desk)
+    world.settle(0.5)
+    assert play(world, "push the swivel chair up to the desk")[-1] == "done"
+    assert nextto(world, "chair", "desk")
+    assert world.pose("chair")[2, 2] > 0.99

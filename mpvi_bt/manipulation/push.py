@@ -156,8 +156,10 @@ def pushes(solids: Sequence[Solid], way: Array) -> list[Push]:
         return np.eye(4)
 
     out = []
-    for rank, share in enumerate(_HEIGHTS):
-        z = max(low[2] + share * (high[2] - low[2]), low[2] + _LOWEST_M)
+    rearmost = max(solids, key=lambda solid: float(np.abs(d @ solid.T[:3, :3]) @ solid.half_m - d @ solid.T[:3, 3]))
+    shares = [float(low[2] + share * (high[2] - low[2])) for share in _HEIGHTS]
+    for rank, height in enumerate((float(rearmost.T[2, 3]), *shares)):  # the edge of a seat, before what is below it
+        z = max(height, low[2] + _LOWEST_M)
         rear = _rear(solids, d, z)
         if rear is None:
             continue

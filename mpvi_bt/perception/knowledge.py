@@ -41,7 +41,7 @@ class Entry:
         confidence: Probability that it is there, 0 to 1.
         seen_s: Simulated time at which it was last seen; None if it never was.
         view: (3,) base pose x, y [m] and yaw [rad] that it was last seen from.
-        front: (2,) unit vector out of the side that it is opened from, if that is known.
+        front: (2,) unit vector out of the side that it is opened from, or sat down on, if that is known.
     """
 
     name: str

@@ -70,7 +70,8 @@ def knowledge(house: House) -> list[Entry]:
         entries.append(Entry(room.name, room.phrases, "room", low, high, room.name))
     for fixture in house.fixtures.values():
         low, high = fixture.extent()
-        front = fixture.T_world_fixture[:2, 0] if fixture.entry.description.jointed else None
+        fronted = fixture.entry.description.jointed or fixture.entry.mass_kg is not None  # such as a chair that rolls
+        front = fixture.T_world_fixture[:2, 0] if fronted else None
         entries.append(Entry(fixture.name, fixture.entry.phrases, "fixture", low, high, fixture.room, front=front))
     return entries
 
