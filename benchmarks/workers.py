@@ -150,9 +150,9 @@ def main() -> None:
         of = [result for config, result in first.results.items() if config.method == method]
         told = ", ".join(f"{part} {share:.0%}" for part, share in shares(iter(of)).items())
         print(f"{method}: mean q {sum(r.q for r in of) / len(of):.2f}; {told}")
-    same = all(_without_wall(run.results[c]) == _without_wall(first.results[c]) for run in runs for c in episodes)
-    print(f"results are {'the same' if same else 'NOT THE SAME'} in all runs")
-    raise SystemExit(not same)
+    other = [c.name for c in episodes if len({_without_wall(run.results[c]) for run in runs}) > 1]
+    print(f"results are NOT THE SAME in all runs: {', '.join(other)}" if other else "results are the same in all runs")
+    raise SystemExit(bool(other))
 
 
 def _without_wall(result: Result) -> str:
