@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -75,7 +75,7 @@ class Thing:
         """Put a movable thing at `T` (4, 4, body to world), at rest; its joints stay as they are."""
         if self.articulation is not None:
             q = self.articulation.get_qpos()
-            self._set_root([*sapien.Pose(T).p, *sapien.Pose(T).q], np.zeros(6))
+            self._set_root(sapien.Pose(T), np.zeros(6))
             self.articulation.set_qpos(q)
             self.articulation.set_qvel(np.zeros_like(q))
             self.wake()
@@ -105,7 +105,8 @@ class Thing:
         """Have it stand and move as `motion` told. Raises KeyError or ValueError if that is of another thing."""
         if self.articulation is not None:
             if self.movable:
-                self._set_root(_finite(motion["pose"], 7), _finite(motion["root_v"], 6))
+                pose = _finite(motion["pose"], 7)
+                self._set_root(sapien.Pose(pose[:3], pose[3:]), _finite(motion["root_v"], 6))
             self.articulation.set_qpos(_finite(motion["q"], len(self.articulation.get_qpos())))
             self.articulation.set_qvel(_finite(motion["v"], len(self.articulation.get_qpos())))
         else:
@@ -116,9 +117,9 @@ class Thing:
         if self.movable:
             self.wake()
 
-    def _set_root(self, pose: Sequence[float], v: Sequence[float]) -> None:
+    def _set_root(self, pose: sapien.Pose, v: Array) -> None:
         assert self.articulation is not None
-        self.articulation.set_root_pose(sapien.Pose(pose[:3], pose[3:]))
+        self.articulation.set_root_pose(pose)
         self.articulation.set_root_linear_velocity(v[:3])
         self.articulation.set_root_angular_velocity(v[3:])
 
