@@ -216,6 +216,8 @@ def test_what_lies_next_to_a_thing_in_a_hand_is_next_to_nothing_yet() -> None:
     table: Box = ("table", (-0.3, -0.4, 0.38), (0.4, 0.4, 0.4))
     held = head([FLOOR, table, can(0.08, 0.0, 0.4), can(0.0, 0.0, 0.45, "can_2"), *gripper(0.0, 0.0, 0.45)])
     assert not see("a can of soda is next to another can of soda", held).complete
+    air = head([FLOOR, table, can(0.08, 0.0, 0.4), can(0.0, 0.0, 0.5, "can_2")])
+    assert not see("a can of soda is next to another can of soda", air).complete
     both = head([FLOOR, table, can(0.0, -0.08, 0.4), can(0.0, 0.0, 0.4, "can_2")])
     assert see("a can of soda is next to another can of soda", both).complete
 

@@ -32,6 +32,7 @@ class Eyesight:
         reach_m: Half height and half depth of the space at the fingertips where a held thing must be.
         gap_m: Fingers closer than this have nothing between them.
         touch_m: Neighboring pixels this near each other in space belong to things that touch.
+        hangs_m: What is seen right below a thing lies so far behind it if the thing hangs in the air.
         rim_m: How far above a container's rim a thing inside may stick out, if its own size is less.
         rest_m: How exactly a thing's lowest visible points must be level with what it is said to be on.
         share: How much of what is seen of a thing must be in place.
@@ -47,6 +48,7 @@ class Eyesight:
     reach_m: float = 0.05
     gap_m: float = 0.003
     touch_m: float = 0.03
+    hangs_m: float = 0.1
     rim_m: float = 0.06
     rest_m: float = 0.03
     share: float = 0.5
@@ -204,6 +206,8 @@ class _Picture:
             return Judgement(False, f"{name} is seen in a gripper")
         if self._lifted(other).complete:
             return Judgement(False, f"{other} is seen in a gripper")
+        if self._hangs(name):
+            return Judgement(False, f"{name} is seen in the air")
         a, b = self._box(name), self._box(other)
         gap = np.maximum(0.0, np.maximum(a[0], b[0]) - np.minimum(a[1], b[1]))
         size = float(np.mean((a[1] - a[0])[:2] + (b[1] - b[0])[:2]) / 2)
@@ -323,6 +327,16 @@ class _Picture:
         if len(gaps) and np.nanmedian(gaps) < self._sight.touch_m:
             return Judgement(False, f"{name} is seen to rest on something")
         return Judgement(True, f"{name} is seen in a gripper")
+
+    def _hangs(self, name: str) -> bool:
+        """Whether what is seen right below a thing is well behind it: what hides its foot is before it."""
+        mask, depth = self._mask(name), self._image.depth
+        rows, columns = np.nonzero(mask)
+        last = rows >= np.percentile(rows, 90)
+        below = np.minimum(rows[last] + 2, mask.shape[0] - 1), columns[last]
+        others = ~mask[below] & ~self._mask(ROBOT)[below] & (depth[below] > 0)
+        behind = (depth[below] - depth[rows[last], columns[last]])[others]
+        return bool(len(behind) and np.median(behind) > self._sight.hangs_m)
 
     def _gripped(self, name: str) -> bool:
         """Whether pixels of the robot border on the thing's, near them in space."""

@@ -55,7 +55,7 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
         if surface is None:
             spots = floor_around(work, words["surface"], radius, box.height)
         else:
-            spots = scene.spots(surface, radius, box.height + 0.1, here) or _on_the_middle(work, surface, box)
+            spots = list(scene.spots(surface, radius, box.height + 0.1, here)) or _on_the_middle(work, surface, box)
         search = work.search("right", {name})
         # What is far off may have room that is not seen from here.
         far_off = spots[0] if spots else None if surface is None else work.middle(surface)
@@ -84,7 +84,7 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from motion.wait(0.2)
     yield from open_wide(work)
     yield from motion.drive(back, speed=0.3)
-    yield from settle(work, without={name, surface} - {None})
+    yield from settle(work, without={name} if surface is None else {name, surface})
     yield from look_at(work, name)
     if abs(min(s.aabb()[0, 2] for s in scene.solids(name)) - spot[2]) > 0.04:
         raise MotionFailure("missed")

@@ -169,10 +169,10 @@ def _find(work: Work, search: Search, boxes: list[Box]) -> _Grip | None:
         if any(np.linalg.norm(base[:2] - b[:2]) < 0.03 and abs(kin.wrap(base[2] - b[2])) < 0.3 for b in search.tried):
             continue
         back = behind(base)
-        if not search.drivable(back, base) or (way := search.route(here, back)) is None:
+        if not search.drivable(back, base) or (route := search.route(here, back)) is None:
             continue
         if (grip := _grip_at(work, search, base, box)) is not None:
-            return replace(grip, way=way)
+            return replace(grip, way=route)
         checked += 1
         if checked >= _CHECKED_BASES:
             break
