@@ -123,6 +123,22 @@ def test_a_folder_of_something_else_is_refused(tmp_path: Path, change: dict[str,
     assert not list(tmp_path.glob("json/*"))
 
 
+def test_hidden_instances_of_another_secret_are_something_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The secret itself is not in the manifest."""
+    hidden = [EpisodeConfig("picking_up_trash", split="hidden")]
+    secrets = ["one that nobody knows", "another that nobody knows"]
+    for secret in secrets:
+        monkeypatch.setenv("MPVI_HIDDEN_SEED", secret)
+        manifest = make_manifest("hidden", hidden)
+        assert secret not in manifest.model_dump_json()
+        if secret == secrets[0]:
+            manifest.claim(tmp_path)
+            manifest.claim(tmp_path)
+        else:
+            with pytest.raises(UserError, match="hidden seed has changed"):
+                manifest.claim(tmp_path)
+
+
 def test_a_suite_may_grow(tmp_path: Path) -> None:
     """More tasks, instances and methods leave the results that are there as they are."""
     make_manifest("trash10", EPISODES[:3]).claim(tmp_path)

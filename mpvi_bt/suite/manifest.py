@@ -20,6 +20,7 @@ from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.result import write_json
+from mpvi_bt.suite.splits import hidden_seed
 from mpvi_bt.suite.tasks import Task, load_task
 
 FILE = "manifest.json"
@@ -138,7 +139,8 @@ def read_manifest(folder: Path) -> Manifest | None:
 def digests(episodes: Sequence[EpisodeConfig]) -> dict[str, str]:
     """A digest of everything of data that the episodes read, by its name below a root; comments do not count.
 
-    Of the catalogue only the entries that are used count, so that it may grow.
+    Of the catalogue only the entries that are used count, so that it may grow. The secret of hidden instances has one
+    that is slow to make, so that nobody finds it by trying.
 
     Raises:
         UserError: As `load_task`.
@@ -152,6 +154,10 @@ def digests(episodes: Sequence[EpisodeConfig]) -> dict[str, str]:
     used = {entry for task in tasks.values() for entry in task.bindings.values()}
     for house in {task.house for task in tasks.values()}:
         used |= {fixture.entry.name for fixture in load_house(house, catalogue).fixtures.values()}
+    if any(config.split == "hidden" for config in episodes):
+        found["hidden seed"] = hashlib.scrypt(
+            hidden_seed().encode(), salt=b"manifest", n=1 << 14, r=8, p=1, dklen=8
+        ).hex()
     return found | {f"catalogue entry {name}": _hash(asdict(catalogue[name])) for name in sorted(used)}
 
 
