@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +36,7 @@ class Ground:
     """
 
     def __init__(self, house: House, open_doors: Sequence[Solid] = ()) -> None:
-        self._house, self._map = house, _map(house)
+        self._house, self._map = house, prior_map(house)
         occupied = marked(self._map, open_doors).occupied
         self._clearance = ndimage.distance_transform_edt(~occupied) * self._map.resolution_m
         self._reachable = standing_room(self._map)
@@ -158,11 +157,6 @@ class Ground:
     def _is_free(self, xy: Array, radius: float, share: float) -> bool:
         doorways = all(np.linalg.norm(xy - np.asarray(d.at)) > DOORWAY_M for d in self._house.doorways)
         return doorways and all(np.linalg.norm(xy - other) > radius + r + share * APART_M for other, r in self._taken)
-
-
-@lru_cache(maxsize=2)
-def _map(house: House) -> OccupancyMap:
-    return prior_map(house)
 
 
 def standing_room(grid: OccupancyMap) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,12 @@ def prior_map(house: House, resolution_m: float = RESOLUTION_M) -> OccupancyMap:
 
     A cell is occupied if any of it lies under a solid of that band. Outside all rooms everything is occupied.
     """
+    grid = _prior_map(house, resolution_m)
+    return replace(grid, occupied=grid.occupied.copy(), rooms=grid.rooms.copy())
+
+
+@lru_cache(maxsize=4)
+def _prior_map(house: House, resolution_m: float) -> OccupancyMap:
     x0, y0, x1, y1 = house.bounds()
     origin = np.floor((np.array([x0, y0]) - MARGIN_M) / resolution_m) * resolution_m
     width, height = (np.ceil((np.array([x1, y1]) + MARGIN_M - origin) / resolution_m)).astype(int)
