@@ -86,9 +86,9 @@ def test_beside_a_table_is_neither_under_its_top_nor_between_its_legs() -> None:
 
 
 def test_a_cup_finds_room_on_its_saucer() -> None:
-    """Where there is no room to spare, what is needed has to do; a cup that is too large finds none."""
-    for cup, finds in (("small_coffee_cup", True), ("coffee_cup", False)):
-        world = small_world({"saucer": placed("saucer", 0.6, 0.0), "cup": placed(cup, -1.0, 0.5)})
+    """Where there is no room to spare, what is needed has to do, however the saucer is turned; a plate finds none."""
+    for cup, finds in (("small_coffee_cup", True), ("plate", False)):
+        world = small_world({"saucer": placed("saucer", 0.6, 0.0, 0.01, 0.26), "cup": placed(cup, -1.0, 0.5)})
         work = Work(Holding(world, "cup"), Motion(world.robot.proprioception()), np.random.default_rng(0))
         found = list(spots.on(work, work.held()["left"], "saucer", (0.0,)))
         assert bool(found) is finds

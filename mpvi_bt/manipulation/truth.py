@@ -16,6 +16,7 @@ from mpvi_bt.robot.solids import Array, Solid
 
 _ROOM_M = 2.5  # how far from the spot's neighborhood solids are looked for
 _GRID_M = 0.05
+_WALL_M = 0.01
 
 
 class Truth(WorldState, Protocol):
@@ -87,13 +88,18 @@ class TrueScene:
         spots: list[Array] = []
         for face in faces:
             low, high = face.aabb()
-            above = [s.aabb() for s in (*others, *(f for f in own if f is not face))]
+            level = high[2] + _WALL_M  # what rises through it is a wall of its own: a round one is nearer to its box
+            walls = [f for f in own if f is not face and f.aabb()[0, 2] < level < f.aabb()[1, 2]]
+            around = Surroundings(walls)
+            above = [s.aabb() for s in (*others, *(f for f in own if f is not face and f not in walls))]
             blocking = [b for b in above if b[1, 2] > high[2] + 0.005 and b[0, 2] < high[2] + height_m]
             for x in _lines(low[0] + radius_m, high[0] - radius_m):
                 for y in _lines(low[1] + radius_m, high[1] - radius_m):
                     at = np.array([x, y])
                     gap = min((_aside(b, at) for b in blocking), default=9.0)
                     spot = np.array([x, y, high[2]])
+                    if walls:
+                        gap = min(gap, float(around.distance(np.array([[x, y, level]]))[0]))
                     if gap > radius_m and carries(face, spot, radius_m):
                         spots.append(spot)
         return sorted(spots, key=lambda s: float(np.linalg.norm(s[:2] - near)))
