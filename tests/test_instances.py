@@ -74,14 +74,15 @@ def test_all_instances_of_a_task_begin_as_they_should(name: str, monkeypatch: py
         assert not list(faults(world, start, house, problem))
         assert_apart_at_first(start)
         starts.append(np.concatenate([start.base_pose, *(p.T_world.ravel() for p in start.objects.values())]))
-        draws = count_draws(monkeypatch)
-        again, same = begin(task, house, CATALOGUE, problem, instance, render=False)
+        assert all(np.abs(starts[-1] - other).max() > 0.05 for other in starts[:-1])
+        if instance % 5:
+            continue
+        with monkeypatch.context() as watched:
+            draws = count_draws(watched)
+            again, same = begin(task, house, CATALOGUE, problem, instance, render=False)
         assert not draws, "what was kept is not drawn anew"
         np.testing.assert_array_equal(poses(again), poses(world))
-        assert same.scene_names == start.scene_names
-        assert same.openings == start.openings
-    for i, one in enumerate(starts):
-        assert all(np.abs(one - other).max() > 0.05 for other in starts[:i])
+        assert (same.scene_names, same.openings, same.on) == (start.scene_names, start.openings, start.on)
 
 
 def assert_apart_at_first(start: Start) -> None:

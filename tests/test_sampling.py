@@ -16,7 +16,7 @@ from mpvi_bt.goals.formula import Literal
 from mpvi_bt.goals.problem import Fact, Problem, load_problem, parse_problem
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.boards import ASKEW_RAD
+from mpvi_bt.sim.boards import ABOVE_M, ASKEW_RAD, FRONT_M, GAPS_M
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.ground import APART_M, DOORWAY_M, OBJECT_CLEARANCE_M, PASSAGE_M, ROBOT_CLEARANCE_M
 from mpvi_bt.sim.house import load_house
@@ -170,6 +170,106 @@ def test_things_on_a_crowded_or_turned_surface_stand_on_it() -> None:
         ring = p + np.array([[0.033, 0, 0], [-0.033, 0, 0], [0, 0.033, 0], [0, -0.033, 0]])
         assert table.distance(ring).max() < 0.005
         assert oven.distance(p[None] + [0, 0, 0.05])[0] > 0.033
+
+
+FURNISHED = """(define (problem mine_0) (:domain omnigibson)
+    (:objects {objects} - can__of__soda.n.01 book.n.02_1 - book.n.02 wicker_basket.n.01_1 - wicker_basket.n.01
+        cabinet.n.01_1 - cabinet.n.01 table.n.02_1 - table.n.02 floor.n.01_1 - floor.n.01 agent.n.01_1 - agent.n.01)
+    (:init {init} (inroom cabinet.n.01_1 hall) (inroom table.n.02_1 hall) (inroom floor.n.01_1 hall)
+        (ontop agent.n.01_1 floor.n.01_1))
+    (:goal (and (ontop ?book.n.02_1 ?floor.n.01_1))))"""
+HALL = small_house(cabinet="{entry: tall_cabinet, at: [-2.5, 1.0]}", table="{entry: table, at: [2.0, 1.0]}")
+THINGS = {**BINDINGS, "book.n.02": "book", "wicker_basket.n.01": "wicker_basket"}
+
+
+def furnished(init: str, cans: int = 1) -> Problem:
+    """A problem of cans, a book, a basket, a cabinet and a table; everything but the cans has its place."""
+    names = [f"can__of__soda.n.01_{k + 1}" for k in range(cans)]
+    facts = " ".join(init.format(name) for name in names)
+    rest = "(ontop book.n.02_1 table.n.02_1) (ontop wicker_basket.n.01_1 floor.n.01_1)"
+    return problem(FURNISHED.format(objects=" ".join(names), init=f"{facts} {rest}"))
+
+
+def in_hall(of: Problem, seed: int) -> Start:
+    return sample(HALL, CATALOGUE, of, THINGS, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_is_in_a_cabinet_is_near_its_front_with_room_for_a_hand(seed: int) -> None:
+    """Things stand on boards inside, clear of walls, door and the board above, and of each other."""
+    begin = in_hall(furnished("(inside {} cabinet.n.01_1)", 4), seed)
+    cabinet = HALL.fixtures["cabinet"]
+    solids = Surroundings(list(cabinet.solids()))
+    (volume,) = (v.moved(cabinet.T_world_fixture) for v in cabinet.entry.description.root.volumes)
+    low, high = volume.aabb()
+    spots = [p.T_world[:3, 3] for name, p in begin.objects.items() if name.startswith("can")]
+    for spot in spots:
+        assert ((low < spot) & (spot < high)).all()
+        assert high[0] - spot[0] < FRONT_M + 1e-6
+        assert solids.distance(spot[None] + [0, 0, 0.06])[0] > 0.033 + GAPS_M[-1] - 1e-6
+        assert solids.distance(spot[None] + [0, 0, 0.122 + ABOVE_M])[0] > 0
+        assert solids.distance(spot[None] - [0, 0, 0.01])[0] == 0  # a board carries it
+    assert all(np.linalg.norm(a - b) > 0.066 for i, a in enumerate(spots) for b in spots[:i])
+
+
+def test_what_is_under_a_table_is_on_the_floor_below_it() -> None:
+    """It lies between the legs, its middle covered by the top."""
+    table = HALL.fixtures["table"]
+    for seed in range(5):
+        p = in_hall(furnished("(under {} table.n.02_1)"), seed).objects["can__of__soda.n.01_1"].T_world[:3, 3]
+        low, high = table.extent()
+        assert ((low[:2] < p[:2]) & (p[:2] < high[:2])).all()
+        assert p[2] == pytest.approx(0.0, abs=0.01)
+        assert Surroundings(list(table.solids())).distance(p[None] + [0, 0, 0.05])[0] > 0.033
+
+
+def test_what_is_on_a_thing_lies_on_it_wherever_that_is() -> None:
+    """A can stands on a book on a table, within its edges."""
+    for seed in range(5):
+        begin = in_hall(furnished("(ontop {} book.n.02_1)"), seed)
+        book, can = (begin.objects[name] for name in ("book.n.02_1", "can__of__soda.n.01_1"))
+        local = np.linalg.inv(book.T_world) @ can.T_world[:, 3]
+        assert (np.abs(local[:2]) < np.array([0.075, 0.105]) - 0.033).all()
+        assert local[2] == pytest.approx(0.03, abs=0.005)
+
+
+def test_a_basket_that_is_full_is_heaped() -> None:
+    """More balls than have room side by side in a basket lie on each other, all with their middle inside."""
+    balls = {**THINGS, "can__of__soda.n.01": "tennis_ball"}
+    full = furnished("(inside {} wicker_basket.n.01_1)", 14)
+    begin = sample(HALL, CATALOGUE, full, balls, np.random.default_rng(0))
+    basket = begin.objects["wicker_basket.n.01_1"]
+    (volume,) = basket.entry.description.root.volumes
+    middles = [p.T_world[:3, 3] + [0, 0, 0.0335] for n, p in begin.objects.items() if n.startswith("can")]
+    low, high = volume.moved(basket.T_world).aabb()
+    assert all(((low < m) & (m < high)).all() for m in middles)
+    assert max(m[2] for m in middles) > min(m[2] for m in middles) + 0.05
+    assert all(np.linalg.norm(a - b) > 0.0669 for i, a in enumerate(middles) for b in middles[:i])
+
+
+def test_gaps_are_as_wide_as_the_number_of_things_allows() -> None:
+    """Few cans on a table stand a hand's breadth apart; thirty still find room, nearer to each other."""
+
+    def nearest(cans: int) -> float:
+        begin = in_hall(furnished("(ontop {} table.n.02_1)", cans), 0)
+        spots = [p.T_world[:2, 3] for name, p in begin.objects.items() if name.startswith("can")]
+        return min(float(np.linalg.norm(a - b)) for i, a in enumerate(spots) for b in spots[:i]) - 0.066
+
+    few, many = nearest(3), nearest(30)
+    assert few > GAPS_M[0] - 1e-6
+    assert GAPS_M[-1] - 1e-6 < many < GAPS_M[0]
+
+
+def test_doors_are_closed_but_for_what_init_has_open() -> None:
+    """What is open begins fully open, all else closed; cooked is taken as it is said."""
+    closed = furnished("(ontop {} table.n.02_1) (not (open cabinet.n.01_1)) (cooked can__of__soda.n.01_1)")
+    assert not in_hall(closed, 0).openings
+    opened = furnished("(ontop {} table.n.02_1) (open cabinet.n.01_1) (toggled_on cabinet.n.01_1)")
+    begin = in_hall(opened, 0)
+    assert begin.openings == {"cabinet": {"door": 1.0}}
+    assert begin.on == ("cabinet",)
+    with pytest.raises(UserError, match="table has nothing that opens"):
+        in_hall(furnished("(ontop {} table.n.02_1) (open table.n.02_1)"), 0)
 
 
 @pytest.mark.parametrize(

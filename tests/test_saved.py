@@ -12,7 +12,7 @@ import pytest
 
 from mpvi_bt.errors import UserError
 from mpvi_bt.executive.dry import EmptyWorld, dry_tree, run_dry
-from mpvi_bt.suite.config import ASKING, EpisodeConfig
+from mpvi_bt.suite.config import ASKING, OUTPUTS, EpisodeConfig
 from mpvi_bt.suite.prepare import prepare_saved
 from mpvi_bt.suite.saved import Keeper, SavedSettings, load_saved
 from mpvi_bt.tree.substitute import load_rules
@@ -141,5 +141,5 @@ def test_the_settings_of_an_episode_are_what_it_records() -> None:
         assisted=True,
     )
     assert SavedSettings(**full.record()).model_dump() == full.record()
-    outputs = {"video", "picture", "rerun", "trace", "saved", "planned", *ASKING}
+    outputs = {*OUTPUTS, *ASKING}
     assert {f.name for f in dataclasses.fields(EpisodeConfig)} - outputs == set(SavedSettings.model_fields)
