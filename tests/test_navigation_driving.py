@@ -270,7 +270,8 @@ def test_the_fixture_that_it_was_at_is_meant_again() -> None:
     navigator = KnownPlaceNavigator(robot, two_rooms(), knowing(first, other))
     drive(robot, navigator, "cabinet")
     assert distance_to(first, robot.pose[:2]) <= HANDOFF.distance_m
-    been, none = navigator.save(), {"been": {}}
+    been = navigator.save()
+    none: dict[str, object] = {"been": {}}
     for remembers, said, expected in (
         (been, "the cabinet", first),
         (been, "another cabinet", other),

@@ -99,7 +99,7 @@ def test_a_thing_is_taken_from_where_it_is_said_to_be() -> None:
 
 def test_what_stands_open_is_meant_where_things_are_put() -> None:
     """Of two cabinets the nearer is meant, but to put something in or to close it the one whose door is open."""
-    near, far = ({"entry": "base_cabinet", "at": [1.0, y]} for y in (0.0, 0.9))
+    near, far = (f"{{entry: base_cabinet, at: [1.0, {y}]}}" for y in (0.0, 0.9))
     world = small_world({}, (-0.2, 0.0, 0.0), cabinet_1=near, cabinet_2=far)
     task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     assert task.nearest("cabinet", ajar=True) == "cabinet_1"

@@ -75,7 +75,7 @@ def plan_of(task: str) -> Plan:
 
 @cache
 def problem_of(task: str) -> Problem:
-    """The problem, each of its rooms with a floor: things can be laid there, whether the problem speaks of it or not."""
+    """The problem, each of its rooms with a floor: things can be laid there, whether it speaks of it or not."""
     problem = load_problem(task)
     floored = {room for thing, room in problem.rooms.items() if problem.objects[thing] in FLOORS}
     bare = sorted(set(problem.rooms.values()) - floored)

@@ -14,7 +14,6 @@ from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.solids import Array
 
-
 _BEHIND_M = 4.0  # of driving, that a place at the side of a thing is worse than one before its front: twice that behind
 
 
