@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mpvi_bt.cli.given import File, Name, backends
+from mpvi_bt.cli.given import File, Name, backends, demonstration_fps
 from mpvi_bt.cli.suite_report import Told
 from mpvi_bt.errors import BackendError
 from mpvi_bt.suite.config import EPISODE, EpisodeConfig, SuiteBudget
@@ -82,6 +82,8 @@ def _shared(command: Any) -> Any:
 @click.option("--trace/--no-trace", default=True, show_default=True, help="Write what happened in every episode.")
 @click.option("--video/--no-video", default=False, help="Film every episode.")
 @click.option("--picture/--no-picture", default=False, help="Draw every episode's path from above.")
+@click.option("--demonstrations/--no-demonstrations", default=False, help="Record every episode, for `mpvi dataset`.")
+@demonstration_fps
 @click.option(
     "--suite-calls",
     type=click.IntRange(min=0),
@@ -103,6 +105,8 @@ def run(
     trace: bool,
     video: bool,
     picture: bool,
+    demonstrations: bool,
+    demonstration_fps: int,
     suite_calls: int | None,
     suite_tokens: int | None,
     **options: Any,
@@ -129,14 +133,16 @@ def run(
     budget = SuiteBudget(store.out / "asked.json", suite_calls, suite_tokens)
     for config in {(c.task, c.method): replace(c, suite_budget=budget) for c in episodes}.values():
         check_episode(config)  # what is wrong with a tree or a plan is said once, and before workers start
-    wanted = {"trace": (trace, "traces", "jsonl"), "video": (video, "videos", "mp4")}
-    wanted |= {"picture": (picture, "pictures", "png"), "planned": (True, "plans", "json")}
+    wanted = {"trace": (trace, "traces", ".jsonl"), "video": (video, "videos", ".mp4")}
+    wanted |= {"picture": (picture, "pictures", ".png"), "planned": (True, "plans", ".json")}
+    wanted |= {"demonstration": (demonstrations, "demonstrations", "")}
     episodes = [
         replace(
             config,
             suite_budget=budget,
+            demonstration_fps=demonstration_fps,
             **{
-                field: store.folder(config) / folder / f"{config.name}.{suffix}"
+                field: store.folder(config) / folder / f"{config.name}{suffix}"
                 for field, (asked, folder, suffix) in wanted.items()
                 if asked
             },
