@@ -124,6 +124,17 @@ def test_the_base_does_not_jerk(world: World) -> None:
     assert (change < [2.2, 2.2, 3.6]).all()
 
 
+def test_what_is_restored_to_rest_stays_at_rest(world: World) -> None:
+    """A robot that drives, and is brought back to how it stood, stands there: it does not go on driving."""
+    saved = world.robot.save()
+    action = world.robot.action
+    action[ActionLayout.BASE] = (0.4, 0.2, 0.5)
+    run(world, action, 0.5)
+    world.robot.restore(saved)
+    run(world, np.array(saved["action"]), 0.5)
+    np.testing.assert_allclose(world.robot.proprioception().base_pose, 0.0, atol=0.005)
+
+
 def test_holding_keeps_every_joint(world: World) -> None:
     """A robot that holds in the middle of a motion goes on to its targets, base at rest, and stays."""
     action = spread(world)

@@ -165,9 +165,18 @@ class SimRobot:
         self._articulation.set_qpos(values["q"])
         self._articulation.set_qvel(values["v"])
         self._velocity = values["base"]
+        for name in r1.BASE_JOINTS:  # what it was doing until now; `apply` goes on from the saved speed
+            self._joints[name].set_drive_velocity_target(0.0)
         self._sent = None
         self.act(values["action"])
         self.apply()
+
+    def standing_at(self, base_pose: Array, q: list[float]) -> list[float]:
+        """Joints `q`, as `save` has them, with the base at x, y [m], yaw [rad] (3,)."""
+        joints = np.array(q)
+        joints[self._base] = base_pose
+        out: list[float] = joints.tolist()
+        return out
 
     def stand(self, arms: Mapping[Side, Array]) -> None:
         """Have arms stand in postures (7,) at once, at rest, and keep them."""

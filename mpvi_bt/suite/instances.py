@@ -91,6 +91,11 @@ def begin(
 def settled(house: House, start: Start, *, render: bool = True, assisted: bool = False) -> tuple[World, list[str]]:
     """The world of a start once everything has come to rest, and the names of what has not within 4 s."""
     world = World(house, start.objects, start.base_pose, render=render, assisted=assisted)
+    return world, come_to_rest(world, start)
+
+
+def come_to_rest(world: World, start: Start) -> list[str]:
+    """Open and turn on what is so in a start, let all settle, and tell the names of what has not within 4 s."""
     for name, openings in start.openings.items():
         for body, fraction in openings.items():
             world.set_opening(name, body, fraction)
@@ -104,7 +109,7 @@ def settled(house: House, start: Start, *, render: bool = True, assisted: bool =
         moved = [name for name, p in before.items() if np.linalg.norm(world.pose(name)[:3, 3] - p) > _STILL_M]
         if not moved:
             break
-    return world, moved
+    return moved
 
 
 def faults(world: World, start: Start, house: House, problem: Problem) -> Iterator[str]:
