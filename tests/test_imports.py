@@ -33,18 +33,22 @@ RANKS = [
     {"trace"},
     {"executive", "testing"},
     {"suite"},
-    {"report"},
+    {"report", "maniskill"},
     {"cli"},
 ]
 RANK = {part: rank for rank, parts in enumerate(RANKS) for part in parts}
 # Protocols, plain data and the check of it that modules of lower rank may share with the behaviors that use them.
 SHARED = {"mpvi_bt.behaviors.protocols", "mpvi_bt.behaviors.chunk"}
 
+# Another simulator's env of our tasks lies in sim with what it builds, and knows tasks and instances: it stands above.
+MANISKILL = {f"sim/{path.name}" for path in (PACKAGE / "sim").glob("maniskill*.py")}
+
 ONLY_IN = {
-    "sapien": {"sim"},
-    "mani_skill": {"sim/maniskill.py"},
+    "sapien": {"sim", "maniskill"},
+    "mani_skill": MANISKILL,
+    "gymnasium": MANISKILL,
     "py_trees": {"behaviors", "tree", "executive"},
-    "torch": {"sim/maniskill.py", "perception/grounding_dino.py"},
+    "torch": {*MANISKILL, "perception/grounding_dino.py"},
     "transformers": {"perception/grounding_dino.py"},
     "rerun": {"executive/rerun_log.py"},
     "ray": {"suite/ray_engine.py"},
@@ -66,8 +70,9 @@ HEAVY = (
 
 
 def part_of(path: Path) -> str:
-    """The folder or module right under the package that a file belongs to, such as "sim"."""
-    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+    """The folder or module right under the package that a file belongs to, such as "sim"; or "maniskill"."""
+    within = path.relative_to(PACKAGE)
+    return "maniskill" if within.as_posix() in MANISKILL else within.parts[0].removesuffix(".py")
 
 
 def imports(path: Path) -> Iterator[str]:
@@ -84,8 +89,10 @@ def imports(path: Path) -> Iterator[str]:
 def of_ours(path: Path) -> Iterator[tuple[str, str]]:
     """(part, full name) of each import of our own modules."""
     for name in imports(path):
-        if name.startswith("mpvi_bt.") and (part := name.split(".")[1]) in RANK:
-            yield part, name
+        if name.startswith("mpvi_bt."):
+            part = "maniskill" if name.startswith("mpvi_bt.sim.maniskill") else name.split(".")[1]
+            if part in RANK:
+                yield part, name
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))

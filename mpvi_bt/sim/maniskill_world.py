@@ -1,0 +1,56 @@
+"""The world of a ManiSkill environment, as trees drive it and goals are judged by it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import sapien
+
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.sim.builder import Thing
+from mpvi_bt.sim.house import House
+from mpvi_bt.sim.sampling import Start
+from mpvi_bt.sim.world import World
+
+
+class ManiSkillWorld(World):
+    """A `World` in the scene of a ManiSkill environment, which steps it."""
+
+    def __init__(
+        self,
+        scene: sapien.Scene,
+        step: Callable[[Array], None],
+        house: House,
+        start: Start,
+        render: bool,
+        assisted: bool = False,
+    ) -> None:
+        """Build a start of a task in `scene`.
+
+        Args:
+            scene: A sub scene of the environment's.
+            step: The environment's step with one action (23,); it calls `stepped` in turn.
+            house: Rooms, walls and fixtures.
+            start: Where things and the robot begin; nothing has moved yet.
+            render: Whether pictures can be asked for.
+            assisted: As of `World`.
+        """
+        super().__init__(house, start.objects, start.base_pose, render=render, assisted=assisted, scene=scene)
+        self._step = step
+
+    def step(self, action: Array) -> None:
+        """Have the environment take one step."""
+        self._step(action)
+
+    def thing(self, name: str) -> Thing:
+        """A thing, by its name."""
+        return self._things[name]
+
+    @property
+    def switched(self) -> dict[str, bool]:
+        """Whether each thing that has a switch is on."""
+        return self._switches.on
+
+    def show_switches(self) -> None:
+        """Bring what cameras see of switches to where they are."""
+        self._switches.show()

@@ -1,0 +1,316 @@
+"""`MpviHouse-v1`: the core's worlds in ManiSkill's form."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mani_skill")
+
+import gymnasium
+import torch
+from mani_skill.utils.wrappers.gymnasium import CPUGymWrapper
+from mani_skill.utils.wrappers.record import RecordEpisode
+
+from mpvi_bt.errors import UnknownName, UserError
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot import r1
+from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
+from mpvi_bt.sim.catalogue import load_catalogue
+from mpvi_bt.sim.house import load_house
+from mpvi_bt.sim.maniskill import MpviHouseEnv
+from mpvi_bt.sim.world import World
+from mpvi_bt.suite.instances import begin, expanded_problem
+from mpvi_bt.suite.tasks import load_task
+
+TASK = "picking_up_trash"
+
+
+def make(**kwargs: Any) -> gymnasium.Env[Any, Any]:
+    """The environment, small and blind unless asked otherwise."""
+    return gymnasium.make("MpviHouse-v1", **{"task": TASK, "instance": 0, **kwargs})
+
+
+def inner(env: gymnasium.Env[Any, Any]) -> MpviHouseEnv:
+    """The environment under its wrappers."""
+    unwrapped = env.unwrapped
+    assert isinstance(unwrapped, MpviHouseEnv)
+    return unwrapped
+
+
+@pytest.fixture(scope="module")
+def env() -> Iterator[gymnasium.Env[Any, Any]]:
+    """One environment for all tests that reset it anyway."""
+    made = make(obs_mode="state_dict")
+    yield made
+    made.close()
+
+
+def core(instance: int = 0) -> World:
+    """The same start in the core."""
+    task = load_task(TASK)
+    house = load_house(task.house)
+    problem = expanded_problem(task, house)
+    return begin(task, house, load_catalogue(), problem, instance, render=False)[0]
+
+
+def wanders(steps: int, seed: int = 0) -> np.ndarray:
+    """(steps, 23) float32 commands that drive about smoothly and swing the arms."""
+    rng = np.random.default_rng(seed)
+    at = np.arange(steps)[:, None] / 30
+    waves = np.sin(at * rng.uniform(0.5, 2.0, ACTION_SIZE) + rng.uniform(0, 6, ACTION_SIZE))
+    actions = np.zeros((steps, ACTION_SIZE))
+    actions[:, ActionLayout.BASE] = waves[:, :3] * [0.4, 0.2, 0.8]
+    actions[:, ActionLayout.TORSO] = r1.TRAVEL_TORSO + waves[:, 3:7] * [0.05, 0.2, 0.1, 0.2]
+    for side, part in ActionLayout.ARM.items():
+        actions[:, part] = r1.TRAVEL_ARM[side] + 0.15 * waves[:, part]
+    return actions.astype(np.float32)
+
+
+@pytest.mark.parametrize("instance", [0, 3])
+def test_things_begin_where_the_core_has_them(env: gymnasium.Env[Any, Any], instance: int) -> None:
+    """After a reset every movable thing and the robot stand where they do in the core, to a thousandth of 1 mm."""
+    env.reset(options={"instance": instance})
+    here, there = inner(env).world, core(instance)
+    for name in there.objects:
+        assert np.abs(here.pose(name) - there.pose(name)).max() < 1e-6, name
+    assert np.abs(here.robot.proprioception().base_pose - there.robot.proprioception().base_pose).max() < 1e-6
+
+
+def test_the_same_commands_drive_the_same_way(env: gymnasium.Env[Any, Any]) -> None:
+    """Ten seconds of the same commands give paths of the base within 2 cm of each other all along."""
+    env.reset()
+    here, there = inner(env).world, core()
+    begun = there.robot.proprioception().base_pose
+    apart = []
+    for action in wanders(300):
+        env.step(action)
+        there.step(action)
+        apart.append(here.robot.proprioception().base_pose - there.robot.proprioception().base_pose)
+    assert np.linalg.norm((there.robot.proprioception().base_pose - begun)[:2]) > 0.3
+    assert np.linalg.norm(np.array(apart)[:, :2], axis=1).max() < 0.02
+
+
+def test_a_seed_gives_the_same_episode(env: gymnasium.Env[Any, Any]) -> None:
+    """The same seed and actions give the same observations, bit by bit, whatever came before."""
+    runs = []
+    for _ in range(2):
+        first, _ = env.reset(seed=5, options={"instance": None})
+        last = [env.step(action)[0] for action in wanders(20, seed=1)][-1]
+        runs.append([inner(env).instance, *leaves(first), *leaves(last)])
+        env.reset(seed=6)
+        env.step(wanders(1)[0])
+    assert all(np.array_equal(a, b) for a, b in zip(*runs, strict=True))
+
+
+def leaves(tree: Any) -> Iterator[np.ndarray]:
+    """The arrays of an observation."""
+    if isinstance(tree, dict):
+        for part in tree.values():
+            yield from leaves(part)
+    else:
+        yield np.asarray(tree)
+
+
+def test_what_sleeps_keeps_its_contacts(env: gymnasium.Env[Any, Any]) -> None:
+    """A can that has fallen asleep still touches the floor: goals are judged at each step without waking anything."""
+    env.reset()
+    world = inner(env).world
+    can = next(name for name in world.objects if name.startswith("can"))
+    floor = next(name for name in world.things if name.startswith("floor_") and world.touching(can, name))
+    for _ in range(60):
+        world.step(world.robot.action)
+    assert world.thing(can).rigid_body.is_sleeping
+    assert world.touching(can, floor)
+    world.place(can, kin.transform(np.eye(3), (0.0, 0.0, 5.0)))
+    world.step(world.robot.action)
+    assert not world.touching(can, floor)
+
+
+def test_q_grows_with_what_is_done_and_rewards_sum_up_to_it(env: gymnasium.Env[Any, Any]) -> None:
+    """Cans in the bin raise q one by one; increments sum up to it; with the last the episode ends in success."""
+    env.reset()
+    world = inner(env).world
+    cans = [name for name in world.objects if name.startswith("can")]
+    bin_ = next(name for name in world.objects if name.startswith("ashcan"))
+    rewards = []
+    for k, can in enumerate(cans):
+        inside = world.pose(bin_)[:3, 3] + [0.0, 0.0, 0.1 + 0.05 * k]
+        world.place(can, kin.transform(np.eye(3), inside), fixed=True)
+        _, reward, terminated, _, info = env.step(world.robot.action.astype(np.float32))
+        rewards.append(float(reward))
+        assert bool(terminated) == (can == cans[-1])
+    assert info["q"].shape == info["success"].shape == (1,)
+    assert float(info["q"]) == pytest.approx(sum(rewards)) == 1.0
+    assert bool(info["success"])
+    assert [bool(holds) for holds in info["predicates"].values()] == [True] * len(cans)
+
+
+def test_a_state_is_restored(env: gymnasium.Env[Any, Any]) -> None:
+    """A state that is set comes back the same, commands and all."""
+    env.reset()
+    for action in wanders(10):
+        env.step(action)
+    state = inner(env).get_state_dict()
+    for action in wanders(10, seed=2):
+        env.step(action)
+    inner(env).set_state_dict(state)
+    for now, then in zip(leaves(inner(env).get_state_dict()), leaves(state), strict=True):
+        np.testing.assert_allclose(now, then, atol=1e-5)
+
+
+def test_putting_things_back_is_as_good_as_building_anew() -> None:
+    """Where resets only put things back, they stand within 1 mm of where a new scene has them."""
+    env = make(instance=None, reconfiguration_freq=0)
+    for instance in (1, 2, 1):
+        env.reset(options={"instance": instance})
+        here, there = inner(env).world, core(instance)
+        for name in there.objects:
+            assert np.abs(here.pose(name)[:3, 3] - there.pose(name)[:3, 3]).max() < 1e-3, name
+        assert np.abs(here.robot.proprioception().base_pose - there.robot.proprioception().base_pose).max() < 1e-3
+        for action in wanders(15):
+            env.step(action)
+    env.close()
+
+
+def test_physics_are_set_as_in_the_core(env: gymnasium.Env[Any, Any]) -> None:
+    """Both simulators step 120 times a second with the same settings."""
+    import sapien
+
+    from mpvi_bt.sim.shaders import new_scene
+
+    def settings() -> list[str]:
+        physx = sapien.physx
+        configs = (physx.get_shape_config(), physx.get_body_config(), physx.get_scene_config())
+        return [f"{n}={getattr(c, n)}" for c in configs for n in sorted(dir(c)) if not n.startswith("_")]
+
+    env.reset()
+    ours = settings()
+    scene = new_scene(render=False)
+    assert settings() == ours
+    assert inner(env).scene.timestep == pytest.approx(scene.timestep)
+
+
+def test_deltas_of_zero_leave_the_joints_where_they_are() -> None:
+    """In both delta modes a robot that is asked for nothing stays as it stands."""
+    for mode in ("pd_joint_target_delta_pos", "pd_ee_target_delta_pose"):
+        env = make(control_mode=mode)
+        env.reset()
+        robot = inner(env).world.robot
+        before = robot.proprioception()
+        nothing = np.zeros(env.action_space.shape, np.float32)
+        for _ in range(20):
+            env.step(nothing)
+        after = robot.proprioception()
+        assert np.abs(after.base_pose - before.base_pose).max() < 1e-3
+        assert np.abs(after.arm["left"] - before.arm["left"]).max() < 0.01
+        env.close()
+
+
+def test_a_hand_goes_where_it_is_asked_to() -> None:
+    """Deltas of a hand move it along the base's axes, and the other hand not at all."""
+    env = make(control_mode="pd_ee_target_delta_pose")
+    env.reset()
+    robot = inner(env).world.robot
+    action = np.zeros(21, np.float32)
+    action[[13, 20]] = 1.0
+    action[7] = 1.0  # the left hand forward
+    begin = {side: kin.tcp(f.torso, f.arm[side], side) for f in [robot.proprioception()] for side in r1.SIGN}
+    for _ in range(20):
+        env.step(action)
+    end = {side: kin.tcp(f.torso, f.arm[side], side) for f in [robot.proprioception()] for side in r1.SIGN}
+    moved = {side: end[side][:3, 3] - begin[side][:3, 3] for side in r1.SIGN}
+    assert moved["left"][0] == pytest.approx(20 * 0.5 / 30, abs=0.03)
+    assert np.abs(moved["left"][1:]).max() < 0.02
+    assert np.abs(moved["right"]).max() < 0.01
+    env.close()
+
+
+def test_what_cannot_be_made_is_refused() -> None:
+    """Unknown tasks, instances that are not there and physics on a GPU that is not there are one clear line."""
+    with pytest.raises(UnknownName, match="picking_up_trash"):
+        make(task="picking_up_thrash")
+    with pytest.raises(UserError, match="instance 9999"):
+        make(instance=9999)
+    with pytest.raises(UserError, match="num_envs=2"):
+        make(num_envs=2)
+
+
+@pytest.mark.slow
+def test_gymnasium_finds_nothing_wrong() -> None:
+    """Gymnasium's own checker passes the environment."""
+    from gymnasium.utils.env_checker import check_env
+
+    env = CPUGymWrapper(make(obs_mode="state"))
+    check_env(env, skip_render_check=True, skip_close_check=True)  # these make it anew, without ManiSkill's wrappers
+    env.close()
+
+
+@pytest.mark.slow
+def test_a_recorded_episode_replays(tmp_path: Path) -> None:
+    """What `RecordEpisode` writes holds actions and states, and its actions lead through the same states again."""
+    import h5py
+
+    env = RecordEpisode(make(instance=None), str(tmp_path), trajectory_name="demo", save_video=False)
+    env.reset(seed=7)
+    for action in wanders(30):
+        env.step(action)
+    env.close()
+    told = json.loads((tmp_path / "demo.json").read_text())
+    assert told["env_info"]["env_id"] == "MpviHouse-v1"
+    with h5py.File(tmp_path / "demo.h5") as file:
+        recorded = file["traj_0"]
+        actions, states = recorded["actions"][:], recorded["env_states"]
+        again = gymnasium.make("MpviHouse-v1", **told["env_info"]["env_kwargs"])
+        again.reset(**told["episodes"][0]["reset_kwargs"])
+        for action in actions:
+            again.step(action)
+        end = inner(again).get_state_dict()
+        np.testing.assert_array_equal(end["articulations"]["r1"][0], states["articulations"]["r1"][-1])
+        for name, state in end["actors"].items():
+            np.testing.assert_array_equal(state[0], states["actors"][name][-1])
+        again.close()
+
+
+@pytest.mark.slow
+def test_random_steps_leave_numbers_finite_and_memory_alone() -> None:
+    """Random actions over several episodes give no NaN, and no episode keeps memory."""
+    env = make(obs_mode="state", instance=None)
+    kept = []
+    env.action_space.seed(0)
+    for episode in range(6):
+        obs, _ = env.reset(seed=episode)
+        for _ in range(60):
+            obs, reward, *_ = env.step(env.action_space.sample())
+            assert bool(torch.isfinite(obs).all())
+            assert bool(torch.isfinite(reward).all())
+        kept.append(int(Path("/proc/self/statm").read_text().split()[1]) * 4096)
+    assert kept[-1] - kept[2] < 20e6
+    env.close()
+
+
+@pytest.mark.render
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["rgb", "rgbd", "rgb+segmentation"])
+def test_pictures_show_the_house(mode: str) -> None:
+    """Each camera gives the pictures of its mode; labels name things of the house; depth is within its range."""
+    env = make(obs_mode=mode)
+    obs, _ = env.reset()
+    known = inner(env).segmentation_id_map
+    for name, camera in r1.CAMERAS.items():
+        pictures = obs["sensor_data"][name]
+        assert pictures["rgb"].shape == (1, camera.height, camera.width, 3)
+        assert pictures["rgb"].float().std() > 5
+        if mode == "rgbd":
+            assert 0 < int(pictures["depth"].max()) <= camera.far_m * 1000
+        if "segmentation" in mode:
+            seen = {known[k].name for k in np.unique(pictures["segmentation"]).tolist() if k in known}
+            assert any(name.startswith(("floor_", "wall_")) for name in seen) or name != "head"
+    assert obs["extra"]["base_pose"].shape == (1, 3)
+    assert "objects" not in obs["extra"]
+    env.close()
