@@ -43,6 +43,13 @@ _OF_THIS_RUN = ("video", "picture", "rerun", *ASKING)  # of an episode that goes
     shell_complete=complete_param,
 )
 @click.option("--plan", type=Name("tasks/plans", file=True), help="Compile this plan, by name or file.")
+@click.option(
+    "--sim",
+    type=click.Choice(["sapien", "maniskill"]),
+    default="sapien",
+    show_default=True,
+    help="Whose scene it runs in: the project's own, or that of its ManiSkill environment.",
+)
 @click.option("--dry", is_flag=True, help="No robot, no simulator: stand-ins do the work. Needs no TASK with --tree.")
 @click.option(
     "--substitute",

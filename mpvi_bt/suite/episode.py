@@ -41,6 +41,7 @@ from mpvi_bt.suite.prepare import Prepared, prepare_episode
 from mpvi_bt.suite.queries import count_queries
 from mpvi_bt.suite.result import Failure, Grasps, Planning, Replanned, make_result
 from mpvi_bt.suite.saved import Keeper, SavedEpisode
+from mpvi_bt.suite.simulators import begin_elsewhere
 from mpvi_bt.suite.tasks import Task
 from mpvi_bt.suite.truth import Audit, TrueState
 from mpvi_bt.tree.build import Tree
@@ -82,8 +83,11 @@ def run(
     tree = Tree(prepared.spec, stand_ins(prepared.rules))
     house, catalogue = load_house(task.house), load_catalogue()
     problem = expanded_problem(task, house)
-    built = {"render": _renders(config), "assisted": config.assisted}
-    world, start = begin(task, house, catalogue, problem, config.instance, config.split, **built)
+    if config.sim == "sapien":
+        built = {"render": _renders(config), "assisted": config.assisted}
+        world, start = begin(task, house, catalogue, problem, config.instance, config.split, **built)
+    else:
+        world, start = begin_elsewhere(config, _renders(config))
     truth = truth_in(world, start.scene_names)
     before = snapshot(problem, truth)
     places = _places(world)

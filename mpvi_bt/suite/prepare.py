@@ -21,6 +21,7 @@ from mpvi_bt.suite.language import Models, check_language_choice
 from mpvi_bt.suite.planners import ground, make_planner
 from mpvi_bt.suite.policies import check_policy_choice
 from mpvi_bt.suite.saved import SavedEpisode
+from mpvi_bt.suite.simulators import check_simulator_choice
 from mpvi_bt.suite.splits import check_split
 from mpvi_bt.suite.tasks import Task, load_task
 from mpvi_bt.tree.compile import compile_instruction, compile_plan
@@ -148,6 +149,7 @@ def check_backends(config: EpisodeConfig) -> None:
     check_language_choice(config)
     check_policy_choice(config)
     check_checker_choice(config)
+    check_simulator_choice(config)
     make_detector(config.detector, {})
     if config.map == "online" and config.detector == "oracle":
         raise UserError("--map online is built by looking: choose a detector that looks, such as segmentation.")
