@@ -85,7 +85,7 @@ def test_the_papers_variants_differ_from_the_method_in_one_thing() -> None:
         "subtask_prediction": {"drive": "policy"},
         "oracle_localization": {"detector": "oracle"},
         "no_trigger": {"trigger": "periodic:300"},
-        "expert": {"detector": "oracle", "policy": "expert"},
+        "expert": {"detector": "oracle", "policy": "expert", "checker": "oracle"},
     }  # fmt: skip
 
 
