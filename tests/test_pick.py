@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mpvi_bt.manipulation import pick as picking
 from mpvi_bt.manipulation.pick import _bring, pick
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
-from mpvi_bt.robot.solids import pose
+from mpvi_bt.robot.solids import Array, pose
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 
@@ -95,6 +96,33 @@ def test_a_thing_is_taken_from_where_it_is_said_to_be() -> None:
     task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     assert task.nearest("Easter egg") == "laid"
     assert task.nearest("Easter egg", "wicker basket") == "egg"
+
+
+def test_where_the_nearest_is_out_of_reach_the_next_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of things alike each near by is tried, the nearest first, none that is far off, and other failures stand."""
+    cans = {f"can_{k}": placed("can_of_soda", x, 0.0) for k, x in enumerate((0.6, 0.4, 3.5))}
+    world = small_world(cans, (-0.2, 0.0, 0.0))
+    task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    tried: list[str] = []
+
+    def pick_up(work: Work, name: str, side: Side, bases: list[Array]) -> Actions:
+        tried.append(name)
+        yield from ()
+        if reasons:
+            raise MotionFailure(reasons.pop(0))
+
+    monkeypatch.setattr(picking, "pick_up", pick_up)
+    for failures, names in (([], "1"), (["no_stance"], "10"), (["no_stance"] * 9, "10"), (["slipped"], "1")):
+        reasons, passes = list(failures), len(failures) < len(names)
+        tried.clear()
+        try:
+            list(pick(task, {**CAN, "hand": "left"}, []))
+        except MotionFailure as failure:
+            assert not passes
+            assert failure.reason == failures[-1]
+        else:
+            assert passes
+        assert tried == [f"can_{k}" for k in names]
 
 
 def test_what_stands_open_is_meant_where_things_are_put() -> None:

@@ -12,7 +12,7 @@ from mpvi_bt.manipulation.draw_out import draw_out
 from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.hand import opened
 from mpvi_bt.manipulation.stance import Option
-from mpvi_bt.manipulation.work import Words, Work
+from mpvi_bt.manipulation.work import NEAR_M, Words, Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Load
 from mpvi_bt.robot.motion import Actions, MotionFailure
@@ -20,6 +20,7 @@ from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array
 
 _OFF_M, _AWAY_M = 0.055, 0.20  # above what it lay on, or aside: a thing that tips in the hand has risen by less
+_ALIKE = 4  # things that a phrase names are tried, the nearest first
 _SLANTED_RAD = 0.8  # from straight down; such hands may reach into compartments
 # From how far to close in, how far to lift, how far behind the arm takes its posture [m], and the cost of it.
 _WAYS = ((0.10, 0.15, 0.0, 0.0), (0.10, 0.06, 0.0, 0.1), (0.05, 0.06, 0.0, 0.2), (0.10, 0.03, 0.4, 0.3),
@@ -28,6 +29,8 @@ _WAYS = ((0.10, 0.15, 0.0, 0.0), (0.10, 0.06, 0.0, 0.1), (0.05, 0.06, 0.0, 0.2),
 
 def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
     """Pick up the thing that `words["object"]` names, with the hand `words["hand"]` if that is said.
+
+    Of several alike the nearest is meant; where it cannot be reached, the next one is.
 
     Args:
         work: Robot and world.
@@ -44,15 +47,21 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
             if held in work.lay:  # a try that failed on its way has it in hand
                 yield from _bring(work, held, side)
             return
-    name = work.nearest(words["object"], words.get("source"))
-    for side in work.free_hands(name, words.get("hand")):
-        try:
-            yield from pick_up(work, name, side, tried)
-            return
-        except MotionFailure as failure:
-            if failure.reason != "no_stance" or "hand" in words:
-                raise
+    for name in _in_reach(work, work.alike(words["object"], words.get("source"))):
+        for side in work.free_hands(name, words.get("hand")):
+            try:
+                yield from pick_up(work, name, side, tried)
+                return
+            except MotionFailure as failure:
+                if failure.reason != "no_stance":
+                    raise
     raise MotionFailure("no_stance")
+
+
+def _in_reach(work: Work, names: list[str]) -> list[str]:
+    """The nearest of things alike, and the next ones as far as what is around them is known."""
+    here = work.motion.felt.base_pose[:2]
+    return names[:1] + [n for n in names[1:_ALIKE] if np.linalg.norm(work.middle(n)[:2] - here) < NEAR_M]
 
 
 def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:

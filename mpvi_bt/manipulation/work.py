@@ -76,11 +76,15 @@ class Work:
         return np.asarray(bounds(self.scene.solids(name)).mean(0))
 
     def nearest(self, phrase: str, source: str | None = None, ajar: bool = False) -> str:
-        """The thing that a phrase names, what is still to be picked up first, then the nearest.
+        """The first of those that a phrase names, as `alike` orders them. Raises as `alike`."""
+        return self.alike(phrase, source, ajar)[0]
+
+    def alike(self, phrase: str, source: str | None = None, ajar: bool = False) -> list[str]:
+        """The things that a phrase names, of those that are still to be picked up, if there are any; the nearest first.
 
         Args:
-            phrase: What it is called.
-            source: What it is said to be in or on; where nothing so called is there, it may be anywhere.
+            phrase: What they are called.
+            source: What they are said to be in or on; where nothing so called is there, they may be anywhere.
             ajar: What stands open near by comes before what is nearer and shut: to put something in, or to close it.
 
         Raises:
@@ -94,10 +98,10 @@ class Work:
             places = self.scene.knowledge().find(source)
             found = [e for e in found if any(_there(e, place) for place in places)] or found
         found = self._as_said(found, phrase)
-        alike = [e for e in found if e.away == found[0].away]
-        if ajar and len(alike) > 1:
-            alike = [e for e in alike if np.linalg.norm(e.center[:2] - here) < NEAR_M and self._ajar(e.name)] or alike
-        return min(alike, key=lambda e: float(np.linalg.norm(e.center[:2] - here))).name
+        some = [e for e in found if e.away == found[0].away]
+        if ajar and len(some) > 1:
+            some = [e for e in some if np.linalg.norm(e.center[:2] - here) < NEAR_M and self._ajar(e.name)] or some
+        return [e.name for e in sorted(some, key=lambda e: float(np.linalg.norm(e.center[:2] - here)))]
 
     def _as_said(self, found: list[Entry], phrase: str) -> list[Entry]:
         """Those that are empty, open or shut, or with something in them, where a phrase says so; all if none is."""
