@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import suppress
 from itertools import chain, islice
 
 from mpvi_bt.manipulation import spots
@@ -10,6 +11,7 @@ from mpvi_bt.manipulation.carry import settle, unwedge
 from mpvi_bt.manipulation.drop import drop_in, reach_over, releases
 from mpvi_bt.manipulation.gaze import look_at, study
 from mpvi_bt.manipulation.held import Held
+from mpvi_bt.manipulation.pick import pick_up
 from mpvi_bt.manipulation.placing import LYING, SLANTED, UPRIGHT, Pose, place_at, release
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot.motion import Actions, MotionFailure
@@ -27,6 +29,7 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
     """Let go of the held `words["object"]` in `words["container"]`, which stands somewhere or hangs in the other hand.
 
     It falls in from above where the container is open there, and else is set down on a board inside, from the front.
+    What falls beside it is picked up and put in once more.
 
     Raises:
         MotionFailure: "not_held", "unknown_object", "not_a_container", "no_release", "no_free_spot", "no_stance",
@@ -34,6 +37,18 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
     """
     side = work.hand_with(words["object"], words.get("hand"))
     container = work.nearest(words["container"], ajar=True)
+    name = work.held()[side].name
+    if (yield from _put_in(work, side, container, tried)):
+        return
+    if work.scene.holding(side) is None:
+        with suppress(MotionFailure):
+            yield from pick_up(work, name, side, [])
+    if work.scene.holding(side) != name or not (yield from _put_in(work, side, container, tried)):
+        raise MotionFailure("missed")
+
+
+def _put_in(work: Work, side: Side, container: str, tried: list[Array]) -> Generator[Array, None, bool]:
+    """Let go of what a hand holds in a container; returns whether it came to lie in there. Raises as `place_in`."""
     yield from unwedge(work)
     held = work.held()[side]
     if not work.scene.volumes(container):  # so far it may have been seen in part, or from below
@@ -47,10 +62,9 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
     elif not (yield from drop_in(work, side, held, container, tried)):
         groups = _upright_first(lambda leans: spots.on(work, held, container, leans, inside=True), LYING)
         yield from place_at(work, side, held, container, groups, tried)
-    missed = held.name not in work.scene.within(container)
+    lies_in = held.name in work.scene.within(container)
     yield from settle(work, without={held.name})
-    if missed:
-        raise MotionFailure("missed")
+    return lies_in
 
 
 def place_on(work: Work, words: Words, tried: list[Array]) -> Actions:

@@ -1,0 +1,69 @@
+"""Letting go of things: what is done about one that falls beside its container."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+import pytest
+
+from mpvi_bt.manipulation import place
+from mpvi_bt.manipulation.truth import TrueScene
+from mpvi_bt.manipulation.work import Work
+from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
+from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.solids import Array, pose
+from tests.small_house import placed, small_world
+
+EGG = {"object": "Easter egg", "container": "mixing bowl"}
+
+
+@pytest.mark.parametrize(
+    ("falls_in", "reachable", "done"),
+    [
+        ([True], True, "drop"),
+        ([False, True], True, "drop pick drop"),
+        ([False, False], True, "drop pick drop missed"),
+        ([False], False, "drop pick missed"),
+    ],
+)
+def test_what_falls_beside_its_container_is_put_in_once_more(
+    monkeypatch: pytest.MonkeyPatch, falls_in: list[bool], reachable: bool, done: str
+) -> None:
+    """It is picked up where it lies and let go of again; what stays beside it, or out of reach, was missed."""
+    world = small_world({"bowl": placed("mixing_bowl", 0.6, 0.0), "egg": placed("easter_egg", 0.6, 0.5, 0.02)})
+    world.settle()
+    beside = world.pose("egg")
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    hands: dict[Side, str | None] = {"left": "egg", "right": None}
+    monkeypatch.setattr(work.scene, "holding", lambda side: hands[side])
+    log, falls = [], iter(falls_in)
+
+    def drop_in(
+        work: Work, side: Side, held: object, container: str, tried: list[Array]
+    ) -> Generator[Array, None, bool]:
+        log.append("drop")
+        hands[side] = None
+        world.place("egg", world.pose(container) @ pose((0.0, 0.0, 0.03)) if next(falls) else beside)
+        yield from ()
+        return True
+
+    def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
+        log.append("pick")
+        yield from ()
+        if not reachable:
+            raise MotionFailure("no_stance")
+        hands[side] = name
+
+    def nothing(*_: object, **__: object) -> Actions:
+        yield from ()
+
+    for function in (drop_in, pick_up):
+        monkeypatch.setattr(place, function.__name__, function)
+    monkeypatch.setattr(place, "settle", nothing)
+    monkeypatch.setattr(place, "unwedge", nothing)
+    try:
+        list(place.place_in(work, EGG, []))
+    except MotionFailure as failure:
+        log.append(failure.reason)
+    assert " ".join(log) == done
