@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import subprocess
 import sys
 from pathlib import Path
@@ -13,8 +14,12 @@ EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
 
 def _parameter(path: Path) -> object:
     """One example as a test case; those with the simulator take a minute and draw pictures."""
-    real = "mpvi_bt.suite" in path.read_text(encoding="utf-8")
-    return pytest.param(path, id=path.stem, marks=[pytest.mark.slow, pytest.mark.render] if real else [])
+    text = path.read_text(encoding="utf-8")
+    marks = [pytest.mark.slow, pytest.mark.render] if "mpvi_bt.suite" in text else []
+    if "mpvi_bt.sim.maniskill" in text:
+        missing = importlib.util.find_spec("mani_skill") is None
+        marks = [pytest.mark.slow, pytest.mark.skipif(missing, reason="needs ManiSkill")]
+    return pytest.param(path, id=path.stem, marks=marks)
 
 
 @pytest.mark.parametrize("path", [_parameter(p) for p in EXAMPLES])

@@ -24,7 +24,6 @@ from mpvi_bt.goals.evaluate import GoalReport, Snapshot, judge, snapshot
 from mpvi_bt.goals.predicates import truth_in
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import SIDES
-from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.maniskill_agent import R1
@@ -147,7 +146,7 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
         if visible:
             use_light_shaders()
         self.world = ManiSkillWorld(
-            self.scene.sub_scenes[0], self._drive, self._house, self.start, visible, self._assisted
+            self.scene.sub_scenes[0], self.step, self._house, self.start, visible, self._assisted
         )
         self._unmoved = self.world.save()
         self._fresh = True
@@ -222,9 +221,6 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
             state["things"][name] = {**state["things"][name], "pose": [*pose.p.tolist(), *pose.q.tolist()]}
         state["robot"]["q"] = self.world.robot.standing_at(self.start.base_pose, state["robot"]["q"])
         self.world.restore(state)
-
-    def _drive(self, action: Array) -> None:
-        self.step(torch.tensor(np.float32(action)))
 
     def _after_simulation_step(self) -> None:
         if self.world.bumps is not None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 import sapien
+from numpy.typing import NDArray
 
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.builder import Thing
@@ -19,7 +21,7 @@ class ManiSkillWorld(World):
     def __init__(
         self,
         scene: sapien.Scene,
-        step: Callable[[Array], None],
+        step: Callable[[NDArray[np.float32]], object],
         house: House,
         start: Start,
         render: bool,
@@ -29,7 +31,7 @@ class ManiSkillWorld(World):
 
         Args:
             scene: A sub scene of the environment's.
-            step: The environment's step with one action (23,); it calls `stepped` in turn.
+            step: The environment's step with one action (23,) float32; it calls `stepped` in turn.
             house: Rooms, walls and fixtures.
             start: Where things and the robot begin; nothing has moved yet.
             render: Whether pictures can be asked for.
@@ -38,9 +40,17 @@ class ManiSkillWorld(World):
         super().__init__(house, start.objects, start.base_pose, render=render, assisted=assisted, scene=scene)
         self._step = step
 
+    def step_through(self, step: Callable[[NDArray[np.float32]], object]) -> None:
+        """Have steps go through a wrapper of the environment, such as one that records them, until the next reset.
+
+        Args:
+            step: The wrapper's step with one action (23,) float32.
+        """
+        self._step = step
+
     def step(self, action: Array) -> None:
         """Have the environment take one step."""
-        self._step(action)
+        self._step(action.astype(np.float32))
 
     def thing(self, name: str) -> Thing:
         """A thing, by its name."""

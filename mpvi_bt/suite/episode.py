@@ -28,6 +28,7 @@ from mpvi_bt.plan.planners import Planner, RecordedPlanner
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.prior_map import prior_map
+from mpvi_bt.sim.sampling import Start
 from mpvi_bt.sim.world import World
 from mpvi_bt.suite.backends import NOBODY, choose
 from mpvi_bt.suite.checkers import make_checker, make_triggers
@@ -58,6 +59,7 @@ def run(
     subscribers: Sequence[Subscriber] = (),
     prepared: Prepared | None = None,
     stop: Stop | None = None,
+    begun: tuple[World, Start] | None = None,
 ) -> dict[str, Any]:
     """Run one episode.
 
@@ -66,6 +68,7 @@ def run(
         subscribers: Who watches besides the meter and what `config` asks for.
         prepared: What `prepare_episode` made of `config`, if that was called before.
         stop: Ends the episode between two ticks; it takes Ctrl-C over meanwhile.
+        begun: A world that stands at its start, and the start, as of `instances.begin`; None: it is made here.
 
     Returns:
         The result, ready for JSON. Ctrl-C gives one too, its "ended" being "interrupted", and so does a policy's server
@@ -83,7 +86,9 @@ def run(
     tree = Tree(prepared.spec, stand_ins(prepared.rules))
     house, catalogue = load_house(task.house), load_catalogue()
     problem = expanded_problem(task, house)
-    if config.sim == "sapien":
+    if begun is not None:
+        world, start = begun
+    elif config.sim == "sapien":
         built = {"render": _renders(config), "assisted": config.assisted}
         world, start = begin(task, house, catalogue, problem, config.instance, config.split, **built)
     else:
