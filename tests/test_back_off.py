@@ -44,6 +44,19 @@ def test_between_things_it_goes_less_far() -> None:
     assert abs(y) < 0.02
 
 
+def test_close_before_something_it_goes_aside() -> None:
+    """What stands right behind it bars every way that is nearly straight: it slips past, still facing ahead."""
+    world = small_world({"box": placed("carton_of_milk", -0.4, 0.0)})
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    for action in back_off(work):
+        world.step(action)
+        work.motion.felt = world.robot.proprioception()
+    x, y, yaw = work.motion.felt.base_pose
+    assert -0.3 < x < -0.1
+    assert abs(y) > 0.2
+    assert yaw == pytest.approx(0.0, abs=0.03)
+
+
 def test_a_step_back_ends_before_what_stands_there() -> None:
     """After a failure the robot steps back in the open; with its back to something it stays where it is."""
     assert backed_off(by=step_back)[0] == pytest.approx(-0.15, abs=0.02)

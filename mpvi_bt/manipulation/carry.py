@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -21,7 +22,8 @@ from mpvi_bt.robot.solids import Array
 _FOLD_CLEAR_M = 0.02  # what is between the checks of a path may come that much nearer
 _BACK_M = (0.35, 0.2)  # to back off by,
 _STEP_M = 0.15  # after a failure
-_BACK_RAD = (0.0, 0.25, -0.25, 0.5, -0.5)  # from straight back
+_BACK_RAD = (0.0, 0.25, -0.25, 0.5, -0.5)  # from straight back,
+_ASIDE_RAD = (0.8, -0.8, 1.1, -1.1)  # and where none of it is free: out of a trunk that it stands obliquely before
 _SHRUNK_M = 0.001
 _CARRY_HEIGHT_M = 0.80
 _CHECKED_CARRIES = 25
@@ -139,13 +141,12 @@ def back_off(work: Work) -> Actions:
     """
     here, body, near = work.motion.felt.base_pose, work.body(), work.near()
     body = replace(body, held={side: _as_it_hangs(work, side, body) for side in body.held})
-    for by in _BACK_M:
-        for turn in _BACK_RAD:
-            back = np.array([-np.cos(here[2] + turn), -np.sin(here[2] + turn), 0.0]) * by
-            around = [near.seen_from(kin.base(here + back * u)) for u in (0.2, 0.4, 0.6, 0.8, 1.0)]
-            if all(base_clear(a) and _passes(replace(body, around=a)) for a in around):
-                yield from work.motion.drive(here + back)
-                return
+    for by, turn in (*product(_BACK_M, _BACK_RAD), *product(_BACK_M, _ASIDE_RAD)):
+        back = np.array([-np.cos(here[2] + turn), -np.sin(here[2] + turn), 0.0]) * by
+        around = [near.seen_from(kin.base(here + back * u)) for u in (0.2, 0.4, 0.6, 0.8, 1.0)]
+        if all(base_clear(a) and _passes(replace(body, around=a)) for a in around):
+            yield from work.motion.drive(here + back)
+            return
 
 
 def step_back(work: Work) -> Actions:
