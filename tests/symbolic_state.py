@@ -154,9 +154,9 @@ class SymbolicState:
         if {"other", "another"} & set(words[:2]):
             last = than if than in found else next((t for t in reversed(self.used) if t in found), None)
             found = [t for t in found if t != last]
-        if reading is not None and (inner := re.fullmatch(r"with (.+)", reading.place)):
-            wanted = self.vocabulary.named(inner[1])
-            found = [t for t in found if any(w in self.on_or_in(t) for w in wanted)]
+        if reading is not None and (inner := re.fullmatch(r"(with|without) (.+)", reading.place)):
+            wanted = self.vocabulary.named(inner[2])
+            found = [t for t in found if any(w in self.on_or_in(t) for w in wanted) == (inner[1] == "with")]
         elif reading is not None and reading.place and not re.match(r"(?:beside|next to) ", reading.place):
             raise CannotBe(f"{phrase!r} says where the thing is: not understood here")
         if self.backward:

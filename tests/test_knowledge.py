@@ -54,6 +54,24 @@ def test_what_was_laid_down_is_not_what_is_to_be_picked_up() -> None:
     assert [e.name for e in known.find("a can")] == ["new", "laid", "held"]
 
 
+@pytest.mark.parametrize(
+    ("phrase", "meant"),
+    [
+        ("empty bin", "b"),
+        ("bin with a can", "ac"),
+        ("bin without an egg", "ab"),
+        ("bin", "abc"),
+        ("bin with a cup", "abc"),
+    ],
+)
+def test_what_is_said_to_be_in_a_thing_tells_it_apart(phrase: str, meant: str) -> None:
+    """Of bins with a can, with nothing, with a can and an egg; where none is as it is said, all are meant."""
+    bins = [replace(can(name), phrases=("bin",)) for name in "abc"]
+    cans = [replace(can(f"can_{name}", inside=name), phrases=("can",)) for name in "ac"]
+    known = base(*bins, *cans, replace(can("egg", inside="c"), phrases=("egg",)))
+    assert "".join(e.name for e in known.filled_so(known.find(phrase), phrase)) == meant
+
+
 def test_what_was_in_a_forgotten_thing_is_in_nothing_known() -> None:
     """Its contents stay known, loose."""
     known = base(can("bin", held=True), can("inner", inside="bin", held=True), can("other", inside="box"))

@@ -284,6 +284,17 @@ def test_the_fixture_that_it_was_at_is_meant_again() -> None:
         assert distance_to(expected, robot.pose[:2]) <= HANDOFF.distance_m
 
 
+def test_the_basket_that_lacks_something_is_driven_to() -> None:
+    """Of two baskets the one without a candle is meant though the other is nearer."""
+    near, far = (thing(f"basket_{y}", (2.0, y, 0.1), (0.2, 0.2, 0.2)) for y in (0.8, 3.2))
+    near.phrases = far.phrases = ("basket",)
+    candle = thing("candle", (2.0, 0.8, 0.1), (0.05, 0.05, 0.1))
+    candle.inside = near.name
+    robot = KinematicRobot(0.8, 1.0)
+    drive(robot, KnownPlaceNavigator(robot, two_rooms(), knowing(near, far, candle)), "basket without a candle")
+    assert distance_to(far, robot.pose[:2]) <= HANDOFF.distance_m
+
+
 def test_it_drives_around_loose_things_on_the_floor() -> None:
     """An object that the map lacks but the knowledge base holds is kept clear of."""
     robot, grid_map = KinematicRobot(0.8, 2.0), two_rooms()

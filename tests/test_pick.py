@@ -137,13 +137,13 @@ def test_what_stands_open_is_meant_where_things_are_put() -> None:
 
 
 def test_what_is_said_of_containers_tells_them_apart() -> None:
-    """Of two bowls the empty one, or the one with an egg in it, is meant though the other is nearer."""
+    """Of two bowls the empty one, or the one with an egg in it or without, is meant though the other is nearer."""
     bowls = {"near": placed("mixing_bowl", 0.5, 0.0), "far": placed("mixing_bowl", 0.9, 0.0)}
     world = small_world({**bowls, "egg": placed("easter_egg", 0.5, 0.0, 0.02)}, (-0.2, 0.0, 0.0))
     world.settle()
     task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     assert task.nearest("mixing bowl") == task.nearest("mixing bowl with the egg") == "near"
-    assert task.nearest("empty mixing bowl") == "far"
+    assert task.nearest("empty mixing bowl") == task.nearest("mixing bowl without the egg") == "far"
     world.place("egg", world.pose("far") @ pose((0.0, 0.0, 0.02)))
     world.settle()
     assert task.nearest("mixing bowl with the egg") == "far"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
@@ -24,7 +23,6 @@ Words = Mapping[str, str]  # what fills the slots of a skill call, such as {"obj
 
 NEAR_M = 1.7  # solids farther from the robot than this do not matter to a skill
 _LIFTED_M = 0.10
-_WITH = re.compile(r"(?:with|containing|holding) (?P<what>.+)")
 _AJAR = 0.3  # of its limit: a door that stands open so far is open
 _ON_M = 0.03  # what lies on a thing is as much above its top, or below its bottom, at the most
 
@@ -105,19 +103,11 @@ class Work:
 
     def _as_said(self, found: list[Entry], phrase: str) -> list[Entry]:
         """Those that are empty, open or shut, or with something in them, where a phrase says so; all if none is."""
+        fitting = self.scene.knowledge().filled_so(found, phrase, self.scene.within)
         reading = read(phrase)
-        if reading is None or len(found) < 2:
-            return found
-        said = dict(reading.qualities)
-        fitting = found
-        if said.get("filling") == "empty":
-            fitting = [e for e in fitting if not self.scene.within(e.name)]
-        if (state := said.get("state")) is not None:
-            fitting = [e for e in fitting if self._ajar(e.name) == (state == "open")]
-        if (contents := _WITH.match(reading.place)) is not None:
-            names = {e.name for e in self.scene.knowledge().find(contents["what"])}
-            fitting = [e for e in fitting if names & set(self.scene.within(e.name))]
-        return fitting or found
+        if reading is not None and (state := dict(reading.qualities).get("state")) is not None:
+            fitting = [e for e in fitting if self._ajar(e.name) == (state == "open")] or fitting
+        return fitting
 
     def _ajar(self, name: str) -> bool:
         """Whether a door, drawer or lid of a thing stands open."""

@@ -188,6 +188,7 @@ class KnownPlaceNavigator:
             trip.target = rooms[normalize(trip.target)]
             return [], trip.target
         hits = [h for h in hits if h.kind != "room"]
+        hits = knowledge.filled_so(hits, trip.target)
         best = [h for h in hits if h.away == hits[0].away]
         if hits and hits[0].kind == "fixture":
             been, other = self._been.get(normalize(trip.target)), bool(_OTHER.match(trip.target))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Annotated, Any, Literal
@@ -11,7 +12,7 @@ import numpy as np
 from pydantic import Field, FiniteFloat, JsonValue
 
 from mpvi_bt.marked_yaml import Record
-from mpvi_bt.perception.phrases import Vocabulary
+from mpvi_bt.perception.phrases import Vocabulary, read
 from mpvi_bt.perception.phrases import normalize as normalize
 from mpvi_bt.perception.phrases import whole as whole
 from mpvi_bt.robot.solids import Array
@@ -19,6 +20,7 @@ from mpvi_bt.robot.solids import Array
 _AT_M = 0.3  # what lies as near to a thing as this, seen from above, is there
 LAID_M = 0.3  # what is farther from where a hand took it was laid there; what is nearer slipped,
 _FALLEN_M = 0.06  # and what went straight down so low fell
+_CONTENTS = re.compile(r"(?P<how>with|containing|holding|without) (?P<what>.+)")
 LIKELY = 0.5  # what is less likely than that to be there is not told to those who ask where a thing is
 
 Kind = Literal["room", "fixture", "object"]
@@ -106,6 +108,28 @@ class KnowledgeBase:
         if room:
             hits = [e for e in hits if e.room is None or normalize(e.room) == room]
         return sorted(hits, key=lambda e: e.away)
+
+    def filled_so(
+        self, found: list[Entry], phrase: str, within: Callable[[str], Collection[str]] | None = None
+    ) -> list[Entry]:
+        """Those that are empty, or with or without something in them, where a phrase says so; all if none is.
+
+        Args:
+            found: What the phrase may mean.
+            phrase: Such as "the empty bowl" or "a basket without a candle".
+            within: Says what lies in a thing; by default what is `inside` it here.
+        """
+        reading = read(phrase)
+        if reading is None or len(found) < 2:
+            return found
+        inside = within or (lambda name: [e.name for e in self if e.inside == name])
+        fitting = found
+        if ("filling", "empty") in reading.qualities:
+            fitting = [e for e in fitting if not inside(e.name)]
+        if (said := _CONTENTS.match(reading.place)) is not None:
+            named, wanted = {e.name for e in self.find(said["what"])}, said["how"] != "without"
+            fitting = [e for e in fitting if bool(named & set(inside(e.name))) == wanted]
+        return fitting or found
 
     def joined(self, places: list[Entry]) -> list[Entry]:
         """Those of several places where something lies that is called like what the robot carries; all if none is.
