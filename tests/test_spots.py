@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mpvi_bt.goals.predicates import beside as in_line
+from mpvi_bt.goals.predicates import nextto, under
 from mpvi_bt.manipulation import spots
 from mpvi_bt.manipulation.outline import outline
 from mpvi_bt.manipulation.placing import Pose, leaning
@@ -115,3 +116,31 @@ def test_what_has_something_in_it_is_set_down_upright() -> None:
         held = work.held()["left"]
         assert leaning(work, held, 0.0) is not None
         assert (leaning(work, held, 0.25) is not None) is leans
+
+
+def test_a_thing_is_set_down_on_the_uppermost_board_first() -> None:
+    """Of the boards of a shelf none is above the first that is tried; of those below there is one among the next."""
+    world = small_world({"can": placed("can_of_soda", -1.0, 0.5)}, shelf="{entry: shelf, at: [1.0, 0.0], yaw_deg: 180}")
+    work = Work(Holding(world, "can"), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    held = work.held()["left"]
+    heights = [group[0].T_world_thing[2, 3] for group in spots.on(work, held, "shelf", (0.0,))]
+    top = max(float(solid.aabb()[1, 2]) for solid in world.solids("shelf"))
+    assert heights[0] > top - 0.1
+    assert min(heights[1:4]) < top - 0.3
+
+
+def test_of_two_things_under_a_sink_the_second_stands_next_to_the_first() -> None:
+    """Where it is said so, what is set down there first of all counts as next to it, and is below the sink."""
+    bottles = {name: placed("bottle_of_detergent", x, 0.0) for name, x in (("first", 0.9), ("second", -1.0))}
+    world = small_world(bottles, (-0.2, 0.0, 0.0), sink="{entry: bathroom_sink, at: [1.0, 0.15], yaw_deg: 180}")
+    work = Work(Holding(world, "second"), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    held = work.held()["left"]
+    group = next(spots.under(work, held, "sink", (0.0,), by="first"))
+    start = world.pose("second")
+    for laid in group:
+        world.place("second", laid.T_world_thing)
+        assert nextto(world, "first", "second")
+        assert under(world, "second", "sink")
+    world.place("second", start)
+    apart = [pose for group in spots.under(work, held, "sink", (0.0,)) for pose in group]
+    assert len(apart) > 0

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
+from functools import partial
 from itertools import chain, islice
 
 from mpvi_bt.manipulation import spots
@@ -14,6 +16,7 @@ from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.pick import pick_up
 from mpvi_bt.manipulation.placing import LYING, SLANTED, UPRIGHT, Pose, place_at, release
 from mpvi_bt.manipulation.work import Words, Work
+from mpvi_bt.perception.phrases import read
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array
@@ -22,6 +25,7 @@ Spots = Callable[[Work, Held, str, Sequence[float]], Iterator[Sequence[Pose]]]  
 Groups = Callable[[], Iterable[Sequence[Pose]]]  # poses to leave a thing in, those about one place together
 
 _LOST_M = 0.04  # what came to lie that much higher or lower than it was to lie has fallen over or off
+_BESIDE = re.compile(r"(?:beside|next to) (?P<what>.+)")
 _SPOTS = 4  # tried with the thing upright, before it may lean
 
 
@@ -93,13 +97,19 @@ def place_next_to(work: Work, words: Words, tried: list[Array]) -> Actions:
 
 
 def place_under(work: Work, words: Words, tried: list[Array]) -> Actions:
-    """Set the held `words["object"]` down on the floor below `words["target"]`.
+    """Set the held `words["object"]` down on the floor below `words["target"]`, beside another thing if that says so.
 
     Raises:
         MotionFailure: As `place_on`.
     """
     side = work.hand_with(words["object"], words.get("hand"))
-    yield from _place_by(work, side, work.nearest(words["target"]), spots.under, LYING, tried)
+    by: str | None = None
+    reading = read(words["target"])
+    if reading is not None and (said := _BESIDE.match(reading.place)) is not None:
+        with suppress(MotionFailure):  # what it names may not be known, or be what is held
+            by = work.nearest(said["what"])
+        by = None if by in work.carried() else by
+    yield from _place_by(work, side, work.nearest(words["target"]), partial(spots.under, by=by), LYING, tried)
 
 
 def _upright_first(groups: Callable[[Sequence[float]], Iterable[Sequence[Pose]]], leans: Sequence[float]) -> Groups:

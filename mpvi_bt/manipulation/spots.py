@@ -43,8 +43,9 @@ def size(solids: Sequence[Solid]) -> tuple[Array, float]:
 def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: bool = False) -> Iterator[list[Pose]]:
     """Poses on a thing's upper faces, one group a spot; `inside`: only in its container volumes.
 
-    Faces at a comfortable height come first, and what has room above; inside, the back before the front, where things
-    would bar the way to it.
+    Faces with nothing of the thing above them come first, as BEHAVIOR wants it of what lies on top: of a shelf its
+    uppermost board. Then those at a comfortable height, and what has room above; inside, the back before the front,
+    where things would bar the way to it.
     """
     near = work.motion.felt.base_pose[:2]
     frame = kin.inverse(held.T_tcp_thing)
@@ -62,7 +63,8 @@ def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: boo
                     spots = _back_first([s for s in spots if _within(work.scene.volumes(surface), s + [0, 0, 0.02])])
                 if spots:
                     break
-            for spot in _by_turns(spots)[:_SPOTS]:
+            own = [] if inside else [s.aabb() for s in work.scene.solids(surface)]
+            for spot in _by_turns(spots, own)[:_SPOTS]:
                 if all(np.linalg.norm(spot - d) > _GRID_M for d in done):
                     done.append(spot)
                     yield list(poses(work, held, spot, [lean for lean, _ in able]))
@@ -112,22 +114,32 @@ def floor_around(work: Work, phrase: str, radius_m: float, height_m: float) -> l
     return sorted(spots, key=lambda spot: float(np.linalg.norm(spot[:2] - here)))
 
 
-def under(work: Work, held: Held, target: str, leans: Sequence[float]) -> Iterator[list[Pose]]:
-    """Poses on the floor below a thing, nothing of which is below them."""
+def under(work: Work, held: Held, target: str, leans: Sequence[float], by: str | None = None) -> Iterator[list[Pose]]:
+    """Poses on the floor below a thing, nothing of which is below them; `by` another thing there if that is said."""
+    if by is not None:
+        for group in beside(work, held, by, leans):
+            at = np.array([pose.T_world_thing[:2, 3] for pose in group])
+            if there := [pose for pose, ok in zip(group, _below(work, held, target, at), strict=True) if ok]:
+                yield there
     box, _ = size(work.scene.solids(target))
-    height = float(np.ptp(size([s.moved(work.base @ _hand(work, held)) for s in held.solids])[0], axis=0)[2])
     here = work.motion.felt.base_pose[:2]
     places = np.stack(np.meshgrid(*[np.arange(a, b, _GRID_M) for a, b in box.T[:2]], indexing="ij"), -1).reshape(-1, 2)
+    spots = np.column_stack([places, np.zeros(len(places))])[_below(work, held, target, places)]
+    spots = spots[_room(work, held, spots, 0.01)]
+    for spot in spots[np.argsort(np.linalg.norm(spots[:, :2] - here, axis=1))]:
+        yield list(poses(work, held, spot, leans))
+
+
+def _below(work: Work, held: Held, target: str, places: Array) -> NDArray[np.bool_]:
+    """(n,) bool: places (n, 2) on the floor that a thing is above, where what is held fits below it."""
+    height = float(np.ptp(size([s.moved(work.base @ _hand(work, held)) for s in held.solids])[0], axis=0)[2])
     ring = 0.03 * np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
     below = np.zeros(len(places), bool)
     for top in (s for s in work.scene.solids(target) if s.aabb()[0, 2] > height):
         around = (places[:, None] + ring).reshape(-1, 2)
         at = np.column_stack([around, np.full(len(around), top.T[2, 3])])
         below |= (Surroundings([top]).distance(at) <= 0).reshape(-1, 4).all(1)
-    spots = np.column_stack([places, np.zeros(len(places))])[below]
-    spots = spots[_room(work, held, spots, 0.01)]
-    for spot in spots[np.argsort(np.linalg.norm(spots[:, :2] - here, axis=1))]:
-        yield list(poses(work, held, spot, leans))
+    return below
 
 
 def beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Iterator[list[Pose]]:
@@ -237,11 +249,12 @@ def _back_first(spots: Sequence[Array]) -> list[Array]:
     return both[: len(spots)]
 
 
-def _by_turns(spots: Sequence[Array]) -> list[Array]:
-    """Spots in their order, but one of each height after the other, comfortable heights first."""
-    levels: dict[int, list[Array]] = {}
+def _by_turns(spots: Sequence[Array], own: Sequence[Array]) -> list[Array]:
+    """Spots in their order, but one of each height after the other: first those that none of `own` (2, 3) is above."""
+    levels: dict[tuple[bool, int], list[Array]] = {}
     for spot in spots:
-        levels.setdefault(round(float(spot[2]) / _LEVEL_M), []).append(spot)
-    ranked = sorted(levels.values(), key=lambda level: abs(float(level[0][2]) - _EASY_M))
+        covered = any(b[0, 2] > spot[2] + _LEVEL_M and (b[0] < spot)[:2].all() and (spot < b[1])[:2].all() for b in own)
+        levels.setdefault((covered, round(float(spot[2]) / _LEVEL_M)), []).append(spot)
+    ranked = [levels[k] for k in sorted(levels, key=lambda k: (k[0], abs(k[1] * _LEVEL_M - _EASY_M)))]
     rounds = range(max(map(len, ranked), default=0))
     return [level[k] for k in rounds for level in ranked if k < len(level)]
