@@ -316,7 +316,7 @@ def test_a_timeout_says_what_was_still_going_on() -> None:
     assert bench.run() == Status.FAILURE
     failure = bench.failure
     assert (failure.reason, failure.path) == ("timeout", "timeout")
-    still = "timeout/until_complete/check_complete"
+    still = "until_complete/manipulate, check_complete"
     assert failure.evidence == f"not done within 3 s: still at {still} (asked 1: no, as scripted)"
     assert failure.time_s == pytest.approx(3.0)
 

@@ -207,8 +207,8 @@ fetch: FAILURE at 5.0 s, tick 152
             unknown_target: nothing known as 'the moon'
             node: fetch/get the cup/retry/try/navigate
     -^- timeout 3 s                                               2.0 s to 5.0 s
-        timeout: not done within 3 s: still at fetch/get the
-        cup/timeout/take/check_complete (asked 1: no, as scripted)
+        timeout: not done within 3 s: still at take/manipulate, check_complete
+        (asked 1: no, as scripted)
         node: fetch/get the cup/timeout
         still running:
           --> Manipulate("pick up the cup with the right hand"), since 2.0 s

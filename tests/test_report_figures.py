@@ -11,7 +11,7 @@ import pytest
 
 from mpvi_bt.errors import UnknownName
 from mpvi_bt.report.compare import compare
-from mpvi_bt.report.failures import count_failures, predicates
+from mpvi_bt.report.failures import count_failures, predicates, reason
 from mpvi_bt.report.figures import figures
 from mpvi_bt.report.official import official_summary
 from mpvi_bt.report.paper import paper_mean, paper_scores
@@ -106,6 +106,21 @@ def test_failures_are_counted_by_reason_end_and_predicate() -> None:
     assert counted.ended == {"failure": 2}
     assert counted.unmet == {"inside": 3}
     assert counted.episodes == 2
+
+
+@pytest.mark.parametrize(
+    ("code", "said", "told"),
+    [
+        ("timeout", "still at until_complete/manipulate (pick: no_grasp), check_complete", "timeout (pick: no_grasp)"),
+        ("timeout", "still at manipulate#2 (place_in: no_room), check_complete (no)", "timeout (place_in: no_room)"),
+        ("timeout", "still at until_complete/manipulate (done), check_complete (asked 2: no)", "timeout"),
+        ("no_path", "manipulate (pick: no_grasp)", "no_path"),
+        ("", "", "no reason given"),
+    ],
+)
+def test_a_timeout_is_counted_with_what_the_policy_gave_up_of(code: str, said: str, told: str) -> None:
+    """Timeouts alone would tell nobody what to mend."""
+    assert reason(Failure(node="a/b", reason=code, feedback=said, time_s=1.0)) == told
 
 
 def test_every_measure_is_a_mean_over_instances_and_then_tasks() -> None:

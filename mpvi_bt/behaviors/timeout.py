@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
@@ -45,15 +47,23 @@ class Timeout(Timed, Decorator):
         self.elapsed_s = self._timer.elapsed_s(clock)
         status = self.decorated.status
         if status is Status.RUNNING and self._timer.is_up(clock):
-            tip = _still_running(self.decorated)
-            said = f" ({tip.feedback_message})" if tip.feedback_message else ""
-            return self.fail(
-                "timeout", f"not done within {self._text}: still at {getattr(tip, 'path', tip.name)}{said}"
-            )
+            return self.fail("timeout", f"not done within {self._text}: still at {self._still_at()}")
         return status
 
+    def _still_at(self) -> str:
+        """What was running, by its path from here, and what it says of its work."""
+        leaves = list(_still_running(self.decorated))
+        paths = [getattr(leaf, "path", leaf.name).removeprefix(f"{self.path}/") for leaf in leaves]
+        said = [f" ({leaf.feedback_message})" if leaf.feedback_message else "" for leaf in leaves]
+        # Of several side by side the first is told with its path, the others by their own names.
+        names = [paths[0], *(path.rsplit("/", 1)[-1] for path in paths[1:])]
+        return ", ".join(name + words for name, words in zip(names, said, strict=True))
 
-def _still_running(node: Behaviour) -> Behaviour:
-    """The deepest node below that is RUNNING; where several are side by side, the last."""
+
+def _still_running(node: Behaviour) -> Iterator[Behaviour]:
+    """The deepest nodes below that are RUNNING, side by side."""
     running = [child for child in node.children if child.status is Status.RUNNING]
-    return _still_running(running[-1]) if running else node
+    if not running:
+        yield node
+    for child in running:
+        yield from _still_running(child)

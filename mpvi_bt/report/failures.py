@@ -7,8 +7,10 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from mpvi_bt.suite.result import Result
+from mpvi_bt.suite.result import Failure, Result
 
+# What a policy gave up of before its unit timed out stands in the timeout's evidence: "manipulate (pick: no_grasp)".
+_GAVE_UP = re.compile(r"\bmanipulate(?:#\d+)? \(([a-z_]+: [a-z_]+)\)")
 # As the goal's conditions are printed: a predicate stands before its arguments, "inside(a, b)", or, where a condition
 # is kept in BDDL's own words, behind a bracket: "(inside a b)".
 _PREDICATE = re.compile(r"(\bnot |\(not \()?(?:\b([a-z_]+)\(|\(([a-z_]+) (?=[a-z_]+\.n\.))")
@@ -42,7 +44,7 @@ def count_failures(results: Iterable[Result]) -> Failures:
     episodes = 0
     for result in results:
         episodes += 1
-        codes = [failure.reason or "no reason given" for failure in result.failures]
+        codes = [reason(failure) for failure in result.failures]
         reasons.update(codes)
         failed_with.update(set(codes))
         ended[result.ended] += 1
@@ -50,6 +52,12 @@ def count_failures(results: Iterable[Result]) -> Failures:
             if not condition.satisfied:
                 unmet.update(predicates(condition.condition))
     return Failures(episodes, *(dict(_ranked(c)) for c in (reasons, failed_with, ended, unmet)))
+
+
+def reason(failure: Failure) -> str:
+    """A failure's reason code; of a timeout with what the policy gave up of, such as "timeout (pick: no_grasp)"."""
+    gave_up = _GAVE_UP.search(failure.feedback) if failure.reason == "timeout" else None
+    return f"timeout ({gave_up[1]})" if gave_up else failure.reason or "no reason given"
 
 
 def predicates(condition: str) -> set[str]:
