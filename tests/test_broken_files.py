@@ -38,7 +38,7 @@ REQUIRED = {  # by folder
     "suites": {"tasks", "instances"},
     "methods": {"about", "planner", "policy", "checker", "trigger"},
     "policies": {"camera", "part", "at"},
-    "tasks": {"instruction", "problem", "house", "plan", "tree", "can__of__soda.n.01"},
+    "tasks": {"instruction", "problem", "house", "plan", "can__of__soda.n.01"},
 }
 WRONG = {  # key: values that it can't have
     **dict.fromkeys(("timeout", "cooldown", "wait", "timeout_s"), ("0", "-3", "1e99", "'60'", ".nan", "soon")),
@@ -172,6 +172,11 @@ def _is_block(text: str, span: tuple[int, int]) -> bool:
     return not text[text.rfind("\n", 0, span[0]) + 1 : span[0]].strip()
 
 
+def _in_braces(text: str, span: tuple[int, int]) -> bool:
+    """Whether it stands in a flow mapping, where blanks mean nothing."""
+    return text.count("{", 0, span[0]) > text.count("}", 0, span[0])
+
+
 def misspelt_key(text: str, site: Site, rng: random.Random) -> Broken:
     """A letter too few, or two that changed places."""
     if site.key and not (len(site.at) > 1 and site.at[-2] in NAMED_BY_USER):
@@ -238,7 +243,8 @@ def open_bracket(text: str, site: Site, rng: random.Random) -> Broken:
 
 def bad_indent(text: str, site: Site, rng: random.Random) -> Broken:
     """A line that is a blank too far in, or out."""
-    if site.key and not site.alone and _is_block(text, site.key) and not text.startswith("{"):
+    folded = site.value is None and isinstance(site.data, str)  # that nothing lines up with it shows where it ends
+    if site.key and not (site.alone or folded) and _is_block(text, site.key) and not _in_braces(text, site.key):
         start = _own_line(text, site.key)[0]
         yield text[:start] + " " + text[start:], site.line
         if start < site.key[0]:

@@ -158,7 +158,7 @@ def test_a_folder_without_files_of_ours_says_so(command: click.Command, tmp_path
     (tmp_path / "readme.md").touch()
     done = CliRunner().invoke(command, [str(tmp_path)], standalone_mode=False)
     assert done.return_value == 2
-    assert f"{tmp_path}: there is no .yaml, .yml or .json file below it." in done.output
+    assert f"{tmp_path}: there is no .yaml, .yml, .json or .bddl file below it." in done.output
 
 
 def test_the_standard_input_is_checked_and_shown() -> None:

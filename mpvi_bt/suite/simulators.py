@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+from typing import TYPE_CHECKING
 
 from mpvi_bt.errors import UserError
-from mpvi_bt.sim.sampling import Start
-from mpvi_bt.sim.world import World
 from mpvi_bt.suite.config import EpisodeConfig
+
+if TYPE_CHECKING:
+    from mpvi_bt.sim.sampling import Start
+    from mpvi_bt.sim.world import World
 
 _MANISKILL = "mpvi_bt.sim.maniskill"  # stands above this part, which knows but its name
 
