@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -51,12 +52,12 @@ def env() -> Iterator[gymnasium.Env[Any, Any]]:
     made.close()
 
 
-def core(instance: int = 0) -> World:
+def core(instance: int = 0, render: bool = False) -> World:
     """The same start in the core."""
     task = load_task(TASK)
     house = load_house(task.house)
     problem = expanded_problem(task, house)
-    return begin(task, house, load_catalogue(), problem, instance, render=False)[0]
+    return begin(task, house, load_catalogue(), problem, instance, render=render)[0]
 
 
 def wanders(steps: int, seed: int = 0) -> np.ndarray:
@@ -178,6 +179,20 @@ def test_putting_things_back_is_as_good_as_building_anew() -> None:
     env.close()
 
 
+def test_what_is_observed_and_done_is_documented(env: gymnasium.Env[Any, Any]) -> None:
+    """The page names each key of an observation, each mode of control with its size, and each reward."""
+    page = (Path(__file__).parent.parent / "docs" / "maniskill.md").read_text(encoding="utf-8")
+    obs, _ = env.reset()
+    named = set(re.findall(r"`([^`\n]+)`", page))
+    for group in ("agent", "extra"):
+        for name, part in obs[group].items():
+            inside = [f"{group}/{name}/{key}" for key in part] if isinstance(part, dict) else [f"{group}/{name}"]
+            assert named.issuperset(inside) or f"{group}/{name}/NAME" in named, inside
+    for mode, config in inner(env).agent._controller_configs.items():
+        assert f"| `{mode}` | {len(config.controller_cls.lowest)}" in page
+    assert not [name for name in MpviHouseEnv.SUPPORTED_REWARD_MODES if f'"{name}"' not in page]
+
+
 def test_physics_are_set_as_in_the_core(env: gymnasium.Env[Any, Any]) -> None:
     """Both simulators step 120 times a second with the same settings."""
     import sapien
@@ -291,6 +306,19 @@ def test_random_steps_leave_numbers_finite_and_memory_alone() -> None:
             assert bool(torch.isfinite(reward).all())
         kept.append(int(Path("/proc/self/statm").read_text().split()[1]) * 4096)
     assert kept[-1] - kept[2] < 20e6
+    env.close()
+
+
+@pytest.mark.render
+@pytest.mark.slow
+def test_pictures_are_those_of_the_core() -> None:
+    """In one process both draw, and every pixel is the same."""
+    there = core(render=True)
+    env = make(obs_mode="rgb")
+    obs, _ = env.reset()
+    for camera in r1.CAMERAS:
+        ours = obs["sensor_data"][camera]["rgb"][0].numpy()
+        assert np.abs(ours.astype(int) - there.robot.look(camera).rgb).max() <= 1, camera
     env.close()
 
 

@@ -30,7 +30,7 @@ from mpvi_bt.sim.maniskill_agent import R1
 from mpvi_bt.sim.maniskill_scene import SHADERS, adopt, register_shaders, simulation
 from mpvi_bt.sim.maniskill_world import ManiSkillWorld
 from mpvi_bt.sim.sampling import Start
-from mpvi_bt.sim.shaders import add_lights, use_light_shaders
+from mpvi_bt.sim.shaders import add_lights, renderer, use_light_shaders
 from mpvi_bt.sim.views import overview
 from mpvi_bt.sim.world import World
 from mpvi_bt.suite.instances import begin, come_to_rest, expanded_problem
@@ -138,6 +138,12 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
     @property
     def _default_sim_config(self) -> SimConfig:
         return simulation()
+
+    def _setup_scene(self) -> None:
+        if self._render_device is not None and self._render_device.is_cpu():
+            # A process can draw on one device only: the one that the core's scenes are drawn on.
+            self._render_device = self.backend.render_device = renderer().device
+        super()._setup_scene()
 
     def _load_agent(self, options: Mapping[str, Any], *args: Any, **kwargs: Any) -> None:
         """Build everything: in the core's order, the house before the robot."""

@@ -56,7 +56,7 @@ def new_scene(render: bool) -> sapien.Scene:
     physx.set_default_material(0.3, 0.3, 0.0)
     systems: list[sapien.System] = [physx.PhysxCpuSystem()]
     if render:
-        systems.append(_renderer())
+        systems.append(renderer())
     scene = sapien.Scene(systems)
     scene.set_timestep(1 / PHYSICS_HZ)
     if render:
@@ -78,7 +78,8 @@ def use_light_shaders() -> None:
         sapien.render.set_picture_format(picture, pixel)
 
 
-def _renderer() -> sapien.System:
+def renderer() -> sapien.render.RenderSystem:
+    """What draws a scene, on the device that SAPIEN chooses. Raises NoRenderingDevice where there is none."""
     try:
         sapien.render.set_log_level("error")
         use_light_shaders()
