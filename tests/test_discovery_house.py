@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, CameraImage
 from mpvi_bt.robot.solids import Array, pose
+from mpvi_bt.sim.catalogue import Entry as CatalogueEntry
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.sim.prior_map import knowledge, prior_map
 from mpvi_bt.sim.world import Placement, World
@@ -28,7 +30,17 @@ HOUSE = load_house("family_house")
 MAP = prior_map(HOUSE)
 CLEAR_M = ndimage.distance_transform_edt(~MAP.occupied) * MAP.resolution_m
 INDOORS = (MAP.rooms >= 0) & (MAP.rooms != MAP.room_names.index("garden"))
-KINDS = [entry for entry in CATALOGUE if entry.mass_kg is not None]
+ROOM_M = 0.35  # radius that free places on floors have room for
+
+
+def radius_m(entry: CatalogueEntry) -> float:
+    """Of a circle with room for the thing, turned anyhow, and for a little more."""
+    boxes = np.stack([part.solid.aabb() for b in entry.description.bodies for part in b.parts])
+    return float(np.abs(boxes[..., :2]).max()) * 1.3
+
+
+FITTING = [entry for entry in CATALOGUE if entry.mass_kg is not None and radius_m(entry) < ROOM_M]
+KINDS = random.Random(0).sample(FITTING, 36)  # of which two each can be strewn over one house
 TOPS = ("table", "breakfast_table", "coffee_table", "counter", "countertop", "desk", "nightstand", "workbench")
 HEAD = r1.CAMERAS["head"]
 VISIBLE_PX = 60  # what some picture shows that many pixels of has to be found
@@ -36,23 +48,22 @@ VISIBLE_PX = 60  # what some picture shows that many pixels of has to be found
 
 def spots(rng: np.random.Generator) -> Iterator[tuple[float, Array]]:
     """Free places for things, with the radius [m] that they have room for: on floors near furniture, and on tops."""
-    floor = np.argwhere((CLEAR_M > 0.35) & (CLEAR_M < 0.8) & INDOORS)
+    floor = np.argwhere((CLEAR_M > ROOM_M) & (CLEAR_M < 0.8) & INDOORS)
     tops = [fixture.extent() for fixture in HOUSE.fixtures.values() if fixture.entry.name in TOPS]
     while True:
-        yield 0.35, np.array([*MAP.center(*floor[rng.integers(len(floor))]), 0.002])
+        yield ROOM_M, np.array([*MAP.center(*floor[rng.integers(len(floor))]), 0.002])
         low, high = tops[rng.integers(len(tops))]
         at = rng.uniform(low[:2], high[:2])
         yield float(np.minimum(at - low[:2], high[:2] - at).min()), np.array([*at, high[2] + 0.002])
 
 
 def strewn(rng: np.random.Generator) -> dict[str, Placement]:
-    """Two of every movable kind, over the house."""
+    """Two of each kind, over the house."""
     objects: dict[str, Placement] = {}
     taken: list[tuple[Array, float]] = []
     free = spots(rng)
     for i, entry in enumerate(KINDS * 2):
-        boxes = np.stack([part.solid.aabb() for b in entry.description.bodies for part in b.parts])
-        radius = float(np.abs(boxes[..., :2]).max()) * 1.3
+        radius = radius_m(entry)
         at = next(p for room, p in free if room > radius and all(np.hypot(*(p - q)[:2]) > radius + r for q, r in taken))
         taken.append((at, radius))
         objects[f"thing_{i}"] = placed(entry.name, *map(float, (*at, rng.uniform(-np.pi, np.pi))))
