@@ -5,7 +5,7 @@ Needs `pip install 'mpvi_bt[maniskill]'`.
 
 import gymnasium
 
-import mpvi_bt.sim.maniskill  # noqa: F401  # registers MpviHouse-v1
+from mpvi_bt.sim.maniskill import MpviHouseEnv  # registers MpviHouse-v1
 
 env = gymnasium.make(
     "MpviHouse-v1",
@@ -15,7 +15,9 @@ env = gymnasium.make(
     max_episode_steps=90,  # three seconds
 )
 obs, info = env.reset(seed=1)  # the seed draws one of the task's instances
-print("instance", env.unwrapped.instance)
+house = env.unwrapped
+assert isinstance(house, MpviHouseEnv)
+print("instance", house.instance)
 for name, pose in obs["extra"]["objects"].items():
     print(f"{name:24} at", *(f"{x:.2f}" for x in pose[0, :3].tolist()), "m")
 

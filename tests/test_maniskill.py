@@ -218,7 +218,7 @@ def test_deltas_of_zero_leave_the_joints_where_they_are() -> None:
         env.reset()
         robot = inner(env).world.robot
         before = robot.proprioception()
-        nothing = np.zeros(env.action_space.shape, np.float32)
+        nothing = np.zeros_like(env.action_space.sample())
         for _ in range(20):
             env.step(nothing)
         after = robot.proprioception()

@@ -77,6 +77,7 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
     world: ManiSkillWorld
     start: Start
     instance: int
+    _render_device: sapien.Device | None
 
     def __init__(
         self,
