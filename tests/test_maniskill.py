@@ -97,6 +97,18 @@ def test_the_same_commands_drive_the_same_way(env: gymnasium.Env[Any, Any]) -> N
     assert np.linalg.norm(np.array(apart)[:, :2], axis=1).max() < 0.02
 
 
+def test_a_tree_drives_it_the_cores_way(env: gymnasium.Env[Any, Any]) -> None:
+    """Stepped as a `World` with commands of all digits, robot and movable things are as in the core, bit by bit."""
+    env.reset()
+    here, there = inner(env).world, core()
+    for action in wanders(60, seed=3).astype(float) + 1e-9:
+        here.step(action)
+        there.step(action)
+    ours, theirs = here.save(), there.save()
+    assert ours["robot"] == theirs["robot"]
+    assert [ours["things"][name] for name in here.objects] == [theirs["things"][name] for name in here.objects]
+
+
 def test_a_seed_gives_the_same_episode(env: gymnasium.Env[Any, Any]) -> None:
     """The same seed and actions give the same observations, bit by bit, whatever came before."""
     runs = []

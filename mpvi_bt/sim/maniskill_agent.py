@@ -68,8 +68,13 @@ class PositionController(BaseController):  # type: ignore[misc]
             robot.apply()
 
     def command(self, robot: SimRobot, action: Array) -> Array:
-        """(23,) the robot's command for one action of this controller."""
-        return action
+        """(23,) the robot's command for one action of this controller.
+
+        Who drives the robot as a `Robot` has told it already, with all digits: then that stands, not what is left of it
+        in ManiSkill's float32.
+        """
+        told = robot.action
+        return told if np.array_equal(np.float32(told), np.float32(action)) else action
 
     def get_state(self) -> dict[str, torch.Tensor]:
         """The commands (n, 23), and the velocities (n, 3) that the bases were told to have."""

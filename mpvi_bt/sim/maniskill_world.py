@@ -39,18 +39,23 @@ class ManiSkillWorld(World):
         """
         super().__init__(house, start.objects, start.base_pose, render=render, assisted=assisted, scene=scene)
         self._step = step
+        self._wrapped = False
 
     def step_through(self, step: Callable[[NDArray[np.float32]], object]) -> None:
         """Have steps go through a wrapper of the environment, such as one that records them, until the next reset.
 
+        What is carried out is then what is recorded, float32.
+
         Args:
             step: The wrapper's step with one action (23,) float32.
         """
-        self._step = step
+        self._step, self._wrapped = step, True
 
     def step(self, action: Array) -> None:
         """Have the environment take one step."""
-        self._step(action.astype(np.float32))
+        short = action.astype(np.float32)
+        self.robot.act(short.astype(float) if self._wrapped else action)
+        self._step(short)
 
     def thing(self, name: str) -> Thing:
         """A thing, by its name."""
