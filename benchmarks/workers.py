@@ -18,11 +18,11 @@ import resource
 import tempfile
 import threading
 import time
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from mpvi_bt.report.figures import wall_shares
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.methods import load_method
 from mpvi_bt.suite.processes import ProcessEngine
@@ -32,14 +32,6 @@ from mpvi_bt.suite.runner import run_suite
 from mpvi_bt.suite.schedule import Pace, budgets_s, in_rounds
 from mpvi_bt.suite.store import Store
 
-PARTS = {  # of wall time, by what the episode's loop counts apart
-    "physics": ("stepping",),
-    "rendering": ("rendering",),
-    "planning": ("navigation", "motion", "planner"),
-    "model calls": ("policy", "checker"),
-    "tree and triggers": ("ticking", "triggers"),
-    "watching": ("watching",),
-}
 _SAMPLE_S = 0.5
 
 
@@ -106,19 +98,6 @@ def measure(episodes: list[EpisodeConfig], workers: int) -> Measured:
         return Measured(workers, wall_s, _children_s() - cpu_s, watch, outcome.results)
 
 
-def shares(results: Iterator[Result]) -> dict[str, float]:
-    """Share of the episodes' wall time by activity; what is left is setting up and scoring."""
-    spent: Counter[str] = Counter()
-    for result in results:
-        loop = result.wall["loop"]
-        assert isinstance(loop, dict)
-        for part, names in PARTS.items():
-            spent[part] += sum(float(loop.get(name, 0.0)) for name in names)  # type: ignore[arg-type]
-        spent["total"] += float(result.wall["total_s"])  # type: ignore[arg-type]
-    total = spent.pop("total")
-    return {**{part: spent[part] / total for part in PARTS}, "setting up": 1.0 - spent.total() / total}
-
-
 def main() -> None:
     """Print the comparison."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -148,7 +127,7 @@ def main() -> None:
         )
     for method in given.methods.split(","):
         of = [result for config, result in first.results.items() if config.method == method]
-        told = ", ".join(f"{part} {share:.0%}" for part, share in shares(iter(of)).items())
+        told = ", ".join(f"{part} {share:.0%}" for part, share in wall_shares(of)[0].items())
         print(f"{method}: mean q {sum(r.q for r in of) / len(of):.2f}; {told}")
     other = [c.name for c in episodes if len({_without_wall(run.results[c]) for run in runs}) > 1]
     print(f"results are NOT THE SAME in all runs: {', '.join(other)}" if other else "results are the same in all runs")

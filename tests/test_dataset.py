@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -211,11 +212,13 @@ def test_only_what_reached_its_goal_is_taken_unless_all_is_asked_for(tmp_path: P
         (lambda f: np.savez(f / "frames.npz", state=np.zeros((3, 2))), "state is not"),
     ],
 )
-def test_a_broken_demonstration_is_told_and_nothing_is_left(tmp_path: Path, spoil: object, said: str) -> None:
+def test_a_broken_demonstration_is_told_and_nothing_is_left(
+    tmp_path: Path, spoil: Callable[[Path], object], said: str
+) -> None:
     """The file and what is wrong with it are named, and no half a dataset stays."""
     pytest.importorskip("pandas")
     folder = recorded(tmp_path / "one", 3)
-    spoil(folder)  # type: ignore[operator]
+    spoil(folder)
     with pytest.raises(UserError, match=said):
         write_dataset(find_demonstrations([folder]), tmp_path / "set")
     assert [path.name for path in tmp_path.iterdir()] == ["one"]

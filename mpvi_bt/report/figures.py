@@ -158,7 +158,7 @@ def figures(suite: str, runs: Sequence[Runs], about: str = "", baseline: str | N
 def _method(runs: Runs) -> MethodFigures:
     results = list(runs.results.values())
     of_task = {task: [c for c in runs.episodes if c.task_name == task] for task in runs.tasks}
-    wall, wall_s = _wall(results)
+    wall, wall_s = wall_shares(results)
     return MethodFigures(
         name=runs.method,
         about=runs.about,
@@ -216,7 +216,7 @@ def _shared(configs: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _wall(results: Sequence[Result]) -> tuple[dict[str, float], float | None]:
+def wall_shares(results: Sequence[Result]) -> tuple[dict[str, float], float | None]:
     """Shares of wall time by activity, and its mean [s], of those results that were timed."""
     spent: defaultdict[str, float] = defaultdict(float)
     totals = []

@@ -173,11 +173,11 @@ def play_far(
         return Sent(Played(fault=Fault(wrong, hopeless=True, exit_code=UserError.exit_code)), {})
     with tempfile.TemporaryDirectory() as own:
         below = {field: Path(own, field) for field in _outputs(config)}
-        mine = {field: below[field] / path.name for field, path in _outputs(config).items()}
+        mine: dict[str, Any] = {field: below[field] / path.name for field, path in _outputs(config).items()}
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         signal.setitimer(signal.ITIMER_REAL, wall_limit_s)
         try:
-            played = play(function, replace(config, **mine))  # type: ignore[arg-type]
+            played = play(function, replace(config, **mine))
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0)
         files = {
