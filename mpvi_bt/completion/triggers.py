@@ -201,8 +201,9 @@ class _Hand:
         elif not grips and self._width >= min(self._grasp_width + t.opened_m, t.full_m):
             self._grasp_width, self._way = None, None
             self._report("release")
-        elif told_m < self._grasp_width and self._width < told_m + t.empty_m:  # it slipped out: not let go on purpose
-            self._grasp_width, self._way, self._news = None, None, None
+        elif told_m < self._grasp_width and self._width < told_m + t.empty_m:  # it slipped out, maybe where it was to go
+            self._grasp_width, self._way = None, None
+            self._report("release")
 
     def feel_way(self, body: Proprioception) -> None:
         """Take in where the hand is in the world, if it has taken hold of something."""
