@@ -80,10 +80,15 @@ def place_on(work: Work, words: Words, tried: list[Array]) -> Actions:
     """
     side = work.hand_with(words["object"], words.get("hand"))
     if spots.is_floor(words["surface"]):
-        groups = _upright_first(lambda leans: spots.on_floor(work, work.held()[side], leans), LYING)
-        yield from _place(work, side, None, groups, tried)
+        yield from set_on_floor(work, side, tried)
         return
     yield from _place_by(work, side, work.nearest(words["surface"]), spots.on, LYING, tried)
+
+
+def set_on_floor(work: Work, side: Side, tried: list[Array]) -> Actions:
+    """Set what a hand holds down on free floor around the robot. Raises as `place_on`."""
+    groups = _upright_first(lambda leans: spots.on_floor(work, work.held()[side], leans), LYING)
+    yield from _place(work, side, None, groups, tried)
 
 
 def place_next_to(work: Work, words: Words, tried: list[Array]) -> Actions:

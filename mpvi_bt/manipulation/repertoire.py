@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from mpvi_bt.manipulation.close import close
+from mpvi_bt.manipulation.free_hand import with_a_free_hand
 from mpvi_bt.manipulation.go_to import go_to
 from mpvi_bt.manipulation.hand_over import hand_over
 from mpvi_bt.manipulation.open import open_
@@ -20,16 +21,16 @@ from mpvi_bt.manipulation.work import Perform
 
 REPERTOIRE: Mapping[str, Perform] = {
     "go_to": go_to,
-    "open": open_,
-    "close": close,
-    "press": press,
-    "push": push,
-    "pick": pick,
+    "open": with_a_free_hand(open_),
+    "close": with_a_free_hand(close),
+    "press": with_a_free_hand(press),
+    "push": with_a_free_hand(push),
+    "pick": with_a_free_hand(pick),
     "place_in": place_in,
     "place_on": either(place_on, set_down),
     "place_next_to": place_next_to,
     "place_under": place_under,
-    "lift": lift,
+    "lift": with_a_free_hand(lift),
     "hand_over": hand_over,
     "pour": pour,
     "spray": spray,
