@@ -17,7 +17,8 @@ from vla_eval.protocol.messages import Message, MessageType, pack_message, unpac
 from vla_eval.specs import GRIPPER_CLOSE_POS, POSITION_DELTA, RAW, ROTATION_AA
 from websockets.sync.server import ServerConnection
 
-from mpvi_bt.errors import PolicyError, UserError
+from mpvi_bt.errors import PolicyError
+from mpvi_bt.remote.observation import read_observation
 from mpvi_bt.remote.settings import load_settings
 from mpvi_bt.remote.vla_eval import VlaEvalPolicy
 from mpvi_bt.robot.protocol import ActionLayout
@@ -152,10 +153,27 @@ def test_a_server_that_restarts_gets_the_episode_again() -> None:
     assert len(first.episodes) == len(second.episodes) == 1
 
 
-def test_settings_must_say_what_a_model_reads() -> None:
-    """The whole observation is for `mpvi serve` alone."""
-    with pytest.raises(UserError, match="observation"):
-        VlaEvalPolicy("localhost:1", "mpvi")
+def test_the_whole_observation_can_be_sent() -> None:
+    """With settings that map nothing it comes through bit by bit, as `mpvi serve` takes it; first it begins anew."""
+    seen = observation("pick up the cup")
+    heard: list[dict[str, Any]] = []
+    answer = {"actions": GOOD, "cameras": ["left"], "note": "reaching"}
+    with _scripted(lambda n: _message("action", answer, n), heard=heard) as server:
+        policy = VlaEvalPolicy(server.address, load_settings("mpvi"), {"cup_1": ["cup"]})
+        policy.reset()
+        assert set(policy.cameras) == {"head", "left", "right"}
+        for _ in range(2):
+            policy.infer(seen)
+        assert (policy.cameras, policy.note) == (("left",), "reaching")
+        policy.reset()
+        assert set(policy.cameras) == {"head", "left", "right"}
+        policy.close()
+    asked = [read_observation(payload) for payload in heard]
+    assert [question.reset for question in asked] == [True, False]
+    assert asked[0].vocabulary == {"cup_1": ["cup"]}
+    for name, image in seen["images"].items():
+        np.testing.assert_array_equal(asked[1].observation["images"][name].depth, image.depth)
+        assert asked[1].observation["images"][name].names == image.names
 
 
 def test_a_state_that_is_asked_for_must_be_sent() -> None:
@@ -182,8 +200,10 @@ def _action(actions: Any, number: int) -> bytes:
     return _message("action", {"actions": actions}, number)
 
 
-def _scripted(answer: Callable[[int], Any], hello: Any = HELLO) -> PolicyServer:
-    """A server that greets and then answers every observation as it is told, given its number."""
+def _scripted(
+    answer: Callable[[int], Any], hello: Any = HELLO, heard: list[dict[str, Any]] | None = None
+) -> PolicyServer:
+    """A server that greets and then answers every observation, which `heard` keeps, as it is told, given its number."""
 
     def talk(connection: ServerConnection, number: int) -> None:
         for frame in connection:
@@ -191,6 +211,8 @@ def _scripted(answer: Callable[[int], Any], hello: Any = HELLO) -> PolicyServer:
             if message.type is MessageType.HELLO:
                 connection.send(hello if isinstance(hello, bytes | str) else _message("hello", hello, message.seq))
             elif message.type is MessageType.OBSERVATION:
+                if heard is not None:
+                    heard.append(message.payload)
                 replies = answer(message.seq)
                 for reply in replies if isinstance(replies, list) else [replies]:
                     connection.send(reply)

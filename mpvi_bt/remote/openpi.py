@@ -48,6 +48,29 @@ def url_of(address: str) -> str:
     return f"{parts.scheme}://{host}:{PORT if port is None else port}{parts.path}"
 
 
+def question(
+    observation: Mapping[str, Any], settings: Settings, fresh: bool, vocabulary: Vocabulary | None = None
+) -> dict[str, Any]:
+    """The message of an observation: what the settings map, or all of it.
+
+    Args:
+        observation: As `Policy.infer` takes it.
+        settings: How the server is spoken to.
+        fresh, vocabulary: As `write_observation` takes them; only the whole observation has them.
+    """
+    if settings.observation is None:
+        return write_observation(observation, fresh, vocabulary)
+    return message_of(observation, settings.observation)
+
+
+def cameras_of(message: Mapping[str, Any], settings: Settings, before: tuple[str, ...]) -> tuple[str, ...]:
+    """The cameras whose pictures a server wants next, of those that the settings map; as before if it does not say."""
+    wanted = message.get("cameras")
+    if isinstance(wanted, list) and all(isinstance(c, str) and c in CAMERAS for c in wanted):
+        return tuple(camera for camera in settings.cameras if camera in wanted)
+    return before
+
+
 class OpenpiPolicy:
     """A remote policy; it is connected to when it is first needed.
 
@@ -148,11 +171,8 @@ class OpenpiPolicy:
     ) -> Array:
         if set(self.cameras) - set(observation["images"]):
             return still(observation["proprioception"])[None]
-        layout, action = self._settings.observation, self._settings.action
-        if layout is None:
-            message = write_observation(observation, self._fresh, self._vocabulary)
-        else:
-            message = message_of(observation, layout)
+        action = self._settings.action
+        message = question(observation, self._settings, self._fresh, self._vocabulary)
         asked = self._settings.request_chunk
         if asked is not None:
             message["__action_chunk_size__"] = asked
@@ -175,8 +195,6 @@ class OpenpiPolicy:
         """Take in what a server may say beside the actions, in its metadata and in each answer."""
         if not isinstance(message, dict):
             raise PolicyError("bad_reply", f"metadata that are {shown(message)}, not a mapping")
-        wanted = message.get("cameras")
-        if isinstance(wanted, list) and all(isinstance(c, str) and c in CAMERAS for c in wanted):
-            self.cameras = tuple(camera for camera in self._settings.cameras if camera in wanted)
+        self.cameras = cameras_of(message, self._settings, self.cameras)
         if isinstance(note := message.get("note"), str):
             self.note = one_line(note)

@@ -15,7 +15,7 @@ import queue
 import threading
 import time
 import traceback
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from http import HTTPStatus
 from typing import Any
 
@@ -41,6 +41,7 @@ _log.propagate = False
 
 
 Make = Callable[[Vocabulary], Policy]
+Given = str | bytes | Mapping[str, Any]  # a frame, or an observation that somebody else has unpacked
 
 
 class Refused(Exception):
@@ -195,9 +196,9 @@ class Session:
         """Make the policy; the cameras that it wants first. The future raises Refused."""
         return self._later(self._begin)
 
-    def answer(self, frame: str | bytes) -> asyncio.Future[tuple[dict[str, Any], float]]:
+    def answer(self, given: Given) -> asyncio.Future[tuple[dict[str, Any], float]]:
         """The answer to an observation, and how long the policy took [s]. The future raises Refused."""
-        return self._later(lambda: self._answer(frame))
+        return self._later(lambda: self._answer(given))
 
     def end(self) -> None:
         """Let the thread end after what it is doing."""
@@ -244,9 +245,9 @@ class Session:
         self._policy.reset()
         return list(self._policy.cameras)
 
-    def _answer(self, frame: str | bytes) -> tuple[dict[str, Any], float]:
+    def _answer(self, given: Given) -> tuple[dict[str, Any], float]:
         try:
-            policy, observation = self._asked(frame)
+            policy, observation = self._asked(given)
         except BadMessage as error:
             raise Refused("bad_message", str(error)) from None
         started = time.perf_counter()
@@ -262,11 +263,11 @@ class Session:
         }
         return message, infer_s
 
-    def _asked(self, frame: str | bytes) -> tuple[Policy, dict[str, Any]]:
+    def _asked(self, given: Given) -> tuple[Policy, dict[str, Any]]:
         """The policy, ready for an observation, and the observation. Raises BadMessage."""
-        if isinstance(frame, str):
+        if isinstance(given, str):
             raise BadMessage("a text frame; an observation is a binary frame of msgpack")
-        question = read_observation(unpack(frame))
+        question = read_observation(unpack(given) if isinstance(given, bytes) else given)
         assert self._policy is not None
         prompt = question.observation["prompt"]
         if question.vocabulary is not None and question.vocabulary != self._vocabulary:

@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from mpvi_bt import __version__
-from mpvi_bt.errors import BadMessage, PolicyError, UserError, shown
+from mpvi_bt.errors import BadMessage, PolicyError, shown
 from mpvi_bt.remote.codec import array_of, pack
 from mpvi_bt.remote.connection import Connection, one_line
-from mpvi_bt.remote.mapping import actions_of, message_of
-from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.remote.settings import Observation, Settings
+from mpvi_bt.remote.mapping import actions_of, still
+from mpvi_bt.remote.observation import Vocabulary
+from mpvi_bt.remote.openpi import OpenpiPolicy, question
+from mpvi_bt.remote.settings import Settings
 from mpvi_bt.robot.protocol import Proprioception
 from mpvi_bt.robot.solids import Array
 
@@ -32,19 +33,17 @@ class VlaEvalPolicy(OpenpiPolicy):
 
     Args:
         address: As `OpenpiPolicy` takes it.
-        settings: How the server is spoken to, or the name or path of their file; they say what an observation is.
+        settings: How the server is spoken to, or the name or path of their file.
+        vocabulary: As `OpenpiPolicy` takes it.
 
     Raises:
-        UserError: They do not, or the address or the settings are not valid.
+        UserError: The address or the settings are not valid.
     """
 
     kind = "vla_eval"
 
-    def __init__(self, address: str, settings: Settings | str = DEFAULT) -> None:
-        super().__init__(address, settings)
-        if self._settings.observation is None:
-            raise UserError(f"{self.name}: its settings must say in 'observation' what the model reads.")
-        self._layout: Observation = self._settings.observation
+    def __init__(self, address: str, settings: Settings | str = DEFAULT, vocabulary: Vocabulary | None = None) -> None:
+        super().__init__(address, settings, vocabulary)
         self._number = 0
         self._episode: Connection | None = None  # the one on which an episode has been started
 
@@ -72,23 +71,29 @@ class VlaEvalPolicy(OpenpiPolicy):
                 f"actions of {sum(sizes.values())} numbers ({parts}); the settings say {self._settings.action.size}",
             )
         wants = payload.get("observation_params")
-        if isinstance(wants, dict) and wants.get("send_state") is True and not self._layout.state:
+        layout = self._settings.observation
+        if isinstance(wants, dict) and wants.get("send_state") is True and layout is not None and not layout.state:
             raise PolicyError("bad_reply", "it reads a state, and the settings send none")
 
     def _begin(self, connection: Connection, deadline: float) -> None:
         """The episode is started with its first observation, which has the prompt."""
+        self.cameras = self._settings.cameras
 
     def _ask(
         self, observation: Mapping[str, Any], held: Proprioception, connection: Connection, deadline: float
     ) -> Array:
+        if set(self.cameras) - set(observation["images"]):
+            return still(observation["proprioception"])[None]
         if self._fresh or self._episode is not connection:
             if self._episode is connection:
                 connection.send(self._message("episode_end", {}), deadline)
             connection.send(self._message("episode_start", {"task": {"name": observation["prompt"]}}), deadline)
             self._episode = connection
-        payload = _with_plain_arrays(message_of(observation, self._layout))
+        payload = _with_plain_arrays(question(observation, self._settings, self._fresh, self._vocabulary))
         connection.send(self._message("observation", payload), deadline)
-        actions = actions_of(_answer(connection, self._number, deadline), self._settings.action, held)
+        answer = _answer(connection, self._number, deadline)
+        actions = actions_of(answer, self._settings.action, held)
+        super()._hear(answer)
         self._fresh = False
         return actions
 
