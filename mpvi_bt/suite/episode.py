@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from typing import Any
 
 from mpvi_bt.behaviors.context import Context
+from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.completion.oracle import OracleChecker
 from mpvi_bt.executive.demonstration import Demonstration
 from mpvi_bt.executive.loop import Last, Subscriber, run_episode
@@ -24,7 +25,7 @@ from mpvi_bt.goals.predicates import truth_in
 from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.perception.map import OccupancyMap
-from mpvi_bt.plan.planners import Planner, RecordedPlanner
+from mpvi_bt.plan.planners import Planner
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.prior_map import prior_map
@@ -37,7 +38,7 @@ from mpvi_bt.suite.detectors import make_detector
 from mpvi_bt.suite.instances import begin, expanded_problem
 from mpvi_bt.suite.metrics import Meter
 from mpvi_bt.suite.navigators import make_navigator
-from mpvi_bt.suite.policies import Ground, in_chunks, make_policy
+from mpvi_bt.suite.policies import Ground, demonstrations, in_chunks, make_policy
 from mpvi_bt.suite.prepare import Prepared, prepare_episode
 from mpvi_bt.suite.queries import count_queries
 from mpvi_bt.suite.result import Failure, Grasps, Planning, Replanned, make_result
@@ -46,7 +47,7 @@ from mpvi_bt.suite.simulators import begin_elsewhere
 from mpvi_bt.suite.tasks import Task
 from mpvi_bt.suite.truth import Audit, TrueState
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.compile import Drive, prompts_of
+from mpvi_bt.tree.compile import Drive
 from mpvi_bt.tree.relevant import task_relevant
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.substitute import stand_ins
@@ -60,6 +61,7 @@ def run(
     prepared: Prepared | None = None,
     stop: Stop | None = None,
     begun: tuple[World, Start] | None = None,
+    make: Callable[[Ground], Policy] | None = None,
 ) -> dict[str, Any]:
     """Run one episode.
 
@@ -69,6 +71,7 @@ def run(
         prepared: What `prepare_episode` made of `config`, if that was called before.
         stop: Ends the episode between two ticks; it takes Ctrl-C over meanwhile.
         begun: A world that stands at its start, and the start, as of `instances.begin`; None: it is made here.
+        make: Makes the policy; None: the one that `config` names is made.
 
     Returns:
         The result, ready for JSON. Ctrl-C gives one too, its "ended" being "interrupted", and so does a policy's server
@@ -100,8 +103,9 @@ def run(
     judged = vocabulary | _floors(house)
     detector = make_detector(config.detector, vocabulary, config.seed)
     seeing = None if detector.name in _LABELS else detector
-    ground = Ground(skills, vocabulary, seeing, world, config.seed, _demonstrations(config))
-    policy = make_policy(config.policy, ground, config.policy_settings)
+    told = demonstrations() if config.planner == NOBODY else None
+    ground = Ground(skills, vocabulary, seeing, world, config.seed, told)
+    policy = make(ground) if make is not None else make_policy(config.policy, ground, config.policy_settings)
     relevant = task_relevant(tree.spec, skills)
     navigator = make_navigator(config.detector, config.map, world, house, relevant, detector, config.seed)
     guided = _guided(config, prepared)
@@ -187,13 +191,6 @@ def _floors(house: House) -> dict[str, tuple[str, ...]]:
 def _places(world: World) -> dict[str, list[float]]:
     """Where each movable thing is, x and y in the world [m], to whole centimetres."""
     return {e.name: [round(float(c), 2) for c in e.center[:2]] for e in world.knowledge() if e.kind == "object"}
-
-
-def _demonstrations(config: EpisodeConfig) -> dict[str, list[str]] | None:
-    """What stand-ins for a VLA know of whole instructions: the order of the subtasks of the plans on file."""
-    if config.planner != NOBODY:
-        return None
-    return {plan.instruction: prompts_of(plan) for plan in RecordedPlanner().all()}
 
 
 def _guided(config: EpisodeConfig, prepared: Prepared) -> bool:

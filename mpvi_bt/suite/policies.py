@@ -40,6 +40,14 @@ class Ground:
     demonstrations: Mapping[str, Sequence[str]] | None = None
 
 
+def demonstrations() -> dict[str, list[str]]:
+    """What stand-ins for a VLA know of whole instructions: the order of the subtasks of the plans on file."""
+    from mpvi_bt.plan.planners import RecordedPlanner
+    from mpvi_bt.tree.compile import prompts_of
+
+    return {plan.instruction: prompts_of(plan) for plan in RecordedPlanner().all()}
+
+
 def make_policy(given: str, ground: Ground, settings: str | None = None) -> Policy:
     """The policy of a name, or of a name and an address. A remote one is connected to when it is first used.
 
@@ -115,7 +123,7 @@ def _openpi(ground: Ground, address: str, settings: str | None) -> Policy:
 def _vla_eval(ground: Ground, address: str, settings: str | None) -> Policy:
     from mpvi_bt.remote.vla_eval import DEFAULT, VlaEvalPolicy
 
-    return VlaEvalPolicy(address, settings or DEFAULT)
+    return VlaEvalPolicy(address, settings or DEFAULT, ground.vocabulary)
 
 
 _MAKERS: Mapping[str, Callable[[Ground, str, str | None], Policy]] = {
