@@ -31,6 +31,7 @@ from mpvi_bt.navigation.traversability import (
 from mpvi_bt.navigation.ways import GaveUp, Goals, find_way
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot import r1
 from mpvi_bt.robot.kinematics import rot_z
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Robot
 from mpvi_bt.robot.solids import Array
@@ -59,6 +60,8 @@ class NavigationParameters:
 
     Attributes:
         footprint_m: Radius of the robot's footprint with its arms tucked.
+        spare_m: Of that radius, what only the arms need: where no way is so wide, one may be that much narrower, on
+            which they are heeded as what is carried is.
         handoff: Where to stand before a target.
         limits: With empty hands.
         carrying: With something in a hand, or between both.
@@ -73,6 +76,7 @@ class NavigationParameters:
     """
 
     footprint_m: float = 0.33
+    spare_m: float = 0.33 - r1.BASE_RADIUS_M
     handoff: Handoff = field(default_factory=Handoff)
     limits: Limits = field(default_factory=Limits)
     carrying: Limits = CARRYING
@@ -146,14 +150,15 @@ class Driver:
         """Forget what brought the base to a halt: it may have been taken away since."""
         self.blocks = []
 
-    def grid(self, blocks: bool = False) -> Traversability:
+    def grid(self, blocks: bool = False, footprint_m: float | None = None) -> Traversability:
         """The planning grid of now; with or without the places that brought the base to a halt.
 
-        It is made anew only when map, footprint or loose things have changed.
+        It is made anew only when map, footprint or loose things have changed. `footprint_m`: another radius than now.
         """
         grid_map = self._map()
         boxes = snapped(grid_map, floor_obstacles(self._knowledge()))
-        return self._traversability(grid_map, self._footprint(), boxes, tuple(self.blocks) if blocks else ())
+        radius_m = self._footprint() if footprint_m is None else footprint_m
+        return self._traversability(grid_map, radius_m, boxes, tuple(self.blocks) if blocks else ())
 
     def to(self, goals: Goals, feedback: str, until: Callable[[], bool] = never) -> Iterator[Report]:
         """Drive to the best of the goals that can be reached, or to the next best where one proves blocked.
@@ -206,7 +211,7 @@ class Driver:
         path = loaded_path(grid, footprint, pose, goal) if len(footprint.loads) else goal[None, :2]
         if path is None:
             raise GaveUp("blocked", "there is no room to turn with what is carried")
-        follower = self._follower(path, goal, grid, self._moving())
+        follower = self._follower(path, goal, grid, footprint, self._moving())
         if (yield from self._follow(follower, feedback, until, watchful=False)) is _End.HALTED:
             self.halted = True
             raise GaveUp("blocked", "something keeps the base from turning")
@@ -231,24 +236,38 @@ class Driver:
         return velocity if np.isfinite(velocity).all() else np.zeros(3)
 
     def _plan(self, goals: Goals, halts: list[Array], velocity: Array) -> PathFollower:
-        """The way to the best goal; around what stopped the base before, if there is such a way."""
+        """The way to the best goal; around what stopped the base before, if there is such a way.
+
+        Where all ways are too narrow for a robot that may turn anywhere, such as between an open door and a sofa, one
+        that is wide enough for its base, on which its arms are turned where they have room.
+        """
         pose, footprint = self._pose(), self._takes_up()
         if self.blocks:
             with suppress(GaveUp):
-                return self._follower(*find_way(self.grid(blocks=True), footprint, pose, goals, halts), velocity)
-        return self._follower(*find_way(self.grid(), footprint, pose, goals, halts), velocity)
+                way = find_way(self.grid(blocks=True), footprint, pose, goals, halts)
+                return self._follower(*way, footprint, velocity)
+        try:
+            way = find_way(self.grid(), footprint, pose, goals, halts)
+        except GaveUp as failure:
+            footprint = self._takes_up(footprint.base_m - self.parameters.spare_m)
+            try:
+                way = find_way(self.grid(footprint_m=footprint.base_m), footprint, pose, goals, halts)
+            except GaveUp:
+                raise failure from None
+        return self._follower(*way, footprint, velocity)
 
-    def _follower(self, path: Array, goal: Array, grid: Traversability, velocity: Array) -> PathFollower:
+    def _follower(
+        self, path: Array, goal: Array, grid: Traversability, footprint: Footprint, velocity: Array
+    ) -> PathFollower:
         body = self._robot.proprioception()
         carrying = squeezes(body) or any(body.holds(side) for side in SIDES)
         limits = self.parameters.carrying if carrying else self.parameters.limits
         self.goal, self.path = goal, path[:, :2]
-        return PathFollower(
-            path, goal, grid, limits, self.parameters.tolerance, footprint=self._takes_up(), velocity=velocity
-        )
+        return PathFollower(path, goal, grid, limits, self.parameters.tolerance, footprint=footprint, velocity=velocity)
 
-    def _takes_up(self) -> Footprint:
-        return Footprint.of(self._footprint(), self._robot.proprioception(), self._knowledge())
+    def _takes_up(self, base_m: float | None = None) -> Footprint:
+        radius_m = self._footprint() if base_m is None else base_m
+        return Footprint.of(radius_m, self._robot.proprioception(), self._knowledge())
 
     # ------------------------------------------------------------------------------------------ motion
 
