@@ -189,3 +189,27 @@ def test_ways_that_no_arm_can_take_do_not_hide_the_others() -> None:
     dice = replace(placed("candle", 2.80, 0.0, 0.06 + 0.372 + 0.012, 1.5), entry=things("tuning")["dice_cube"])
     world = small_world({"dice": dice}, (1.7, 0.0, 0.0), shelf_1=shelf)
     assert found_for(world, "dice") is not None
+
+
+def test_what_hangs_close_to_the_body_is_brought_out_as_the_torso_bends() -> None:
+    """A sack held by its handle would meet the body where it is; on the way out it is level and clear of all."""
+    world = small_world({"sack": placed("sack", -1.5, 0.5)})
+    arm = np.array([0.061, -0.334, 0.969, -1.913, -2.088, -1.398, -0.099])
+    felt = world.robot.proprioception()
+    felt = replace(felt, arm={**felt.arm, "right": arm}, torso=np.array([0.3, 0.0, 0.0, 0.5]))
+    hand = kin.base(felt.base_pose) @ kin.tcp(felt.torso, arm, "right")
+    turned = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
+    world.place("sack", hand @ kin.transform(turned, (0.0, -0.27, 0.0)))
+    scene = TrueScene(world)
+    scene.holding = lambda side: "sack" if side == "right" else None
+    search = Work(scene, Motion(felt), np.random.default_rng(0)).search("right", set())
+    around, arms = search.around(felt.base_pose, touched=True), {s: search.motion.arm(s) for s in SIDES}
+    for torso in ((0.0, 0.0, 0.0, 0.5), (0.0, 0.0, 0.5, 0.5), (0.2, 0.0, 0.8, 0.5)):
+        standing = search.stood(np.array(torso), around, arms)
+        assert standing is not None
+        path = standing.level["right"]
+        for u, q in zip(np.linspace(0, 1, len(path)), path, strict=True):
+            now = felt.torso + (np.array(torso) - felt.torso) * u
+            body = search.body(now, around, {**arms, "right": q})
+            assert body.free("right", q)[0]
+            np.testing.assert_allclose(kin.tcp(now, q, "right")[:3, :3], hand[:3, :3], atol=1e-6)

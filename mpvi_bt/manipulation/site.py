@@ -25,6 +25,9 @@ _KNOWN_M = 1.4  # from here; farther off there may be walls that are not among t
 _VIAS = ((-0.35, 0.0), (-0.7, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.35, 0.5), (-0.35, -0.5))  # ahead and left of here [m]
 # Where the other hand may bring what it holds: x, y toward its own side, z [m]; reachable from a bent torso too.
 _ASIDE = ((0.50, 0.30, 0.76), (0.52, 0.16, 0.76), (0.42, 0.36, 0.78), (0.50, 0.30, 0.90))
+# Off where the hand that works has what it holds, y toward its own side [m]: a torso that is lowered or bent would meet
+# what hangs close to the body, such as a sack from its handle.
+_OUT_M = np.array([(0.12, 0.1, -0.12), (0.2, 0.1, -0.15), (0.3, 0.1, -0.2)])
 _HEIGHTS = np.array(
     [[0.0, 0.0, z] for z in (0.04, 0.11, 0.18, 0.25)] + [[-0.1, 0.0, z] for z in (0.35, 0.5, 0.65, 0.8)]
 )
@@ -168,12 +171,20 @@ class Site:
     def stood(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array]) -> Standing | None:
         """The body once the torso has moved there, the other hand level if it holds something; None if it cannot."""
         body = self.body(self.motion.torso, around, arms)
+        now = {s: kin.tcp(body.torso, arms[s], s) for s in self.held}
+        stays = {s: arm_motion.stay(T) for s, T in now.items()}
+        # What the hands hold keeps its place while the torso moves, or rides along with it, or is brought out.
+        ways = [stays]
+        if self.side in self.held:
+            ways.append({s: path for s, path in stays.items() if s != self.side})
+            for off in _OUT_M:
+                out = now[self.side].copy()
+                out[:3, 3] += off * [1, r1.SIGN[self.side], 1]
+                ways.append({**stays, self.side: arm_motion.glide(now[self.side], out)})
         level = None
-        # What the hands hold keeps its place while the torso moves, or rides along with it.
-        for still in ({self.other, self.side} & set(self.held), {self.other} - {None}):
-            hands = {s: arm_motion.stay(kin.tcp(body.torso, arms[s], s)) for s in SIDES if s in still}
-            level = arm_motion.sweep(body, torso, hands, samples=6)
-            if level is not None or self.side not in self.held:
+        for k, hands in enumerate(ways):
+            level = arm_motion.sweep(body, torso, hands, samples=6 if k < 2 else 12)
+            if level is not None:
                 break
         if level is None:
             return None
