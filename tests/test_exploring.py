@@ -231,6 +231,39 @@ def test_what_was_taken_away_is_looked_for_anew() -> None:
     assert distance_to(moved, robot.pose[:2]) < 1.3
 
 
+class Laden(Seeing):
+    """A robot that carries a thing before it."""
+
+    carried: Entry
+
+    def advance(self) -> None:
+        """One control step, of the thing too."""
+        super().advance()
+        x, y, yaw = self.pose
+        middle = np.array([x + 0.6 * np.cos(yaw), y + 0.6 * np.sin(yaw), 0.7])
+        self.carried.lowest, self.carried.highest = middle - 0.05, middle + 0.05
+
+
+def test_what_is_carried_along_is_no_arrival() -> None:
+    """It is taken to where the robot came from; another one, which it carries in a bowl, is not taken for it."""
+    grid_map, boxes = house(CUP)
+    robot = Laden(1.0, 2.0, 3.0, boxes)
+    robot.carried = Entry("cup #9", ("cup",), "object", np.zeros(3), np.ones(3), source="boxes", held=True,
+                          inside="bowl")  # fmt: skip
+    detector = BoxDetector(CUP)
+    navigator = exploring(robot, detector, grid_map, KITCHEN, LIVING_ROOM, robot.carried)
+    assert play(robot, navigator, "cup")[0].progress is Progress.SUCCEEDED
+    assert play(robot, navigator, "kitchen")[0].progress is Progress.SUCCEEDED
+    moved = thing("cup", (0.6, 3.6, 0.06), (0.1, 0.1, 0.12))
+    navigator.start("cup", None)
+    while (report := navigator.step()).progress is Progress.RUNNING and robot.time_s < 300.0:
+        robot.advance()
+        if robot.pose[0] > 5.5:
+            detector.entries, robot.boxes = (moved,), house(moved)[1]
+    assert report.progress is Progress.SUCCEEDED
+    assert distance_to(moved, robot.pose[:2]) < 1.3
+
+
 class Erring(BoxDetector):
     """Sees a cup in some pixels of the first picture, where none is."""
 

@@ -152,7 +152,8 @@ class ExploringNavigator(KnownPlaceNavigator):
                 continue
             yield from self._look_again(trip, names)
             entries, room = self._look_up(trip)
-            if self._is_there(entries, room, slack_m) or not _seen(entries):
+            here = [e for e in entries if e.name in names or not e.held]  # what is carried along is there everywhere
+            if ((here or not entries) and self._is_there(here, room, slack_m)) or not _seen(entries):
                 return
         if entries:
             raise GaveUp("not_reached", f"{trip.target} was elsewhere each time that it was gone to")
