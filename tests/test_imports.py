@@ -55,6 +55,7 @@ ONLY_IN = {
     "pandas": {"suite/dataset.py"},
     "openai": {"language/openai.py"},
     "httpx2": {"language/openai.py"},
+    "vla_eval": {"suite/vla_eval_benchmark.py", "suite/vla_eval_server.py"},
 }
 DISTRIBUTION = {
     "yaml": "pyyaml",
@@ -62,10 +63,11 @@ DISTRIBUTION = {
     "cv2": "sapien",
     "imageio_ffmpeg": "imageio-ffmpeg",
     "rerun": "rerun-sdk",
+    "vla_eval": "vla-eval",
 }
 HEAVY = (
     *("numpy", "sapien", "torch", "pydantic", "numba", "scipy", "yaml", "py_trees", "mani_skill"),
-    *("msgpack", "websockets", "transformers", "rerun", "pandas", "pyarrow", "openai", "httpx2", "ray"),
+    *("msgpack", "websockets", "transformers", "rerun", "pandas", "pyarrow", "openai", "httpx2", "ray", "vla_eval"),
 )
 
 

@@ -1,0 +1,101 @@
+"""A policy whose questions are answered by whoever runs the episode, in another thread: the loop, turned inside out.
+
+The episode's thread asks, as it asks any policy, and waits. The other thread takes the question, as the message that a
+server would be sent, and gives back the server's reply.
+"""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpvi_bt.remote.connection import one_line
+from mpvi_bt.remote.mapping import actions_of
+from mpvi_bt.remote.observation import Vocabulary
+from mpvi_bt.remote.openpi import cameras_of, question
+from mpvi_bt.remote.settings import Settings
+from mpvi_bt.robot.protocol import Proprioception
+from mpvi_bt.robot.solids import Array
+
+
+class Stopped(KeyboardInterrupt):
+    """No more answers will come: the episode is to end as by Ctrl-C."""
+
+
+class Relay:
+    """Both ends of the conversation of one episode; the policy's end is a `mpvi_bt.behaviors.protocols.Policy`.
+
+    Args:
+        name: Of the policy.
+        settings: What a message has in it, and how a reply is read.
+
+    Attributes:
+        name: Of the policy.
+        vocabulary: What labels of pictures are called; told where the whole observation is.
+        cameras: Those that the settings map; fewer if the last reply said which it wants.
+        note: What the last reply said that the server is doing; one line.
+        seen: (H, W, 3) uint8, the head's picture of the last question; None if it had none.
+    """
+
+    def __init__(self, name: str, settings: Settings) -> None:
+        self.name, self._settings = name, settings
+        self.vocabulary: Vocabulary = {}
+        self.seen: NDArray[np.uint8] | None = None
+        self._questions: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
+        self._answers: queue.SimpleQueue[Array | None] = queue.SimpleQueue()
+        self._begin()
+
+    def _begin(self) -> None:
+        self.cameras: tuple[str, ...] = self._settings.cameras
+        self.note = ""
+        self._fresh = True
+        self._held: Proprioception | None = None
+
+    # --- in the episode's thread
+
+    def reset(self) -> None:
+        """Begin anew with the next question."""
+        self._begin()
+
+    def infer(self, observation: Mapping[str, Any]) -> Array:
+        """The next actions, (H, 23), once there is an answer. Raises Stopped."""
+        if self._held is None:
+            self._held = observation["proprioception"]
+        self.seen = observation["images"]["head"].rgb if "head" in observation["images"] else None
+        self._questions.put(question(observation, self._settings, self._fresh, self.vocabulary))
+        self._fresh = False
+        actions = self._answers.get()
+        if actions is None:
+            raise Stopped
+        return actions
+
+    # --- in the other thread
+
+    def asked(self) -> dict[str, Any] | None:
+        """The next message, once there is one; None: the episode is over."""
+        return self._questions.get()
+
+    def answer(self, reply: Mapping[str, Any]) -> None:
+        """Answer the last question.
+
+        Raises:
+            PolicyError: "bad_reply": the reply is none; the question is still open.
+        """
+        assert self._held is not None
+        actions = actions_of(reply, self._settings.action, self._held)
+        self.cameras = cameras_of(reply, self._settings, self.cameras)
+        if isinstance(note := reply.get("note"), str):
+            self.note = one_line(note)
+        self._answers.put(actions)
+
+    def over(self) -> None:
+        """Say that no more questions will come."""
+        self._questions.put(None)
+
+    def stop(self) -> None:
+        """Say that no more answers will come."""
+        self._answers.put(None)
