@@ -7,11 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mpvi_bt.manipulation import seen as module
 from mpvi_bt.manipulation.seen import Seen
+from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Proprioception
+from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, run, small_world
 
@@ -172,3 +175,27 @@ def test_the_camera_is_where_the_joints_say() -> None:
     other = looking(world, "can of soda")
     for a, b in zip(seen.knowledge(), other.knowledge(), strict=True):
         np.testing.assert_array_equal(a.center, b.center)
+
+
+def test_doors_are_searched_for_once_in_the_same_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Asked in turn for the doors of two things, it searches each once until a new picture shows them."""
+    world = tilted(small_world({}, (-1.2, 0.0, 0.0), render=True, table_1="{entry: table, at: [1.0, 0.6]}",
+                               table_2="{entry: table, at: [1.0, -0.6]}"), 0.4)  # fmt: skip
+    searches: list[int] = []
+
+    def fronts(points: Array, eye: Array) -> list[Door]:
+        searches.append(len(points))
+        return []
+
+    monkeypatch.setattr(module, "fronts", fronts)
+    seen = Seen(SegmentationDetector({"table_1": ("table",), "table_2": ("table",)}, least_px=1))
+    seen.forget(["table"])
+    look(world, seen)
+    tables = names(seen, "table")
+    assert len(tables) == 2
+    for name in tables * 3:
+        seen.doors(name)
+    assert len(searches) == 2
+    look(world, seen)
+    seen.doors(tables[0])
+    assert len(searches) == 3

@@ -86,7 +86,7 @@ class Memory:
         self._stand, self._stood, self._way_m = 0, np.full(3, np.inf), 0.0
         self._felt: Proprioception | None = None
         self._field: tuple[object, Obstacles] | None = None
-        self._fronts: tuple[object, list[Door]] | None = None
+        self._fronts: dict[str, tuple[list[Frame], list[Door]]] = {}  # of furniture, as these pictures show it
         self._trusting = False
         self._focus: Array | None = None  # what is worked on: obstacles are seen more finely around it
 

@@ -75,12 +75,12 @@ class Seen(Memory):
         if not views:
             return ()
         newest = [(f, m) for f, m in views if f.stand == views[-1][0].stand]
-        key = (name, *(id(f) for f, _ in newest))
-        if self._fronts is None or self._fronts[0] != key:
+        frames, known = [f for f, _ in newest], self._fronts.get(name)
+        if known is None or known[0] != frames:
             points, eye = np.concatenate([f.of(m) for f, m in newest]), newest[-1][0].eye
             enough = len(points) >= _FACE_PX
-            self._fronts = (key, with_leaf(fronts(points, eye), leaf(points, eye)) if enough else [])
-        return self._fronts[1]
+            self._fronts[name] = known = (frames, with_leaf(fronts(points, eye), leaf(points, eye)) if enough else [])
+        return known[1]
 
     def switches(self, name: str) -> Sequence[Array]:
         """As `Scene` says: the one that was seen last."""
