@@ -99,7 +99,10 @@ def test_a_thing_is_taken_from_where_it_is_said_to_be() -> None:
 
 
 def test_where_the_nearest_is_out_of_reach_the_next_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of things alike each near by is tried, the nearest first, none that is far off, and other failures stand."""
+    """Of things alike each near by is tried, the nearest first, and other failures stand.
+
+    One that is far off is tried where no hand can take any that is nearer.
+    """
     cans = {f"can_{k}": placed("can_of_soda", x, 0.0) for k, x in enumerate((0.6, 0.4, 3.5))}
     world = small_world(cans, (-0.2, 0.0, 0.0))
     task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
@@ -112,7 +115,11 @@ def test_where_the_nearest_is_out_of_reach_the_next_is_taken(monkeypatch: pytest
             raise MotionFailure(reasons.pop(0))
 
     monkeypatch.setattr(picking, "pick_up", pick_up)
-    for failures, names in (([], "1"), (["no_stance"], "10"), (["no_stance"] * 9, "10"), (["slipped"], "1")):
+    cases = (
+        ([], "1"), (["no_stance"], "10"), (["no_stance"] * 9, "10"), (["slipped"], "1"),
+        (["no_grasp"], "10"), (["no_grasp"] * 2, "102"), (["no_grasp"] * 9, "102"), (["no_grasp", "no_stance"], "10"),
+    )  # fmt: skip
+    for failures, names in cases:
         reasons, passes = list(failures), len(failures) < len(names)
         tried.clear()
         try:

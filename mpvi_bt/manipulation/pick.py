@@ -30,7 +30,7 @@ _WAYS = ((0.10, 0.15, 0.0, 0.0), (0.10, 0.06, 0.0, 0.1), (0.05, 0.06, 0.0, 0.2),
 def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
     """Pick up the thing that `words["object"]` names, with the hand `words["hand"]` if that is said.
 
-    Of several alike the nearest is meant; where it cannot be reached, the next one is.
+    Of several alike the nearest that a hand can take is meant; where it cannot be reached, the next one is.
 
     Args:
         work: Robot and world.
@@ -40,6 +40,7 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
     Raises:
         MotionFailure: "unknown_object", "hands_full", or as `pick_up`.
     """
+    failed, reached = MotionFailure("no_stance"), False
     alike = {e.name for e in work.scene.knowledge().find(words["object"])}
     for side in SIDES:
         held = work.scene.holding(side)
@@ -47,21 +48,24 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
             if held in work.lay:  # a try that failed on its way has it in hand
                 yield from _bring(work, held, side)
             return
-    for name in _in_reach(work, work.alike(words["object"], words.get("source"))):
+    for name in work.alike(words["object"], words.get("source"))[:_ALIKE]:
+        if reached and not _near(work, name):
+            continue
         for side in work.free_hands(name, words.get("hand")):
             try:
                 yield from pick_up(work, name, side, tried)
                 return
             except MotionFailure as failure:
-                if failure.reason != "no_stance":
+                if failure.reason not in ("no_stance", "no_grasp"):
                     raise
-    raise MotionFailure("no_stance")
+                failed = failure
+                reached = reached or failure.reason == "no_stance"
+    raise failed
 
 
-def _in_reach(work: Work, names: list[str]) -> list[str]:
-    """The nearest of things alike, and the next ones as far as what is around them is known."""
-    here = work.motion.felt.base_pose[:2]
-    return names[:1] + [n for n in names[1:_ALIKE] if np.linalg.norm(work.middle(n)[:2] - here) < NEAR_M]
+def _near(work: Work, name: str) -> bool:
+    """Whether what is around a thing is known."""
+    return bool(np.linalg.norm(work.middle(name)[:2] - work.motion.felt.base_pose[:2]) < NEAR_M)
 
 
 def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
