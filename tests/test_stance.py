@@ -213,3 +213,26 @@ def test_what_hangs_close_to_the_body_is_brought_out_as_the_torso_bends() -> Non
             body = search.body(now, around, {**arms, "right": q})
             assert body.free("right", q)[0]
             np.testing.assert_allclose(kin.tcp(now, q, "right")[:3, :3], hand[:3, :3], atol=1e-6)
+
+
+def test_what_hangs_on_the_near_side_of_its_hand_is_turned_outward_as_the_torso_bends() -> None:
+    """A caldron held by its lip between hand and body has no level way down or forward but a turning one."""
+    world = small_world({"caldron": placed("caldron", -1.5, 0.5)})
+    felt = world.robot.proprioception()
+    torso = np.array([0.3, 0.0, 0.0, 0.5])
+    arm = np.array([-0.968, 0.837, -1.569, -1.977, 1.013, 1.334, 2.77])
+    felt = replace(felt, arm={**felt.arm, "left": arm}, torso=torso)
+    hand = kin.base(felt.base_pose) @ kin.tcp(torso, arm, "left")
+    upside = np.array([[0.5, -0.866, 0.0], [-0.866, -0.5, 0.0], [0.0, 0.0, -1.0]])
+    world.place("caldron", hand @ kin.transform(upside, (-0.01, 0.11, 0.16)))
+    scene = TrueScene(world)
+    scene.holding = lambda side: "caldron" if side == "left" else None
+    search = Work(scene, Motion(felt), np.random.default_rng(0)).search("left", set())
+    around, arms = search.around(felt.base_pose, touched=True), {s: search.motion.arm(s) for s in SIDES}
+    for bent in ((0.0, 0.0, 0.0, 0.5), (0.0, 0.0, 0.5, 0.5), (0.1, 0.0, 0.8, 0.5)):
+        standing = search.stood(np.array(bent), around, arms)
+        assert standing is not None
+        path = standing.level["left"]
+        for u, q in zip(np.linspace(0, 1, len(path)), path, strict=True):
+            now = torso + (np.array(bent) - torso) * u
+            np.testing.assert_allclose(kin.tcp(now, q, "left")[2, :3], hand[2, :3], atol=1e-3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -28,6 +29,7 @@ _ASIDE = ((0.50, 0.30, 0.76), (0.52, 0.16, 0.76), (0.42, 0.36, 0.78), (0.50, 0.3
 # Off where the hand that works has what it holds, y toward its own side [m]: a torso that is lowered or bent would meet
 # what hangs close to the body, such as a sack from its handle.
 _OUT_M = np.array([(0.12, 0.1, -0.12), (0.2, 0.1, -0.15), (0.3, 0.1, -0.2)])
+_OUT_RAD = (0.0, 0.8, -0.8)  # turned about the vertical, for what is broad and hangs on the near side of its hand
 _HEIGHTS = np.array(
     [[0.0, 0.0, z] for z in (0.04, 0.11, 0.18, 0.25)] + [[-0.1, 0.0, z] for z in (0.35, 0.5, 0.65, 0.8)]
 )
@@ -177,9 +179,9 @@ class Site:
         ways = [stays]
         if self.side in self.held:
             ways.append({s: path for s, path in stays.items() if s != self.side})
-            for off in _OUT_M:
-                out = now[self.side].copy()
-                out[:3, 3] += off * [1, r1.SIGN[self.side], 1]
+            for turn, off in itertools.product(_OUT_RAD, _OUT_M):
+                R = kin.rot_z(turn) @ now[self.side][:3, :3]
+                out = kin.transform(R, now[self.side][:3, 3] + off * [1, r1.SIGN[self.side], 1])
                 ways.append({**stays, self.side: arm_motion.glide(now[self.side], out)})
         level = None
         for k, hands in enumerate(ways):
