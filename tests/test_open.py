@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Motion, MotionFailure
+from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 
@@ -166,6 +168,31 @@ def test_what_has_a_door_is_opened_and_closed(name: str) -> None:
     assert any(is_open(door) for door in world.doors("thing"))
     assert play(world, f"close the {name}") == ["done"]
     assert all(is_closed(door) for door in world.doors("thing"))
+
+
+def test_a_hand_on_a_bar_is_drawn_back_before_it_is_folded() -> None:
+    """Recovering, it opens, and the base moves against its fingers before an arm does; beside the bar the arm rises."""
+    world = small_world(base=(0.0, 0.0, 0.0), thing=FIXTURES["refrigerator"])
+    bar, work, side = world.doors("thing")[0].bar, work_in(world), "left"
+    assert bar is not None
+    R = kin.hand_rotation(-bar.outward, np.cross(bar.axis, bar.outward))
+    for aside, draws_back in ((0.0, True), (0.12, False)):
+        T = kin.transform(R, bar.center + [0.0, aside, 0.0])
+        felt = world.robot.proprioception()
+        base = np.array([T[0, 3] - 0.6, T[1, 3] - 0.15, 0.0])
+        q = kin.nearest_posture(kin.inverse(kin.base(base) @ kin.chest(felt.torso)) @ T, side, felt.arm[side])
+        assert q is not None
+        felt = replace(felt, base_pose=base, arm={**felt.arm, side: q}, arm_command={})
+        work.motion = Motion(replace(felt, gripper_command={**felt.gripper_command, side: -1.0}))
+        before = work.motion.still()
+        moving = next(
+            action
+            for action in ExpertPolicy(world, SKILLS)._recover(work)
+            if action[ActionLayout.BASE].any()
+            or (action[ActionLayout.ARM[side]] != before[ActionLayout.ARM[side]]).any()
+        )
+        assert moving[ActionLayout.GRIPPER[side]] == 1.0
+        assert bool(moving[ActionLayout.BASE] @ [*(kin.rot_z(-base[2]) @ bar.outward)[:2], 0.0] > 0) == draws_back
 
 
 @pytest.mark.slow

@@ -134,3 +134,30 @@ def test_what_is_held_far_out_is_drawn_back_and_brought_in(side: Side) -> None:
     hand = kin.tcp(felt.torso, felt.arm[side], side)
     assert hand[0, 3] < 0.55
     np.testing.assert_allclose(hand[:3, :3], T[:3, :3], atol=0.02)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_hand_around_what_does_not_come_along_lets_go_and_is_drawn_back_along_its_fingers(side: Side) -> None:
+    """Cut off on a door's bar it feels something as if it carried it; yet it ends open and folded like an empty one."""
+    home = world(**{side: -1.0})
+    home.robot.between_m[side] = 0.02
+    T = kin.transform(kin.hand_rotation((1, 1, 0), (0, 0, 1)), (0.60, 0.25 * r1.SIGN[side], 0.95))
+    q = kin.nearest_posture(kin.inverse(kin.chest(home.robot.action[3:7])) @ T, side, r1.TRAVEL_ARM[side])
+    assert q is not None
+    action = home.robot.action
+    action[ActionLayout.ARM[side]] = q
+    home.step(action)
+    home.robot.act(action)
+    assert home.robot.proprioception().holds(side)
+    stow, sent = ArmStow(home.robot, carries=lambda _: False), []
+    stow.start()
+    while not stow.step():
+        sent.append(home.robot.action)
+        home.step(home.robot.action)
+        assert len(sent) < 30 * CONTROL_HZ
+    first = next(a for a in sent if np.abs(a[ActionLayout.BASE]).max() > 0)
+    assert first[ActionLayout.GRIPPER[side]] == 1.0
+    np.testing.assert_allclose(np.arctan2(*first[ActionLayout.BASE][1::-1]), np.arctan2(-1, -1), atol=0.05)
+    felt = home.robot.proprioception()
+    assert felt.gripper_command[side] == 1.0
+    np.testing.assert_allclose(felt.arm[side], r1.TRAVEL_ARM[side], atol=1e-6)

@@ -22,6 +22,10 @@ _TURN_SPEED_RAD_S = 0.6
 _STEP_RAD = 0.12  # that a joint's target may move a step
 _SETTLING_STEPS = 15
 _LOST_STEPS = 5  # a hand that has been out of reach for so long has lost the course
+_OFF_M = 0.15  # what a hand is drawn back by, off what its fingers stand around
+_LEVEL = 0.3  # of the length of its approach, seen from above: one that points down more steeply is raised instead
+_BETWEEN_M = 0.03  # from the middle between open fingers to either side
+_TOUCHED_M = 0.005
 _ASTRAY_M = 0.12  # a base that far from its goal is held up by something
 
 
@@ -112,6 +116,22 @@ def back_out(motion: Motion, direction: Array, distance_m: float, speed: float =
     goal = motion.felt.base_pose.copy()
     goal[:2] += direction / max(float(np.linalg.norm(direction)), 1e-9) * distance_m
     yield from motion.drive(goal, speed)
+
+
+def around(work: Work, side: Side) -> bool:
+    """Whether the fingers of a hand that points ahead stand around something that the robot does not carry."""
+    T = work.base @ work.motion.hand(side)
+    between = T[:3, 3] + np.outer(np.linspace(-1, 1, 5) * _BETWEEN_M, T[:3, 1])
+    return bool(np.hypot(*T[:2, 2]) > _LEVEL and (work.near().distance(between) < _TOUCHED_M).any())
+
+
+def draw_off(work: Work, side: Side) -> Actions:
+    """Have the base draw a hand that points ahead straight back, arms as they are.
+
+    Raises:
+        MotionFailure: "base_blocked" if something is in the way.
+    """
+    yield from back_out(work.motion, -(work.base @ work.motion.hand(side))[:2, 2], _OFF_M)
 
 
 def _seconds(course: Course, start: Array) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 
 from mpvi_bt.manipulation.carry import back_off, settle, step_back, tuck
 from mpvi_bt.manipulation.effort import Effort
+from mpvi_bt.manipulation.follow import around, draw_off
 from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.hold_out import present
 from mpvi_bt.manipulation.repertoire import REPERTOIRE
@@ -180,7 +181,10 @@ class ScriptedPolicy:
         return False
 
     def _recover(self, work: Work) -> Actions:
-        """After a failure: open a hand that holds nothing, raise it, back off, fold; keep what both hands hold."""
+        """After a failure: open a hand that holds nothing, get it clear, back off, fold; keep what both hands hold.
+
+        Off what its fingers stand around, such as a bar, a hand is drawn back; otherwise it is raised.
+        """
         if work.scene.between() is not None:
             with contextlib.suppress(MotionFailure):
                 yield from back_off(work)
@@ -190,8 +194,8 @@ class ScriptedPolicy:
             if side not in held and work.motion.felt.gripper_command[side] < 0.9:
                 yield from work.motion.grip(side, 1.0, 0.4)
             if side not in held:
-                with contextlib.suppress(MotionFailure):  # where no hand can rise, folding is tried all the same
-                    yield from work.rise(side)
+                with contextlib.suppress(MotionFailure):  # where no hand gets clear, folding is tried all the same
+                    yield from (draw_off(work, side) if around(work, side) else work.rise(side))
         try:
             yield from settle(work)
             yield from step_back(work)

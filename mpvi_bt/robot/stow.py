@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from itertools import product
 
 import numpy as np
 
 from mpvi_bt.robot import arm_motion, r1
 from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.kinematics import rot_z
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.robot.protocol import SIDES, Robot, Side
+from mpvi_bt.robot.protocol import SIDES, ActionLayout, Robot, Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
 _CLOSE_RAD = 0.05
 _BACK_M = 0.25
+_OFF_M = 0.15  # off what fingers stand around
+_LEVEL = 0.3  # of the length of a hand's approach, seen from above: one that points down more steeply is not drawn back
 _CARRIED_M = 0.65  # from the base's axis, and between these heights, a hand carries what it holds;
 _CARRIED_AT_M = (0.5, 1.15)  # farther out, lower or higher it may still be in a shelf, a basket or under a table,
 _OUT_M = 0.30  # and is drawn back to where it was so far ahead,
@@ -31,9 +35,16 @@ class ArmStow:
     first draws back from where the hands worked. What is held far out is brought in, level, before the base turns.
     """
 
-    def __init__(self, robot: Robot, seed: int = 0) -> None:
-        """Command `robot`; the same seed folds in the same way."""
-        self._robot, self._seed = robot, seed
+    def __init__(self, robot: Robot, seed: int = 0, carries: Callable[[Side], bool] | None = None) -> None:
+        """Command `robot`.
+
+        Args:
+            robot: The robot.
+            seed: The same folds in the same way.
+            carries: Whether what a hand feels between its fingers comes along; None: it always does. Where it does not,
+                such as a door's bar, the hand lets go and is drawn back along its fingers.
+        """
+        self._robot, self._seed, self._carries = robot, seed, carries
         self._motion = Motion(robot.proprioception())
         self._actions: Iterator[Array] = iter(())
 
@@ -58,6 +69,11 @@ class ArmStow:
         felt = motion.felt
         if squeezes(felt):
             return  # the arms hold a box between them
+        if self._carries is not None:
+            for side in SIDES:
+                if felt.holds(side) and not self._carries(side):
+                    yield from _let_go(motion, side)
+        felt = motion.felt
         held: list[Side] = [s for s in SIDES if felt.holds(s)]
         empty: list[Side] = [s for s in SIDES if s not in held]
         away = [s for s in empty if np.abs(motion.arm(s) - r1.TRAVEL_ARM[s]).max() > _CLOSE_RAD]
@@ -81,6 +97,18 @@ class ArmStow:
         if arms is None:
             raise MotionFailure("no_reach")
         yield from motion.stand(r1.TRAVEL_TORSO, arms)
+
+
+def _let_go(motion: Motion, side: Side) -> Actions:
+    """Open a hand and have the base draw it straight back, as far as it can, off what its fingers stood around."""
+    motion.action[ActionLayout.ARM[side]] = motion.felt.arm[side]  # it pulls no more
+    yield from motion.grip(side, 1.0, _CLOSING_S)
+    x, y, yaw = motion.felt.base_pose
+    away = -(rot_z(yaw) @ motion.hand(side)[:3, 2])[:2]
+    if np.linalg.norm(away) > _LEVEL:
+        with suppress(MotionFailure):
+            back = away / np.linalg.norm(away) * _OFF_M
+            yield from motion.drive(np.array([x + back[0], y + back[1], yaw]), speed=0.2)
 
 
 def _bring_in(motion: Motion, side: Side) -> Actions:

@@ -33,7 +33,8 @@ def make_navigator(
     """
     if chosen == "oracle":
         doors = OpenDoors(prior_map(house), world)
-        return KnownPlaceNavigator(world.robot, doors, world.knowledge, ArmStow(world.robot, seed))
+        stow = ArmStow(world.robot, seed, lambda side: world.holding(side) is not None)
+        return KnownPlaceNavigator(world.robot, doors, world.knowledge, stow)
     return explorer(world, house, phrases, detector, map_, seed)
 
 
