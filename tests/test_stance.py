@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from benchmarks.hands.rooms import things
+from mpvi_bt.manipulation.approach import approach
+from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.pick import options as pick_options
 from mpvi_bt.manipulation.search import Search
@@ -18,7 +20,7 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Body, Surroundings
-from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side, other
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.world import World
@@ -236,3 +238,26 @@ def test_what_hangs_on_the_near_side_of_its_hand_is_turned_outward_as_the_torso_
         for u, q in zip(np.linspace(0, 1, len(path)), path, strict=True):
             now = torso + (np.array(bent) - torso) * u
             np.testing.assert_allclose(kin.tcp(now, q, "left")[2, :3], hand[2, :3], atol=1e-3)
+
+
+def approaching(z: float, effort: float) -> tuple[Work, Actions]:
+    """A robot that is to find a stance to pick a cup up at a height, with so much that the search may take."""
+    world = small_world({"cup": placed("coffee_cup", 0.0, 0.0, z)}, (-0.9, 0.0, 0.0))
+    task = work(world)
+    task.effort = Effort(effort)
+    return task, approach(task, "right", "cup", lambda: pick_options(task, "cup"), [])
+
+
+def test_a_search_that_used_up_what_it_may_take_goes_on_once_it_may_again() -> None:
+    """With nothing left to take it waits for more instead of giving up on places that it has not looked at."""
+    task, steps = approaching(0.0, effort=0.0)
+    for _ in steps:
+        task.effort.left += 0.1
+    assert task.effort.left > 0
+
+
+def test_a_search_that_has_looked_everywhere_gives_up_at_once() -> None:
+    """Waiting mends nothing where there is no place left to look at."""
+    _, steps = approaching(5.0, effort=100.0)
+    with pytest.raises(MotionFailure, match="no_stance"):
+        next(steps)

@@ -19,6 +19,7 @@ from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
 _LOOKS = 4  # at a thing that is only seen, with a drive between two
+_PAUSE_S = 10.0  # to earn what a search takes: one that fails as it may take no more has not looked everywhere
 _REFINED = 10  # options near the planned one that a correction may take instead
 _CORRECTED = 0.8  # how far such a one may be off, see `_apart`
 _INWARD_M_S = 0.25  # base speed with the arm stretched out
@@ -70,6 +71,9 @@ def close_in(
         yield from study(work, about)
         search = replace(work.search(side, touched), tried=list(tried))
         stance = find(search, looks > 0)
+        if stance is None and work.effort.left <= 0:
+            yield from work.motion.wait(_PAUSE_S)
+            stance = find(search, looks > 0)
         if stance is None and work.sight is not None:
             with work.sight.trusting():
                 work.effort.failed.clear()
