@@ -25,7 +25,6 @@ from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.methods import load_method
 from mpvi_bt.suite.policies import Ground
-from mpvi_bt.suite.splits import Split, check_split
 from mpvi_bt.suite.tasks import Task, load_task
 
 POLICY = "vla_eval:runner"  # what results call a policy that is asked over the runner's connection
@@ -56,6 +55,11 @@ def observation_spec(settings: Settings) -> dict[str, DimSpec]:
     return spec | ({"state": RAW} if layout.state else {}) | ({"language": LANGUAGE} if layout.prompt else {})
 
 
+def _are(given: Any, kind: type) -> bool:
+    """Whether that is a list of things of a kind, with something in it."""
+    return isinstance(given, list | tuple) and bool(given) and all(type(item) is kind for item in given)
+
+
 class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
     """Long-horizon tasks of a household, in physics on a CPU.
 
@@ -70,7 +74,6 @@ class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
             a method is left out: it is the model server.
         policy_settings: Name or file of what an observation has in it and how actions are read.
         seed: Of what is random beside the model server.
-        split: Of which instances.
         out: Folder for results and traces, as of `mpvi run --out`; None: none are written.
 
     Raises:
@@ -88,13 +91,12 @@ class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
         method: str = "e2e",
         policy_settings: str = DEFAULT,
         seed: int = 0,
-        split: Split = "public",
         out: str | None = None,
     ) -> None:
         super().__init__()
-        for option, given in (("tasks", tasks), ("instances", instances)):
-            if given is not None and (isinstance(given, str | int) or not given):
-                raise UserError(f"{option}: a list such as [{given or '...'}] is wanted; {given!r} is given.")
+        for given, kind, like in ((tasks, str, "tasks: [picking_up_trash]"), (instances, int, "instances: [0, 1]")):
+            if given is not None and not _are(given, kind):
+                raise UserError(f"{given!r} is given where a list is wanted, such as {like}.")
         chosen = paths.names("tasks") if tasks is None else tasks
         self._tasks = {EpisodeConfig(name).task_name: (name, load_task(name)) for name in chosen}
         self._instances = instances
@@ -102,11 +104,10 @@ class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
             for instance in instances or ():
                 task.check_instance(instance)
         self._settings = load_settings(policy_settings)
-        check_split(split)
-        self._common = {**load_method(method), "policy": POLICY, "policy_settings": policy_settings}
-        self._common |= {"seed": seed, "split": split}
+        asked = {"policy": POLICY, "policy_settings": policy_settings}
+        self._common = {**load_method(method), **asked, "seed": seed}
         self._out = Path(out) if out is not None else None
-        # One thread for all episodes: what draws is not made for several.
+        # Our choice: one for all episodes, as everything of the renderer then happens in one.
         self._thread = ThreadPoolExecutor(1, "episode")
         self._playing: tuple[Relay, Future[dict[str, Any]]] | None = None
 

@@ -1,0 +1,389 @@
+"""The tasks as a benchmark of the published vla-eval package, and our policies as its model server."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+pytest.importorskip("vla_eval", reason="needs vla-eval: pip install 'mpvi_bt[vla-eval]'")
+
+import vla_eval
+from vla_eval.model_servers.behavior1k_baseline import Behavior1KBaselineModelServer
+from vla_eval.specs import check_specs
+
+from mpvi_bt.errors import BackendError, PolicyError, UnknownName, UserError
+from mpvi_bt.executive.loop import Last, run_episode
+from mpvi_bt.manipulation.demonstrated import DemonstratedPolicy
+from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.remote.relay import Relay, Stopped
+from mpvi_bt.remote.settings import load_settings
+from mpvi_bt.remote.vla_eval import VlaEvalPolicy
+from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.policies import Ground, demonstrations, make_policy
+from mpvi_bt.suite.vla_eval_benchmark import MpviBenchmark
+from mpvi_bt.suite.vla_eval_server import MpviModelServer
+from mpvi_bt.testing import KinematicWorld, scripted_context
+from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.compile import compile_instruction
+from tests.serving import observation
+from tests.vla_eval_server import Model, model_server
+
+ROOT = Path(__file__).parent.parent
+TASK = "picking_up_trash"
+SECONDS = 0.5  # of simulated time that episodes have here
+WHOLE, MAPPED = load_settings("mpvi"), load_settings("vla_eval")
+
+
+# --- the relay
+
+
+def asking(relay: Relay, seen: dict[str, Any], results: list[Any]) -> Thread:
+    """A thread that asks once, as an episode's does, and keeps what comes of it."""
+
+    def ask() -> None:
+        try:
+            results.append(relay.infer(seen))
+        except Stopped as stopped:
+            results.append(stopped)
+
+    thread = Thread(target=ask)
+    thread.start()
+    return thread
+
+
+def test_a_question_waits_for_its_answer() -> None:
+    """What the other thread gives is what the episode gets, in our order and units."""
+    relay, results = Relay("runner", MAPPED), list[Any]()
+    thread = asking(relay, observation("pick up the cup", size=224), results)
+    message = relay.asked()
+    assert message is not None
+    assert message["task_description"] == "pick up the cup"
+    actions = np.tile(np.arange(ACTION_SIZE) / 100, (3, 1))
+    relay.answer({"actions": actions, "note": "reaching\nfor it"})
+    thread.join(10)
+    (chunk,) = results
+    np.testing.assert_allclose(chunk[:, 3:], actions[:, 3:])
+    np.testing.assert_allclose(chunk[0, ActionLayout.BASE], actions[0, :3] * [0.75, 0.75, 1.0])
+    assert relay.note == "reaching for it"
+
+
+def test_an_answer_says_which_pictures_come_next() -> None:
+    """Those that it does not name are not asked for, until the policy begins anew."""
+    relay = Relay("runner", WHOLE)
+    thread = asking(relay, observation(), [])
+    relay.asked()
+    relay.answer({"actions": np.zeros((1, ACTION_SIZE)), "cameras": ["left"]})
+    thread.join(10)
+    assert relay.cameras == ("left",)
+    relay.reset()
+    assert set(relay.cameras) == {"head", "left", "right"}
+
+
+def test_a_bad_answer_leaves_the_question_open() -> None:
+    """It is refused with its reason, and a good one may follow."""
+    relay, results = Relay("runner", WHOLE), list[Any]()
+    thread = asking(relay, observation(), results)
+    relay.asked()
+    for bad in ({}, {"actions": np.zeros((1, 7))}, {"actions": np.full((1, ACTION_SIZE), np.nan)}):
+        with pytest.raises(PolicyError) as failed:
+            relay.answer(bad)
+        assert failed.value.reason == "bad_reply"
+    assert not results
+    relay.answer({"actions": np.zeros(ACTION_SIZE)})
+    thread.join(10)
+    assert results[0].shape == (1, ACTION_SIZE)
+
+
+def test_who_waits_for_an_answer_is_told_that_none_will_come() -> None:
+    """The episode then ends as by Ctrl-C."""
+    relay, results = Relay("runner", WHOLE), list[Any]()
+    thread = asking(relay, observation(), results)
+    relay.asked()
+    relay.stop()
+    thread.join(10)
+    assert isinstance(results[0], KeyboardInterrupt)
+
+
+# --- the package's own runner, on episodes without a simulator
+
+
+class Played:
+    """Stands for `suite.episode.run`: half a second of a robot that does what it is told, and what it did."""
+
+    def __init__(self, breaks: Callable[[EpisodeConfig], bool] = lambda config: False) -> None:
+        self.breaks = breaks
+        self.configs: list[EpisodeConfig] = []
+        self.commands: list[Array] = []
+
+    def __call__(self, config: EpisodeConfig, make: Callable[[Ground], Any]) -> dict[str, Any]:
+        self.configs.append(config)
+        if self.breaks(config):
+            raise BackendError("the machine broke")
+        skills, world, last = load_skills(), KinematicWorld(), Last()
+        context = scripted_context(world, skills, {}, {})
+        context.policy = make(Ground(skills, {"cup_1": ("cup",)}))
+        spec = compile_instruction(config.task_name, "Tidy up.")
+        with contextlib.suppress(KeyboardInterrupt):
+            run_episode(Tree(spec), world, context, [last, Commands(self.commands)], SECONDS)
+        done = last.outcome.ending == "time_limit"
+        return {
+            "success": done,
+            "q_score": {"final": float(done)},
+            "goal_fraction": float(done),
+            "conditions_met": float(done),
+            "goal": [{"condition": "tidy", "satisfied": done}],
+            "time": {"simulator_time": world.time_s},
+            "steps": world.steps,
+            "ended": last.outcome.ending,
+            "failures": [],
+        }
+
+
+class Commands(Last):
+    """Keeps what the robot is told at each step."""
+
+    def __init__(self, kept: list[Array]) -> None:
+        self._kept = kept
+
+    def step(self, tree: Tree, world: Any) -> None:
+        self._kept.append(world.robot.action)
+
+
+@pytest.fixture
+def played(monkeypatch: pytest.MonkeyPatch) -> Played:
+    stub = Played()
+    monkeypatch.setattr("mpvi_bt.suite.episode.run", stub)
+    return stub
+
+
+def runs(address: str, params: dict[str, Any] | None = None, **entry: Any) -> dict[str, Any]:
+    """What the package's runner makes of an entry of its config."""
+    benchmark = {
+        "benchmark": "mpvi_bt.suite.vla_eval_benchmark:MpviBenchmark",
+        "name": "mpvi",
+        "params": {"tasks": [TASK], "seed": 0, **(params or {})},
+        **entry,
+    }
+    (result,) = vla_eval.run(
+        {"server": {"url": f"ws://{address}"}, "benchmarks": [benchmark]}, no_save=True, docker=False
+    )
+    return dict(result)
+
+
+def test_its_runner_plays_our_episodes(played: Played) -> None:
+    """Each of as many as it is told, the task's instances in order; their figures are in its result."""
+    with model_server(model := Model(horizon=4)) as address:
+        result = runs(address, episodes_per_task=2)
+    assert (result["mean_success"], result["mean_q"], result["num_errors"]) == (1.0, 1.0, 0)
+    episodes = result["tasks"][0]["episodes"]
+    assert [episode["metrics"]["conditions"] for episode in episodes] == [{"tidy": True}] * 2
+    assert [episode["metrics"]["simulated_s"] for episode in episodes] == [SECONDS] * 2
+    assert [config.instance for config in played.configs] == [0, 1]
+    assert [episode["task"]["name"] for episode in model.episodes] == [TASK] * 2
+    assert model.seen[0]["task_description"] == "Tidy up."
+
+
+def test_a_chunk_is_carried_out_whole(played: Played) -> None:
+    """One action a step, in order, before the next observation is sent."""
+    with model_server(model := Model(horizon=5)) as address:
+        runs(address)
+    steps = round(SECONDS * 30)
+    assert len(model.seen) == -(-(steps + 1) // 5)  # at the end it is asked, too, and what it says is not carried out
+    lateral = [command[1] for command in played.commands[:steps]]
+    np.testing.assert_allclose(lateral, [0.75 * (k % 5) / 100 for k in range(steps)], atol=1e-6)
+
+
+def test_its_limit_of_observations_ends_an_episode(played: Played) -> None:
+    """It counts as interrupted, and is judged as it stands."""
+    with model_server(Model(horizon=4)) as address:
+        result = runs(address, max_steps=2)
+    (episode,) = result["tasks"][0]["episodes"]
+    assert (episode["steps"], episode["metrics"]["ended"]) == (2, "interrupted")
+    assert episode["metrics"]["control_steps"] == 8
+
+
+def test_an_episode_that_breaks_is_told_and_the_next_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine's fault is an error in the runner's result, with what broke; it is not the next episode's."""
+    monkeypatch.setattr("mpvi_bt.suite.episode.run", Played(lambda config: config.instance == 0))
+    with model_server(Model()) as address:
+        result = runs(address, episodes_per_task=2)
+    broken, fine = result["tasks"][0]["episodes"]
+    assert "the machine broke" in broken["failure_detail"]
+    assert fine["metrics"]["success"]
+
+
+def test_a_bad_answer_ends_its_episode_alone(played: Played) -> None:
+    """Actions of another robot are an error that says so; the next episode begins with a policy that begins anew."""
+    seven = Model(action_spec={})
+    seven.predict = lambda obs, ctx: {"actions": np.zeros((1, 7 if len(seven.episodes) == 1 else 23))}  # type: ignore[method-assign]
+    with model_server(seven) as address:
+        result = runs(address, episodes_per_task=2)
+    bad, good = result["tasks"][0]["episodes"]
+    assert "actions of shape (1, 7)" in bad["failure_detail"]
+    assert good["metrics"]["success"]
+
+
+def test_instances_can_be_chosen(played: Played) -> None:
+    """Episodes go through them in turn."""
+    with model_server(Model(horizon=30)) as address:
+        runs(address, {"instances": [7, 3]}, episodes_per_task=3)
+    assert [config.instance for config in played.configs] == [7, 3, 7]
+
+
+def test_our_server_chooses_what_it_is_sent(played: Played) -> None:
+    """The whole observation: the benchmark is told by the server, and no config has to say it."""
+    with model_server(MpviModelServer(whole_instructions=False)) as address:
+        result = runs(address)
+    assert result["mean_success"] == 1.0
+    assert played.configs[0].policy_settings == "mpvi"
+
+
+@pytest.mark.parametrize(
+    ("params", "error", "said"),
+    [
+        ({"tasks": ["picking_up_trsh"]}, UnknownName, TASK),
+        ({"tasks": TASK}, UserError, "a list"),
+        ({"tasks": []}, UserError, "a list"),
+        ({"tasks": [TASK], "instances": [10]}, UserError, "instances 0 to 9"),
+        ({"instances": 3}, UserError, "a list"),
+        ({"instances": ["3"]}, UserError, "a list"),
+        ({"method": "e2"}, UnknownName, "e2e"),
+        ({"policy_settings": "vla_evil"}, UnknownName, "vla_eval"),
+    ],
+)
+def test_what_does_not_exist_is_refused_before_any_episode(
+    params: dict[str, Any], error: type[Exception], said: str
+) -> None:
+    """With what would be valid."""
+    with pytest.raises(error, match=said):
+        MpviBenchmark(**params)
+
+
+def test_all_tasks_are_there() -> None:
+    """By name, with as many observations as the longest of them can take."""
+    benchmark = MpviBenchmark()
+    names = {task["name"] for task in benchmark.get_tasks()}
+    assert {path.stem for path in (ROOT / "tasks").glob("*.yaml")} <= names
+    assert benchmark.get_metadata()["max_steps"] > 30 * 1000
+
+
+def test_formats_are_declared_for_its_check() -> None:
+    """Its check passes its own servers for BEHAVIOR's robot, and ours; and finds what does not fit."""
+    theirs, ours = Behavior1KBaselineModelServer(), MpviModelServer()
+    for server, settings in ((theirs, "vla_eval"), (ours, "mpvi")):
+        benchmark = MpviBenchmark(tasks=[TASK], policy_settings=settings)
+        specs = benchmark.get_action_spec(), server.get_observation_spec(), benchmark.get_observation_spec()
+        assert not check_specs(server.get_action_spec(), *specs)
+        other = ours if server is theirs else theirs
+        assert check_specs(other.get_action_spec(), *specs)
+    assert sum(part.dims for part in ours.get_action_spec().values()) == ACTION_SIZE
+
+
+def test_its_renderer_is_chosen_before_the_simulator_loads() -> None:
+    """The class can be looked at without SAPIEN, which takes the first renderer that it finds for good."""
+    code = """
+import sys
+from mpvi_bt.suite.vla_eval_benchmark import MpviBenchmark
+MpviBenchmark(tasks=["picking_up_trash"])
+assert MpviBenchmark.render_backends == {"cpu", "gpu"}
+assert MpviBenchmark.configure_render("gpu") == {}
+print("sapien" in sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False"]
+
+
+# --- our model server
+
+
+def test_our_server_answers_as_the_policy_does() -> None:
+    """Over the package's connection every action is what it is in process, bit by bit, for several clients at once."""
+    instruction = next(iter(demonstrations()))
+    ground = Ground(load_skills(), {"cup.n.01_1": ["cup"]}, seed=3, demonstrations=demonstrations())
+    here = make_policy("reactive", ground)
+    assert isinstance(here, DemonstratedPolicy)
+    with model_server(MpviModelServer("reactive", seed=3)) as address:
+        there = [VlaEvalPolicy(address, "mpvi", ground.vocabulary) for _ in range(2)]
+        here.reset()
+        for policy in there:
+            policy.reset()
+        for seed in range(5):
+            seen = observation(instruction, seed=seed)
+            chunk = here.infer(seen)
+            for policy in there:
+                np.testing.assert_array_equal(policy.infer(seen), chunk)
+                assert policy.note == here.note
+        for policy in there:
+            policy.close()
+
+
+def test_our_server_says_what_is_wrong_with_an_observation() -> None:
+    """And goes on serving."""
+    with model_server(MpviModelServer()) as address:
+        policy = VlaEvalPolicy(address, "vla_eval")  # which is not what this server reads
+        policy.reset()
+        with pytest.raises(PolicyError, match="bad_message"):
+            policy.infer(observation(size=224))
+        policy = VlaEvalPolicy(address, "mpvi")
+        policy.reset()
+        assert policy.infer(observation()).shape[1] == ACTION_SIZE
+        policy.close()
+
+
+def test_a_policy_that_reads_the_simulator_cannot_be_served() -> None:
+    """It is refused when the server is made."""
+    with pytest.raises(UserError, match="reads the simulator"):
+        MpviModelServer("expert")
+
+
+@pytest.mark.slow
+@pytest.mark.render
+def test_its_command_line_gives_what_ours_gives(tmp_path: Path) -> None:
+    """Twenty seconds of `vla-eval run` with our server, and of `mpvi run` in process and with that server.
+
+    All results agree in everything but who was asked and how long it took.
+    """
+    (tmp_path / "tasks").mkdir()
+    short = (ROOT / "tasks" / f"{TASK}.yaml").read_text() + "\ntime_budget_s: 20\n"
+    (tmp_path / "tasks" / "short_trash.yaml").write_text(short)
+    config = yaml.safe_load((ROOT / "examples" / "vla_eval.yaml").read_text())
+    config["benchmarks"][0]["params"] |= {"tasks": ["short_trash"], "out": "theirs"}
+    with model_server(MpviModelServer()) as address:
+        config["server"]["url"] = f"ws://{address}"
+        (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
+        mpvi = [sys.executable, "-m", "mpvi_bt.cli", "run", "short_trash", "--method", "e2e", "--no-watch", "--out"]
+        remote = ["--policy", f"vla_eval:{address}", "--policy-settings", "mpvi"]
+        for command in (
+            [str(Path(sys.executable).with_name("vla-eval")), "run", "--config", "config.yaml"],
+            [*mpvi, "ours"],
+            [*mpvi, "remote", *remote],
+        ):
+            environment = {**os.environ, "MPVI_PATH": str(tmp_path)}
+            done = subprocess.run(
+                command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False, timeout=600
+            )
+            assert done.returncode in (0, 1), done.stderr  # 1: the goal is not reached in so short a time
+    results = []
+    for folder in ("theirs", "ours", "remote"):
+        result = json.loads((tmp_path / folder / "short_trash_0_0.json").read_text())
+        for entry in ("policy", "policy_settings"):
+            result["config"].pop(entry, None)
+        results.append({key: value for key, value in result.items() if key != "wall"})
+    assert results[0] == results[1] == results[2]
+    assert results[0]["agent_distance"]["left"] > 1.0  # it turned and reached
+    told = json.loads((tmp_path / "results" / "mpvi_aggregate.json").read_text())
+    assert told["mean_q"] == results[0]["q_score"]["final"]
+    assert told["tasks"][0]["episodes"][0]["metrics"]["control_steps"] == results[0]["steps"]
