@@ -161,3 +161,27 @@ def test_a_hand_around_what_does_not_come_along_lets_go_and_is_drawn_back_along_
     felt = home.robot.proprioception()
     assert felt.gripper_command[side] == 1.0
     np.testing.assert_allclose(felt.arm[side], r1.TRAVEL_ARM[side], atol=1e-6)
+
+
+def test_a_hand_caught_behind_a_rim_is_raised_and_the_arms_are_folded_all_the_same() -> None:
+    """While both hands are low the base cannot go back; the robot ends in its travel posture, a little farther back."""
+    home = world()
+    before = home.robot.proprioception()
+
+    def height() -> float:
+        felt = home.robot.proprioception()
+        return min(float(kin.tcp(felt.torso, felt.arm[s], s)[2, 3]) for s in SIDES)
+
+    rim, stow = height() + 0.08, ArmStow(home.robot)
+    stow.start()
+    for _ in range(40 * CONTROL_HZ):
+        if stow.step():
+            break
+        action = home.robot.action.copy()
+        if height() < rim:
+            action[ActionLayout.BASE] = 0.0
+        home.step(action)
+    felt = home.robot.proprioception()
+    for s in SIDES:
+        np.testing.assert_allclose(felt.arm[s], r1.TRAVEL_ARM[s], atol=1e-6)
+    assert felt.base_pose[0] < before.base_pose[0] - 0.2

@@ -19,6 +19,7 @@ from mpvi_bt.robot.squeeze import squeezes
 _CLOSE_RAD = 0.05
 _BACK_M = 0.25
 _OFF_M = 0.15  # off what fingers stand around
+_RAISED_M = 0.15
 _LEVEL = 0.3  # of the length of a hand's approach, seen from above: one that points down more steeply is not drawn back
 _CARRIED_M = 0.65  # from the base's axis, and between these heights, a hand carries what it holds;
 _CARRIED_AT_M = (0.5, 1.15)  # farther out, lower or higher it may still be in a shelf, a basket or under a table,
@@ -83,7 +84,15 @@ class ArmStow:
         if away or out:
             x, y, yaw = felt.base_pose
             back = max(_BACK_M, *(float(motion.hand(s)[0, 3]) - _OUT_M for s in out), 0.0)
-            yield from motion.drive(np.array([x - back * np.cos(yaw), y - back * np.sin(yaw), yaw]), speed=0.2)
+            goal = np.array([x - back * np.cos(yaw), y - back * np.sin(yaw), yaw])
+            try:
+                yield from motion.drive(goal, speed=0.2)
+            except MotionFailure:  # an empty hand may be caught behind a rim, such as that of a box in a trunk
+                if not away:
+                    raise
+                for side in away:
+                    yield from _raise(motion, side)
+                yield from motion.drive(goal, speed=0.2)
         rng = np.random.default_rng(self._seed)
         for side in away:
             body = Body(motion.torso, {s: motion.arm(s) for s in SIDES})
@@ -109,6 +118,14 @@ def _let_go(motion: Motion, side: Side) -> Actions:
         with suppress(MotionFailure):
             back = away / np.linalg.norm(away) * _OFF_M
             yield from motion.drive(np.array([x + back[0], y + back[1], yaw]), speed=0.2)
+
+
+def _raise(motion: Motion, side: Side) -> Actions:
+    """Raise a hand straight up, if its arm can."""
+    T = motion.hand(side)
+    T[2, 3] += _RAISED_M
+    with suppress(MotionFailure):
+        yield from motion.line(side, T)
 
 
 def _bring_in(motion: Motion, side: Side) -> Actions:
