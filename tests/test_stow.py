@@ -185,3 +185,21 @@ def test_a_hand_caught_behind_a_rim_is_raised_and_the_arms_are_folded_all_the_sa
     for s in SIDES:
         np.testing.assert_allclose(felt.arm[s], r1.TRAVEL_ARM[s], atol=1e-6)
     assert felt.base_pose[0] < before.base_pose[0] - 0.2
+
+
+def test_an_arm_that_is_blocked_is_folded_from_farther_back() -> None:
+    """As in a trunk no joint of it gets anywhere until the base has drawn back twice as far as usual."""
+    home = world()
+    before, stow = home.robot.proprioception(), ArmStow(home.robot)
+    stow.start()
+    for _ in range(40 * CONTROL_HZ):
+        if stow.step():
+            break
+        action, felt = home.robot.action.copy(), home.robot.proprioception()
+        if felt.base_pose[0] > before.base_pose[0] - 0.4:
+            for s in SIDES:
+                action[ActionLayout.ARM[s]] = felt.arm[s]
+        home.step(action)
+    felt = home.robot.proprioception()
+    for s in SIDES:
+        np.testing.assert_allclose(felt.arm[s], r1.TRAVEL_ARM[s], atol=1e-6)

@@ -95,10 +95,12 @@ class ArmStow:
                 yield from motion.drive(goal, speed=0.2)
         rng = np.random.default_rng(self._seed)
         for side in away:
-            body = Body(motion.torso, {s: motion.arm(s) for s in SIDES})
-            path = arm_motion.plan(body, side, r1.TRAVEL_ARM[side], rng)
-            if path is not None:
-                yield from motion.follow(side, path)
+            try:
+                yield from _home(motion, side, rng)
+            except MotionFailure:  # it may be in a trunk still, whose walls are in its way
+                x, y, yaw = motion.felt.base_pose
+                yield from motion.drive(np.array([x - _BACK_M * np.cos(yaw), y - _BACK_M * np.sin(yaw), yaw]), 0.2)
+                yield from _home(motion, side, rng)
         for side in out:
             yield from _bring_in(motion, side)
         body = Body(motion.torso, {s: motion.arm(s) for s in SIDES})
@@ -118,6 +120,14 @@ def _let_go(motion: Motion, side: Side) -> Actions:
         with suppress(MotionFailure):
             back = away / np.linalg.norm(away) * _OFF_M
             yield from motion.drive(np.array([x + back[0], y + back[1], yaw]), speed=0.2)
+
+
+def _home(motion: Motion, side: Side, rng: np.random.Generator) -> Actions:
+    """Fold an arm, if a way is found that keeps it clear of the robot itself."""
+    body = Body(motion.torso, {s: motion.arm(s) for s in SIDES})
+    path = arm_motion.plan(body, side, r1.TRAVEL_ARM[side], rng)
+    if path is not None:
+        yield from motion.follow(side, path)
 
 
 def _raise(motion: Motion, side: Side) -> Actions:
