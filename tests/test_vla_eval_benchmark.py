@@ -80,16 +80,18 @@ def test_a_question_waits_for_its_answer() -> None:
     assert relay.note == "reaching for it"
 
 
-def test_an_answer_says_which_pictures_come_next() -> None:
-    """Those that it does not name are not asked for, until the policy begins anew."""
-    relay = Relay("runner", WHOLE)
+@pytest.mark.parametrize(("first", "begins"), [(None, ("head", "left", "right")), ([], ()), (["head"], ("head",))])
+def test_an_answer_says_which_pictures_come_next(first: list[str] | None, begins: tuple[str, ...]) -> None:
+    """Others are not asked for, until the policy begins anew."""
+    relay = Relay("runner", WHOLE, first)
+    assert relay.cameras == begins
     thread = asking(relay, observation(), [])
     relay.asked()
     relay.answer({"actions": np.zeros((1, ACTION_SIZE)), "cameras": ["left"]})
     thread.join(10)
     assert relay.cameras == ("left",)
     relay.reset()
-    assert set(relay.cameras) == {"head", "left", "right"}
+    assert relay.cameras == begins
 
 
 def test_a_bad_answer_leaves_the_question_open() -> None:
@@ -126,6 +128,7 @@ class Played:
     def __init__(self, breaks: Callable[[EpisodeConfig], bool] = lambda config: False) -> None:
         self.breaks = breaks
         self.configs: list[EpisodeConfig] = []
+        self.cameras: list[tuple[str, ...]] = []
         self.commands: list[Array] = []
 
     def __call__(self, config: EpisodeConfig, make: Callable[[Ground], Any]) -> dict[str, Any]:
@@ -135,6 +138,7 @@ class Played:
         skills, world, last = load_skills(), KinematicWorld(), Last()
         context = scripted_context(world, skills, {}, {})
         context.policy = make(Ground(skills, {"cup_1": ("cup",)}))
+        self.cameras.append(context.policy.cameras)
         spec = compile_instruction(config.task_name, "Tidy up.")
         with contextlib.suppress(KeyboardInterrupt):
             run_episode(Tree(spec), world, context, [last, Commands(self.commands)], SECONDS)
@@ -244,11 +248,12 @@ def test_instances_can_be_chosen(played: Played) -> None:
 
 
 def test_our_server_chooses_what_it_is_sent(played: Played) -> None:
-    """The whole observation: the benchmark is told by the server, and no config has to say it."""
+    """The whole observation, with the pictures that its policy wants: no config has to say it."""
     with model_server(MpviModelServer(whole_instructions=False)) as address:
         result = runs(address)
     assert result["mean_success"] == 1.0
     assert played.configs[0].policy_settings == "mpvi"
+    assert played.cameras == [()]
 
 
 @pytest.mark.parametrize(
@@ -261,6 +266,7 @@ def test_our_server_chooses_what_it_is_sent(played: Played) -> None:
         ({"instances": 3}, UserError, "a list"),
         ({"instances": ["3"]}, UserError, "a list"),
         ({"method": "e2"}, UnknownName, "e2e"),
+        ({"cameras": ["heat"]}, UnknownName, "head"),
         ({"policy_settings": "vla_evil"}, UnknownName, "vla_eval"),
     ],
 )
@@ -324,6 +330,7 @@ def test_our_server_answers_as_the_policy_does() -> None:
             seen = observation(instruction, seed=seed)
             chunk = here.infer(seen)
             for policy in there:
+                assert policy.cameras == here.cameras
                 np.testing.assert_array_equal(policy.infer(seen), chunk)
                 assert policy.note == here.note
         for policy in there:
@@ -351,20 +358,22 @@ def test_a_policy_that_reads_the_simulator_cannot_be_served() -> None:
 
 @pytest.mark.slow
 @pytest.mark.render
-def test_its_command_line_gives_what_ours_gives(tmp_path: Path) -> None:
+@pytest.mark.parametrize("method", ["e2e", "mpvi"])
+def test_its_command_line_gives_what_ours_gives(method: str, tmp_path: Path) -> None:
     """Twenty seconds of `vla-eval run` with our server, and of `mpvi run` in process and with that server.
 
-    All results agree in everything but who was asked and how long it took.
+    Be it the policy that does everything or a tree that asks it for some of it, results agree in all but who was asked
+    and how long it took.
     """
     (tmp_path / "tasks").mkdir()
     short = (ROOT / "tasks" / f"{TASK}.yaml").read_text() + "\ntime_budget_s: 20\n"
     (tmp_path / "tasks" / "short_trash.yaml").write_text(short)
     config = yaml.safe_load((ROOT / "examples" / "vla_eval.yaml").read_text())
-    config["benchmarks"][0]["params"] |= {"tasks": ["short_trash"], "out": "theirs"}
-    with model_server(MpviModelServer()) as address:
+    config["benchmarks"][0]["params"] |= {"tasks": ["short_trash"], "method": method, "out": "theirs"}
+    with model_server(MpviModelServer(whole_instructions=method == "e2e")) as address:
         config["server"]["url"] = f"ws://{address}"
         (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
-        mpvi = [sys.executable, "-m", "mpvi_bt.cli", "run", "short_trash", "--method", "e2e", "--no-watch", "--out"]
+        mpvi = [sys.executable, "-m", "mpvi_bt.cli", "run", "short_trash", "--method", method, "--no-watch", "--out"]
         remote = ["--policy", f"vla_eval:{address}", "--policy-settings", "mpvi"]
         for command in (
             [str(Path(sys.executable).with_name("vla-eval")), "run", "--config", "config.yaml"],

@@ -7,7 +7,7 @@ server would be sent, and gives back the server's reply.
 from __future__ import annotations
 
 import queue
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -32,17 +32,19 @@ class Relay:
     Args:
         name: Of the policy.
         settings: What a message has in it, and how a reply is read.
+        first: Cameras whose pictures are wanted when the policy begins anew; None: all that the settings map.
 
     Attributes:
         name: Of the policy.
         vocabulary: What labels of pictures are called; told where the whole observation is.
-        cameras: Those that the settings map; fewer if the last reply said which it wants.
+        cameras: Those that are wanted first, or that the last reply said it wants.
         note: What the last reply said that the server is doing; one line.
         seen: (H, W, 3) uint8, the head's picture of the last question; None if it had none.
     """
 
-    def __init__(self, name: str, settings: Settings) -> None:
+    def __init__(self, name: str, settings: Settings, first: Sequence[str] | None = None) -> None:
         self.name, self._settings = name, settings
+        self._first = {"cameras": None if first is None else list(first)}
         self.vocabulary: Vocabulary = {}
         self.seen: NDArray[np.uint8] | None = None
         self._questions: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
@@ -50,7 +52,7 @@ class Relay:
         self._begin()
 
     def _begin(self) -> None:
-        self.cameras: tuple[str, ...] = self._settings.cameras
+        self.cameras = cameras_of(self._first, self._settings, self._settings.cameras)
         self.note = ""
         self._fresh = True
         self._held: Proprioception | None = None

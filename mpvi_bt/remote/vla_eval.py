@@ -18,7 +18,7 @@ from mpvi_bt.remote.codec import array_of, pack
 from mpvi_bt.remote.connection import Connection, one_line
 from mpvi_bt.remote.mapping import actions_of, still
 from mpvi_bt.remote.observation import Vocabulary
-from mpvi_bt.remote.openpi import OpenpiPolicy, question
+from mpvi_bt.remote.openpi import OpenpiPolicy, cameras_of, question
 from mpvi_bt.remote.settings import Settings
 from mpvi_bt.robot.protocol import Proprioception
 from mpvi_bt.robot.solids import Array
@@ -45,6 +45,7 @@ class VlaEvalPolicy(OpenpiPolicy):
     def __init__(self, address: str, settings: Settings | str = DEFAULT, vocabulary: Vocabulary | None = None) -> None:
         super().__init__(address, settings, vocabulary)
         self._number = 0
+        self._first = self.cameras
         self._episode: Connection | None = None  # the one on which an episode has been started
 
     def hello(self) -> bytes:
@@ -74,10 +75,12 @@ class VlaEvalPolicy(OpenpiPolicy):
         layout = self._settings.observation
         if isinstance(wants, dict) and wants.get("send_state") is True and layout is not None and not layout.state:
             raise PolicyError("bad_reply", "it reads a state, and the settings send none")
+        first = wants if isinstance(wants, dict) else {}
+        self.cameras = self._first = cameras_of(first, self._settings, self._settings.cameras)
 
     def _begin(self, connection: Connection, deadline: float) -> None:
         """The episode is started with its first observation, which has the prompt."""
-        self.cameras = self._settings.cameras
+        self.cameras = self._first
 
     def _ask(
         self, observation: Mapping[str, Any], held: Proprioception, connection: Connection, deadline: float

@@ -17,9 +17,9 @@ from vla_eval.benchmarks.base import StepBenchmark, StepResult
 from vla_eval.specs import IMAGE_RGB, LANGUAGE, RAW, DimSpec
 
 from mpvi_bt import paths
-from mpvi_bt.errors import BackendError, UserError
+from mpvi_bt.errors import BackendError, UnknownName, UserError
 from mpvi_bt.remote.relay import Relay
-from mpvi_bt.remote.settings import Settings, load_settings
+from mpvi_bt.remote.settings import CAMERAS, Settings, load_settings
 from mpvi_bt.remote.vla_eval import DEFAULT
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES
 from mpvi_bt.suite.config import EpisodeConfig
@@ -73,6 +73,8 @@ class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
         method: Name or file of who plans, drives and judges; by default the policy alone does everything. The policy of
             a method is left out: it is the model server.
         policy_settings: Name or file of what an observation has in it and how actions are read.
+        cameras: Those of "head", "left", "right" whose pictures the first observation has; None: all that the settings
+            map. Later ones have those that the answer before named, or all.
         seed: Of what is random beside the model server.
         out: Folder for results and traces, as of `mpvi run --out`; None: none are written.
 
@@ -90,6 +92,7 @@ class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
         instances: Sequence[int] | None = None,
         method: str = "e2e",
         policy_settings: str = DEFAULT,
+        cameras: Sequence[str] | None = None,
         seed: int = 0,
         out: str | None = None,
     ) -> None:
@@ -104,6 +107,9 @@ class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
             for instance in instances or ():
                 task.check_instance(instance)
         self._settings = load_settings(policy_settings)
+        if wrong := next((camera for camera in cameras or () if camera not in CAMERAS), None):
+            raise UnknownName("camera", str(wrong), CAMERAS)
+        self._cameras = cameras
         asked = {"policy": POLICY, "policy_settings": policy_settings}
         self._common = {**load_method(method), **asked, "seed": seed}
         self._out = Path(out) if out is not None else None
@@ -164,7 +170,7 @@ class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
         config = EpisodeConfig(given, starts[int(task.get("episode_idx", 0)) % len(starts)], **self._common)
         if self._out is not None:
             config = replace(config, trace=self._out / f"{config.name}.trace.jsonl")
-        relay = Relay(POLICY, self._settings)
+        relay = Relay(POLICY, self._settings, self._cameras)
         playing = self._thread.submit(self._play, config, relay)
         self._playing = relay, playing
         first = relay.asked()

@@ -41,7 +41,7 @@ class MpviModelServer(ModelServer):  # type: ignore[misc]  # vla_eval is untyped
         self._told = demonstrations() if whole_instructions else None
         self._settings = load_settings(SETTINGS)
         self._sessions: dict[str, Session] = {}
-        self._make({})  # what cannot be made is told now, not to the first client
+        self._first = list(self._make({}).cameras)  # what cannot be made is told now, not to the first client
 
     def _make(self, vocabulary: Vocabulary) -> Policy:
         return make_policy(self._policy, Ground(self._skills, vocabulary, seed=self._seed, demonstrations=self._told))
@@ -74,7 +74,7 @@ class MpviModelServer(ModelServer):  # type: ignore[misc]  # vla_eval is untyped
 
     def get_observation_params(self) -> dict[str, Any]:
         """What the benchmark is to be made with, unless its config says otherwise."""
-        return {"policy_settings": SETTINGS}
+        return {"policy_settings": SETTINGS, "cameras": self._first}
 
 
 if __name__ == "__main__":
