@@ -34,6 +34,8 @@ from mpvi_bt.suite.tasks import load_task
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import compile_instruction, compile_plan
+from mpvi_bt.tree.writer import expanded
+from mpvi_bt.tree.yaml_io import from_expanded
 
 METHODS = paths.names("tasks/methods")
 GOLDEN = Path(__file__).parent / "golden" / "methods.txt"
@@ -109,6 +111,14 @@ def test_the_policy_alone_is_told_the_tasks_instruction() -> None:
     assert [(placed.spec.kind, placed.spec.parameters.prompt) for placed in spec.nodes] == [  # type: ignore[attr-defined]
         ("manipulate", load_task(TASK).instruction)
     ]
+
+
+def test_traces_of_the_policy_alone_can_be_read() -> None:
+    """The tree that a trace begins with has the very nodes that the trace tells of."""
+    spec = compile_instruction("shoes", PLAN.instruction)
+    again = from_expanded(expanded(spec))
+    assert [placed.path for placed in again.nodes] == [placed.path for placed in spec.nodes]
+    assert again == spec
 
 
 def test_a_policy_hears_the_instruction_as_it_is_and_is_never_done() -> None:

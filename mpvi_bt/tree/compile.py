@@ -50,7 +50,7 @@ def compile_plan(
 
 def compile_instruction(name: str, instruction: str) -> TreeSpec:
     """The tree of a policy that is left to itself: told the whole instruction, and never told that it is done."""
-    return TreeSpec(name, NodeSpec("manipulate", Prompt(prompt=escaped(instruction)), name), instruction)
+    return TreeSpec(name, NodeSpec("manipulate", Prompt(prompt=escaped(instruction))), instruction)
 
 
 def prompts_of(plan: Plan) -> list[str]:
