@@ -5,9 +5,11 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
+from inspect import signature
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -310,6 +312,15 @@ print("sapien" in sys.modules)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False"]
+
+
+def test_the_page_tells_every_parameter() -> None:
+    """It has the example's config as it is, and a row for each argument of the benchmark."""
+    page = (ROOT / "docs" / "vla_eval.md").read_text(encoding="utf-8")
+    block = page.partition("```yaml")[2].partition("```")[0]
+    assert yaml.safe_load(block) == yaml.safe_load((ROOT / "examples" / "vla_eval.yaml").read_text(encoding="utf-8"))
+    table = page.partition("| `params` |")[2].partition("\n\n")[0]
+    assert re.findall(r"^\| `(\w+)` \|", table, flags=re.MULTILINE) == list(signature(MpviBenchmark).parameters)
 
 
 # --- our model server

@@ -73,8 +73,8 @@ class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
         method: Name or file of who plans, drives and judges; by default the policy alone does everything. The policy of
             a method is left out: it is the model server.
         policy_settings: Name or file of what an observation has in it and how actions are read.
-        cameras: Those of "head", "left", "right" whose pictures the first observation has; None: all that the settings
-            map. Later ones have those that the answer before named, or all.
+        cameras: Those of "head", "left", "right" whose pictures observations have until an answer names others; None:
+            all that the settings map.
         seed: Of what is random beside the model server.
         out: Folder for results and traces, as of `mpvi run --out`; None: none are written.
 
