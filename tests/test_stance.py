@@ -240,6 +240,32 @@ def test_what_hangs_on_the_near_side_of_its_hand_is_turned_outward_as_the_torso_
             np.testing.assert_allclose(kin.tcp(now, q, "left")[2, :3], hand[2, :3], atol=1e-3)
 
 
+def test_what_has_something_on_it_is_not_tipped_on_its_way() -> None:
+    """A plate with a pizza keeps its tilt along the arm's whole path to where it is set down."""
+    world = small_world({"plate": placed("plate", -1.5, 0.5)}, table_1=TABLE)
+    felt = world.robot.proprioception()
+    T = kin.transform(kin.hand_rotation((0, 0, -1), (0, 1, 0)), (0.45, -0.15, 0.85))
+    arm = kin.nearest_posture(kin.inverse(kin.chest(felt.torso)) @ T, "right", r1.TRAVEL_ARM["right"])
+    assert arm is not None
+    felt = replace(felt, arm={**felt.arm, "right": arm})
+    hand = kin.base(felt.base_pose) @ T
+    world.place("plate", kin.transform(np.eye(3), hand[:3, 3] - [0.0, 0.09, 0.02]))
+    scene = TrueScene(world)
+    scene.holding = lambda side: "plate" if side == "right" else None
+    scene.within = lambda name: ["pizza"] if name == "plate" else []
+    task = Work(scene, Motion(felt), np.random.default_rng(0))
+    scene_solids = scene.solids
+    scene.solids = lambda name: [] if name == "pizza" else scene_solids(name)
+    assert task.held()["right"].laden
+    search = task.search("right", set())
+    spots = [(kin.transform(kin.rot_z(turn) @ hand[:3, :3], (0.9, 0.6, 0.80)), 0.0) for turn in (0.0, 0.8, -0.8, 1.6)]
+    found = search.find(np.array([0.9, 0.6]), upright_options(spots, 0.12))
+    assert found is not None
+    for before, after in pairwise(found.path):
+        for q in np.linspace(before, after, 5):
+            np.testing.assert_allclose(kin.tcp(found.torso, q, "right")[2, :3], hand[2, :3], atol=0.02)
+
+
 def approaching(z: float, effort: float) -> tuple[Work, Actions]:
     """A robot that is to find a stance to pick a cup up at a height, with so much that the search may take."""
     world = small_world({"cup": placed("coffee_cup", 0.0, 0.0, z)}, (-0.9, 0.0, 0.0))

@@ -17,9 +17,11 @@ class Held:
         T_tcp_thing: (4, 4).
         solids: Of it and what lies in it, in the tcp frame.
         load: The same, for collision checks.
+        laden: Whether something lies in it or on it, which falls out if it is tipped.
     """
 
     name: str
     T_tcp_thing: Array
     solids: tuple[Solid, ...]
     load: Load
+    laden: bool = False

@@ -140,8 +140,17 @@ def _after(site: Site, body: Body, option: Option) -> dict[Side, Load]:
 def _reached(
     site: Site, body: Body, lane: Array, option: Option, goals: Array, key: int, q_key: Array
 ) -> list[Array] | None:
-    """The arm's path to the first waypoint if all of them, and the way in, are reachable and free."""
+    """The arm's path to the first waypoint if all of them, and the way in, are reachable and free.
+
+    It tips nothing that has something in it or on it.
+    """
     base = lane[-1]
+    level: list[Array] | None = None
+    if site.side in site.held and site.held[site.side].laden:
+        level = arm_motion.plan_level(body, site.side, goals[0])
+        if level is None or not _free(site, body, base, option, 0, level[-1]):
+            return None
+        key, q_key = 0, level[-1]
     postures: dict[int, Array] = {key: q_key}
     for order in (range(key - 1, -1, -1), range(key + 1, len(goals))):
         for k in order:
@@ -155,6 +164,8 @@ def _reached(
             return None
         if not _leads(site, last, lane, postures[len(goals) - 1], touched=option.load is None, slack=TOUCH_M):
             return None
+    if level is not None:
+        return level
     for margin in WAY_MARGINS_M:
         path = arm_motion.plan(body, site.side, postures[0], site.rng, margin)
         if path is not None:

@@ -147,9 +147,10 @@ class Work:
             if name is not None:
                 T_world_tcp = self.base @ kin.tcp(self.motion.felt.torso, self.motion.felt.arm[side], side)
                 frame = kin.inverse(T_world_tcp)
-                solids = tuple(s.moved(frame) for n in (name, *self.scene.within(name)) for s in self.scene.solids(n))
+                inner = self.scene.within(name)
+                solids = tuple(s.moved(frame) for n in (name, *inner) for s in self.scene.solids(n))
                 volumes = [v.moved(frame) for v in self.scene.volumes(name)]
-                out[side] = Held(name, frame @ self.scene.pose(name), solids, Load(solids, volumes))
+                out[side] = Held(name, frame @ self.scene.pose(name), solids, Load(solids, volumes), bool(inner))
         return out
 
     def carried(self) -> set[str]:
