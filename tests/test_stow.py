@@ -163,6 +163,30 @@ def test_a_hand_around_what_does_not_come_along_lets_go_and_is_drawn_back_along_
     np.testing.assert_allclose(felt.arm[side], r1.TRAVEL_ARM[side], atol=1e-6)
 
 
+@pytest.mark.parametrize("side", SIDES)
+def test_an_empty_hand_is_drawn_off_along_its_fingers_before_the_base_moves(side: Side) -> None:
+    """Cut short as it let go, it may have the wall of a box between its fingers, which the base would drag along."""
+    home = world()
+    T = kin.transform(kin.hand_rotation((0.5, 0, -1), (0, 1, 0)), (0.62, 0.2 * r1.SIGN[side], 0.75))
+    torso = np.array([0.2, 0.0, 0.3, 0.2])
+    q = kin.nearest_posture(kin.inverse(kin.chest(torso)) @ T, side, r1.TRAVEL_ARM[side])
+    assert q is not None
+    action = home.robot.action
+    action[ActionLayout.TORSO], action[ActionLayout.ARM[side]] = torso, q
+    action[ActionLayout.ARM[other(side)]] = r1.TRAVEL_ARM[other(side)]
+    for _ in range(60):
+        home.step(action)
+    home.robot.act(action)
+    stow = ArmStow(home.robot)
+    stow.start()
+    while not home.robot.action[ActionLayout.BASE].any():
+        assert not stow.step()
+        home.step(home.robot.action)
+    felt = home.robot.proprioception()
+    off = kin.inverse(T) @ kin.tcp(felt.torso, felt.arm[side], side)
+    np.testing.assert_allclose(off[:3, 3], [0.0, 0.0, -0.12], atol=0.01)
+
+
 def test_a_hand_caught_behind_a_rim_is_raised_and_the_arms_are_folded_all_the_same() -> None:
     """While both hands are low the base cannot go back; the robot ends in its travel posture, a little farther back."""
     home = world()

@@ -152,7 +152,7 @@ def place_at(
         yield from take_up(work, stance, search)
         yield from _lower(work, side, stance, goal)
         yield from look_at(work, held.name)
-        yield from release(work, side, stance.opening_m)
+        yield from release(work, side, stance.opening_m, falls_s=0.1)
         yield from lines(work, side, stance, [2])
     except MotionFailure:
         yield from withdraw(work, side, stance)
@@ -161,11 +161,17 @@ def place_at(
     return float(min(s.moved(goal @ kin.inverse(held.T_tcp_thing)).aabb()[0, 2] for s in held.solids))
 
 
-def release(work: Work, side: Side, opening_m: float = FULL_M) -> Actions:
-    """Open a hand as far as there is room for. Raises MotionFailure "not_released" if the fingers do not open."""
+def release(work: Work, side: Side, opening_m: float = FULL_M, falls_s: float = 0.5) -> Actions:
+    """Open a hand as far as there is room for, and wait while what it held falls, by default into a deep container.
+
+    A longer pause looks like the end of the motion: who is asked then may say yes before the hand is out of the way.
+
+    Raises:
+        MotionFailure: "not_released" if the fingers do not open.
+    """
     width = work.motion.felt.gripper_width[side]
     yield from work.motion.grip(side, opened(opening_m), 0.5)
-    yield from work.motion.wait(0.5)  # what falls into a deep container needs that long
+    yield from work.motion.wait(falls_s)
     if work.motion.felt.gripper_width[side] < min(width + 0.01, 0.8 * FULL_M):
         raise MotionFailure("not_released")
 

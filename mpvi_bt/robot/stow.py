@@ -20,6 +20,7 @@ _CLOSE_RAD = 0.05
 _BACK_M = 0.25
 _OFF_M = 0.15  # off what fingers stand around
 _RAISED_M = 0.15
+_DRAWN_M = 0.12  # of a hand along its fingers, off what it may have let go of a moment ago
 _LEVEL = 0.3  # of the length of a hand's approach, seen from above: one that points down more steeply is not drawn back
 _CARRIED_M = 0.65  # from the base's axis, and between these heights, a hand carries what it holds;
 _CARRIED_AT_M = (0.5, 1.15)  # farther out, lower or higher it may still be in a shelf, a basket or under a table,
@@ -33,7 +34,8 @@ class ArmStow:
     """Folds empty hands and straightens the torso; a hand that holds something keeps its pose in front of the body.
 
     It knows nothing of the surroundings: from an unknown posture, and with a hand that holds something far out, it
-    first draws back from where the hands worked. What is held far out is brought in, level, before the base turns.
+    first draws back from where the hands worked; an empty hand that still points there is drawn off along its fingers
+    before that. What is held far out is brought in, level, before the base turns.
     """
 
     def __init__(self, robot: Robot, seed: int = 0, carries: Callable[[Side], bool] | None = None) -> None:
@@ -81,6 +83,8 @@ class ArmStow:
         for side in held:  # one that was cut short while it closed would lose what it holds
             yield from motion.grip(side, -1.0, _CLOSING_S * (felt.gripper_command[side] + 1.0))
         out = [s for s in held if _far_out(motion.hand(s))]
+        for side in away:
+            yield from _draw_off(motion, side)
         if away or out:
             x, y, yaw = felt.base_pose
             back = max(_BACK_M, *(float(motion.hand(s)[0, 3]) - _OUT_M for s in out), 0.0)
@@ -128,6 +132,17 @@ def _home(motion: Motion, side: Side, rng: np.random.Generator) -> Actions:
     path = arm_motion.plan(body, side, r1.TRAVEL_ARM[side], rng)
     if path is not None:
         yield from motion.follow(side, path)
+
+
+def _draw_off(motion: Motion, side: Side) -> Actions:
+    """Draw an empty hand straight back along its fingers, if its arm can: the base would drag along what is between."""
+    T = motion.hand(side)
+    T[:3, 3] -= _DRAWN_M * T[:3, 2]
+    body = Body(motion.torso, {s: motion.arm(s) for s in SIDES})
+    line = arm_motion.trace(motion.torso, side, motion.arm(side), T)
+    if line is not None and all(body.free(side, q)[0] for q in line):
+        with suppress(MotionFailure):
+            yield from motion.line(side, T)
 
 
 def _raise(motion: Motion, side: Side) -> Actions:
