@@ -22,8 +22,11 @@ import numpy as np
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1, timing
 from mpvi_bt.robot.arm_motion import plan
+from mpvi_bt.robot.arms import posture_distance
 from mpvi_bt.robot.collision import Body, Surroundings
+from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Side
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid, box
 
 LIMIT_S, MARGIN_M, CHECK_RAD = 2.0, 0.005, 0.07
@@ -85,16 +88,16 @@ def problems(per_scene: int) -> Iterator[Problem]:
             side = SIDES[found % 2]
             solids, at = scene(rng)
             torso = np.array([rng.uniform(0.2, 0.5), 0.0, rng.uniform(0.0, 0.5), 0.5])
-            body = Body(torso, dict(r1.TRAVEL_ARM), {}, Surroundings(solids))
+            body = Body(R1, torso, dict(r1.TRAVEL_ARM), {}, Surroundings(solids))
             approach = (1.0, rng.uniform(-0.4, 0.4), rng.uniform(-1.0, 0.0))
-            p = at * [1, r1.SIGN[side], 1] + rng.uniform([-0.06, -0.12, -0.06], [0.06, 0.12, 0.06])
+            p = at * [1, SIGN[side], 1] + rng.uniform([-0.06, -0.12, -0.06], [0.06, 0.12, 0.06])
             T = kin.transform(kin.hand_rotation(approach, (0, 1, 0.2)), p)
-            _, q = kin.arm_inverse(kin.inverse(kin.chest(torso)) @ T, side)
+            _, q = R1.arm_inverse(kin.inverse(R1.chest(torso)) @ T, side)
             q = q[body.free(side, q, MARGIN_M)] if len(q) else q
             if not len(q) or not body.trunk_free() or not body.free(side, r1.TRAVEL_ARM[side], MARGIN_M)[0]:
                 continue
             found += 1
-            yield Problem(name, side, body, q[kin.posture_distance(q, r1.TRAVEL_ARM[side]).argmin()])
+            yield Problem(name, side, body, q[posture_distance(q, r1.TRAVEL_ARM[side]).argmin()])
 
 
 def ours(problem: Problem, seed: int) -> Path | None:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from mpvi_bt.robot.model import RobotModel
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, pose
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import House, load_house
@@ -39,10 +41,11 @@ def small_world(
     objects: Mapping[str, Placement] | None = None,
     base: tuple[float, float, float] = (0.0, 0.0, 0.0),
     render: bool = False,
+    robot: RobotModel = R1,
     **fixtures: str,
 ) -> World:
     """A world in a small house, nothing settled yet."""
-    return World(small_house(**fixtures), objects or {}, np.array(base), render=render)
+    return World(small_house(**fixtures), objects or {}, np.array(base), render=render, robot=robot)
 
 
 def run(world: World, action: Array, seconds: float) -> None:

@@ -14,7 +14,9 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.arm_motion import glide, plan, plan_level, stay, sweep, trace
 from mpvi_bt.robot.collision import Body, Load, Surroundings
+from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid, box
 
 seeds = st.integers(0, 2**32 - 1)
@@ -26,12 +28,12 @@ POLE = box((0.55, 0.25, 1.0), (0.06, 0.06, 1.0))
 
 def robot(*solids: Solid) -> Body:
     """The robot with folded hands among solids in its own frame."""
-    return Body(TORSO, dict(r1.TRAVEL_ARM), {}, Surroundings(solids))
+    return Body(R1, TORSO, dict(r1.TRAVEL_ARM), {}, Surroundings(solids))
 
 
 def level(x: float, y: float, z: float, side: Side) -> Array:
     """A hand pose that points ahead, y toward the hand's own side."""
-    return kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (x, y * r1.SIGN[side], z))
+    return kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (x, y * SIGN[side], z))
 
 
 def anywhere(rng: np.random.Generator, side: Side) -> Array:
@@ -75,7 +77,7 @@ def test_a_goal_in_a_wall_has_no_path(seed: int, side: Side) -> None:
     rng = np.random.default_rng(seed)
     low, high = r1.ARM_LIMITS[side].T
     goal = rng.uniform(low, high)
-    at = kin.tcp(TORSO, goal, side)[:3, 3]
+    at = R1.tcp(TORSO, goal, side)[:3, 3]
     body = robot(box((float(at[0]), float(at[1]), float(at[2])), (0.1, 0.1, 0.1)))
     assert plan(body, side, goal, rng) is None
 
@@ -83,12 +85,12 @@ def test_a_goal_in_a_wall_has_no_path(seed: int, side: Side) -> None:
 def test_planning_finds_a_way_around() -> None:
     """With the straight way barred a path is found all the same, and the same one from the same randomness."""
     side: Side = "left"
-    chest = kin.inverse(kin.chest(TORSO))
-    start = kin.nearest_posture(chest @ level(0.50, 0.02, 1.05, side), side, r1.TRAVEL_ARM[side])
-    goal = kin.nearest_posture(chest @ level(0.50, 0.50, 1.05, side), side, r1.TRAVEL_ARM[side])
+    chest = kin.inverse(R1.chest(TORSO))
+    start = R1.nearest_posture(chest @ level(0.50, 0.02, 1.05, side), side, r1.TRAVEL_ARM[side])
+    goal = R1.nearest_posture(chest @ level(0.50, 0.50, 1.05, side), side, r1.TRAVEL_ARM[side])
     assert start is not None
     assert goal is not None
-    body = Body(TORSO, {**r1.TRAVEL_ARM, side: start}, {}, Surroundings([POLE]))
+    body = Body(R1, TORSO, {**r1.TRAVEL_ARM, side: start}, {}, Surroundings([POLE]))
     straight = np.array([start + (goal - start) * u for u in np.linspace(0, 1, 40)])
     assert not body.free(side, straight).all()
     first, second = (plan(body, side, goal, np.random.default_rng(3)) for _ in range(2))
@@ -101,10 +103,10 @@ def test_planning_finds_a_way_around() -> None:
 def test_a_start_in_touch_can_be_left() -> None:
     """An arm that stands in slight contact still finds a way out."""
     side: Side = "left"
-    at = kin.tcp(TORSO, r1.TRAVEL_ARM[side], side)[:3, 3]
+    at = R1.tcp(TORSO, r1.TRAVEL_ARM[side], side)[:3, 3]
     body = robot(box((float(at[0]), float(at[1]), float(at[2]) - 0.07), (0.1, 0.1, 0.1)))
     assert not body.free(side, r1.TRAVEL_ARM[side])[0]
-    goal = kin.nearest_posture(kin.inverse(kin.chest(TORSO)) @ level(0.45, 0.45, 1.1, side), side, r1.TRAVEL_ARM[side])
+    goal = R1.nearest_posture(kin.inverse(R1.chest(TORSO)) @ level(0.45, 0.45, 1.1, side), side, r1.TRAVEL_ARM[side])
     assert goal is not None
     assert plan(body, side, goal, np.random.default_rng(0)) is not None
 
@@ -115,14 +117,14 @@ def test_a_traced_line_is_straight_and_without_leaps(seed: int, side: Side) -> N
     """From start to goal in small steps: each hand pose on the segment, no joint leaping."""
     rng = np.random.default_rng(seed)
     a, b = (anywhere(rng, side) for _ in range(2))
-    start = kin.nearest_posture(kin.inverse(kin.chest(TORSO)) @ a, side, r1.TRAVEL_ARM[side])
+    start = R1.nearest_posture(kin.inverse(R1.chest(TORSO)) @ a, side, r1.TRAVEL_ARM[side])
     assume(start is not None)
     assert start is not None
-    path = trace(TORSO, side, start, b)
+    path = trace(R1, TORSO, side, start, b)
     assume(path is not None)
     assert path is not None
     np.testing.assert_array_equal(path[0], start)
-    hands = kin.tcp(TORSO, np.stack(path), side)
+    hands = R1.tcp(TORSO, np.stack(path), side)
     np.testing.assert_allclose(hands[-1], b, atol=1e-6)
     along = (b - a)[:3, 3] / np.linalg.norm((b - a)[:3, 3])
     off = hands[:, :3, 3] - a[:3, 3]
@@ -130,13 +132,13 @@ def test_a_traced_line_is_straight_and_without_leaps(seed: int, side: Side) -> N
     assert np.linalg.norm(np.diff(hands[:, :3, 3], axis=0), axis=1).max() < 0.026
     assert np.abs(np.diff(np.stack(path), axis=0)).max() < 0.46
     # between its postures too the hand stays near the line, so that following it does not sweep through things
-    between = kin.tcp(TORSO, finely(path, 0.02), side)[:, :3, 3] - a[:3, 3]
+    between = R1.tcp(TORSO, finely(path, 0.02), side)[:, :3, 3] - a[:3, 3]
     assert np.linalg.norm(between - np.outer(between @ along, along), axis=1).max() < 0.05
 
 
 def test_a_line_out_of_reach_is_none() -> None:
     """A hand cannot be traced to where the arm does not reach."""
-    assert trace(TORSO, "left", r1.TRAVEL_ARM["left"], level(2.0, 0.2, 1.0, "left")) is None
+    assert trace(R1, TORSO, "left", r1.TRAVEL_ARM["left"], level(2.0, 0.2, 1.0, "left")) is None
 
 
 @settings(deadline=None, max_examples=25)
@@ -144,22 +146,22 @@ def test_a_line_out_of_reach_is_none() -> None:
 def test_a_level_path_never_tips_what_is_held(seed: int, side: Side) -> None:
     """All along a level path, detours too, the hand keeps its tilt: only its heading turns."""
     rng = np.random.default_rng(seed)
-    chest = kin.inverse(kin.chest(TORSO))
+    chest = kin.inverse(R1.chest(TORSO))
     a, b = (anywhere(rng, side) for _ in range(2))
     b[:3, :3] = kin.rot_z(rng.uniform(-0.8, 0.8)) @ b[:3, :3]
-    start = kin.nearest_posture(chest @ a, side, r1.TRAVEL_ARM[side])
+    start = R1.nearest_posture(chest @ a, side, r1.TRAVEL_ARM[side])
     assume(start is not None)
     assert start is not None
-    body = Body(TORSO, {**r1.TRAVEL_ARM, side: start}, {}, Surroundings([POLE]))
+    body = Body(R1, TORSO, {**r1.TRAVEL_ARM, side: start}, {}, Surroundings([POLE]))
     assume(bool(body.free(side, start)[0]))
     path = plan_level(body, side, b)
     assume(path is not None)
     assert path is not None
     np.testing.assert_array_equal(path[0], start)
-    np.testing.assert_allclose(kin.tcp(TORSO, path[-1], side), b, atol=1e-6)
-    up_in_hand = kin.tcp(TORSO, np.stack(path), side)[:, 2, :3]
+    np.testing.assert_allclose(R1.tcp(TORSO, path[-1], side), b, atol=1e-6)
+    up_in_hand = R1.tcp(TORSO, np.stack(path), side)[:, 2, :3]
     np.testing.assert_allclose(up_in_hand, np.broadcast_to(a[2, :3], up_in_hand.shape), atol=1e-5)
-    between = kin.tcp(TORSO, finely(path, 0.02), side)[:, 2, :3]
+    between = R1.tcp(TORSO, finely(path, 0.02), side)[:, 2, :3]
     assert np.arccos(np.clip(between @ a[2, :3], -1, 1)).max() < 0.1
     assert (np.stack(body.clearance(side, np.stack(path))) > 0).all()
 
@@ -167,14 +169,12 @@ def test_a_level_path_never_tips_what_is_held(seed: int, side: Side) -> None:
 @pytest.mark.parametrize("side", SIDES)
 def test_a_level_path_goes_over_a_post(side: Side) -> None:
     """With a post in the direct line a level way over it is found, with either arm."""
-    post = box((0.50, 0.27 * r1.SIGN[side], 0.475), (0.06, 0.06, 0.95))
+    post = box((0.50, 0.27 * SIGN[side], 0.475), (0.06, 0.06, 0.95))
     goal = level(0.48, 0.12, 0.95, side)
-    start = kin.nearest_posture(
-        kin.inverse(kin.chest(TORSO)) @ level(0.48, 0.42, 0.95, side), side, r1.TRAVEL_ARM[side]
-    )
+    start = R1.nearest_posture(kin.inverse(R1.chest(TORSO)) @ level(0.48, 0.42, 0.95, side), side, r1.TRAVEL_ARM[side])
     assert start is not None
-    body = Body(TORSO, {**r1.TRAVEL_ARM, side: start}, {}, Surroundings([post]))
-    direct = trace(TORSO, side, start, goal)
+    body = Body(R1, TORSO, {**r1.TRAVEL_ARM, side: start}, {}, Surroundings([post]))
+    direct = trace(R1, TORSO, side, start, goal)
     assert direct is not None
     assert not body.free(side, np.stack(direct)).all()
     path = plan_level(body, side, goal)
@@ -199,12 +199,12 @@ def test_a_glide_goes_from_pose_to_pose(u: float, detour: list[float]) -> None:
 def test_a_sweep_keeps_hands_on_their_paths_and_arms_free(seed: int, side: Side) -> None:
     """While the torso moves evenly each posture has the hand on its path, no arm leaps, and nothing touches."""
     rng = np.random.default_rng(seed)
-    start = kin.nearest_posture(kin.inverse(kin.chest(TORSO)) @ anywhere(rng, side), side, r1.TRAVEL_ARM[side])
+    start = R1.nearest_posture(kin.inverse(R1.chest(TORSO)) @ anywhere(rng, side), side, r1.TRAVEL_ARM[side])
     if start is None:
         return
-    body = Body(TORSO, {**r1.TRAVEL_ARM, side: start}, {}, Surroundings([POLE]))
+    body = Body(R1, TORSO, {**r1.TRAVEL_ARM, side: start}, {}, Surroundings([POLE]))
     torso = np.array([rng.uniform(0.1, 0.5), 0.0, rng.uniform(-0.2, 0.6), 0.0])
-    path = glide(kin.tcp(TORSO, start, side), anywhere(rng, side))
+    path = glide(R1.tcp(TORSO, start, side), anywhere(rng, side))
     arms = sweep(body, torso, {side: path})
     if arms is None or not body.all_free():
         return
@@ -212,17 +212,17 @@ def test_a_sweep_keeps_hands_on_their_paths_and_arms_free(seed: int, side: Side)
     np.testing.assert_array_equal(arms[side][0], start)
     for u, q in zip(np.linspace(0, 1, len(arms[side])), arms[side], strict=True):
         now = TORSO[:3] + (torso - TORSO)[:3] * u
-        np.testing.assert_allclose(kin.tcp(now, q, side), path(float(u)), atol=1e-6)
-        moved = Body(now, {**r1.TRAVEL_ARM, side: q}, {}, Surroundings([POLE]))
+        np.testing.assert_allclose(R1.tcp(now, q, side), path(float(u)), atol=1e-6)
+        moved = Body(R1, now, {**r1.TRAVEL_ARM, side: q}, {}, Surroundings([POLE]))
         assert u == 0 or moved.all_free()
 
 
 def test_a_sweep_into_something_is_none() -> None:
     """Head, held thing or hand would meet a shelf: there is no sweep; without the shelf there is one."""
-    level_hand = {"left": stay(kin.tcp(TORSO, r1.TRAVEL_ARM["left"], "left"))}
+    level_hand = {"left": stay(R1.tcp(TORSO, r1.TRAVEL_ARM["left"], "left"))}
     bent = np.array([0.3, 0.0, 0.5, 0.0])
     shelf = box((0.40, 0.0, 1.30), (0.2, 0.6, 0.05))
-    free, barred = (Body(TORSO, dict(r1.TRAVEL_ARM), {}, Surroundings(s)) for s in ([], [shelf]))
+    free, barred = (Body(R1, TORSO, dict(r1.TRAVEL_ARM), {}, Surroundings(s)) for s in ([], [shelf]))
     assert sweep(free, bent, {}) == {}
     assert sweep(barred, bent, {}) is None
     assert sweep(barred, TORSO, {}) == {}
@@ -234,8 +234,8 @@ def test_a_sweep_keeps_the_corners_of_what_is_held_out_of_things(rise_m: float, 
     """The torso goes down over a post: its top may stay well below the lowest corner, and may not meet it."""
     shoe = Solid("box", np.array([0.042, 0.125, 0.014]), kin.transform(kin.rot_z(0.5), (0.0, 0.0, 0.08)))
     down = TORSO - [0.15, 0.0, 0.0, 0.0]
-    corners = points([shoe.moved(kin.tcp(down, r1.TRAVEL_ARM["left"], "left"))])
+    corners = points([shoe.moved(R1.tcp(down, r1.TRAVEL_ARM["left"], "left"))])
     x, y, z = corners[corners[:, 2].argmin()]
     post = box((x, y, z + rise_m - 0.05), (0.03, 0.03, 0.1))
-    body = Body(TORSO, dict(r1.TRAVEL_ARM), {"left": Load([shoe])}, Surroundings([post]))
+    body = Body(R1, TORSO, dict(r1.TRAVEL_ARM), {"left": Load([shoe])}, Surroundings([post]))
     assert (sweep(body, down, {}) is None) == barred

@@ -14,8 +14,9 @@ from py_trees.common import Status
 from mpvi_bt.behaviors.context import Context, Stopwatch
 from mpvi_bt.behaviors.protocols import Progress, Report, TriggerEvent
 from mpvi_bt.errors import NodeError, UnknownName
-from mpvi_bt.robot.limits import HIGHEST, LARGEST_STEP, LOWEST
+from mpvi_bt.robot.limits import LARGEST_STEP, extremes
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, CameraImage
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.testing import KinematicRobot
 from mpvi_bt.tree.saving import restore, save
@@ -150,7 +151,7 @@ def test_actions_reach_the_robot_within_its_limits_and_rate(joint: int, wild: fl
     for _ in range(ticks):
         bench.run(1)
         now = bench.world.robot.action
-        assert np.array_equal(now, np.clip(now, LOWEST, HIGHEST))
+        assert np.array_equal(now, np.clip(now, *extremes(R1)))
         assert (np.abs(now - last) <= LARGEST_STEP + 1e-12).all()
         last = now
     assert bench.context.log.clipped == ticks
@@ -165,7 +166,7 @@ def test_what_is_within_the_limits_reaches_the_robot_bit_by_bit(seed: int) -> No
     step = np.where(np.isfinite(LARGEST_STEP), LARGEST_STEP, 0.1)
     for _ in range(10):
         last = bench.world.robot.action
-        action = np.clip(last + rng.uniform(-1, 1, ACTION_SIZE) * step * 0.999, LOWEST, HIGHEST)
+        action = np.clip(last + rng.uniform(-1, 1, ACTION_SIZE) * step * 0.999, *extremes(R1))
         chunk = action[None]
         bench.context.policy.infer = lambda observation, chunk=chunk: chunk  # type: ignore[method-assign, misc]
         bench.node("manipulate").terminate(Status.INVALID)  # the rest of the chunk before

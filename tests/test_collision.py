@@ -12,6 +12,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Body, Load, Surroundings, carries, covering_spheres
 from mpvi_bt.robot.protocol import SIDES
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid, box
 
 seeds = st.integers(0, 2**32 - 1)
@@ -138,7 +139,7 @@ def test_a_load_fits_where_it_stands(seed: int) -> None:
 def body(torso: Array = r1.TRAVEL_TORSO, around: Surroundings | None = None, **held: Load) -> Body:
     """The robot in its travel posture."""
     loads = {s: held[s] for s in SIDES if s in held}
-    return Body(torso, dict(r1.TRAVEL_ARM), loads, around or Surroundings(()))
+    return Body(R1, torso, dict(r1.TRAVEL_ARM), loads, around or Surroundings(()))
 
 
 @pytest.mark.parametrize("lift", [0.0, 0.05, 0.2, 0.4, 0.55])
@@ -169,8 +170,8 @@ def test_mirrored_robots_are_as_free(seed: int) -> None:
     rng = np.random.default_rng(seed)
     left, right = (rng.uniform(LEFT_LOW, LEFT_HIGH) for _ in range(2))
     torso = np.array([rng.uniform(0, 0.55), 0.0, rng.uniform(-0.3, 1.4), 0.0])
-    ours = Body(torso, {"left": left, "right": r1.mirrored(right, "right")})
-    theirs = Body(torso, {"left": right, "right": r1.mirrored(left, "right")})
+    ours = Body(R1, torso, {"left": left, "right": r1.mirrored(right, "right")})
+    theirs = Body(R1, torso, {"left": right, "right": r1.mirrored(left, "right")})
     np.testing.assert_allclose(
         ours.clearance("left", left)[1], theirs.clearance("right", r1.mirrored(left, "right"))[1], atol=1e-9
     )
@@ -192,7 +193,7 @@ def test_clearances_of_many_are_those_of_each(seed: int) -> None:
 @pytest.mark.parametrize("side", SIDES)
 def test_a_thing_at_the_hand_is_hit(side) -> None:
     """A solid where the hand is takes its freedom; far from it, it does not."""
-    at = kin.tcp(r1.TRAVEL_TORSO, r1.TRAVEL_ARM[side], side)[:3, 3]
+    at = R1.tcp(r1.TRAVEL_TORSO, r1.TRAVEL_ARM[side], side)[:3, 3]
     for shift, free in ((0.0, False), (3.0, True)):
         around = Surroundings([box((float(at[0]) + shift, float(at[1]), float(at[2])), (0.1, 0.1, 0.1))])
         assert bool(body(around=around).free(side, r1.TRAVEL_ARM[side])[0]) is free
@@ -201,14 +202,14 @@ def test_a_thing_at_the_hand_is_hit(side) -> None:
 def test_a_grasping_hand_may_touch_between_its_fingers_only() -> None:
     """A thing between the fingers blocks a hand that moves and not one that grasps; one at the elbow blocks both."""
     q, torso = np.array([-0.6, 0.3, 0.0, -1.2, 0.0, -0.3, 0.0]), np.array([0.4, 0.0, 0.0, 0.0])
-    tcp = kin.tcp(torso, q, "left")
+    tcp = R1.tcp(torso, q, "left")
     thing = Solid("box", np.array([0.01, 0.045, 0.01]), tcp)
-    elbow = kin.chest(torso) @ kin.arm_frames(q, "left")[1]
+    elbow = R1.chest(torso) @ R1.arm_frames(q, "left")[1]
     at_elbow = Solid("box", np.array([0.05, 0.05, 0.05]), elbow @ kin.transform(np.eye(3), (0.0, 0.0, -0.1)))
-    robot = Body(torso, {"left": q, "right": r1.TRAVEL_ARM["right"]}, {}, Surroundings([thing]))
+    robot = Body(R1, torso, {"left": q, "right": r1.TRAVEL_ARM["right"]}, {}, Surroundings([thing]))
     assert not robot.free("left", q)[0]
     assert robot.free("left", q, grasping=True)[0]
-    blocked = Body(torso, robot.arms, {}, Surroundings([at_elbow]))
+    blocked = Body(R1, torso, robot.arms, {}, Surroundings([at_elbow]))
     assert not blocked.free("left", q, grasping=True)[0]
 
 
@@ -216,33 +217,33 @@ def test_a_held_thing_is_part_of_the_arm() -> None:
     """What a hand holds meets the surroundings with it."""
     q, torso = np.array([-0.6, 0.3, 0.0, -1.2, 0.0, -0.3, 0.0]), np.array([0.4, 0.0, 0.0, 0.0])
     stick = Solid("box", np.array([0.01, 0.01, 0.15]), kin.transform(np.eye(3), (0.0, 0.0, 0.16)))
-    end = kin.tcp(torso, q, "left") @ [0.0, 0.0, 0.3, 1.0]
+    end = R1.tcp(torso, q, "left") @ [0.0, 0.0, 0.3, 1.0]
     wall = Surroundings([box((float(end[0]), float(end[1]), float(end[2])), (0.06, 0.06, 0.06))])
-    robot = Body(torso, {"left": q, "right": r1.TRAVEL_ARM["right"]}, {"left": Load([stick])}, wall)
+    robot = Body(R1, torso, {"left": q, "right": r1.TRAVEL_ARM["right"]}, {"left": Load([stick])}, wall)
     assert not robot.free("left", q)[0]
-    assert Body(torso, robot.arms, {}, wall).free("left", q)[0]
+    assert Body(R1, torso, robot.arms, {}, wall).free("left", q)[0]
 
 
 def test_hands_meet_each_other_and_what_the_other_holds() -> None:
     """A hand on the other hand's place is not free; nor is one where the other holds something."""
     torso = np.array([0.3, 0.0, 0.0, 0.0])
     T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.45, 0.0, 0.9))
-    chest = kin.inverse(kin.chest(torso))
-    left = kin.nearest_posture(chest @ T, "left", r1.TRAVEL_ARM["left"])
-    right = kin.nearest_posture(chest @ T, "right", r1.TRAVEL_ARM["right"])
+    chest = kin.inverse(R1.chest(torso))
+    left = R1.nearest_posture(chest @ T, "left", r1.TRAVEL_ARM["left"])
+    right = R1.nearest_posture(chest @ T, "right", r1.TRAVEL_ARM["right"])
     assert left is not None
     assert right is not None
-    crossed = Body(torso, {"left": left, "right": right})
+    crossed = Body(R1, torso, {"left": left, "right": right})
     assert not crossed.free("right", right)[0]
     apart = T.copy()
     apart[1, 3] = -0.3
-    aside = kin.nearest_posture(chest @ apart, "right", r1.TRAVEL_ARM["right"])
+    aside = R1.nearest_posture(chest @ apart, "right", r1.TRAVEL_ARM["right"])
     assert aside is not None
-    robot = Body(torso, {"left": left, "right": aside})
+    robot = Body(R1, torso, {"left": left, "right": aside})
     assert robot.free("right", aside)[0]
     plank = Load([Solid("box", np.array([0.01, 0.35, 0.01]))])
     for holder in SIDES:
-        assert not Body(torso, robot.arms, {holder: plank}).free("right", aside)[0], holder
+        assert not Body(R1, torso, robot.arms, {holder: plank}).free("right", aside)[0], holder
 
 
 def test_a_bent_trunk_meets_a_shelf() -> None:

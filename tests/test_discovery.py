@@ -18,6 +18,7 @@ from mpvi_bt.perception.knowledge import LIKELY, Entry, KnowledgeBase
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import SIDES, CameraImage, Proprioception, Side
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from tests.depth_pictures import Box, picture
 from tests.navigation_maps import thing
@@ -138,7 +139,7 @@ def body(
 
 
 def tcp(pose: Pose, side: Side = "right", arm: Mapping[Side, Array] = r1.TRAVEL_ARM) -> Array:
-    return (kin.base(np.array(pose)) @ kin.tcp(r1.TRAVEL_TORSO, arm[side], side))[:3, 3]
+    return (kin.base(np.array(pose)) @ R1.tcp(r1.TRAVEL_TORSO, arm[side], side))[:3, 3]
 
 
 def around(middle: tuple[float, float], radius_m: float, count: int) -> list[Pose]:

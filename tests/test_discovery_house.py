@@ -16,6 +16,7 @@ from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, CameraImage
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, pose
 from mpvi_bt.sim.catalogue import Entry as CatalogueEntry
 from mpvi_bt.sim.house import load_house
@@ -101,7 +102,7 @@ def drive(world: World) -> Drive:
     """Look at the house as it is now."""
     pictures, visible = [], set()
     for at in tour():
-        T = kin.base(np.array(at)) @ kin.head_camera(r1.TRAVEL_TORSO)
+        T = kin.base(np.array(at)) @ R1.head_camera(r1.TRAVEL_TORSO)
         image = world.look_from(T, (HEAD.width, HEAD.height), HEAD.fov_rad)
         pictures.append((at, image))
         assert image.labels is not None
@@ -178,7 +179,7 @@ def test_a_can_is_followed_from_the_hand_to_the_floor() -> None:
     world = small_world({"can": placed("can_of_soda", 2.0, 2.0)}, render=True)
     T_base_hand = kin.transform(kin.hand_rotation((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), (0.55, -0.15, 0.85))
     right = r1.TRAVEL_ARM["right"]
-    arm = kin.nearest_posture(kin.inverse(kin.chest(r1.TRAVEL_TORSO)) @ T_base_hand, "right", right)
+    arm = R1.nearest_posture(kin.inverse(R1.chest(r1.TRAVEL_TORSO)) @ T_base_hand, "right", right)
     assert arm is not None
     action = world.robot.action.copy()
     action[ActionLayout.TORSO], action[ActionLayout.ARM["right"]] = r1.TRAVEL_TORSO, arm

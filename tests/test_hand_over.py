@@ -21,6 +21,7 @@ from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Load
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Solid
 from tests.small_house import small_world
 
@@ -53,7 +54,7 @@ def test_fingers_hold_what_keeps_them_apart_not_what_lies_in_it() -> None:
     felt = replace(felt, gripper_width={**felt.gripper_width, "left": 0.07},
                    gripper_command={**felt.gripper_command, "left": -1.0})  # fmt: skip
     seen = Seen(SegmentationDetector({}))
-    T = kin.base(felt.base_pose) @ kin.tcp(felt.torso, felt.arm["left"], "left")
+    T = kin.base(felt.base_pose) @ R1.tcp(felt.torso, felt.arm["left"], "left")
     for name, half, off in (("die 1", 0.01, 0.0), ("cup 1", 0.035, 0.04)):
         at = kin.transform(np.eye(3), T[:3, 3] + [0.0, 0.0, off])
         shape = Shape("box", at, (Solid("box", np.full(3, half), at),), 0.0)

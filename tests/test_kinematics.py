@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
+from mpvi_bt.robot.arms import posture_distance
 from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Side
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, pose
 
 MIRROR = np.diag([1.0, -1.0, 1.0])  # in the xz plane
@@ -59,7 +61,7 @@ def test_wrap_keeps_the_direction(a: float) -> None:
 @given(seeds, sides)
 def test_inverse_undoes_a_transform(seed: int, side: Side) -> None:
     """T and its inverse make the identity, for stacks too."""
-    T = kin.arm(posture(seed, side, 3), side)
+    T = R1.arm(posture(seed, side, 3), side)
     np.testing.assert_allclose(kin.inverse(T) @ T, np.broadcast_to(np.eye(4), (3, 4, 4)), atol=1e-12)
 
 
@@ -81,11 +83,11 @@ def test_a_hand_points_along_its_approach(v: list[float]) -> None:
 @given(seeds, sides)
 def test_every_inverse_solution_reaches_the_target(seed: int, side: Side) -> None:
     """Forward of every solution is the target that it is said to be for, and every solution is within the limits."""
-    T = kin.arm(posture(seed, side, 4), side)
-    at, q = kin.arm_inverse(T, side)
+    T = R1.arm(posture(seed, side, 4), side)
+    at, q = R1.arm_inverse(T, side)
     limits = r1.ARM_LIMITS[side]
     assert ((q >= limits[:, 0]) & (q <= limits[:, 1])).all()
-    np.testing.assert_allclose(kin.arm(q, side), T[at], atol=1e-7)
+    np.testing.assert_allclose(R1.arm(q, side), T[at], atol=1e-7)
 
 
 @settings(deadline=None)
@@ -94,27 +96,27 @@ def test_what_a_posture_reaches_is_found(seed: int, side: Side) -> None:
     """A target that a posture well within the limits reaches has a solution, its elbow next to that posture's."""
     low, high = r1.ARM_LIMITS[side].T
     q = np.random.default_rng(seed).uniform(low + 0.25, high - 0.25)
-    T = kin.arm(q, side)
-    assert kin.nearest_posture(T, side, q) is not None
-    _, found = kin.arm_inverse(T[None], side, swivels=72)
-    elbows = kin.arm_frames(found, side)[1][:, :3, 3]
+    T = R1.arm(q, side)
+    assert R1.nearest_posture(T, side, q) is not None
+    _, found = R1.arm_inverse(T[None], side, swivels=72)
+    elbows = R1.arm_frames(found, side)[:, 1, :3, 3]
     # One swivel in 72 is 5 degrees, so the elbow of the nearest is off by half of that.
-    assert np.linalg.norm(elbows - kin.arm_frames(q, side)[1][:3, 3], axis=1).min() < r1.UPPER_ARM_M * np.deg2rad(3.0)
+    assert np.linalg.norm(elbows - R1.arm_frames(q, side)[1][:3, 3], axis=1).min() < r1.UPPER_ARM_M * np.deg2rad(3.0)
 
 
 @given(seeds, sides)
 def test_nearest_posture_is_the_nearest(seed: int, side: Side) -> None:
     """No solution is nearer than the nearest one, be the swivels sampled ever so finely around it."""
     near, other = posture(seed, side, 2)
-    T = kin.arm(other, side)
-    found = kin.nearest_posture(T, side, near, swivels=24)
-    _, q = kin.arm_inverse(T[None], side, swivels=24)
+    T = R1.arm(other, side)
+    found = R1.nearest_posture(T, side, near, swivels=24)
+    _, q = R1.arm_inverse(T[None], side, swivels=24)
     assert (found is None) == (len(q) == 0)
     if found is not None:
-        np.testing.assert_allclose(kin.arm(found, side), T, atol=1e-7)
+        np.testing.assert_allclose(R1.arm(found, side), T, atol=1e-7)
         low, high = r1.ARM_LIMITS[side].T
         assert ((found >= low) & (found <= high)).all()
-        assert kin.posture_distance(found, near) <= kin.posture_distance(q, near).min() + 1e-9
+        assert posture_distance(found, near) <= posture_distance(q, near).min() + 1e-9
 
 
 @given(seeds, sides)
@@ -123,10 +125,10 @@ def test_a_hand_that_moves_evenly_takes_the_elbow_along_evenly(seed: int, side: 
     low, high = r1.ARM_LIMITS[side].T
     rng = np.random.default_rng(seed)
     q = rng.uniform(low + 0.5, high - 0.5)
-    T, found = kin.arm(q, side), q
+    T, found = R1.arm(q, side), q
     for _ in range(10):
         T = T @ kin.transform(np.eye(3), (0.0005, 0.0, 0.0005))
-        nearer = kin.nearest_posture(T, side, found)
+        nearer = R1.nearest_posture(T, side, found)
         if nearer is None or abs(np.cos(found[1])) < 0.4 or abs(found[5]) < 0.4 or found[3] > -0.4:
             return  # out of reach, or two axes so nearly in line that small moves take large turns
         assert np.abs(nearer - found).max() < 0.02
@@ -135,12 +137,12 @@ def test_a_hand_that_moves_evenly_takes_the_elbow_along_evenly(seed: int, side: 
 
 def test_out_of_reach_has_no_solution() -> None:
     """A target farther than the arm is long, or at the shoulder itself, has none; that is no error."""
-    for p in ((2.0, 0.0, 0.0), tuple(kin.shoulder("left") + [0, 0, r1.TCP_M])):
+    for p in ((2.0, 0.0, 0.0), tuple(R1.arms["left"].shoulder + [0, 0, r1.TCP_M])):
         T = kin.transform(np.eye(3), p)
-        at, q = kin.arm_inverse(T[None], "left")
+        at, q = R1.arm_inverse(T[None], "left")
         assert at.shape == (0,)
         assert q.shape == (0, 7)
-        assert kin.nearest_posture(T, "left", np.zeros(7)) is None
+        assert R1.nearest_posture(T, "left", np.zeros(7)) is None
 
 
 @given(seeds)
@@ -150,7 +152,7 @@ def test_arms_mirror(seed: int) -> None:
     right = r1.mirrored(q, "right")
     low, high = r1.ARM_LIMITS["right"].T
     assert ((right >= low - 1e-12) & (right <= high + 1e-12)).all()
-    for ours, theirs in zip(kin.arm_frames(q, "left"), kin.arm_frames(right, "right"), strict=True):
+    for ours, theirs in zip(R1.arm_frames(q, "left"), R1.arm_frames(right, "right"), strict=True):
         np.testing.assert_allclose(MIRROR @ ours[:3, 3], theirs[:3, 3], atol=1e-12)
         np.testing.assert_allclose(MIRROR @ ours[:3, :3] @ MIRROR, theirs[:3, :3], atol=1e-12)
 
@@ -172,8 +174,8 @@ def test_zero_hangs_the_arm_straight_down() -> None:
     """At zero the tcp is straight below the shoulder by the arm's length, the fingers down."""
     length = r1.UPPER_ARM_M + r1.FOREARM_M + r1.TCP_M
     for side in SIDES:
-        T = kin.arm(np.zeros(7), side)
-        np.testing.assert_allclose(T[:3, 3], kin.shoulder(side) - [0, 0, length], atol=1e-12)
+        T = R1.arm(np.zeros(7), side)
+        np.testing.assert_allclose(T[:3, 3], R1.arms[side].shoulder - [0, 0, length], atol=1e-12)
         np.testing.assert_allclose(T[:3, 2], [0, 0, -1], atol=1e-12)
 
 
@@ -181,9 +183,9 @@ def test_zero_hangs_the_arm_straight_down() -> None:
 def test_stacks_agree_with_single_postures(seed: int, side: Side) -> None:
     """Forward kinematics of many is that of each."""
     q = posture(seed, side, 3)
-    np.testing.assert_allclose(kin.arm(q, side), np.stack([kin.arm(one, side) for one in q]), atol=1e-12)
+    np.testing.assert_allclose(R1.arm(q, side), np.stack([R1.arm(one, side) for one in q]), atol=1e-12)
     torsos = np.stack([torso(seed + k) for k in range(3)])
-    np.testing.assert_allclose(kin.chest(torsos), np.stack([kin.chest(one) for one in torsos]), atol=1e-12)
+    np.testing.assert_allclose(R1.chest(torsos), np.stack([R1.chest(one) for one in torsos]), atol=1e-12)
 
 
 @given(seeds)
@@ -191,16 +193,16 @@ def test_a_level_head_sees_level(seed: int) -> None:
     """With waist and head straight the head camera looks ahead: z forward, y down; tilting it looks down."""
     t = torso(seed)
     t[1:] = 0.0
-    np.testing.assert_allclose(kin.head_camera(t)[:3, :3], kin.LINK_TO_OPTICAL, atol=1e-12)
+    np.testing.assert_allclose(R1.head_camera(t)[:3, :3], kin.LINK_TO_OPTICAL, atol=1e-12)
     t[3] = 0.4
-    assert kin.head_camera(t)[2, 2] == pytest.approx(-np.sin(0.4))
+    assert R1.head_camera(t)[2, 2] == pytest.approx(-np.sin(0.4))
 
 
 @given(seeds, sides)
 def test_the_wrist_camera_sees_the_tcp(seed: int, side: Side) -> None:
     """The tcp is in front of the wrist camera and within its view, whatever the posture."""
     t, q = torso(seed), posture(seed, side)[0]
-    tcp = kin.inverse(kin.wrist_camera(t, q, side)) @ kin.tcp(t, q, side)[:, 3]
+    tcp = kin.inverse(R1.wrist_camera(t, q, side)) @ R1.tcp(t, q, side)[:, 3]
     assert tcp[2] > r1.CAMERAS[side].near_m
     assert np.abs(tcp[:2] / tcp[2]).max() < np.tan(r1.CAMERAS[side].fov_rad / 2)
 

@@ -21,7 +21,9 @@ from mani_skill.utils.wrappers.record import RecordEpisode
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
+from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.sim.maniskill import MpviHouseEnv
@@ -247,11 +249,11 @@ def test_a_hand_goes_where_it_is_asked_to() -> None:
     action = np.zeros(21, np.float32)
     action[[13, 20]] = 1.0
     action[7] = 1.0  # the left hand forward
-    begin = {side: kin.tcp(f.torso, f.arm[side], side) for f in [robot.proprioception()] for side in r1.SIGN}
+    begin = {side: R1.tcp(f.torso, f.arm[side], side) for f in [robot.proprioception()] for side in SIGN}
     for _ in range(20):
         env.step(action)
-    end = {side: kin.tcp(f.torso, f.arm[side], side) for f in [robot.proprioception()] for side in r1.SIGN}
-    moved = {side: end[side][:3, 3] - begin[side][:3, 3] for side in r1.SIGN}
+    end = {side: R1.tcp(f.torso, f.arm[side], side) for f in [robot.proprioception()] for side in SIGN}
+    moved = {side: end[side][:3, 3] - begin[side][:3, 3] for side in SIGN}
     assert moved["left"][0] == pytest.approx(20 * 0.5 / 30, abs=0.03)
     assert np.abs(moved["left"][1:]).max() < 0.02
     assert np.abs(moved["right"]).max() < 0.01

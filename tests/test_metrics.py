@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from mpvi_bt.robot.kinematics import tcp
 from mpvi_bt.robot.protocol import Proprioception, Side
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.human import human_stats
@@ -39,7 +39,7 @@ class Puppet(KinematicRobot):
     def hand(self, side: Side) -> Array:
         """(3,) position of a hand in the base frame [m]."""
         felt = self.proprioception()
-        return tcp(felt.torso, felt.arm[side], side)[:3, 3]
+        return R1.tcp(felt.torso, felt.arm[side], side)[:3, 3]
 
 
 class Stage:

@@ -14,8 +14,10 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.arm_motion import stay, sweep
 from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure, smooth
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, Proprioception, Side
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 
 
@@ -179,8 +181,8 @@ def test_a_load_is_no_hindrance() -> None:
 
 def reaching(side: Side) -> Motion:
     """A robot with a hand held out, the fingers ahead."""
-    T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.5, 0.2 * r1.SIGN[side], 0.95))
-    q = kin.nearest_posture(kin.inverse(kin.chest(r1.TRAVEL_TORSO)) @ T, side, r1.TRAVEL_ARM[side])
+    T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.5, 0.2 * SIGN[side], 0.95))
+    q = R1.nearest_posture(kin.inverse(R1.chest(r1.TRAVEL_TORSO)) @ T, side, r1.TRAVEL_ARM[side])
     assert q is not None
     felt = feeling()
     return Motion(replace(felt, arm={**felt.arm, side: q}))
@@ -191,11 +193,11 @@ def over_a_floor(height: float, side: Side) -> Step:
 
     def step(felt: Proprioception, action: Array) -> Proprioception:
         moved = obey(felt, action)
-        T = kin.tcp(moved.torso, moved.arm[side], side)
+        T = R1.tcp(moved.torso, moved.arm[side], side)
         if T[2, 3] >= height:
             return moved
         T[2, 3] = height
-        q = kin.nearest_posture(kin.inverse(kin.chest(moved.torso)) @ T, side, moved.arm[side])
+        q = R1.nearest_posture(kin.inverse(R1.chest(moved.torso)) @ T, side, moved.arm[side])
         assert q is not None
         return replace(moved, arm={**moved.arm, side: q})
 
@@ -244,9 +246,9 @@ def test_a_line_is_straight_and_ends_at_its_goal(side: Side) -> None:
     motion = Motion(feeling())
     start = motion.hand(side)
     goal = start.copy()
-    goal[:3, 3] += [0.12, 0.05 * r1.SIGN[side], 0.10]
+    goal[:3, 3] += [0.12, 0.05 * SIGN[side], 0.10]
     done = play(motion, motion.line(side, goal, speed=0.2))
-    hands = kin.tcp(done[:, ActionLayout.TORSO], done[:, ActionLayout.ARM[side]], side)
+    hands = R1.tcp(done[:, ActionLayout.TORSO], done[:, ActionLayout.ARM[side]], side)
     np.testing.assert_allclose(hands[-1], goal, atol=1e-6)
     along = (goal - start)[:3, 3] / np.linalg.norm((goal - start)[:3, 3])
     off = hands[:, :3, 3] - start[:3, 3]
@@ -270,12 +272,12 @@ def test_a_level_hand_stays_while_the_torso_moves(lift: float, yaw: float, pitch
     motion = Motion(feeling())
     level = motion.hand("right")
     torso = np.array([lift, yaw, pitch, 0.0])
-    arms = sweep(Body(motion.torso, {s: motion.arm(s) for s in SIDES}), torso, {"right": stay(level)})
+    arms = sweep(Body(R1, motion.torso, {s: motion.arm(s) for s in SIDES}), torso, {"right": stay(level)})
     if arms is None:
         return
     done = play(motion, motion.stand(torso, arms))
     np.testing.assert_allclose(done[-1, ActionLayout.TORSO], torso)
-    hands = kin.tcp(done[:, ActionLayout.TORSO], done[:, ActionLayout.ARM["right"]], "right")
+    hands = R1.tcp(done[:, ActionLayout.TORSO], done[:, ActionLayout.ARM["right"]], "right")
     assert np.linalg.norm(hands[:, :3, 3] - level[:3, 3], axis=1).max() < 0.02  # between the sweep's postures
     np.testing.assert_allclose(hands[-1], level, atol=1e-6)
 

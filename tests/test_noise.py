@@ -10,6 +10,7 @@ import pytest
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import CameraImage, Proprioception
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.mistaken import MistakenTruth
 from mpvi_bt.sim.noise import NONE, REALISTIC, Errors, NoisyRobot, Standing
@@ -57,7 +58,7 @@ def test_without_errors_everything_is_as_it_is() -> None:
     np.testing.assert_array_equal(image.depth, true.depth)
     np.testing.assert_array_equal(image.labels, true.labels)
     felt = robot.proprioception()
-    np.testing.assert_allclose(image.T_world_camera, kin.base(felt.base_pose) @ kin.head_camera(felt.torso), atol=1e-12)
+    np.testing.assert_allclose(image.T_world_camera, kin.base(felt.base_pose) @ R1.head_camera(felt.torso), atol=1e-12)
     np.testing.assert_allclose(senses.mounts["left"], np.eye(4), atol=1e-12)
 
 
@@ -124,7 +125,7 @@ def test_the_belief_and_the_picture_are_of_one_frame() -> None:
     drive(robot, senses, 3.0)
     felt = senses.proprioception()
     for side in ("left", "right"):
-        nominal = kin.base(felt.base_pose) @ kin.wrist_camera(felt.torso, felt.arm[side], side)
+        nominal = kin.base(felt.base_pose) @ R1.wrist_camera(felt.torso, felt.arm[side], side)
         np.testing.assert_allclose(senses.look(side).T_world_camera, nominal, atol=1e-9)
 
 

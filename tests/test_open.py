@@ -18,6 +18,7 @@ from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Motion, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 
@@ -180,7 +181,7 @@ def test_a_hand_on_a_bar_is_drawn_back_before_it_is_folded() -> None:
         T = kin.transform(R, bar.center + [0.0, aside, 0.0])
         felt = world.robot.proprioception()
         base = np.array([T[0, 3] - 0.6, T[1, 3] - 0.15, 0.0])
-        q = kin.nearest_posture(kin.inverse(kin.base(base) @ kin.chest(felt.torso)) @ T, side, felt.arm[side])
+        q = R1.nearest_posture(kin.inverse(kin.base(base) @ R1.chest(felt.torso)) @ T, side, felt.arm[side])
         assert q is not None
         felt = replace(felt, base_pose=base, arm={**felt.arm, side: q}, arm_command={})
         work.motion = Motion(replace(felt, gripper_command={**felt.gripper_command, side: -1.0}))

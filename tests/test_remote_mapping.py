@@ -21,8 +21,8 @@ from mpvi_bt.errors import FileProblems, PolicyError, UnknownName, UserError
 from mpvi_bt.remote import settings as settings_module
 from mpvi_bt.remote.mapping import MOST_ACTIONS, actions_of, message_of, resize_with_pad
 from mpvi_bt.remote.settings import CAMERAS, Action, Observation, Settings, load_settings
-from mpvi_bt.robot import kinematics
 from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Proprioception
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.testing.doubles import KinematicRobot
 from tests.openpi_env import openpi_python
 
@@ -129,7 +129,7 @@ def test_behavior_is_sent_its_own_layout(name: str, size: int, places: dict[str,
     for i, side in enumerate(SIDES):
         np.testing.assert_allclose(state[places["arm"][i] :][:7], felt.arm[side], rtol=1e-6)
         np.testing.assert_allclose(state[places["velocity"][i] :][:7], felt.arm_velocity[side], rtol=1e-6)
-        T = kinematics.tcp(felt.torso, felt.arm[side], side)
+        T = R1.tcp(felt.torso, felt.arm[side], side)
         hand = state[places["hand"][i] :][:7]
         np.testing.assert_allclose(hand[:3], T[:3, 3], atol=1e-6)
         np.testing.assert_allclose(Rotation.from_quat(hand[3:]).as_matrix(), T[:3, :3], atol=1e-6)

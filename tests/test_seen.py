@@ -14,6 +14,7 @@ from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Proprioception
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, run, small_world
@@ -141,7 +142,7 @@ def test_what_fingers_close_on_moves_with_the_hand_until_they_open() -> None:
     can = names(seen, "can of soda")[0]
     felt = world.robot.proprioception()
     at = seen.pose(can)[:3, 3]
-    tcp = (kin.base(felt.base_pose) @ kin.tcp(felt.torso, felt.arm["left"], "left"))[:3, 3]
+    tcp = (kin.base(felt.base_pose) @ R1.tcp(felt.torso, felt.arm["left"], "left"))[:3, 3]
 
     def gripping(base: np.ndarray, closed: bool) -> Proprioception:
         command, width = {**felt.gripper_command}, {**felt.gripper_width}

@@ -9,6 +9,7 @@ from mpvi_bt.errors import BackendError, NoRenderingDevice
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, CameraImage, Side
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.world import World
 from mpvi_bt.testing import check_robot
@@ -56,10 +57,10 @@ def test_kinematics_agree_with_the_simulator(world: World) -> None:
     run(world, action, 1.5)
     felt = world.robot.proprioception()
     T = kin.base(felt.base_pose)
-    expected = {"chest_link": kin.chest(felt.torso), "head_camera_link": kin.head_camera(felt.torso)}
+    expected = {"chest_link": R1.chest(felt.torso), "head_camera_link": R1.head_camera(felt.torso)}
     for s in SIDES:
-        expected[f"{s}_tcp"] = kin.tcp(felt.torso, felt.arm[s], s)
-        expected[f"{s}_wrist_camera_link"] = kin.wrist_camera(felt.torso, felt.arm[s], s)
+        expected[f"{s}_tcp"] = R1.tcp(felt.torso, felt.arm[s], s)
+        expected[f"{s}_wrist_camera_link"] = R1.wrist_camera(felt.torso, felt.arm[s], s)
         np.testing.assert_allclose(world.robot.hand_pose_world(s), T @ expected[f"{s}_tcp"], atol=1e-9)
     for name, pose in expected.items():
         truth = np.asarray(world.robot.links[name].entity_pose.to_transformation_matrix(), float)
@@ -297,10 +298,10 @@ def test_a_picture_is_what_the_protocol_says(pictured: World, camera: str) -> No
     assert image.K[1, 1] == pytest.approx(model.height / 2 / np.tan(model.fov_rad / 2), rel=1e-4)
     felt = pictured.robot.proprioception()
     T = kin.base(felt.base_pose)
-    expected = kin.head_camera(felt.torso) if camera == "head" else None
+    expected = R1.head_camera(felt.torso) if camera == "head" else None
     for s in SIDES:
         if camera == s:
-            expected = kin.wrist_camera(felt.torso, felt.arm[s], s)
+            expected = R1.wrist_camera(felt.torso, felt.arm[s], s)
     assert expected is not None
     np.testing.assert_allclose(image.T_world_camera, T @ expected, atol=2e-3)
 

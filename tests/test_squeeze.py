@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
+from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.motion import Motion
 from mpvi_bt.robot.protocol import SIDES, ActionLayout, Proprioception, Side
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
@@ -24,10 +26,10 @@ def facing_hands(apart_m: float, turned_rad: float = 0.0) -> dict[Side, Array]:
     """Postures of the arms: hands that far apart before the chest, each turned away from the other by an angle."""
     arms = {}
     for side in SIDES:
-        sign = r1.SIGN[side]
+        sign = SIGN[side]
         inward = np.array([np.sin(turned_rad), -sign * np.cos(turned_rad), 0.0])
         T = kin.transform(kin.hand_rotation(inward, np.array([0.0, 0.0, 1.0])), (0.45, sign * apart_m / 2, 0.75))
-        q = kin.nearest_posture(kin.inverse(kin.chest(TORSO)) @ T, side, r1.TRAVEL_ARM[side])
+        q = R1.nearest_posture(kin.inverse(R1.chest(TORSO)) @ T, side, r1.TRAVEL_ARM[side])
         assert q is not None
         arms[side] = q
     return arms

@@ -22,6 +22,7 @@ from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Body, Surroundings
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side, other
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
@@ -66,10 +67,10 @@ def test_a_stance_serves_its_option(world: World, side: Side) -> None:
     to_base = kin.inverse(kin.base(stance.base))
     for waypoint, expected in zip(stance.waypoints, ways[stance.option].waypoints, strict=True):
         np.testing.assert_allclose(waypoint, to_base @ expected, atol=1e-9)
-        chest = kin.inverse(kin.chest(stance.torso))
-        assert kin.nearest_posture(chest @ waypoint, side, stance.path[-1]) is not None
+        chest = kin.inverse(R1.chest(stance.torso))
+        assert R1.nearest_posture(chest @ waypoint, side, stance.path[-1]) is not None
     np.testing.assert_allclose(stance.path[0], r1.TRAVEL_ARM[side], atol=0.01)
-    np.testing.assert_allclose(kin.tcp(stance.torso, stance.path[-1], side), stance.waypoints[0], atol=1e-6)
+    np.testing.assert_allclose(R1.tcp(stance.torso, stance.path[-1], side), stance.waypoints[0], atol=1e-6)
     low, high = r1.TORSO_LIMITS.T
     assert ((stance.torso >= low) & (stance.torso <= high)).all()
     limits = r1.ARM_LIMITS[side]
@@ -84,7 +85,7 @@ def test_a_stance_and_its_path_are_free(world: World, side: Side) -> None:
     solids = world.obstacles(stance.base[:2], 2.0)
     around = Surroundings(solids).seen_from(kin.base(stance.base))
     arms = {side: stance.path[0], other(side): r1.TRAVEL_ARM[other(side)]}
-    body = Body(stance.torso, arms, {}, around)
+    body = Body(R1, stance.torso, arms, {}, around)
     assert body.all_free()
     heights = np.array([[0.0, 0.0, z] for z in (0.04, 0.14, 0.24)])
     assert (around.distance(heights) > r1.BASE_RADIUS_M).all()
@@ -199,7 +200,7 @@ def test_what_hangs_close_to_the_body_is_brought_out_as_the_torso_bends() -> Non
     arm = np.array([0.061, -0.334, 0.969, -1.913, -2.088, -1.398, -0.099])
     felt = world.robot.proprioception()
     felt = replace(felt, arm={**felt.arm, "right": arm}, torso=np.array([0.3, 0.0, 0.0, 0.5]))
-    hand = kin.base(felt.base_pose) @ kin.tcp(felt.torso, arm, "right")
+    hand = kin.base(felt.base_pose) @ R1.tcp(felt.torso, arm, "right")
     turned = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
     world.place("sack", hand @ kin.transform(turned, (0.0, -0.27, 0.0)))
     scene = TrueScene(world)
@@ -214,7 +215,7 @@ def test_what_hangs_close_to_the_body_is_brought_out_as_the_torso_bends() -> Non
             now = felt.torso + (np.array(torso) - felt.torso) * u
             body = search.body(now, around, {**arms, "right": q})
             assert body.free("right", q)[0]
-            np.testing.assert_allclose(kin.tcp(now, q, "right")[:3, :3], hand[:3, :3], atol=1e-6)
+            np.testing.assert_allclose(R1.tcp(now, q, "right")[:3, :3], hand[:3, :3], atol=1e-6)
 
 
 def test_what_hangs_on_the_near_side_of_its_hand_is_turned_outward_as_the_torso_bends() -> None:
@@ -224,7 +225,7 @@ def test_what_hangs_on_the_near_side_of_its_hand_is_turned_outward_as_the_torso_
     torso = np.array([0.3, 0.0, 0.0, 0.5])
     arm = np.array([-0.968, 0.837, -1.569, -1.977, 1.013, 1.334, 2.77])
     felt = replace(felt, arm={**felt.arm, "left": arm}, torso=torso)
-    hand = kin.base(felt.base_pose) @ kin.tcp(torso, arm, "left")
+    hand = kin.base(felt.base_pose) @ R1.tcp(torso, arm, "left")
     upside = np.array([[0.5, -0.866, 0.0], [-0.866, -0.5, 0.0], [0.0, 0.0, -1.0]])
     world.place("caldron", hand @ kin.transform(upside, (-0.01, 0.11, 0.16)))
     scene = TrueScene(world)
@@ -237,7 +238,7 @@ def test_what_hangs_on_the_near_side_of_its_hand_is_turned_outward_as_the_torso_
         path = standing.level["left"]
         for u, q in zip(np.linspace(0, 1, len(path)), path, strict=True):
             now = torso + (np.array(bent) - torso) * u
-            np.testing.assert_allclose(kin.tcp(now, q, "left")[2, :3], hand[2, :3], atol=1e-3)
+            np.testing.assert_allclose(R1.tcp(now, q, "left")[2, :3], hand[2, :3], atol=1e-3)
 
 
 def test_what_has_something_on_it_is_not_tipped_on_its_way() -> None:
@@ -245,7 +246,7 @@ def test_what_has_something_on_it_is_not_tipped_on_its_way() -> None:
     world = small_world({"plate": placed("plate", -1.5, 0.5)}, table_1=TABLE)
     felt = world.robot.proprioception()
     T = kin.transform(kin.hand_rotation((0, 0, -1), (0, 1, 0)), (0.45, -0.15, 0.85))
-    arm = kin.nearest_posture(kin.inverse(kin.chest(felt.torso)) @ T, "right", r1.TRAVEL_ARM["right"])
+    arm = R1.nearest_posture(kin.inverse(R1.chest(felt.torso)) @ T, "right", r1.TRAVEL_ARM["right"])
     assert arm is not None
     felt = replace(felt, arm={**felt.arm, "right": arm})
     hand = kin.base(felt.base_pose) @ T
@@ -263,7 +264,7 @@ def test_what_has_something_on_it_is_not_tipped_on_its_way() -> None:
     assert found is not None
     for before, after in pairwise(found.path):
         for q in np.linspace(before, after, 5):
-            np.testing.assert_allclose(kin.tcp(found.torso, q, "right")[2, :3], hand[2, :3], atol=0.02)
+            np.testing.assert_allclose(R1.tcp(found.torso, q, "right")[2, :3], hand[2, :3], atol=0.02)
 
 
 def approaching(z: float, effort: float) -> tuple[Work, Actions]:

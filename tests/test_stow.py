@@ -7,7 +7,9 @@ import pytest
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
+from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side, other
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.stow import ArmStow
 from mpvi_bt.testing import KinematicWorld
@@ -55,19 +57,19 @@ def test_empty_hands_are_folded_and_the_torso_straightened() -> None:
 def test_a_hand_that_holds_keeps_its_pose(side: Side) -> None:
     """What is held stays where it is before the body, and stays held; the empty hand is folded."""
     home = world(**{side: -1.0})
-    T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.58, 0.25 * r1.SIGN[side], 0.85))
-    q = kin.nearest_posture(kin.inverse(kin.chest(home.robot.action[3:7])) @ T, side, r1.TRAVEL_ARM[side])
+    T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.58, 0.25 * SIGN[side], 0.85))
+    q = R1.nearest_posture(kin.inverse(R1.chest(home.robot.action[3:7])) @ T, side, r1.TRAVEL_ARM[side])
     assert q is not None
     action = home.robot.action
     action[ActionLayout.ARM[side]] = q
     home.step(action)
     home.robot.act(action)
     before = home.robot.proprioception()
-    hand = kin.tcp(before.torso, before.arm[side], side)
+    hand = R1.tcp(before.torso, before.arm[side], side)
     sent = stow(home)
     felt = home.robot.proprioception()
     assert (sent[:, ActionLayout.GRIPPER[side]] == -1.0).all()
-    np.testing.assert_allclose(kin.tcp(felt.torso, felt.arm[side], side)[:3, 3], hand[:3, 3], atol=0.01)
+    np.testing.assert_allclose(R1.tcp(felt.torso, felt.arm[side], side)[:3, 3], hand[:3, 3], atol=0.01)
     np.testing.assert_allclose(felt.arm[other(side)], r1.TRAVEL_ARM[other(side)], atol=1e-6)
 
 
@@ -77,7 +79,7 @@ def test_a_hand_that_holds_far_out_is_drawn_back_first(at: tuple[float, float], 
     home = world(left=-1.0)
     T = kin.transform(kin.hand_rotation((1, 0, -0.5), (0, 1, 0)), (at[0], 0.2, at[1]))
     torsos = np.array([(lift, 0.0, pitch, 0.0) for lift in (0.0, 0.2, 0.4) for pitch in (0.0, 0.5, 1.0)])
-    found = [(t, kin.nearest_posture(kin.inverse(kin.chest(t)) @ T, "left", r1.TRAVEL_ARM["left"])) for t in torsos]
+    found = [(t, R1.nearest_posture(kin.inverse(R1.chest(t)) @ T, "left", r1.TRAVEL_ARM["left"])) for t in torsos]
     torso, q = next((t, q) for t, q in found if q is not None)
     action = home.robot.action
     action[ActionLayout.TORSO] = torso
@@ -118,8 +120,8 @@ def test_what_is_held_far_out_is_drawn_back_and_brought_in(side: Side) -> None:
     """A hand that was cut short in a fridge closes, the base draws back, and the hand comes in without tipping."""
     home = world(**{side: -0.4})
     home.robot.between_m[side] = 0.06
-    T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.80, 0.25 * r1.SIGN[side], 0.95))
-    q = kin.nearest_posture(kin.inverse(kin.chest(home.robot.action[3:7])) @ T, side, r1.TRAVEL_ARM[side])
+    T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.80, 0.25 * SIGN[side], 0.95))
+    q = R1.nearest_posture(kin.inverse(R1.chest(home.robot.action[3:7])) @ T, side, r1.TRAVEL_ARM[side])
     assert q is not None
     action = home.robot.action
     action[ActionLayout.ARM[side]] = q
@@ -131,7 +133,7 @@ def test_what_is_held_far_out_is_drawn_back_and_brought_in(side: Side) -> None:
     assert sent[-1][ActionLayout.GRIPPER[side]] == -1.0
     ahead = np.array([np.cos(before.base_pose[2]), np.sin(before.base_pose[2])])
     assert (before.base_pose - felt.base_pose)[:2] @ ahead > 0.4
-    hand = kin.tcp(felt.torso, felt.arm[side], side)
+    hand = R1.tcp(felt.torso, felt.arm[side], side)
     assert hand[0, 3] < 0.55
     np.testing.assert_allclose(hand[:3, :3], T[:3, :3], atol=0.02)
 
@@ -141,8 +143,8 @@ def test_a_hand_around_what_does_not_come_along_lets_go_and_is_drawn_back_along_
     """Cut off on a door's bar it feels something as if it carried it; yet it ends open and folded like an empty one."""
     home = world(**{side: -1.0})
     home.robot.between_m[side] = 0.02
-    T = kin.transform(kin.hand_rotation((1, 1, 0), (0, 0, 1)), (0.60, 0.25 * r1.SIGN[side], 0.95))
-    q = kin.nearest_posture(kin.inverse(kin.chest(home.robot.action[3:7])) @ T, side, r1.TRAVEL_ARM[side])
+    T = kin.transform(kin.hand_rotation((1, 1, 0), (0, 0, 1)), (0.60, 0.25 * SIGN[side], 0.95))
+    q = R1.nearest_posture(kin.inverse(R1.chest(home.robot.action[3:7])) @ T, side, r1.TRAVEL_ARM[side])
     assert q is not None
     action = home.robot.action
     action[ActionLayout.ARM[side]] = q
@@ -167,9 +169,9 @@ def test_a_hand_around_what_does_not_come_along_lets_go_and_is_drawn_back_along_
 def test_an_empty_hand_is_drawn_off_along_its_fingers_before_the_base_moves(side: Side) -> None:
     """Cut short as it let go, it may have the wall of a box between its fingers, which the base would drag along."""
     home = world()
-    T = kin.transform(kin.hand_rotation((0.5, 0, -1), (0, 1, 0)), (0.62, 0.2 * r1.SIGN[side], 0.75))
+    T = kin.transform(kin.hand_rotation((0.5, 0, -1), (0, 1, 0)), (0.62, 0.2 * SIGN[side], 0.75))
     torso = np.array([0.2, 0.0, 0.3, 0.2])
-    q = kin.nearest_posture(kin.inverse(kin.chest(torso)) @ T, side, r1.TRAVEL_ARM[side])
+    q = R1.nearest_posture(kin.inverse(R1.chest(torso)) @ T, side, r1.TRAVEL_ARM[side])
     assert q is not None
     action = home.robot.action
     action[ActionLayout.TORSO], action[ActionLayout.ARM[side]] = torso, q
@@ -183,7 +185,7 @@ def test_an_empty_hand_is_drawn_off_along_its_fingers_before_the_base_moves(side
         assert not stow.step()
         home.step(home.robot.action)
     felt = home.robot.proprioception()
-    off = kin.inverse(T) @ kin.tcp(felt.torso, felt.arm[side], side)
+    off = kin.inverse(T) @ R1.tcp(felt.torso, felt.arm[side], side)
     np.testing.assert_allclose(off[:3, 3], [0.0, 0.0, -0.12], atol=0.01)
 
 
@@ -194,7 +196,7 @@ def test_a_hand_caught_behind_a_rim_is_raised_and_the_arms_are_folded_all_the_sa
 
     def height() -> float:
         felt = home.robot.proprioception()
-        return min(float(kin.tcp(felt.torso, felt.arm[s], s)[2, 3]) for s in SIDES)
+        return min(float(R1.tcp(felt.torso, felt.arm[s], s)[2, 3]) for s in SIDES)
 
     rim, stow = height() + 0.08, ArmStow(home.robot)
     stow.start()

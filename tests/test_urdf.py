@@ -11,6 +11,7 @@ import pytest
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import SIDES
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.urdf import urdf
 
@@ -71,13 +72,13 @@ def test_kinematics_compose_what_the_urdf_says(drawn) -> None:
     positions, base, torso, arms = drawn
     T = kin.base(base)
     to_link = kin.transform(kin.LINK_TO_OPTICAL.T, (0.0, 0.0, 0.0))
-    expected = {"chest_link": kin.chest(torso), "head_camera_link": kin.head_camera(torso) @ to_link}
+    expected = {"chest_link": R1.chest(torso), "head_camera_link": R1.head_camera(torso) @ to_link}
     for s in SIDES:
-        expected[f"{s}_tcp"] = kin.tcp(torso, arms[s], s)
-        expected[f"{s}_wrist_camera_link"] = kin.wrist_camera(torso, arms[s], s) @ to_link
-        upper, fore, _ = kin.arm_frames(arms[s], s)
-        expected[f"{s}_arm_link3"] = kin.chest(torso) @ upper
-        expected[f"{s}_arm_link5"] = kin.chest(torso) @ fore
+        expected[f"{s}_tcp"] = R1.tcp(torso, arms[s], s)
+        expected[f"{s}_wrist_camera_link"] = R1.wrist_camera(torso, arms[s], s) @ to_link
+        upper, fore, _ = R1.arm_frames(arms[s], s)
+        expected[f"{s}_arm_link3"] = R1.chest(torso) @ upper
+        expected[f"{s}_arm_link5"] = R1.chest(torso) @ fore
     for link, pose in expected.items():
         np.testing.assert_allclose(pose_of(link, positions), T @ pose, atol=1e-6, err_msg=link)
 
@@ -141,7 +142,7 @@ def test_every_joint_has_its_drive() -> None:
     """Each joint is damped and limited in force; all but the base's hold a position."""
     for name, joint in JOINTS.items():
         if joint.attrib["type"] != "fixed":
-            gains = r1.drive(name)
+            gains = r1.R1.drives[name]
             assert gains.damping > 0
             assert gains.force > 0
             assert (gains.stiffness > 0) is (name not in r1.BASE_JOINTS)

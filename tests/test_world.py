@@ -12,6 +12,7 @@ from mpvi_bt.errors import UserError
 from mpvi_bt.goals.predicates import inside, ontop
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side, other
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid, box, pose
 from mpvi_bt.sim.builder import Thing
 from mpvi_bt.sim.world import World, _gap
@@ -211,7 +212,7 @@ def test_what_is_in_a_held_bin_is_carried() -> None:
     action = world.robot.action
     down = kin.transform(kin.hand_rotation((0, 0, -1), (0, 1, 0)), (0.5, 0.25, 0.8))
     near = np.array([-0.5, 0.3, 0.0, -1.1, 0.0, 0.0, 0.0])
-    q = kin.nearest_posture(kin.inverse(kin.chest(action[ActionLayout.TORSO])) @ down, side, near)
+    q = R1.nearest_posture(kin.inverse(R1.chest(action[ActionLayout.TORSO])) @ down, side, near)
     assert q is not None
     action[ActionLayout.ARM[side]] = q
     run(world, action, 1.5)

@@ -12,8 +12,11 @@ from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
+from mpvi_bt.robot.arms import posture_distance
 from mpvi_bt.robot.collision import Body, Load, Obstacles
+from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.sim.world import World
 
@@ -94,7 +97,7 @@ def _posture(
 ) -> tuple[Array, Array, Load]:
     """T_world_thing (4, 4), the arm's posture (7,) and what the hand will hold, in its tcp frame."""
     for x, y, z, yaw in _PLACES:
-        T = T_world_base @ pose((x, y * r1.SIGN[side], z), yaw)
+        T = T_world_base @ pose((x, y * SIGN[side], z), yaw)
         world.place(name, T)
         heading = float(np.arctan2(T_world_base[1, 0], T_world_base[0, 0]))
         for grasp in sorted(grasps(TrueScene(world), name, heading), key=lambda g: g.cost):
@@ -103,14 +106,14 @@ def _posture(
                 continue
             frame = kin.inverse(T_world_tcp)
             load = Load([s.moved(frame) for s in world.solids(name)], [v.moved(frame) for v in world.volumes(name)])
-            T_chest_tcp = kin.inverse(T_world_base @ kin.chest(r1.TRAVEL_TORSO)) @ T_world_tcp
-            _, found = kin.arm_inverse(T_chest_tcp, side)
+            T_chest_tcp = kin.inverse(T_world_base @ R1.chest(r1.TRAVEL_TORSO)) @ T_world_tcp
+            _, found = R1.arm_inverse(T_chest_tcp, side)
             if not len(found):
                 continue
-            body = Body(r1.TRAVEL_TORSO[:3], dict(arms), {**loads, side: load}, around)
+            body = Body(R1, r1.TRAVEL_TORSO[:3], dict(arms), {**loads, side: load}, around)
             free = found[body.free(side, found, margin=0.01)]
             if len(free):
-                best = kin.posture_distance(free, r1.TRAVEL_ARM[side]).argmin()
+                best = posture_distance(free, r1.TRAVEL_ARM[side]).argmin()
                 return T, free[best], load
     raise BackendError(f"{name} does not fit into the {side} hand that is to hold it at the start")
 

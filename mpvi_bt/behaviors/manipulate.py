@@ -13,6 +13,7 @@ from mpvi_bt.behaviors.node import Leaf
 from mpvi_bt.robot.grip import GripWatch
 from mpvi_bt.robot.limits import within_reach_of
 from mpvi_bt.robot.protocol import Proprioception
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
 _CLIPPED = 1e-3  # [m, rad, m/s]: what is brought within the limits by less is no more than noise
@@ -45,7 +46,8 @@ class Manipulate(Leaf):
         """Hand over to the policy."""
         super().initialise()
         self._begin(self.resolve(self.prompt))
-        self._grip = GripWatch(self.context.robot.proprioception())
+        felt = self.context.robot.proprioception()
+        self._grip, self._model = GripWatch(felt), robot_named(felt.robot)
 
     def update(self) -> Status:
         """Carry out the next action of the chunk, asking for a new chunk when it is used up."""
@@ -60,7 +62,7 @@ class Manipulate(Leaf):
         if not self._chunk:
             self._chunk.extend(self._infer(body))
         wanted = self._chunk.popleft()
-        action = within_reach_of(context.robot.action, wanted)
+        action = within_reach_of(self._model, context.robot.action, wanted)
         if np.abs(action - wanted).max() > _CLIPPED:
             context.log.clipped += 1
         context.robot.act(action)

@@ -10,8 +10,8 @@ from py_trees.common import Status
 
 from mpvi_bt.behaviors.node import Leaf
 from mpvi_bt.behaviors.saved_state import number
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Proprioception
+from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, Proprioception
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.stow import ArmStow
 
 # All our choice: slow enough that what a hand holds by friction stays there.
@@ -61,8 +61,9 @@ class Posture(Leaf):
 
 def _away_from_travel(body: Proprioception) -> list[str]:
     """What is not in the travel posture."""
-    arms = [s for s in SIDES if not body.holds(s) and np.abs(body.arm[s] - r1.TRAVEL_ARM[s]).max() > _ARM_RAD]
-    torso = np.abs(body.torso - r1.TRAVEL_TORSO).max() > _TORSO
+    home = robot_named(body.robot)
+    arms = [s for s, q in home.travel_arm.items() if not body.holds(s) and np.abs(body.arm[s] - q).max() > _ARM_RAD]
+    torso = np.abs(body.torso - home.travel_torso).max() > _TORSO
     return [f"the {side} arm" for side in arms] + (["the torso"] if torso else [])
 
 

@@ -11,8 +11,9 @@ import numpy as np
 
 from mpvi_bt.behaviors.protocols import TriggerEvent
 from mpvi_bt.errors import UnknownName
-from mpvi_bt.robot import kinematics, r1
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Robot, Side
+from mpvi_bt.robot import kinematics
+from mpvi_bt.robot.protocol import CONTROL_HZ, OPEN_M, Proprioception, Robot, Side
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
@@ -111,7 +112,7 @@ class ProprioceptiveTriggers:
         refractory_s = self.thresholds.refractory_s
         self._apart = {kind: _steps(refractory_s if s is None else s) for kind, s in given.items()}
         body = self._robot.proprioception()
-        self._hands = {side: _Hand(self.thresholds, body, side) for side in SIDES}
+        self._hands = {side: _Hand(self.thresholds, body, side) for side in body.sides}
         self._angles: deque[Array] = deque(maxlen=_STEPS_OF_A_RATE + 1)
         self._rest = _Rest(self.thresholds, body)
         self._press = _Press(self.thresholds, body) if "release" in self._apart else None
@@ -156,7 +157,7 @@ class ProprioceptiveTriggers:
         From the angles, not from the measured speeds: an arm that holds a load against friction can report a steady
         speed of 0.1 rad/s while it stands.
         """
-        self._angles.append(np.concatenate([body.arm[side] for side in SIDES]))
+        self._angles.append(np.concatenate([body.arm[side] for side in body.sides]))
         turned = np.abs(self._angles[-1] - self._angles[0]).max()
         return bool(turned * CONTROL_HZ > self.thresholds.arm_still_rad_s * max(len(self._angles) - 1, 1))
 
@@ -201,14 +202,17 @@ class _Hand:
         elif not grips and self._width >= min(self._grasp_width + t.opened_m, t.full_m):
             self._grasp_width, self._way = None, None
             self._report("release")
-        elif told_m < self._grasp_width and self._width < told_m + t.empty_m:  # it slipped out, maybe where it was to go
+        elif (
+            told_m < self._grasp_width and self._width < told_m + t.empty_m
+        ):  # it slipped out, maybe where it was to go
             self._grasp_width, self._way = None, None
             self._report("release")
 
     def feel_way(self, body: Proprioception) -> None:
         """Take in where the hand is in the world, if it has taken hold of something."""
         if self._way is not None:
-            T = kinematics.base(body.base_pose) @ kinematics.tcp(body.torso, body.arm[self._side], self._side)
+            robot = robot_named(body.robot)
+            T = kinematics.base(body.base_pose) @ robot.tcp(body.torso, body.arm[self._side], self._side)
             self._way.feel(T[:3, 3])
 
     @property
@@ -315,8 +319,8 @@ class _Rest:
 
     def __init__(self, thresholds: Thresholds, body: Proprioception) -> None:
         self._t = thresholds
-        self._home = {side: body.arm[side].copy() for side in SIDES}
-        self._farthest: dict[Side, float] = dict.fromkeys(SIDES, 0.0)
+        self._home = {side: body.arm[side].copy() for side in body.sides}
+        self._farthest: dict[Side, float] = dict.fromkeys(body.sides, 0.0)
         self._recent: deque[Array] = deque(maxlen=_STEPS_OF_A_RATE + 1)
         self._still = 0  # steps
         self.since_event = _LONG_AGO
@@ -324,16 +328,16 @@ class _Rest:
     def feel(self, body: Proprioception, steady: bool) -> Side | None:
         """Take in one step; the arm that went farthest, if this is a rest that is news; `steady`: of the fingers."""
         t = self._t
-        for side in SIDES:
+        for side in body.sides:
             away = float(np.abs(body.arm[side] - self._home[side]).max())
             self._farthest[side] = max(self._farthest[side], away)
         turn = np.array([np.cos(body.base_pose[2]), np.sin(body.base_pose[2])])  # yaw without its jump at pi
-        now = np.concatenate([body.arm["left"], body.arm["right"], body.torso, body.base_pose[:2], turn])
+        now = np.concatenate([*(body.arm[side] for side in body.sides), body.torso, body.base_pose[:2], turn])
         self._recent.append(now)
         went = np.abs(now - self._recent[0]).max() * CONTROL_HZ
         self._still = 0 if went > t.arm_still_rad_s * max(len(self._recent) - 1, 1) else self._still + 1
         self.since_event += 1
-        farther: Side = "left" if self._farthest["left"] > self._farthest["right"] else "right"
+        farther = max(reversed(body.sides), key=self._farthest.__getitem__)
         return farther if steady and self.stands and self._farthest[farther] > t.moved_rad else None
 
     @property
@@ -348,14 +352,14 @@ class _Rest:
     def fired(self) -> None:
         """An event was reported: the next way begins where the arms are now."""
         if self._recent:
-            self._home = {"left": self._recent[-1][:7], "right": self._recent[-1][7:14]}
-        self._farthest = dict.fromkeys(SIDES, 0.0)
+            self._home = {side: self._recent[-1][7 * k : 7 * k + 7] for k, side in enumerate(self._home)}
+        self._farthest = dict.fromkeys(self._home, 0.0)
         self.since_event = 0
 
 
 def _told_m(body: Proprioception, side: Side) -> float:
     """The width that a hand is told to have; learned policies seldom say -1, and careful ones open just enough."""
-    return (body.gripper_command[side] + 1.0) * r1.FINGER_TRAVEL_M
+    return (body.gripper_command[side] + 1.0) * (OPEN_M / 2)
 
 
 def _steps(seconds: float) -> int:

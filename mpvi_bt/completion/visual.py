@@ -14,13 +14,13 @@ from mpvi_bt.behaviors.protocols import Judgement
 from mpvi_bt.completion.criteria import UNARY, Criterion, named, parse
 from mpvi_bt.perception.detector import SWITCH
 from mpvi_bt.perception.phrases import Vocabulary
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.kinematics import LINK_TO_OPTICAL, inverse, rot_y, transform
+from mpvi_bt.robot.kinematics import inverse
+from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 
 ROBOT = "robot"
-_T_HAND_CAMERA = transform(rot_y(-np.pi / 2 + r1.WRIST_CAMERA_TILT_RAD) @ LINK_TO_OPTICAL, r1.WRIST_CAMERA_M)
 
 
 @dataclass(frozen=True)
@@ -74,15 +74,18 @@ class VisualChecker:
     name = "visual"
     needs_image = True
 
-    def __init__(self, phrases: Mapping[str, Iterable[str]], eyesight: Eyesight | None = None) -> None:
+    def __init__(
+        self, phrases: Mapping[str, Iterable[str]], eyesight: Eyesight | None = None, robot: RobotModel = R1
+    ) -> None:
         """Take the vocabulary.
 
         Args:
             phrases: Label of each thing to what people call it.
             eyesight: What counts as seen.
+            robot: Whose cameras took the pictures.
         """
         self._phrases = {name: tuple(called) for name, called in phrases.items()}
-        self._eyesight = eyesight or Eyesight()
+        self._eyesight, self._robot = eyesight or Eyesight(), robot
 
     def check(self, criterion: str, image: CameraImage | None) -> Judgement:
         """Whether the picture shows that `criterion` is met."""
@@ -91,7 +94,7 @@ class VisualChecker:
             return Judgement(False, f"not a criterion that it understands: {criterion[:80]!r}")
         if image is None or image.labels is None:
             return Judgement(False, "no labeled picture to look at")
-        picture = _Picture(image, self._phrases, self._eyesight)
+        picture = _Picture(image, self._phrases, self._eyesight, self._robot)
         subjects = picture.meant(asked.subject) if asked.relation == "at" else picture.visible(asked.subject)
         if not subjects:
             return Judgement(False, f"no {asked.subject} in the picture")
@@ -125,9 +128,11 @@ def _best(looks: list[Judgement]) -> Judgement:
 class _Picture:
     """One picture, by what it shows."""
 
-    def __init__(self, image: CameraImage, phrases: Mapping[str, Iterable[str]], eyesight: Eyesight) -> None:
+    def __init__(
+        self, image: CameraImage, phrases: Mapping[str, Iterable[str]], eyesight: Eyesight, robot: RobotModel
+    ) -> None:
         assert image.labels is not None
-        self._image, self._phrases, self._sight = image, phrases, eyesight
+        self._image, self._phrases, self._sight, self._robot = image, phrases, eyesight, robot
         self._labels = np.where(image.depth > 0, image.labels, -1)
         self._points = image.points_world()
         self._ids: dict[str, list[int]] = {}
@@ -297,13 +302,13 @@ class _Picture:
 
     def _between_fingers(self, name: str) -> Judgement:
         """In a wrist picture: points of the thing between the fingers, at their tips."""
-        to_hand = _T_HAND_CAMERA @ inverse(self._image.T_world_camera)
+        to_hand = self._robot.hand_to_camera @ inverse(self._image.T_world_camera)
         points = self._points @ to_hand[:3, :3].T + to_hand[:3, 3]  # (H, W, 3) in the hand frame
-        tip = np.abs(points - (0.0, 0.0, r1.TCP_M - 0.01))
+        tip = np.abs(points - (0.0, 0.0, self._robot.tcp_m - 0.01))
         at_tips = (tip[..., 0] < self._sight.reach_m) & (tip[..., 2] < self._sight.reach_m)
-        beyond_palm = (tip[..., 0] < 0.02) & (points[..., 2] > r1.TCP_M - 0.04)
+        beyond_palm = (tip[..., 0] < 0.02) & (points[..., 2] > self._robot.tcp_m - 0.04)
         fingers = points[self._mask(ROBOT) & at_tips & beyond_palm][:, 1]
-        low, high = -r1.FINGER_TRAVEL_M, r1.FINGER_TRAVEL_M
+        low, high = -self._robot.finger_travel_m, self._robot.finger_travel_m
         if (fingers < 0).any() and (fingers > 0).any():
             low, high = float(np.percentile(fingers[fingers < 0], 98)), float(np.percentile(fingers[fingers > 0], 2))
         if high - low < self._sight.gap_m:

@@ -30,10 +30,12 @@ FPS = 10  # Our choice: pictures are most of what recording costs on a CPU, and 
 
 def state(felt: Proprioception) -> Array:
     """(23,) what is felt, in the action's order and units; a gripper's entry is its opening [m], 0 to 0.10."""
-    values = np.empty(ACTION_SIZE)
+    values = np.zeros(ACTION_SIZE)
     values[ActionLayout.BASE] = felt.base_velocity
     values[ActionLayout.TORSO] = felt.torso
     for side, joints in ActionLayout.ARM.items():
+        if side not in felt.arm:
+            continue
         values[joints] = felt.arm[side]
         values[ActionLayout.GRIPPER[side]] = felt.gripper_width[side]
     return values

@@ -97,7 +97,7 @@ def _refined(work: Work, side: Side, stance: Stance, options: Sequence[Option]) 
 
     What a look from there has corrected is corrected; the stance itself if no line leads to any such option.
     """
-    planned = work.base @ kin.tcp(work.motion.torso, work.motion.arm(side), side)
+    planned = work.base @ work.motion.robot.tcp(work.motion.torso, work.motion.arm(side), side)
     to_base = kin.inverse(work.base)
     lift = stance.waypoints[-1][2, 3] - stance.waypoints[-2][2, 3]
     alike = [o for o in options if abs(o.waypoints[-1][2, 3] - o.waypoints[-2][2, 3] - lift) < 0.005]
@@ -106,7 +106,7 @@ def _refined(work: Work, side: Side, stance: Stance, options: Sequence[Option]) 
             break
         waypoints, q = to_base @ option.waypoints, work.motion.arm(side)
         for T in waypoints:
-            line = arm_motion.trace(work.motion.torso, side, q, T)
+            line = arm_motion.trace(work.motion.robot, work.motion.torso, side, q, T)
             if line is None:
                 break
             q = line[-1]

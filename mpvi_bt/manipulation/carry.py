@@ -12,11 +12,12 @@ import numpy as np
 from mpvi_bt.manipulation.postures import TOUCH_M
 from mpvi_bt.manipulation.site import base_clear
 from mpvi_bt.manipulation.work import Work
-from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Load
+from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.motion import Actions, MotionFailure
-from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
 _FOLD_CLEAR_M = 0.02  # what is between the checks of a path may come that much nearer
@@ -60,10 +61,10 @@ def settle(work: Work, without: Collection[str] = ()) -> Actions:
 
 def _settle(work: Work, without: Collection[str]) -> Actions:
     held = work.held()
-    for side in (s for s in SIDES if s not in held):
-        if np.abs(work.motion.arm(side) - r1.TRAVEL_ARM[side]).max() > 0.02:
+    for side in (s for s in work.motion.robot.sides if s not in held):
+        if np.abs(work.motion.arm(side) - work.motion.robot.travel_arm[side]).max() > 0.02:
             yield from work.motion.follow(side, _fold(work, side, without))
-    upright = np.append(r1.TRAVEL_TORSO[:3], work.motion.torso[3])
+    upright = np.append(work.motion.robot.travel_torso[:3], work.motion.torso[3])
     arms = _homeward(work, upright, without)
     if arms is None:
         raise MotionFailure("no_carry")
@@ -72,7 +73,7 @@ def _settle(work: Work, without: Collection[str]) -> Actions:
 
 def _fold(work: Work, side: Side, without: Collection[str]) -> list[Array]:
     """A path home for an empty arm, well clear of the things `without` too if it can be: they stand loose."""
-    now, home = work.motion.arm(side), r1.TRAVEL_ARM[side]
+    now, home = work.motion.arm(side), work.motion.robot.travel_arm[side]
     for spared, margin in (((), _FOLD_CLEAR_M), ((), 0.0), (without, 0.0)):
         path = arm_motion.plan(work.body(spared), side, home, work.rng, margin, start=now)
         if path is not None:
@@ -92,11 +93,11 @@ def _homeward(work: Work, torso: Array, without: Collection[str]) -> dict[Side, 
     for side in sorted(body.held, key=lambda s: float(work.motion.hand(s)[2, 3])):
         now, checked = work.motion.hand(side), 0
         for T in _carries(work, side, body):
-            q = kin.nearest_posture(kin.inverse(kin.chest(torso)) @ T, side, work.motion.arm(side))
+            q = body.robot.nearest_posture(kin.inverse(body.robot.chest(torso)) @ T, side, work.motion.arm(side))
             if q is None or not replace(body, torso=torso[:3]).free(side, q)[0]:
                 continue
             for detour in _DETOURS:
-                path = arm_motion.glide(now, T, detour * [1, r1.SIGN[side], 1])
+                path = arm_motion.glide(now, T, detour * [1, SIGN[side], 1])
                 if (found := arm_motion.sweep(body, torso, {**hands, side: path})) is not None:
                     return found
             checked += 1
@@ -109,13 +110,13 @@ def tuck(work: Work) -> Actions:
     """Bring what is held closer to the body, for driving."""
     body = work.body()
     for side in body.held:
-        arms = {s: work.motion.arm(s) for s in SIDES}
+        arms = {s: work.motion.arm(s) for s in work.motion.robot.sides}
         now, checked = work.motion.hand(side), 0
         body = replace(body, arms=arms)
         for T in _carries(work, side, body):
             if np.linalg.norm(T[:3, 3] - now[:3, 3]) < 0.03 or checked >= _CHECKED_CARRIES:
                 break  # as good as home
-            q = kin.nearest_posture(kin.inverse(kin.chest(work.motion.torso)) @ T, side, arms[side])
+            q = body.robot.nearest_posture(kin.inverse(body.robot.chest(work.motion.torso)) @ T, side, arms[side])
             if q is None or not body.free(side, q)[0]:
                 continue
             path = arm_motion.plan_level(body, side, T)
@@ -144,7 +145,7 @@ def back_off(work: Work) -> Actions:
     for by, turn in (*product(_BACK_M, _BACK_RAD), *product(_BACK_M, _ASIDE_RAD)):
         back = np.array([-np.cos(here[2] + turn), -np.sin(here[2] + turn), 0.0]) * by
         around = [near.seen_from(kin.base(here + back * u)) for u in (0.2, 0.4, 0.6, 0.8, 1.0)]
-        if all(base_clear(a) and _passes(replace(body, around=a)) for a in around):
+        if all(base_clear(work.motion.robot, a) and _passes(replace(body, around=a)) for a in around):
             yield from work.motion.drive(here + back)
             return
 
@@ -153,14 +154,15 @@ def step_back(work: Work) -> Actions:
     """A small step straight back, if the base is clear of everything there: against a wall it would be stuck."""
     here = work.motion.felt.base_pose
     step = -_STEP_M * np.array([np.cos(here[2]), np.sin(here[2]), 0.0])
-    if all(base_clear(work.near().seen_from(kin.base(here + share * step))) for share in (0.5, 1.0)):
+    if all(base_clear(work.motion.robot, work.near().seen_from(kin.base(here + share * step))) for share in (0.5, 1.0)):
         yield from work.motion.drive(here + step)
 
 
 def _passes(body: Body) -> bool:
     """Whether a body is free, hands that hold something as near to things as they may be where they take them."""
     return body.trunk_free() and all(
-        bool(body.free(s, body.arms[s], -TOUCH_M if s in body.held else 0.0, grasping=s in body.held)[0]) for s in SIDES
+        bool(body.free(s, q, -TOUCH_M if s in body.held else 0.0, grasping=s in body.held)[0])
+        for s, q in body.arms.items()
     )
 
 
@@ -175,7 +177,7 @@ def _carries(work: Work, side: Side, body: Body) -> list[Array]:
     now, load = work.motion.hand(side), body.held[side]
     ranked = []
     for x, y, z, yaw in _CARRIES:
-        T = kin.transform(kin.rot_z(yaw * r1.SIGN[side]) @ now[:3, :3], (x, y * r1.SIGN[side], z))
+        T = kin.transform(kin.rot_z(yaw * SIGN[side]) @ now[:3, :3], (x, y * SIGN[side], z))
         reach = np.hypot(*(load.centers @ T[:2, :3].T + T[:2, 3]).T) + load.radii
         ranked.append((float(reach.max()) + 0.05 * abs(yaw) + 0.2 * abs(z - _CARRY_HEIGHT_M), T))
     return [T for _, T in sorted(ranked, key=lambda r: r[0])]

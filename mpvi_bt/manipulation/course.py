@@ -13,11 +13,12 @@ from functools import cached_property
 import numpy as np
 
 from mpvi_bt.manipulation.postures import WAY_MARGINS_M
-from mpvi_bt.manipulation.site import FLOOR, LIFTS_M, Site, Standing, base_clear
-from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.manipulation.site import FLOOR, Site, Standing, base_clear
+from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Obstacles, Surroundings, Together
-from mpvi_bt.robot.protocol import SIDES, Side, other
+from mpvi_bt.robot.model import SIGN
+from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array, Solid
 
 _PITCHES = (0.0, 0.3, 0.6, 0.9, 1.2)
@@ -140,7 +141,7 @@ class CourseSearch(Site):
         for x in np.linspace(0, 1, _SAMPLES):
             solids = Surroundings([*self.stays, *course.moving(float(x))])
             around = Together([self.obstacles, solids]).seen_from(kin.base(course.base(float(x), base)))
-            if not base_clear(around):
+            if not base_clear(self.motion.robot, around):
                 return False
         return True
 
@@ -162,7 +163,7 @@ class CourseSearch(Site):
         torsos, t, g, q = self.postures(touches, [course.cost for course in courses], _PITCHES, swivels=16)
         if not len(q):
             return None, _GLANCE
-        arms = {s: self.motion.arm(s) for s in SIDES}
+        arms = {s: self.motion.arm(s) for s in self.motion.robot.sides}
         if self.other is not None:
             arms[self.other] = hold[-1]
         behind = self.around(back, touched=True)
@@ -208,7 +209,7 @@ class CourseSearch(Site):
         there = replace(body, around=self._then(course, 0.0, base), arms={**body.arms, self.side: q})
         if not there.free(self.side, q, grasping=True)[0]:
             return None
-        line = arm_motion.trace(body.torso, self.side, q, kin.inverse(kin.base(base)) @ course.before)
+        line = arm_motion.trace(body.robot, body.torso, self.side, q, kin.inverse(kin.base(base)) @ course.before)
         if line is None:
             return None
         short = line[-1]
@@ -224,7 +225,7 @@ class CourseSearch(Site):
         """The torso (4,) at the end of the course, if everything stays free and reachable on the way."""
         ends = [body.torso]
         if self.bendable:
-            every = np.array([(lift, 0.0, pitch, body.torso[3]) for lift in LIFTS_M for pitch in _PITCHES])
+            every = body.robot.torsos(_PITCHES, body.torso[3])
             ends += list(every[np.argsort(np.abs(every[:, :3] - body.torso[:3]) @ [1.0, 0.0, 0.8])])
         poses = [kin.inverse(kin.base(base)) @ course.pulled(float(x)) for x in np.linspace(0, 1, _SAMPLES)]
         for end in ends:
@@ -238,7 +239,7 @@ class CourseSearch(Site):
         postures = []
         for x, T in zip(np.linspace(0, 1, _SAMPLES), poses, strict=True):
             torso = body.torso + (end - body.torso) * x
-            near = kin.nearest_posture(kin.inverse(kin.chest(torso)) @ T, self.side, q)
+            near = body.robot.nearest_posture(kin.inverse(body.robot.chest(torso)) @ T, self.side, q)
             if near is None or np.abs(near - q).max() > _LEAP_RAD or near[_ELBOW] > _BENT_RAD:
                 return False
             q = near
@@ -251,7 +252,7 @@ class CourseSearch(Site):
 
     def _idle_free(self, body: Body) -> bool:
         idle = other(self.side)
-        return bool(body.clearance(idle, body.arms[idle][None])[0][0] > 0)
+        return idle not in body.arms or bool(body.clearance(idle, body.arms[idle][None])[0][0] > 0)
 
 
 def _bases(here: Array, focus: Array, heading: float, side: Side) -> Iterator[Array]:
@@ -260,7 +261,7 @@ def _bases(here: Array, focus: Array, heading: float, side: Side) -> Iterator[Ar
     for ahead in (0.40, 0.46, 0.52, 0.58, 0.64, 0.70):
         for lateral in (0.18, 0.10, 0.26, 0.02, 0.34, -0.08):
             for turn in (0.0, 0.25, -0.25, 0.5, -0.5, 0.8, -0.8):
-                yaw, y = heading + turn, lateral * r1.SIGN[side]
+                yaw, y = heading + turn, lateral * SIGN[side]
                 c, s = np.cos(yaw), np.sin(yaw)
                 xy = focus - [c * ahead - s * y, s * ahead + c * y]
                 cost = 1.2 * abs(ahead - 0.56) + 0.5 * abs(lateral - 0.16) + 0.4 * abs(turn)

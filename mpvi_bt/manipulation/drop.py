@@ -18,6 +18,7 @@ from mpvi_bt.manipulation.search import Search
 from mpvi_bt.manipulation.stance import Stance, upright_options
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.arms import posture_distance
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side, other
@@ -81,7 +82,7 @@ def reach_over(work: Work, side: Side, releases: Sequence[tuple[Array, float]], 
     def choose(body: Body, shown: Array, at: NDArray[np.intp], q: Array) -> Iterator[tuple[int, Array]]:
         for k in np.unique(at):
             postures = q[at == k]
-            near = postures[np.argsort(kin.posture_distance(postures, motion.arm(side)))[:_NEAREST]]
+            near = postures[np.argsort(posture_distance(postures, motion.arm(side)))[:_NEAREST]]
             yield from ((int(k), posture) for posture in near[body.free(side, near, margin=0.005)])
 
     k = yield from meet(work, holder, VESSEL, goals, choose)
@@ -113,7 +114,7 @@ def _into(work: Work, held: Held, side: Side, volume: Solid, container: str) -> 
     if volume.kind == "cylinder":
         covers = covers[(np.abs(covers.mean(1)[:, :2]) < 0.5 * half[0]).all(1)]  # its own staves stand around it
     lying = [s.moved(frame).aabb() for n in work.scene.within(container) for s in work.scene.solids(n)]
-    R_now = (work.base @ kin.tcp(work.motion.felt.torso, work.motion.felt.arm[side], side))[:3, :3]
+    R_now = (work.base @ work.motion.robot.tcp(work.motion.felt.torso, work.motion.felt.arm[side], side))[:3, :3]
     for turn in _TURNS:
         for tilt in _TILTS:
             R = kin.rot_z(turn) @ R_now

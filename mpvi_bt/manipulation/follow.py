@@ -10,7 +10,7 @@ import numpy as np
 from mpvi_bt.manipulation.course import Course, Start
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
+from mpvi_bt.robot.drives import in_base_frame
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure, smooth
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, Side
 from mpvi_bt.robot.solids import Array
@@ -103,7 +103,7 @@ def go_along(
 
 def resistance(motion: Motion, side: Side) -> float:
     """How far a hand is from where its arm is told to have it [m]: the arm is a spring, and something holds it off."""
-    felt = kin.tcp(motion.felt.torso, motion.felt.arm[side], side)
+    felt = motion.robot.tcp(motion.felt.torso, motion.felt.arm[side], side)
     return float(np.linalg.norm((felt - motion.hand(side))[:3, 3]))
 
 
@@ -148,9 +148,9 @@ def _seconds(course: Course, start: Array) -> float:
 
 def _reach(motion: Motion, side: Side, T_world_tcp: Array) -> bool:
     """Turn the arm's targets toward a hand pose, seen from where base and torso really are; False if it is far off."""
-    T_chest_world = kin.inverse(kin.base(motion.felt.base_pose) @ kin.chest(motion.felt.torso))
+    T_chest_world = kin.inverse(kin.base(motion.felt.base_pose) @ motion.robot.chest(motion.felt.torso))
     now = motion.arm(side)
-    q = kin.nearest_posture(T_chest_world @ T_world_tcp, side, now)
+    q = motion.robot.nearest_posture(T_chest_world @ T_world_tcp, side, now)
     if q is None:
         return False
     motion.action[ActionLayout.ARM[side]] = now + np.clip(q - now, -_STEP_RAD, _STEP_RAD)
@@ -158,8 +158,6 @@ def _reach(motion: Motion, side: Side, T_world_tcp: Array) -> bool:
 
 
 def _moving(motion: Motion, velocity_world: Array) -> Array:
-    yaw = motion.felt.base_pose[2]
-    c, s = np.cos(yaw), np.sin(yaw)
-    vx, vy, w = np.clip(velocity_world, -r1.BASE_SPEED, r1.BASE_SPEED)
-    motion.action[ActionLayout.BASE] = [c * vx + s * vy, -s * vx + c * vy, w]
+    yaw = float(motion.felt.base_pose[2])
+    motion.action[ActionLayout.BASE] = in_base_frame(motion.robot, velocity_world, yaw)
     return motion.action.copy()

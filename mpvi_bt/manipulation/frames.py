@@ -13,6 +13,7 @@ from mpvi_bt.perception.detector import ROBOT, Detector
 from mpvi_bt.perception.localize import pixels
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import SIDES, CameraImage, Proprioception
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
 _OWN_PX = 2  # the robot's mask is grown so far: the edges of masks are never exact
@@ -99,7 +100,8 @@ def take(
     """A picture taken in: where the camera is follows from the joints alone."""
     base = kin.base(felt.base_pose)
     side = next((s for s in SIDES if s == image.camera), None)
-    camera = kin.head_camera(felt.torso) if side is None else kin.wrist_camera(felt.torso, felt.arm[side], side)
+    robot = robot_named(felt.robot)
+    camera = robot.head_camera(felt.torso) if side is None else robot.wrist_camera(felt.torso, felt.arm[side], side)
     # Single pixels are noisy. What stands out from its neighbors by more than noise is an edge, or thin, and stays; a
     # hole stays a hole: nothing is known there.
     near = ndimage.median_filter(image.depth, 3)

@@ -8,7 +8,6 @@ import numpy as np
 
 from mpvi_bt.manipulation.work import NEAR_M, Work
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
 from mpvi_bt.robot.motion import Actions
 from mpvi_bt.robot.solids import Array
 
@@ -38,7 +37,7 @@ def study(work: Work, name: str | None) -> Actions:
         yield from look_at(work, name)
         if not work.held() and _covered(work, name):
             torso = work.motion.torso
-            torso[:3] = [np.clip(work.middle(name)[2] - _EYES_M, *r1.TORSO_LIMITS[0]), 0.0, 0.0]
+            torso[:3] = [np.clip(work.middle(name)[2] - _EYES_M, *work.motion.robot.torso_limits[0]), 0.0, 0.0]
             yield from work.motion.stand(torso)
             yield from look_at(work, name)
             return
@@ -51,9 +50,9 @@ def study(work: Work, name: str | None) -> Actions:
 def look_at(work: Work, name: str) -> Actions:
     """Tilt the head so that a thing is in the middle of its view, up or down, and look."""
     torso = work.motion.torso
-    seen = kin.inverse(work.base @ kin.chest(torso)) @ np.append(work.middle(name), 1.0)
-    ahead = seen[:3] - r1.HEAD_M
-    torso[3] = np.clip(np.arctan2(-ahead[2], max(float(ahead[0]), 0.05)), *r1.TORSO_LIMITS[3])
+    seen = kin.inverse(work.base @ work.motion.robot.chest(torso)) @ np.append(work.middle(name), 1.0)
+    ahead = seen[:3] - work.motion.robot.head_m
+    torso[3] = np.clip(np.arctan2(-ahead[2], max(float(ahead[0]), 0.05)), *work.motion.robot.torso_limits[3])
     yield from work.motion.stand(torso)
     yield from work.see("head")
 
@@ -61,7 +60,7 @@ def look_at(work: Work, name: str) -> Actions:
 def _raised(work: Work, name: str) -> Array:
     """A torso posture (4,) from which what is high up is seen from the front, with hands that hold something."""
     now = raised = work.motion.torso
-    wanted = float(np.clip(work.middle(name)[2] - _EYES_M, *r1.TORSO_LIMITS[0]))
+    wanted = float(np.clip(work.middle(name)[2] - _EYES_M, *work.motion.robot.torso_limits[0]))
     if wanted <= now[0]:
         return now
     body = work.body({name})
@@ -75,11 +74,12 @@ def _raised(work: Work, name: str) -> Array:
 
 def _overlooking(work: Work, name: str) -> Array:
     """A torso posture (4,) in which the folded hands do not hide a thing from the head: bent over what is near."""
-    middle = work.middle(name)
+    middle, robot = work.middle(name), work.motion.robot
     body, T = work.body({name}), kin.inverse(work.base)
     for lift, pitch in _OVERLOOKS:
         torso = np.array([max(lift, min(0.55, float(middle[2]) - 0.65)), 0.0, pitch, work.motion.torso[3]])
-        ahead = (kin.inverse(kin.chest(torso)) @ T @ np.append(middle, 1.0))[:3] - r1.HEAD_M - r1.HEAD_CAMERA_M
+        torso[:3] = np.clip(torso[:3], *robot.torso_limits[:3].T)
+        ahead = (kin.inverse(robot.chest(torso)) @ T @ np.append(middle, 1.0))[:3] - robot.head_m - robot.head_camera_m
         if np.arctan2(-ahead[2], max(float(ahead[0]), 0.0)) < _HANDS_RAD and replace(body, torso=torso).all_free():
             return torso
     return work.motion.torso

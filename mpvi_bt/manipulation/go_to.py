@@ -20,9 +20,9 @@ from mpvi_bt.manipulation.site import base_clear
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
@@ -35,7 +35,7 @@ _LEAST_M = 0.15  # a way is barred if there is less room
 _LEGS_AHEAD = 3  # before it looks around again
 _ASIDE_RAD = (0.6, 1.2, 1.8)  # off the way to the thing where that is barred, to one side and then to the other
 _LOOKS = 5  # a full turn
-_HALF_WIDTH_M = r1.BASE_RADIUS_M + 0.08
+_HALF_WIDTH_M = R1.base_radius_m + 0.08
 _HEIGHT_M = (0.06, 1.45)  # of what is in the way; lower is the floor
 _SPECKS = 10  # so many pixels may be noise
 _LOAD_M = 0.4  # what is so near to a hand that holds something, and moves along, is what that holds,
@@ -151,9 +151,9 @@ class _Drive:
         if self._first is None:
             near, steps = work.near(), np.arange(_LEAST_M, _LEG_M + 0.01, 0.15)
             ahead = (kin.transform(np.eye(3), (x, 0.0, 0.0)) for x in steps)
-            free = [base_clear(near.seen_from(work.base @ T)) for T in ahead]
+            free = [base_clear(work.motion.robot, near.seen_from(work.base @ T)) for T in ahead]
             return float(steps[free.index(False)]) - 0.15 if False in free else _LEG_M
-        image = replace(work.images["head"], T_world_camera=kin.head_camera(work.motion.felt.torso))
+        image = replace(work.images["head"], T_world_camera=work.motion.robot.head_camera(work.motion.felt.torso))
         p = image.points_world()  # (H, W, 3) in the base frame
         own = np.hypot(p[..., 0], p[..., 1]) < _HALF_WIDTH_M  # its folded hands
         along = _along(self._first, image.depth)
@@ -172,7 +172,7 @@ def _loads(work: Work) -> list[Array]:
     """Where the hands are, (2,) each on the floor in the world [m], that hold something: it may not know what."""
     felt = work.motion.felt
     sides = [side for side in SIDES if squeezes(felt) or felt.holds(side)]
-    return [(work.base @ kin.tcp(felt.torso, felt.arm[side], side))[:2, 3] for side in sides]
+    return [(work.base @ work.motion.robot.tcp(felt.torso, felt.arm[side], side))[:2, 3] for side in sides]
 
 
 def _along(before: NDArray[np.float32], now: NDArray[np.float32]) -> NDArray[np.bool_]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpvi_bt.robot import r1
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 
-FULL_M = 2 * r1.FINGER_TRAVEL_M  # opening between the fingers
-_PALM = [(0.0, y, 0.085 - r1.TCP_M, 0.030) for y in (-0.06, -0.02, 0.02, 0.06)]
-_FINGER_Z_M = np.array([0.125, 0.143, 0.161]) - r1.TCP_M  # of spheres along a finger
+FULL_M = 2 * R1.finger_travel_m  # opening between the fingers
+_PALM = [(0.0, y, 0.085 - R1.tcp_m, 0.030) for y in (-0.06, -0.02, 0.02, 0.06)]
+_FINGER_Z_M = np.array([0.125, 0.143, 0.161]) - R1.tcp_m  # of spheres along a finger
 _FINGER_M = 0.009  # their radius
 _FINGER_HALF_M = 0.0065  # half a finger's thickness: from its pad to the spheres' centers
 CLOSED_HALF_M = 2 * _FINGER_HALF_M  # from the tcp to the outside of closed fingers

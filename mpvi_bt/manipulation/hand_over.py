@@ -16,6 +16,7 @@ from mpvi_bt.manipulation.hold_out import THING, meet
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.arms import posture_distance
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side, other
@@ -51,7 +52,7 @@ def hand_over(work: Work, words: Words, tried: list[Array]) -> Actions:
     goals = np.stack(ways)
     k = yield from meet(work, giver, THING, goals, partial(_takeable, work, giver, held[giver], goals))
     # Arms give way under a load; what counts is where the thing is now.
-    T = kin.tcp(motion.felt.torso, motion.felt.arm[giver], giver) @ goals[k]
+    T = motion.robot.tcp(motion.felt.torso, motion.felt.arm[giver], giver) @ goals[k]
     yield from motion.line(taker, T, 0.10)
     yield from motion.grip(taker, -1.0, 0.67)
     yield from motion.wait(0.2)
@@ -61,7 +62,7 @@ def hand_over(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from motion.wait(0.1)
     away = motion.hand(giver)
     away[:3, 3] -= _STANDOFF_M * away[:3, 2]
-    if arm_motion.trace(motion.torso, giver, motion.arm(giver), away) is not None:
+    if arm_motion.trace(motion.robot, motion.torso, giver, motion.arm(giver), away) is not None:
         yield from motion.line(giver, away, 0.12)
     if not work.gripped(taker):
         raise MotionFailure("dropped")
@@ -111,12 +112,12 @@ def _takeable(
     """Postures of the taking arm a standoff before it can close on the thing, far from the giving hand first."""
     taker = other(giver)
     far = np.linalg.norm(goals[at, :3, 3], axis=1)
-    cost = kin.posture_distance(q, work.motion.arm(taker)) - 4.0 * np.minimum(far, 0.15)
+    cost = posture_distance(q, work.motion.arm(taker)) - 4.0 * np.minimum(far, 0.15)
     for row in np.argsort(cost)[:_TAKEN]:
         if not _closes(body, taker, giver, held, q[row]):
             continue
         before = shown @ goals[at[row]] @ kin.transform(np.eye(3), (0.0, 0.0, -_STANDOFF_M))
-        line = arm_motion.trace(body.torso, taker, q[row], before)
+        line = arm_motion.trace(body.robot, body.torso, taker, q[row], before)
         if line is not None and body.free(taker, line[-1])[0]:
             yield int(at[row]), line[-1]
 
@@ -126,6 +127,6 @@ def _closes(body: Body, taker: Side, giver: Side, held: Held, q: Array) -> bool:
     bare = replace(body, held={s: load for s, load in body.held.items() if s != giver})
     if not bare.free(taker, q)[0]:
         return False
-    T = kin.inverse(kin.tcp(body.torso, body.arms[giver], giver)) @ kin.tcp(body.torso, q, taker)
+    T = kin.inverse(body.robot.tcp(body.torso, body.arms[giver], giver)) @ body.robot.tcp(body.torso, q, taker)
     palm = T[:3, 3] - 0.06 * T[:3, 2]
     return bool(held.load.solids.distance(palm[None])[0] > 0.015)

@@ -10,8 +10,9 @@ from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.fit import fit
 from mpvi_bt.perception.shape import Shape
-from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.motion import Actions
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
@@ -66,7 +67,7 @@ def show(work: Work, side: Side) -> Actions:
     home = work.motion.hand(side)
     for turn, z in _SHOWN:
         for x, y in _PLACES:
-            T = kin.transform(kin.rot_z(turn * r1.SIGN[side]) @ home[:3, :3], (x, y * r1.SIGN[side], z))
+            T = kin.transform(kin.rot_z(turn * SIGN[side]) @ home[:3, :3], (x, y * SIGN[side], z))
             if (path := arm_motion.plan_level(work.body(), side, T)) is not None:
                 yield from work.motion.follow(side, path, speed=1.2)
                 if (name := work.scene.holding(side)) is not None:

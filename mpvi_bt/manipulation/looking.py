@@ -112,4 +112,4 @@ def _free(work: Work, goal: Array, around: Obstacles) -> bool:
     way = goal[:2] - here[:2]
     count = max(2, int(np.ceil(np.linalg.norm(way) / _STEP_M)))
     poses = [np.array([*(here[:2] + way * u), goal[2]]) for u in np.linspace(0, 1, count + 1)[1:]]
-    return all(base_clear(around.seen_from(kin.base(pose))) for pose in poses)
+    return all(base_clear(work.motion.robot, around.seen_from(kin.base(pose))) for pose in poses)

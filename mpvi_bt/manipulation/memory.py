@@ -23,10 +23,10 @@ from mpvi_bt.perception.outlines import main_cluster
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Obstacles, Surroundings
 from mpvi_bt.robot.motion import MotionFailure
 from mpvi_bt.robot.protocol import EMPTY_M, SIDES, CameraImage, Proprioception, Side
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.robot.squeeze import squeezes
 
@@ -95,7 +95,8 @@ class Memory:
         moved = felt.base_pose - self._stood
         if np.linalg.norm(moved[:2]) > _MOVED[0] or abs(kin.wrap(moved[2])) > _MOVED[1]:
             if self._stand:
-                self._way_m += float(np.hypot(*moved[:2])) + r1.BASE_RADIUS_M * abs(float(kin.wrap(moved[2])))
+                turned = robot_named(felt.robot).base_radius_m * abs(float(kin.wrap(moved[2])))
+                self._way_m += float(np.hypot(*moved[:2])) + turned
             self._stand, self._stood = self._stand + 1, felt.base_pose.copy()
         self._felt = felt
         self._feel_hands(felt)
@@ -131,8 +132,9 @@ class Memory:
                     self._put(thing, vessel)
 
     def _tcp(self, side: Side) -> Array:
-        assert self._felt is not None
-        return kin.base(self._felt.base_pose) @ kin.tcp(self._felt.torso, self._felt.arm[side], side)
+        felt = self._felt
+        assert felt is not None
+        return kin.base(felt.base_pose) @ robot_named(felt.robot).tcp(felt.torso, felt.arm[side], side)
 
     def _grasp(self, side: Side) -> None:
         """The hand has closed on something: the nearest thing, which its fingers have brought between them.

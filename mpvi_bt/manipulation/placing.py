@@ -182,7 +182,7 @@ def _lower(work: Work, side: Side, stance: Stance, goal: Array) -> Actions:
     planned = kin.inverse(work.base) @ kin.base(stance.base) @ stance.waypoints[1]
     now = work.held().get(side)
     if now is not None:
-        felt = kin.tcp(motion.felt.torso, motion.felt.arm[side], side)
+        felt = motion.robot.tcp(motion.felt.torso, motion.felt.arm[side], side)
         mended = kin.inverse(work.base) @ goal @ kin.inverse(now.T_tcp_thing)
         mended[:3, 3] += motion.hand(side)[:3, 3] - felt[:3, 3]  # arms give way under a load
         if np.linalg.norm(mended[:3, 3] - planned[:3, 3]) < _MENDED_M:

@@ -17,7 +17,7 @@ from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Load
-from mpvi_bt.robot.protocol import SIDES, Side, other
+from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array
 
 _PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1)
@@ -52,7 +52,7 @@ def stance_at(
     torsos, t, g, q = site.postures(key_goals, [options[k].cost for k in able], _PITCHES, swivels=12)
     if not len(q):
         return None, False
-    arms = {s: site.motion.arm(s) for s in SIDES}
+    arms = {s: site.motion.arm(s) for s in site.motion.robot.sides}
     behind = site.around(lane[0], touched=True)
     if site.other is not None:
         arms[site.other] = hold[-1]
@@ -108,9 +108,9 @@ def _clear(site: Site, base: Array, torsos: Array, t: NDArray[np.intp], q: Array
 
 def _postures_clear(site: Site, body: Body, base: Array, option: Option, goals: Array, key: int, q_key: Array) -> bool:
     """A glance at the ends of the lines, before the lines themselves and before the torso's way is looked at."""
-    chest = kin.inverse(kin.chest(body.torso))
+    chest = kin.inverse(body.robot.chest(body.torso))
     for k, goal in enumerate(goals):
-        near = q_key if k == key else kin.nearest_posture(chest @ goal, site.side, q_key)
+        near = q_key if k == key else body.robot.nearest_posture(chest @ goal, site.side, q_key)
         if near is None or not _free(site, body, base, option, k, near):
             return False
     return True
@@ -154,7 +154,7 @@ def _reached(
     postures: dict[int, Array] = {key: q_key}
     for order in (range(key - 1, -1, -1), range(key + 1, len(goals))):
         for k in order:
-            line = arm_motion.trace(body.torso, site.side, postures[k + 1 if k < key else k - 1], goals[k])
+            line = arm_motion.trace(body.robot, body.torso, site.side, postures[k + 1 if k < key else k - 1], goals[k])
             if line is None or not _free(site, body, base, option, k, line[-1]):
                 return None
             postures[k] = line[-1]
@@ -180,6 +180,6 @@ def _leads(site: Site, body: Body, lane: Array, q: Array, touched: bool, slack: 
     for base in lane:
         there = replace(body, around=site.around(base, touched), arms=arms)
         if not (there.trunk_free() and there.free(site.side, q, -slack, grasping=slack > 0)[0]
-                and there.clearance(idle, arms[idle])[0][0] > 0):  # fmt: skip
+                and (idle not in arms or there.clearance(idle, arms[idle])[0][0] > 0)):  # fmt: skip
             return False
     return True

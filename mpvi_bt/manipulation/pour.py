@@ -16,9 +16,10 @@ from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.search import Search
 from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.manipulation.work import Words, Work
-from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.model import SIGN, RobotModel
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
@@ -120,16 +121,16 @@ def _course(work: Work, body: Body, side: Side, stance: Stance, waypoints: Array
     ways: list[tuple[Mapping[Side, Sequence[Array]], list[Array]]] = []
     others = {s: arm_motion.stay(work.motion.hand(s)) for s in body.held if s != side}
     for detour in _DETOURS:
-        glide = arm_motion.glide(now, waypoints[0], detour * [1, r1.SIGN[side], 1])
+        glide = arm_motion.glide(now, waypoints[0], detour * [1, SIGN[side], 1])
         if (swept := arm_motion.sweep(body, stance.torso, {**others, side: glide})) is not None:
             ways.append((swept, [swept[side][-1]]))
-    if _level(stance.torso, side, now, stance.path):
+    if _level(body.robot, stance.torso, side, now, stance.path):
         ways.append((stance.level, stance.path))
     for arms, path in ways:
         ends = {**body.arms, **{s: q[-1] for s, q in arms.items()}, side: path[-1]}
         there, tipping = replace(body, torso=stance.torso, arms=ends), [path[-1]]
         for T in waypoints[1:]:
-            line = arm_motion.trace(stance.torso, side, tipping[-1], T)
+            line = arm_motion.trace(body.robot, stance.torso, side, tipping[-1], T)
             if line is None:
                 break
             tipping += line[1:]
@@ -139,10 +140,10 @@ def _course(work: Work, body: Body, side: Side, stance: Stance, waypoints: Array
     return None
 
 
-def _level(torso: Array, side: Side, now: Array, path: Sequence[Array]) -> bool:
+def _level(robot: RobotModel, torso: Array, side: Side, now: Array, path: Sequence[Array]) -> bool:
     """Whether a hand keeps about as level as T_base_tcp `now` (4, 4) along a path, so that contents stay inside."""
     between = [a + (b - a) * u for a, b in pairwise(path) for u in (0.25, 0.5, 0.75, 1.0)]
-    return all(float(kin.tcp(torso, q, side)[2, :3] @ now[2, :3]) > _LEVEL for q in (path[0], *between))
+    return all(float(robot.tcp(torso, q, side)[2, :3] @ now[2, :3]) > _LEVEL for q in (path[0], *between))
 
 
 def _tip(work: Work, side: Side, path: list[Array]) -> Actions:

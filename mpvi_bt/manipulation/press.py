@@ -90,7 +90,7 @@ def _push_in(work: Work, side: Side, stance: Stance) -> Actions:
     T = kin.inverse(work.base) @ kin.base(stance.base) @ stance.waypoints[1]
     yield from motion.line(side, T, _PRESS_M_S, until_contact=True)
     yield from motion.wait(_PRESSED_S)
-    if np.linalg.norm((kin.tcp(motion.felt.torso, motion.felt.arm[side], side) - T)[:3, 3]) > _SHORT_OF_M:
+    if np.linalg.norm((motion.robot.tcp(motion.felt.torso, motion.felt.arm[side], side) - T)[:3, 3]) > _SHORT_OF_M:
         raise MotionFailure("not_pressed")  # something else was in the way
 
 

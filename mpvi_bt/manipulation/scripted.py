@@ -20,7 +20,7 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.skills import Skill, SkillCall
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception
+from mpvi_bt.robot.protocol import CONTROL_HZ, Proprioception
 from mpvi_bt.robot.solids import Array
 
 _PATIENCE_S = 2.0  # longer than a trigger takes to fire
@@ -190,7 +190,7 @@ class ScriptedPolicy:
                 yield from back_off(work)
             return
         held = work.held()
-        for side in SIDES:
+        for side in work.motion.robot.sides:
             if side not in held and work.motion.felt.gripper_command[side] < 0.9:
                 yield from work.motion.grip(side, 1.0, 0.4)
             if side not in held:

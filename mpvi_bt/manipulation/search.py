@@ -16,8 +16,8 @@ from mpvi_bt.manipulation.postures import TOUCH_M, stance_at
 from mpvi_bt.manipulation.site import Site
 from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Load
+from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
@@ -159,7 +159,7 @@ def _bases(here: Array, focus: Array, side: Side) -> Array:
     for distance in (0.46, 0.52, 0.58, 0.64, 0.70, 0.76, 0.84, 0.92):
         for lateral in (0.0, 0.10, 0.18, 0.26):
             for turn in (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9, 1.3, -1.3, 1.8, -1.8, 2.4, -2.4, 3.0):
-                yaw, y = bearing + turn, lateral * r1.SIGN[side]
+                yaw, y = bearing + turn, lateral * SIGN[side]
                 c, s = np.cos(yaw), np.sin(yaw)
                 xy = focus - [c * distance - s * y, s * distance + c * y]
                 near = 0.6 * float(np.linalg.norm(xy - here[:2])) + 0.3 * abs(turn)

@@ -11,10 +11,8 @@ from mpvi_bt.manipulation.spots import floor_around, is_floor
 from mpvi_bt.manipulation.two_hands import Box, behind, open_wide, raise_both, seen_box
 from mpvi_bt.manipulation.work import Perform, Words, Work
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.motion import Actions, MotionFailure
-from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
@@ -111,7 +109,7 @@ def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tup
     motion = work.motion
     here = motion.felt.base_pose
     held_at = (kin.inverse(work.base) @ np.append(box.middle, 1.0))[:2]
-    arms = {s: motion.arm(s) for s in SIDES}
+    arms = {s: motion.arm(s) for s in motion.robot.sides}
     for spot in spots[:_SPOTS]:
         for heading in sorted(_HEADINGS, key=lambda h: abs(float(kin.wrap(h - here[2])))):
             base = np.array([*(spot[:2] - kin.rot_z(heading)[:2, :2] @ held_at), kin.wrap(heading)])
@@ -121,8 +119,8 @@ def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tup
             if not search.drivable(behind(base), base) or (way := search.route(here, behind(base))) is None:
                 continue
             torso = motion.torso  # raised by then, as `raise_both` does: lower down the arms would meet the surface
-            torso[0] = np.clip(torso[0] + max(0.0, spot[2] + _OVER_M - box.bottom), *r1.TORSO_LIMITS[0])
-            body = Body(torso, arms, {}, around)
-            if all(body.free(side, arms[side], grasping=True)[0] for side in SIDES) and body.trunk_free():
+            torso[0] = np.clip(torso[0] + max(0.0, spot[2] + _OVER_M - box.bottom), *motion.robot.torso_limits[0])
+            body = Body(motion.robot, torso, arms, {}, around)
+            if all(body.free(side, arms[side], grasping=True)[0] for side in arms) and body.trunk_free():
                 return base, spot, way
     return None

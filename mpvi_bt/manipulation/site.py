@@ -6,22 +6,23 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.held import Held
-from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import NOTHING, Body, Obstacles, Surroundings, Together
+from mpvi_bt.robot.drives import legs
+from mpvi_bt.robot.model import SIGN, RobotModel
 from mpvi_bt.robot.motion import Motion
-from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid, box
 
 FLOOR = box((0.0, 0.0, -0.1), (60.0, 60.0, 0.2))
-LIFTS_M = (0.0, 0.1, 0.2, 0.3, 0.42, 0.55)  # of the torso [m]
-_BASE_CLEAR_M = 0.30
 _KNOWN_M = 1.4  # from here; farther off there may be walls that are not among the obstacles
 _VIAS = ((-0.35, 0.0), (-0.7, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.35, 0.5), (-0.35, -0.5))  # ahead and left of here [m]
 # Where the other hand may bring what it holds: x, y toward its own side, z [m]; reachable from a bent torso too.
@@ -30,10 +31,6 @@ _ASIDE = ((0.50, 0.30, 0.76), (0.52, 0.16, 0.76), (0.42, 0.36, 0.78), (0.50, 0.3
 # what hangs close to the body, such as a sack from its handle.
 _OUT_M = np.array([(0.12, 0.1, -0.12), (0.2, 0.1, -0.15), (0.3, 0.1, -0.2)])
 _OUT_RAD = (0.0, 0.8, -0.8)  # turned about the vertical, for what is broad and hangs on the near side of its hand
-_HEIGHTS = np.array(
-    [[0.0, 0.0, z] for z in (0.04, 0.11, 0.18, 0.25)] + [[-0.1, 0.0, z] for z in (0.35, 0.5, 0.65, 0.8)]
-)
-_REACHES = np.array([_BASE_CLEAR_M] * 4 + [0.14] * 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +79,7 @@ class Site:
         now, body = self.motion.hand(side), self.body(self.motion.torso, NOTHING)
         holds = [[self.motion.arm(side)]]
         for x, y, z in _ASIDE:
-            T = kin.transform(now[:3, :3], (x, y * r1.SIGN[side], z))
+            T = kin.transform(now[:3, :3], (x, y * SIGN[side], z))
             if (path := arm_motion.plan_level(body, side, T)) is not None:
                 holds.append(path)
         return holds
@@ -101,12 +98,13 @@ class Site:
         Returns:
             Torsos (m, 4); the index of its torso (n,), the index of its goal (n,) and the arm (n, 7) of each posture.
         """
-        torsos = np.array([(lift, 0.0, pitch, r1.TRAVEL_TORSO[3]) for lift in LIFTS_M for pitch in pitches])
-        chests = kin.inverse(kin.chest(torsos))
-        at, q = kin.arm_inverse((chests[:, None] @ goals[None]).reshape(-1, 4, 4), self.side, swivels=swivels)
+        robot = self.motion.robot
+        torsos = robot.torsos(pitches, robot.travel_torso[3])
+        chests = kin.inverse(robot.chest(torsos))
+        at, q = robot.arm_inverse((chests[:, None] @ goals[None]).reshape(-1, 4, 4), self.side, swivels=swivels)
         t, g = at // len(goals), at % len(goals)
         cost = (
-            3 * kin.limit_cost(q, self.side) + 0.6 * torsos[t, 2] + 0.5 * np.abs(torsos[t, 0] - self.motion.torso[0])
+            3 * robot.limit_cost(q, self.side) + 0.6 * torsos[t, 2] + 0.5 * np.abs(torsos[t, 0] - self.motion.torso[0])
             + np.array(costs)[g] + 0.1 * np.abs(q - self.motion.arm(self.side)).sum(1)
         )  # fmt: skip
         rows = np.argsort(cost)
@@ -115,11 +113,12 @@ class Site:
     def stands(self, bases: Array) -> NDArray[np.bool_]:
         """(n,) bool: base poses (n, 3) that are clear of everything as far as the base goes."""
         ahead = np.stack([np.cos(bases[:, 2]), np.sin(bases[:, 2])], -1)
-        p = np.empty((len(bases), len(_HEIGHTS), 3))
-        p[..., :2] = bases[:, None, :2] + ahead[:, None] * _HEIGHTS[:, :1]
-        p[..., 2] = _HEIGHTS[:, 2]
+        standing = self.motion.robot.hull.standing
+        p = np.empty((len(bases), len(standing), 3))
+        p[..., :2] = bases[:, None, :2] + ahead[:, None] * standing[:, :1]
+        p[..., 2] = standing[:, 2]
         known = np.linalg.norm(bases[:, :2] - self.motion.felt.base_pose[:2], axis=1) <= _KNOWN_M
-        return np.asarray((self._standing.distance(p) >= _REACHES).all(1) & known)
+        return np.asarray((self._standing.distance(p) >= standing[:, 3]).all(1) & known)
 
     def route(self, here: Array, goal: Array) -> list[Array] | None:
         """Base poses to drive to `goal` by: straight, or by one place on the way."""
@@ -135,10 +134,8 @@ class Site:
 
     def drivable(self, start: Array, goal: Array) -> bool:
         """Straight from start to goal: nothing in the way of the base or of what it carries."""
-        turn = kin.wrap(goal[2] - start[2])
-        n = max(2, int(np.ceil(max(float(np.linalg.norm(goal[:2] - start[:2])) / 0.12, abs(float(turn)) / 0.3))))
-        shares = [u for u in np.linspace(0, 1, n + 1)[1:] if u > 0.3 or n == 2]
-        poses = np.stack([np.append(start[:2] + (goal[:2] - start[:2]) * u, start[2] + turn * u) for u in shares])
+        ends = [start, *legs(self.motion.robot, start, goal)]
+        poses = np.concatenate([_on_leg(a, b, leaving=k == 0) for k, (a, b) in enumerate(pairwise(ends))])
         if not self.stands(poses).all():
             return False
         for base in poses if self.held else ():
@@ -167,13 +164,13 @@ class Site:
 
     def body(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array] | None = None) -> Body:
         """The robot in a posture, with what it holds."""
-        arms = arms or {s: self.motion.arm(s) for s in SIDES}
-        return Body(torso, arms, {s: h.load for s, h in self.held.items()}, around)
+        arms = arms or {s: self.motion.arm(s) for s in self.motion.robot.sides}
+        return Body(self.motion.robot, torso, arms, {s: h.load for s, h in self.held.items()}, around)
 
     def stood(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array]) -> Standing | None:
         """The body once the torso has moved there, the other hand level if it holds something; None if it cannot."""
         body = self.body(self.motion.torso, around, arms)
-        now = {s: kin.tcp(body.torso, arms[s], s) for s in self.held}
+        now = {s: body.robot.tcp(body.torso, arms[s], s) for s in self.held}
         stays = {s: arm_motion.stay(T) for s, T in now.items()}
         # What the hands hold keeps its place while the torso moves, or rides along with it, or is brought out.
         ways = [stays]
@@ -181,7 +178,7 @@ class Site:
             ways.append({s: path for s, path in stays.items() if s != self.side})
             for turn, off in itertools.product(_OUT_RAD, _OUT_M):
                 R = kin.rot_z(turn) @ now[self.side][:3, :3]
-                out = kin.transform(R, now[self.side][:3, 3] + off * [1, r1.SIGN[self.side], 1])
+                out = kin.transform(R, now[self.side][:3, 3] + off * [1, SIGN[self.side], 1])
                 ways.append({**stays, self.side: arm_motion.glide(now[self.side], out)})
         level = None
         for k, hands in enumerate(ways):
@@ -193,6 +190,15 @@ class Site:
         return Standing(replace(body, torso=torso, arms={**arms, **{s: q[-1] for s, q in level.items()}}), level)
 
 
-def base_clear(around: Obstacles) -> bool:
+def _on_leg(start: Array, goal: Array, leaving: bool) -> Array:
+    """(n, 3) base poses on a straight leg that are worth a look; `leaving`: the first third is where it stands."""
+    turn = kin.wrap(goal[2] - start[2])
+    n = max(2, int(np.ceil(max(float(np.linalg.norm(goal[:2] - start[:2])) / 0.12, abs(float(turn)) / 0.3))))
+    shares = [u for u in np.linspace(0, 1, n + 1)[1:] if u > 0.3 or n == 2 or not leaving]
+    return np.stack([np.append(start[:2] + (goal[:2] - start[:2]) * u, start[2] + turn * u) for u in shares])
+
+
+def base_clear(robot: RobotModel, around: Obstacles) -> bool:
     """Whether the base and the column above it keep clear of what is `around`, in the base frame."""
-    return bool((around.distance(_HEIGHTS) >= _REACHES).all())
+    standing = robot.hull.standing
+    return bool((around.distance(standing[:, :3]) >= standing[:, 3]).all())

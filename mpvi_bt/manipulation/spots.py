@@ -16,6 +16,7 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.knowledge import normalize
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array, Solid, bounds
 
 _FLOORS = ("floor", "ground")
@@ -236,7 +237,7 @@ def _hand(work: Work, held: Held) -> Array:
     """T_base_tcp (4, 4), as felt, of the hand that holds a thing."""
     felt = work.motion.felt
     side = next(s for s, h in work.held().items() if h.name == held.name)
-    return kin.tcp(felt.torso, felt.arm[side], side)
+    return robot_named(felt.robot).tcp(felt.torso, felt.arm[side], side)
 
 
 def _within(volumes: Sequence[Solid], p: Array) -> bool:

@@ -10,11 +10,11 @@ import numpy as np
 
 from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.search import Search
-from mpvi_bt.manipulation.site import LIFTS_M
 from mpvi_bt.manipulation.work import Words, Work
-from mpvi_bt.robot import arm_motion, r1
+from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.model import SIGN, RobotModel
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, ActionLayout, Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
@@ -60,7 +60,7 @@ class Box:
         slant = _SLANT_RAD if low else 0.0
         out: dict[Side, Array] = {}
         for side in SIDES:
-            sign = r1.SIGN[side]
+            sign = SIGN[side]
             approach = -sign * leftward * np.cos(slant) - np.array([0, 0, np.sin(slant)])
             tip = np.array([*self.middle[:2], z]) + sign * leftward * (self.width / 2 + reach)
             out[side] = kin.transform(kin.hand_rotation(approach, along), tip - _TIP_M * approach)
@@ -188,12 +188,13 @@ def _grip_at(work: Work, search: Search, base: Array, box: Box) -> _Grip | None:
     """A torso and postures of both arms for one base pose."""
     to_base = kin.inverse(kin.base(base))
     pressed, touching, wide = (box.hands(r) for r in (-_PRESS_M, 0.0, _WIDE_M))
-    torsos = np.array([(lift, 0.0, pitch, r1.TRAVEL_TORSO[3]) for lift in LIFTS_M for pitch in _PITCHES])
-    chests = kin.inverse(kin.chest(torsos))
+    robot = work.motion.robot
+    torsos = robot.torsos(_PITCHES, robot.travel_torso[3])
+    chests = kin.inverse(robot.chest(torsos))
     found: dict[Side, dict[int, list[Array]]] = {}
     for side in SIDES:
-        at, q = kin.arm_inverse(chests @ to_base @ pressed[side], side, swivels=16)
-        cost = kin.limit_cost(q, side) + 0.05 * np.abs(q - r1.TRAVEL_ARM[side]).sum(1)
+        at, q = robot.arm_inverse(chests @ to_base @ pressed[side], side, swivels=16)
+        cost = robot.limit_cost(q, side) + 0.05 * np.abs(q - robot.travel_arm[side]).sum(1)
         found[side] = {}
         for row in np.argsort(cost):
             found[side].setdefault(int(at[row]), []).append(q[row])
@@ -205,12 +206,12 @@ def _grip_at(work: Work, search: Search, base: Array, box: Box) -> _Grip | None:
         arms: dict[Side, list[Array]] = {}
         for side in SIDES:
             for q in found[side][t][:6]:
-                path = _widening(torso, side, q, to_base @ touching[side], to_base @ wide[side])
+                path = _widening(robot, torso, side, q, to_base @ touching[side], to_base @ wide[side])
                 if path is None:
                     continue
-                body = Body(torso, {**r1.TRAVEL_ARM, **{s: p[0] for s, p in arms.items()}}, {}, loose)
-                open_body = Body(torso, body.arms, {}, all_around)
-                backed = Body(torso, body.arms, {}, rear)
+                body = Body(robot, torso, {**robot.travel_arm, **{s: p[0] for s, p in arms.items()}}, {}, loose)
+                open_body = Body(robot, torso, body.arms, {}, all_around)
+                backed = Body(robot, torso, body.arms, {}, rear)
                 if (
                     body.free(side, np.stack(path[1:]), grasping=True).all()
                     and open_body.free(side, path[0], grasping=True)[0]
@@ -218,20 +219,21 @@ def _grip_at(work: Work, search: Search, base: Array, box: Box) -> _Grip | None:
                 ):
                     arms[side] = path
                     break
+        bodies = [Body(robot, torso, {s: p[k] for s, p in arms.items()}, {}, loose) for k in range(3)]
         if len(arms) == 2 and all(
-            Body(torso, {s: p[k] for s, p in arms.items()}, {}, loose).free(side, arms[side][k], grasping=True)[0]
-            for side in SIDES
-            for k in range(3)
+            body.free(side, arms[side][k], grasping=True)[0] for side in SIDES for k, body in enumerate(bodies)
         ):
             return _Grip(box, base, torso, arms)
     return None
 
 
-def _widening(torso: Array, side: Side, q: Array, touching: Array, wide: Array) -> list[Array] | None:
+def _widening(
+    robot: RobotModel, torso: Array, side: Side, q: Array, touching: Array, wide: Array
+) -> list[Array] | None:
     """Postures wide, touching and pressing, joined by lines of the hand without a leap of the elbow."""
     out = [q]
     for goal in (touching, wide):
-        line = arm_motion.trace(torso, side, out[0], goal)
+        line = arm_motion.trace(robot, torso, side, out[0], goal)
         if line is None:
             return None
         out.insert(0, line[-1])
@@ -248,7 +250,7 @@ def _go_behind(work: Work, grip: _Grip, search: Search) -> Actions:
     yield from motion.stand(torso)
     around = search.around(back, touched=True)
     for side in SIDES:
-        body = Body(motion.torso, {s: motion.arm(s) for s in SIDES}, {}, around)
+        body = replace(motion.body(), around=around)
         path = arm_motion.plan(body, side, grip.arms[side][0], work.rng)
         if path is None:
             raise MotionFailure("no_path")
@@ -269,7 +271,7 @@ def raise_both(work: Work, by_m: float, seconds_per_m: float = 5.0) -> Actions:
     """
     motion = work.motion
     torso = motion.torso
-    low, high = r1.TORSO_LIMITS[0]
+    low, high = work.motion.robot.torso_limits[0]
     target = float(np.clip(torso[0] + by_m, low, high))
     rest = by_m - (target - torso[0])
     if abs(target - torso[0]) > 1e-3:
@@ -283,7 +285,7 @@ def _carry_height(work: Work) -> Actions:
     """Straighten up with the box kept level before the body, as far as the arms allow."""
     motion = work.motion
     now = {side: motion.hand(side) for side in SIDES}
-    body = Body(motion.torso, {s: motion.arm(s) for s in SIDES})
+    body = motion.body()
     height = float(now["left"][2, 3])
     for share in (1.0, 0.6, 0.3):
         rise = max(0.0, _CARRY_M - height) * share
@@ -300,7 +302,7 @@ def _carry_height(work: Work) -> Actions:
                 if (arms := arm_motion.sweep(body, torso, paths)) is not None:
                     yield from motion.stand(torso, arms)
                     return
-    yield from raise_both(work, max(0.0, min(r1.TORSO_LIMITS[0, 1] - motion.torso[0], _CARRY_M - height)))
+    yield from raise_both(work, max(0.0, min(motion.robot.torso_limits[0, 1] - motion.torso[0], _CARRY_M - height)))
 
 
 def open_wide(work: Work) -> Actions:
@@ -308,7 +310,7 @@ def open_wide(work: Work) -> Actions:
     for side in SIDES:  # from where the hands are, not from where they press to
         work.motion.action[ActionLayout.ARM[side]] = work.motion.felt.arm[side]
     with suppress(MotionFailure):  # hands that have let go, if not by the whole way, are good enough
-        yield from _shift(work, {side: np.array([0.0, r1.SIGN[side] * _OUTWARD_M, 0.0]) for side in SIDES}, 0.12)
+        yield from _shift(work, {side: np.array([0.0, SIGN[side] * _OUTWARD_M, 0.0]) for side in SIDES}, 0.12)
 
 
 def _shift(work: Work, by: Mapping[Side, Array], speed: float) -> Actions:
@@ -318,7 +320,8 @@ def _shift(work: Work, by: Mapping[Side, Array], speed: float) -> Actions:
         goals = {side: motion.hand(side) for side in SIDES}
         for side in SIDES:
             goals[side][:3, 3] += share * by[side]
-        if all(arm_motion.trace(motion.torso, side, motion.arm(side), goals[side]) is not None for side in SIDES):
+        robot, torso = motion.robot, motion.torso
+        if all(arm_motion.trace(robot, torso, side, motion.arm(side), goals[side]) is not None for side in SIDES):
             lines = [motion.line(side, goals[side], speed, give_rad=np.inf) for side in SIDES]
             yield from together(*lines, motion_of=work)
             return

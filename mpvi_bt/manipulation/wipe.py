@@ -140,7 +140,7 @@ def _over(
     yield from take_up(work, stance, search)
     motion, path, up = work.motion, [work.motion.arm(side)], 0
     for T in kin.inverse(work.base) @ kin.base(stance.base) @ stance.waypoints[1:]:
-        line = arm_motion.trace(motion.torso, side, path[-1], T)
+        line = arm_motion.trace(motion.robot, motion.torso, side, path[-1], T)
         if line is None:
             raise MotionFailure("no_reach")
         path, up = path + line[1:], len(line) - 1

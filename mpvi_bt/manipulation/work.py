@@ -119,7 +119,7 @@ class Work:
         Raises:
             MotionFailure: "hands_full" if there is none.
         """
-        free = [s for s in SIDES if self.scene.holding(s) is None and wanted in (None, s)]
+        free = [s for s in self.motion.robot.sides if self.scene.holding(s) is None and wanted in (None, s)]
         if not free:
             raise MotionFailure("hands_full")
         x, y, yaw = self.motion.felt.base_pose
@@ -145,7 +145,8 @@ class Work:
         for side in SIDES:
             name = self.scene.holding(side)
             if name is not None:
-                T_world_tcp = self.base @ kin.tcp(self.motion.felt.torso, self.motion.felt.arm[side], side)
+                felt = self.motion.felt
+                T_world_tcp = self.base @ self.motion.robot.tcp(felt.torso, felt.arm[side], side)
                 frame = kin.inverse(T_world_tcp)
                 inner = self.scene.within(name)
                 solids = tuple(s.moved(frame) for n in (name, *inner) for s in self.scene.solids(n))
@@ -170,9 +171,9 @@ class Work:
 
     def body(self, without: Collection[str] = ()) -> Body:
         """The robot as commanded, with what it holds, among everything near but the things `without`."""
-        arms = {s: self.motion.arm(s) for s in SIDES}
+        arms = {s: self.motion.arm(s) for s in self.motion.robot.sides}
         loads = {s: h.load for s, h in self.held().items()}
-        return Body(self.motion.torso, arms, loads, self.near(without).seen_from(self.base))
+        return Body(self.motion.robot, self.motion.torso, arms, loads, self.near(without).seen_from(self.base))
 
     def rise(self, side: Side, by_m: float = _LIFTED_M) -> Actions:
         """Raise a hand straight up."""

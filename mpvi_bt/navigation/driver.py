@@ -31,9 +31,10 @@ from mpvi_bt.navigation.traversability import (
 from mpvi_bt.navigation.ways import GaveUp, Goals, find_way
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.map import OccupancyMap
-from mpvi_bt.robot import r1
 from mpvi_bt.robot.kinematics import rot_z
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Robot
+from mpvi_bt.robot.r1 import R1
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
@@ -76,7 +77,7 @@ class NavigationParameters:
     """
 
     footprint_m: float = 0.33
-    spare_m: float = 0.33 - r1.BASE_RADIUS_M
+    spare_m: float = 0.33 - R1.base_radius_m
     handoff: Handoff = field(default_factory=Handoff)
     limits: Limits = field(default_factory=Limits)
     carrying: Limits = CARRYING
@@ -137,6 +138,8 @@ class Driver:
             parameters: Distances and speeds.
         """
         self._robot, self._map, self._knowledge, self._stow = robot, occupancy_map, knowledge, stow
+        self._model = robot_named(robot.proprioception().robot)
+        self._sideways = self._model.sideways
         self.parameters = parameters
         self._footprint = footprint_radius_m or (lambda: parameters.footprint_m)
         self._traversability = lru_cache(maxsize=4)(self._make_grid)
@@ -208,7 +211,7 @@ class Driver:
         pose = self._pose()
         goal, grid = np.array([*pose[:2], yaw_rad]), self.grid().escaping(pose[:2])
         footprint = self._takes_up()
-        path = loaded_path(grid, footprint, pose, goal) if len(footprint.loads) else goal[None, :2]
+        path = loaded_path(grid, footprint, pose, goal, self._sideways) if len(footprint.loads) else goal[None, :2]
         if path is None:
             raise GaveUp("blocked", "there is no room to turn with what is carried")
         follower = self._follower(path, goal, grid, footprint, self._moving())
@@ -244,14 +247,15 @@ class Driver:
         pose, footprint = self._pose(), self._takes_up()
         if self.blocks:
             with suppress(GaveUp):
-                way = find_way(self.grid(blocks=True), footprint, pose, goals, halts)
+                way = find_way(self.grid(blocks=True), footprint, pose, goals, halts, self._sideways)
                 return self._follower(*way, footprint, velocity)
         try:
-            way = find_way(self.grid(), footprint, pose, goals, halts)
+            way = find_way(self.grid(), footprint, pose, goals, halts, self._sideways)
         except GaveUp as failure:
-            footprint = self._takes_up(footprint.base_m - self.parameters.spare_m)
+            footprint = self._takes_up(max(footprint.base_m - self.parameters.spare_m, self._model.base_radius_m))
             try:
-                way = find_way(self.grid(footprint_m=footprint.base_m), footprint, pose, goals, halts)
+                narrow = self.grid(footprint_m=footprint.base_m)
+                way = find_way(narrow, footprint, pose, goals, halts, self._sideways)
             except GaveUp:
                 raise failure from None
         return self._follower(*way, footprint, velocity)
@@ -263,7 +267,10 @@ class Driver:
         carrying = squeezes(body) or any(body.holds(side) for side in SIDES)
         limits = self.parameters.carrying if carrying else self.parameters.limits
         self.goal, self.path = goal, path[:, :2]
-        return PathFollower(path, goal, grid, limits, self.parameters.tolerance, footprint=footprint, velocity=velocity)
+        return PathFollower(
+            path, goal, grid, limits, self.parameters.tolerance, footprint=footprint, velocity=velocity,
+            sideways=self._sideways,
+        )  # fmt: skip
 
     def _takes_up(self, base_m: float | None = None) -> Footprint:
         radius_m = self._footprint() if base_m is None else base_m

@@ -10,10 +10,9 @@ import numpy as np
 
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.perception.knowledge import Entry
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
 from mpvi_bt.robot.kinematics import rot_z
-from mpvi_bt.robot.protocol import SIDES, Proprioception
+from mpvi_bt.robot.protocol import Proprioception
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
 _ARM_M, _HAND_M = 0.05, 0.05  # radii of elbow and wrist, and along the hand, from the side
@@ -52,9 +51,10 @@ class Footprint:
         Its arms take up room, too, where they reach out over the base: they keep what they hold before the body.
         """
         around = []
-        for side in SIDES:
-            _, elbow, hand = (kin.chest(body.torso) @ T for T in kin.arm_frames(body.arm[side], side))
-            wrist = hand[:3, 3] - r1.TCP_M * hand[:3, 2]
+        robot = robot_named(body.robot)
+        for side in body.sides:
+            elbow, hand = (robot.chest(body.torso) @ T for T in robot.arm_frames(body.arm[side], side)[-2:])
+            wrist = hand[:3, 3] - robot.tcp_m * hand[:3, 2]
             parts = [
                 (elbow[:3, 3], _ARM_M),
                 (wrist, _ARM_M),

@@ -15,6 +15,7 @@ from mpvi_bt.robot.solids import Array
 _HEADINGS = 48
 _TURN_M = 0.3  # Our choice: what turning by a radian costs, in metres of driving
 _ASIDE = 1.0  # driving sideways costs so much more than driving ahead, backwards twice that
+_CANNOT, _OBLIQUE_RAD = 1e6, 0.45  # of a base that cannot go sideways: the price of a step farther off its heading
 _BESIDE_M = 2.0  # around the way of the base alone is looked for a way for the load
 _GREED = 1.5  # what lies ahead counts so much: ways are at most so much dearer than the cheapest, and found much sooner
 _MOST = 200_000  # states looked at: the search takes a third of a second at the most
@@ -26,7 +27,9 @@ _ROW = np.array([-1, 1, 0, 0, -1, -1, 1, 1], np.int64)
 _COLUMN = np.array([0, 0, -1, 1, -1, 1, -1, 1], np.int64)
 
 
-def loaded_path(grid: Traversability, footprint: Footprint, start: Array, goal: Array) -> Array | None:
+def loaded_path(
+    grid: Traversability, footprint: Footprint, start: Array, goal: Array, sideways: bool = True
+) -> Array | None:
     """A way from pose to pose on which neither base nor loads touch an obstacle, at most half dearer than the cheapest.
 
     A step goes to a neighboring cell or turns by 7.5 degrees on the spot. Where a load is too near something at the
@@ -36,6 +39,7 @@ def loaded_path(grid: Traversability, footprint: Footprint, start: Array, goal: 
         grid: Where the base's center may be, and how far obstacles are.
         footprint: The loads.
         start, goal: (3,) x, y [m], yaw [rad].
+        sideways: Whether the base can go sideways.
 
     Returns:
         (N, 3) x, y [m] and yaw [rad], which runs on beyond half a turn; the last is the goal. None if there is no way.
@@ -57,6 +61,8 @@ def loaded_path(grid: Traversability, footprint: Footprint, start: Array, goal: 
     offsets = np.rint(np.stack([s * x + c * y, c * x - s * y], -1) / grid.map.resolution_m).astype(np.int64)
     toward = np.arctan2(_ROW, _COLUMN)
     aside = 1.0 + _ASIDE * (1.0 - np.cos(toward - yaws[:, None]))
+    if not sideways:
+        aside[np.abs(np.sin(toward - yaws[:, None])) > math.sin(_OBLIQUE_RAD)] = _CANNOT
     bins = [round(float(pose[2]) / step) % _HEADINGS for pose in (start, goal)]
     states = _search(
         np.ascontiguousarray(cost), np.ascontiguousarray(ahead, np.float32), grid.clearance_m, low, offsets, radii,

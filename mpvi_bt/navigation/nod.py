@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, Robot
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
 _TILT = ActionLayout.TORSO.start + 3
@@ -21,10 +21,10 @@ _MOST_S = 1.5
 def tilt_toward(robot: Robot, p_world: Array) -> float:
     """The head tilt [rad] that brings a place (3,) to the middle of the head's picture, as far as the neck goes."""
     body = robot.proprioception()
-    eye = kin.base(body.base_pose) @ kin.head_camera(body.torso)
+    eye = kin.base(body.base_pose) @ robot_named(body.robot).head_camera(body.torso)
     away = float(np.linalg.norm(p_world[:2] - eye[:2, 3]))
     down = math.atan2(eye[2, 3] - p_world[2], max(away, 1e-3))
-    low, high = r1.TORSO_LIMITS[3]
+    low, high = robot_named(body.robot).torso_limits[3]
     return float(np.clip(down - body.torso[2], low, high))
 
 

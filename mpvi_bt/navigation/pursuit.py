@@ -1,4 +1,4 @@
-"""Pure pursuit for a holonomic base: follow a path within limits of speed and acceleration, then settle on a pose."""
+"""Pure pursuit: follow a path within limits of speed and acceleration, then settle on a pose."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.grid import compiled
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.drives import steering
 from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.protocol import CONTROL_HZ
 from mpvi_bt.robot.solids import Array
@@ -46,6 +47,7 @@ _AIM = np.array([0.06, 0.25])  # how far along a path of poses the base aims [m,
 _BEND, _AFTER = 4, 6  # points of such a path before and after one between which it bends; half of those it matters to
 _OFF_M = 0.015  # what following such a path may be off by anywhere
 _KEEPS_RAD = 0.15  # so near to a pose's yaw the next pose may be gone to
+_THERE = 0.6  # of the tolerance: so near to the end a base that cannot go sideways turns to the goal's yaw
 _EASY = 0.7  # of the acceleration limit is planned with; the rest is for corrections
 
 
@@ -64,7 +66,8 @@ class PathFollower:
 
     Far from the end the base faces along the path and slows down while it does not, as its camera looks ahead; within
     `arrive_m` of the end it slides sideways if need be and turns to the goal's yaw. A path of poses says itself how the
-    base is to be turned where. Speeds are profiles that can still stop in time, so that the end is reached without
+    base is to be turned where. A base that cannot go sideways faces its way, or has it behind, up to the end, and turns
+    there. Speeds are profiles that can still stop in time, so that the end is reached without
     overshoot.
 
     Attributes:
@@ -84,6 +87,7 @@ class PathFollower:
         arrive_m: float = 0.45,
         footprint: Footprint | None = None,
         velocity: Array = AT_REST,
+        sideways: bool = True,
     ) -> None:
         """Take a path.
 
@@ -98,6 +102,7 @@ class PathFollower:
             arrive_m: Distance to go from which the base turns to the goal's yaw.
             footprint: What is carried, for a path of poses; None: nothing.
             velocity: (3,) vx, vy [m/s] in the world and yaw rate [rad/s] that the base has now.
+            sideways: Whether the base can go sideways.
         """
         self.path = np.vstack([path[:-1, :2], goal[:2]]) if len(path) > 1 else goal[None, :2].copy()
         self._yaws = path[:, 2] if path.shape[1] == 3 else None
@@ -111,7 +116,7 @@ class PathFollower:
         self._room = self._rooms()
         self._most = self._speeds()
         self.velocity = np.array(velocity, float)
-        self._aim_at = 0
+        self._aim_at, self._sideways = 0, sideways
 
     @property
     def aim(self) -> Array:
@@ -153,10 +158,14 @@ class PathFollower:
         delta = self.aim - pose[:2]
         distance = math.hypot(*delta)
         to_go = distance + self._to_go[self._aim_at]
-        arriving = to_go < self._arrive_m
+        arriving = to_go < (self._arrive_m if self._sideways else _THERE * self.tolerance.position_m)
         heading = self.goal[2] if arriving else math.atan2(delta[1], delta[0])
         turn = _wrap(heading - pose[2])
+        if not self._sideways and not arriving and to_go < self._arrive_m and abs(turn) > math.pi / 2:
+            turn = _wrap(turn + math.pi)  # it is nearly there: back up to it
         speed = min(self._most[self._at], _stopping_speed(to_go, self.limits.acceleration_m_s2, dt_s))
+        if not self._sideways and arriving:
+            speed = 0.0
         if not arriving:
             speed *= max(0.0, math.cos(min(abs(turn) * 1.5, math.pi / 2)))  # turn first, then go
         return delta * (speed / max(distance, 1e-9)), self._rate(turn, dt_s)
@@ -164,9 +173,9 @@ class PathFollower:
     def _through(self, yaws: Array, pose: Array, dt_s: float) -> tuple[Array, float]:
         """The wanted velocity (2,) [m/s] in the world and yaw rate on a path of poses."""
         last = len(self.path) - 1
-        here = math.dist(pose[:2], self.path[self._at])
+        here = self._away(pose, self._at)
         while self._at < last and abs(_wrap(yaws[self._at] - pose[2])) < _KEEPS_RAD:
-            there = math.dist(pose[:2], self.path[self._at + 1])
+            there = self._away(pose, self._at + 1)
             if there > here:
                 break
             here, self._at = there, self._at + 1
@@ -184,6 +193,13 @@ class PathFollower:
         stop = _stopping_speed(distance + ends, self.limits.acceleration_m_s2, dt_s)
         speed = min(self._most[at], stop) * max(0.0, 1.0 - abs(turn) / (2 * _AIM[1]))
         return delta * (speed / max(distance, 1e-9)), self._rate(turn, dt_s)
+
+    def _away(self, pose: Array, at: int) -> float:
+        """How far [m] the base has to go to a point of the path: ahead or back, where it cannot go sideways."""
+        if self._sideways:
+            return math.dist(pose[:2], self.path[at])
+        x, y = (self.path[at] - pose[:2]).tolist()
+        return abs(math.cos(pose[2]) * x + math.sin(pose[2]) * y)
 
     def _rate(self, turn: float, dt_s: float) -> float:
         limits = self.limits
@@ -205,7 +221,11 @@ class PathFollower:
         self.velocity = np.array([vx, vy, rate])
         yaw = float(pose[2]) + 0.5 * rate * dt_s  # feed forward: the base turns while the step lasts
         c, s = math.cos(yaw), math.sin(yaw)
-        return np.array([c * vx + s * vy, -s * vx + c * vy, rate])
+        ahead, aside = c * vx + s * vy, -s * vx + c * vy
+        if self._sideways:
+            return np.array([ahead, aside, rate])
+        self.velocity = np.array([c * ahead, s * ahead, rate])
+        return np.array([ahead, 0.0, rate + steering(ahead, aside)])
 
     def meets(self, grid_map: OccupancyMap, occupied: NDArray[np.bool_]) -> bool:
         """Whether cells that have been occupied since the path was planned are within the footprint on its rest."""

@@ -36,7 +36,7 @@ Goals = Callable[[Traversability, Array], list[Goal]]
 
 
 def find_way(
-    free: Traversability, footprint: Footprint, pose: Array, goals: Goals, halts: list[Array]
+    free: Traversability, footprint: Footprint, pose: Array, goals: Goals, halts: list[Array], sideways: bool = True
 ) -> tuple[Array, Array, Traversability]:
     """The way to the best goal that can be reached.
 
@@ -46,6 +46,7 @@ def find_way(
         pose: (3,) where it is.
         goals: Where to.
         halts: (2,) each; places of goals before which the base came to a halt: where it did so twice is no goal.
+        sideways: Whether the base can go sideways.
 
     Returns:
         (N, 2) places [m], or (N, 3) poses where a load has to be seen to; the goal (3,); and the grid for a robot that
@@ -62,7 +63,7 @@ def find_way(
     loaded = bool(len(footprint.loads))
     for tried in (footprint, footprint.smaller(_TIGHT_M)) if loaded else (footprint,):
         for goal in left[:_LOADED_GOALS] if loaded else left:
-            path = _way(grid, tried, pose, goal.pose)
+            path = _way(grid, tried, pose, goal.pose, sideways)
             if path is not None:
                 return path, goal.pose, grid
     raise _why(free, start, ranked, halts)
@@ -86,10 +87,10 @@ def _given_up(goal: Goal, halts: list[Array]) -> bool:
     return sum(math.dist(goal.pose[:2], at) < 0.3 for at in halts) >= 2
 
 
-def _way(grid: Traversability, footprint: Footprint, start: Array, goal: Array) -> Array | None:
+def _way(grid: Traversability, footprint: Footprint, start: Array, goal: Array, sideways: bool) -> Array | None:
     """(N, 2) places [m] from pose to pose (3,), or (N, 3) poses where a load has to be seen to; None: no way."""
     if len(footprint.loads):
-        return loaded_path(grid, footprint, start, goal)
+        return loaded_path(grid, footprint, start, goal, sideways)
     found = shortest_path(grid.cost, grid.map.cell(start), grid.map.cell(goal))
     return None if found is None else grid.points(found[0])
 

@@ -11,6 +11,7 @@ import numpy as np
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, laid_down
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import SIDES, Proprioception
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
@@ -55,7 +56,7 @@ class Carrying:
     def feel(self, body: Proprioception) -> list[str]:
         """Take in one step of proprioception. Returns the names of what was let go."""
         let_go = []
-        for side in SIDES:
+        for side in body.sides:
             width = body.gripper_width[side]
             still = abs(width - self._width.get(side, np.inf)) < _STEADY_M
             self._steady[side], self._width[side] = self._steady[side] + 1 if still else 0, width
@@ -220,7 +221,7 @@ def _tcps(hand: Hand, body: Proprioception) -> list[Array]:
     """T_world_tcp (4, 4) of a hand, or of both."""
     T = kin.base(body.base_pose)
     sides = SIDES if hand == "both" else (hand,)
-    return [T @ kin.tcp(body.torso, body.arm[side], side) for side in sides]
+    return [T @ robot_named(body.robot).tcp(body.torso, body.arm[side], side) for side in sides]
 
 
 def _moved(box: Array, motion: Array) -> tuple[Array, Array]:

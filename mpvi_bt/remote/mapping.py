@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from mpvi_bt.errors import PolicyError, shown
 from mpvi_bt.remote.settings import Action, Felt, Image, Observation, Piece, Vector
-from mpvi_bt.robot import kinematics
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout, CameraImage, Proprioception, Side
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
 MOST_ACTIONS = 1024  # of a chunk: half a minute without a look
@@ -128,11 +128,11 @@ def felt(body: Proprioception, part: Felt) -> Array:
         return np.asarray(getattr(body, part), float)
     side: Side = "left" if last == "left" else "right"
     if name == "hand_position":
-        return np.asarray(kinematics.tcp(body.torso, body.arm[side], side)[:3, 3], float)
+        return np.asarray(robot_named(body.robot).tcp(body.torso, body.arm[side], side)[:3, 3], float)
     if name == "hand_quaternion":
         from scipy.spatial.transform import Rotation
 
-        T = kinematics.tcp(body.torso, body.arm[side], side)
+        T = robot_named(body.robot).tcp(body.torso, body.arm[side], side)
         return np.asarray(Rotation.from_matrix(T[:3, :3]).as_quat(scalar_first=True), float)
     return np.atleast_1d(np.asarray(getattr(body, name)[side], float))
 
@@ -193,7 +193,7 @@ def still(held: Proprioception) -> Array:
     """(23,) the action that holds the robot: arms where they were told to be, where that is known."""
     action = np.zeros(ACTION_SIZE)
     action[ActionLayout.TORSO] = held.torso
-    for side in ActionLayout.ARM:
+    for side in held.sides:
         action[ActionLayout.ARM[side]] = held.arm_command.get(side, held.arm[side])
         action[ActionLayout.GRIPPER[side]] = held.gripper_command[side]
     return action

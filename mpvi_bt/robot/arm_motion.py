@@ -9,8 +9,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.model import SIGN, RobotModel
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
@@ -60,7 +60,7 @@ def plan(
         return None
     if reach(begin, goal) == 1.0:
         return [begin, goal]
-    limits = r1.ARM_LIMITS[side]
+    limits = body.robot.arms[side].limits
     trees, parents = [[begin], [goal]], [[-1], [-1]]
     for i in range(iterations):
         this, that = i % 2, 1 - i % 2
@@ -91,11 +91,11 @@ def plan_level(body: Body, side: Side, T_base_tcp: Array, start: Array | None = 
         Postures (7,), or None if none of these ways is free.
     """
     begin = np.asarray(body.arms[side] if start is None else start, float)
-    now = kin.tcp(body.torso, begin, side)
+    now = body.robot.tcp(body.torso, begin, side)
     middle = (now[:3, 3] + T_base_tcp[:3, 3]) / 2
     for detour in _DETOURS:
         via = now.copy()
-        via[:3, 3] = middle + detour * [1, r1.SIGN[side], 1]
+        via[:3, 3] = middle + detour * [1, SIGN[side], 1]
         path = [begin]
         for goal in [T_base_tcp] if not detour.any() else [via, T_base_tcp]:
             leg = _line(body, side, path[-1], goal)
@@ -159,9 +159,9 @@ def sweep(
         near[s] = (min(keep, float(around[0])) - 1e-6, min(0.0, float(itself[0])) - 1e-6)
     for u in np.linspace(0, 1, samples + 1)[1:]:
         now = start[:3] + (np.asarray(torso, float)[:3] - start[:3]) * u
-        chest = kin.inverse(kin.chest(now))
+        chest = kin.inverse(body.robot.chest(now))
         for side, path in hands.items():
-            q = kin.nearest_posture(chest @ path(float(u)), side, arms[side])
+            q = body.robot.nearest_posture(chest @ path(float(u)), side, arms[side])
             if q is None or np.abs(q - arms[side]).max() > _SWEEP_LEAP_RAD:
                 return None
             arms[side] = q
@@ -177,20 +177,20 @@ def sweep(
     return out
 
 
-def trace(torso: Array, side: Side, start: Array, T_base_tcp: Array) -> list[Array] | None:
+def trace(robot: RobotModel, torso: Array, side: Side, start: Array, T_base_tcp: Array) -> list[Array] | None:
     """Postures (7,) that bring the hand from posture `start` along a straight line to a pose, without a leap.
 
     Returns:
         The postures, start first, at most 2.5 cm apart, or None if the arm cannot stay on the line.
     """
-    first = kin.tcp(torso, start, side)
+    first = robot.tcp(torso, start, side)
     length = float(np.linalg.norm(T_base_tcp[:3, 3] - first[:3, 3]))
     turning = Rotation.from_matrix(np.stack([first[:3, :3], T_base_tcp[:3, :3]]))
     n = max(2, int(np.ceil(max(length / 0.025, (turning[0].inv() * turning[1]).magnitude() / 0.1))))
-    slerp, chest, path = Slerp([0, 1], turning), kin.inverse(kin.chest(torso)), [start]
+    slerp, chest, path = Slerp([0, 1], turning), kin.inverse(robot.chest(torso)), [start]
     for u in np.linspace(0, 1, n + 1)[1:]:
         T = kin.transform(slerp(u).as_matrix(), first[:3, 3] + (T_base_tcp[:3, 3] - first[:3, 3]) * u)
-        q = kin.nearest_posture(chest @ T, side, path[-1])
+        q = robot.nearest_posture(chest @ T, side, path[-1])
         if q is None or np.abs(q - path[-1]).max() > _LEAP_RAD:
             return None
         path.append(q)
@@ -198,7 +198,7 @@ def trace(torso: Array, side: Side, start: Array, T_base_tcp: Array) -> list[Arr
 
 
 def _line(body: Body, side: Side, start: Array, goal: Array) -> list[Array] | None:
-    path = trace(body.torso, side, start, goal)
+    path = trace(body.robot, body.torso, side, start, goal)
     if path is None:
         return None
     around, itself = body.clearance(side, np.array(path))

@@ -1,4 +1,4 @@
-"""Where the r1's arms would touch: spheres on the arms against its own body, the other arm, and solids around it."""
+"""Where a robot's arms would touch: spheres on an arm against its own body, the other arm, and solids around it."""
 
 from __future__ import annotations
 
@@ -11,36 +11,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.robot import kernels, r1
+from mpvi_bt.robot import kernels
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.protocol import SIDES, Side, other
+from mpvi_bt.robot.model import RobotModel
+from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array, Solid
-
-
-def _spheres(rows: Sequence[tuple[float, float, float, float]]) -> tuple[Array, Array]:
-    table = np.array(rows)
-    return table[:, :3], table[:, 3]
-
-
-# Centers and radii in the frames of kinematics.arm_frames: upper arm, forearm, tcp.
-_UPPER = _spheres([(0, 0, -z, 0.05) for z in (0.10, 0.18, 0.26, 0.32)])
-_FORE = _spheres([(0, 0, -z, 0.045) for z in (0.08, 0.16, 0.24, 0.30)])
-_HAND = _spheres(
-    [(0, y, 0.085 - r1.TCP_M, 0.033) for y in (-0.06, -0.02, 0.02, 0.06)]
-    + [(-0.055, 0, 0.085 - r1.TCP_M, 0.02)]
-    + [(0, y, z - r1.TCP_M, 0.012) for y in (-0.055, 0.055) for z in (0.135, 0.155)]
-)
-_ARM = tuple(np.concatenate(parts) for parts in zip(_UPPER, _FORE, _HAND, strict=True))  # centers, radii
-_LINK = np.repeat([0, 1, 2], [len(_UPPER[1]), len(_FORE[1]), len(_HAND[1])])
-_FIRST_OF_HAND = int(np.argmax(_LINK == 2))
-_NUM_FINGERS = 4  # the last spheres: what may be near a thing that is being grasped
-# Boxes (center, half): chest and head in the chest frame, the lift's column in the base frame.
-_CHEST = np.array([(-0.04, 0, 0.21, 0.07, 0.11, 0.14), (-0.01, 0, 0.51, 0.06, 0.09, 0.06)])
-_COLUMN = np.array([-0.10, 0, 0.40, 0.06, 0.08, 0.20])
-_BASE = np.array([r1.BASE_RADIUS_M, 0.26])  # and its height
-_FOLD_M = 0.09  # a hand comes no nearer to the middle of its own shoulder
-_TRUNK = _spheres([(0.03, 0, 0.52, 0.12), (-0.04, 0, 0.40, 0.09), (-0.04, 0.06, 0.25, 0.10), (-0.04, -0.06, 0.25, 0.10),
-                   (-0.04, 0, 0.10, 0.11)])  # fmt: skip
 
 
 class Obstacles(Protocol):
@@ -128,17 +103,22 @@ class Load:
         return other
 
 
+_NO_ARM = np.zeros((1, 0, 3)), np.eye(4)[None], np.zeros(0), 0  # as `Body._arm_points` has an arm
+
+
 @dataclass(frozen=True, eq=False)
 class Body:
     """The robot in one posture, and what it holds; says which postures of an arm are free.
 
     Attributes:
+        robot: Which.
         torso: (>= 3,) lift, waist yaw, waist pitch.
         arms: (7,) posture of each arm.
         held: What each hand holds.
         around: What is near, in the base frame.
     """
 
+    robot: RobotModel
     torso: Array
     arms: Mapping[Side, Array]
     held: Mapping[Side, Load] = field(default_factory=dict)
@@ -157,15 +137,16 @@ class Body:
         """
         p, hands, radii, own = self._arm_points(side, q, grasping)
         around = (self.around.distance(p) - radii).min(1)
-        idle = other(side)
+        idle, hull = other(side), self.robot.hull
         if idle not in self._standing:
-            self._standing[idle] = self._arm_points(idle, self.arms[idle], False)
+            there = idle in self.arms
+            self._standing[idle] = self._arm_points(idle, self.arms[idle], False) if there else _NO_ARM
         p2, hands2, r2, own2 = self._standing[idle]
         theirs = self.held[idle].solids.seen_from(kin.inverse(hands2[0])) if idle in self.held else NOTHING
         mine = self.held[side].solids if side in self.held else NOTHING
         itself = kernels.self_distance(
-            p, radii, _FIRST_OF_HAND, own, hands, self._from_chest, _CHEST, _COLUMN, _BASE, _FOLD_M,
-            p2[0, :own2], r2[:own2], mine.arrays, theirs.arrays,
+            p, radii, hull.hand_from, own, hands, self._from_chest, hull.boxes, hull.boxes_from, hull.column, hull.base,
+            hull.fold_m, p2[0, :own2], r2[:own2], mine.arrays, theirs.arrays,
         )  # fmt: skip
         return around, itself
 
@@ -176,16 +157,16 @@ class Body:
 
     def trunk_free(self) -> bool:
         """Whether head and chest are clear of the surroundings: a pitched waist puts them where the furniture is."""
-        T = kin.chest(self.torso)
-        return bool((self.around.distance(_TRUNK[0] @ T[:3, :3].T + T[:3, 3]) > _TRUNK[1]).all())
+        T, trunk = self.robot.chest(self.torso), self.robot.hull.trunk
+        return bool((self.around.distance(trunk[:, :3] @ T[:3, :3].T + T[:3, 3]) > trunk[:, 3]).all())
 
     def all_free(self) -> bool:
-        """Whether both arms and the trunk are free as they stand."""
-        return self.trunk_free() and all(bool(self.free(s, self.arms[s])[0]) for s in SIDES)
+        """Whether arms and trunk are free as they stand."""
+        return self.trunk_free() and all(bool(self.free(s, q)[0]) for s, q in self.arms.items())
 
     @cached_property
     def _chest(self) -> Array:
-        return kin.chest(self.torso)
+        return self.robot.chest(self.torso)
 
     @cached_property
     def _from_chest(self) -> Array:
@@ -197,15 +178,15 @@ class Body:
 
     def _arm_points(self, side: Side, q: Array, grasping: bool) -> tuple[Array, Array, Array, int]:
         """Centers (n, m, 3) in the base frame, T_base_tcp (n, 4, 4), radii (m,) and how many are the arm's own."""
-        own = len(_LINK) - (_NUM_FINGERS if grasping else 0)
-        centers, radii, link = _ARM[0][:own], _ARM[1][:own], _LINK[:own]
+        hull = self.robot.hull
+        own = len(hull.radii) - (hull.fingers if grasping else 0)
+        centers, radii, link = hull.centers[:own], hull.radii[:own], hull.frame[:own]
         if side in self.held:
             load = self.held[side]
             centers, radii = np.concatenate([centers, load.centers]), np.concatenate([radii, load.radii])
-            link = np.append(link, np.full(len(load.radii), 2))
+            link = np.append(link, np.full(len(load.radii), link.max()))
         q = np.ascontiguousarray(np.atleast_2d(q), float)
-        frames = kernels.arm_frames(q, kin.shoulder(side), r1.UPPER_ARM_M, r1.FOREARM_M, r1.TCP_M)
-        p, hands = kernels.sphere_centers(frames, self._chest, centers, link)
+        p, hands = kernels.sphere_centers(self.robot.arms[side].frames(q), self._chest, centers, link)
         return p, hands, radii, own
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import EMPTY_M, SIDES, Proprioception, Side
+from mpvi_bt.robot.protocol import EMPTY_M, OPEN_M, Proprioception, Side
 
 _STEADY_M = 0.0005  # a width that changes by less than this in a step, so many steps in a row, is that of a thing held
 _STEADY_STEPS = 4
@@ -23,13 +22,13 @@ class GripWatch:
     def __init__(self, felt: Proprioception) -> None:
         """Take a hand as it is: one that is closed on nothing now is no news."""
         self._width = dict(felt.gripper_width)
-        self._steady = dict.fromkeys(SIDES, _STEADY_STEPS)
-        self._held_m = {side: felt.gripper_width[side] if _stopped(felt, side) else None for side in SIDES}
-        self._told = {side: _shut(felt, side) for side in SIDES}
+        self._steady = dict.fromkeys(felt.sides, _STEADY_STEPS)
+        self._held_m = {side: felt.gripper_width[side] if _stopped(felt, side) else None for side in felt.sides}
+        self._told = {side: _shut(felt, side) for side in felt.sides}
 
     def update(self, felt: Proprioception) -> Iterator[tuple[Literal["empty", "lost"], Side]]:
         """What is new at this step; to be asked once a step."""
-        for side in SIDES:
+        for side in felt.sides:
             width, held_m = felt.gripper_width[side], self._held_m[side]
             steady = abs(width - self._width[side]) < _STEADY_M
             self._steady[side] = self._steady[side] + 1 if steady else 0
@@ -51,7 +50,7 @@ class GripWatch:
 
 def _narrowest_m(felt: Proprioception, side: Side) -> float:
     """The narrowest thing that keeps the fingers apart, told to be where they are told to be."""
-    return (felt.gripper_command[side] + 1.0) * r1.FINGER_TRAVEL_M + EMPTY_M
+    return (felt.gripper_command[side] + 1.0) * (OPEN_M / 2) + EMPTY_M
 
 
 def _stopped(felt: Proprioception, side: Side) -> bool:

@@ -13,7 +13,7 @@ import numba
 import numpy as np
 
 
-def _compiled(function: Any) -> Any:
+def compiled(function: Any) -> Any:
     """The function, compiled on first use; numba keeps it beside this file or in the user's cache folder."""
     try:
         return numba.njit(cache=True, error_model="numpy")(function)
@@ -21,8 +21,8 @@ def _compiled(function: Any) -> Any:
         return numba.njit(error_model="numpy")(function)
 
 
-@_compiled
-def _turn(R, axis, c, s, out):  # type: ignore
+@compiled
+def rotate(R, axis, c, s, out):  # type: ignore
     """Write R times the rotation about one of its axes by the angle of cosine `c` and sine `s`."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
     for row in range(3):
@@ -32,7 +32,7 @@ def _turn(R, axis, c, s, out):  # type: ignore
         out[row, j] = v * c - u * s
 
 
-@_compiled
+@compiled
 def arm_frames(q, shoulder, upper_arm, forearm, tcp):  # type: ignore
     """(n, 3, 4, 4) frames of upper arm, forearm and tcp in the chest frame."""
     n = q.shape[0]
@@ -41,19 +41,19 @@ def arm_frames(q, shoulder, upper_arm, forearm, tcp):  # type: ignore
     p = np.empty(3)
     for k in range(n):
         A[:] = np.eye(3)
-        _turn(A, 1, math.cos(q[k, 0]), math.sin(q[k, 0]), B)
-        _turn(B, 0, math.cos(q[k, 1]), math.sin(q[k, 1]), A)
-        _turn(A, 2, math.cos(q[k, 2]), math.sin(q[k, 2]), B)
+        rotate(A, 1, math.cos(q[k, 0]), math.sin(q[k, 0]), B)
+        rotate(B, 0, math.cos(q[k, 1]), math.sin(q[k, 1]), A)
+        rotate(A, 2, math.cos(q[k, 2]), math.sin(q[k, 2]), B)
         p[:] = shoulder
         for frame in range(3):
             if frame == 1:
                 p -= upper_arm * B[:, 2]
-                _turn(B, 1, math.cos(q[k, 3]), math.sin(q[k, 3]), A)
-                _turn(A, 2, math.cos(q[k, 4]), math.sin(q[k, 4]), B)
+                rotate(B, 1, math.cos(q[k, 3]), math.sin(q[k, 3]), A)
+                rotate(A, 2, math.cos(q[k, 4]), math.sin(q[k, 4]), B)
             elif frame == 2:
                 p -= forearm * B[:, 2]
-                _turn(B, 1, -math.cos(q[k, 5]), -math.sin(q[k, 5]), A)  # half a turn more
-                _turn(A, 2, math.cos(q[k, 6]), math.sin(q[k, 6]), B)
+                rotate(B, 1, -math.cos(q[k, 5]), -math.sin(q[k, 5]), A)  # half a turn more
+                rotate(A, 2, math.cos(q[k, 6]), math.sin(q[k, 6]), B)
                 p += tcp * B[:, 2]
             out[k, frame, :3, :3] = B
             out[k, frame, :3, 3] = p
@@ -61,7 +61,7 @@ def arm_frames(q, shoulder, upper_arm, forearm, tcp):  # type: ignore
     return out
 
 
-@_compiled
+@compiled
 def _prepared(T, shoulder, a, b, tcp):  # type: ignore
     """What every swivel of one target has in common: whether in reach, elbow, direction of the wrist, first turn."""
     axis, shortest = np.empty(3), np.eye(3)
@@ -88,7 +88,7 @@ def _prepared(T, shoulder, a, b, tcp):  # type: ignore
     return True, q4, to, shortest
 
 
-@_compiled
+@compiled
 def _shoulder(c, s, to, shortest, W, q):  # type: ignore
     """Write the rotation of the shoulder at the swivel of cosine `c` and sine `s` about `to`, and its joint angles."""
     x, y, z, d = to[0], to[1], to[2], 1.0 - c
@@ -103,7 +103,7 @@ def _shoulder(c, s, to, shortest, W, q):  # type: ignore
     q[2] = math.atan2(W[1, 0], W[1, 1])
 
 
-@_compiled
+@compiled
 def _wrist(W, ce, se, T, q):  # type: ignore
     """Write the wrist's joint angles; `ce`, `se` are cosine and sine of the elbow's."""
     v02, v12, v22 = 0.0, 0.0, 0.0
@@ -120,7 +120,7 @@ def _wrist(W, ce, se, T, q):  # type: ignore
     q[6] = math.atan2(v21, -v20)
 
 
-@_compiled
+@compiled
 def _other_way(q, first):  # type: ignore
     """Turn three angles from `first` on into the other three of the same rotation."""
     for j in (first, first + 2):
@@ -130,7 +130,7 @@ def _other_way(q, first):  # type: ignore
         q[first + 1] -= 2 * math.pi
 
 
-@_compiled
+@compiled
 def _within(q, limits, first):  # type: ignore
     good = True
     for j in range(first, first + 3):
@@ -138,7 +138,7 @@ def _within(q, limits, first):  # type: ignore
     return good
 
 
-@_compiled
+@compiled
 def arm_inverse(T, shoulder, a, b, tcp, limits, swivels):  # type: ignore
     """Index of the target (m,) and joint angles (m, 7) of every posture within limits, target by target."""
     room, found = max(64, T.shape[0] * 4), 0
@@ -173,15 +173,16 @@ def arm_inverse(T, shoulder, a, b, tcp, limits, swivels):  # type: ignore
     return index[:found], out[:found]
 
 
-@_compiled
-def _distance(q, near, weights):  # type: ignore
+@compiled
+def distance(q, near, weights):  # type: ignore
+    """Weighted squared distance of two postures."""
     total = 0.0
     for j in range(7):
         total += weights[j] * (q[j] - near[j]) ** 2
     return total
 
 
-@_compiled
+@compiled
 def _at_swivel(c, s, way, T, to, ce, se, shortest, limits, near, weights, W, q):  # type: ignore
     """Distance from `near` of the posture at one swivel, split in the way 0..3; it is written to `q`."""
     _shoulder(c, s, to, shortest, W, q)
@@ -192,10 +193,10 @@ def _at_swivel(c, s, way, T, to, ce, se, shortest, limits, near, weights, W, q):
     _wrist(W, ce, se, T, q)
     if way % 2:
         _other_way(q, 4)
-    return _distance(q, near, weights) if _within(q, limits, 4) else np.inf
+    return distance(q, near, weights) if _within(q, limits, 4) else np.inf
 
 
-@_compiled
+@compiled
 def nearest(T, shoulder, a, b, tcp, limits, swivels, near, weights):  # type: ignore
     """Whether there is a posture for one target, and the one nearest to `near`: the best swivel, then refined."""
     best, best_q = np.inf, np.zeros(7)
@@ -216,7 +217,7 @@ def nearest(T, shoulder, a, b, tcp, limits, swivels, near, weights):  # type: ig
                     ready = True
                 for second in range(2):
                     if _within(q, limits, 4):
-                        total = _distance(q, near, weights)
+                        total = distance(q, near, weights)
                         if total < best:
                             best, at, way = total, psi, 2 * first + second
                             best_q[:] = q
@@ -250,14 +251,14 @@ def nearest(T, shoulder, a, b, tcp, limits, swivels, near, weights):  # type: ig
     return True, best_q
 
 
-@_compiled
+@compiled
 def sphere_centers(frames, chest, centers, link):  # type: ignore
     """(n, m, 3) centers in the base frame of spheres (m, 3) in the frame of their link, and (n, 4, 4) T_base_tcp."""
-    n, m = frames.shape[0], centers.shape[0]
+    n, m, parts = frames.shape[0], centers.shape[0], frames.shape[1]
     out, hands = np.empty((n, m, 3)), np.zeros((n, 4, 4))
-    F = np.empty((3, 3, 4))
+    F = np.empty((parts, 3, 4))
     for k in range(n):
-        for f in range(3):
+        for f in range(parts):
             for i in range(3):
                 for j in range(4):
                     F[f, i, j] = (
@@ -266,7 +267,7 @@ def sphere_centers(frames, chest, centers, link):  # type: ignore
                         + chest[i, 2] * frames[k, f, 2, j]
                     )
                 F[f, i, 3] += chest[i, 3]
-        hands[k, :3] = F[2]
+        hands[k, :3] = F[parts - 1]
         hands[k, 3, 3] = 1.0
         for s in range(m):
             x, y, z, f = centers[s, 0], centers[s, 1], centers[s, 2], link[s]
@@ -275,7 +276,7 @@ def sphere_centers(frames, chest, centers, link):  # type: ignore
     return out, hands
 
 
-@_compiled
+@compiled
 def _to_solids(x, y, z, inverse, half, is_round, best):  # type: ignore
     """Distance of a point to the nearest solid, or `best` if that is less."""
     for s in range(half.shape[0]):
@@ -295,7 +296,7 @@ def _to_solids(x, y, z, inverse, half, is_round, best):  # type: ignore
     return best
 
 
-@_compiled
+@compiled
 def solids_distance(p, inverse, half, is_round):  # type: ignore
     """(n,) distance of points (n, 3) to the nearest solid, 9 if none is nearer."""
     out = np.empty(p.shape[0])
@@ -304,7 +305,7 @@ def solids_distance(p, inverse, half, is_round):  # type: ignore
     return out
 
 
-@_compiled
+@compiled
 def _to_box(x, y, z, box):  # type: ignore
     u = max(abs(x - box[0]) - box[3], 0.0)
     v = max(abs(y - box[1]) - box[4], 0.0)
@@ -312,8 +313,10 @@ def _to_box(x, y, z, box):  # type: ignore
     return math.sqrt(u * u + v * v + w * w)
 
 
-@_compiled
-def self_distance(p, radii, first_hand, own, hands, chest, chest_boxes, lift_box, base, fold, p2, r2, mine, theirs):  # type: ignore
+@compiled
+def self_distance(  # type: ignore
+    p, radii, first_hand, own, hands, chest, boxes, boxes_from, lift_box, base, fold, p2, r2, mine, theirs
+):
     """(n,) how far an arm's spheres p (n, m, 3) keep from the robot: see `collision.Body.clearance`.
 
     Args:
@@ -323,7 +326,8 @@ def self_distance(p, radii, first_hand, own, hands, chest, chest_boxes, lift_box
         own: How many of the spheres are the arm's own.
         hands: (n, 4, 4) T_base_tcp.
         chest: (4, 4) base to chest.
-        chest_boxes: (2, 6) center and half extents in the chest frame; the shoulder may touch the first.
+        boxes: (b, 6) center and half extents in the chest frame.
+        boxes_from: (b,) the first of the spheres that may not touch each.
         lift_box: (6,) in the base frame.
         base: (2,) radius and height of the base.
         fold: How near the hand may come to the middle of its own shoulder.
@@ -341,10 +345,11 @@ def self_distance(p, radii, first_hand, own, hands, chest, chest_boxes, lift_box
             u = chest[0, 0] * x + chest[0, 1] * y + chest[0, 2] * z + chest[0, 3]
             v = chest[1, 0] * x + chest[1, 1] * y + chest[1, 2] * z + chest[1, 3]
             w = chest[2, 0] * x + chest[2, 1] * y + chest[2, 2] * z + chest[2, 3]
-            best = min(best, _to_box(u, v, w, chest_boxes[0]) - r)
+            for j in range(boxes.shape[0]):
+                if s >= boxes_from[j]:
+                    best = min(best, _to_box(u, v, w, boxes[j]) - r)
             if s < 2:
                 continue
-            best = min(best, _to_box(u, v, w, chest_boxes[1]) - r)
             best = min(best, _to_box(x, y, z, lift_box) - r)
             beside, above = max(math.sqrt(x * x + y * y) - base[0], 0.0), max(z - base[1], 0.0)
             best = min(best, math.sqrt(beside * beside + above * above) - r)
@@ -370,7 +375,7 @@ def self_distance(p, radii, first_hand, own, hands, chest, chest_boxes, lift_box
     return out
 
 
-@_compiled
+@compiled
 def fastest(at, first, second, speed, acceleration):  # type: ignore
     """(n,) times [s] at places `at` (n,) of a path with derivatives (n, J), from rest to rest: see `timing`."""
     n, joints = first.shape

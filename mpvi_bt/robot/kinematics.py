@@ -1,16 +1,9 @@
-"""Kinematics of the r1: forward by composition, the arms' inverse in closed form.
-
-An arm is spherical - revolute - spherical: its elbow angle follows from the distance of shoulder and wrist, and what is
-left is one free angle, the swivel of the elbow about the line between them. Sampling the swivel gives every solution.
-"""
+"""Rotations and rigid transforms, and how hands and bases are posed."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, pose
 
 
@@ -73,104 +66,5 @@ def base(base_pose: Array) -> Array:
     return pose((float(base_pose[0]), float(base_pose[1]), 0.0), float(base_pose[2]))
 
 
-def chest(torso: Array) -> Array:
-    """T_base_chest (..., 4, 4) of lift, waist yaw, waist pitch (..., >= 3)."""
-    torso = np.asarray(torso, float)
-    turn = rot_z(torso[..., 1])
-    up = np.zeros((*torso.shape[:-1], 3))
-    up[..., 2] = r1.WAIST_M + torso[..., 0] + r1.CHEST_M
-    return transform(turn @ rot_y(torso[..., 2]), up)
-
-
-def head_camera(torso: Array) -> Array:
-    """T_base_camera (4, 4), optical frame, of torso (4,)."""
-    T = chest(torso) @ transform(rot_y(float(torso[3])), r1.HEAD_M)
-    return T @ transform(LINK_TO_OPTICAL, r1.HEAD_CAMERA_M)
-
-
-def wrist_camera(torso: Array, q: Array, side: Side) -> Array:
-    """T_base_camera (4, 4), optical frame, of torso (4,) and arm (7,)."""
-    flange = chest(torso) @ arm(q, side) @ transform(np.eye(3), (0.0, 0.0, -r1.TCP_M))
-    return flange @ transform(rot_y(-np.pi / 2 + r1.WRIST_CAMERA_TILT_RAD) @ LINK_TO_OPTICAL, r1.WRIST_CAMERA_M)
-
-
 # Camera links look along x with z up; an optical frame looks along z with y down.
 LINK_TO_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-
-
-def shoulder(side: Side) -> Array:
-    """(3,) shoulder in the chest frame [m]."""
-    return r1.SHOULDER_M * [1, r1.SIGN[side], 1]
-
-
-def arm_frames(q: Array, side: Side) -> tuple[Array, Array, Array]:
-    """Poses in the chest frame, each (..., 4, 4): upper arm (at the shoulder), forearm (at the elbow), tcp.
-
-    Args:
-        q: (..., 7) joint angles [rad].
-        side: Which arm.
-    """
-    from mpvi_bt.robot import kernels  # numba loads when postures are first worked with
-
-    q = np.asarray(q, float)
-    frames = kernels.arm_frames(q.reshape(-1, 7), shoulder(side), r1.UPPER_ARM_M, r1.FOREARM_M, r1.TCP_M)
-    frames = frames.reshape(*q.shape[:-1], 3, 4, 4)
-    return frames[..., 0, :, :], frames[..., 1, :, :], frames[..., 2, :, :]
-
-
-def arm(q: Array, side: Side) -> Array:
-    """T_chest_tcp (..., 4, 4) of arm angles (..., 7)."""
-    return arm_frames(q, side)[2]
-
-
-def tcp(torso: Array, q: Array, side: Side) -> Array:
-    """T_base_tcp (..., 4, 4) of torso (..., >= 3) and arm angles (..., 7)."""
-    return chest(torso) @ arm(q, side)
-
-
-def arm_inverse(T_chest_tcp: Array, side: Side, swivels: int = 36) -> tuple[NDArray[np.intp], Array]:
-    """Every arm posture within the joint limits that brings the tcp to a target, at sampled elbow swivels.
-
-    Args:
-        T_chest_tcp: (n, 4, 4) targets in the chest frame.
-        side: Which arm.
-        swivels: Samples of the free angle.
-
-    Returns:
-        Index into the targets (m,), ascending, and joint angles (m, 7) [rad]; m may be 0. Exact to rounding.
-    """
-    from mpvi_bt.robot import kernels
-
-    T = np.ascontiguousarray(T_chest_tcp, float).reshape(-1, 4, 4)
-    index, q = kernels.arm_inverse(
-        T, shoulder(side), r1.UPPER_ARM_M, r1.FOREARM_M, r1.TCP_M, r1.ARM_LIMITS[side], swivels
-    )
-    return index, q
-
-
-def nearest_posture(T_chest_tcp: Array, side: Side, q_near: Array, swivels: int = 72) -> Array | None:
-    """The solution (7,) of one target (4, 4) nearest to posture `q_near` (7,), or None if it is out of reach.
-
-    The best of the sampled swivels is refined: along a line the elbow moves evenly, not from sample to sample.
-    """
-    from mpvi_bt.robot import kernels
-
-    found, q = kernels.nearest(
-        np.ascontiguousarray(T_chest_tcp, float), shoulder(side), r1.UPPER_ARM_M, r1.FOREARM_M, r1.TCP_M,
-        r1.ARM_LIMITS[side], swivels, np.asarray(q_near, float), _WEIGHTS,
-    )  # fmt: skip
-    return q if found else None
-
-
-_WEIGHTS = np.array([1, 1, 1, 1, 0.5, 0.5, 0.3])  # of joints in the distance of postures
-
-
-def limit_cost(q: Array, side: Side) -> Array:
-    """(n,) how far joints of postures (n, 7) are into the last tenths of their ranges, summed, in half ranges."""
-    limits = r1.ARM_LIMITS[side]
-    return np.asarray(np.maximum(np.abs(q - limits.mean(1)) / (np.ptp(limits, axis=1) / 2) - 0.8, 0).sum(1))
-
-
-def posture_distance(q: Array, q_near: Array) -> Array:
-    """(...,) weighted squared distance of postures (..., 7); the wrist's joints, cheap to turn, count less."""
-    return ((q - q_near) ** 2 * _WEIGHTS).sum(-1)

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import CONTROL_HZ
+from mpvi_bt.robot.model import RobotModel
+from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout
 from mpvi_bt.robot.solids import Array
-
-LOWEST = np.concatenate(
-    [-r1.BASE_SPEED, r1.TORSO_LIMITS[:, 0], r1.ARM_LIMITS["left"][:, 0], [-1], r1.ARM_LIMITS["right"][:, 0], [-1]]
-)
-HIGHEST = np.concatenate(
-    [r1.BASE_SPEED, r1.TORSO_LIMITS[:, 1], r1.ARM_LIMITS["left"][:, 1], [1], r1.ARM_LIMITS["right"][:, 1], [1]]
-)
 
 # Our choice: targets may run ahead of the joints, as those of learned policies do, so that a step may be three times
 # what a joint does at its top speed; the base ramps its speed up by itself, and a gripper may be told to shut at once.
@@ -26,16 +21,29 @@ LARGEST_STEP = _AHEAD / CONTROL_HZ * np.concatenate(
 )  # fmt: skip
 
 
-def within_limits(action: Array) -> Array:
+@cache
+def extremes(robot: RobotModel) -> tuple[Array, Array]:
+    """(23,) the lowest and (23,) the highest of each number of a robot's action: 0 of what it does not have."""
+    lowest, highest = np.zeros(ACTION_SIZE), np.zeros(ACTION_SIZE)
+    lowest[ActionLayout.BASE], highest[ActionLayout.BASE] = -robot.base_speed, robot.base_speed
+    lowest[ActionLayout.TORSO], highest[ActionLayout.TORSO] = robot.torso_limits.T
+    for side, arm in robot.arms.items():
+        lowest[ActionLayout.ARM[side]], highest[ActionLayout.ARM[side]] = arm.limits.T
+        lowest[ActionLayout.GRIPPER[side]], highest[ActionLayout.GRIPPER[side]] = -1.0, 1.0
+    return lowest, highest
+
+
+def within_limits(robot: RobotModel, action: Array) -> Array:
     """(23,) the nearest action within speeds, joint limits and -1 .. 1 of the grippers."""
-    return np.clip(action, LOWEST, HIGHEST)
+    return np.clip(action, *extremes(robot))
 
 
-def within_reach_of(last: Array, action: Array) -> Array:
+def within_reach_of(robot: RobotModel, last: Array, action: Array) -> Array:
     """(23,) the nearest action within all limits whose targets are no farther from those of `last` than a step goes.
 
     Args:
+        robot: Whose limits.
         last: (23,) the command before.
         action: (23,) finite; what is asked for. One within the limits comes back bit by bit.
     """
-    return np.clip(within_limits(action), last - LARGEST_STEP, last + LARGEST_STEP)
+    return np.clip(within_limits(robot, action), last - LARGEST_STEP, last + LARGEST_STEP)

@@ -12,8 +12,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, Proprioception, Side
+from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.drives import in_base_frame, legs
+from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Proprioception, Side
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.robot.timing import schedule, timed
@@ -51,14 +53,15 @@ class Motion:
     Attributes:
         felt: What the robot feels at this step; the player keeps it fresh.
         action: (23,) the command that the last yielded action carried.
+        robot: What robot it is.
     """
 
     def __init__(self, felt: Proprioception) -> None:
         """Start from a robot as it stands."""
-        self.felt = felt
+        self.felt, self.robot = felt, robot_named(felt.robot)
         self.action = np.zeros(ACTION_SIZE)
         self.action[ActionLayout.TORSO] = felt.torso
-        for s in SIDES:
+        for s in felt.sides:
             told = felt.arm_command.get(s, felt.arm[s])
             # An arm that presses against something goes on pressing: two hands hold a box by nothing else.
             pressing = np.abs(told - felt.arm[s]).max() < _PRESSING_RAD
@@ -76,7 +79,11 @@ class Motion:
 
     def hand(self, side: Side) -> Array:
         """T_base_tcp (4, 4) as commanded."""
-        return kin.tcp(self.torso, self.arm(side), side)
+        return self.robot.tcp(self.torso, self.arm(side), side)
+
+    def body(self) -> Body:
+        """The robot as commanded, holding nothing, with nothing around it."""
+        return Body(self.robot, self.torso, {side: self.arm(side) for side in self.robot.sides})
 
     def wait(self, seconds: float) -> Actions:
         """Stand still."""
@@ -101,8 +108,8 @@ class Motion:
             MotionFailure: "arm_blocked" if something holds the arm off its way.
         """
         watch = _Watch(self, [side])
-        acceleration = self._acceleration(side) if gently else r1.ARM_ACCELERATION
-        for q in timed(path, np.minimum(r1.ARM_SPEED, speed), acceleration):
+        acceleration = self._acceleration(side) if gently else self.robot.arm_acceleration
+        for q in timed(path, np.minimum(self.robot.arm_speed, speed), acceleration):
             self.action[ActionLayout.ARM[side]] = q
             yield self.still()
             yield from watch.look()
@@ -148,7 +155,7 @@ class Motion:
             path.append(np.append(self._reached(side, pose(float(u)), path[-1][:7]), (length * u, turn * u)))
         postures = np.stack(path)
         if length > 1e-6 or turn > 1e-6:
-            limits = np.append(r1.ARM_SPEED, (speed, _HAND[1, 0]))
+            limits = np.append(self.robot.arm_speed, (speed, _HAND[1, 0]))
             for place in schedule(postures, limits, np.append(self._acceleration(side), _HAND[:, 1])):
                 i = min(int(place), n - 1)
                 near = postures[i] + (postures[i + 1] - postures[i]) * (place - i)
@@ -176,11 +183,12 @@ class Motion:
         count = max([2, *(len(path) for path in arms.values())])
         u = np.linspace(0, 1, count)
         columns = [self.torso + (np.asarray(torso, float) - self.torso) * u[:, None]]
-        speeds, accelerations = [r1.TORSO_SPEED], [r1.TORSO_ACCELERATION * self._ease(*SIDES)]
+        robot = self.robot
+        speeds, accelerations = [robot.torso_speed], [robot.torso_acceleration * self._ease(*robot.sides)]
         for side, path in arms.items():
             at = np.linspace(0, 1, len(path))
             columns.append(np.stack([np.interp(u, at, joint) for joint in np.transpose(path)], 1))
-            speeds.append(r1.ARM_SPEED)
+            speeds.append(self.robot.arm_speed)
             accelerations.append(self._acceleration(side))
         watch = _Watch(self, list(arms), torso=True)
         rows = timed(np.concatenate(columns, 1), np.concatenate(speeds), np.concatenate(accelerations))
@@ -196,15 +204,25 @@ class Motion:
     def drive(self, goal: Array, speed: float = 0.5) -> Actions:
         """Drive the base straight to `goal` (3,) x, y [m], yaw [rad] in the world, at most `speed` [m/s] and 1 rad/s.
 
+        A base that cannot go sideways turns, goes straight ahead or back, and turns again.
+
         Raises:
             MotionFailure: "base_blocked" if something holds it off its way, or it does not arrive within 3 cm and
                 0.05 rad.
         """
+        for leg in legs(self.robot, self.felt.base_pose, goal):
+            yield from self._leg(leg, speed)
+        off = goal - self.felt.base_pose
+        if np.linalg.norm(off[:2]) > 0.03 or abs(kin.wrap(off[2])) > 0.05:
+            raise MotionFailure("base_blocked")
+
+    def _leg(self, goal: Array, speed: float) -> Actions:
+        """One straight leg of a drive; it ends where something holds the base off its way."""
         start = self.felt.base_pose.copy()
         change = np.append(goal[:2] - start[:2], kin.wrap(goal[2] - start[2]))
         travel = float(np.linalg.norm(change[:2]))
-        limit, ease = np.array([speed, 1.0]), self._ease(*SIDES)
-        u = timed([np.zeros(2), np.array([travel, abs(change[2])])], limit, r1.DRIVE_ACCELERATION * ease)
+        limit, ease = np.array([speed, 1.0]), self._ease(*self.robot.sides)
+        u = timed([np.zeros(2), np.array([travel, abs(change[2])])], limit, self.robot.drive_acceleration * ease)
         done = np.max(u / np.maximum(u[-1:], 1e-9), axis=1) if len(u) else np.ones(1)
         lost, before = 0, 0.0
         for k in range(len(done) + 60):
@@ -213,21 +231,20 @@ class Motion:
             forward, before = change * (ahead - before) * CONTROL_HZ, ahead
             error = reference - self.felt.base_pose
             error[2] = kin.wrap(error[2])
-            if k >= len(done) and np.linalg.norm(error[:2]) < 0.006 and abs(error[2]) < 0.01:
+            aside = np.array([-np.sin(start[2]), np.cos(start[2])])
+            left = error[:2] if self.robot.sideways else error[:2] - aside * (aside @ error[:2])
+            if k >= len(done) and np.linalg.norm(left) < 0.006 and abs(error[2]) < 0.01:
                 break
             lost = lost + 1 if (np.abs(error) > _BLOCKED_BASE).any() else 0
             if lost >= _NOTICED:
                 break
             yield self._moving(forward + 3.0 * error)
         yield self.still()
-        off = goal - self.felt.base_pose
-        if np.linalg.norm(off[:2]) > 0.03 or abs(kin.wrap(off[2])) > 0.05:
-            raise MotionFailure("base_blocked")
 
     def _reached(self, side: Side, T_base_tcp: Array, near: Array) -> Array:
         """The posture nearest to `near` that has the hand at a pose, from where the torso is."""
         torso = self.felt.torso if np.abs(self.felt.torso - self.torso).max() < 0.02 else self.torso
-        q = kin.nearest_posture(kin.inverse(kin.chest(torso)) @ T_base_tcp, side, near)
+        q = self.robot.nearest_posture(kin.inverse(self.robot.chest(torso)) @ T_base_tcp, side, near)
         if q is None or np.abs(q - near).max() > _LEAP_RAD:
             raise MotionFailure("no_reach")
         return q
@@ -236,7 +253,7 @@ class Motion:
         return _GENTLY if any(self.felt.holds(s) for s in sides) or squeezes(self.felt) else 1.0
 
     def _acceleration(self, side: Side) -> Array:
-        return r1.ARM_ACCELERATION * self._ease(side)
+        return self.robot.arm_acceleration * self._ease(side)
 
     def still(self) -> Array:
         """The present command, the base standing."""
@@ -244,10 +261,8 @@ class Motion:
         return self.action.copy()
 
     def _moving(self, velocity_world: Array) -> Array:
-        yaw = self.felt.base_pose[2]
-        c, s = np.cos(yaw), np.sin(yaw)
-        vx, vy, w = np.clip(velocity_world, -r1.BASE_SPEED, r1.BASE_SPEED)
-        self.action[ActionLayout.BASE] = [c * vx + s * vy, -s * vx + c * vy, w]
+        yaw = float(self.felt.base_pose[2])
+        self.action[ActionLayout.BASE] = in_base_frame(self.robot, velocity_world, yaw)
         return self.action.copy()
 
 
@@ -307,5 +322,5 @@ class _Watch:
         if self._along is None:
             return 0.0
         motion, side = self._motion, self._sides[0]
-        felt = kin.tcp(motion.felt.torso, motion.felt.arm[side], side)
+        felt = motion.robot.tcp(motion.felt.torso, motion.felt.arm[side], side)
         return float((motion.hand(side) - felt)[:3, 3] @ self._along)

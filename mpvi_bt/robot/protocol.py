@@ -25,7 +25,7 @@ def other(side: Side) -> Side:
 
 
 class ActionLayout:
-    """Slices of the 23-number action, in BEHAVIOR's order.
+    """Slices of the 23-number action, in BEHAVIOR's order. What a robot does not have is 0 in it.
 
     BASE     vx, vy [m/s] and yaw rate [rad/s] in the base frame
     TORSO    lift [m], waist yaw, waist pitch, head tilt [rad]: absolute targets
@@ -47,12 +47,13 @@ class Proprioception:
         base_pose: (3,) x, y [m] and yaw [rad, -pi..pi] in the world (Paper, Navigation: localization is assumed).
         base_velocity: (3,) vx, vy [m/s] and yaw rate [rad/s] in the base frame.
         torso: (4,) lift [m], waist yaw, waist pitch, head tilt [rad].
-        arm: (7,) joint angles [rad] of each arm.
+        arm: (7,) joint angles [rad] of each arm; a robot with one has it on the "right".
         arm_velocity: (7,) [rad/s] of each arm.
         gripper_width: Opening between the fingers [m], 0 to 0.10, of each hand.
         gripper_command: Last commanded value of each gripper, -1 closed ... 1 open.
         arm_command: (7,) last commanded joint angles [rad] of each arm; empty where the robot does not tell. What the
             arms press against keeps them from getting there.
+        robot: What robot it is, by name.
     """
 
     base_pose: Array
@@ -63,12 +64,20 @@ class Proprioception:
     gripper_width: Mapping[Side, float]
     gripper_command: Mapping[Side, float]
     arm_command: Mapping[Side, Array] = field(default_factory=dict)
+    robot: str = "r1"
+
+    @property
+    def sides(self) -> tuple[Side, ...]:
+        """The hands that it has."""
+        return tuple(side for side in SIDES if side in self.arm)
 
     def holds(self, side: Side) -> bool:
         """Whether a hand that was told to close has something between its fingers: it is wider than it was told to be.
 
         Our choice: by over 3 mm. A hand that opens just enough to let go of a thin thing is told to be half closed.
         """
+        if side not in self.arm:
+            return False
         told_m = (self.gripper_command[side] + 1) / 2 * OPEN_M
         return self.gripper_command[side] < 0 and self.gripper_width[side] > told_m + EMPTY_M
 

@@ -1,21 +1,19 @@
 """The r1: a bimanual robot on a holonomic base, made of primitives, close to BEHAVIOR's R1Pro.
 
-Frames: base x forward, y left, z up, on the floor. Chest: on the waist's pitch axis, turning with yaw and pitch.
-Hand: z along the fingers (approach), y across them (closing), origin at the flange; the tcp lies between the pads.
-Angles of zero hang the arm straight down.
+Frames are those of `model`; the chest's is on the waist's pitch axis, turning with yaw and pitch. Angles of zero hang
+the arms straight down.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
+from mpvi_bt.robot.arms import SphericalArm
+from mpvi_bt.robot.model import SIGN, Camera, Drive, Hull, RobotModel
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
-
-SIGN: Mapping[Side, int] = {"left": 1, "right": -1}
 
 UPPER_ARM_M = 0.32
 FOREARM_M = 0.30
@@ -65,18 +63,6 @@ TRAVEL_ARM: Mapping[Side, Array] = {
 TRAVEL_TORSO = np.array([0.30, 0.0, 0.0, 0.5])
 
 
-@dataclass(frozen=True)
-class Camera:
-    """A camera of the robot: picture size [px], vertical field of view [rad], nearest and farthest depth [m]."""
-
-    width: int
-    height: int
-    fov_rad: float
-    near_m: float
-    far_m: float
-    link: str
-
-
 CAMERAS: Mapping[str, Camera] = {
     "head": Camera(320, 240, 1.2, 0.02, 20.0, "head_camera_link"),
     "left": Camera(224, 224, 1.4, 0.01, 10.0, "left_wrist_camera_link"),
@@ -84,24 +70,81 @@ CAMERAS: Mapping[str, Camera] = {
 }
 
 
-@dataclass(frozen=True)
-class Drive:
-    """Gains of one kind of joint: force = stiffness * error - damping * velocity error, at most `force` [N, Nm]."""
+def _drives() -> dict[str, Drive]:
+    """Gains by joint, measured to settle without overshoot (arms: 0.002 rad half a second after 0.3 rad)."""
+    torso = [Drive(5e4, 5e3, 2e3), Drive(1e4, 1e3, 500.0), Drive(1e4, 1e3, 800.0), Drive(1e3, 1e2, 50.0)]
+    out = dict.fromkeys(BASE_JOINTS, Drive(0.0, 1e3, 1e3)) | dict(zip(TORSO_JOINTS, torso, strict=True))
+    for side in SIGN:
+        out |= dict.fromkeys(ARM_JOINTS[side], Drive(1e3, 1e2, 100.0))
+        out |= dict.fromkeys(FINGER_JOINTS[side], Drive(3e3, 1e2, 250.0))
+    return out
 
-    stiffness: float
-    damping: float
-    force: float
 
+# Spheres: centers and radii in the frames of upper arm, forearm, tcp.
+_UPPER = [(0, 0, -z, 0.05) for z in (0.10, 0.18, 0.26, 0.32)]
+_FORE = [(0, 0, -z, 0.045) for z in (0.08, 0.16, 0.24, 0.30)]
+_HAND = [
+    *((0, y, 0.085 - TCP_M, 0.033) for y in (-0.06, -0.02, 0.02, 0.06)),
+    (-0.055, 0, 0.085 - TCP_M, 0.02),
+    *((0, y, z - TCP_M, 0.012) for y in (-0.055, 0.055) for z in (0.135, 0.155)),
+]
+_SPHERES = np.array([*_UPPER, *_FORE, *_HAND], float)
+_HULL = Hull(
+    centers=_SPHERES[:, :3].copy(),
+    radii=_SPHERES[:, 3].copy(),
+    frame=np.repeat([0, 1, 2], [len(_UPPER), len(_FORE), len(_HAND)]),
+    fingers=4,
+    boxes=np.array([(-0.04, 0, 0.21, 0.07, 0.11, 0.14), (-0.01, 0, 0.51, 0.06, 0.09, 0.06)]),
+    boxes_from=np.array([1, 2]),
+    column=np.array([-0.10, 0, 0.40, 0.06, 0.08, 0.20]),
+    base=np.array([BASE_RADIUS_M, 0.26]),
+    fold_m=0.09,
+    trunk=np.array([(0.03, 0, 0.52, 0.12), (-0.04, 0, 0.40, 0.09), (-0.04, 0.06, 0.25, 0.10),
+                    (-0.04, -0.06, 0.25, 0.10), (-0.04, 0, 0.10, 0.11)]),
+    standing=np.array([(0.0, 0.0, z, 0.30) for z in (0.04, 0.11, 0.18, 0.25)]
+                      + [(-0.1, 0.0, z, 0.14) for z in (0.35, 0.5, 0.65, 0.8)]),
+)  # fmt: skip
 
-def drive(joint: str) -> Drive:
-    """Gains of a joint, by name; measured to settle without overshoot (arms: 0.002 rad half a second after 0.3 rad)."""
-    if joint in BASE_JOINTS:
-        return Drive(0.0, 1e3, 1e3)
-    if joint in TORSO_JOINTS:
-        stiffness, force = dict(zip(TORSO_JOINTS, [(5e4, 2e3), (1e4, 500.0), (1e4, 800.0), (1e3, 50.0)], strict=True))[
-            joint
-        ]
-        return Drive(stiffness, stiffness / 10, force)
-    if "finger" in joint:
-        return Drive(3e3, 1e2, 250.0)
-    return Drive(1e3, 1e2, 100.0)
+R1 = RobotModel(
+    name="r1",
+    arms={s: SphericalArm(SHOULDER_M * [1, SIGN[s], 1], UPPER_ARM_M, FOREARM_M, TCP_M, ARM_LIMITS[s]) for s in SIGN},
+    base_joints=BASE_JOINTS,
+    torso_joints=TORSO_JOINTS,
+    arm_joints=ARM_JOINTS,
+    finger_joints=FINGER_JOINTS,
+    hand_links={s: f"{s}_hand" for s in SIGN},
+    torso_limits=TORSO_LIMITS,
+    arm_speed=ARM_SPEED,
+    arm_acceleration=ARM_ACCELERATION,
+    torso_speed=TORSO_SPEED,
+    torso_acceleration=TORSO_ACCELERATION,
+    base_speed=BASE_SPEED,
+    drive_acceleration=DRIVE_ACCELERATION,
+    waist_m=np.array([0.0, 0.0, WAIST_M]),
+    chest_m=CHEST_M,
+    head_m=HEAD_M,
+    head_camera_m=HEAD_CAMERA_M,
+    tcp_m=TCP_M,
+    wrist_camera_m=WRIST_CAMERA_M,
+    wrist_camera_tilt_rad=WRIST_CAMERA_TILT_RAD,
+    finger_travel_m=FINGER_TRAVEL_M,
+    base_radius_m=BASE_RADIUS_M,
+    travel_arm=TRAVEL_ARM,
+    travel_torso=TRAVEL_TORSO,
+    lifts=(0.0, 0.1, 0.2, 0.3, 0.42, 0.55),
+    drives=_drives(),
+    cameras=CAMERAS,
+    hull=_HULL,
+    neighbors=(
+        ("base_link", "torso_lift_link", "waist_link", "chest_link", "head_link"),
+        *(
+            group
+            for s in SIGN
+            for group in (
+                (f"{s}_arm_link3", f"{s}_arm_link5"),
+                (f"{s}_arm_link5", f"{s}_hand"),
+                tuple(name.removesuffix("_joint") for name in FINGER_JOINTS[s]),
+            )
+        ),
+    ),
+)

@@ -8,11 +8,11 @@ from itertools import product
 
 import numpy as np
 
-from mpvi_bt.robot import arm_motion, r1
-from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot.kinematics import rot_z
+from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.robot.protocol import SIDES, ActionLayout, Robot, Side
+from mpvi_bt.robot.protocol import ActionLayout, Robot, Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
@@ -69,17 +69,17 @@ class ArmStow:
         return False
 
     def _fold(self, motion: Motion) -> Actions:
-        felt = motion.felt
+        felt, robot = motion.felt, motion.robot
         if squeezes(felt):
             return  # the arms hold a box between them
         if self._carries is not None:
-            for side in SIDES:
+            for side in robot.sides:
                 if felt.holds(side) and not self._carries(side):
                     yield from _let_go(motion, side)
         felt = motion.felt
-        held: list[Side] = [s for s in SIDES if felt.holds(s)]
-        empty: list[Side] = [s for s in SIDES if s not in held]
-        away = [s for s in empty if np.abs(motion.arm(s) - r1.TRAVEL_ARM[s]).max() > _CLOSE_RAD]
+        held: list[Side] = [s for s in robot.sides if felt.holds(s)]
+        empty: list[Side] = [s for s in robot.sides if s not in held]
+        away = [s for s in empty if np.abs(motion.arm(s) - robot.travel_arm[s]).max() > _CLOSE_RAD]
         for side in held:  # one that was cut short while it closed would lose what it holds
             yield from motion.grip(side, -1.0, _CLOSING_S * (felt.gripper_command[side] + 1.0))
         out = [s for s in held if _far_out(motion.hand(s))]
@@ -107,11 +107,11 @@ class ArmStow:
                 yield from _home(motion, side, rng)
         for side in out:
             yield from _bring_in(motion, side)
-        body = Body(motion.torso, {s: motion.arm(s) for s in SIDES})
-        arms = arm_motion.sweep(body, r1.TRAVEL_TORSO, {s: arm_motion.stay(motion.hand(s)) for s in held})
+        body = motion.body()
+        arms = arm_motion.sweep(body, robot.travel_torso, {s: arm_motion.stay(motion.hand(s)) for s in held})
         if arms is None:
             raise MotionFailure("no_reach")
-        yield from motion.stand(r1.TRAVEL_TORSO, arms)
+        yield from motion.stand(robot.travel_torso, arms)
 
 
 def _let_go(motion: Motion, side: Side) -> Actions:
@@ -128,8 +128,8 @@ def _let_go(motion: Motion, side: Side) -> Actions:
 
 def _home(motion: Motion, side: Side, rng: np.random.Generator) -> Actions:
     """Fold an arm, if a way is found that keeps it clear of the robot itself."""
-    body = Body(motion.torso, {s: motion.arm(s) for s in SIDES})
-    path = arm_motion.plan(body, side, r1.TRAVEL_ARM[side], rng)
+    body = motion.body()
+    path = arm_motion.plan(body, side, motion.robot.travel_arm[side], rng)
     if path is not None:
         yield from motion.follow(side, path)
 
@@ -138,8 +138,8 @@ def _draw_off(motion: Motion, side: Side) -> Actions:
     """Draw an empty hand straight back along its fingers, if its arm can: the base would drag along what is between."""
     T = motion.hand(side)
     T[:3, 3] -= _DRAWN_M * T[:3, 2]
-    body = Body(motion.torso, {s: motion.arm(s) for s in SIDES})
-    line = arm_motion.trace(motion.torso, side, motion.arm(side), T)
+    body = motion.body()
+    line = arm_motion.trace(motion.robot, motion.torso, side, motion.arm(side), T)
     if line is not None and all(body.free(side, q)[0] for q in line):
         with suppress(MotionFailure):
             yield from motion.line(side, T)
@@ -155,12 +155,12 @@ def _raise(motion: Motion, side: Side) -> Actions:
 
 def _bring_in(motion: Motion, side: Side) -> Actions:
     """Bring a hand, with what it holds, level to before the body; it stays where it is if no way leads there."""
-    body = Body(motion.torso, {s: motion.arm(s) for s in SIDES})
+    body = motion.body()
     T = motion.hand(side)
     here = float(np.clip(T[2, 3], min(_LEVELS_M), max(_LEVELS_M)))
     for (x, y), z in product(_BEFORE_M, (here, *_LEVELS_M)):
         goal = T.copy()
-        goal[:3, 3] = x, y * r1.SIGN[side], z
+        goal[:3, 3] = x, y * SIGN[side], z
         if (path := arm_motion.plan_level(body, side, goal)) is not None:
             yield from motion.follow(side, path)
             return

@@ -6,18 +6,27 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
-import numpy as np
-
 from mpvi_bt.robot import r1
+from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.urdf_writing import (
+    BLACK,
+    BLUE,
+    DARK,
+    ORANGE,
+    WHITE,
+    ZERO,
+    Vector,
+    add_collision,
+    add_joint,
+    add_link,
+    add_visual,
+    box_inertia,
+    vector,
+)
 
-Vector = tuple[float, float, float]
-ZERO: Vector = (0.0, 0.0, 0.0)
 _Look = tuple[str, Sequence[float], Vector, Vector]  # kind, size, place, color
 _Hull = tuple[Vector, Vector]  # size and place of a box
-WHITE, DARK, BLUE, ORANGE, BLACK = (
-    (0.92, 0.92, 0.94), (0.18, 0.19, 0.22), (0.15, 0.35, 0.75), (0.95, 0.55, 0.10), (0.02, 0.02, 0.02)
-)  # fmt: skip
 
 
 def urdf() -> str:
@@ -32,60 +41,60 @@ def urdf() -> str:
 
 def _base(robot: ET.Element) -> None:
     for name in ("root", "root_x", "root_y"):
-        _link(robot, name, 1.0, (1e-2, 1e-2, 1e-2))
+        add_link(robot, name, 1.0, (1e-2, 1e-2, 1e-2))
     x, y, yaw = r1.BASE_JOINTS
-    _joint(robot, x, "prismatic", "root", "root_x", axis=(1, 0, 0), limits=(-50, 50), effort=1000, speed=1)
-    _joint(robot, y, "prismatic", "root_x", "root_y", axis=(0, 1, 0), limits=(-50, 50), effort=1000, speed=1)
-    _joint(robot, yaw, "continuous", "root_y", "base_link", axis=(0, 0, 1))
+    add_joint(robot, x, "prismatic", "root", "root_x", axis=(1, 0, 0), limits=(-50, 50), effort=1000, speed=1)
+    add_joint(robot, y, "prismatic", "root_x", "root_y", axis=(0, 1, 0), limits=(-50, 50), effort=1000, speed=1)
+    add_joint(robot, yaw, "continuous", "root_y", "base_link", axis=(0, 0, 1))
     r = r1.BASE_RADIUS_M
-    base = _link(robot, "base_link", 40.0, (1.2, 1.2, 1.6), com=(0, 0, 0.12))
-    _visual(base, "cylinder", (r, 0.20), (0, 0, 0.13), DARK)
-    _visual(base, "cylinder", (0.8 * r, 0.03), (0, 0, 0.245), WHITE)
-    _visual(base, "box", (0.10, 0.14, 0.30), (-0.10, 0, 0.38), DARK)
-    _visual(base, "box", (0.03, 0.06, 0.03), (r - 0.01, 0, 0.16), ORANGE)
-    _collision(base, "cylinder", (r, 0.22), (0, 0, 0.14))
-    _collision(base, "box", (0.10, 0.14, 0.28), (-0.10, 0, 0.39))
+    base = add_link(robot, "base_link", 40.0, (1.2, 1.2, 1.6), com=(0, 0, 0.12))
+    add_visual(base, "cylinder", (r, 0.20), (0, 0, 0.13), DARK)
+    add_visual(base, "cylinder", (0.8 * r, 0.03), (0, 0, 0.245), WHITE)
+    add_visual(base, "box", (0.10, 0.14, 0.30), (-0.10, 0, 0.38), DARK)
+    add_visual(base, "box", (0.03, 0.06, 0.03), (r - 0.01, 0, 0.16), ORANGE)
+    add_collision(base, "cylinder", (r, 0.22), (0, 0, 0.14))
+    add_collision(base, "box", (0.10, 0.14, 0.28), (-0.10, 0, 0.39))
 
 
 def _trunk(robot: ET.Element) -> None:
     lift, yaw, pitch, tilt = r1.TORSO_JOINTS
     limits = [tuple(map(float, row)) for row in r1.TORSO_LIMITS]
-    carriage = _link(robot, "torso_lift_link", 6.0, (0.08, 0.08, 0.05))
-    _visual(carriage, "box", (0.12, 0.16, 0.14), (-0.10, 0, 0), WHITE)
-    _collision(carriage, "box", (0.12, 0.16, 0.10), (-0.10, 0, -0.03))
-    _joint(robot, lift, "prismatic", "base_link", "torso_lift_link", (0, 0, r1.WAIST_M), axis=(0, 0, 1),
+    carriage = add_link(robot, "torso_lift_link", 6.0, (0.08, 0.08, 0.05))
+    add_visual(carriage, "box", (0.12, 0.16, 0.14), (-0.10, 0, 0), WHITE)
+    add_collision(carriage, "box", (0.12, 0.16, 0.10), (-0.10, 0, -0.03))
+    add_joint(robot, lift, "prismatic", "base_link", "torso_lift_link", (0, 0, r1.WAIST_M), axis=(0, 0, 1),
            limits=limits[0], effort=600, speed=0.4)  # fmt: skip
-    waist = _link(robot, "waist_link", 2.0, (0.02, 0.02, 0.02))
-    _visual(waist, "cylinder", (0.075, 0.08), (-0.06, 0, 0.06), DARK)
-    _joint(robot, yaw, "revolute", "torso_lift_link", "waist_link", axis=(0, 0, 1), limits=limits[1], effort=200)
-    chest = _link(robot, "chest_link", 10.0, _box_inertia(10.0, 0.16, 0.24, 0.30), com=(-0.03, 0, 0.18))
-    _visual(chest, "box", (0.14, 0.22, 0.30), (-0.04, 0, 0.19), WHITE)
-    _visual(chest, "box", (0.02, 0.12, 0.08), (0.035, 0, 0.20), BLUE)
-    _visual(chest, "cylinder", (0.035, 0.14), (-0.03, 0, 0.40), DARK)
-    _collision(chest, "box", (0.14, 0.22, 0.28), (-0.04, 0, 0.21))
-    _joint(robot, pitch, "revolute", "waist_link", "chest_link", (0, 0, r1.CHEST_M), axis=(0, 1, 0),
+    waist = add_link(robot, "waist_link", 2.0, (0.02, 0.02, 0.02))
+    add_visual(waist, "cylinder", (0.075, 0.08), (-0.06, 0, 0.06), DARK)
+    add_joint(robot, yaw, "revolute", "torso_lift_link", "waist_link", axis=(0, 0, 1), limits=limits[1], effort=200)
+    chest = add_link(robot, "chest_link", 10.0, box_inertia(10.0, 0.16, 0.24, 0.30), com=(-0.03, 0, 0.18))
+    add_visual(chest, "box", (0.14, 0.22, 0.30), (-0.04, 0, 0.19), WHITE)
+    add_visual(chest, "box", (0.02, 0.12, 0.08), (0.035, 0, 0.20), BLUE)
+    add_visual(chest, "cylinder", (0.035, 0.14), (-0.03, 0, 0.40), DARK)
+    add_collision(chest, "box", (0.14, 0.22, 0.28), (-0.04, 0, 0.21))
+    add_joint(robot, pitch, "revolute", "waist_link", "chest_link", (0, 0, r1.CHEST_M), axis=(0, 1, 0),
            limits=limits[2], effort=300)  # fmt: skip
-    head = _link(robot, "head_link", 1.5, (6e-3, 6e-3, 6e-3))
-    _visual(head, "box", (0.12, 0.18, 0.11), (0.01, 0, 0.05), WHITE)
-    _visual(head, "box", (0.012, 0.15, 0.06), (0.072, 0, 0.05), BLACK)
-    _collision(head, "box", (0.12, 0.18, 0.11), (0.01, 0, 0.05))
-    _joint(robot, tilt, "revolute", "chest_link", "head_link", _vector(r1.HEAD_M), axis=(0, 1, 0), limits=limits[3],
+    head = add_link(robot, "head_link", 1.5, (6e-3, 6e-3, 6e-3))
+    add_visual(head, "box", (0.12, 0.18, 0.11), (0.01, 0, 0.05), WHITE)
+    add_visual(head, "box", (0.012, 0.15, 0.06), (0.072, 0, 0.05), BLACK)
+    add_collision(head, "box", (0.12, 0.18, 0.11), (0.01, 0, 0.05))
+    add_joint(robot, tilt, "revolute", "chest_link", "head_link", vector(r1.HEAD_M), axis=(0, 1, 0), limits=limits[3],
            effort=20)  # fmt: skip
-    _link(robot, "head_camera_link", 0.05, (1e-4, 1e-4, 1e-4))
-    _joint(robot, "head_camera_joint", "fixed", "head_link", "head_camera_link", _vector(r1.HEAD_CAMERA_M))
+    add_link(robot, "head_camera_link", 0.05, (1e-4, 1e-4, 1e-4))
+    add_joint(robot, "head_camera_joint", "fixed", "head_link", "head_camera_link", vector(r1.HEAD_CAMERA_M))
 
 
 def _arm(robot: ET.Element, side: Side) -> None:
     a, b = r1.UPPER_ARM_M, r1.FOREARM_M
     # Gaps at elbow and wrist keep neighbors that physics does not exempt from touching.
-    shoulder = _vector(r1.SHOULDER_M * [1, r1.SIGN[side], 1])
+    shoulder = vector(r1.SHOULDER_M * [1, SIGN[side], 1])
     links: list[tuple[float, Sequence[float], Vector, Vector, Vector, Vector, float, list[_Look], list[_Hull]]] = [
         (1.2, (4e-3,) * 3, ZERO, shoulder, ZERO, (0, 1, 0), 90, [("sphere", (0.06,), ZERO, DARK)], []),
         (1.0, (4e-3,) * 3, ZERO, ZERO, ZERO, (1, 0, 0), 90, [], []),
-        (1.8, _box_inertia(1.8, 0.09, 0.09, a), (0, 0, -a / 2), ZERO, ZERO, (0, 0, 1), 60,
+        (1.8, box_inertia(1.8, 0.09, 0.09, a), (0, 0, -a / 2), ZERO, ZERO, (0, 0, 1), 60,
          [("cylinder", (0.045, a - 0.05), (0, 0, -a / 2), WHITE)], [((0.08, 0.08, a - 0.13), (0, 0, -a / 2 + 0.015))]),
         (0.6, (3e-3,) * 3, ZERO, (0, 0, -a), ZERO, (0, 1, 0), 60, [("sphere", (0.05,), ZERO, BLUE)], []),
-        (1.2, _box_inertia(1.2, 0.07, 0.07, b), (0, 0, -b / 2), ZERO, ZERO, (0, 0, 1), 25,
+        (1.2, box_inertia(1.2, 0.07, 0.07, b), (0, 0, -b / 2), ZERO, ZERO, (0, 0, 1), 25,
          [("cylinder", (0.038, b - 0.06), (0, 0, -b / 2), WHITE)], [((0.07, 0.07, b - 0.12), (0, 0, -b / 2 - 0.01))]),
         (0.5, (2e-3,) * 3, ZERO, (0, 0, -b), ZERO, (0, 1, 0), 25, [("sphere", (0.042,), ZERO, DARK)], []),
         (0.5, (1.5e-3,) * 3, (0, 0, 0.05), ZERO, (0, math.pi, 0), (0, 0, 1), 15,
@@ -95,85 +104,25 @@ def _arm(robot: ET.Element, side: Side) -> None:
     parent = "chest_link"
     for i, (mass, inertia, com, xyz, rpy, axis, effort, visuals, collisions) in enumerate(links, start=1):
         name = f"{side}_hand" if i == 7 else f"{side}_arm_link{i}"
-        link = _link(robot, name, mass, inertia, com)
+        link = add_link(robot, name, mass, inertia, com)
         for kind, size, at, color in visuals:
-            _visual(link, kind, size, at, color)
+            add_visual(link, kind, size, at, color)
         for size, at in collisions:
-            _collision(link, "box", size, at)
+            add_collision(link, "box", size, at)
         low, high = map(float, r1.ARM_LIMITS[side][i - 1])
-        _joint(robot, r1.ARM_JOINTS[side][i - 1], "revolute", parent, name, xyz, rpy, axis, (low, high), effort)
+        add_joint(robot, r1.ARM_JOINTS[side][i - 1], "revolute", parent, name, xyz, rpy, axis, (low, high), effort)
         parent = name
     for joint, sign in zip(r1.FINGER_JOINTS[side], (1, -1), strict=True):
         name = joint.removesuffix("_joint")
-        finger = _link(robot, name, 0.08, (2e-4, 2e-4, 2e-4), (0, sign * 0.006, 0.025))
-        _visual(finger, "box", (0.022, 0.012, 0.055), (0, sign * 0.007, 0.0275), DARK)
-        _visual(finger, "box", (0.020, 0.002, 0.022), (0, sign * 0.0005, 0.044), ORANGE)
-        _collision(finger, "box", (0.022, 0.012, 0.055), (0, sign * 0.0065, 0.0275))
-        _joint(robot, joint, "prismatic", f"{side}_hand", name, (0, 0, 0.115), axis=(0, sign, 0),
+        finger = add_link(robot, name, 0.08, (2e-4, 2e-4, 2e-4), (0, sign * 0.006, 0.025))
+        add_visual(finger, "box", (0.022, 0.012, 0.055), (0, sign * 0.007, 0.0275), DARK)
+        add_visual(finger, "box", (0.020, 0.002, 0.022), (0, sign * 0.0005, 0.044), ORANGE)
+        add_collision(finger, "box", (0.022, 0.012, 0.055), (0, sign * 0.0065, 0.0275))
+        add_joint(robot, joint, "prismatic", f"{side}_hand", name, (0, 0, 0.115), axis=(0, sign, 0),
                limits=(0, r1.FINGER_TRAVEL_M), effort=60, speed=0.2)  # fmt: skip
-    _link(robot, f"{side}_tcp", 0.01, (1e-5, 1e-5, 1e-5))
-    _joint(robot, f"{side}_tcp_joint", "fixed", f"{side}_hand", f"{side}_tcp", (0, 0, r1.TCP_M))
+    add_link(robot, f"{side}_tcp", 0.01, (1e-5, 1e-5, 1e-5))
+    add_joint(robot, f"{side}_tcp_joint", "fixed", f"{side}_hand", f"{side}_tcp", (0, 0, r1.TCP_M))
     camera = f"{side}_wrist_camera_link"
-    _link(robot, camera, 0.01, (1e-5, 1e-5, 1e-5))
-    _joint(robot, f"{side}_wrist_camera_joint", "fixed", f"{side}_hand", camera, _vector(r1.WRIST_CAMERA_M),
+    add_link(robot, camera, 0.01, (1e-5, 1e-5, 1e-5))
+    add_joint(robot, f"{side}_wrist_camera_joint", "fixed", f"{side}_hand", camera, vector(r1.WRIST_CAMERA_M),
            (0, -math.pi / 2 + r1.WRIST_CAMERA_TILT_RAD, 0))  # fmt: skip
-
-
-def _link(robot: ET.Element, name: str, mass: float, inertia: Sequence[float], com: Vector = ZERO) -> ET.Element:
-    link = ET.SubElement(robot, "link", name=name)
-    inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=_text(com))
-    ET.SubElement(inertial, "mass", value=str(mass))
-    xx, yy, zz = map(str, inertia)
-    ET.SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy="0", ixz="0", iyz="0")
-    return link
-
-
-def _visual(link: ET.Element, kind: str, size: Sequence[float], at: Vector, color: Vector) -> None:
-    visual = _shape(link, "visual", kind, size, at)
-    material = ET.SubElement(visual, "material", name="-".join(map(str, color)))
-    ET.SubElement(material, "color", rgba=_text((*color, 1.0)))
-
-
-def _collision(link: ET.Element, kind: str, size: Sequence[float], at: Vector) -> None:
-    _shape(link, "collision", kind, size, at)
-
-
-def _shape(link: ET.Element, tag: str, kind: str, size: Sequence[float], at: Vector) -> ET.Element:
-    element = ET.SubElement(link, tag)
-    ET.SubElement(element, "origin", xyz=_text(at))
-    geometry = ET.SubElement(element, "geometry")
-    if kind == "box":
-        ET.SubElement(geometry, "box", size=_text(size))
-    elif kind == "cylinder":
-        ET.SubElement(geometry, "cylinder", radius=str(size[0]), length=str(size[1]))
-    else:
-        ET.SubElement(geometry, "sphere", radius=str(size[0]))
-    return element
-
-
-def _joint(
-    robot: ET.Element, name: str, kind: str, parent: str, child: str, xyz: Vector = ZERO, rpy: Vector = ZERO,
-    axis: Vector | None = None, limits: tuple[float, ...] | None = None, effort: float = 100, speed: float = 2,
-) -> None:  # fmt: skip
-    joint = ET.SubElement(robot, "joint", name=name, type=kind)
-    ET.SubElement(joint, "parent", link=parent)
-    ET.SubElement(joint, "child", link=child)
-    ET.SubElement(joint, "origin", xyz=_text(xyz), rpy=_text(rpy))
-    if axis:
-        ET.SubElement(joint, "axis", xyz=_text(axis))
-    if limits:
-        low, high = map(str, limits)
-        ET.SubElement(joint, "limit", lower=low, upper=high, effort=str(effort), velocity=str(speed))
-
-
-def _box_inertia(mass: float, x: float, y: float, z: float) -> Vector:
-    return (mass * (y * y + z * z) / 12, mass * (x * x + z * z) / 12, mass * (x * x + y * y) / 12)
-
-
-def _vector(v: np.ndarray) -> Vector:
-    return (float(v[0]), float(v[1]), float(v[2]))
-
-
-def _text(v: Sequence[float]) -> str:
-    return " ".join(f"{x:.9g}" for x in v)

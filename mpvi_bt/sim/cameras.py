@@ -10,8 +10,8 @@ import sapien
 
 from mpvi_bt.errors import BackendError, NoRenderingDevice
 from mpvi_bt.robot.kinematics import LINK_TO_OPTICAL, transform
+from mpvi_bt.robot.model import Camera
 from mpvi_bt.robot.protocol import CameraImage
-from mpvi_bt.robot.r1 import Camera
 from mpvi_bt.robot.solids import Array
 
 _OPTICAL_TO_LINK = transform(LINK_TO_OPTICAL.T, (0.0, 0.0, 0.0))

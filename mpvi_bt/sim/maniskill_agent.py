@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
-from mpvi_bt.robot.limits import HIGHEST, LOWEST
+from mpvi_bt.robot.limits import extremes
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.cameras import Cameras
@@ -55,7 +55,7 @@ class PositionController(BaseController):  # type: ignore[misc]
     config: R1ControllerConfig
     sets_target_qpos = True
     sets_target_qvel = True
-    lowest, highest = LOWEST, HIGHEST
+    lowest, highest = extremes(r1.R1)
 
     def set_drive_property(self) -> None:
         """Nothing: the robots have set their drives."""
@@ -132,10 +132,10 @@ class HandController(PositionController):
         command[ActionLayout.TORSO] = torso
         for side, asked in zip(SIDES, (action[7:14], action[14:21]), strict=True):
             part = ActionLayout.ARM[side]
-            T = kin.tcp(last[ActionLayout.TORSO], last[part], side)
+            T = r1.R1.tcp(last[ActionLayout.TORSO], last[part], side)
             T[:3, :3] = Rotation.from_rotvec(asked[3:6] * _HAND_STEP_RAD).as_matrix() @ T[:3, :3]
             T[:3, 3] += asked[:3] * _HAND_STEP_M
-            posture = kin.nearest_posture(kin.inverse(kin.chest(torso)) @ T, side, last[part])
+            posture = r1.R1.nearest_posture(kin.inverse(r1.R1.chest(torso)) @ T, side, last[part])
             if posture is not None and np.abs(posture - felt.arm[side]).max() < _AHEAD * _ARM_STEP.max():
                 command[part] = posture
             command[ActionLayout.GRIPPER[side]] = asked[6]

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
-from mpvi_bt.robot.protocol import SIDES, CameraImage, Proprioception, Robot
+from mpvi_bt.robot.protocol import CameraImage, Proprioception, Robot
+from mpvi_bt.robot.r1 import R1
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
-_TURN_M_PER_RAD = r1.BASE_RADIUS_M  # Our choice: turning on the spot drifts like driving as far as the wheels roll
+_TURN_M_PER_RAD = R1.base_radius_m  # Our choice: turning on the spot drifts like driving as far as the wheels roll
 _STANDING = 0.03  # [m/s, rad/s]: slower than this the base stands
 _SAME_M = 0.05  # and this near it stands where it stood
 
@@ -74,8 +75,10 @@ class NoisyRobot:
         """Draw what stays the same for an episode; the belief starts at the true pose. Without cameras no pictures."""
         self._robot, self._cameras, self._errors = robot, cameras, errors
         fixed, self._walk, self._pixels, places = (np.random.default_rng([seed, k]) for k in range(4))
-        self.mounts: Mapping[str, Array] = {camera: _mount(errors, fixed) for camera in r1.CAMERAS}
-        self._true = robot.proprioception().base_pose
+        felt = robot.proprioception()
+        own = robot_named(felt.robot).cameras
+        self.mounts: Mapping[str, Array] = {camera: _mount(errors, fixed) for camera in own}
+        self._true = felt.base_pose
         self._believed = self._true.copy()
         self._standing = Standing(errors.offset_m, places)
 
@@ -156,10 +159,11 @@ class Standing:
 
 def _nominal(camera: str, felt: Proprioception) -> Array:
     """T_base_camera (4, 4) as the joints have it."""
-    for side in SIDES:
+    robot = robot_named(felt.robot)
+    for side in felt.sides:
         if camera == side:
-            return kin.wrist_camera(felt.torso, felt.arm[side], side)
-    return kin.head_camera(felt.torso)
+            return robot.wrist_camera(felt.torso, felt.arm[side], side)
+    return robot.head_camera(felt.torso)
 
 
 def _mount(errors: Errors, rng: np.random.Generator) -> Array:

@@ -1,9 +1,9 @@
-"""The r1 in SAPIEN: what it feels, and the drives that carry out its command."""
+"""A robot in SAPIEN: the drives that carry out its command."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -11,73 +11,63 @@ import numpy as np
 import sapien
 
 from mpvi_bt.errors import BackendError
-from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
+from mpvi_bt.robot.fetch_urdf import fetch_urdf
 from mpvi_bt.robot.limits import within_limits
-from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, CameraImage, Proprioception, Side
+from mpvi_bt.robot.model import RobotModel
+from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Side
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.urdf import urdf
+from mpvi_bt.sim.body import SimBody
 from mpvi_bt.sim.cameras import Cameras
 
 FINGER_FRICTION = 2.0  # rubber pads
-_HALF_FINGER_M, _FINGERTIP_M = 0.0065, 0.012  # a finger's half thickness; its end lies that far before the tcp
-_CLOSED_M = -0.01  # finger target beyond zero: grip force = stiffness * (half width + 1 cm)
+CLOSED_M = -0.01  # finger target beyond zero: grip force = stiffness * (half width + 1 cm)
 _BASE_ACCELERATION = np.array([1.5, 1.5, 3.0])  # [m/s^2, m/s^2, rad/s^2]: a jerk flings what is held
-_DRIVEN = np.r_[3:14, 15:22]  # of an action: torso, left arm, right arm
+_URDF: Mapping[str, Callable[[], str]] = {"r1": urdf, "fetch": fetch_urdf}
 
 
-class SimRobot:
-    """`mpvi_bt.robot.protocol.Robot` over a SAPIEN articulation.
+class SimRobot(SimBody):
+    """`mpvi_bt.robot.protocol.Robot` over a SAPIEN articulation."""
 
-    Attributes:
-        links: The articulation's links by name.
-    """
-
-    def __init__(self, scene: sapien.Scene, base_pose: Array, cameras: Cameras | None) -> None:
-        """Put the robot into `scene` at `base_pose` (3,) x, y [m], yaw [rad], hands folded; no cameras: no pictures."""
-        self._articulation = _load(scene, visible=cameras is not None)
-        self._cameras = cameras
-        self.links = {link.name: link for link in self._articulation.links}
-        order = [joint.name for joint in self._articulation.active_joints]
-        self._joints = {joint.name: joint for joint in self._articulation.active_joints}
-        self._base = [order.index(n) for n in r1.BASE_JOINTS]
-        self._torso = [order.index(n) for n in r1.TORSO_JOINTS]
-        self._arm = {s: [order.index(n) for n in r1.ARM_JOINTS[s]] for s in SIDES}
-        self._fingers = {s: [order.index(n) for n in r1.FINGER_JOINTS[s]] for s in SIDES}
-        self._targets = [self._joints[n] for n in (*r1.TORSO_JOINTS, *r1.ARM_JOINTS["left"], *r1.ARM_JOINTS["right"])]
+    def __init__(self, scene: sapien.Scene, base_pose: Array, cameras: Cameras | None, model: RobotModel = R1) -> None:
+        """Put a robot into `scene` at `base_pose` (3,) x, y [m], yaw [rad], hands folded; no cameras: no pictures."""
+        super().__init__(_load(scene, model, visible=cameras is not None), model, cameras)
+        torso = [(n, i) for i, n in enumerate(model.torso_joints, ActionLayout.TORSO.start) if n is not None]
+        arms = [(n, ActionLayout.ARM[s].start + i) for s in model.sides for i, n in enumerate(model.arm_joints[s])]
+        self._targets = [self._joints[n] for n, _ in (*torso, *arms)]
+        self._driven = np.array([i for _, i in (*torso, *arms)])  # where these are in an action
         for name, joint in self._joints.items():
-            gains = r1.drive(name)
+            gains = model.drives[name]
             joint.set_drive_properties(gains.stiffness, gains.damping, gains.force, mode="force")
             joint.set_friction(0.0)
-        for link in self._articulation.links:
+        for name in model.still:
+            self._joints[name].set_drive_target(0.0)
+        for link in self.articulation.links:
             link.disable_gravity = True  # the arms are taken to be gravity-compensated
-        self._exempt_neighbors()
+        _exempt_neighbors(self)
         if cameras is not None:
-            for name, camera in r1.CAMERAS.items():
+            for name, camera in model.cameras.items():
                 cameras.mount(name, camera, self.links[camera.link].entity)
 
         action = np.zeros(ACTION_SIZE)
-        action[ActionLayout.TORSO] = r1.TRAVEL_TORSO
-        for s in SIDES:
-            action[ActionLayout.ARM[s]] = r1.TRAVEL_ARM[s]
+        action[ActionLayout.TORSO] = model.travel_torso
+        for s in model.sides:
+            action[ActionLayout.ARM[s]] = model.travel_arm[s]
             action[ActionLayout.GRIPPER[s]] = 1.0
         self._action = action
         self._sent: Array | None = None
         self._moving = True
         self._velocity = np.zeros(3)
-        self._felt: Proprioception | None = None
-        q = np.zeros(len(order))
-        q[self._base], q[self._torso] = base_pose, r1.TRAVEL_TORSO
-        for s in SIDES:
-            q[self._arm[s]], q[self._fingers[s]] = r1.TRAVEL_ARM[s], r1.FINGER_TRAVEL_M
-        self._articulation.set_qpos(q)
-        self._articulation.set_qvel(np.zeros_like(q))
+        q = np.zeros(len(self._joints))
+        q[self._base] = base_pose
+        for i, at in self._torso:
+            q[at] = model.travel_torso[i]
+        for s in model.sides:
+            q[self._arm[s]], q[self._fingers[s]] = model.travel_arm[s], model.finger_travel_m
+        self.articulation.set_qpos(q)
+        self.articulation.set_qvel(np.zeros_like(q))
         self.apply()
-
-    @property
-    def articulation(self) -> sapien.physx.PhysxArticulation:
-        """The joints and links."""
-        return self._articulation
 
     @property
     def action(self) -> Array:
@@ -95,96 +85,55 @@ class SimRobot:
             raise BackendError(f"an action of shape {action.shape} was given; it has to be ({ACTION_SIZE},)")
         if not np.isfinite(action).all():
             raise BackendError(f"an action that is not finite was given: {action.tolist()}")
-        self._action = within_limits(action)
+        self._action = within_limits(self.model, action)
+
+    @property
+    def gripper_command(self) -> Mapping[Side, float]:
+        """What each gripper was told last, -1 closed ... 1 open."""
+        return {s: float(self._action[ActionLayout.GRIPPER[s]]) for s in self.model.sides}
+
+    @property
+    def arm_command(self) -> Mapping[Side, Array]:
+        """(7,) what each arm was told last."""
+        return {s: self._action[ActionLayout.ARM[s]].copy() for s in self.model.sides}
 
     def hold(self) -> None:
         """Stand still; every joint keeps its target."""
         self._action[ActionLayout.BASE] = 0.0
 
-    def proprioception(self) -> Proprioception:
-        """What is felt at this step; measured once a step."""
-        if self._felt is None:
-            q, v = self._articulation.get_qpos().astype(float), self._articulation.get_qvel().astype(float)
-            x, y, yaw = q[self._base]
-            c, s = np.cos(yaw), np.sin(yaw)
-            vx, vy, w = v[self._base]
-            self._felt = Proprioception(
-                base_pose=np.array([x, y, kin.wrap(yaw)]),
-                base_velocity=np.array([c * vx + s * vy, -s * vx + c * vy, w]),
-                torso=q[self._torso],
-                arm={k: q[i] for k, i in self._arm.items()},
-                arm_velocity={k: v[i] for k, i in self._arm.items()},
-                gripper_width={k: float(q[i].sum()) for k, i in self._fingers.items()},
-                gripper_command={k: float(self._action[i]) for k, i in ActionLayout.GRIPPER.items()},
-                arm_command={k: self._action[i].copy() for k, i in ActionLayout.ARM.items()},
-            )
-        return self._felt
-
-    def forget(self) -> None:
-        """Have the next `proprioception` measure anew: physics has gone on outside of a control step."""
-        self._felt = None
-
-    def look(self, camera: str) -> CameraImage:
-        """Render one of the robot's cameras. Raises NoRenderingDevice in a world that was built without rendering."""
-        if self._cameras is None:
-            raise Cameras.missing()
-        return self._cameras.look(camera)
-
-    def hand_pose_world(self, side: Side) -> Array:
-        """T_world_tcp (4, 4) as the joints have it."""
-        felt = self.proprioception()
-        return kin.base(felt.base_pose) @ kin.tcp(felt.torso, felt.arm[side], side)
-
-    def fingertips_world(self) -> Array:
-        """(4, 3) ends of the fingers: left hand, right hand [m]."""
-        felt, out = self.proprioception(), []
-        base, chest = kin.base(felt.base_pose), kin.chest(felt.torso)
-        for side in SIDES:
-            T = base @ (chest @ kin.arm(felt.arm[side], side))
-            apart = felt.gripper_width[side] / 2 + _HALF_FINGER_M
-            out += [T[:3, 3] + y * T[:3, 1] + _FINGERTIP_M * T[:3, 2] for y in (-apart, apart)]
-        return np.array(out)
-
     def save(self) -> dict[str, list[float]]:
         """How it stands and moves, and its command."""
         return {
-            "q": self._articulation.get_qpos().tolist(),
-            "v": self._articulation.get_qvel().tolist(),
+            "q": self.articulation.get_qpos().tolist(),
+            "v": self.articulation.get_qvel().tolist(),
             "action": self._action.tolist(),
             "base": self._velocity.tolist(),
         }
 
     def restore(self, saved: Mapping[str, list[float]]) -> None:
         """Have it stand and move so. Raises KeyError or ValueError if that is of another robot."""
-        joints = len(self._articulation.get_qpos())
+        joints = len(self.articulation.get_qpos())
         sizes = {"q": joints, "v": joints, "action": ACTION_SIZE, "base": 3}
         values = {key: np.array(saved[key], float) for key in sizes}
         for key, size in sizes.items():
             if values[key].shape != (size,) or not np.isfinite(values[key]).all():
                 raise ValueError(f"robot {key!r}: {size} finite numbers are due")
-        self._articulation.set_qpos(values["q"])
-        self._articulation.set_qvel(values["v"])
+        self.articulation.set_qpos(values["q"])
+        self.articulation.set_qvel(values["v"])
         self._velocity = values["base"]
-        for name in r1.BASE_JOINTS:  # what it was doing until now; `apply` goes on from the saved speed
+        for name in self.model.base_joints:  # what it was doing until now; `apply` goes on from the saved speed
             self._joints[name].set_drive_velocity_target(0.0)
         self._sent = None
         self.act(values["action"])
         self.apply()
 
-    def standing_at(self, base_pose: Array, q: list[float]) -> list[float]:
-        """Joints `q`, as `save` has them, with the base at x, y [m], yaw [rad] (3,)."""
-        joints = np.array(q)
-        joints[self._base] = base_pose
-        out: list[float] = joints.tolist()
-        return out
-
     def stand(self, arms: Mapping[Side, Array]) -> None:
         """Have arms stand in postures (7,) at once, at rest, and keep them."""
-        q, action = self._articulation.get_qpos(), self.action
+        q, action = self.articulation.get_qpos(), self.action
         for side, posture in arms.items():
             q[self._arm[side]] = action[ActionLayout.ARM[side]] = posture
-        self._articulation.set_qpos(q)
-        self._articulation.set_qvel(np.zeros_like(q))
+        self.articulation.set_qpos(q)
+        self.articulation.set_qvel(np.zeros_like(q))
         self._sent = None
         self.act(action)
         self.apply()
@@ -196,14 +145,15 @@ class SimRobot:
         if sent is None or not np.array_equal(action[3:], sent[3:]):
             before = action if sent is None else sent
             for joint, target, last in zip(
-                self._targets, action[_DRIVEN].tolist(), before[_DRIVEN].tolist(), strict=True
+                self._targets, action[self._driven].tolist(), before[self._driven].tolist(), strict=True
             ):
                 joint.set_drive_target(target)
                 # Without its velocity a PD drive trails a moving target by damping / stiffness = 0.1 s.
                 joint.set_drive_velocity_target((target - last) * CONTROL_HZ)
-            for s in SIDES:
-                finger = _CLOSED_M + (float(action[ActionLayout.GRIPPER[s]]) + 1) / 2 * (r1.FINGER_TRAVEL_M - _CLOSED_M)
-                for name in r1.FINGER_JOINTS[s]:
+            for s in self.model.sides:
+                open_m = self.model.finger_travel_m - CLOSED_M
+                finger = CLOSED_M + (float(action[ActionLayout.GRIPPER[s]]) + 1) / 2 * open_m
+                for name in self.model.finger_joints[s]:
                     self._joints[name].set_drive_target(finger)
             self._sent, self._moving = action.copy(), True
         elif self._moving:
@@ -223,39 +173,33 @@ class SimRobot:
         )  # the heading midway through the step
         c, s = np.cos(yaw), np.sin(yaw)
         vx, vy, w = self._velocity
-        for name, v in zip(r1.BASE_JOINTS, (c * vx - s * vy, s * vx + c * vy, w), strict=True):
+        for name, v in zip(self.model.base_joints, (c * vx - s * vy, s * vx + c * vy, w), strict=True):
             self._joints[name].set_drive_velocity_target(float(v))
 
-    def _exempt_neighbors(self) -> None:
-        """Let neighbors that overlap at their joint pass through each other; physics exempts only parent and child."""
-        groups = [["base_link", "torso_lift_link", "waist_link", "chest_link", "head_link"]]
-        for s in SIDES:
-            hand = f"{s}_hand"
-            groups += [
-                [f"{s}_arm_link3", f"{s}_arm_link5"],
-                [f"{s}_arm_link5", hand],
-                [n.removesuffix("_joint") for n in r1.FINGER_JOINTS[s]],
-            ]
-        for bit, group in enumerate(groups, start=20):
-            for name in group:
-                for shape in self.links[name].collision_shapes:
-                    words = list(shape.get_collision_groups())
-                    words[2] |= 1 << bit
-                    shape.set_collision_groups(words)
+
+def _exempt_neighbors(body: SimBody) -> None:
+    """Let neighbors that overlap at their joint pass through each other."""
+    for bit, group in enumerate(body.model.neighbors, start=20):
+        for name in group:
+            for shape in body.links[name].collision_shapes:
+                words = list(shape.get_collision_groups())
+                words[2] |= 1 << bit
+                shape.set_collision_groups(words)
 
 
-def _load(scene: sapien.Scene, visible: bool) -> sapien.physx.PhysxArticulation:
+def _load(scene: sapien.Scene, model: RobotModel, visible: bool) -> sapien.physx.PhysxArticulation:
     loader = scene.create_urdf_loader()
     loader.fix_root_link = True
-    for s in SIDES:
-        for finger in r1.FINGER_JOINTS[s]:
+    for fingers in model.finger_joints.values():
+        for finger in fingers:
             name = finger.removesuffix("_joint")
             loader.set_link_material(name, FINGER_FRICTION, FINGER_FRICTION, 0.0)
             loader.set_link_patch_radius(name, 0.1)
             loader.set_link_min_patch_radius(name, 0.1)
+    text = _URDF[model.name]()
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "r1.urdf"
-        path.write_text(urdf() if visible else _without_visuals(urdf()))
+        path = Path(folder) / f"{model.name}.urdf"
+        path.write_text(text if visible else _without_visuals(text))
         return loader.load(str(path))
 
 

@@ -15,8 +15,9 @@ from mpvi_bt.perception.knowledge import Entry as Known
 from mpvi_bt.perception.knowledge import KnowledgeBase, laid_down
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, CameraImage, Side
-from mpvi_bt.robot.r1 import FINGER_JOINTS
+from mpvi_bt.robot.model import RobotModel
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, CameraImage, Side
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.sim.assisted import Attachments
@@ -36,7 +37,7 @@ ROBOT = "robot"  # among the names of `World.contacts`
 _HELD_M = 0.012  # a thing this near the line between the pads of a hand that closed on something is in that hand
 
 _PRESSED_M = 0.04  # likewise for a thing between two hands
-_GROUND_M = 0.015  # what rises no higher is ground that the base stands on, such as a lawn
+GROUND_M = 0.015  # what rises no higher is ground that the base stands on, such as a lawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +72,7 @@ class World:
         render: bool = True,
         assisted: bool = False,
         scene: sapien.Scene | None = None,
+        robot: RobotModel = R1,
     ) -> None:
         """Build everything; nothing has moved yet.
 
@@ -81,6 +83,7 @@ class World:
             render: Whether pictures can be asked for.
             assisted: Whether grasps are assisted: what a closing hand pinches stays in it until the hand opens.
             scene: Where to build it all, with this project's physics and, with `render`, pictures; None: a new one.
+            robot: Which robot.
 
         Raises:
             NoRenderingDevice: `render` was asked for on a machine that cannot.
@@ -92,12 +95,12 @@ class World:
         self._phrases = {n: p.entry.phrases for n, p in objects.items()}
         self._things: dict[str, Thing] = {**self._fixtures, **self._objects}
         self.cameras = Cameras(self._scene) if render else None
-        self.robot = SimRobot(self._scene, base_pose, self.cameras)
+        self.robot = self._put_robot(base_pose, robot)
         self._switches = Switches(self._scene, self._things, visible=render)
         if self.cameras is not None:
-            robot = {link.entity.per_scene_id: "robot" for link in self.robot.links.values()}
+            own = {link.entity.per_scene_id: "robot" for link in self.robot.links.values()}
             things = {entity.per_scene_id: t.name for t in self._things.values() for entity in t.entities.values()}
-            self.cameras.names = {**things, **self._switches.labels, **robot}
+            self.cameras.names = {**things, **self._switches.labels, **own}
             self.cameras.before = self._switches.show
         self._prior, self._map = knowledge(house), prior_map(house)
         self._known: tuple[int, KnowledgeBase] | None = None
@@ -106,6 +109,10 @@ class World:
         self.bumps: Bumps | None = None
         self.steps = 0
         self.physics_s = 0.0
+
+    def _put_robot(self, base_pose: Array, model: RobotModel) -> SimRobot:
+        """The robot, once all else is there."""
+        return SimRobot(self._scene, base_pose, self.cameras, model)
 
     # --- the clock
 
@@ -229,7 +236,7 @@ class World:
             odd = sorted(movable.symmetric_difference(saved["things"]))
             raise UserError(f"the saved world has not the same things as this one: {', '.join(odd[:5])}")
         if self._attachments is not None:  # what the hands hold then is found anew, by touch
-            for side in SIDES:
+            for side in self.robot.model.sides:
                 self._attachments.release(side)
         for name, motion in saved["things"].items():
             self._things[name].set_motion(motion)
@@ -346,7 +353,7 @@ class World:
 
     def pinched(self, side: Side) -> list[str]:
         """The movable things that both fingers of one hand touch, by the contacts of the last physics step."""
-        fingers = [self.robot.links[n.removesuffix("_joint")].entity for n in FINGER_JOINTS[side]]
+        fingers = [self.robot.links[n.removesuffix("_joint")].entity for n in self.robot.model.finger_joints[side]]
         touched: list[set[str]] = [set(), set()]
         for contact in self._scene.get_contacts():
             a, b = (body.entity for body in contact.bodies)
@@ -357,12 +364,12 @@ class World:
 
     def _assist(self, attachments: Attachments) -> None:
         """Fix what a closing hand pinches to the hand; let go of it when the hand is told to open."""
-        for side in SIDES:
-            closing = self.robot.action[ActionLayout.GRIPPER[side]] < 0
+        for side in self.robot.model.sides:
+            closing = self.robot.gripper_command[side] < 0
             if not closing:
                 attachments.release(side)
             elif attachments.of(side) is None and (names := self.pinched(side)):
-                attachments.attach(side, self.robot.links[f"{side}_hand"], self._objects[names[0]])
+                attachments.attach(side, self.robot.links[self.robot.model.hand_links[side]], self._objects[names[0]])
 
     def between(self) -> str | None:
         """The movable thing pressed between both hands: the one that is nearest to both of them."""
@@ -392,7 +399,7 @@ class World:
             low, high = solid.aabb()
             if (
                 np.linalg.norm(np.maximum(np.maximum(low[:2] - place, place - high[:2]), 0)) < radius_m
-                and high[2] > _GROUND_M
+                and high[2] > GROUND_M
             ):
                 near.append(solid)
         return near

@@ -84,7 +84,7 @@ def _period(given: str) -> int:
 def _visual(world: World, vocabulary: Vocabulary) -> Checker:
     from mpvi_bt.completion.visual import VisualChecker
 
-    return VisualChecker(vocabulary)
+    return VisualChecker(vocabulary, robot=world.robot.model)
 
 
 def _oracle(world: World, vocabulary: Vocabulary) -> Checker:

@@ -14,6 +14,7 @@ import numpy as np
 from mpvi_bt.executive.loop import Watcher, World
 from mpvi_bt.robot import kinematics
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Side
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.suite.way import thinned
 from mpvi_bt.tree.build import Tree
@@ -64,6 +65,9 @@ class Measurement:
         )
 
 
+_NO_ARM = np.zeros(7)
+
+
 class Meter(Watcher):
     """Notes what the robot feels at every step, and adds distances up when asked.
 
@@ -78,6 +82,7 @@ class Meter(Watcher):
         self._earlier = earlier
         self._steps = 0
         self._felt: list[Array] = []
+        self._robot = "r1"
 
     def start(self, tree: Tree, world: World) -> None:
         """Begin anew from where the robot is."""
@@ -87,7 +92,9 @@ class Meter(Watcher):
     def step(self, tree: Tree, world: World) -> None:
         """Note where base and joints are."""
         felt = world.robot.proprioception()
-        self._felt.append(np.concatenate([felt.base_pose, felt.torso, *(felt.arm[side] for side in SIDES)]))
+        arms = (felt.arm.get(side, _NO_ARM) for side in SIDES)
+        self._felt.append(np.concatenate([felt.base_pose, felt.torso, *arms]))
+        self._robot = felt.robot
         self._steps = world.steps
 
     @property
@@ -97,12 +104,13 @@ class Meter(Watcher):
         base, torso = rows[:, :3], rows[:, 3:7]
         arms: dict[Side, Array] = {"left": rows[:, 7:14], "right": rows[:, 14:]}
         T_world_base = kinematics.transform(kinematics.rot_z(base[:, 2]), np.pad(base[:, :2], ((0, 0), (0, 1))))
-        T_base_hand = {side: kinematics.tcp(torso, arms[side], side) for side in SIDES}
+        robot = robot_named(self._robot)
+        T_base_hand = {side: robot.tcp(torso, arms[side], side) for side in robot.sides}
         measured = Measurement(
             steps=self._steps,
             base_m=_way(base[:, :2]),
-            hand_world_m={side: _way((T_world_base @ T_base_hand[side])[:, :3, 3]) for side in SIDES},
-            hand_base_m={side: _way(T_base_hand[side][:, :3, 3]) for side in SIDES},
+            hand_world_m=_of_both({side: _way((T_world_base @ T)[:, :3, 3]) for side, T in T_base_hand.items()}),
+            hand_base_m=_of_both({side: _way(T[:, :3, 3]) for side, T in T_base_hand.items()}),
             way=thinned(base[:, :2]),
         )
         return measured.after(self._earlier) if self._earlier else measured
@@ -111,6 +119,11 @@ class Meter(Watcher):
 def ratio(human: float, robot: float) -> float | None:
     """Human / robot; None where the robot's is 0 (the evaluator writes inf, which is no JSON)."""
     return human / robot if robot > 0.0 else None
+
+
+def _of_both(ways: Mapping[Side, float]) -> dict[Side, float]:
+    """A hand that the robot does not have has gone nowhere."""
+    return {side: ways.get(side, 0.0) for side in SIDES}
 
 
 def _way(positions: Array) -> float:

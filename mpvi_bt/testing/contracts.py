@@ -47,11 +47,12 @@ def check_robot(robot: Robot, step: Callable[[Array], None]) -> None:
         ("base_pose", body.base_pose, (3,)),
         ("base_velocity", body.base_velocity, (3,)),
         ("torso", body.torso, (4,)),
-        *((f"arm[{s}]", body.arm[s], (7,)) for s in SIDES),
-        *((f"arm_velocity[{s}]", body.arm_velocity[s], (7,)) for s in SIDES),
+        *((f"arm[{s}]", body.arm[s], (7,)) for s in body.sides),
+        *((f"arm_velocity[{s}]", body.arm_velocity[s], (7,)) for s in body.sides),
     ):
         _require(value.shape == shape and bool(np.isfinite(value).all()), f"{name} must be {shape} and finite")
-    for side in SIDES:
+    _require(len(body.sides) >= 1, "a robot must have a hand")
+    for side in body.sides:
         _require(-0.005 <= body.gripper_width[side] <= OPEN_M + 0.005, "gripper_width must be 0 to 0.10 m")
         _require(-1 <= body.gripper_command[side] <= 1, "gripper_command must be -1 to 1")
     for bad in (np.zeros(ACTION_SIZE - 1), np.zeros((1, ACTION_SIZE)), np.full(ACTION_SIZE, np.nan)):
@@ -72,7 +73,7 @@ def check_robot(robot: Robot, step: Callable[[Array], None]) -> None:
         step(robot.action)
     after = robot.proprioception()
     _require(bool(np.allclose(before.base_pose, after.base_pose, atol=5e-3)), "hold must keep the base in place")
-    for side in SIDES:
+    for side in body.sides:
         _require(bool(np.allclose(before.arm[side], after.arm[side], atol=2e-2)), "hold must keep the arms in place")
 
 

@@ -1,0 +1,228 @@
+"""What a robot is made of, as a value: its joints and limits, arms, cameras, hull and postures.
+
+Frames: base x forward, y left, z up, on the floor. Chest: turns with the torso and carries shoulders and head.
+Hand: z along the fingers (approach), y across them (closing), origin at the flange; the tcp lies between the pads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpvi_bt.robot import arms
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.arms import Arm
+from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.solids import Array
+
+SIGN: Mapping[Side, int] = {"left": 1, "right": -1}
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera of the robot: picture size [px], vertical field of view [rad], nearest and farthest depth [m]."""
+
+    width: int
+    height: int
+    fov_rad: float
+    near_m: float
+    far_m: float
+    link: str
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Gains of one kind of joint: force = stiffness * error - damping * velocity error, at most `force` [N, Nm]."""
+
+    stiffness: float
+    damping: float
+    force: float
+
+
+@dataclass(frozen=True, eq=False)
+class Hull:
+    """What of a robot may touch things and itself: spheres along an arm, boxes and spheres about the rest.
+
+    Attributes:
+        centers: (m, 3) of an arm's spheres, in the frames of `Arm.frames`; the first two are of the upper arm, those
+            of the hand follow those of the arm, and those of the fingers come last.
+        radii: (m,) [m].
+        frame: (m,) the frame that each is in.
+        fingers: How many of them are of fingers: what may be near a thing that is being grasped.
+        boxes: (k, 6) centers and half extents in the chest frame, of chest and head.
+        boxes_from: (k,) the first of the arm's spheres that has to keep clear of each; those before it are its
+            neighbors.
+        column: (6,) a box in the base frame.
+        base: (2,) radius and height of the base.
+        fold_m: The middles of a hand's spheres come no nearer to those of the first two.
+        trunk: (n, 4) spheres in the chest frame, center and radius, that stand for head and chest among furniture.
+        standing: (n, 4) likewise in the base frame, for the base and what is fixed above it, wherever the torso is.
+    """
+
+    centers: Array
+    radii: Array
+    frame: NDArray[np.intp]
+    fingers: int
+    boxes: Array
+    boxes_from: NDArray[np.int64]
+    column: Array
+    base: Array
+    fold_m: float
+    trunk: Array
+    standing: Array
+
+    @cached_property
+    def hand_from(self) -> int:
+        """The first of the spheres of the hand."""
+        return int(np.argmax(self.frame == self.frame.max()))
+
+
+@dataclass(frozen=True, eq=False)
+class RobotModel:
+    """A robot: a base, a torso, one or two arms with seven joints and a gripper each, and cameras.
+
+    All robots have one layout of the torso: lift [m], waist yaw, waist pitch, head tilt [rad]. Where a robot has no
+    such joint its name is None and both limits are 0.
+
+    Attributes:
+        name: As `--robot` has it.
+        arms: Its arms; a robot with one has it on the "right".
+        base_joints: Along x, along y, about z.
+        torso_joints: Names, or None.
+        arm_joints, finger_joints: Names.
+        hand_links: What the fingers are fixed to.
+        torso_limits: (4, 2) [m, rad].
+        arm_speed, arm_acceleration: (7,) what motions are planned with [rad/s, rad/s^2].
+        torso_speed, torso_acceleration: (4,) likewise.
+        base_speed: (3,) [m/s, m/s, rad/s] the most; the second is 0 for a base that cannot go sideways.
+        drive_acceleration: (2,) of straight drives [m/s^2, rad/s^2].
+        waist_m: (3,) where the lift's zero is in the base frame.
+        chest_m: How far the chest's origin is above that of the lift.
+        head_m: (3,) tilt axis of the head in the chest frame.
+        head_camera_m: (3,) in the head frame.
+        tcp_m: Flange to tcp.
+        wrist_camera_m: (3,) in the hand frame.
+        wrist_camera_tilt_rad: Toward the tcp.
+        finger_travel_m: Of each finger; the hand opens twice that.
+        base_radius_m: Of the circle about the base.
+        travel_arm, travel_torso: Posture to drive in.
+        lifts: Of the torso [m], of which searches for a posture try each.
+        drives: Gains by joint.
+        cameras: "head", and of each arm one by the name of its side.
+        hull: Where it would touch.
+        neighbors: Groups of links that may overlap where they are joined; physics exempts only parent and child.
+        still: Joints that stay at 0.
+    """
+
+    name: str
+    arms: Mapping[Side, Arm]
+    base_joints: tuple[str, str, str]
+    torso_joints: tuple[str | None, ...]
+    arm_joints: Mapping[Side, tuple[str, ...]]
+    finger_joints: Mapping[Side, tuple[str, str]]
+    hand_links: Mapping[Side, str]
+    torso_limits: Array
+    arm_speed: Array
+    arm_acceleration: Array
+    torso_speed: Array
+    torso_acceleration: Array
+    base_speed: Array
+    drive_acceleration: Array
+    waist_m: Array
+    chest_m: float
+    head_m: Array
+    head_camera_m: Array
+    tcp_m: float
+    wrist_camera_m: Array
+    wrist_camera_tilt_rad: float
+    finger_travel_m: float
+    base_radius_m: float
+    travel_arm: Mapping[Side, Array]
+    travel_torso: Array
+    lifts: tuple[float, ...]
+    drives: Mapping[str, Drive]
+    cameras: Mapping[str, Camera]
+    hull: Hull
+    neighbors: tuple[tuple[str, ...], ...]
+    still: tuple[str, ...] = ()
+
+    @property
+    def sides(self) -> tuple[Side, ...]:
+        """The hands that it has."""
+        return tuple(side for side in SIDES if side in self.arms)
+
+    @property
+    def sideways(self) -> bool:
+        """Whether its base can go sideways."""
+        return bool(self.base_speed[1])
+
+    def torsos(self, pitches: Iterable[float], tilt: float) -> Array:
+        """(n, 4) postures of the torso that searches try: its lifts, at those pitches [rad] that it can take."""
+        low, high = self.torso_limits[2]
+        able = [pitch for pitch in pitches if low <= pitch <= high]
+        return np.array([(lift, 0.0, pitch, tilt) for lift in self.lifts for pitch in able])
+
+    def chest(self, torso: Array) -> Array:
+        """T_base_chest (..., 4, 4) of lift, waist yaw, waist pitch (..., >= 3)."""
+        torso = np.asarray(torso, float)
+        up = np.zeros((*torso.shape[:-1], 3))
+        up[..., :2] = self.waist_m[:2]
+        up[..., 2] = self.waist_m[2] + torso[..., 0] + self.chest_m
+        return kin.transform(kin.rot_z(torso[..., 1]) @ kin.rot_y(torso[..., 2]), up)
+
+    def head_camera(self, torso: Array) -> Array:
+        """T_base_camera (4, 4), optical frame, of torso (4,)."""
+        T = self.chest(torso) @ kin.transform(kin.rot_y(float(torso[3])), self.head_m)
+        return T @ kin.transform(kin.LINK_TO_OPTICAL, self.head_camera_m)
+
+    @property
+    def hand_to_camera(self) -> Array:
+        """T_hand_camera (4, 4), optical frame, of each wrist camera."""
+        R = kin.rot_y(-np.pi / 2 + self.wrist_camera_tilt_rad) @ kin.LINK_TO_OPTICAL
+        return kin.transform(R, self.wrist_camera_m)
+
+    def wrist_camera(self, torso: Array, q: Array, side: Side) -> Array:
+        """T_base_camera (4, 4), optical frame, of torso (4,) and arm (7,)."""
+        flange = self.tcp(torso, q, side) @ kin.transform(np.eye(3), (0.0, 0.0, -self.tcp_m))
+        return flange @ self.hand_to_camera
+
+    def arm_frames(self, q: Array, side: Side) -> Array:
+        """Poses in the chest frame (..., F, 4, 4) of an arm's parts at angles (..., 7), as of `Arm.frames`."""
+        q = np.asarray(q, float)
+        frames = self.arms[side].frames(q.reshape(-1, 7))
+        return frames.reshape(*q.shape[:-1], *frames.shape[1:])
+
+    def arm(self, q: Array, side: Side) -> Array:
+        """T_chest_tcp (..., 4, 4) of arm angles (..., 7)."""
+        return self.arm_frames(q, side)[..., -1, :, :]
+
+    def tcp(self, torso: Array, q: Array, side: Side) -> Array:
+        """T_base_tcp (..., 4, 4) of torso (..., >= 3) and arm angles (..., 7)."""
+        return self.chest(torso) @ self.arm(q, side)
+
+    def arm_inverse(self, T_chest_tcp: Array, side: Side, swivels: int = 36) -> tuple[NDArray[np.intp], Array]:
+        """Every arm posture within the joint limits that brings the tcp to a target, at samples of the free angle.
+
+        Args:
+            T_chest_tcp: (n, 4, 4) targets in the chest frame.
+            side: Which arm.
+            swivels: Samples of the free angle.
+
+        Returns:
+            Index into the targets (m,), ascending, and joint angles (m, 7) [rad]; m may be 0. Exact to rounding.
+        """
+        T = np.ascontiguousarray(T_chest_tcp, float).reshape(-1, 4, 4)
+        return self.arms[side].inverse(T, swivels)
+
+    def nearest_posture(self, T_chest_tcp: Array, side: Side, q_near: Array, swivels: int = 72) -> Array | None:
+        """The solution (7,) of one target (4, 4) nearest to posture `q_near` (7,), or None if it is out of reach."""
+        near = np.asarray(q_near, float)
+        return self.arms[side].nearest(np.ascontiguousarray(T_chest_tcp, float), near, swivels)
+
+    def limit_cost(self, q: Array, side: Side) -> Array:
+        """(n,) how far joints of postures (n, 7) are into the last tenths of their ranges, summed, in half ranges."""
+        return arms.limit_cost(q, self.arms[side].limits)
