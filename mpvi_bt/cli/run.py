@@ -44,6 +44,13 @@ _OF_THIS_RUN = ("video", "picture", "rerun", *ASKING)  # of an episode that goes
 )
 @click.option("--plan", type=Name("tasks/plans", file=True), help="Compile this plan, by name or file.")
 @click.option(
+    "--robot",
+    type=click.Choice(["r1", "fetch"]),
+    default="r1",
+    show_default=True,
+    help="Which robot: the r1 has two arms, the fetch one.",
+)
+@click.option(
     "--sim",
     type=click.Choice(["sapien", "maniskill"]),
     default="sapien",

@@ -45,6 +45,7 @@ class EpisodeConfig:
         policy_ensemble: Decay of the weights where the policy is asked at every step and what its chunks foresee for a
             step is averaged; None: they are not averaged.
         assisted: Whether a closing hand fixes what it pinches to itself; otherwise grasps hold by friction alone.
+        robot: Which robot, by name.
         sim: Whose scene it is run in: "sapien", the core's own, or "maniskill", that of its environment.
         tree: Name or file of a tree to run instead of compiling a plan, or None.
         plan: Name or file of a plan instead of the task's own, or None.
@@ -81,6 +82,7 @@ class EpisodeConfig:
     policy_horizon: int | None = None
     policy_ensemble: float | None = None
     assisted: bool = False
+    robot: str = "r1"
     sim: Literal["sapien", "maniskill"] = "sapien"
     tree: str | None = None
     plan: str | None = None
@@ -131,5 +133,5 @@ ASKING = ("exchanges", "offline", "calls", "tokens", "suite_budget")
 # Left out where they are not used.
 _RARE = {
     "arguments", "substitute", "on_failure", "policy_settings", "policy_horizon", "policy_ensemble", "assisted",
-    "method", "drive", "split", "sim",
+    "method", "drive", "split", "sim", "robot",
 }  # fmt: skip

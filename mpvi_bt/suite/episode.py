@@ -26,6 +26,7 @@ from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.plan.planners import Planner
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.prior_map import prior_map
@@ -92,8 +93,10 @@ def run(
     if begun is not None:
         world, start = begun
     elif config.sim == "sapien":
-        built = {"render": _renders(config), "assisted": config.assisted}
-        world, start = begin(task, house, catalogue, problem, config.instance, config.split, **built)
+        world, start = begin(
+            task, house, catalogue, problem, config.instance, config.split, render=_renders(config),
+            assisted=config.assisted, robot=robot_named(config.robot),
+        )  # fmt: skip
     else:
         world, start = begin_elsewhere(config, _renders(config))
     truth = truth_in(world, start.scene_names)

@@ -12,6 +12,8 @@ from mpvi_bt.goals.evaluate import early, unmet
 from mpvi_bt.goals.predicates import truth_in
 from mpvi_bt.goals.problem import Problem, load_problem
 from mpvi_bt.goals.state import aabb
+from mpvi_bt.robot.model import RobotModel
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.sim.boards import Shape
 from mpvi_bt.sim.catalogue import Catalogue
 from mpvi_bt.sim.ground import PASSAGE_M, REACH_M, TWO_HANDS_REACH_M
@@ -47,10 +49,12 @@ def begin(
     *,
     render: bool = True,
     assisted: bool = False,
+    robot: RobotModel = R1,
 ) -> tuple[World, Start]:
     """An instance of a task, settled and checked. The same arguments give the same world.
 
-    A start that did is kept in the user's cache, so that the draws before it are not made again.
+    A start that did is kept in the user's cache, so that the draws before it are not made again. An instance is the
+    same for all robots: what does is found with the r1, and another one stands in its place.
 
     Args:
         task: What is done.
@@ -58,12 +62,18 @@ def begin(
         problem: The task's, with wildcards written out.
         instance: Which of its starts.
         split: Of which instances.
-        render, assisted: As of `World`.
+        render, assisted, robot: As of `World`.
 
     Raises:
         UserError: :init asks for what cannot be sampled, or a hidden instance is meant and its seed is not known.
-        BackendError: No draw would do; it says why the last would not.
+        BackendError: No draw would do; it says why the last would not. Or another robot does not fit where it begins.
     """
+    if robot is not R1:
+        _, same = begin(task, house, catalogue, problem, instance, split, render=False)
+        world, _ = settled(house, same, render=render, assisted=assisted, robot=robot)
+        if (unfit := next(faults(world, same, house, problem), None)) is not None:
+            raise BackendError(f"{task.problem}, instance {instance}, will not do for {robot.name}: {unfit}")
+        return world, same
     cache = StartCache(task, house, catalogue, problem, instance, split)
     wrong = "no draw"
     for draw in range(-1, DRAWS):  # before the first draw: what is kept
@@ -88,9 +98,11 @@ def begin(
     raise BackendError(f"{task.problem}: no start of instance {instance} would do in {DRAWS} draws; the last: {wrong}")
 
 
-def settled(house: House, start: Start, *, render: bool = True, assisted: bool = False) -> tuple[World, list[str]]:
+def settled(
+    house: House, start: Start, *, render: bool = True, assisted: bool = False, robot: RobotModel = R1
+) -> tuple[World, list[str]]:
     """The world of a start once everything has come to rest, and the names of what has not within 4 s."""
-    world = World(house, start.objects, start.base_pose, render=render, assisted=assisted)
+    world = World(house, start.objects, start.base_pose, render=render, assisted=assisted, robot=robot)
     return world, come_to_rest(world, start)
 
 

@@ -12,11 +12,13 @@ from mpvi_bt.plan.check import plan_problems
 from mpvi_bt.plan.planners import Planned, Planner
 from mpvi_bt.plan.schema import Plan, check_plan
 from mpvi_bt.plan.skills import Skill, load_skills
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.suite.backends import NOBODY, choose
 from mpvi_bt.suite.checkers import check_checker_choice
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.detectors import make_detector
+from mpvi_bt.suite.hands import check_hands
 from mpvi_bt.suite.language import Models, check_language_choice
 from mpvi_bt.suite.planners import ground, make_planner
 from mpvi_bt.suite.policies import check_policy_choice
@@ -73,7 +75,8 @@ def prepare(config: EpisodeConfig, tell: Callable[[str], None] = lambda line: No
         tell: Is told in a line what takes its time.
 
     Raises:
-        UserError: One of them does not exist or is wrong, a parameter has no value, or nothing is there to run.
+        UserError: One of them does not exist or is wrong, a parameter has no value, nothing is there to run, or it is
+            for other hands than the robot has.
         FileProblems: All that is wrong with a file, rooms that the task's house lacks, or rules that fit no node.
         ModelError: A language model is to plan, and makes no plan.
     """
@@ -104,6 +107,7 @@ def prepare(config: EpisodeConfig, tell: Callable[[str], None] = lambda line: No
             raise FileProblems(problems)
     else:
         raise UserError("there is nothing to run: name a task, a tree or a plan.")
+    check_hands(robot_named(config.robot), spec, skills)
     rules = None
     if config.substitute is not None:
         rules = load_rules(config.substitute)

@@ -50,6 +50,7 @@ class SavedSettings(Record):
     policy_horizon: Annotated[int, Field(ge=1)] | None = None
     policy_ensemble: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
     assisted: bool = False
+    robot: str = "r1"
     sim: Literal["sapien", "maniskill"] = "sapien"
     tree: str | None
     plan: str | None

@@ -7,6 +7,9 @@ import importlib.util
 from typing import TYPE_CHECKING
 
 from mpvi_bt.errors import UserError
+from mpvi_bt.robot.r1 import R1
+from mpvi_bt.robot.robots import robot_named
+from mpvi_bt.suite.backends import split
 from mpvi_bt.suite.config import EpisodeConfig
 
 if TYPE_CHECKING:
@@ -17,9 +20,19 @@ _MANISKILL = "mpvi_bt.sim.maniskill"  # stands above this part, which knows but 
 
 
 def check_simulator_choice(config: EpisodeConfig) -> None:
-    """Raise UserError if the simulator of an episode is not installed."""
+    """Raise UserError if the simulator of an episode is not installed, or if it or the policy is not for its robot."""
     if config.sim == "maniskill" and importlib.util.find_spec("mani_skill") is None:
         raise UserError("--sim maniskill needs ManiSkill, which is not installed: pip install 'mpvi_bt[maniskill]'")
+    if robot_named(config.robot) is R1:
+        return
+    policy, address = split(config.policy)
+    wrong = {
+        f"--sim {config.sim} runs trees": config.sim != "sapien",
+        f"policy {policy} speaks": bool(address),
+        "--demonstration records": config.demonstration is not None,
+    }
+    if refused := [what for what, so in wrong.items() if so]:
+        raise UserError(f"--robot {config.robot}: {refused[0]} with the r1 only.")
 
 
 def begin_elsewhere(config: EpisodeConfig, render: bool) -> tuple[World, Start]:
