@@ -21,7 +21,7 @@ from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.ground import APART_M, DOORWAY_M, OBJECT_CLEARANCE_M, PASSAGE_M, ROBOT_CLEARANCE_M
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.sim.prior_map import obstacles, prior_map
-from mpvi_bt.sim.sampling import Start, sample, scene_names
+from mpvi_bt.sim.sampling import OPEN, Start, sample, scene_names
 from mpvi_bt.suite.tasks import load_task
 from tests.small_house import small_house
 
@@ -261,12 +261,12 @@ def test_gaps_are_as_wide_as_the_number_of_things_allows() -> None:
 
 
 def test_doors_are_closed_but_for_what_init_has_open() -> None:
-    """What is open begins fully open, all else closed; cooked is taken as it is said."""
+    """What is open begins as far open as hands can mend, all else closed; cooked is taken as it is said."""
     closed = furnished("(ontop {} table.n.02_1) (not (open cabinet.n.01_1)) (cooked can__of__soda.n.01_1)")
     assert not in_hall(closed, 0).openings
     opened = furnished("(ontop {} table.n.02_1) (open cabinet.n.01_1) (toggled_on cabinet.n.01_1)")
     begin = in_hall(opened, 0)
-    assert begin.openings == {"cabinet": {"door": 1.0}}
+    assert begin.openings == {"cabinet": {"door": OPEN}}
     assert begin.on == ("cabinet",)
     with pytest.raises(UserError, match="table has nothing that opens"):
         in_hall(furnished("(ontop {} table.n.02_1) (open table.n.02_1)"), 0)

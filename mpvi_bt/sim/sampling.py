@@ -20,7 +20,7 @@ from mpvi_bt.sim.world import Placement
 
 PLACES = ("ontop", "inside", "under")  # what :init may say of where a thing is,
 STATES = ("open", "toggled_on")  # and of how it is
-OPEN = 1.0  # opening of what :init has open
+OPEN = 0.65  # of its range, of what :init has open: wider open, the lid of a car is out of a hand's reach
 
 
 @dataclass(frozen=True, eq=False)
