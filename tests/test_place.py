@@ -67,3 +67,19 @@ def test_what_falls_beside_its_container_is_put_in_once_more(
     except MotionFailure as failure:
         log.append(failure.reason)
     assert " ".join(log) == done
+
+
+def test_what_slips_out_just_before_it_is_put_in_is_not_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It may fall while the hand is brought before the body: that is a failure with its reason, no other error."""
+    world = small_world({"bowl": placed("mixing_bowl", 0.6, 0.0), "egg": placed("easter_egg", 0.6, 0.5, 0.02)})
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    hands: dict[Side, str | None] = {"left": "egg", "right": None}
+    monkeypatch.setattr(work.scene, "holding", lambda side: hands[side])
+
+    def unwedge(work: Work) -> Actions:
+        hands["left"] = None
+        yield from ()
+
+    monkeypatch.setattr(place, "unwedge", unwedge)
+    with pytest.raises(MotionFailure, match="not_held"):
+        list(place.place_in(work, EGG, []))

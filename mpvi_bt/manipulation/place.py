@@ -41,7 +41,7 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
     """
     side = work.hand_with(words["object"], words.get("hand"))
     container = work.nearest(words["container"], ajar=True)
-    name = work.held()[side].name
+    name = work.load(side).name
     if (yield from _put_in(work, side, container, tried)):
         return
     if work.scene.holding(side) is None:
@@ -54,7 +54,7 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
 def _put_in(work: Work, side: Side, container: str, tried: list[Array]) -> Generator[Array, None, bool]:
     """Let go of what a hand holds in a container; returns whether it came to lie in there. Raises as `place_in`."""
     yield from unwedge(work)
-    held = work.held()[side]
+    held = work.load(side)
     if not work.scene.volumes(container):  # so far it may have been seen in part, or from below
         yield from study(work, container)
     if not work.scene.volumes(container):
@@ -87,7 +87,7 @@ def place_on(work: Work, words: Words, tried: list[Array]) -> Actions:
 
 def set_on_floor(work: Work, side: Side, tried: list[Array]) -> Actions:
     """Set what a hand holds down on free floor around the robot. Raises as `place_on`."""
-    groups = _upright_first(lambda leans: spots.on_floor(work, work.held()[side], leans), LYING)
+    groups = _upright_first(lambda leans: spots.on_floor(work, work.load(side), leans), LYING)
     yield from _place(work, side, None, groups, tried)
 
 
@@ -124,14 +124,14 @@ def _upright_first(groups: Callable[[Sequence[float]], Iterable[Sequence[Pose]]]
 
 def _place_by(work: Work, side: Side, name: str, at: Spots, leans: Sequence[float], tried: list[Array]) -> Actions:
     """Set down at spots by a thing: on it, next to it, under it."""
-    held = work.held()[side]
+    held = work.load(side)
     yield from _place(work, side, name, _upright_first(lambda some: at(work, held, name, some), leans), tried)
 
 
 def _place(work: Work, side: Side, about: str | None, groups: Groups, tried: list[Array]) -> Actions:
     """Set down, see whether it stayed where it was to lie, fold the arm."""
     yield from unwedge(work)
-    held = work.held()[side]
+    held = work.load(side)
     bottom = yield from place_at(work, side, held, about, groups, tried)
     yield from work.see("head")
     box, _ = spots.size(work.scene.solids(held.name))

@@ -56,7 +56,7 @@ def pour(work: Work, words: Words, tried: list[Array]) -> Actions:
     contents = list(scene.within(str(scene.holding(side))))
 
     def find(search: Search, here_first: bool) -> Stance | None:
-        held = work.held()[side]
+        held = work.load(side)
         place, height = _opening(work, target)
         last: Stance | None = None
         for tipped, higher in _WAYS:

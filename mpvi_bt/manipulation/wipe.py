@@ -126,7 +126,7 @@ def _over(
         grounded, parts = _grounded(work, search, target), [seen]
         while parts:
             for k, part in enumerate(parts):
-                options = list(_options(work, work.held()[side], part, height, strokes))
+                options = list(_options(work, work.load(side), part, height, strokes))
                 if (stance := grounded.find(part.middle[:2], options, here_first)) is not None:
                     left[:] = parts[:k] + parts[k + 1 :]
                     return stance

@@ -154,6 +154,16 @@ class Work:
                 out[side] = Held(name, frame @ self.scene.pose(name), solids, Load(solids, volumes), bool(inner))
         return out
 
+    def load(self, side: Side) -> Held:
+        """What a hand holds, with what lies in it.
+
+        Raises:
+            MotionFailure: "not_held" if that is nothing, such as when it has just slipped out.
+        """
+        if (held := self.held().get(side)) is None:
+            raise MotionFailure("not_held")
+        return held
+
     def carried(self) -> set[str]:
         """What the robot carries, in one hand or between both, with what lies in it."""
         names = [*map(self.scene.holding, SIDES), self.scene.between()]
