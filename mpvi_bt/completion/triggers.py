@@ -199,14 +199,12 @@ class _Hand:
                 self._grasp_width = self._width
                 self._way = _Way(self._t)
                 self._report("grasp")
-        elif not grips and self._width >= min(self._grasp_width + t.opened_m, t.full_m):
-            self._grasp_width, self._way = None, None
-            self._report("release")
-        elif (
-            told_m < self._grasp_width and self._width < told_m + t.empty_m
-        ):  # it slipped out, maybe where it was to go
-            self._grasp_width, self._way = None, None
-            self._report("release")
+        else:
+            let_go = not grips and self._width >= min(self._grasp_width + t.opened_m, t.full_m)
+            slipped = told_m < self._grasp_width and self._width < told_m + t.empty_m  # maybe where it was to lie
+            if let_go or slipped:
+                self._grasp_width, self._way = None, None
+                self._report("release")
 
     def feel_way(self, body: Proprioception) -> None:
         """Take in where the hand is in the world, if it has taken hold of something."""
