@@ -334,10 +334,10 @@ def end(driver: Driver, robot: KinematicRobot, *goals: tuple[float, float, float
 
 
 def test_a_start_beside_an_obstacle_is_left_and_one_deep_inside_is_not() -> None:
-    """Within the inflation of a wall, or just inside an obstacle, the base leaves; else it says that it cannot."""
+    """Within the inflation of a wall, or in an obstacle, as under a lid, it leaves; deep in one it says it cannot."""
     grid_map = hall()
     put_box(grid_map, (2.0, 1.0), (5.5, 4.0))
-    for start, reason in (((1.85, 2.5), ""), ((2.1, 2.5), ""), ((3.75, 2.5), "start_in_collision")):
+    for start, reason in (((1.85, 2.5), ""), ((2.1, 2.5), ""), ((2.6, 2.5), ""), ((3.75, 2.5), "start_in_collision")):
         robot = KinematicRobot(*start)
         assert end(Driver(robot, lambda: grid_map, KnowledgeBase), robot, (1.0, 1.0, 0.0)) == reason
 

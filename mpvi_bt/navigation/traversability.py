@@ -18,7 +18,8 @@ Box = tuple[tuple[float, float], tuple[float, float]]  # lowest and highest corn
 Disc = tuple[float, float, float]  # x, y, radius [m]
 
 ESCAPE_COST = 20.0  # of a cell that is too near an obstacle, which only a robot that stands there already may use
-
+_NEAR_M = 0.6  # a base that stands too near an obstacle may do so within this distance,
+_OUT_M, _DEEP_M = 0.15, 1.3  # or a little beyond the nearest place where it fits, if that is no farther than this
 
 Corners = tuple[Array | tuple[float, float], Array | tuple[float, float]]
 
@@ -66,17 +67,20 @@ class Traversability:
         """(N, 2) world x, y [m] of the centers of cells (N, 2)."""
         return self.map.origin_m + (np.asarray(cells)[:, ::-1] + 0.5) * self.map.resolution_m
 
-    def escaping(self, xy: Array, reach_m: float = 0.6) -> Traversability:
+    def escaping(self, xy: Array) -> Traversability:
         """The same grid for a robot that stands closer to an obstacle than its footprint: it may leave.
 
-        Cells within `reach_m` of `xy` that are no closer to an obstacle than it is now, or no deeper in one, become
-        dear instead of blocked. Manipulation leaves the base in such places.
+        Cells near `xy` that are no closer to an obstacle than it is now, or no deeper in one, become dear instead of
+        blocked. Manipulation leaves the base in such places, also well within what the map takes for an obstacle: under
+        the open lid of a trunk.
         """
         row, column = self.map.cell(xy)
         if not self.map.inside(row, column) or not np.isinf(self.cost[row, column]):
             return self
         rows, columns = np.ogrid[: self.cost.shape[0], : self.cost.shape[1]]
-        near = np.hypot(rows - row, columns - column) * self.map.resolution_m <= reach_m
+        away_m = np.hypot(rows - row, columns - column) * self.map.resolution_m
+        out_m = float(away_m[np.isfinite(self.cost)].min(initial=np.inf)) + _OUT_M
+        near = away_m <= (max(out_m, _NEAR_M) if out_m <= _DEEP_M else _NEAR_M)
         clear = self.clearance_m
         if self.occupied[row, column]:
             clear = clear - ndimage.distance_transform_edt(self.occupied) * self.map.resolution_m
