@@ -15,6 +15,7 @@ from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.drawing import marks
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import r1
+from mpvi_bt.robot.model import Camera
 from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, CameraImage, Proprioception
 from mpvi_bt.tree.yaml_io import load_tree
 
@@ -42,7 +43,7 @@ def test_the_action_table_is_the_layout() -> None:
 
 
 @pytest.mark.parametrize("camera", r1.CAMERAS.values(), ids=r1.CAMERAS)
-def test_camera_sizes_are_documented(camera: r1.Camera) -> None:
+def test_camera_sizes_are_documented(camera: Camera) -> None:
     """The document names the picture size of each camera."""
     assert f"{camera.width} x {camera.height}" in OBSERVATIONS
 

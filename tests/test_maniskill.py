@@ -18,9 +18,10 @@ import torch
 from mani_skill.utils.wrappers.gymnasium import CPUGymWrapper
 from mani_skill.utils.wrappers.record import RecordEpisode
 
-from mpvi_bt.errors import UnknownName, UserError
+from mpvi_bt.errors import BackendError, UnknownName, UserError
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
+from mpvi_bt.robot.fetch import FETCH
 from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
 from mpvi_bt.robot.r1 import R1
@@ -261,13 +262,15 @@ def test_a_hand_goes_where_it_is_asked_to() -> None:
 
 
 def test_what_cannot_be_made_is_refused() -> None:
-    """Unknown tasks, instances that are not there and physics on a GPU that is not there are one clear line."""
+    """Unknown tasks, robots and instances, and physics on a GPU that is not there, are one clear line."""
     with pytest.raises(UnknownName, match="picking_up_trash"):
         make(task="picking_up_thrash")
     with pytest.raises(UserError, match="instance 9999"):
         make(instance=9999)
     with pytest.raises(UserError, match="num_envs=2"):
         make(num_envs=2)
+    with pytest.raises(UnknownName, match="robot 'panda'"):
+        make(robot_uids="panda")
 
 
 @pytest.mark.slow
@@ -356,3 +359,70 @@ def test_pictures_show_the_house(mode: str) -> None:
     assert obs["extra"]["base_pose"].shape == (1, 3)
     assert "objects" not in obs["extra"]
     env.close()
+
+
+@pytest.fixture(scope="module")
+def fetch() -> Iterator[gymnasium.Env[Any, Any]]:
+    """ManiSkill's own Fetch in the house."""
+    made = make(robot_uids="fetch", obs_mode="state_dict")
+    yield made
+    made.close()
+
+
+def test_maniskills_fetch_begins_where_the_r1_does(fetch: gymnasium.Env[Any, Any]) -> None:
+    """It stands at the instance's pose, its arm folded, touches nothing but the ground, and is felt where it is."""
+    fetch.reset()
+    world = inner(fetch).world
+    felt = world.robot.proprioception()
+    np.testing.assert_allclose(felt.base_pose, inner(fetch).start.base_pose, atol=1e-4)
+    np.testing.assert_allclose(felt.arm["right"], FETCH.travel_arm["right"], atol=1e-2)
+    touched = {other for pair in world.contacts() if "robot" in pair[:2] for other in pair[:2]} - {"robot"}
+    assert not [name for name in touched if not name.startswith("floor_")]
+    hand = world.robot.links["gripper_link"].entity.pose.to_transformation_matrix()
+    np.testing.assert_allclose(world.robot.hand_pose_world("right")[:3, 3], (hand @ [0.019, 0, 0, 1])[:3], atol=1e-3)
+
+
+def test_maniskills_fetch_does_as_its_controllers_are_told(fetch: gymnasium.Env[Any, Any]) -> None:
+    """Two seconds at 0.3 m/s take it 0.6 m ahead over the floor; what is commanded is felt."""
+    obs, _ = fetch.reset()
+    assert obs["agent"]["qpos"].shape == (1, 15)
+    world = inner(fetch).world
+    begun = world.robot.proprioception().base_pose
+    action = np.zeros(fetch.action_space.shape or (), np.float32)
+    action[7], action[-2] = -1.0, 0.3  # gripper, ahead
+    for _ in range(60):
+        fetch.step(action)
+    felt = world.robot.proprioception()
+    gone = felt.base_pose - begun
+    ahead = gone[0] * np.cos(begun[2]) + gone[1] * np.sin(begun[2])
+    assert ahead == pytest.approx(0.6, abs=0.08)
+    assert felt.gripper_command["right"] == pytest.approx(-1.0)
+    assert felt.gripper_width["right"] < 0.01
+
+
+def test_maniskills_fetch_is_judged_as_the_r1_is(fetch: gymnasium.Env[Any, Any]) -> None:
+    """Cans in the bin are q 1, whoever put them there; trees do not drive it, which is one clear line."""
+    fetch.reset()
+    world = inner(fetch).world
+    bin_ = next(name for name in world.objects if name.startswith("ashcan"))
+    for k, can in enumerate(name for name in world.objects if name.startswith("can")):
+        world.place(can, kin.transform(np.eye(3), world.pose(bin_)[:3, 3] + [0.0, 0.0, 0.1 + 0.05 * k]), fixed=True)
+    _, reward, terminated, _, info = fetch.step(np.zeros(fetch.action_space.shape or (), np.float32))
+    assert float(info["q"]) == float(reward) == 1.0
+    assert bool(terminated)
+    with pytest.raises(BackendError, match="its own controllers"):
+        world.step(np.zeros(ACTION_SIZE))
+
+
+@pytest.mark.slow
+def test_random_steps_of_maniskills_fetch_are_finite_and_repeat() -> None:
+    """Random actions give finite observations, and the same ones again for the same seed."""
+    runs = []
+    for _ in range(2):
+        env = make(robot_uids="fetch", obs_mode="state")
+        env.action_space.seed(0)
+        env.reset(seed=3)
+        runs.append(np.stack([env.step(env.action_space.sample())[0].numpy() for _ in range(40)]))
+        env.close()
+    assert np.isfinite(runs[0]).all()
+    np.testing.assert_array_equal(*runs)

@@ -14,21 +14,24 @@ import gymnasium
 import numpy as np
 import sapien
 import torch
+from mani_skill.agents.base_agent import BaseAgent
 from mani_skill.envs.sapien_env import BaseEnv
 from mani_skill.sensors.camera import CameraConfig
 from mani_skill.utils.registration import register_env
 from mani_skill.utils.structs.types import SimConfig
 
-from mpvi_bt.errors import UserError
+from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.goals.evaluate import GoalReport, Snapshot, judge, snapshot
 from mpvi_bt.goals.predicates import truth_in
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.protocol import SIDES
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.sim import maniskill_fetch
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.maniskill_agent import R1
 from mpvi_bt.sim.maniskill_scene import SHADERS, adopt, register_shaders, simulation
 from mpvi_bt.sim.maniskill_world import ManiSkillWorld
+from mpvi_bt.sim.robot import SimRobot
 from mpvi_bt.sim.sampling import Start
 from mpvi_bt.sim.shaders import add_lights, renderer, use_light_shaders
 from mpvi_bt.sim.views import overview
@@ -56,8 +59,9 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
     """A task in the house.
 
     Observations: of the agent, joints and commands; "extra", `base_pose` x, y [m], yaw [rad] and `gripper_width` left,
-    right [m], in state modes also `objects`, pose x, y, z [m], quaternion wxyz of each movable thing, and `openings`,
-    0 closed to 1 open, of each door and drawer. In visual modes the pictures of cameras "head", "left", "right".
+    right [m] (the fetch has the right one), in state modes also `objects`, pose x, y, z [m], quaternion wxyz of each
+    movable thing, and `openings`, 0 closed to 1 open, of each door and drawer. In visual modes the pictures of the
+    robot's cameras: of the r1 "head", "left", "right", of the fetch "fetch_head", "fetch_hand".
 
     What `evaluate` tells: `success`, `q` as at the end of an episode of `mpvi run`, and `predicates`, each literal of
     the goal. Rewards: "q_increment" (also by the names "dense" and "normalized_dense"), what q has gained in the step,
@@ -70,10 +74,10 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
         instance: Which start of the task it is.
     """
 
-    SUPPORTED_ROBOTS = ("r1",)
+    SUPPORTED_ROBOTS = ("r1", "fetch")
     SUPPORTED_REWARD_MODES = ("q_increment", "normalized_dense", "dense", "sparse", "none")
 
-    agent: R1
+    agent: BaseAgent
     world: ManiSkillWorld
     start: Start
     instance: int
@@ -103,14 +107,16 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
             instance: Which of the task's starts; None: the episode's seed draws one.
             split: Of which instances.
             assisted: Whether a closing hand fixes what it pinches to itself.
-            robot_uids: "r1".
+            robot_uids: "r1", or "fetch": ManiSkill's own, with its controllers and cameras.
             render_backend: As of ManiSkill; None: none where nothing draws, else the GPU or, without one, the CPU.
             reconfiguration_freq: As of ManiSkill; None: each reset builds the scene anew, so that it is the same bit by
                 bit whatever came before. (0 only puts things back: faster, and what physics has cached stays.)
 
         Raises:
-            UserError: There is no such task, or this cannot be simulated here.
+            UserError: There is no such task or robot, or this cannot be simulated here.
         """
+        if robot_uids not in self.SUPPORTED_ROBOTS:
+            raise UnknownName("robot", str(robot_uids), self.SUPPORTED_ROBOTS)
         if num_envs != 1 or sim_backend not in ("auto", "cpu", "physx_cpu"):
             raise UserError(_no_gpu(num_envs, sim_backend))
         self.task: Task = load_task(task)
@@ -152,12 +158,21 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
         visible = self.scene.can_render()
         if visible:
             use_light_shaders()
+        fetch = self._fetch if self.robot_uids == maniskill_fetch.NAME else None
         self.world = ManiSkillWorld(
-            self.scene.sub_scenes[0], self.step, self._house, self.start, visible, self._assisted
+            self.scene.sub_scenes[0], self.step, self._house, self.start, visible, self._assisted, fetch
         )
         self._unmoved = self.world.save()
         self._fresh = True
-        self.agent = R1(self.scene, self._control_freq, self._control_mode, robots=[self.world.robot])
+        if fetch is not None:
+            maniskill_fetch.let_roll(map(self.world.thing, self.world.things))
+        else:
+            self.agent = R1(self.scene, self._control_freq, self._control_mode, robots=[self.world.robot])
+
+    def _fetch(self, base_pose: Array) -> SimRobot:
+        robot = maniskill_fetch.put(self.scene, self._control_freq, self._control_mode, base_pose)
+        self.agent = robot.agent
+        return robot
 
     def _load_scene(self, options: Mapping[str, Any]) -> None:
         self._views = {name: adopt(self.scene, [self.world.thing(name)]) for name in self.world.things}
@@ -262,7 +277,7 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
         felt = self.world.robot.proprioception()
         extra: dict[str, Any] = {
             "base_pose": _row(felt.base_pose),
-            "gripper_width": _row([felt.gripper_width[side] for side in SIDES]),
+            "gripper_width": _row([felt.gripper_width[side] for side in felt.sides]),
         }
         if self.obs_mode_struct.state or self._obs_mode in _STATE_MODES:
             poses = {name: self.world.thing(name).entity.pose for name in self.world.objects}

@@ -8,9 +8,11 @@ import numpy as np
 import sapien
 from numpy.typing import NDArray
 
+from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.builder import Thing
 from mpvi_bt.sim.house import House
+from mpvi_bt.sim.robot import SimRobot
 from mpvi_bt.sim.sampling import Start
 from mpvi_bt.sim.world import World
 
@@ -26,6 +28,7 @@ class ManiSkillWorld(World):
         start: Start,
         render: bool,
         assisted: bool = False,
+        fetch: Callable[[Array], SimRobot] | None = None,
     ) -> None:
         """Build a start of a task in `scene`.
 
@@ -36,10 +39,20 @@ class ManiSkillWorld(World):
             start: Where things and the robot begin; nothing has moved yet.
             render: Whether pictures can be asked for.
             assisted: As of `World`.
+            fetch: Puts ManiSkill's own Fetch at a pose (3,) x, y [m], yaw [rad]; None: the robot is the r1.
         """
+        self._fetch = fetch
         super().__init__(house, start.objects, start.base_pose, render=render, assisted=assisted, scene=scene)
         self._step = step
         self._wrapped = False
+
+    def _put_robot(self, base_pose: Array, model: RobotModel) -> SimRobot:
+        return super()._put_robot(base_pose, model) if self._fetch is None else self._fetch(base_pose)
+
+    def stepped(self) -> None:
+        """See to all that is due after the physics of a control step."""
+        self.robot.forget()  # whoever sends the drives their commands
+        super().stepped()
 
     def step_through(self, step: Callable[[NDArray[np.float32]], object]) -> None:
         """Have steps go through a wrapper of the environment, such as one that records them, until the next reset.
