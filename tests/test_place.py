@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -83,3 +84,25 @@ def test_what_slips_out_just_before_it_is_put_in_is_not_held(monkeypatch: pytest
     monkeypatch.setattr(place, "unwedge", unwedge)
     with pytest.raises(MotionFailure, match="not_held"):
         list(place.place_in(work, EGG, []))
+
+
+def test_the_shelf_is_the_same_shelf_again() -> None:
+    """Of two side by side what a phrase meant first it means from wherever both are near; "another" is the other."""
+    world = small_world(
+        {},
+        shelf_1="{entry: shelf, at: [1.0, 0.5], yaw_deg: 180}",
+        shelf_2="{entry: shelf, at: [1.0, -0.5], yaw_deg: 180}",
+    )
+    felt = world.robot.proprioception()
+
+    def there(y: float, meant: dict[str, str]) -> Work:
+        motion = Motion(replace(felt, base_pose=np.array([0.0, y, 0.0])))
+        return Work(TrueScene(world), motion, np.random.default_rng(0), meant=meant)
+
+    meant: dict[str, str] = {}
+    assert there(0.3, meant).same("the shelf") == "shelf_1"
+    assert there(-0.3, meant).same("the shelf") == "shelf_1"
+    assert there(-0.3, {}).same("the shelf") == "shelf_2"
+    assert there(0.3, meant).same("the other shelf") == "shelf_2"
+    far = {"shelf": "shelf_1"}
+    assert there(-2.0, far).same("the shelf") == "shelf_2"

@@ -40,7 +40,7 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
             "not_released", "missed", or a motion's own reason.
     """
     side = work.hand_with(words["object"], words.get("hand"))
-    container = work.nearest(words["container"], ajar=True)
+    container = work.same(words["container"], ajar=True)
     name = work.load(side).name
     if (yield from _put_in(work, side, container, tried)):
         return
@@ -82,7 +82,7 @@ def place_on(work: Work, words: Words, tried: list[Array]) -> Actions:
     if spots.is_floor(words["surface"]):
         yield from set_on_floor(work, side, tried)
         return
-    yield from _place_by(work, side, work.nearest(words["surface"]), spots.on, LYING, tried)
+    yield from _place_by(work, side, work.same(words["surface"]), spots.on, LYING, tried)
 
 
 def set_on_floor(work: Work, side: Side, tried: list[Array]) -> Actions:

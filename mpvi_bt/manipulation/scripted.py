@@ -55,6 +55,7 @@ class ScriptedPolicy:
         self._scene, self._sight = scene, sight
         self._skills, self._seed, self._timer = skills, seed, timer
         self._calls = 0
+        self._meant: dict[str, str] = {}
         self.note = ""
         self.attempts = 0
         self.planning_s = 0.0
@@ -80,7 +81,8 @@ class ScriptedPolicy:
             self._calls += 1
             self.ended = False
             rng = np.random.default_rng([self._seed, self._calls])
-            self._work = Work(self._scene, Motion(felt), rng, self._sight, effort=Effort(_CHECKS))
+            meant = {} if self._sight else self._meant  # what is only seen is numbered anew for each prompt
+            self._work = Work(self._scene, Motion(felt), rng, self._sight, effort=Effort(_CHECKS), meant=meant)
             self._actions = self._performed(self._work, self._prompt)
         work = self._work
         work.motion.felt, work.images = felt, observation["images"]

@@ -12,7 +12,7 @@ from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.scene import Scene, Sight
 from mpvi_bt.manipulation.search import Search
 from mpvi_bt.perception.knowledge import Entry
-from mpvi_bt.perception.phrases import read
+from mpvi_bt.perception.phrases import OTHER, normalize, read
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Load, Obstacles
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
@@ -42,6 +42,7 @@ class Work:
         ajar: Out of what front (3,) of things a door was last seen to stand open, by name.
         lay: Where things were when a hand closed on them: x, y of their frames, height of their lowest points [m].
         bearings: Directions in the world [rad] that words such as "left" had when they were first heeded.
+        meant: What phrases for where things go have named so far.
     """
 
     scene: Scene
@@ -54,6 +55,7 @@ class Work:
     ajar: dict[str, Array] = field(default_factory=dict)
     lay: dict[str, Array] = field(default_factory=dict)
     bearings: dict[str, float] = field(default_factory=dict)
+    meant: dict[str, str] = field(default_factory=dict)
 
     @property
     def base(self) -> Array:
@@ -76,6 +78,18 @@ class Work:
     def nearest(self, phrase: str, source: str | None = None, ajar: bool = False) -> str:
         """The first of those that a phrase names, as `alike` orders them. Raises as `alike`."""
         return self.alike(phrase, source, ajar)[0]
+
+    def same(self, phrase: str, ajar: bool = False) -> str:
+        """As `nearest`, but what a phrase has named it names again while that is near; "another" names one of the rest.
+
+        Of two bookcases side by side "the bookcase" is that in which the first thing was put, as in a person's words.
+        """
+        names, said = self.alike(phrase, ajar=ajar), normalize(OTHER.sub("", phrase))
+        before, here = self.meant.get(said), self.motion.felt.base_pose[:2]
+        if before in names and np.linalg.norm(self.middle(before)[:2] - here) < NEAR_M:
+            names = [n for n in names if (n == before) != bool(OTHER.match(phrase))] or names
+        self.meant[said] = names[0]
+        return names[0]
 
     def alike(self, phrase: str, source: str | None = None, ajar: bool = False) -> list[str]:
         """The things that a phrase names, of those that are still to be picked up, if there are any; the nearest first.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +15,7 @@ from mpvi_bt.navigation.goals import Goal, at_target, object_goals, room_goals
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, normalize
 from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.perception.phrases import OTHER
 from mpvi_bt.robot.protocol import Robot
 from mpvi_bt.robot.solids import Array
 
@@ -28,7 +28,6 @@ class Trip:
     room: str | None
 
 
-_OTHER = re.compile(r"(?:the )?(?:another|other|next)\b", re.IGNORECASE)
 _GOALS = 40  # looked at of each target: the best where nothing carried would touch
 
 
@@ -141,7 +140,7 @@ class KnownPlaceNavigator:
         if len(fixtures) > 1:
             here = self._robot.proprioception().base_pose[:2]
             nearest_one = min(fixtures, key=lambda e: float(np.linalg.norm(e.center[:2] - here)))
-            self._been[normalize(trip.target)] = nearest_one.name
+            self._been[_said(trip.target)] = nearest_one.name
 
     def _drive_to(
         self, trip: Trip, entries: list[Entry], room: str | None, until: Callable[[], bool] = never
@@ -191,7 +190,7 @@ class KnownPlaceNavigator:
         hits = knowledge.filled_so(hits, trip.target)
         best = [h for h in hits if h.away == hits[0].away]
         if hits and hits[0].kind == "fixture":
-            been, other = self._been.get(normalize(trip.target)), bool(_OTHER.match(trip.target))
+            been, other = self._been.get(_said(trip.target)), bool(OTHER.match(trip.target))
             best = [h for h in best if been and (h.name == been) != other] or knowledge.joined(best)
         return best, rooms.get(normalize(trip.room)) if trip.room else None
 
@@ -203,3 +202,8 @@ class KnownPlaceNavigator:
             return room is not None and self._map().room_at(pose[:2]) == room
         grid = self._driver.grid()
         return any(at_target(entry, pose, grid, self.parameters.handoff, slack_m) for entry in entries)
+
+
+def _said(target: str) -> str:
+    """What "another cabinet" and "the cabinet" have in common."""
+    return normalize(OTHER.sub("", target))

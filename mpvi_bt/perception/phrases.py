@@ -25,6 +25,8 @@ import yaml
 
 MOST_CHARACTERS = 300  # a longer phrase names nothing
 
+OTHER = re.compile(r"(?:the )?(?:another|other|next)\b", re.IGNORECASE)  # said of one that was not meant before
+
 _ARTICLES = re.compile(r"^(?:an?|the|one|another|some|any|next|first|second|third|last)\s+")
 
 _WHERE = r"(?:front|top|upper|middle|lower|bottom|left|right)"
