@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.errors import UnknownName, UserError
+from mpvi_bt.errors import BackendError, UnknownName, UserError
 from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.grid import shortest_path
 from mpvi_bt.navigation.loaded import loaded_path
@@ -33,7 +33,7 @@ from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.prepare import prepare_episode
 from mpvi_bt.testing import check_robot
 from tests.navigation_maps import KinematicRobot, two_rooms
-from tests.small_house import small_world
+from tests.small_house import placed, small_world
 
 ARM = FETCH.arms["right"]
 PLAN = Path(__file__).parent.parent / "examples" / "one_hand.json"
@@ -225,6 +225,23 @@ def test_its_joints_are_those_that_its_maker_publishes() -> None:
         if theirs[name].get("type") in ("revolute", "prismatic") and limit is not None and own is not None:
             for bound in ("lower", "upper"):
                 assert float(own.get(bound, "nan")) == pytest.approx(float(limit.get(bound, "nan")), abs=1e-4)
+
+
+@pytest.mark.render
+def test_its_cameras_show_what_is_before_them() -> None:
+    """The head sees a can on the floor ahead, the wrist the fingers; each in its own size."""
+    world = small_world({"can_1": placed("can_of_soda", 1.1, 0.0)}, render=True, robot=FETCH)
+    action = world.robot.action
+    action[ActionLayout.TORSO] = 0.2, 0.0, 0.0, 0.75
+    for _ in range(30):
+        world.step(action)
+    for name, wanted in (("head", "can_1"), ("right", "robot")):
+        image = world.robot.look(name)
+        assert image.rgb.shape == (FETCH.cameras[name].height, FETCH.cameras[name].width, 3)
+        assert image.labels is not None
+        assert wanted in {image.names.get(int(label)) for label in np.unique(image.labels)}
+    with pytest.raises(BackendError, match="no camera 'left'"):
+        world.robot.look("left")
 
 
 @pytest.mark.slow

@@ -102,7 +102,7 @@ class Memory:
         self._feel_hands(felt)
 
     def _feel_hands(self, felt: Proprioception) -> None:
-        for side in SIDES:
+        for side in felt.sides:
             closed, gripped = felt.gripper_command[side] < -0.9, felt.holds(side)
             if side in self._grip and not gripped:
                 self._release(side, dropped=felt.gripper_width[side] <= EMPTY_M)

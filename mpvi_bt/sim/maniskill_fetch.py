@@ -9,6 +9,7 @@ import numpy as np
 import sapien
 from mani_skill.agents.base_agent import BaseAgent
 from mani_skill.agents.robots.fetch.fetch import FETCH_BASE_COLLISION_BIT, FETCH_WHEELS_COLLISION_BIT, Fetch
+from mani_skill.sensors.camera import CameraConfig
 
 from mpvi_bt.errors import BackendError
 from mpvi_bt.robot.fetch import FETCH
@@ -16,10 +17,23 @@ from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, bounds
 from mpvi_bt.sim.body import SimBody
 from mpvi_bt.sim.builder import Thing
+from mpvi_bt.sim.maniskill_scene import SHADERS, register_shaders
 from mpvi_bt.sim.robot import CLOSED_M, SimRobot
 from mpvi_bt.sim.world import GROUND_M
 
 NAME = "fetch"
+
+
+class _Agent(Fetch):  # type: ignore[misc]  # mani_skill is untyped
+    """The agent, its cameras with our light shaders: the pictures are the same, and the first comes much sooner."""
+
+    @property
+    def _sensor_configs(self) -> list[CameraConfig]:
+        register_shaders()
+        configs: list[CameraConfig] = super()._sensor_configs
+        for config in configs:
+            config.shader_pack = SHADERS
+        return configs
 
 
 class ShippedFetch(SimRobot):
@@ -80,7 +94,7 @@ class ShippedFetch(SimRobot):
 
 def put(scene: Any, control_freq: int, control_mode: str | None, base_pose: Array) -> ShippedFetch:
     """ManiSkill's Fetch in a scene of one environment, at `base_pose` (3,) x, y [m], yaw [rad]."""
-    return ShippedFetch(Fetch(scene, control_freq, control_mode), base_pose)
+    return ShippedFetch(_Agent(scene, control_freq, control_mode), base_pose)
 
 
 def let_roll(things: Iterable[Thing]) -> None:

@@ -9,7 +9,8 @@ from mpvi_bt.plan.context import Grounding
 from mpvi_bt.plan.language import LanguagePlanner
 from mpvi_bt.plan.planners import Planner, RecordedPlanner
 from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot.protocol import SIDES
+from mpvi_bt.robot.protocol import SIDES, Side
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.suite.backends import NOBODY, split
@@ -48,7 +49,7 @@ def make_planner(
     return LanguagePlanner(
         models.make(config.planner),
         load_skills(),
-        ground(place, task) if place else None,
+        ground(place, task, robot_named(config.robot).sides) if place else None,
         RecordedPlanner().all(),
         own,
         config.planned.with_suffix(".answer.txt") if config.planned else None,
@@ -56,12 +57,13 @@ def make_planner(
     )
 
 
-def ground(house: str, task: Task | None = None) -> Grounding:
+def ground(house: str, task: Task | None = None, hands: tuple[Side, ...] = SIDES) -> Grounding:
     """What a plan can name in a house, and with the things of a task: what the knowledge base and detectors know.
 
     Args:
         house: Name or file.
         task: Whose things are there; None: they are not known.
+        hands: Those of the robot.
 
     Raises:
         UserError: There is no such house.
@@ -77,5 +79,5 @@ def ground(house: str, task: Task | None = None) -> Grounding:
         rooms={room: tuple(f.entry.phrases[0] for f in fixtures if f.room == room) for room in place.rooms},
         names=names,
         things=task is not None,
-        hands=SIDES,
+        hands=hands,
     )

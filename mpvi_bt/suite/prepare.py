@@ -12,6 +12,7 @@ from mpvi_bt.plan.check import plan_problems
 from mpvi_bt.plan.planners import Planned, Planner
 from mpvi_bt.plan.schema import Plan, check_plan
 from mpvi_bt.plan.skills import Skill, load_skills
+from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.suite.backends import NOBODY, choose
@@ -94,7 +95,8 @@ def prepare(config: EpisodeConfig, tell: Callable[[str], None] = lambda line: No
             raise UserError("the tree of a file says itself who drives; --drive is for plans.")
         spec = _tree(config.tree, task, skills, arguments)
     elif config.plan is not None:
-        spec = compile_plan(_plan(config.plan, task, skills), skills, config.on_failure, config.drive)
+        plan = _plan(config.plan, task, skills, robot_named(config.robot))
+        spec = compile_plan(plan, skills, config.on_failure, config.drive)
     elif task is not None and config.planner == NOBODY:
         spec = compile_instruction(config.task_name, task.instruction)
     elif task is not None:
@@ -137,10 +139,10 @@ def _tree(name: str, task: Task | None, skills: Mapping[str, Skill], arguments: 
     return spec
 
 
-def _plan(name: str, task: Task | None, skills: Mapping[str, Skill]) -> Plan:
+def _plan(name: str, task: Task | None, skills: Mapping[str, Skill], robot: RobotModel) -> Plan:
     data, marks = load_marked(paths.find_or_file("tasks/plans", name))
     plan = check_plan(data, marks)
-    found = plan_problems(plan, skills, ground(task.house, task) if task else None, marks)
+    found = plan_problems(plan, skills, ground(task.house, task, robot.sides) if task else None, marks)
     if wrong := [problem for problem in found if problem.severity == "error"]:
         raise FileProblems(wrong)
     return plan
