@@ -15,7 +15,7 @@ from benchmarks.hands.two_hands import large_things
 from mpvi_bt.manipulation.expert import ExpertPolicy
 from mpvi_bt.manipulation.reactive import ReactivePolicy
 from mpvi_bt.manipulation.truth import TrueScene
-from mpvi_bt.manipulation.two_hands import boxes_about, together
+from mpvi_bt.manipulation.two_hands import _carcass, boxes_about, together
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import kinematics as kin
@@ -107,3 +107,14 @@ def test_a_box_is_lifted_off_the_floor(policy: str) -> None:
     """By friction alone, level, and off everything, by simulator truth."""
     row = run_job(Job("lift", "floor", policy, 0, "tuning"))
     assert row.ok, row.cause
+
+
+def test_what_has_a_lid_is_pressed_below_it() -> None:
+    """Hands on the lid of a laptop would raise that and leave the rest: it is taken by what the lid is hinged to."""
+    world = small_world({"laptop": placed("laptop", 0.8, 0.0, 0.5), "crate": placed("packing_box", -1.0, 0.5)})
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    (box, *_) = boxes_about(world.pose("laptop"), _carcass(work, "laptop"))
+    (whole, *_) = boxes_about(world.pose("laptop"), list(world.solids("laptop")))
+    assert box.bottom == pytest.approx(whole.bottom)
+    assert box.bottom + box.height < whole.bottom + 0.7 * whole.height
+    assert len(_carcass(work, "crate")) == len(list(world.solids("crate")))

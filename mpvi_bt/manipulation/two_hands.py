@@ -94,9 +94,7 @@ def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
     if work.held() or squeezes(motion.felt):
         raise MotionFailure("hands_full")
     yield from look_at(work, name)
-    boxes = [
-        b for b in boxes_about(scene.pose(name), list(scene.solids(name))) if _WIDTHS_M[0] < b.width < _WIDTHS_M[1]
-    ]
+    boxes = [b for b in boxes_about(scene.pose(name), _carcass(work, name)) if _WIDTHS_M[0] < b.width < _WIDTHS_M[1]]
     if not boxes:
         raise MotionFailure("no_grasp")
     search = work.search("right", {name, *scene.within(name)})
@@ -120,6 +118,13 @@ def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from work.see("head")
     if not squeezes(motion.felt) or scene.between() != name:
         raise MotionFailure("slipped")
+
+
+def _carcass(work: Work, name: str) -> list[Solid]:
+    """A thing's solids without its doors and lids: pressed between two hands a lid would rise and leave the rest."""
+    leaves = [leaf for door in work.scene.doors(name) for leaf in door.solids]
+    solids = list(work.scene.solids(name))
+    return [s for s in solids if not any(np.allclose(s.T, leaf.T) for leaf in leaves)] or solids
 
 
 def together(*motions: Actions, motion_of: Work) -> Actions:
