@@ -425,4 +425,4 @@ def test_random_steps_of_maniskills_fetch_are_finite_and_repeat() -> None:
         runs.append(np.stack([env.step(env.action_space.sample())[0].numpy() for _ in range(40)]))
         env.close()
     assert np.isfinite(runs[0]).all()
-    np.testing.assert_array_equal(*runs)
+    np.testing.assert_array_equal(runs[0], runs[1])

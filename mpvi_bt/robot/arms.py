@@ -20,6 +20,11 @@ class Arm(Protocol):
     """
 
     @property
+    def shoulder(self) -> Array:
+        """(3,) where it begins in the chest frame [m]."""
+        ...
+
+    @property
     def limits(self) -> Array:
         """(7, 2) lowest and highest joint angles [rad]."""
         ...
