@@ -107,19 +107,6 @@ def test_what_goes_into_a_cabinet_goes_to_its_back_first() -> None:
     assert min(depths) < max(depths) - 0.2
 
 
-def test_a_crowded_board_is_offered_as_well_as_an_empty_one() -> None:
-    """The empty upper board of a wall cabinet may be out of reach: what room there is on the lower one is told, too."""
-    cans = {f"can_{k}": placed("can_of_soda", 1.2, y, 1.45) for k, y in enumerate((-0.21, 0.0, 0.21))}
-    world = small_world(
-        {"jar": placed("jar_of_sugar", -1.0, 0.5), **cans},
-        cabinet="{entry: wall_cabinet, at: [1.2, 0.0], z_m: 1.41, yaw_deg: 180}",
-    )
-    work = Work(Holding(world, "jar"), Motion(world.robot.proprioception()), np.random.default_rng(0))
-    groups = list(spots.on(work, work.held()["left"], "cabinet", (0.0,), inside=True))
-    heights = {round(float(group[0].T_world_thing[2, 3]) - 1.41, 1) for group in groups}
-    assert len(heights) == 2
-
-
 def test_what_has_something_in_it_is_set_down_upright() -> None:
     """A bowl may lean as it is set down, but not with an egg in it."""
     for egg_x, leans in ((0.5, True), (-1.0, False)):

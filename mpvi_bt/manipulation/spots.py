@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,7 @@ from mpvi_bt.robot.solids import Array, Solid, bounds
 
 _FLOORS = ("floor", "ground")
 _CLEAR_M = 0.03  # between things on a surface,
-_TIGHT_M = 0.008  # and where there is no more room, such as on a saucer, or on the board that a hand can reach
+_TIGHT_M = 0.008  # and where there is no more room, such as on a saucer
 _HEADROOMS_M = (0.35, 0.03)  # above a spot, for the thing and the hand; above the thing if there is no more
 _GRID_M = 0.06
 _FLOOR_REACH_M = 0.9  # from the middle of the robot
@@ -58,11 +57,13 @@ def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: boo
         R = able[0][1]
         box, radius = size([s.moved(kin.transform(R, (0.0, 0.0, 0.0)) @ frame) for s in held.solids])
         done: list[Array] = []
-        headrooms = _HEADROOMS_M[0], float(np.ptp(box, axis=0)[2]) + _HEADROOMS_M[1]
-        for clear, headroom in product((_CLEAR_M, _TIGHT_M), headrooms):
-            spots = list(work.scene.spots(surface, radius + clear, headroom, near))
-            if inside:
-                spots = _back_first([s for s in spots if _within(work.scene.volumes(surface), s + [0, 0, 0.02])])
+        for headroom in (_HEADROOMS_M[0], float(np.ptp(box, axis=0)[2]) + _HEADROOMS_M[1]):
+            for clear in (_CLEAR_M, _TIGHT_M):
+                spots = list(work.scene.spots(surface, radius + clear, headroom, near))
+                if inside:
+                    spots = _back_first([s for s in spots if _within(work.scene.volumes(surface), s + [0, 0, 0.02])])
+                if spots:
+                    break
             own = [] if inside else [s.aabb() for s in work.scene.solids(surface)]
             for spot in _by_turns(spots, own)[:_SPOTS]:
                 if all(np.linalg.norm(spot - d) > _GRID_M for d in done):
