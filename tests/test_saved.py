@@ -140,6 +140,7 @@ def test_the_settings_of_an_episode_are_what_it_records() -> None:
         policy_ensemble=0.01,
         assisted=True,
         sim="maniskill",
+        robot="fetch",
     )
     assert SavedSettings(**full.record()).model_dump() == full.record()
     outputs = {*OUTPUTS, *ASKING}

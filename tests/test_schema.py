@@ -159,7 +159,8 @@ def test_rules_have_a_schema() -> None:
     jsonschema.Draft7Validator.check_schema(found)
     validator = jsonschema.Draft7Validator(found)
     for path in sorted((paths.shipped() / "examples").glob("*.yaml")):
-        data = load_marked(path)[0]
+        if "substitute" not in (data := load_marked(path)[0]):
+            continue
         assert validator.is_valid(data), path
         del data["substitute"][0]["nodes"]
         assert not validator.is_valid(data)

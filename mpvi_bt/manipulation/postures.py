@@ -142,11 +142,13 @@ def _reached(
 ) -> list[Array] | None:
     """The arm's path to the first waypoint if all of them, and the way in, are reachable and free.
 
-    It tips nothing that has something in it or on it.
+    What has something in it or on it is not tipped on its way to where it is set down. (How a vessel gets to where it
+    is poured out is planned apart.)
     """
     base = lane[-1]
     level: list[Array] | None = None
-    if site.side in site.held and site.held[site.side].laden:
+    sets_down = site.side in site.held and option.contact < len(goals)
+    if sets_down and site.held[site.side].laden:
         level = arm_motion.plan_level(body, site.side, goals[0])
         if level is None or not _free(site, body, base, option, 0, level[-1]):
             return None
