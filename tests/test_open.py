@@ -17,7 +17,7 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Motion, MotionFailure
-from mpvi_bt.robot.protocol import ActionLayout
+from mpvi_bt.robot.protocol import ActionLayout, Side
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
@@ -174,7 +174,8 @@ def test_what_has_a_door_is_opened_and_closed(name: str) -> None:
 def test_a_hand_on_a_bar_is_drawn_back_before_it_is_folded() -> None:
     """Recovering, it opens, and the base moves against its fingers before an arm does; beside the bar the arm rises."""
     world = small_world(base=(0.0, 0.0, 0.0), thing=FIXTURES["refrigerator"])
-    bar, work, side = world.doors("thing")[0].bar, work_in(world), "left"
+    bar, work = world.doors("thing")[0].bar, work_in(world)
+    side: Side = "left"
     assert bar is not None
     R = kin.hand_rotation(-bar.outward, np.cross(bar.axis, bar.outward))
     for aside, draws_back in ((0.0, True), (0.12, False)):

@@ -115,7 +115,7 @@ def test_where_the_nearest_is_out_of_reach_the_next_is_taken(monkeypatch: pytest
             raise MotionFailure(reasons.pop(0))
 
     monkeypatch.setattr(picking, "pick_up", pick_up)
-    cases = (
+    cases: tuple[tuple[list[str], str], ...] = (
         ([], "1"), (["no_stance"], "10"), (["no_stance"] * 9, "10"), (["slipped"], "1"),
         (["no_grasp"], "10"), (["no_grasp"] * 2, "102"), (["no_grasp"] * 9, "102"), (["no_grasp", "no_stance"], "10"),
     )  # fmt: skip
