@@ -79,6 +79,20 @@ def test_the_same_seed_gives_the_same_result(twice: tuple[dict[str, Any], dict[s
 
 
 @pytest.mark.slow
+@pytest.mark.render
+def test_a_result_does_not_hang_on_how_python_hashes(tmp_path: Path) -> None:
+    """Two processes that order their sets in different ways give the same episode of the policy that sees."""
+    command = [sys.executable, "-m", "mpvi_bt.cli", "run", "picking_up_trash", "--policy", "reactive", "--no-watch"]
+    running = [
+        subprocess.Popen([*command, "--out", tmp_path / seed], env={**os.environ, "PYTHONHASHSEED": seed})
+        for seed in ("1", "2")
+    ]
+    assert [process.wait() for process in running] == [0, 0]
+    first, second = (json.loads((tmp_path / s / "picking_up_trash_0_0.json").read_text()) for s in ("1", "2"))
+    assert lasting(first) == lasting(second)
+
+
+@pytest.mark.slow
 def test_a_result_is_complete_and_names_what_it_used(twice: tuple[dict[str, Any], dict[str, Any]]) -> None:
     """It is valid JSON of the result's schema, says what was privileged, and its figures agree with each other."""
     result = json.loads(json.dumps(twice[0], allow_nan=False))

@@ -200,3 +200,17 @@ def test_doors_are_searched_for_once_in_the_same_pictures(monkeypatch: pytest.Mo
     look(world, seen)
     seen.doors(tables[0])
     assert len(searches) == 3
+
+
+def test_what_is_looked_at_closely_does_not_hang_on_an_order() -> None:
+    """Of what a hand is to touch the smallest thing is seen finely, in whatever order the things are named."""
+    world = tilted(
+        small_world({"can_1": placed("can_of_soda", 1.0, 0.2)}, render=True, table_1="{entry: table, at: [1.3, -0.6]}")
+    )
+    seen = looking(world, "can of soda", "table")
+    (can,), (table,) = names(seen, "can of soda"), names(seen, "table")
+    here = world.robot.proprioception().base_pose[:2]
+    for without in ([can, table], [table, can]):
+        seen.obstacles(here, 2.0, without=without)
+        assert seen._focus is not None
+        np.testing.assert_allclose(seen._focus, world.solids("can_1")[0].center, atol=0.01)

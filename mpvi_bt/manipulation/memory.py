@@ -120,7 +120,7 @@ class Memory:
             self._associate(frame)
         before = set(self._grip)
         self._feel_hands(felt)  # they may hold what has been seen only now
-        for side in set(self._grip) - before:
+        for side in [s for s in self._grip if s not in before]:
             thing, self._shown[side] = self._things[self._grip[side][0]], InHand(felt.gripper_width[side])
             for frame, mask in thing.views:
                 self._regard(thing, frame, mask)

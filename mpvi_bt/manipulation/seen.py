@@ -129,9 +129,9 @@ class Seen(Memory):
         """As `Scene` says: what the pictures from this place do not show to be free, and what else is known."""
         frames = self._carved()
         thick = _TRUSTED_M if self._trusting else 9.0
-        near = [n for n in without if n in self._things and n not in self._held()]
-        if near:
-            self._focus = self._shape(near[0]).box().mean(0)
+        near = [self._shape(n).box() for n in sorted(without) if n in self._things and n not in self._held()]
+        if near:  # a thing, not what it lies on
+            self._focus = min(near, key=lambda box: float(np.ptp(box, axis=0).max())).mean(0)
         faces = [n for n, t in self._things.items() if t.shape.kind == "furniture"]
         focus = None if self._focus is None else tuple(np.round(self._focus, 2))
         key = (tuple(map(id, frames)), tuple(sorted(without)), tuple(np.round(xy, 2)), thick, focus)
