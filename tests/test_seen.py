@@ -213,4 +213,4 @@ def test_what_is_looked_at_closely_does_not_hang_on_an_order() -> None:
     for without in ([can, table], [table, can]):
         seen.obstacles(here, 2.0, without=without)
         assert seen._focus is not None
-        np.testing.assert_allclose(seen._focus, world.solids("can_1")[0].center, atol=0.01)
+        np.testing.assert_allclose(seen._focus, world.solids("can_1")[0].aabb().mean(0), atol=0.01)
