@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -10,8 +11,10 @@ import subprocess
 import sys
 import time
 import urllib.request
+from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from websockets.exceptions import ConnectionClosed
@@ -19,8 +22,11 @@ from websockets.sync.client import connect
 
 from mpvi_bt.cli.serve import serve
 from mpvi_bt.errors import UnknownName, UserError
+from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.remote.codec import unpack
+from mpvi_bt.suite.policies import Ground, demonstrations, make_policy
 from tests.conftest import Shell
+from tests.serving import observation
 
 
 def _invoke(*args: str) -> Any:
@@ -82,6 +88,38 @@ def test_a_key_that_no_client_can_send_is_told(key: str, monkeypatch: pytest.Mon
     assert isinstance(error, UserError)
     assert "OPENPI_API_KEY" in str(error)
     assert key not in str(error)
+
+
+@contextlib.contextmanager
+def _served(*args: str) -> Iterator[str]:
+    """The address of `mpvi serve` in a process of its own."""
+    command = [sys.executable, "-m", "mpvi_bt.cli", "serve", *args, "--port", "0", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        try:
+            assert process.stdout is not None
+            yield json.loads(process.stdout.readline())["address"]
+        finally:
+            process.kill()
+
+
+def test_a_client_gets_what_the_methods_get_in_process() -> None:
+    """The method e2e, which tells the whole instruction, and one with a tree, which tells prompts: nobody says."""
+    skills, vocabulary, known = load_skills(), {"cup.n.01_1": ["cup"]}, demonstrations()
+    instruction = next(iter(known))
+    with _served("reactive", "--seed", "3") as address:
+        for told, whole in ((instruction, known), (known[instruction][0], None), ("sing a song", known)):
+            here = make_policy("reactive", Ground(skills, vocabulary, seed=3, demonstrations=whole))
+            there = make_policy(f"openpi:{address}", Ground(skills, vocabulary), "mpvi")
+            here.reset()
+            there.reset()
+            for seed in range(4):
+                seen = observation(told, seed=seed)
+                chunk = here.infer(seen)
+                np.testing.assert_array_equal(there.infer(seen), chunk)
+                assert getattr(there, "note", "") == getattr(here, "note", "")
+                assert there.cameras == here.cameras
+            assert told == "sing a song" or not here.note.startswith("no skill")
+            there.close()
 
 
 def test_tab_offers_what_can_be_served(mpvi: Shell) -> None:

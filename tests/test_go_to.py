@@ -19,6 +19,7 @@ from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.world import World
 from mpvi_bt.testing import KinematicRobot, check_policy
 from mpvi_bt.tree.compile import prompts_of
+from tests.serving import observation
 from tests.small_house import placed, small_world
 
 SKILLS = load_skills()
@@ -153,13 +154,15 @@ def test_a_handoff_begins_the_instruction_anew() -> None:
     assert inner.told == ["x", "x", "x", "y", "x", "z"]
 
 
-def test_about_an_unknown_instruction_it_does_nothing() -> None:
-    """And says so with a code; its words are not tried as if they were a subtask."""
-    inner = Ends()
-    policy = DemonstratedPolicy(inner, {"a": ["x"]})
-    tell(policy, "pick up the cup", 5)
-    assert inner.told == []
-    assert policy.note == "unknown_instruction: 'pick up the cup'"
+def test_what_was_not_demonstrated_is_taken_for_a_prompt() -> None:
+    """It does what the other policy alone does; a handoff, or another prompt, begins anew there, too."""
+    prompts = ["pick up the can of soda"] * 3 + ["sing a song"] * 2
+    here, there = reactive(), DemonstratedPolicy(reactive(), {"a": ["x"]})
+    for prompt in prompts:
+        seen = observation(prompt)
+        np.testing.assert_array_equal(there.infer(seen), here.infer(seen))
+        assert (there.note, there.cameras) == (here.note, here.cameras)
+    assert there.note == "no skill for 'sing a song'"
 
 
 def test_it_keeps_the_contract_of_a_policy() -> None:

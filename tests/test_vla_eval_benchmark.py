@@ -251,7 +251,7 @@ def test_instances_can_be_chosen(played: Played) -> None:
 
 def test_our_server_chooses_what_it_is_sent(played: Played) -> None:
     """The whole observation, with the pictures that its policy wants: no config has to say it."""
-    with model_server(MpviModelServer(whole_instructions=False)) as address:
+    with model_server(MpviModelServer()) as address:
         result = runs(address)
     assert result["mean_success"] == 1.0
     assert played.configs[0].policy_settings == "mpvi"
@@ -337,8 +337,8 @@ def test_our_server_answers_as_the_policy_does() -> None:
         here.reset()
         for policy in there:
             policy.reset()
-        for seed in range(5):
-            seen = observation(instruction, seed=seed)
+        for seed, told in enumerate([instruction] * 5 + ["pick up the cup"] * 3):
+            seen = observation(told, seed=seed)
             chunk = here.infer(seen)
             for policy in there:
                 assert policy.cameras == here.cameras
@@ -381,7 +381,7 @@ def test_its_command_line_gives_what_ours_gives(method: str, tmp_path: Path) -> 
     (tmp_path / "tasks" / "short_trash.yaml").write_text(short)
     config = yaml.safe_load((ROOT / "examples" / "vla_eval.yaml").read_text())
     config["benchmarks"][0]["params"] |= {"tasks": ["short_trash"], "method": method, "out": "theirs"}
-    with model_server(MpviModelServer(whole_instructions=method == "e2e")) as address:
+    with model_server(MpviModelServer()) as address:
         config["server"]["url"] = f"ws://{address}"
         (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
         mpvi = [sys.executable, "-m", "mpvi_bt.cli", "run", "short_trash", "--method", method, "--no-watch", "--out"]

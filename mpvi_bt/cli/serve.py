@@ -19,8 +19,6 @@ from mpvi_bt.errors import PolicyError, UserError
 from mpvi_bt.suite.backends import BACKENDS, choose
 
 if TYPE_CHECKING:
-    from mpvi_bt.behaviors.protocols import Policy
-    from mpvi_bt.remote.observation import Vocabulary
     from mpvi_bt.remote.server import PolicyServer
 
 EVERY_S = 1.0  # the status line is drawn anew
@@ -64,16 +62,11 @@ def serve(policy: str, settings: str | None, host: str, port: int, seed: int, as
         )
     if not host:
         raise UserError("--host is empty. 127.0.0.1 is this machine, 0.0.0.0 lets other machines in.")
-    from mpvi_bt.plan.skills import load_skills
     from mpvi_bt.remote.connection import KEY, key_of_environment
     from mpvi_bt.remote.server import PolicyServer
-    from mpvi_bt.suite.policies import Ground, make_policy
+    from mpvi_bt.suite.policies import for_clients
 
-    skills = load_skills()
-
-    def make(vocabulary: Vocabulary) -> Policy:
-        return make_policy(policy, Ground(skills, vocabulary, seed=seed), settings)
-
+    make = for_clients(policy, seed, settings)
     make({})  # what cannot be made is told now, not to the first client
     try:
         status, key = Status(), key_of_environment()

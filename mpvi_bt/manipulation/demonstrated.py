@@ -10,21 +10,19 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mpvi_bt.manipulation.scripted import ScriptedPolicy
-from mpvi_bt.robot.motion import Motion
 from mpvi_bt.robot.solids import Array
-
-_NOTED = 60  # characters of an instruction
 
 
 class DemonstratedPolicy:
     """A `mpvi_bt.behaviors.protocols.Policy` for whole instructions, by one that knows prompts.
 
     It gives the other policy one prompt after the other. When that thinks that it is done, or has given up, the next
-    one comes: by its own senses alone, as nobody judges. An instruction that it does not know it does nothing about.
+    one comes: by its own senses alone, as nobody judges. What it has no demonstration of it takes for a prompt: who
+    serves a policy is not told which of the two its clients will say.
 
     Attributes:
         name: The other policy's.
-        note: What it is at, or "unknown_instruction" with the instruction.
+        note: What it is at; of a prompt the other policy's.
     """
 
     def __init__(self, inner: ScriptedPolicy, demonstrations: Mapping[str, Sequence[str]]) -> None:
@@ -55,7 +53,7 @@ class DemonstratedPolicy:
         """What it is at, for a person."""
         prompts = self._demonstrations.get(_plain(self._told))
         if prompts is None:
-            return f"unknown_instruction: {self._told[:_NOTED]!r}" if self._told else ""
+            return self._inner.note
         return f"{self._at + 1} of {len(prompts)}, {prompts[self._at]}: {self._inner.note}"
 
     def reset(self) -> None:
@@ -68,9 +66,7 @@ class DemonstratedPolicy:
         if observation["prompt"] != self._told:
             self._told = str(observation["prompt"])
             self.reset()
-        prompts = self._demonstrations.get(_plain(self._told))
-        if prompts is None:
-            return Motion(observation["proprioception"]).still()[None]
+        prompts = self._demonstrations.get(_plain(self._told), (self._told,))
         if self._inner.ended and self._at + 1 < len(prompts):
             self._at += 1
             self._inner.reset()

@@ -16,6 +16,7 @@ from mpvi_bt.suite.config import EpisodeConfig
 
 if TYPE_CHECKING:
     from mpvi_bt.manipulation.scripted import ScriptedPolicy
+    from mpvi_bt.remote.observation import Vocabulary
 
 
 @dataclass(frozen=True)
@@ -28,8 +29,8 @@ class Ground:
         detector: Of what policies see; None: the pictures' labels, by the vocabulary.
         world: The simulator's; None where there is none, as in a server. Only privileged policies may look at it.
         seed: Of everything random.
-        demonstrations: Instruction to the prompts that it takes, where stand-ins for a VLA are told whole instructions;
-            None: they are told prompts.
+        demonstrations: Instruction to the prompts that it takes, where stand-ins for a VLA may be told whole
+            instructions; None: they are told prompts.
     """
 
     skills: Mapping[str, Skill]
@@ -68,6 +69,25 @@ def make_policy(given: str, ground: Ground, settings: str | None = None) -> Poli
     if backend.privileged and ground.world is None:
         raise UserError(f"policy {name} reads the simulator itself, and there is none here.")
     return _MAKERS[name](ground, address, settings)
+
+
+def for_clients(given: str, seed: int, settings: str | None = None) -> Callable[[Vocabulary], Policy]:
+    """What makes a server's policies, one for each client: of skills, of what a client calls its labels, of no world.
+
+    They know demonstrations: a client with the method e2e tells whole instructions, one with a tree prompts.
+
+    Args:
+        given, settings: As of `make_policy`.
+        seed: Of everything random.
+    """
+    from mpvi_bt.plan.skills import load_skills
+
+    skills, known = load_skills(), demonstrations()
+
+    def make(vocabulary: Vocabulary) -> Policy:
+        return make_policy(given, Ground(skills, vocabulary, seed=seed, demonstrations=known), settings)
+
+    return make
 
 
 def in_chunks(policy: Policy, config: EpisodeConfig) -> Policy:

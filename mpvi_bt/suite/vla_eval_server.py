@@ -11,13 +11,10 @@ from vla_eval.model_servers.base import ModelServer, SessionContext
 from vla_eval.model_servers.serve import run_server
 from vla_eval.specs import DimSpec
 
-from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.errors import UserError
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.remote.observation import Vocabulary
 from mpvi_bt.remote.server import Session
 from mpvi_bt.remote.settings import load_settings
-from mpvi_bt.suite.policies import Ground, demonstrations, make_policy
+from mpvi_bt.suite.policies import for_clients
 from mpvi_bt.suite.vla_eval_benchmark import action_spec, observation_spec
 
 SETTINGS = "mpvi"  # the whole observation, and our own 23 numbers
@@ -29,22 +26,16 @@ class MpviModelServer(ModelServer):  # type: ignore[misc]  # vla_eval is untyped
     Args:
         policy: Such as "reactive".
         seed: Of everything random.
-        whole_instructions: Whether it is told tasks' whole instructions, as the method e2e does; else prompts.
 
     Raises:
         UserError: There is no such policy, or it reads the simulator.
     """
 
-    def __init__(self, policy: str = "reactive", seed: int = 0, whole_instructions: bool = True) -> None:
-        self._policy, self._seed = policy, seed
-        self._skills = load_skills()
-        self._told = demonstrations() if whole_instructions else None
+    def __init__(self, policy: str = "reactive", seed: int = 0) -> None:
+        self._make = for_clients(policy, seed)
         self._settings = load_settings(SETTINGS)
         self._sessions: dict[str, Session] = {}
         self._first = list(self._make({}).cameras)  # what cannot be made is told now, not to the first client
-
-    def _make(self, vocabulary: Vocabulary) -> Policy:
-        return make_policy(self._policy, Ground(self._skills, vocabulary, seed=self._seed, demonstrations=self._told))
 
     async def on_episode_start(self, config: dict[str, Any], ctx: SessionContext) -> None:
         """Make a policy."""
