@@ -615,6 +615,20 @@ def test_what_is_let_go_over_a_container_is_in_it() -> None:
     assert can.inside == "bin"
 
 
+def test_what_was_put_into_a_container_from_beside_it_is_laid_and_what_fell_back_into_it_is_not() -> None:
+    """However near to the bin the can stood; one that slipped back into the bin is still to be taken out."""
+    for gone, laid in ((0.0, False), (0.25, True)):
+        scene = can_in_hand()
+        at = tcp(HERE) + [gone, 0.0, 0.0]
+        low, high = np.array([*at[:2] - 0.15, 0.0]), np.array([*at[:2] + 0.15, at[2] - 0.1])
+        scene.known.put(Entry("bin", ("trash can",), "object", low, high, source="by_label"))
+        there = (HERE[0] + gone, HERE[1], HERE[2])
+        scene.made.feel(body(there, {"right": 0.05}))
+        scene.made.feel(body(there))
+        can = scene.known.entries["can of soda #1"]
+        assert (can.inside, can.laid) == ("bin", laid)
+
+
 def test_what_is_put_on_something_low_is_not_in_it() -> None:
     """A can on a book."""
     scene = can_in_hand()

@@ -203,6 +203,20 @@ def test_a_room_that_is_named_is_searched_first() -> None:
     assert distance_to(CUP, robot.pose[:2]) < 1.3
 
 
+@pytest.mark.parametrize("laid", [False, True])
+def test_what_is_found_in_a_basket_is_gone_to_and_what_was_put_into_one_is_not(laid: bool) -> None:
+    """The cup in the basket is what is looked for, unless the robot put it there: then another one may be elsewhere."""
+    basket = thing("basket", (3.0, 3.0, 0.2), (0.5, 0.5, 0.4))
+    cup = thing("cup", (3.0, 3.0, 0.15), (0.15, 0.15, 0.3))
+    basket.source = cup.source = "boxes"
+    cup.inside, cup.laid = "basket", laid
+    grid_map, boxes = house(cup, CUP)
+    robot = Seeing(1.0, 2.0, 0.0, boxes)
+    report, _ = play(robot, exploring(robot, BoxDetector(cup, CUP), grid_map, KITCHEN, LIVING_ROOM, basket, cup), "cup")
+    assert report.progress is Progress.SUCCEEDED
+    assert distance_to(CUP if laid else cup, robot.pose[:2]) < 1.3
+
+
 def test_what_was_seen_on_the_way_is_gone_to_straight() -> None:
     """A later segment drives to it without a search."""
     grid_map, boxes = house(CUP)

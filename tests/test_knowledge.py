@@ -72,6 +72,20 @@ def test_what_is_said_to_be_in_a_thing_tells_it_apart(phrase: str, meant: str) -
     assert "".join(e.name for e in known.filled_so(known.find(phrase), phrase)) == meant
 
 
+def test_what_lies_in_a_basket_is_to_be_picked_up_before_what_the_robot_has_laid_anywhere() -> None:
+    """A can found in a basket; one that was laid down; two in a bin that the robot filled, one known anew; one in hand.
+
+    What is in a bin that it carries is put in, too.
+    """
+    known = base(
+        can("binned", inside="bin", laid=True), can("shaken", inside="bin"), can("carried", inside="bag", held=True),
+        can("laid", laid=True), can("found", inside="basket"), can("bag", held=True),
+    )  # fmt: skip
+    order = [e.name for e in sorted(known, key=known.away)]
+    assert order == ["found", "laid", "shaken", "binned", "bag", "carried"]
+    assert [e.name for e in known if known.put_in(e)] == ["binned", "shaken", "carried"]
+
+
 def test_what_was_in_a_forgotten_thing_is_in_nothing_known() -> None:
     """Its contents stay known, loose."""
     known = base(can("bin", held=True), can("inner", inside="bin", held=True), can("other", inside="box"))

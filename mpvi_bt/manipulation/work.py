@@ -102,15 +102,16 @@ class Work:
         Raises:
             MotionFailure: "unknown_object" if nothing is called so.
         """
-        found = self.scene.knowledge().find(phrase)
+        known = self.scene.knowledge()
+        found = known.find(phrase)
         if not found:
             raise MotionFailure("unknown_object")
         here = self.motion.felt.base_pose[:2]
         if source is not None:
-            places = self.scene.knowledge().find(source)
+            places = known.find(source)
             found = [e for e in found if any(_there(e, place) for place in places)] or found
         found = self._as_said(found, phrase)
-        some = [e for e in found if e.away == found[0].away]
+        some = [e for e in found if known.away(e) == known.away(found[0])]
         if ajar and len(some) > 1:
             some = [e for e in some if np.linalg.norm(e.center[:2] - here) < NEAR_M and self._ajar(e.name)] or some
         return [e.name for e in sorted(some, key=lambda e: float(np.linalg.norm(e.center[:2] - here)))]

@@ -137,7 +137,7 @@ class ExploringNavigator(KnownPlaceNavigator):
             if not entries and room is not None and room == trip.target:
                 yield from self._drive_to(trip, [], room)
                 return
-            if not _at_hand(entries, room):
+            if not self._at_hand(entries, room):
                 yield from self._find(trip, room)
                 entries, room = self._look_up(trip)
                 if not entries:
@@ -168,7 +168,7 @@ class ExploringNavigator(KnownPlaceNavigator):
         def found(where: str | None = None) -> bool:
             pictures, answer = answers.get(where, (-1, False))
             if pictures != self.lookout.pictures:
-                answer = _at_hand(self._look_up(trip)[0], where)
+                answer = self._at_hand(self._look_up(trip)[0], where)
                 answers[where] = self.lookout.pictures, answer
             return answer
 
@@ -235,6 +235,15 @@ class ExploringNavigator(KnownPlaceNavigator):
         yield from self.search.run(can_be_reached, feedback)
         return learned
 
+    def _at_hand(self, entries: list[Entry], room: str | None = None) -> bool:
+        """Whether there is something to go to: not only what it put into something, such as the cans in the bin.
+
+        With a room, what was seen in another one does not count.
+        """
+        known = self._knowledge()
+        some = [e for e in entries if not room or e.source == "prior" or e.room in (None, room) or e.held]
+        return any(not known.put_in(entry) for entry in some)
+
     def _are_gone(self, names: set[str]) -> bool:
         """Whether none of the entries is believed in any more."""
         known = self._knowledge().entries
@@ -257,15 +266,6 @@ class ExploringNavigator(KnownPlaceNavigator):
             f"; the detector failed on {discoveries.errors} ({discoveries.last_error})" if discoveries.errors else ""
         )
         return said + hint + failed
-
-
-def _at_hand(entries: list[Entry], room: str | None = None) -> bool:
-    """Whether there is something to go to: not only what was put away, such as the cans that are in the bin already.
-
-    With a room, what was seen in another one does not count.
-    """
-    elsewhere = {e.name for e in entries if room and e.source != "prior" and e.room not in (None, room) and not e.held}
-    return any(entry.inside is None and entry.name not in elsewhere for entry in entries)
 
 
 def _seen(entries: list[Entry]) -> bool:

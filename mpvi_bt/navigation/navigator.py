@@ -188,7 +188,7 @@ class KnownPlaceNavigator:
             return [], trip.target
         hits = [h for h in hits if h.kind != "room"]
         hits = knowledge.filled_so(hits, trip.target)
-        best = [h for h in hits if h.away == hits[0].away]
+        best = [h for h in hits if knowledge.away(h) == knowledge.away(hits[0])]
         if hits and hits[0].kind == "fixture":
             been, other = self._been.get(_said(trip.target)), bool(OTHER.match(trip.target))
             best = [h for h in best if been and (h.name == been) != other] or knowledge.joined(best)

@@ -150,8 +150,12 @@ class Carrying:
         carried = self._with_contents(grip.name)
         for one in carried:
             one.held, one.confidence = False, min(one.confidence, PUT)
-        entry.laid = laid_down(grip.boxes[grip.name].mean(0), entry.lowest, entry.highest)
+        taken_at = grip.boxes[grip.name].mean(0)
+        entry.laid = laid_down(taken_at, entry.lowest, entry.highest)
         self._fall(entry, body)
+        if (into := self._knowledge.entries.get(entry.inside or "")) is not None:
+            off = (taken_at < into.lowest) | (taken_at > into.highest)
+            entry.laid |= bool(off[:2].any())  # however near: it was not taken out of that
         return [one.name for one in carried]
 
     def _fall(self, entry: Entry, body: Proprioception) -> None:

@@ -66,11 +66,6 @@ class Entry:
         """(3,) middle of the bounding box [m]."""
         return (self.lowest + self.highest) / 2
 
-    @property
-    def away(self) -> tuple[bool, bool, bool]:
-        """How far it is put away, what is still to be picked up first: carried, in a movable container, laid down."""
-        return self.held, self.inside is not None, self.laid
-
 
 @dataclass
 class KnowledgeBase:
@@ -96,9 +91,8 @@ class KnowledgeBase:
         """Entries that `phrase` names and that are likely enough there (`LIKELY`), what is not yet put away first.
 
         What is called just so comes before what the words may mean, see `calls`: where there is the one, the other is
-        left out. Our choice: things that are neither carried nor in a movable container nor laid down by the robot come
-        before those that are, so that "a can of soda" means one that is still to be picked up. Within that the order of
-        entry is kept.
+        left out. Our choice: what is still to be picked up comes first, by `away`, so that "a can of soda" means such a
+        one. Within that the order of entry is kept.
         """
         wanted = normalize(phrase)
         room = room and normalize(room)
@@ -107,7 +101,21 @@ class KnowledgeBase:
         hits = hits or [e for e in likely if calls(e.phrases, phrase)]
         if room:
             hits = [e for e in hits if e.room is None or normalize(e.room) == room]
-        return sorted(hits, key=lambda e: e.away)
+        return sorted(hits, key=self.away)
+
+    def away(self, entry: Entry) -> tuple[bool, bool, bool, bool]:
+        """How far a thing is put away, the least first: carried, put into something, laid down, in a container.
+
+        What lies in a container from the start is as much to be picked up as what does not, but where both are known.
+        """
+        return entry.held, self.put_in(entry), entry.laid, entry.inside is not None
+
+    def put_in(self, entry: Entry) -> bool:
+        """Whether the robot put a thing into the container that it is in, or others, or carries that.
+
+        What is seen in a bin after a shake may be known anew, as something that nobody laid there.
+        """
+        return entry.inside is not None and (entry.held or any(e.laid for e in self if e.inside == entry.inside))
 
     def filled_so(
         self, found: list[Entry], phrase: str, within: Callable[[str], Collection[str]] | None = None

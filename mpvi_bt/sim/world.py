@@ -424,6 +424,9 @@ class World:
                     self._taken_at.setdefault(name, (low + high) / 2)
                 taken_at = self._taken_at.get(name)
                 laid = taken_at is not None and name not in carried and laid_down(taken_at, low, high)
+                if taken_at is not None and inside is not None and name not in carried:
+                    into = bounds(self.solids(inside))[:, :2]  # however near: it was not taken out of that
+                    laid |= bool(((taken_at[:2] < into[0]) | (taken_at[:2] > into[1])).any())
                 base.put(
                     Known(
                         name=name, phrases=self._phrases[name], kind="object", lowest=low, highest=high,
