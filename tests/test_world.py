@@ -15,7 +15,8 @@ from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side, other
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid, box, pose
 from mpvi_bt.sim.builder import Thing
-from mpvi_bt.sim.world import World, _gap
+from mpvi_bt.sim.holding import distance
+from mpvi_bt.sim.world import World
 from tests.small_house import placed, run, small_world
 
 TABLE = "{entry: table, at: [1.2, 0.0]}"
@@ -293,10 +294,10 @@ def test_gaps_to_solids() -> None:
     square, rod = box((1.0, 0.0, 0.0), (0.2, 0.2, 0.2)), Solid("cylinder", np.array([0.1, 0.1, 0.5]), pose((1, 0, 0)))
     ball = Solid("sphere", np.full(3, 0.1), pose((1, 0, 0)))
     for solid in (square, rod, ball):
-        assert _gap(solid, np.zeros(3)) == pytest.approx(0.9)
-        assert _gap(solid, np.array([1.05, 0.0, 0.0])) == pytest.approx(-0.05)
-    assert _gap(rod, np.array([1.0, 0.3, 0.9])) == pytest.approx(np.hypot(0.2, 0.4))
-    assert _gap(square, np.array([0.6, 0.5, 0.0])) == pytest.approx(np.hypot(0.3, 0.4))
+        assert distance(solid, np.zeros(3)) == pytest.approx(0.9)
+        assert distance(solid, np.array([1.05, 0.0, 0.0])) == pytest.approx(-0.05)
+    assert distance(rod, np.array([1.0, 0.3, 0.9])) == pytest.approx(np.hypot(0.2, 0.4))
+    assert distance(square, np.array([0.6, 0.5, 0.0])) == pytest.approx(np.hypot(0.3, 0.4))
 
 
 def test_a_saved_world_is_restored_in_a_fresh_one() -> None:

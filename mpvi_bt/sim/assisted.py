@@ -6,26 +6,46 @@ does not.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
+
 import sapien
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.sim.builder import Thing
+from mpvi_bt.sim.robot import SimRobot
 
 
 class Attachments:
     """What is fixed to which hand."""
 
-    def __init__(self, scene: sapien.Scene) -> None:
-        self._scene = scene
+    def __init__(self, scene: sapien.Scene, robot: SimRobot, objects: Mapping[str, Thing]) -> None:
+        """Nothing is fixed yet.
+
+        Args:
+            scene: Where both are.
+            robot: Whose hands these are.
+            objects: What can be fixed to them, by name.
+        """
+        self._scene, self._robot, self._objects = scene, robot, objects
         self._fixed: dict[Side, tuple[Thing, sapien.physx.PhysxDriveComponent]] = {}
 
-    def of(self, side: Side) -> str | None:
-        """The thing that is fixed to a hand."""
-        return self._fixed[side][0].name if side in self._fixed else None
+    def step(self, pinched: Callable[[Side], Sequence[str]]) -> None:
+        """Fix what a closing hand pinches to the hand; let go of it when the hand is told to open."""
+        for side in self._robot.model.sides:
+            if self._robot.gripper_command[side] >= 0:
+                self._let_go(side)
+            elif side not in self._fixed and (names := pinched(side)):
+                self._attach(side, self._objects[names[0]])
 
-    def attach(self, side: Side, hand: sapien.physx.PhysxArticulationLinkComponent, thing: Thing) -> None:
-        """Fix a movable thing to a hand as they stand."""
+    def release(self) -> None:
+        """Let go of everything."""
+        for side in self._robot.model.sides:
+            self._let_go(side)
+
+    def _attach(self, side: Side, thing: Thing) -> None:
+        """Fix a thing to a hand as they stand."""
+        hand = self._robot.links[self._robot.model.hand_links[side]]
         T_world_hand = hand.entity.pose.to_transformation_matrix().astype(float)
         T_hand_thing = kin.inverse(T_world_hand) @ thing.T_world_body()
         drive = self._scene.create_drive(hand, sapien.Pose(T_hand_thing), thing.root_body, sapien.Pose())
@@ -34,8 +54,7 @@ class Attachments:
         drive.set_limit_cone(0.0, 0.0)
         self._fixed[side] = (thing, drive)
 
-    def release(self, side: Side) -> None:
-        """Let go of what is fixed to a hand; nothing if nothing is."""
+    def _let_go(self, side: Side) -> None:
         if side in self._fixed:
             thing, drive = self._fixed.pop(side)
             thing.entity.remove_component(drive)

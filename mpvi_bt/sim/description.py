@@ -7,7 +7,7 @@ used from (a cabinet's doors, a chair's seat edge, a car's boot).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -57,6 +57,12 @@ class Handle:
     outward: Array
     length_m: float
     thickness_m: float
+
+    def moved(self, T: Array) -> Handle:
+        """The same handle in the frame that `T` (4, 4) maps its own into."""
+        R = T[:3, :3]
+        center, axis, outward = R @ self.center + T[:3, 3], R @ self.axis, R @ self.outward
+        return replace(self, center=center, axis=axis, outward=outward)
 
 
 @dataclass(frozen=True, eq=False)

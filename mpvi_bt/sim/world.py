@@ -14,18 +14,17 @@ from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.perception.knowledge import Entry as Known
 from mpvi_bt.perception.knowledge import KnowledgeBase, laid_down
 from mpvi_bt.perception.parts import Door
-from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, CameraImage, Side
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid, bounds
-from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.sim.assisted import Attachments
 from mpvi_bt.sim.builder import Thing, build_house, build_object
 from mpvi_bt.sim.bumps import Bumps
 from mpvi_bt.sim.cameras import Cameras
 from mpvi_bt.sim.catalogue import Entry
 from mpvi_bt.sim.description import Handle
+from mpvi_bt.sim.holding import TOUCHING_M, Holding
 from mpvi_bt.sim.house import House
 from mpvi_bt.sim.prior_map import knowledge, prior_map
 from mpvi_bt.sim.robot import SimRobot
@@ -34,9 +33,6 @@ from mpvi_bt.sim.switches import Switches
 
 PHYSICS_HZ = 120
 ROBOT = "robot"  # among the names of `World.contacts`
-_HELD_M = 0.012  # a thing this near the line between the pads of a hand that closed on something is in that hand
-
-_PRESSED_M = 0.04  # likewise for a thing between two hands
 GROUND_M = 0.015  # what rises no higher is ground that the base stands on, such as a lawn
 
 
@@ -105,7 +101,8 @@ class World:
         self._prior, self._map = knowledge(house), prior_map(house)
         self._known: tuple[int, KnowledgeBase] | None = None
         self._taken_at: dict[str, Array] = {}  # the middle (3,) of what a hand first held, at that time
-        self._attachments = Attachments(self._scene) if assisted else None
+        self._holding = Holding(self._scene, self.robot, self._objects, self._things)
+        self._attachments = Attachments(self._scene, self.robot, self._objects) if assisted else None
         self.bumps: Bumps | None = None
         self.steps = 0
         self.physics_s = 0.0
@@ -137,7 +134,7 @@ class World:
         """See to all that is due after the physics of a control step."""
         self.steps += 1
         if self._attachments is not None:
-            self._assist(self._attachments)
+            self._attachments.step(self.pinched)
         if self._switches.on:
             self._switches.step(self.robot.fingertips_world())
 
@@ -236,8 +233,7 @@ class World:
             odd = sorted(movable.symmetric_difference(saved["things"]))
             raise UserError(f"the saved world has not the same things as this one: {', '.join(odd[:5])}")
         if self._attachments is not None:  # what the hands hold then is found anew, by touch
-            for side in self.robot.model.sides:
-                self._attachments.release(side)
+            self._attachments.release()
         for name, motion in saved["things"].items():
             self._things[name].set_motion(motion)
         self.robot.restore(saved["robot"])
@@ -271,7 +267,7 @@ class World:
         for contact in self._scene.get_contacts():
             a, b = (body.entity for body in contact.bodies)
             if ((a in mine and b in theirs) or (a in theirs and b in mine)) and any(
-                p.separation < 2e-3 for p in contact.points
+                p.separation < TOUCHING_M for p in contact.points
             ):
                 return True
         return False
@@ -312,7 +308,7 @@ class World:
     def handles(self, name: str) -> Sequence[Handle]:
         """Bars to carry it by, in the world: not those of its doors and lids."""
         thing = self._things[name]
-        return [_posed(handle, thing.T_world_body()) for handle in thing.description.root.handles]
+        return [handle.moved(thing.T_world_body()) for handle in thing.description.root.handles]
 
     def doors(self, name: str) -> Sequence[Door]:
         """Its doors, lids and drawers in the world, as they stand now."""
@@ -326,7 +322,7 @@ class World:
             origin, axis = T[:3, :3] @ joint.origin + T[:3, 3], T[:3, :3] @ joint.axis
             now = thing.T_world_body(body.name)
             solids = [part.solid.moved(now) for part in body.parts if part.collides]
-            bar = _posed(body.handles[0], now) if body.handles else None
+            bar = body.handles[0].moved(now) if body.handles else None
             out.append(Door(body.name, joint.kind, origin, axis, fraction * joint.limit, joint.limit, bar, solids))
         return out
 
@@ -335,57 +331,20 @@ class World:
         return self._switches.of(name)
 
     def holding(self, side: Side) -> str | None:
-        """The movable thing between the fingers of one hand: nearest to the line between the pads of a hand that closed
-        on something, so that a cup, which has nothing in its middle, is held, too.
-        """
-        felt = self.robot.proprioception()
-        if not felt.holds(side):
-            return None
-        T = self.robot.hand_pose_world(side)
-        half = felt.gripper_width[side] / 2
-        points = [T[:3, 3] + y * T[:3, 1] for y in np.linspace(-half, half, 5)]
-        gaps = {name: min(_gap(s, p) for s in self.solids(name) for p in points) for name in self._objects}
-        near = sorted((name for name in gaps if gaps[name] < _HELD_M), key=gaps.__getitem__)
-        if len(near) > 1:  # what lies in a cup may be nearer to the fingers than the cup is that they hold
-            contents = {inner for name in near for inner in self.within(name)}
-            near = [name for name in near if name not in contents] or near
-        return near[0] if near else None
+        """The movable thing between the fingers of one hand."""
+        return self._holding.in_hand(side)
 
     def pinched(self, side: Side) -> list[str]:
         """The movable things that both fingers of one hand touch, by the contacts of the last physics step."""
-        fingers = [self.robot.links[n.removesuffix("_joint")].entity for n in self.robot.model.finger_joints[side]]
-        touched: list[set[str]] = [set(), set()]
-        for contact in self._scene.get_contacts():
-            a, b = (body.entity for body in contact.bodies)
-            for k, finger in enumerate(fingers):
-                if finger in (a, b) and any(p.separation < 2e-3 for p in contact.points):
-                    touched[k].add((b if finger == a else a).name)
-        return [name for name in self._objects if all(name in names for names in touched)]
-
-    def _assist(self, attachments: Attachments) -> None:
-        """Fix what a closing hand pinches to the hand; let go of it when the hand is told to open."""
-        for side in self.robot.model.sides:
-            closing = self.robot.gripper_command[side] < 0
-            if not closing:
-                attachments.release(side)
-            elif attachments.of(side) is None and (names := self.pinched(side)):
-                attachments.attach(side, self.robot.links[self.robot.model.hand_links[side]], self._objects[names[0]])
+        return self._holding.pinched(side)
 
     def between(self) -> str | None:
-        """The movable thing pressed between both hands: the one that is nearest to both of them."""
-        if not squeezes(self.robot.proprioception()):
-            return None
-        hands = [self.robot.hand_pose_world(side)[:3, 3] for side in SIDES]
-        gaps = {n: max(min(_gap(s, p) for s in self.solids(n)) for p in hands) for n in self._objects}
-        nearest = min(gaps, key=gaps.__getitem__, default=None)
-        return nearest if nearest is not None and gaps[nearest] < _PRESSED_M else None
+        """The movable thing pressed between both hands."""
+        return self._holding.between()
 
     def within(self, name: str) -> Sequence[str]:
         """Movable things whose middle lies in the container volumes of a thing."""
-        volumes = self.volumes(name)
-        return [
-            n for n in self._objects if n != name and any(_gap(v, bounds(self.solids(n)).mean(0)) <= 0 for v in volumes)
-        ]
+        return self._holding.within(name)
 
     def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> list[Solid]:
         """Solids of walls, fixtures and objects that come within `radius_m` of a place on the floor (2,)."""
@@ -436,21 +395,3 @@ class World:
                 )  # fmt: skip
             self._known = (self.steps, base)
         return self._known[1]
-
-
-def _posed(handle: Handle, T: Array) -> Handle:
-    """A handle in the frame that `T` (4, 4) maps its body's into."""
-    R = T[:3, :3]
-    center, axis, outward = R @ handle.center + T[:3, 3], R @ handle.axis, R @ handle.outward
-    return replace(handle, center=center, axis=axis, outward=outward)
-
-
-def _gap(solid: Solid, p: Array) -> float:
-    """Distance [m] of a point to a solid; 0 or less inside."""
-    local = np.abs(kin.inverse(solid.T)[:3, :3] @ (p - solid.T[:3, 3])) - solid.half_m
-    if solid.kind == "sphere":
-        return float(np.linalg.norm(p - solid.T[:3, 3]) - solid.half_m[0])
-    if solid.kind == "cylinder":
-        q = solid.T[:3, :3].T @ (p - solid.T[:3, 3])
-        local = np.array([np.hypot(q[0], q[1]) - solid.half_m[0], abs(q[2]) - solid.half_m[2]])
-    return float(np.linalg.norm(np.maximum(local, 0)) + min(0.0, local.max()))
