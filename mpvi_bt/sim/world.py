@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import sapien
 
 from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.perception.knowledge import Entry as Known
-from mpvi_bt.perception.knowledge import KnowledgeBase, laid_down
+from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.robot.model import RobotModel
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, CameraImage, Side
+from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage, Side
 from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array, Solid, bounds
+from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.sim.assisted import Attachments
 from mpvi_bt.sim.builder import Thing, build_house, build_object
 from mpvi_bt.sim.bumps import Bumps
@@ -26,10 +25,10 @@ from mpvi_bt.sim.catalogue import Entry
 from mpvi_bt.sim.description import Handle
 from mpvi_bt.sim.holding import TOUCHING_M, Holding
 from mpvi_bt.sim.house import House
-from mpvi_bt.sim.prior_map import knowledge, prior_map
 from mpvi_bt.sim.robot import SimRobot
 from mpvi_bt.sim.shaders import new_scene
 from mpvi_bt.sim.switches import Switches
+from mpvi_bt.sim.whereabouts import Whereabouts
 
 PHYSICS_HZ = 120
 ROBOT = "robot"  # among the names of `World.contacts`
@@ -88,7 +87,6 @@ class World:
         self._scene = new_scene(render) if scene is None else scene
         self._fixtures = build_house(self._scene, house, render)
         self._objects = {n: build_object(self._scene, p.entry, n, p.T_world, render) for n, p in objects.items()}
-        self._phrases = {n: p.entry.phrases for n, p in objects.items()}
         self._things: dict[str, Thing] = {**self._fixtures, **self._objects}
         self.cameras = Cameras(self._scene) if render else None
         self.robot = self._put_robot(base_pose, robot)
@@ -98,10 +96,9 @@ class World:
             things = {entity.per_scene_id: t.name for t in self._things.values() for entity in t.entities.values()}
             self.cameras.names = {**things, **self._switches.labels, **own}
             self.cameras.before = self._switches.show
-        self._prior, self._map = knowledge(house), prior_map(house)
-        self._known: tuple[int, KnowledgeBase] | None = None
-        self._taken_at: dict[str, Array] = {}  # the middle (3,) of what a hand first held, at that time
         self._holding = Holding(self._scene, self.robot, self._objects, self._things)
+        phrases = {n: p.entry.phrases for n, p in objects.items()}
+        self._whereabouts = Whereabouts(house, self._fixtures, self._objects, phrases, self._holding)
         self._attachments = Attachments(self._scene, self.robot, self._objects) if assisted else None
         self.bumps: Bumps | None = None
         self.steps = 0
@@ -161,7 +158,7 @@ class World:
         self.wake()
         self._scene.step()
         self.robot.forget()
-        self._known = None
+        self._whereabouts.forget()
 
     def wake(self) -> None:
         """Have the next step report the contacts of what sleeps, too."""
@@ -212,14 +209,13 @@ class World:
         elif fixed:
             raise UserError(f"{name} cannot be fixed: it has joints")
         thing.place(T)
-        self._known = None
+        self._whereabouts.forget()
 
     def save(self) -> dict[str, Any]:
         """How everything stands, as JSON values: the robot, and every thing that can move."""
         things = {name: thing.motion() for name, thing in self._things.items() if thing.moves}
-        taken = {name: at.tolist() for name, at in self._taken_at.items()}
         return {"steps": self.steps, "robot": self.robot.save(), "things": things, "on": self._switches.on,
-                "taken_at": taken}  # fmt: skip
+                "taken_at": self._whereabouts.save()}  # fmt: skip
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Bring everything to how it stood. Contacts are found anew, so what follows is close to, not the same as,
@@ -238,8 +234,8 @@ class World:
             self._things[name].set_motion(motion)
         self.robot.restore(saved["robot"])
         self._switches.turn(saved.get("on", {}))
-        self._taken_at = {name: np.array(at) for name, at in saved.get("taken_at", {}).items()}
-        self.steps, self._known = int(saved["steps"]), None
+        self._whereabouts.restore(saved.get("taken_at", {}))
+        self.steps = int(saved["steps"])
 
     def look_from(self, T_world_camera: Array, size: tuple[int, int] = (640, 480), fov_rad: float = 1.0) -> CameraImage:
         """A picture from anywhere, (4, 4) optical frame to world. Raises NoRenderingDevice without rendering."""
@@ -363,35 +359,6 @@ class World:
                 near.append(solid)
         return near
 
-    def _now(self, known: Known) -> Known:
-        """What is known of a room or fixture; where it stands now, if it can be moved."""
-        if known.name not in self._fixtures or not self._fixtures[known.name].movable:
-            return known
-        low, high = bounds(self.solids(known.name))
-        return replace(known, lowest=low, highest=high)
-
     def knowledge(self) -> KnowledgeBase:
         """Where everything is now, by the simulator (the `oracle` detector)."""
-        if self._known is None or self._known[0] != self.steps:
-            base = KnowledgeBase({e.name: self._now(e) for e in self._prior})
-            containers = {c: set(self.within(c)) for c in self._objects if self.volumes(c)}
-            carried = {h for s in SIDES if (h := self.holding(s)) is not None} | ({self.between()} - {None})
-            for name, thing in self._objects.items():
-                low, high = bounds(thing.solids())
-                inside = next((c for c, names in containers.items() if name in names), None)
-                if name in carried:
-                    self._taken_at.setdefault(name, (low + high) / 2)
-                taken_at = self._taken_at.get(name)
-                laid = taken_at is not None and name not in carried and laid_down(taken_at, low, high)
-                if taken_at is not None and inside is not None and name not in carried:
-                    into = bounds(self.solids(inside))[:, :2]  # however near: it was not taken out of that
-                    laid |= bool(((taken_at[:2] < into[0]) | (taken_at[:2] > into[1])).any())
-                base.put(
-                    Known(
-                        name=name, phrases=self._phrases[name], kind="object", lowest=low, highest=high,
-                        room=self._map.room_at((low + high)[:2] / 2), source="oracle",
-                        held=name in carried or inside in carried, inside=inside, laid=laid,
-                    )
-                )  # fmt: skip
-            self._known = (self.steps, base)
-        return self._known[1]
+        return self._whereabouts.at(self.steps)
