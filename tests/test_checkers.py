@@ -299,6 +299,21 @@ def test_the_head_sees_a_can_lifted_by_the_robot_but_not_one_that_it_touches_on_
     assert not see("the can of soda is held in a gripper", head([FLOOR, can(0.0, 0.0, 0.45)])).complete
 
 
+@pytest.mark.parametrize(
+    ("z", "sides", "held"), [(0.4, (-1, 1), True), (0.0, (-1, 1), False), (0.4, (1,), False), (0.4, (), False)]
+)
+def test_the_head_sees_what_two_hands_press_below_its_lid(z: float, sides: tuple[int, ...], held: bool) -> None:
+    """The lid hides where they touch it; a thing on the floor, or with one hand beside it, is not held."""
+    body: list[Box] = [
+        ("bin", (-0.15, -0.15, z), (0.15, 0.15, z + 0.2)),
+        ("bin", (-0.155, -0.16, z + 0.2), (0.155, 0.16, z + 0.22)),
+    ]
+    hands: list[Box] = [("robot", (-0.04, min(y, y + 0.06 * s), z + 0.08), (0.04, max(y, y + 0.06 * s), z + 0.15))
+                        for s in sides for y in [0.151 * s]]  # fmt: skip
+    judged = see("the trash can is held with both hands", head([FLOOR, *body, *hands]))
+    assert judged.complete is held
+
+
 # ----------------------------------------------------------------------------------------------- the robot's place
 
 

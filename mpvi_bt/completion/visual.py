@@ -21,6 +21,7 @@ from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 
 ROBOT = "robot"
+_TOUCHING_PX = 5  # of a hand where it touches a thing, or nearly so
 
 
 @dataclass(frozen=True)
@@ -320,8 +321,12 @@ class _Picture:
         return Judgement(True, f"{name} is seen between the fingers")
 
     def _lifted(self, name: str) -> Judgement:
-        """In a head picture: the thing touches the robot's hand, and what is under it is not near it."""
-        if not self._gripped(name):
+        """In a head picture: the thing touches the robot's hand, and what is under it is not near it.
+
+        What is pressed between two hands below its lid hides where they touch it: then they are beside it on both
+        sides, and it hangs in the air.
+        """
+        if not self._gripped(name) and not (self._flanked(name) and self._hangs(name)):
             return Judgement(False, f"{name} is not seen in a gripper")
         mask = self._mask(name)
         rows, columns = np.nonzero(mask)
@@ -332,6 +337,16 @@ class _Picture:
         if len(gaps) and np.nanmedian(gaps) < self._sight.touch_m:
             return Judgement(False, f"{name} is seen to rest on something")
         return Judgement(True, f"{name} is seen in a gripper")
+
+    def _flanked(self, name: str) -> bool:
+        """Whether the robot is seen right beside a thing to its left and to its right."""
+        to_camera = inverse(self._image.T_world_camera)
+        seen = (self._points[self._mask(label)] for label in (name, ROBOT))
+        thing, robot = (points @ to_camera[:3, :3].T + to_camera[:3, 3] for points in seen)
+        (low, high), near = np.percentile(thing, (1, 99), axis=0), self._sight.touch_m
+        level = robot[((robot > low) & (robot < high))[:, 1:].all(1), 0]
+        sides = (level > low[0] - near) & (level < low[0]), (level < high[0] + near) & (level > high[0])
+        return all(np.count_nonzero(side) >= _TOUCHING_PX for side in sides)
 
     def _hangs(self, name: str) -> bool:
         """Whether what is seen right below a thing is well behind it: what hides its foot is before it."""
@@ -352,4 +367,4 @@ class _Picture:
             r, c = np.clip(rows + dr, 0, mask.shape[0] - 1), np.clip(columns + dc, 0, mask.shape[1] - 1)
             gap = np.linalg.norm(self._points[r, c] - self._points[rows, columns], axis=1)
             touching += int(np.count_nonzero(robot[r, c] & (gap < self._sight.touch_m)))
-        return touching >= 5
+        return touching >= _TOUCHING_PX
