@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
+import itertools
 import json
 import os
 import re
+import signal
+import socket
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from inspect import signature
 from pathlib import Path
 from threading import Thread
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,6 +27,7 @@ import yaml
 pytest.importorskip("vla_eval", reason="needs vla-eval: pip install 'mpvi_bt[vla-eval]'")
 
 import vla_eval
+from vla_eval.model_servers.base import SessionContext
 from vla_eval.model_servers.behavior1k_baseline import Behavior1KBaselineModelServer
 from vla_eval.specs import check_specs
 
@@ -28,7 +35,10 @@ from mpvi_bt.errors import BackendError, PolicyError, UnknownName, UserError
 from mpvi_bt.executive.loop import Last, run_episode
 from mpvi_bt.manipulation.demonstrated import DemonstratedPolicy
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.remote.mapping import still
+from mpvi_bt.remote.observation import write_observation
 from mpvi_bt.remote.relay import Relay, Stopped
+from mpvi_bt.remote.server import Refused
 from mpvi_bt.remote.settings import load_settings
 from mpvi_bt.remote.vla_eval import VlaEvalPolicy
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
@@ -109,6 +119,28 @@ def test_a_bad_answer_leaves_the_question_open() -> None:
     relay.answer({"actions": np.zeros(ACTION_SIZE)})
     thread.join(10)
     assert results[0].shape == (1, ACTION_SIZE)
+
+
+def test_where_no_answer_has_come_the_robot_holds() -> None:
+    """The base stands; joints stay, or go on to where the last answer told them to. A handoff forgets that answer."""
+    relay, results = Relay("runner", WHOLE), list[Any]()
+    seen, told = observation(), np.tile(np.arange(1.0, ACTION_SIZE + 1), (2, 1))
+    told[1] += 0.5
+    for k, reply in enumerate((None, told, None, None)):
+        if k == 3:
+            relay.reset()
+        thread = asking(relay, seen, results)
+        relay.asked()
+        if reply is None:
+            relay.hold()
+        else:
+            relay.answer({"actions": reply})
+        thread.join(10)
+    first, _, later, anew = results
+    at_rest = still(seen["proprioception"])[None]
+    np.testing.assert_array_equal(first, at_rest)
+    np.testing.assert_array_equal(later, [[0.0, 0.0, 0.0, *told[1, 3:]]])
+    np.testing.assert_array_equal(anew, at_rest)
 
 
 def test_who_waits_for_an_answer_is_told_that_none_will_come() -> None:
@@ -219,6 +251,25 @@ def test_its_limit_of_observations_ends_an_episode(played: Played) -> None:
     (episode,) = result["tasks"][0]["episodes"]
     assert (episode["steps"], episode["metrics"]["ended"]) == (2, "interrupted")
     assert episode["metrics"]["control_steps"] == 8
+
+
+def test_its_live_mode_goes_on_while_the_model_thinks(played: Played) -> None:
+    """The robot stands for the steps between two answers, and is told each answer once."""
+    thinking = Model(horizon=1)
+    predict = thinking.predict
+
+    def slowly(obs: dict[str, Any], ctx: Any) -> dict[str, Any]:
+        time.sleep(0.1)
+        return predict(obs, ctx) | {"actions": np.full((1, ACTION_SIZE), 0.1)}
+
+    thinking.predict = slowly  # type: ignore[method-assign]
+    with model_server(thinking) as address:
+        result = runs(address, mode="live", hz=30)
+    (episode,) = result["tasks"][0]["episodes"]
+    assert episode["metrics"]["simulated_s"] == SECONDS
+    driven = [bool(command[0]) for command in played.commands]
+    assert 0 < sum(driven) < len(driven) / 2
+    assert not any(here and there for here, there in itertools.pairwise(driven))
 
 
 def test_an_episode_that_breaks_is_told_and_the_next_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -359,6 +410,58 @@ def test_our_server_says_what_is_wrong_with_an_observation() -> None:
         policy.reset()
         assert policy.infer(observation()).shape[1] == ACTION_SIZE
         policy.close()
+
+
+@pytest.mark.parametrize("live", [True, False])
+def test_our_server_waits_for_pictures_where_observations_do_not_wait_for_it(live: bool) -> None:
+    """In live mode one may be under way that was sent before the policy asked for pictures; else that is an error."""
+    server, answers = MpviModelServer(), list[dict[str, Any]]()
+    wants = SimpleNamespace(name="wants", cameras=("head",), reset=lambda: None)
+    wants.infer = lambda seen: np.zeros((1, ACTION_SIZE))
+    server._make = lambda vocabulary: wants
+    context = SessionContext("session", "episode")
+
+    async def keep(answer: dict[str, Any]) -> None:
+        answers.append(answer)
+
+    context._send_action_fn = keep
+    blind = write_observation({**observation(), "images": {}})
+
+    async def talk() -> None:
+        await server.on_episode_start({"mode": "live"} if live else {}, context)
+        with contextlib.nullcontext() if live else pytest.raises(Refused, match="head is missing"):
+            await server.on_observation(blind, context)
+        assert not answers
+        await server.on_observation(write_observation(observation()), context)
+        await server.on_episode_end({}, context)
+
+    asyncio.run(talk())
+    assert len(answers) == 1
+
+
+@pytest.mark.slow
+def test_its_own_command_starts_our_server(tmp_path: Path) -> None:
+    """With the example's config; `uv run SCRIPT` stands for what uv does outside of a project."""
+    uv = tmp_path / "uv"
+    uv.write_text(f'#!/bin/sh\nshift\nexec {sys.executable} "$@"\n')
+    uv.chmod(0o755)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    command = [str(Path(sys.executable).with_name("vla-eval")), "serve", "--address", address, "--arg", "seed=3"]
+    with subprocess.Popen(
+        [*command, "--config", "examples/vla_eval_server.yaml"],
+        cwd=ROOT,
+        env={**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"},
+        start_new_session=True,
+    ) as process:
+        try:
+            policy = VlaEvalPolicy(address, "mpvi")
+            policy.reset()
+            assert policy.infer(observation()).shape[1] == ACTION_SIZE
+            policy.close()
+        finally:
+            os.killpg(process.pid, signal.SIGTERM)
 
 
 def test_a_policy_that_reads_the_simulator_cannot_be_served() -> None:

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.remote.connection import one_line
-from mpvi_bt.remote.mapping import actions_of
+from mpvi_bt.remote.mapping import actions_of, still
 from mpvi_bt.remote.observation import Vocabulary
 from mpvi_bt.remote.openpi import cameras_of, question
 from mpvi_bt.remote.settings import Settings
-from mpvi_bt.robot.protocol import Proprioception
+from mpvi_bt.robot.protocol import ActionLayout, Proprioception
 from mpvi_bt.robot.solids import Array
 
 
@@ -56,6 +56,8 @@ class Relay:
         self.note = ""
         self._fresh = True
         self._held: Proprioception | None = None
+        self._felt: Proprioception | None = None
+        self._last: Array | None = None
 
     # --- in the episode's thread
 
@@ -65,8 +67,9 @@ class Relay:
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
         """The next actions, (H, 23), once there is an answer. Raises Stopped."""
+        self._felt = observation["proprioception"]
         if self._held is None:
-            self._held = observation["proprioception"]
+            self._held = self._felt
         self.seen = observation["images"]["head"].rgb if "head" in observation["images"] else None
         self._questions.put(question(observation, self._settings, self._fresh, self.vocabulary))
         self._fresh = False
@@ -92,7 +95,15 @@ class Relay:
         self.cameras = cameras_of(reply, self._settings, self.cameras)
         if isinstance(note := reply.get("note"), str):
             self.note = one_line(note)
+        self._last = actions[-1]
         self._answers.put(actions)
+
+    def hold(self) -> None:
+        """Answer the last question without a reply, for a step: the base stands, joints go on to their last targets."""
+        assert self._felt is not None
+        action = (still(self._felt) if self._last is None else self._last).copy()
+        action[ActionLayout.BASE] = 0.0
+        self._answers.put(action[None])
 
     def over(self) -> None:
         """Say that no more questions will come."""

@@ -57,6 +57,10 @@ class Refused(Exception):
         super().__init__(f"{kind}: {message}")
 
 
+class Unseen(Refused):
+    """An observation without pictures that the last answer asked for."""
+
+
 class PolicyServer:
     """Serves a policy until it is told to stop.
 
@@ -264,7 +268,7 @@ class Session:
         return message, infer_s
 
     def _asked(self, given: Given) -> tuple[Policy, dict[str, Any]]:
-        """The policy, ready for an observation, and the observation. Raises BadMessage."""
+        """The policy, ready for an observation, and the observation. Raises BadMessage, Unseen."""
         if isinstance(given, str):
             raise BadMessage("a text frame; an observation is a binary frame of msgpack")
         question = read_observation(unpack(given) if isinstance(given, bytes) else given)
@@ -278,7 +282,7 @@ class Session:
         self._prompt = prompt
         for camera in self._policy.cameras:
             if camera not in question.observation["images"]:
-                raise BadMessage(f"images: {camera} is missing, which the last `cameras` asked for")
+                raise Unseen("bad_message", f"images: {camera} is missing, which the last `cameras` asked for")
         return self._policy, question.observation
 
 

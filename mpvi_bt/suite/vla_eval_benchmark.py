@@ -28,6 +28,7 @@ from mpvi_bt.suite.policies import Ground
 from mpvi_bt.suite.tasks import Task, load_task
 
 POLICY = "vla_eval:runner"  # what results call a policy that is asked over the runner's connection
+_HOLD = {"hold": True}  # in the place of an answer that has not come yet
 _ICD = "MPVI_LAVAPIPE_ICD"  # environment variable: where Mesa's renderer is, if vla-eval does not find it
 
 
@@ -155,6 +156,10 @@ class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
         """The figures whose means are told."""
         return dict.fromkeys(("success", "q", "goal_fraction", "conditions_met", "simulated_s"), "mean")
 
+    def get_hold_action(self, last_action: dict[str, Any] | None) -> dict[str, Any]:
+        """What the robot does for a step while the model server thinks, where the runner's mode is live: it stands."""
+        return _HOLD
+
     # --- an episode
 
     def reset(self, task: dict[str, Any]) -> dict[str, Any]:
@@ -181,10 +186,13 @@ class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
         return first
 
     def step(self, action: dict[str, Any]) -> StepResult:
-        """Carry out an answer of the model server. Raises PolicyError if it is none."""
+        """Carry out an answer of the model server, or stand for a step. Raises PolicyError if it is none."""
         assert self._playing is not None
         relay, _ = self._playing
-        relay.answer(action)
+        if action is _HOLD:
+            relay.hold()
+        else:
+            relay.answer(action)
         self._recorder.record_step(note=relay.note)
         following = relay.asked()
         if following is not None:

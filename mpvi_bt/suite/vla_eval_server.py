@@ -12,7 +12,7 @@ from vla_eval.model_servers.serve import run_server
 from vla_eval.specs import DimSpec
 
 from mpvi_bt.errors import UserError
-from mpvi_bt.remote.server import Session
+from mpvi_bt.remote.server import Session, Unseen
 from mpvi_bt.remote.settings import load_settings
 from mpvi_bt.suite.policies import for_clients
 from mpvi_bt.suite.vla_eval_benchmark import action_spec, observation_spec
@@ -35,23 +35,35 @@ class MpviModelServer(ModelServer):  # type: ignore[misc]  # vla_eval is untyped
         self._make = for_clients(policy, seed)
         self._settings = load_settings(SETTINGS)
         self._sessions: dict[str, Session] = {}
+        self._live: set[str] = set()  # sessions whose observations do not wait for answers
         self._first = list(self._make({}).cameras)  # what cannot be made is told now, not to the first client
 
     async def on_episode_start(self, config: dict[str, Any], ctx: SessionContext) -> None:
         """Make a policy."""
         await self.on_episode_end({}, ctx)
         self._sessions[ctx.session_id] = session = Session(self._make)
+        if config.get("mode") == "live":
+            self._live.add(ctx.session_id)
         await session.begin()
 
     async def on_observation(self, obs: dict[str, Any], ctx: SessionContext) -> None:
-        """Send the policy's whole chunk. Raises Refused, UserError."""
+        """Send the policy's whole chunk. Raises Refused, UserError.
+
+        A live observation that was sent before the answer that asks for pictures had come gets none: the robot holds.
+        """
         if ctx.session_id not in self._sessions:
             raise UserError("an observation came before its episode was started.")
-        answer, _ = await self._sessions[ctx.session_id].answer(obs)
+        try:
+            answer, _ = await self._sessions[ctx.session_id].answer(obs)
+        except Unseen:
+            if ctx.session_id in self._live:
+                return
+            raise
         await ctx.send_action(answer)
 
     async def on_episode_end(self, result: dict[str, Any], ctx: SessionContext) -> None:
         """Let go of the policy."""
+        self._live.discard(ctx.session_id)
         if session := self._sessions.pop(ctx.session_id, None):
             session.end()
 
