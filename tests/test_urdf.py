@@ -12,10 +12,10 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.r1 import R1
+from mpvi_bt.robot.r1_urdf import r1_urdf
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.robot.urdf import urdf
 
-TEXT = urdf()
+TEXT = r1_urdf()
 ROBOT = ElementTree.fromstring(TEXT)
 LINKS = {link.attrib["name"]: link for link in ROBOT.iter("link")}
 JOINTS = {joint.attrib["name"]: joint for joint in ROBOT.iter("joint")}
@@ -135,7 +135,7 @@ def test_it_is_small_and_needs_no_meshes() -> None:
     """Primitives only, and the same text each time."""
     assert not list(ROBOT.iter("mesh"))
     assert len(TEXT) < 30_000
-    assert urdf() == TEXT
+    assert r1_urdf() == TEXT
 
 
 def test_every_joint_has_its_drive() -> None:

@@ -14,6 +14,7 @@ from mpvi_bt.robot.urdf_writing import (
     WHITE,
     ZERO,
     Vector,
+    add_base_joints,
     add_collision,
     add_joint,
     add_link,
@@ -47,12 +48,7 @@ def fetch_urdf() -> str:
 
 
 def _base(robot: ET.Element) -> None:
-    for name in ("root", "root_x", "root_y"):
-        add_link(robot, name, 1.0, (1e-2, 1e-2, 1e-2))
-    x, y, yaw = FETCH.base_joints
-    add_joint(robot, x, "prismatic", "root", "root_x", axis=_X, limits=(-50, 50), effort=1000, speed=1)
-    add_joint(robot, y, "prismatic", "root_x", "root_y", axis=_Y, limits=(-50, 50), effort=1000, speed=1)
-    add_joint(robot, yaw, "continuous", "root_y", "base_link", axis=_Z)
+    add_base_joints(robot, FETCH.base_joints)
     r, high = fetch.BASE_RADIUS_M, fetch.BASE_HEIGHT_M
     base = add_link(robot, "base_link", 70.1, (1.2, 1.3, 1.6), com=(0, 0, 0.12))
     add_visual(base, "cylinder", (r, high - 0.05), (0, 0, (high + 0.05) / 2), DARK)

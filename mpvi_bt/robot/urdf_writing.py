@@ -66,6 +66,16 @@ def add_joint(
         ET.SubElement(joint, "limit", lower=low, upper=high, effort=str(effort), velocity=str(speed))
 
 
+def add_base_joints(robot: ET.Element, names: tuple[str, str, str]) -> None:
+    """Add what moves "base_link" over the floor: joints of these names along x, along y and about z, from "root"."""
+    x, y, yaw = names
+    for name in ("root", "root_x", "root_y"):
+        add_link(robot, name, 1.0, (1e-2, 1e-2, 1e-2))
+    add_joint(robot, x, "prismatic", "root", "root_x", axis=(1, 0, 0), limits=(-50, 50), effort=1000, speed=1)
+    add_joint(robot, y, "prismatic", "root_x", "root_y", axis=(0, 1, 0), limits=(-50, 50), effort=1000, speed=1)
+    add_joint(robot, yaw, "continuous", "root_y", "base_link", axis=(0, 0, 1))
+
+
 def box_inertia(mass: float, x: float, y: float, z: float) -> Vector:
     """The diagonal of the inertia [kg m^2] of a box of sizes [m]."""
     return (mass * (y * y + z * z) / 12, mass * (x * x + z * z) / 12, mass * (x * x + y * y) / 12)

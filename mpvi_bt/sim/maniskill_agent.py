@@ -153,7 +153,7 @@ class R1(BaseAgent):  # type: ignore[misc]
     """The r1. Its joints, gains, cameras and limits are those of `mpvi_bt.robot.r1`."""
 
     uid = "r1"
-    urdf_path = "generated"  # by robot/urdf.py, when it is loaded
+    urdf_path = "generated"  # by robot/r1_urdf.py, when it is loaded
 
     def __init__(
         self,

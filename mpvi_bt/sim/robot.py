@@ -16,15 +16,15 @@ from mpvi_bt.robot.limits import within_limits
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Side
 from mpvi_bt.robot.r1 import R1
+from mpvi_bt.robot.r1_urdf import r1_urdf
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.robot.urdf import urdf
 from mpvi_bt.sim.body import SimBody
 from mpvi_bt.sim.cameras import Cameras
 
 FINGER_FRICTION = 2.0  # rubber pads
 CLOSED_M = -0.01  # finger target beyond zero: grip force = stiffness * (half width + 1 cm)
 _BASE_ACCELERATION = np.array([1.5, 1.5, 3.0])  # [m/s^2, m/s^2, rad/s^2]: a jerk flings what is held
-_URDF: Mapping[str, Callable[[], str]] = {"r1": urdf, "fetch": fetch_urdf}
+_URDF: Mapping[str, Callable[[], str]] = {"r1": r1_urdf, "fetch": fetch_urdf}
 
 
 class SimRobot(SimBody):

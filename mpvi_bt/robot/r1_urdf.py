@@ -17,6 +17,7 @@ from mpvi_bt.robot.urdf_writing import (
     WHITE,
     ZERO,
     Vector,
+    add_base_joints,
     add_collision,
     add_joint,
     add_link,
@@ -29,7 +30,7 @@ _Look = tuple[str, Sequence[float], Vector, Vector]  # kind, size, place, color
 _Hull = tuple[Vector, Vector]  # size and place of a box
 
 
-def urdf() -> str:
+def r1_urdf() -> str:
     """The robot's description as URDF text."""
     robot = ET.Element("robot", name="r1")
     _base(robot)
@@ -40,12 +41,7 @@ def urdf() -> str:
 
 
 def _base(robot: ET.Element) -> None:
-    for name in ("root", "root_x", "root_y"):
-        add_link(robot, name, 1.0, (1e-2, 1e-2, 1e-2))
-    x, y, yaw = r1.BASE_JOINTS
-    add_joint(robot, x, "prismatic", "root", "root_x", axis=(1, 0, 0), limits=(-50, 50), effort=1000, speed=1)
-    add_joint(robot, y, "prismatic", "root_x", "root_y", axis=(0, 1, 0), limits=(-50, 50), effort=1000, speed=1)
-    add_joint(robot, yaw, "continuous", "root_y", "base_link", axis=(0, 0, 1))
+    add_base_joints(robot, r1.BASE_JOINTS)
     r = r1.BASE_RADIUS_M
     base = add_link(robot, "base_link", 40.0, (1.2, 1.2, 1.6), com=(0, 0, 0.12))
     add_visual(base, "cylinder", (r, 0.20), (0, 0, 0.13), DARK)
@@ -63,7 +59,7 @@ def _trunk(robot: ET.Element) -> None:
     add_visual(carriage, "box", (0.12, 0.16, 0.14), (-0.10, 0, 0), WHITE)
     add_collision(carriage, "box", (0.12, 0.16, 0.10), (-0.10, 0, -0.03))
     add_joint(robot, lift, "prismatic", "base_link", "torso_lift_link", (0, 0, r1.WAIST_M), axis=(0, 0, 1),
-           limits=limits[0], effort=600, speed=0.4)  # fmt: skip
+              limits=limits[0], effort=600, speed=0.4)  # fmt: skip
     waist = add_link(robot, "waist_link", 2.0, (0.02, 0.02, 0.02))
     add_visual(waist, "cylinder", (0.075, 0.08), (-0.06, 0, 0.06), DARK)
     add_joint(robot, yaw, "revolute", "torso_lift_link", "waist_link", axis=(0, 0, 1), limits=limits[1], effort=200)
@@ -73,13 +69,13 @@ def _trunk(robot: ET.Element) -> None:
     add_visual(chest, "cylinder", (0.035, 0.14), (-0.03, 0, 0.40), DARK)
     add_collision(chest, "box", (0.14, 0.22, 0.28), (-0.04, 0, 0.21))
     add_joint(robot, pitch, "revolute", "waist_link", "chest_link", (0, 0, r1.CHEST_M), axis=(0, 1, 0),
-           limits=limits[2], effort=300)  # fmt: skip
+              limits=limits[2], effort=300)  # fmt: skip
     head = add_link(robot, "head_link", 1.5, (6e-3, 6e-3, 6e-3))
     add_visual(head, "box", (0.12, 0.18, 0.11), (0.01, 0, 0.05), WHITE)
     add_visual(head, "box", (0.012, 0.15, 0.06), (0.072, 0, 0.05), BLACK)
     add_collision(head, "box", (0.12, 0.18, 0.11), (0.01, 0, 0.05))
     add_joint(robot, tilt, "revolute", "chest_link", "head_link", vector(r1.HEAD_M), axis=(0, 1, 0), limits=limits[3],
-           effort=20)  # fmt: skip
+              effort=20)  # fmt: skip
     add_link(robot, "head_camera_link", 0.05, (1e-4, 1e-4, 1e-4))
     add_joint(robot, "head_camera_joint", "fixed", "head_link", "head_camera_link", vector(r1.HEAD_CAMERA_M))
 
@@ -119,10 +115,10 @@ def _arm(robot: ET.Element, side: Side) -> None:
         add_visual(finger, "box", (0.020, 0.002, 0.022), (0, sign * 0.0005, 0.044), ORANGE)
         add_collision(finger, "box", (0.022, 0.012, 0.055), (0, sign * 0.0065, 0.0275))
         add_joint(robot, joint, "prismatic", f"{side}_hand", name, (0, 0, 0.115), axis=(0, sign, 0),
-               limits=(0, r1.FINGER_TRAVEL_M), effort=60, speed=0.2)  # fmt: skip
+                  limits=(0, r1.FINGER_TRAVEL_M), effort=60, speed=0.2)  # fmt: skip
     add_link(robot, f"{side}_tcp", 0.01, (1e-5, 1e-5, 1e-5))
     add_joint(robot, f"{side}_tcp_joint", "fixed", f"{side}_hand", f"{side}_tcp", (0, 0, r1.TCP_M))
     camera = f"{side}_wrist_camera_link"
     add_link(robot, camera, 0.01, (1e-5, 1e-5, 1e-5))
     add_joint(robot, f"{side}_wrist_camera_joint", "fixed", f"{side}_hand", camera, vector(r1.WRIST_CAMERA_M),
-           (0, -math.pi / 2 + r1.WRIST_CAMERA_TILT_RAD, 0))  # fmt: skip
+              (0, -math.pi / 2 + r1.WRIST_CAMERA_TILT_RAD, 0))  # fmt: skip
