@@ -12,6 +12,7 @@ import pytest
 from mpvi_bt.goals.predicates import inside, ontop
 from mpvi_bt.manipulation.reactive import ReactivePolicy
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.remote.settings import CAMERAS
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.world import World
@@ -36,11 +37,11 @@ class Played:
     actions: list[Array] = field(default_factory=list)
 
 
-def play(world: World, policy: ReactivePolicy, prompt: str, limit_s: float) -> Played:
-    """Have the policy follow a prompt until its note is "done", or for `limit_s`."""
+def play(world: World, policy: ReactivePolicy, prompt: str, limit_s: float, every: bool = False) -> Played:
+    """Have the policy follow a prompt until its note is "done", or for `limit_s`; show it `every` picture there is."""
     played = Played()
     for _ in range(round(limit_s * CONTROL_HZ)):
-        images = {camera: world.robot.look(camera) for camera in policy.cameras}
+        images = {camera: world.robot.look(camera) for camera in (CAMERAS if every else policy.cameras)}
         played.pictures += len(images)
         felt = world.robot.proprioception()
         (action,) = policy.infer({"prompt": prompt, "proprioception": felt, "images": images})
@@ -94,6 +95,17 @@ def test_the_same_observations_give_the_same_actions() -> None:
         return np.stack(play(world, reactive(3), "pick up the can of soda", 4.0).actions)
 
     np.testing.assert_array_equal(actions(), actions())
+
+
+@pytest.mark.render
+def test_pictures_that_it_did_not_ask_for_change_nothing() -> None:
+    """Somebody may send them all, such as a client that does not heed what is asked for."""
+
+    def actions(every: bool) -> Array:
+        world = calm(small_world({"can": placed("can_of_soda", 0.9, 0.2)}, render=True))
+        return np.stack(play(world, reactive(3), "pick up the can of soda", 4.0, every).actions)
+
+    np.testing.assert_array_equal(actions(every=False), actions(every=True))
 
 
 @pytest.mark.render

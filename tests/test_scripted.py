@@ -6,10 +6,11 @@ from typing import Any, cast
 
 import pytest
 
-from mpvi_bt.manipulation.scene import Scene
+from mpvi_bt.manipulation.scene import Scene, Sight
 from mpvi_bt.manipulation.scripted import Performance, ScriptedPolicy
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.skills import SkillCall, load_skills
+from tests.serving import observation
 
 PROMPT = "put the cup on the table with the left hand, then put the bowl on the table with the right hand"
 
@@ -44,6 +45,33 @@ def test_a_round_goes_on_after_what_was_done_before(outcomes: str, objects: str)
     policy = Told(outcomes)
     done = _returned(policy.perform(cast("Work", None), PROMPT)) is not None
     assert policy.objects[: len(objects)] + "." * done == objects
+
+
+class Looks(ScriptedPolicy):
+    """It looks once with the head, and keeps what pictures it had while it did and while it did not."""
+
+    def __init__(self) -> None:
+        super().__init__(cast("Scene", None), load_skills(), sight=cast("Sight", self))
+        self.seen: list[tuple[str, ...]] = []
+
+    def see(self, images: dict[str, Any], felt: Any) -> None:
+        self.seen.append(tuple(images))
+
+    def perform(self, work: Work, prompt: str) -> Performance:
+        self.seen.append(tuple(work.images))
+        yield from work.see("head")
+        self.seen.append(tuple(work.images))
+        yield work.motion.still()
+        self.seen.append(tuple(work.images))
+        return None
+
+
+def test_it_has_the_pictures_that_it_asked_for_and_no_others() -> None:
+    """Whatever was sent: with more of them it must not go another way."""
+    policy = Looks()
+    for _ in range(3):
+        policy.infer(observation())
+    assert policy.seen == [(), ("head",), ("head",), ()]
 
 
 def _returned(performance: Performance) -> SkillCall | None:

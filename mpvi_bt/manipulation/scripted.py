@@ -85,7 +85,8 @@ class ScriptedPolicy:
             self._work = Work(self._scene, Motion(felt), rng, self._sight, effort=Effort(_CHECKS), meant=meant)
             self._actions = self._performed(self._work, self._prompt)
         work = self._work
-        work.motion.felt, work.images = felt, observation["images"]
+        work.motion.felt = felt
+        work.images = {camera: observation["images"][camera] for camera in work.wanted}  # more may have been sent
         work.effort.left += _EARNED
         started = self._timer() if self._timer else 0.0
         action = next(self._actions, None)
