@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -9,7 +12,13 @@ from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.loaded import loaded_path
 from mpvi_bt.navigation.pursuit import PathFollower
 from mpvi_bt.navigation.traversability import Traversability, traversability
-from tests.navigation_maps import put_box, thing, two_rooms
+from mpvi_bt.perception.segmentation import SegmentationDetector
+from mpvi_bt.robot import r1
+from mpvi_bt.robot.protocol import CameraImage, Proprioception, Side
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.suite.navigators import explorer
+from tests.depth_pictures import Box, picture
+from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
 
 LOAD = Footprint(0.33, np.array([[0.45, 0.0, 0.18]]))
 
@@ -108,3 +117,40 @@ def free_pose(grid: Traversability, rng: np.random.Generator, low: float) -> np.
         pose = np.array([rng.uniform(low, low + 3), rng.uniform(0.4, 3.6), rng.uniform(-np.pi, np.pi)])
         if np.isfinite(grid.cost[grid.map.cell(pose)]) and LOAD.slack(grid, pose) > 0.05:
             return pose
+
+
+class Reaching(KinematicRobot):
+    """A robot that holds one arm out before it, over free floor; its camera sees its hand and its wrist."""
+
+    time_s, steps = 0.0, 0
+
+    def proprioception(self) -> Proprioception:
+        """As it feels."""
+        arm: dict[Side, Array] = {
+            "left": r1.TRAVEL_ARM["left"],
+            "right": np.array([-0.9, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        }
+        return replace(super().proprioception(), torso=r1.TRAVEL_TORSO, arm=arm)
+
+    def look(self, camera: str) -> CameraImage:
+        """A picture of the head."""
+        hand = r1.R1.tcp(r1.TRAVEL_TORSO, self.proprioception().arm["right"], "right")
+        ends = [hand[:3, 3], hand[:3, 3] - 0.1 * hand[:3, 2]]
+        boxes: list[Box] = [((x - 0.03, y - 0.03, z - 0.03), (x + 0.03, y + 0.03, z + 0.03)) for x, y, z in ends]
+        return picture((0.0, 0.0, 0.0), boxes)
+
+
+def test_an_arm_that_is_held_out_is_no_obstacle_on_the_way() -> None:
+    """However far beyond the base: nothing of it gets into the map, where it would be in the way wherever it goes."""
+    robot = Reaching(0.0, 0.0)
+    hand = r1.R1.tcp(r1.TRAVEL_TORSO, robot.proprioception().arm["right"], "right")[:3, 3]
+    assert np.linalg.norm(hand[:2]) > 0.55
+    world = SimpleNamespace(robot=robot, time_s=0.0, steps=0)
+    lookout = explorer(world, None, ("cup",), SegmentationDetector({}), "online").lookout  # type: ignore[arg-type]
+    image = robot.look("head")
+    assert lookout.occupancy.update(image)
+    solid = int(lookout.solid.sum())
+    assert solid > 0
+    lookout = explorer(world, None, ("cup",), SegmentationDetector({}), "online").lookout  # type: ignore[arg-type]
+    lookout.look()
+    assert not lookout.solid.any()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from mpvi_bt.navigation.exploring import ExploringNavigator
+from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.lookout import Circle, Lookout
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.navigation.occupancy import Occupancy
@@ -19,7 +20,8 @@ from mpvi_bt.sim.prior_map import knowledge as prior_knowledge
 from mpvi_bt.sim.prior_map import prior_map
 from mpvi_bt.sim.world import World
 
-_SELF_M = 0.50  # around the base: the robot itself, its hands tucked
+_SELF_M = 0.50  # around the base: the robot itself, its hands tucked,
+_ABOUT_M = 0.06  # and around each circle of arms that reach out farther, and of what they carry
 
 
 def make_navigator(
@@ -61,10 +63,11 @@ def explorer(
     discoveries = Discoveries(base, phrases, detector, world)
 
     def takes_up() -> list[Circle]:
-        x, y, _ = robot.proprioception().base_pose
-        held = [e for e in base if e.held]
-        loads = [(*e.center[:2], float((e.highest - e.lowest)[:2].max()) / 2 + 0.05) for e in held]
-        return [(float(x), float(y), _SELF_M), *((float(u), float(v), r) for u, v, r in loads)]
+        body = robot.proprioception()
+        footprint = Footprint.of(_SELF_M, body, base)
+        loads = zip(footprint.places(body.base_pose), footprint.loads[:, 2] + _ABOUT_M, strict=True)
+        x, y, _ = body.base_pose
+        return [(float(x), float(y), _SELF_M), *((float(u), float(v), float(r)) for (u, v), r in loads)]
 
     lookout = Lookout(robot, world, occupancy, VisibilityMap(occupancy.map), discoveries, takes_up)
     return ExploringNavigator(robot, base, lookout, ArmStow(robot, seed))
