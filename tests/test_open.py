@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from mpvi_bt.manipulation.close import is_closed, pushes
+from mpvi_bt.manipulation.course import Course
 from mpvi_bt.manipulation.expert import ExpertPolicy
+from mpvi_bt.manipulation.follow import go_along
 from mpvi_bt.manipulation.open import is_open
 from mpvi_bt.manipulation.openings import doors_meant, moved, swings, thing_meant
 from mpvi_bt.manipulation.truth import TrueScene
@@ -19,6 +21,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Motion, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Side
 from mpvi_bt.robot.r1 import R1
+from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 
@@ -232,3 +235,27 @@ def test_a_lost_bar_is_noticed_at_once_and_taken_hold_of_again() -> None:
     assert play(world, "open the refrigerator", watch=tear)[-1] == "done"
     assert noticed[0] - torn[0] <= 15
     assert is_open(world.doors("thing")[0])
+
+
+def test_a_base_that_is_held_up_goes_back_before_it_gives_up() -> None:
+    """A course that leads into a wall that nobody saw ends with room between the base and that wall."""
+    world = small_world(base=(0.0, 2.3, 0.0))
+    world.settle(0.3)
+    motion = Motion(world.robot.proprioception())
+    T = kin.base(motion.felt.base_pose) @ motion.hand("left")
+
+    def aside(x: float) -> Array:
+        return kin.transform(np.eye(3), (0.0, 0.8 * x, 0.0))
+
+    course = Course(T, lambda x: aside(x) @ T, aside, lambda x: [], 0.0)
+    went = [0.0]
+
+    def go() -> None:
+        for action in go_along(motion, course, "left", motion.torso, lambda x: False):
+            world.step(action)
+            motion.felt = world.robot.proprioception()
+            went.append(float(motion.felt.base_pose[1]))
+
+    with pytest.raises(MotionFailure, match="base_blocked"):
+        go()
+    assert max(went) - went[-1] > 0.02

@@ -26,7 +26,8 @@ _OFF_M = 0.15  # what a hand is drawn back by, off what its fingers stand around
 _LEVEL = 0.3  # of the length of its approach, seen from above: one that points down more steeply is raised instead
 _BETWEEN_M = 0.03  # from the middle between open fingers to either side
 _TOUCHED_M = 0.005
-_ASTRAY_M = 0.12  # a base that far from its goal is held up by something
+_ASTRAY_M = 0.12  # a base that far from its goal is held up by something,
+_BACK = 0.2  # and goes back so much of the course
 
 
 def take_up(work: Work, start: Start, side: Side, idle: Side | None) -> Actions:
@@ -76,8 +77,8 @@ def go_along(
         slowness: How many times slower than usual.
 
     Raises:
-        MotionFailure: "off_course" if the arm cannot keep up, "base_blocked" if the base cannot, or what `arrived`
-            raises.
+        MotionFailure: "off_course" if the arm cannot keep up, "base_blocked" if the base cannot, which has gone back a
+            little by then, or what `arrived` raises.
     """
     start, torso = motion.felt.base_pose.copy(), motion.torso
     n = max(10, round(_seconds(course, start) * slowness * CONTROL_HZ))
@@ -89,7 +90,8 @@ def go_along(
         error = goal - motion.felt.base_pose
         error[2], forward[2] = kin.wrap(error[2]), kin.wrap(goal[2] - last[2]) * CONTROL_HZ
         last = goal
-        if np.linalg.norm(error[:2]) > _ASTRAY_M:
+        if np.linalg.norm(error[:2]) > _ASTRAY_M:  # pressed against a wall it could not even draw its hand back
+            yield from motion.drive(course.base(smooth(max(0.0, k / n - _BACK)), start), _BASE_SPEED_M_S)
             raise MotionFailure("base_blocked")
         motion.action[ActionLayout.TORSO] = torso + (torso_after - torso) * x
         lost = 0 if _reach(motion, side, course.hand(x)) else lost + 1
