@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from mpvi_bt.goals.predicates import inside, ontop
+from mpvi_bt.manipulation.open import is_open
 from mpvi_bt.manipulation.reactive import ReactivePolicy
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.remote.settings import CAMERAS
@@ -145,6 +146,17 @@ def test_a_clause_that_wants_a_thing_in_hand_has_it_picked_up_first() -> None:
     assert play(world, reactive(), "put the can of soda in the trash can", 120.0).note == "done"
     assert inside(world, "can", "bin")
     assert [world.holding(s) for s in SIDES] == [None, None]
+
+
+@pytest.mark.slow
+@pytest.mark.render
+def test_a_fridge_in_a_corner_is_opened() -> None:
+    """The wall beside it is out of view where its door is looked at; the base is not led into that."""
+    fridge = "{entry: refrigerator, at: [-2.49, -2.625], yaw_deg: 90}"
+    world = calm(small_world(base=(-2.0, -1.2, -1.57), render=True, fridge=fridge))
+    policy = ReactivePolicy(SKILLS, vocabulary={"fridge": ("fridge",)})
+    assert play(world, policy, "open the fridge", limit_s=36.0).note == "done"
+    assert is_open(world.doors("fridge")[0])
 
 
 @pytest.mark.slow

@@ -214,3 +214,17 @@ def test_what_is_looked_at_closely_does_not_hang_on_an_order() -> None:
         seen.obstacles(here, 2.0, without=without)
         assert seen._focus is not None
         np.testing.assert_allclose(seen._focus, world.solids("can_1")[0].aabb().mean(0), atol=0.01)
+
+
+def test_what_a_look_aside_has_shown_is_remembered_where_hidden_space_is_trusted() -> None:
+    """A wall beside the base, out of view from before a door, is in the way of what leads the base there."""
+    seen = Seen(SegmentationDetector({}, least_px=1))
+    for yaw in (-3.07, -1.57):
+        world = small_world(base=(-2.0, -1.2, yaw), render=True)
+        world.refresh()
+        look(world, seen)
+    near, wall = np.array([-2.0, -1.2]), np.array([-2.98, -1.2, 0.5])
+    with seen.trusting(remembering=True):
+        assert seen.obstacles(near, 1.7).distance(wall) < 0.03
+    with seen.trusting():
+        assert seen.obstacles(near, 1.7).distance(wall) > 0.1

@@ -35,7 +35,7 @@ class Blind:
         """As `Sight` says."""
         self.lifts.append(float(felt.torso[0]))
 
-    def trusting(self) -> AbstractContextManager[None]:
+    def trusting(self, remembering: bool = False) -> AbstractContextManager[None]:
         """As `Sight` says."""
         return nullcontext()
 

@@ -61,7 +61,7 @@ class Glances:
         self.count += len(images)
 
     @contextlib.contextmanager
-    def trusting(self) -> Iterator[None]:
+    def trusting(self, remembering: bool = False) -> Iterator[None]:
         """Nothing is hidden from the truth."""
         yield
 

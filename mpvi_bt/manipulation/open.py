@@ -12,12 +12,14 @@ from mpvi_bt.manipulation.follow import back_out, go_along, take_up, touch
 from mpvi_bt.manipulation.openings import (
     doors_meant,
     lid,
+    look_beside,
     look_over,
     moved,
     outward,
     panel,
     seen_twice,
     stand_before,
+    stands_as,
     swings,
     thing_meant,
     upright,
@@ -69,6 +71,10 @@ def open_(work: Work, words: Words, tried: list[Array]) -> Actions:
     if not able:
         raise MotionFailure("no_handle")
     door = able[0]
+    if work.sight is not None and upright(door):
+        yield from look_beside(work, door)
+        yield from look_over(work, thing)
+        door = next((d for d in work.scene.doors(thing) if d.bar is not None and stands_as(d, door)), door)
     yield from swing(work, thing, door, [min(t, door.limit) for t in targets(door)], tried, words.get("hand"))
     if work.sight is None:
         opened = any(is_open(d) for d in work.scene.doors(thing) if d.name == door.name)
@@ -166,7 +172,7 @@ def then_leave(work: Work, side: Side, doing: Actions, aside: Array | None = Non
     else:
         yield from _trying(work.rise(side), [])
     yaw = motion.felt.base_pose[2]
-    yield from _trying(back_out(motion, -np.array([np.cos(yaw), np.sin(yaw)]), _BACK_OFF_M), failures)
+    yield from _trying(back_out(motion, -np.array([np.cos(yaw), np.sin(yaw)]), _BACK_OFF_M), [])  # as far as it goes
     yield from _trying(settle(work), failures)
     if failures:
         raise failures[0]
@@ -216,7 +222,7 @@ def course_search(
         near = work.scene.obstacles(at, _AROUND_M, without)
         parts = list(work.scene.solids(thing))
     else:
-        with work.sight.trusting():  # the way leads back and aside, where nobody looks
+        with work.sight.trusting(remembering=True):  # the way leads back and aside, of which little is in view
             near = work.scene.obstacles(at, _AROUND_M, without)
         parts = [s for d in work.scene.doors(thing) for s in (*d.solids, _carcass(d))]
     stays = [s for s in parts if not any(_alike(s, moving) for moving in door.solids)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Generator, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -23,6 +24,7 @@ _RANKS = {
 _PLACES = ("top", "upper", "uppermost", "highest", "bottom", "lower", "lowest", "middle", "left", "right", *_RANKS)
 _LOOKS = 2
 _FACING_RAD = 0.15
+_BESIDE_RAD, _DOWN_RAD = 1.5, 0.5  # from facing a door, and from level, to see what is beside the base
 _ASIDE_M, _ASIDE_RAD = 1.2, (0.7, -0.7, 1.2, -1.2)  # from where the outside of an open door may be seen
 _BEFORE_M, _STAGE_RAD = 1.1, 0.6  # where to stand before a face; on the way around a thing it looks so often
 _SAME_M, _SAME = 0.15, 0.2  # a door that is seen there and, of its limit, so far open, is the one seen before
@@ -114,10 +116,26 @@ def seen_twice(work: Work, thing: str, doors: Sequence[Door]) -> Generator[Array
     if not (yield from look_from_aside(work, thing)):
         return True
     now = work.scene.doors(thing)
-    return all(any(_stands_as(door, other) for other in now) for door in doors)
+    return all(any(stands_as(door, other) for other in now) for door in doors)
 
 
-def _stands_as(a: Door, b: Door) -> bool:
+def look_beside(work: Work, door: Door) -> Actions:
+    """Look past the hinge of a door: an upright one leads the base there, and what is there was not in view so far."""
+    x, y, _ = work.motion.felt.base_pose
+    shut, face = moved(door, -door.position), panel(door)
+    out = shut[:3, :3] @ outward(door)
+    toward_hinge = door.origin - shut[:3, :3] @ face.T[:3, 3] - shut[:3, 3]
+    left = float(np.sign(np.cross(toward_hinge, out)[2]))
+    with suppress(MotionFailure):  # a base that cannot turn there has its picture all the same
+        yield from work.motion.drive(np.array([x, y, np.arctan2(-out[1], -out[0]) + left * _BESIDE_RAD]))
+    torso = work.motion.torso
+    torso[3] = _DOWN_RAD
+    yield from work.motion.stand(torso)
+    yield from work.see("head")
+
+
+def stands_as(a: Door, b: Door) -> bool:
+    """Whether two doors, seen one after the other, are the same and as far open."""
     apart = float(np.linalg.norm(panel(a).T[:3, 3] - panel(b).T[:3, 3]))
     return apart < _SAME_M and abs(a.position / a.limit - b.position / b.limit) < _SAME
 
@@ -145,7 +163,7 @@ def stand_before(work: Work, thing: str, face: Array, out: Array, door: Door | N
 
 def _otherwise(work: Work, thing: str, door: Door) -> bool:
     now = work.scene.doors(thing)
-    return bool(now) and not any(_stands_as(door, other) for other in now)
+    return bool(now) and not any(stands_as(door, other) for other in now)
 
 
 def _go_where(work: Work, thing: str, middle: Array, bearing: float) -> Generator[Array, None, bool]:
@@ -156,7 +174,7 @@ def _go_where(work: Work, thing: str, middle: Array, bearing: float) -> Generato
     if work.sight is None:
         route = work.search("right", {thing}).route(here, goal)
     else:
-        with work.sight.trusting():
+        with work.sight.trusting(remembering=True):
             route = work.search("right", {thing}).route(here, goal)
     try:
         for base in route or ():

@@ -76,6 +76,9 @@ class Sight(Protocol):
         """Take in pictures, by camera, and what the robot felt when they were taken."""
         ...
 
-    def trusting(self) -> AbstractContextManager[None]:
-        """While this lasts, obstacles are only what was seen, not what may be hidden behind it."""
+    def trusting(self, remembering: bool = False) -> AbstractContextManager[None]:
+        """While this lasts, obstacles are only what is seen from here, not what may be hidden behind it.
+
+        With `remembering` surfaces that were seen from the last places count, too.
+        """
         ...

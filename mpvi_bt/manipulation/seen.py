@@ -134,11 +134,11 @@ class Seen(Memory):
             self._focus = min(near, key=lambda box: float(np.ptp(box, axis=0).max())).mean(0)
         faces = [n for n, t in self._things.items() if t.shape.kind == "furniture"]
         focus = None if self._focus is None else tuple(np.round(self._focus, 2))
-        key = (tuple(map(id, frames)), tuple(sorted(without)), tuple(np.round(xy, 2)), thick, focus)
+        key = (tuple(map(id, frames)), tuple(sorted(without)), tuple(np.round(xy, 2)), thick, self._remembering, focus)
         if self._field is None or self._field[0] != key:
             views, before = (
                 [field.View(f.image, self._transparent(f, {*without, *faces})) for f in some]
-                for some in (frames, [] if self._trusting else self._before(frames))
+                for some in (frames, self._before(frames) if self._remembering else [])
             )
             coarse = Field(views, xy, thick_m=thick, before=before)
             if self._focus is None:
@@ -161,13 +161,13 @@ class Seen(Memory):
         return Field(views, self._felt.base_pose[:2])
 
     @contextlib.contextmanager
-    def trusting(self) -> Iterator[None]:
-        """While this lasts, what lies hidden well behind surfaces is not taken for solid."""
-        self._trusting = True
+    def trusting(self, remembering: bool = False) -> Iterator[None]:
+        """While this lasts, what lies hidden well behind surfaces is not taken for solid; `remembering` as `Sight`."""
+        self._trusting, self._remembering = True, remembering
         try:
             yield
         finally:
-            self._trusting = False
+            self._trusting, self._remembering = False, True
 
     def _carved(self) -> list[Frame]:
         """The newest pictures of the head from this place, or else from the last one."""
