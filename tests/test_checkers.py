@@ -300,17 +300,26 @@ def test_the_head_sees_a_can_lifted_by_the_robot_but_not_one_that_it_touches_on_
 
 
 @pytest.mark.parametrize(
-    ("z", "sides", "held"), [(0.4, (-1, 1), True), (0.0, (-1, 1), False), (0.4, (1,), False), (0.4, (), False)]
+    ("z", "sides", "off", "held"),
+    [
+        (0.4, (-1, 1), 0.03, True),
+        (0.4, (-1, 1), 0.1, False),
+        (0.0, (-1, 1), 0.03, False),
+        (0.4, (1,), 0.03, False),
+        (0.4, (), 0.0, False),
+    ],
 )
-def test_the_head_sees_what_two_hands_press_below_its_lid(z: float, sides: tuple[int, ...], held: bool) -> None:
-    """The lid hides where they touch it; a thing on the floor, or with one hand beside it, is not held."""
+def test_the_head_sees_what_two_hands_press_below_its_lid(
+    z: float, sides: tuple[int, ...], off: float, held: bool
+) -> None:
+    """The lid hides where they touch it; with one hand, hands farther off, or on the floor, a thing is not held."""
     body: list[Box] = [
         ("bin", (-0.15, -0.15, z), (0.15, 0.15, z + 0.2)),
         ("bin", (-0.155, -0.16, z + 0.2), (0.155, 0.16, z + 0.22)),
     ]
-    hands: list[Box] = [("robot", (-0.04, min(y, y + 0.06 * s), z + 0.08), (0.04, max(y, y + 0.06 * s), z + 0.15))
-                        for s in sides for y in [0.151 * s]]  # fmt: skip
-    judged = see("the trash can is held with both hands", head([FLOOR, *body, *hands]))
+    for y in [s * (0.155 + off) for s in sides]:
+        body.append(("robot", (-0.04, y - 0.03, z + 0.08), (0.04, y + 0.03, z + 0.15)))
+    judged = see("the trash can is held with both hands", head([FLOOR, *body]))
     assert judged.complete is held
 
 

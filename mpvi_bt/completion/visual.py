@@ -33,6 +33,7 @@ class Eyesight:
         reach_m: Half height and half depth of the space at the fingertips where a held thing must be.
         gap_m: Fingers closer than this have nothing between them.
         touch_m: Neighboring pixels this near each other in space belong to things that touch.
+        beside_m: Hands seen no farther than this from both sides of a thing press it, under a lid that hides how.
         hangs_m: What is seen right below a thing lies so far behind it if the thing hangs in the air.
         rim_m: How far above a container's rim a thing inside may stick out, if its own size is less.
         rest_m: How exactly a thing's lowest visible points must be level with what it is said to be on.
@@ -49,6 +50,7 @@ class Eyesight:
     reach_m: float = 0.05
     gap_m: float = 0.003
     touch_m: float = 0.03
+    beside_m: float = 0.06
     hangs_m: float = 0.1
     rim_m: float = 0.06
     rest_m: float = 0.03
@@ -343,7 +345,7 @@ class _Picture:
         to_camera = inverse(self._image.T_world_camera)
         seen = (self._points[self._mask(label)] for label in (name, ROBOT))
         thing, robot = (points @ to_camera[:3, :3].T + to_camera[:3, 3] for points in seen)
-        (low, high), near = np.percentile(thing, (1, 99), axis=0), self._sight.touch_m
+        (low, high), near = np.percentile(thing, (1, 99), axis=0), self._sight.beside_m
         level = robot[((robot > low) & (robot < high))[:, 1:].all(1), 0]
         sides = (level > low[0] - near) & (level < low[0]), (level < high[0] + near) & (level > high[0])
         return all(np.count_nonzero(side) >= _TOUCHING_PX for side in sides)
