@@ -78,25 +78,27 @@ class SphericalArm:
 
     def frames(self, q: Array) -> Array:
         """(n, 3, 4, 4) upper arm (at the shoulder), forearm (at the elbow), tcp."""
-        from mpvi_bt.robot import kernels  # numba loads when postures are first worked with
+        from mpvi_bt.robot import spherical  # numba loads when postures are first worked with
 
-        return np.asarray(kernels.arm_frames(q, self.shoulder, self.upper_m, self.forearm_m, self.tcp_m))
+        return np.asarray(spherical.arm_frames(q, *self._shape))
 
     def inverse(self, T: Array, samples: int) -> tuple[NDArray[np.intp], Array]:
         """As of `Arm`."""
-        from mpvi_bt.robot import kernels
+        from mpvi_bt.robot import spherical
 
-        index, q = kernels.arm_inverse(T, self.shoulder, self.upper_m, self.forearm_m, self.tcp_m, self.limits, samples)
+        index, q = spherical.arm_inverse(T, *self._shape, self.limits, samples)
         return index, q
 
     def nearest(self, T: Array, q_near: Array, samples: int) -> Array | None:
         """As of `Arm`."""
-        from mpvi_bt.robot import kernels
+        from mpvi_bt.robot import spherical
 
-        found, q = kernels.nearest(
-            T, self.shoulder, self.upper_m, self.forearm_m, self.tcp_m, self.limits, samples, q_near, _WEIGHTS
-        )
+        found, q = spherical.nearest(T, *self._shape, self.limits, samples, q_near, _WEIGHTS)
         return q if found else None
+
+    @property
+    def _shape(self) -> tuple[Array, float, float, float]:
+        return self.shoulder, self.upper_m, self.forearm_m, self.tcp_m
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +135,7 @@ class PannedArm:
         """
         from mpvi_bt.robot import panned
 
-        return np.asarray(panned.arm_frames(q, self.shoulder, self.offset, self.upper_m, self.forearm_m, self.tcp_m))
+        return np.asarray(panned.arm_frames(q, *self._shape))
 
     def inverse(self, T: Array, samples: int) -> tuple[NDArray[np.intp], Array]:
         """As of `Arm`."""

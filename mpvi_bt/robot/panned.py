@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from mpvi_bt.robot.kernels import compiled, distance, rotate
+from mpvi_bt.robot.kernels import compiled, distance, doubled, narrowed, rotate
 
 WAYS = 8  # postures at one pan: two bends of the elbow, two of the shoulder, two of the wrist
 
@@ -111,9 +111,8 @@ def arm_inverse(T, shoulder, offset, a, b, tcp, limits, pans):  # type: ignore
             for way in range(WAYS):
                 if _posture(pan, way, T[k], shoulder, offset, a, b, tcp, limits, q):
                     if found == room:
-                        more, wider = np.empty(2 * room, np.int64), np.empty((2 * room, 7))
-                        more[:room], wider[:room] = index, out
-                        index, out, room = more, wider, 2 * room
+                        index, out = doubled(index, out)
+                        room *= 2
                     index[found] = k
                     out[found] = q
                     found += 1
@@ -152,15 +151,5 @@ def nearest(T, shoulder, offset, a, b, tcp, limits, pans, near, weights):  # typ
         if two < best:
             best = two
             best_q[:] = q
-        if one == np.inf and two == np.inf:  # both out of reach: toward the one that is not
-            if at < left:
-                high = left
-            elif at > right:
-                low = right
-            else:
-                low, high = left, right
-        elif one < two:
-            high = right
-        else:
-            low = left
+        low, high = narrowed(low, high, left, right, one, two, at)
     return True, best_q
