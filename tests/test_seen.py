@@ -118,6 +118,13 @@ def test_a_bin_has_a_volume_and_a_bar() -> None:
     np.testing.assert_allclose(bar.center, handle.center, atol=0.01)
 
 
+def test_one_bin_that_two_phrases_name_is_not_in_itself() -> None:
+    """A bin without a can and one without an egg are loose, wherever that bin stands."""
+    phrases = "trash can without a can", "trash can without an egg"
+    seen = looking(tilted(small_world({"bin": placed("trash_can", 1.0, 0.0, yaw=0.3)}, render=True)), *phrases)
+    assert [e.inside for phrase in phrases for e in seen.knowledge() if phrase in e.phrases] == [None, None]
+
+
 def test_spots_lie_on_the_table_and_clear_of_what_stands_there() -> None:
     """Every spot has its radius on the table and keeps it from the can."""
     world = small_world({"can_1": placed("can_of_soda", 0.9, 0.0, 0.76)}, base=(-0.2, 0.0, 0.0), render=True,

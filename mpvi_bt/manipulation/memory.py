@@ -44,6 +44,7 @@ _PRESSED_M = 0.06  # what two hands press is this near to both of them
 _GRASPED_M = 0.06  # what a closing hand takes hold of is this near its tcp, by what was seen of it
 _SPANS = 0.8  # what is smaller than this share of the gap between the fingers is likely not what they hold
 _DEEPER_M = 0.1  # than it seems a vessel in hand may be
+_OUTER = 1.2  # what contains a thing covers that much more floor than it
 _RECENTERED_M = 0.04  # fingers that close shift what they take by less than this
 
 
@@ -127,9 +128,17 @@ class Memory:
             thing.views = []
         for thing in self._things.values():  # what is seen in a vessel is in it
             if thing.inside is None and thing.name not in self._held() and thing.shape.kind != "furniture":
-                vessels = [n for n, t in self._things.items() if t is not thing and t.shape.kind == "vessel"]
+                vessels = [n for n, t in self._things.items() if t.shape.kind == "vessel" and self._holds(t, thing)]
                 if (vessel := next((n for n in vessels if self._lies_in(thing.shape, n)), None)) is not None:
                     self._put(thing, vessel)
+
+    def _holds(self, vessel: Thing, thing: Thing) -> bool:
+        """Whether a vessel is so much larger, seen from above, that a thing may be in it.
+
+        One basket may be known by two phrases of a prompt, as two things in one place: neither is in the other.
+        """
+        outer, inner = (float(np.prod(np.ptp(self._shape(t.name).box(), axis=0)[:2])) for t in (vessel, thing))
+        return vessel is not thing and outer > _OUTER * inner
 
     def _tcp(self, side: Side) -> Array:
         felt = self._felt
