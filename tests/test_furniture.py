@@ -41,6 +41,16 @@ def test_the_edge_of_an_open_door_is_no_part_of_a_compartment(door_rad: float) -
         np.testing.assert_allclose(box[:, 2], [floor, roof], atol=0.04)
 
 
+def test_what_is_not_over_a_board_does_not_close_what_is_above_it() -> None:
+    """A ledge before the front may be as high as a top that is not in view; it is no top."""
+    points = open_cabinet(1.3)
+    ledge = sheet(np.array([-0.3, 0.0, TOP]), np.array([0.3, 0.0, 0.0]), np.array([0.0, WIDTH, 0.0]))
+    points = np.concatenate([points[(points[:, 0] < 0.0) | (points[:, 2] < TOP - 0.01)], ledge])
+    high = max(furniture(points).volumes, key=lambda volume: float(volume.T[2, 3])).aabb()
+    np.testing.assert_allclose(high[:, :2], [[0.0, 0.0], [DEPTH, WIDTH]], atol=0.04)
+    np.testing.assert_allclose(high[:, 2], [BOARD, TOP], atol=0.04)
+
+
 @pytest.mark.parametrize("sides", [3, 4])
 def test_a_narrow_rim_is_a_face_all_the_same(sides: int) -> None:
     """Of a drawer that stands open little more is level than its edges, and not all of them may be in view."""

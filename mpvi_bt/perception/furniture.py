@@ -18,6 +18,7 @@ _SUNK_M = 0.05  # what is that much lower than a board is seen through it
 _STRIP_CELL_M = 0.02  # what is less than three of these wide is no face to put things on, but an edge
 _MOSTLY = 0.5  # a face of strips, such as the rim of a drawer that is seen in part, stays as it is
 _LEVEL = 0.5  # share of the points near a face's height that are on it
+_UNDER_M = 0.05  # what reaches over a board by less is not above it, such as the edge of a door that stands open
 _WALLED = 0.4  # share of a side along which furniture has to rise for a wall
 
 
@@ -165,17 +166,16 @@ def _compartment(board: Solid, boards: Sequence[Solid], points: Array) -> Solid 
             walls += int((counts > 2).mean() > _WALLED)
     if len(around) < 20 or walls < 2:
         return None
-    above = [float(b.aabb()[0, 2]) for b in boards if b.aabb()[0, 2] > face + _HEADROOM_M]
-    high = min([*above, float(np.percentile(around, 98))])
-    roofs = [b for b in boards if b.aabb()[0, 2] > face + _HEADROOM_M]
-    low, up = -board.half_m[:2], board.half_m[:2]
-    if roofs:  # only what is under the next board: a thing falls past what is before it
-        roof = min(roofs, key=lambda b: float(b.T[2, 3]))
+    low, up, high = -board.half_m[:2], board.half_m[:2], float(np.percentile(around, 98))
+    for roof in sorted(boards, key=lambda b: float(b.T[2, 3])):
+        if roof.aabb()[0, 2] < face + _HEADROOM_M:
+            continue
         half = np.abs(board.T[:2, :2].T @ roof.T[:2, :2]) @ roof.half_m[:2]
         middle = (roof.T[:2, 3] - board.T[:2, 3]) @ board.T[:2, :2]
-        low, up = np.maximum(low, middle - half), np.minimum(up, middle + half)
-        if (up - low < 0.05).any():
-            return None
+        below = np.maximum(low, middle - half), np.minimum(up, middle + half)
+        if (below[1] - below[0] > _UNDER_M).all():  # only what is under it: a thing falls past what is before it
+            (low, up), high = below, min(high, float(roof.aabb()[0, 2]))
+            break
     T = board.T @ pose((*(low + up) / 2, 0.0))
     T[2, 3] = (face + high) / 2
     half = np.append((up - low) / 2, (high - face) / 2)
