@@ -95,17 +95,6 @@ class Catalogue:
             raise UnknownName("catalogue entry", name, self.entries)
         return self.entries[name]
 
-    def of_synset(self, synset: str) -> list[Entry]:
-        """Entries of a synset, the first of which is the usual one.
-
-        Raises:
-            UnknownName: There is none.
-        """
-        found = [entry for entry in self if entry.synset == synset]
-        if not found:
-            raise UnknownName("synset", synset, {entry.synset for entry in self})
-        return found
-
 
 def load_catalogue(path: str | Path | None = None) -> Catalogue:
     """The catalogue of a file; by default the one that comes with mpvi_bt.

@@ -6,7 +6,6 @@ import numpy as np
 
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.house import House
-from mpvi_bt.sim.rooms import Rect
 
 
 def look_at(eye: Array | tuple[float, float, float], target: Array | tuple[float, float, float]) -> Array:
@@ -25,28 +24,14 @@ def look_at(eye: Array | tuple[float, float, float], target: Array | tuple[float
 def overview(house: House, fov_rad: float = 0.6, aspect: float = 16 / 9, tilt_rad: float = 0.35) -> Array:
     """(4, 4) camera high over the south side that sees the whole house, garden included.
 
+    It is the nearest one of that tilt whose picture holds the house up to the top of its walls.
+
     Args:
         fov_rad: Vertical field of view.
         aspect: Width over height of the picture.
         tilt_rad: How far it leans from straight down.
     """
-    return _over(house.bounds(), fov_rad, aspect, tilt_rad)
-
-
-def room_overview(
-    house: House, room: str, fov_rad: float = 0.6, aspect: float = 4 / 3, tilt_rad: float = 0.35
-) -> Array:
-    """(4, 4) camera over one room that sees all of its floor over the walls.
-
-    Raises:
-        UnknownName: There is no such room.
-    """
-    return _over(house.room(room).rect, fov_rad, aspect, tilt_rad)
-
-
-def _over(rect: Rect, fov_rad: float, aspect: float, tilt_rad: float) -> Array:
-    """The nearest camera of that tilt, from the south, whose picture holds the rectangle up to the top of its walls."""
-    x0, y0, x1, y1 = rect
+    x0, y0, x1, y1 = house.bounds()
     corners = np.array([(x, y, z) for x in (x0, x1) for y in (y0, y1) for z in (0.0, 2.2)])
     away = np.array([0.0, -np.sin(tilt_rad), np.cos(tilt_rad)])
     limits = np.array([aspect, 1.0]) * np.tan(fov_rad / 2) / 1.03
