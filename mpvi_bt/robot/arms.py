@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Protocol
 
 import numpy as np
@@ -54,9 +56,41 @@ class Arm(Protocol):
         ...
 
 
+class _Looped(ABC):
+    """An arm whose frames and inverse are compiled loops, a file for each kind of arm."""
+
+    limits: Array
+
+    @property
+    @abstractmethod
+    def _loops(self) -> ModuleType:
+        """The file, with `arm_frames`, `arm_inverse` and `nearest`."""
+
+    @property
+    @abstractmethod
+    def _shape(self) -> tuple[Array | float, ...]:
+        """What they are told of the arm, but for its limits."""
+
+    def frames(self, q: Array) -> Array:
+        """As of `Arm`."""
+        return np.asarray(self._loops.arm_frames(q, *self._shape))
+
+    def inverse(self, T: Array, samples: int) -> tuple[NDArray[np.intp], Array]:
+        """As of `Arm`."""
+        index, q = self._loops.arm_inverse(T, *self._shape, self.limits, samples)
+        return index, q
+
+    def nearest(self, T: Array, q_near: Array, samples: int) -> Array | None:
+        """As of `Arm`."""
+        found, q = self._loops.nearest(T, *self._shape, self.limits, samples, q_near, _WEIGHTS)
+        return q if found else None
+
+
 @dataclass(frozen=True, eq=False)
-class SphericalArm:
+class SphericalArm(_Looped):
     """Spherical - revolute - spherical, hanging straight down at zero: the free angle is the swivel of the elbow.
+
+    Frames: upper arm (at the shoulder), forearm (at the elbow), tcp.
 
     Attributes:
         shoulder: (3,) in the chest frame [m].
@@ -76,25 +110,11 @@ class SphericalArm:
         """The stretched arm."""
         return self.upper_m + self.forearm_m + self.tcp_m
 
-    def frames(self, q: Array) -> Array:
-        """(n, 3, 4, 4) upper arm (at the shoulder), forearm (at the elbow), tcp."""
+    @property
+    def _loops(self) -> ModuleType:
         from mpvi_bt.robot import spherical  # numba loads when postures are first worked with
 
-        return np.asarray(spherical.arm_frames(q, *self._shape))
-
-    def inverse(self, T: Array, samples: int) -> tuple[NDArray[np.intp], Array]:
-        """As of `Arm`."""
-        from mpvi_bt.robot import spherical
-
-        index, q = spherical.arm_inverse(T, *self._shape, self.limits, samples)
-        return index, q
-
-    def nearest(self, T: Array, q_near: Array, samples: int) -> Array | None:
-        """As of `Arm`."""
-        from mpvi_bt.robot import spherical
-
-        found, q = spherical.nearest(T, *self._shape, self.limits, samples, q_near, _WEIGHTS)
-        return q if found else None
+        return spherical
 
     @property
     def _shape(self) -> tuple[Array, float, float, float]:
@@ -102,11 +122,14 @@ class SphericalArm:
 
 
 @dataclass(frozen=True, eq=False)
-class PannedArm:
+class PannedArm(_Looped):
     """Pan - lift - roll - elbow, then a spherical wrist, stretched straight ahead at zero: the pan is the free angle.
 
     Axes: z, y, x, y, x, y, x. The lift's lies off the pan's, so that the shoulder is no ball joint; with the pan given,
     the elbow follows from the distance of lift and wrist, then roll, lift and wrist one by one.
+
+    Frames: shoulder (at the pan joint), upper arm (at the lift joint), forearm (at the elbow), tcp. Upper arm and
+    forearm lie along x.
 
     Attributes:
         shoulder: (3,) middle of the pan joint in the chest frame [m].
@@ -128,28 +151,11 @@ class PannedArm:
         """The stretched arm."""
         return float(np.linalg.norm(self.offset)) + self.upper_m + self.forearm_m + self.tcp_m
 
-    def frames(self, q: Array) -> Array:
-        """(n, 4, 4, 4) shoulder (at the pan joint), upper arm (at the lift joint), forearm (at the elbow), tcp.
+    @property
+    def _loops(self) -> ModuleType:
+        from mpvi_bt.robot import panned  # likewise
 
-        Upper arm and forearm lie along x.
-        """
-        from mpvi_bt.robot import panned
-
-        return np.asarray(panned.arm_frames(q, *self._shape))
-
-    def inverse(self, T: Array, samples: int) -> tuple[NDArray[np.intp], Array]:
-        """As of `Arm`."""
-        from mpvi_bt.robot import panned
-
-        index, q = panned.arm_inverse(T, *self._shape, self.limits, samples)
-        return index, q
-
-    def nearest(self, T: Array, q_near: Array, samples: int) -> Array | None:
-        """As of `Arm`."""
-        from mpvi_bt.robot import panned
-
-        found, q = panned.nearest(T, *self._shape, self.limits, samples, q_near, _WEIGHTS)
-        return q if found else None
+        return panned
 
     @property
     def _shape(self) -> tuple[Array, Array, float, float, float]:
