@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -31,9 +33,20 @@ def world(**gripper: float) -> KinematicWorld:
     return world
 
 
-def stow(world: KinematicWorld, seed: int = 0) -> Array:
+def put_hand(world: KinematicWorld, side: Side, T: Array) -> None:
+    """Have a hand stand at `T` (4, 4) in the base's frame in a single step, the torso as it is."""
+    action = world.robot.action
+    chest = kin.inverse(R1.chest(action[ActionLayout.TORSO]))
+    q = R1.nearest_posture(chest @ T, side, r1.TRAVEL_ARM[side])
+    assert q is not None
+    action[ActionLayout.ARM[side]] = q
+    world.step(action)
+    world.robot.act(action)
+
+
+def stow(world: KinematicWorld, seed: int = 0, carries: Callable[[Side], bool] | None = None) -> Array:
     """Stow the arms; the actions (n, 23)."""
-    stow, sent = ArmStow(world.robot, seed), []
+    stow, sent = ArmStow(world.robot, seed, carries), []
     stow.start()
     while not stow.step():
         sent.append(world.robot.action)
@@ -58,12 +71,7 @@ def test_a_hand_that_holds_keeps_its_pose(side: Side) -> None:
     """What is held stays where it is before the body, and stays held; the empty hand is folded."""
     home = world(**{side: -1.0})
     T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.58, 0.25 * SIGN[side], 0.85))
-    q = R1.nearest_posture(kin.inverse(R1.chest(home.robot.action[3:7])) @ T, side, r1.TRAVEL_ARM[side])
-    assert q is not None
-    action = home.robot.action
-    action[ActionLayout.ARM[side]] = q
-    home.step(action)
-    home.robot.act(action)
+    put_hand(home, side, T)
     before = home.robot.proprioception()
     hand = R1.tcp(before.torso, before.arm[side], side)
     sent = stow(home)
@@ -101,7 +109,7 @@ def test_a_stowed_robot_does_not_move() -> None:
     before = home.robot.proprioception()
     sent = stow(home)
     assert len(sent) < CONTROL_HZ
-    assert not sent[:, ActionLayout.BASE].any() if len(sent) else True
+    assert not sent[:, ActionLayout.BASE].any()
     np.testing.assert_allclose(home.robot.proprioception().base_pose, before.base_pose)
 
 
@@ -121,12 +129,7 @@ def test_what_is_held_far_out_is_drawn_back_and_brought_in(side: Side) -> None:
     home = world(**{side: -0.4})
     home.robot.between_m[side] = 0.06
     T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.80, 0.25 * SIGN[side], 0.95))
-    q = R1.nearest_posture(kin.inverse(R1.chest(home.robot.action[3:7])) @ T, side, r1.TRAVEL_ARM[side])
-    assert q is not None
-    action = home.robot.action
-    action[ActionLayout.ARM[side]] = q
-    home.step(action)
-    home.robot.act(action)
+    put_hand(home, side, T)
     before = home.robot.proprioception()
     sent = stow(home)
     felt = home.robot.proprioception()
@@ -144,19 +147,9 @@ def test_a_hand_around_what_does_not_come_along_lets_go_and_is_drawn_back_along_
     home = world(**{side: -1.0})
     home.robot.between_m[side] = 0.02
     T = kin.transform(kin.hand_rotation((1, 1, 0), (0, 0, 1)), (0.60, 0.25 * SIGN[side], 0.95))
-    q = R1.nearest_posture(kin.inverse(R1.chest(home.robot.action[3:7])) @ T, side, r1.TRAVEL_ARM[side])
-    assert q is not None
-    action = home.robot.action
-    action[ActionLayout.ARM[side]] = q
-    home.step(action)
-    home.robot.act(action)
+    put_hand(home, side, T)
     assert home.robot.proprioception().holds(side)
-    stow, sent = ArmStow(home.robot, carries=lambda _: False), []
-    stow.start()
-    while not stow.step():
-        sent.append(home.robot.action)
-        home.step(home.robot.action)
-        assert len(sent) < 30 * CONTROL_HZ
+    sent = stow(home, carries=lambda _: False)
     first = next(a for a in sent if np.abs(a[ActionLayout.BASE]).max() > 0)
     assert first[ActionLayout.GRIPPER[side]] == 1.0
     np.testing.assert_allclose(np.arctan2(*first[ActionLayout.BASE][1::-1]), np.arctan2(-1, -1), atol=0.05)
