@@ -288,3 +288,25 @@ def test_a_search_that_has_looked_everywhere_gives_up_at_once() -> None:
     _, steps = approaching(5.0, effort=100.0)
     with pytest.raises(MotionFailure, match="no_stance"):
         next(steps)
+
+
+def test_what_is_too_far_off_is_driven_up_to_by_legs() -> None:
+    """Each leg ends nearer, around what is in the way, until what is around the goal is known; then there is none."""
+    world = small_world({"crate": placed("packing_box", 0.9, 0.0)}, (0.0, 0.0, 0.0))
+    goal, legs = np.array([[2.2, 0.0, np.pi]]), 0
+    while True:
+        work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+        here = work.motion.felt.base_pose
+        search = work.search("right", {"crate"})
+        if (way := search.toward(goal)) is None:
+            break
+        assert search.route(here, way[-1]) is not None
+        assert np.linalg.norm(goal[0, :2] - way[-1][:2]) < np.linalg.norm(goal[0, :2] - here[:2])
+        legs += 1
+        for pose in way:
+            for action in work.motion.drive(pose):
+                world.step(action)
+                work.motion.felt = world.robot.proprioception()
+    assert 1 <= legs <= 3
+    assert search.stands(goal)[0]
+    assert search.toward(here[None]) is None

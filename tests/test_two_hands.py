@@ -15,7 +15,7 @@ from benchmarks.hands.two_hands import large_things
 from mpvi_bt.manipulation.expert import ExpertPolicy
 from mpvi_bt.manipulation.reactive import ReactivePolicy
 from mpvi_bt.manipulation.truth import TrueScene
-from mpvi_bt.manipulation.two_hands import _carcass, boxes_about, together
+from mpvi_bt.manipulation.two_hands import Box, _carcass, boxes_about, lift, together
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import kinematics as kin
@@ -55,6 +55,16 @@ def test_hands_face_each_other_across_the_box(half: tuple[float, float, float], 
         if box.width + 2 * reach > 0.01:
             assert hands["left"][:3, 2] @ across > 0
             assert hands["right"][:3, 2] @ across < 0
+
+
+@given(st.floats(0.014, 0.068), st.floats(0.1, 0.3), st.floats(-3.1, 3.1))
+def test_fingertips_meet_the_side_of_what_is_low_and_not_its_edge(height: float, half: float, yaw: float) -> None:
+    """The whole end of a finger is between its upper edge and what it lies on: on the edge it would press it down."""
+    box = Box(np.array([0.4, 0.1, 0.3 + height / 2]), yaw, 0.5, 2 * half, height)
+    for T in box.hands(0.0).values():
+        ends = [T[2, 3] + 0.012 * T[2, 2] + sign * 0.011 * T[2, 0] for sign in (-1, 1)]
+        assert min(ends) > 0.3 + 0.004
+        assert max(ends) < 0.3 + height - 0.004
 
 
 def test_motions_run_in_step_until_the_last_has_ended() -> None:
@@ -118,3 +128,21 @@ def test_what_has_a_lid_is_pressed_below_it() -> None:
     assert box.bottom == pytest.approx(whole.bottom)
     assert box.bottom + box.height < whole.bottom + 0.7 * whole.height
     assert len(_carcass(work, "crate")) == len(list(world.solids("crate")))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("y", "yaw"), [(0.0, 0.2), (-0.3, 1.7)])
+def test_a_thin_sheet_is_lifted_off_the_floor_and_stays_level(y: float, yaw: float) -> None:
+    """Palms slipped off two centimeters of plywood as long as they pressed on its edge; lying across, both its ends are
+    too far off to be seen from where the robot is.
+    """
+    world = small_world({"sheet": placed("plywood", 1.4, y, 0.001, yaw)})
+    world.settle()
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    for action in lift(work, {"object": "sheet of plywood"}, []):
+        world.step(action)
+        work.motion.felt = world.robot.proprioception()
+    T = world.pose("sheet")
+    assert world.between() == "sheet"
+    assert T[2, 3] > 0.45
+    assert T[2, 2] > np.cos(np.radians(5.0))

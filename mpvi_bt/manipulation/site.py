@@ -24,6 +24,8 @@ from mpvi_bt.robot.solids import Array, Solid, box
 
 FLOOR = box((0.0, 0.0, -0.1), (60.0, 60.0, 0.2))
 _KNOWN_M = 1.4  # from here; farther off there may be walls that are not among the obstacles
+_LEGS_M = (1.3, 1.0, 0.7)  # such legs are driven toward what is too far off,
+_NEARER_M = 0.2  # if they lead so much nearer
 _VIAS = ((-0.35, 0.0), (-0.7, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.35, 0.5), (-0.35, -0.5))  # ahead and left of here [m]
 # Where the other hand may bring what it holds: x, y toward its own side, z [m]; reachable from a bent torso too.
 _ASIDE = ((0.50, 0.30, 0.76), (0.52, 0.16, 0.76), (0.42, 0.36, 0.78), (0.50, 0.30, 0.90))
@@ -117,8 +119,31 @@ class Site:
         p = np.empty((len(bases), len(standing), 3))
         p[..., :2] = bases[:, None, :2] + ahead[:, None] * standing[:, :1]
         p[..., 2] = standing[:, 2]
-        known = np.linalg.norm(bases[:, :2] - self.motion.felt.base_pose[:2], axis=1) <= _KNOWN_M
-        return np.asarray((self._standing.distance(p) >= standing[:, 3]).all(1) & known)
+        return np.asarray((self._standing.distance(p) >= standing[:, 3]).all(1) & self._known(bases))
+
+    def _known(self, bases: Array) -> NDArray[np.bool_]:
+        return np.asarray(np.linalg.norm(bases[:, :2] - self.motion.felt.base_pose[:2], axis=1) <= _KNOWN_M)
+
+    def toward(self, goals: Array) -> list[Array] | None:
+        """Base poses to drive to, nearer to some of `goals` (n, 3) that are too far off for what is known from here.
+
+        None if there is none, or no way to come nearer to it.
+        """
+        here = self.motion.felt.base_pose
+        far = goals[~self._known(goals)]
+        if not len(far):
+            return None
+        ring = [(r * np.cos(a), r * np.sin(a)) for r in _LEGS_M for a in np.arange(16) * np.pi / 8]
+        steps = np.column_stack([here[:2] + ring, np.full(len(ring), here[2])])
+        steps = steps[self.stands(steps)]
+        left = np.linalg.norm(steps[:, None, :2] - far[None, :, :2], axis=-1).min(1)
+        now = float(np.linalg.norm(far[:, :2] - here[:2], axis=1).min())
+        for k in np.argsort(left):
+            if left[k] > now - _NEARER_M:
+                return None
+            if (route := self.route(here, steps[k])) is not None:
+                return route
+        return None
 
     def route(self, here: Array, goal: Array) -> list[Array] | None:
         """Base poses to drive to `goal` by: straight, or by one place on the way."""

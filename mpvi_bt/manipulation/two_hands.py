@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -16,22 +16,26 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.model import SIGN, RobotModel
 from mpvi_bt.robot.motion import Actions, MotionFailure
-from mpvi_bt.robot.protocol import SIDES, ActionLayout, Side
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
-from mpvi_bt.robot.squeeze import squeezes
+from mpvi_bt.robot.squeeze import pressing, squeezes
 
 _WIDTHS_M = (0.10, 0.46)  # between the hands: less is for one hand, more does not go between the arms
 _TIP_M = 0.012  # the fingertips reach this far past the tcp
 _WIDE_M = 0.05  # between a hand and its side of the box, before it closes in
-_PRESS_M = 0.08  # how far inside the box the hands are told to go: measured to hold 5 kg while driving
-_TIP_UP_M = 0.014  # a fingertip stays that far above what a thin thing lies on: a hand that slants down is clear of it
-_LOW_M = 0.07  # a thing that is lower than this is taken with hands that point slantwise down,
-_SLANT_RAD = 0.75
+_PRESSING_S, _SETTLED_S = 0.8, 0.15
+_CLOSING_M_S = 0.12
+_TIP_HALF_M = 0.011  # half a fingertip's breadth across the hand
+_EDGE_M = 0.005  # a fingertip stays that far off what a thing lies on, and off the upper edge of its side
+_LOW_M = 0.07  # a thing that is lower than this is taken with hands that point down,
+_SLANT_RAD = 0.75  # slantwise, or more steeply: a tip that is broader than the side presses on its edge and slips
 _LIFT_M = 0.15
 _BACK_M = 0.4
 _OUTWARD_M = 0.07
+_FOLDED_M = 0.06  # of the lift, at the least, while hands are folded before a body that is bent
 _CARRY_M = 0.62  # height of the hands to carry at, if the arms get there
 _PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1, 1.35)
+_LEGS = 3  # around a thing, to where its far sides are known
 _CHECKED_BASES = 24
 _CHECKED_TORSOS = 8
 
@@ -53,16 +57,18 @@ class Box:
 
     def hands(self, reach: float) -> dict[Side, Array]:
         """T_world_tcp (4, 4) of hands on both sides, seen from behind; `reach` [m] off the sides, negative within."""
-        low = self.height < _LOW_M
-        z = self.bottom + (max(_TIP_UP_M, self.height / 2) if low else max(0.05, 0.55 * self.height))
+        flatness, z = 1.0, max(0.05, 0.55 * self.height)
+        if self.height < _LOW_M:
+            flatness = min(float(np.cos(_SLANT_RAD)), max(0.0, self.height / 2 - _EDGE_M) / _TIP_HALF_M)
+            z = max(self.height / 2, _EDGE_M + flatness * _TIP_HALF_M)
         along = np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
         leftward = np.array([-along[1], along[0], 0.0])
-        slant = _SLANT_RAD if low else 0.0
+        steepness = np.sqrt(1 - flatness**2)
         out: dict[Side, Array] = {}
         for side in SIDES:
             sign = SIGN[side]
-            approach = -sign * leftward * np.cos(slant) - np.array([0, 0, np.sin(slant)])
-            tip = np.array([*self.middle[:2], z]) + sign * leftward * (self.width / 2 + reach)
+            approach = -sign * leftward * flatness - np.array([0, 0, steepness])
+            tip = np.array([*self.middle[:2], self.bottom + z]) + sign * leftward * (self.width / 2 + reach)
             out[side] = kin.transform(kin.hand_rotation(approach, along), tip - _TIP_M * approach)
         return out
 
@@ -70,7 +76,7 @@ class Box:
 @dataclass(frozen=True, eq=False)
 class _Grip:
     """Where to stand and how to press: a base pose, base poses on the way to behind it, a torso, and postures of the
-    arms wide, touching and pressing.
+    arms wide and touching.
     """
 
     box: Box
@@ -93,21 +99,13 @@ def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
         return  # in hand already
     if work.held() or squeezes(motion.felt):
         raise MotionFailure("hands_full")
-    yield from look_at(work, name)
-    boxes = [b for b in boxes_about(scene.pose(name), _carcass(work, name)) if _WIDTHS_M[0] < b.width < _WIDTHS_M[1]]
-    if not boxes:
-        raise MotionFailure("no_grasp")
-    search = work.search("right", {name, *scene.within(name)})
-    search.tried.extend(tried)
-    grip = _find(work, search, boxes)
-    if grip is None:
-        raise MotionFailure("no_stance")
+    grip, search = yield from _near(work, name, tried)
     tried.append(grip.base)
     yield from together(motion.grip("left", 1.0, 0.3), motion.grip("right", 1.0, 0.3), motion_of=work)
     yield from _go_behind(work, grip, search)
     yield from motion.drive(grip.base, speed=0.25)
-    for reach, speed in ((0.0, 0.12), (-_PRESS_M, 0.10)):
-        yield from _press(work, grip.box, reach, speed)
+    yield from _close_in(work, grip.box)
+    yield from _press(work)
     if not squeezes(motion.felt):
         yield from open_wide(work)
         raise MotionFailure("not_squeezed")
@@ -118,6 +116,28 @@ def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from work.see("head")
     if not squeezes(motion.felt) or scene.between() != name:
         raise MotionFailure("slipped")
+
+
+def _near(work: Work, name: str, tried: Sequence[Array]) -> Generator[Array, None, tuple[_Grip, Search]]:
+    """A grip, from where its stances are known: if need be it drives around the thing. Raises as `lift`."""
+    motion = work.motion
+    for leg in range(_LEGS + 1):
+        yield from look_at(work, name)
+        sides = boxes_about(work.scene.pose(name), _carcass(work, name))
+        boxes = [box for box in sides if _WIDTHS_M[0] < box.width < _WIDTHS_M[1]]
+        if not boxes:
+            raise MotionFailure("no_grasp")
+        search = work.search("right", {name, *work.scene.within(name)})
+        search.tried.extend(tried)
+        bases = _bases(motion.felt.base_pose, boxes)
+        if (grip := _find(work, search, bases)) is not None:
+            return grip, search
+        way = search.toward(np.stack([behind(base) for base, _ in bases])) if leg < _LEGS else None
+        if way is None:
+            break
+        for pose in way:
+            yield from motion.drive(pose)
+    raise MotionFailure("no_stance")
 
 
 def _carcass(work: Work, name: str) -> list[Solid]:
@@ -157,9 +177,8 @@ def seen_box(work: Work, name: str) -> Box:
     return min(boxes, key=lambda b: abs(float(kin.wrap(b.heading - yaw))))
 
 
-def _find(work: Work, search: Search, boxes: list[Box]) -> _Grip | None:
-    """The first good grip, the nearest base poses first."""
-    here = work.motion.felt.base_pose
+def _bases(here: Array, boxes: list[Box]) -> list[tuple[Array, Box]]:
+    """Base poses (3,) to take a thing from, as seen from each of its sides, the nearest first."""
     ranked = []
     for box in boxes:
         for ahead in (0.31, 0.35, 0.39, 0.43, 0.47):
@@ -169,8 +188,13 @@ def _find(work: Work, search: Search, boxes: list[Box]) -> _Grip | None:
                 turn = abs(float(kin.wrap(base[2] - here[2])))
                 way = float(np.linalg.norm(base[:2] - here[:2]))
                 ranked.append((way + 0.4 * turn + abs(aside) + 1.5 * abs(ahead - 0.37), base, box))
-    checked = 0
-    for _, base, box in sorted(ranked, key=lambda r: r[0]):
+    return [(base, box) for _, base, box in sorted(ranked, key=lambda r: r[0])]
+
+
+def _find(work: Work, search: Search, bases: list[tuple[Array, Box]]) -> _Grip | None:
+    """The first good grip."""
+    here, checked = work.motion.felt.base_pose, 0
+    for base, box in bases:
         if any(np.linalg.norm(base[:2] - b[:2]) < 0.03 and abs(kin.wrap(base[2] - b[2])) < 0.3 for b in search.tried):
             continue
         back = behind(base)
@@ -192,13 +216,13 @@ def behind(base: Array) -> Array:
 def _grip_at(work: Work, search: Search, base: Array, box: Box) -> _Grip | None:
     """A torso and postures of both arms for one base pose."""
     to_base = kin.inverse(kin.base(base))
-    pressed, touching, wide = (box.hands(r) for r in (-_PRESS_M, 0.0, _WIDE_M))
+    touching, wide = box.hands(0.0), box.hands(_WIDE_M)
     robot = work.motion.robot
     torsos = robot.torsos(_PITCHES, robot.travel_torso[3])
     chests = kin.inverse(robot.chest(torsos))
     found: dict[Side, dict[int, list[Array]]] = {}
     for side in SIDES:
-        at, q = robot.arm_inverse(chests @ to_base @ pressed[side], side, swivels=16)
+        at, q = robot.arm_inverse(chests @ to_base @ touching[side], side, swivels=16)
         cost = robot.limit_cost(q, side) + 0.05 * np.abs(q - robot.travel_arm[side]).sum(1)
         found[side] = {}
         for row in np.argsort(cost):
@@ -211,38 +235,26 @@ def _grip_at(work: Work, search: Search, base: Array, box: Box) -> _Grip | None:
         arms: dict[Side, list[Array]] = {}
         for side in SIDES:
             for q in found[side][t][:6]:
-                path = _widening(robot, torso, side, q, to_base @ touching[side], to_base @ wide[side])
-                if path is None:
+                line = arm_motion.trace(robot, torso, side, q, to_base @ wide[side])
+                if line is None:
                     continue
+                path = [line[-1], q]
                 body = Body(robot, torso, {**robot.travel_arm, **{s: p[0] for s, p in arms.items()}}, {}, loose)
                 open_body = Body(robot, torso, body.arms, {}, all_around)
                 backed = Body(robot, torso, body.arms, {}, rear)
                 if (
-                    body.free(side, np.stack(path[1:]), grasping=True).all()
+                    body.free(side, q, grasping=True)[0]
                     and open_body.free(side, path[0], grasping=True)[0]
                     and backed.free(side, path[0], margin=0.01)[0]
                 ):
                     arms[side] = path
                     break
-        bodies = [Body(robot, torso, {s: p[k] for s, p in arms.items()}, {}, loose) for k in range(3)]
+        bodies = [Body(robot, torso, {s: p[k] for s, p in arms.items()}, {}, loose) for k in range(2)]
         if len(arms) == 2 and all(
             body.free(side, arms[side][k], grasping=True)[0] for side in SIDES for k, body in enumerate(bodies)
         ):
             return _Grip(box, base, torso, arms)
     return None
-
-
-def _widening(
-    robot: RobotModel, torso: Array, side: Side, q: Array, touching: Array, wide: Array
-) -> list[Array] | None:
-    """Postures wide, touching and pressing, joined by lines of the hand without a leap of the elbow."""
-    out = [q]
-    for goal in (touching, wide):
-        line = arm_motion.trace(robot, torso, side, out[0], goal)
-        if line is None:
-            return None
-        out.insert(0, line[-1])
-    return out
 
 
 def _go_behind(work: Work, grip: _Grip, search: Search) -> Actions:
@@ -252,7 +264,9 @@ def _go_behind(work: Work, grip: _Grip, search: Search) -> Actions:
     for pose in grip.way:
         yield from motion.drive(pose)
     torso = np.append(grip.torso[:3], motion.torso[3])
-    yield from motion.stand(torso)
+    folded = torso.copy()  # bent as low as that, the folded hands would meet the base
+    folded[0] = max(torso[0], _FOLDED_M)
+    yield from motion.stand(folded)
     around = search.around(back, touched=True)
     for side in SIDES:
         body = replace(motion.body(), around=around)
@@ -260,14 +274,28 @@ def _go_behind(work: Work, grip: _Grip, search: Search) -> Actions:
         if path is None:
             raise MotionFailure("no_path")
         yield from motion.follow(side, path)
+    yield from motion.stand(torso)
 
 
-def _press(work: Work, box: Box, reach: float, speed: float) -> Actions:
-    """Bring both hands to `reach` off the sides, from where the base really stands."""
+def _close_in(work: Work, box: Box) -> Actions:
+    """Bring both hands to the sides, from where the base really stands."""
     to_base = kin.inverse(work.base)
-    hands = box.hands(reach)
-    lines = [work.motion.line(side, to_base @ hands[side], speed, give_rad=np.inf) for side in SIDES]
+    hands = box.hands(0.0)
+    lines = [work.motion.line(side, to_base @ hands[side], _CLOSING_M_S, give_rad=np.inf) for side in SIDES]
     yield from together(*lines, motion_of=work)
+
+
+def _press(work: Work) -> Actions:
+    """Press with both hands straight toward each other."""
+    motion = work.motion
+    start = {side: motion.arm(side) for side in SIDES}
+    told = pressing(motion.robot, motion.torso, start)
+    n = round(_PRESSING_S * CONTROL_HZ)
+    for k in range(1, n + 1):
+        for side in SIDES:
+            motion.action[ActionLayout.ARM[side]] = start[side] + (told[side] - start[side]) * k / n
+        yield motion.still()
+    yield from motion.wait(_SETTLED_S)
 
 
 def raise_both(work: Work, by_m: float, seconds_per_m: float = 5.0) -> Actions:
@@ -289,8 +317,9 @@ def raise_both(work: Work, by_m: float, seconds_per_m: float = 5.0) -> Actions:
 def _carry_height(work: Work) -> Actions:
     """Straighten up with the box kept level before the body, as far as the arms allow."""
     motion = work.motion
-    now = {side: motion.hand(side) for side in SIDES}
-    body = motion.body()
+    robot, felt = motion.robot, motion.felt
+    body = replace(motion.body(), arms=dict(felt.arm))  # where the hands are, not where they press to
+    now = {side: robot.tcp(motion.torso, felt.arm[side], side) for side in SIDES}
     height = float(now["left"][2, 3])
     for share in (1.0, 0.6, 0.3):
         rise = max(0.0, _CARRY_M - height) * share
@@ -305,9 +334,17 @@ def _carry_height(work: Work) -> Actions:
                     T[2, 3] += rise
                     paths[side] = arm_motion.glide(now[side], T)
                 if (arms := arm_motion.sweep(body, torso, paths)) is not None:
-                    yield from motion.stand(torso, arms)
+                    yield from motion.stand(torso, _pressed(robot, motion.torso, torso, arms), give_rad=np.inf)
                     return
     yield from raise_both(work, max(0.0, min(motion.robot.torso_limits[0, 1] - motion.torso[0], _CARRY_M - height)))
+
+
+def _pressed(robot: RobotModel, start: Array, end: Array, arms: Mapping[Side, list[Array]]) -> dict[Side, list[Array]]:
+    """What arms are told that go on pressing along paths of postures (7,), while the torso moves from start to end."""
+    n = len(arms["left"])
+    torsos = start + (end - start) * np.linspace(0, 1, n)[:, None]
+    told = [pressing(robot, torso, {s: arms[s][k] for s in SIDES}) for k, torso in enumerate(torsos)]
+    return {side: [t[side] for t in told] for side in SIDES}
 
 
 def open_wide(work: Work) -> Actions:

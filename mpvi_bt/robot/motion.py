@@ -173,8 +173,12 @@ class Motion:
             yield from watch.look()
         return watch.touched()
 
-    def stand(self, torso: Array, arms: Mapping[Side, Sequence[Array]] | None = None) -> Actions:
+    def stand(
+        self, torso: Array, arms: Mapping[Side, Sequence[Array]] | None = None, give_rad: float = BLOCKED_RAD
+    ) -> Actions:
         """Move the torso (4,) and meanwhile arms through evenly spaced postures (7,): what `arm_motion.sweep` plans.
+
+        `give_rad` is how far arms may be held off their command: infinite for hands that are meant to press.
 
         Raises:
             MotionFailure: "torso_blocked" or "arm_blocked" if something holds them off their way.
@@ -190,7 +194,7 @@ class Motion:
             columns.append(np.stack([np.interp(u, at, joint) for joint in np.transpose(path)], 1))
             speeds.append(self.robot.arm_speed)
             accelerations.append(self._acceleration(side))
-        watch = _Watch(self, list(arms), torso=True)
+        watch = _Watch(self, list(arms), give_rad, torso=True)
         rows = timed(np.concatenate(columns, 1), np.concatenate(speeds), np.concatenate(accelerations))
         for row in rows:
             self.action[ActionLayout.TORSO] = row[:4]
