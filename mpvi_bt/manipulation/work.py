@@ -191,7 +191,7 @@ class Work:
     def search(self, side: Side, touched: Collection[str]) -> Search:
         """A stance search for one hand that works on the things `touched`."""
         carried = self.carried()
-        own: list[Solid] = [s for n in touched if n not in carried for s in self.scene.solids(n)]
+        own: list[Solid] = [s for n in sorted(touched) if n not in carried for s in self.scene.solids(n)]
         return Search(self.motion, side, self.held(), self.near(touched), own, self.rng, effort=self.effort)
 
     def body(self, without: Collection[str] = ()) -> Body:
