@@ -203,6 +203,30 @@ def test_a_book_that_pictures_show_a_little_apart_is_no_vessel() -> None:
     assert shape.kind == "box"
 
 
+def racket(yaw: float) -> list[Solid]:
+    """A handle, and a hoop of four bars around nothing."""
+    T = pose((0.02, 0.03, LEVEL_M + 0.015), yaw)
+    parts = [((0.26, 0.034), (-0.14, 0.0)), ((0.022, 0.16), (0.0, 0.0)), ((0.022, 0.16), (0.249, 0.0)),
+             ((0.27, 0.022), (0.125, 0.08)), ((0.27, 0.022), (0.125, -0.08))]  # fmt: skip
+    return [Solid("box", np.array([a / 2, b / 2, 0.015]), T @ pose((x, y, 0.0))) for (a, b), (x, y) in parts]
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7, 2.0])
+def test_a_flat_thing_that_is_narrow_somewhere_can_be_taken_there(yaw: float) -> None:
+    """Of a racket no hand spans the hoop, but its handle is told from it; a book has one box."""
+    points = visible(racket(yaw), EYE)
+    shape = fit(noisy(points, np.random.default_rng(0)), table(), EYE)
+    assert shape is not None
+    widths = [float(np.sort(solid.half_m[:2])[0] * 2) for solid in shape.solids]
+    assert widths[0] > 0.15
+    assert any(width < 0.05 for width in widths)
+    handle = shape.solids[int(np.argmin(widths))]
+    np.testing.assert_allclose(handle.T[:2, 3], racket(yaw)[0].T[:2, 3], atol=0.03)
+    book = fit(visible([THINGS["book"]], EYE), table(), EYE)
+    assert book is not None
+    assert len(book.solids) == 1
+
+
 def test_nothing_comes_of_too_little() -> None:
     """Fewer than five points are no thing."""
     assert fit(np.zeros((4, 3)), table(), EYE) is None

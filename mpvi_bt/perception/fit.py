@@ -14,6 +14,7 @@ import numpy as np
 from mpvi_bt.perception.furniture import furniture
 from mpvi_bt.perception.outlines import THIN_M, Outline, circle, main_cluster, outline, support_height, thinned, trimmed
 from mpvi_bt.perception.shape import SeenBar, Shape, frame, upright_box
+from mpvi_bt.perception.waist import waisted
 from mpvi_bt.robot.solids import Array, Solid, pose
 
 _ROUND = 0.88  # share of its rectangle that an outline fills: a disc has 0.79, a rectangle 1
@@ -64,8 +65,8 @@ def fit(points: Array, around: Array, eye: Array, support: float | None = None) 
     if column is not None:
         return column
     if eye[2] < top + 0.04:  # its top is not in view, so its depth is not either
-        seen = _deepened(_cornered(trimmed(upper[:, :2])), eye[:2])
-    return upright_box(seen, support, top)
+        return upright_box(_deepened(_cornered(trimmed(upper[:, :2])), eye[:2]), support, top)
+    return waisted(trimmed(upper[:, :2]), seen, support, top)
 
 
 def _cornered(xy: Array) -> Outline:
