@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation import place
+from mpvi_bt.manipulation import drop, place
+from mpvi_bt.manipulation.held import Held
+from mpvi_bt.manipulation.search import Search
+from mpvi_bt.manipulation.stance import Option
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Load
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, pose
@@ -106,3 +111,32 @@ def test_the_shelf_is_the_same_shelf_again() -> None:
     assert there(0.3, meant).same("the other shelf") == "shelf_2"
     far = {"shelf": "shelf_1"}
     assert there(-2.0, far).same("the shelf") == "shelf_2"
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.25])
+def test_a_hand_keeps_clear_of_the_lid_of_what_it_lets_something_fall_into(
+    monkeypatch: pytest.MonkeyPatch, yaw: float
+) -> None:
+    """Straight from above the palm would meet a lid that stands upright at the rim of a jar; it is tilted off that."""
+    world = small_world({"jar": placed("hinged_jar", 0.7, 0.1, yaw=yaw), "sausage": placed("bratwurst", 1.5, 1.5)})
+    world.set_opening("jar", "lid", 1.5 / 1.9)
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    motion = work.motion
+    down = kin.transform(kin.hand_rotation(np.array([0.0, 0.0, -1.0]), np.array([0.0, 1.0, 0.0])), (0.5, -0.2, 0.7))
+    q = motion.robot.nearest_posture(kin.inverse(motion.robot.chest(motion.torso)) @ down, "right", motion.arm("right"))
+    assert q is not None
+    motion.felt.arm["right"][:] = q
+    T_tcp_thing = kin.inverse(kin.transform(down[:3, :3], (0.0, 0.0, 0.0))) @ kin.transform(
+        np.eye(3), (0.0, 0.0, -0.01)
+    )
+    frame = T_tcp_thing @ kin.inverse(world.pose("sausage"))
+    solids = tuple(s.moved(frame) for s in world.solids("sausage"))
+    held = Held("sausage", T_tcp_thing, solids, Load(solids))
+    clear: list[int] = []
+
+    def find(search: Search, focus: Array, options: Sequence[Option], here_first: bool) -> None:
+        clear.append(sum(search.fits(option) for option in options))
+
+    monkeypatch.setattr(Search, "find", find)
+    assert not list(drop.drop_in(work, "right", held, "jar", []))
+    assert clear == [80]

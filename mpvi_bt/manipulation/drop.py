@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Sequence
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,9 @@ def drop_in(work: Work, side: Side, held: Held, container: str, tried: list[Arra
     """
 
     def find(search: Search, here_first: bool) -> Stance | None:
-        options = upright_options(releases(work, held, side, container)[:_BEST_RELEASES], 0.10, contact=2)
+        options = upright_options(releases(work, held, side, container), 0.10, contact=2)
+        # A lid that stands open bars the way to most places over its box, often to the best.
+        options = list(islice((option for option in options if search.fits(option)), _BEST_RELEASES))
         if not options:
             return None
         focus = np.mean([o.waypoints[1, :2, 3] for o in options], axis=0)
@@ -119,10 +122,9 @@ def _into(work: Work, held: Held, side: Side, volume: Solid, container: str) -> 
         for tilt in _TILTS:
             R = kin.rot_z(turn) @ R_now
             sideways = np.cross([0, 0, 1.0], R[:, 2])
-            if np.linalg.norm(sideways) > 0.2:
-                R = Rotation.from_rotvec(sideways / np.linalg.norm(sideways) * tilt).as_matrix() @ R
-            elif tilt:
-                continue
+            level = float(np.linalg.norm(sideways))
+            about = sideways / level if level > 0.2 else R[:, 1]  # what points down is tilted about its closing axis
+            R = Rotation.from_rotvec(about * tilt).as_matrix() @ R
             hanging = [s.moved(kin.transform(R, (0.0, 0.0, 0.0))) for s in held.solids]
             low, high = bounds(hanging)
             middle, tall = (low + high)[:2] / 2, float(high[2] - low[2])
