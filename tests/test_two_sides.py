@@ -14,7 +14,7 @@ from mpvi_bt.manipulation.close import close, is_closed, pushes
 from mpvi_bt.manipulation.course import CourseSearch
 from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.open import course_search, is_open, open_
-from mpvi_bt.manipulation.openings import moved, outward, panel, seen_twice, stand_before
+from mpvi_bt.manipulation.openings import moved, outward, panel, seen_twice, stand_before, stand_before_open
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.parts import Door
@@ -169,6 +169,19 @@ def test_it_walks_around_to_before_the_outer_face(y: float) -> None:
     off = world.robot.proprioception().base_pose[:2] - panel(door).T[:2, 3]
     assert off @ outward(door)[:2] > 0.3
     assert np.linalg.norm(off) < 1.6
+
+
+@pytest.mark.parametrize("y", [-1.2, 1.2])
+def test_it_looks_into_what_stands_open_from_before_its_front(y: float) -> None:
+    """From beside a cabinet, where its door or its side is all that is seen, it goes to where one sees into that."""
+    world = cabinet(0.7, y)
+    work = working(world, truly)
+    played(world, work, stand_before_open(work, "thing"))
+    (door,) = world.doors("thing")
+    front = (moved(door, -door.position) @ panel(door).T[:, 3])[:2]
+    ahead, aside = front - world.robot.proprioception().base_pose[:2]  # it looks toward -x
+    assert ahead > 0.6
+    assert abs(aside) < 0.6 * ahead
 
 
 def searching(effort: Effort) -> tuple[CourseSearch, Door]:

@@ -28,6 +28,7 @@ _BESIDE_RAD, _DOWN_RAD = 1.5, 0.5  # from facing a door, and from level, to see 
 _ASIDE_M, _ASIDE_RAD = 1.2, (0.7, -0.7, 1.2, -1.2)  # from where the outside of an open door may be seen
 _BEFORE_M, _STAGE_RAD = 1.1, 0.6  # where to stand before a face; on the way around a thing it looks so often
 _SAME_M, _SAME = 0.15, 0.2  # a door that is seen there and, of its limit, so far open, is the one seen before
+_AJAR = 0.5  # of its limit: a door that stands so far open lets one look in
 _SHORT_M = 0.11  # the hand waits that far before a bar
 _ALONG = (0.0, 0.3, -0.3)  # where to hold a bar, in lengths from its middle
 # How much of a door's angle the hand turns with it: half is easiest, for the base turns as much.
@@ -159,6 +160,17 @@ def stand_before(work: Work, thing: str, face: Array, out: Array, door: Door | N
             yield from look_over(work, thing)  # one picture may err
             if _otherwise(work, thing, door):
                 return
+
+
+def stand_before_open(work: Work, thing: str) -> Actions:
+    """Look into what stands open, from before its front: from beside it only the door, or a side, may be seen."""
+    ajar = [door for door in work.scene.doors(thing) if upright(door) and door.position > _AJAR * door.limit]
+    if work.sight is None or not ajar:
+        return
+    shut = moved(ajar[0], -ajar[0].position)
+    out = shut[:3, :3] @ outward(ajar[0])
+    yield from stand_before(work, thing, shut[:3, :3] @ panel(ajar[0]).T[:3, 3] + shut[:3, 3], out)
+    yield from look_over(work, thing)
 
 
 def _otherwise(work: Work, thing: str, door: Door) -> bool:

@@ -13,6 +13,7 @@ from mpvi_bt.manipulation.carry import settle, unwedge
 from mpvi_bt.manipulation.drop import drop_in, reach_over, releases
 from mpvi_bt.manipulation.gaze import look_at, study
 from mpvi_bt.manipulation.held import Held
+from mpvi_bt.manipulation.openings import stand_before_open
 from mpvi_bt.manipulation.pick import pick_up
 from mpvi_bt.manipulation.placing import LYING, SLANTED, UPRIGHT, Pose, place_at, release
 from mpvi_bt.manipulation.work import Words, Work
@@ -57,6 +58,8 @@ def _put_in(work: Work, side: Side, container: str, tried: list[Array]) -> Gener
     held = work.load(side)
     if not work.scene.volumes(container):  # so far it may have been seen in part, or from below
         yield from study(work, container)
+    if not work.scene.volumes(container):
+        yield from stand_before_open(work, container)
     if not work.scene.volumes(container):
         raise MotionFailure("not_a_container")
     if work.scene.holding(other(side)) == container:
