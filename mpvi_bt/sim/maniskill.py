@@ -302,7 +302,7 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
         """Bring everything to a state of `get_state_dict`, as ManiSkill has it: contacts are found anew."""
         super().set_state_dict(state, env_idx)
         if "controller" in state:
-            self.agent.set_controller_state(state["controller"])
+            self.agent.set_controller_state(_rows(state["controller"]))
         if "switches" in state:
             on = np.ravel(state["switches"])
             for name, value in zip(self.world.switched, on, strict=True):
@@ -329,6 +329,13 @@ def begin_in_maniskill(
 def _drawing() -> str:
     """What draws where something does."""
     return "gpu" if torch.cuda.is_available() else "cpu"
+
+
+def _rows(state: Any) -> Any:
+    """A state of one environment with its row again, which ManiSkill's files of demonstrations leave out."""
+    if isinstance(state, dict):
+        return {key: _rows(value) for key, value in state.items()}
+    return state[None] if state.ndim == 1 else state
 
 
 def _row(values: Any) -> torch.Tensor:
