@@ -185,6 +185,23 @@ def test_a_crate_is_a_square_vessel_and_its_bail_a_bar(yaw: float, bar: bool) ->
         assert abs(found.axis @ [-np.sin(yaw), np.cos(yaw), 0]) > 0.98
 
 
+def test_a_wide_basket_on_the_floor_is_a_vessel_though_a_part_of_its_rim_is_hidden() -> None:
+    """Not furniture with a board over what lies in it; a low bench of that size is furniture."""
+    sunk = pose((0.0, 0.0, -LEVEL_M))
+    solids = [solid.moved(sunk) for solid in crate(0.62, 0.42, 0.11, 0.9, False)]
+    eye = np.array([-0.7, 0.0, 1.4])
+    points = visible(solids, eye)
+    corner = points[:, :2] @ [0.8, 0.6]
+    points = points[corner < np.percentile(corner, 96)]
+    shape = fit(points, table(0.0), eye)
+    assert shape is not None
+    assert shape.kind == "vessel"
+    assert shape.volumes
+    bench = fit(visible([Solid("box", np.array([0.31, 0.21, 0.055]), pose((0.0, 0.0, 0.055)))], eye), table(0.0), eye)
+    assert bench is not None
+    assert bench.kind == "furniture"
+
+
 def test_a_table_is_furniture_with_a_face() -> None:
     """What is longer than an arm is furniture: a slab under its upper face."""
     top = box((0.5, 0, 0.72), (0.7, 1.2, 0.04))

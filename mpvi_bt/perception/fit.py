@@ -23,6 +23,7 @@ _GRAIN_PER_M = 0.0008  # depth is that much rougher for every square meter of ra
 _WALL_M = 0.008  # of vessels
 _FURNITURE_M = 0.55  # what is longer than this is furniture: faces to put things on
 _UPRIGHT_M = 0.9  # likewise what is higher
+_TRAY_M = 0.25  # but what ends that low above the floor may be a wide basket or tray
 _COVERED = 0.3  # share of a vessel's opening in which something may be seen at the height of the rim
 _SLICE_M = 0.01
 _STAVES = 16
@@ -44,7 +45,8 @@ def fit(points: Array, around: Array, eye: Array, support: float | None = None) 
     if len(points) < 5:
         return None
     low, top = np.percentile(points, 1, axis=0), float(np.percentile(points[:, 2], 99))
-    if np.ptp(np.percentile(points, [2, 98], axis=0)[:, :2], axis=0).max() > _FURNITURE_M or top - low[2] > _UPRIGHT_M:
+    large = np.ptp(np.percentile(points, [2, 98], axis=0)[:, :2], axis=0).max() > _FURNITURE_M
+    if (large and top > _TRAY_M) or top - low[2] > _UPRIGHT_M:
         return furniture(points)
     if support is None:
         support = support_height(points, around, eye)
@@ -57,6 +59,8 @@ def fit(points: Array, around: Array, eye: Array, support: float | None = None) 
     vessel = _vessel(points, seen, support, top) if eye[2] > top + 0.04 else None
     if vessel is not None:
         return vessel
+    if large:
+        return furniture(points)
     grain = _GRAIN_PER_M * float(np.median(((points - eye) ** 2).sum(1)))
     ball = _ball(points, float(seen.sides[0]), support, top, grain)
     if ball is not None:
