@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from mpvi_bt.perception.field import CELL_M, Field, View, distance_to
+from mpvi_bt.perception.field import CELL_M, Field, FineField, View, distance_to
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array, pose
@@ -109,4 +109,18 @@ def test_distances_are_those_of_an_exact_transform() -> None:
         blocked = rng.random((31, 17, 23)) < share
         blocked[3, 4, 5] = True
         np.testing.assert_allclose(distance_to(blocked), distance_transform_edt(~blocked), rtol=1e-5)
+        np.testing.assert_allclose(distance_to(blocked[3]), distance_transform_edt(~blocked[3]), rtol=1e-5)
     assert (distance_to(np.zeros((5, 6, 7), bool)) > 900).all()
+
+
+def test_a_finer_field_can_only_add_room_and_only_within_itself() -> None:
+    """The larger distance counts; the finer field's no farther than its border, and what is outside is the other's."""
+    coarse = Field([picture(wall(1.0))], MIDDLE)
+    fine = Field([picture(wall(1.0))], np.array([0.9, 0.0, 1.0]), (0.4, 0.4, 0.4), 0.01, 0.005)
+    p = np.random.default_rng(0).uniform([0.3, -0.6, 0.4], [1.2, 0.6, 1.6], (500, 3))
+    known = np.minimum(fine.distance(p), fine.depth_within(p))
+    both = FineField(coarse, fine).distance(p)
+    np.testing.assert_array_equal(both, np.maximum(coarse.distance(p), known))
+    assert (both > coarse.distance(p)).any()
+    aside = p[fine.depth_within(p) == 0]
+    np.testing.assert_array_equal(FineField(coarse, fine).distance(aside), coarse.distance(aside))

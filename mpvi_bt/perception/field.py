@@ -103,11 +103,16 @@ class Field:
         size = np.array(self.blocked.shape) * self._cell
         return np.asarray(np.maximum(np.minimum(at, size - at).min(-1), 0.0))
 
-    def distance(self, p: Array) -> Array:
-        """(...,) distance [m] of points (..., 3) to the nearest blocked cell; 0 within one, 9 outside of the field."""
+    def distance(self, p: Array, outside: float = _FAR) -> Array:
+        """(...,) distance [m] of points (..., 3) to the nearest blocked cell; 0 within one, at the most 9.
+
+        Args:
+            p: The points.
+            outside: What is said of points outside of the field.
+        """
         flat = np.ascontiguousarray(p.reshape(-1, 3), np.float64)
         out = np.empty(len(flat))
-        _kernels()["look_up"](self._distance, flat, self._to_world, self._low, self._cell, _FAR, out)
+        _kernels()["look_up"](self._distance, flat, self._to_world, self._low, self._cell, _FAR, outside, out)
         return out.reshape(p.shape[:-1])
 
 
@@ -124,23 +129,21 @@ class FineField:
 
     def distance(self, p: Array) -> Array:
         """(...,) distance [m] of points (..., 3) to what may be in the way; 9 if there is nothing."""
-        known = np.minimum(self._fine.distance(p), self._fine.depth_within(p))  # outside of it is anything
-        return np.maximum(self._coarse.distance(p), known)
+        coarse, fine = self._coarse.distance(p), self._fine.distance(p, outside=0.0)  # outside of it is anything
+        if (fine <= coarse).all():
+            return coarse
+        return np.maximum(coarse, np.minimum(fine, self._fine.depth_within(p)))
 
 
 def distance_to(blocked: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Distance of every cell's center to that of the nearest blocked one, in cells; 1000 where there is none.
+    """Distance of the center of every cell, of a plane or of space, to that of the nearest blocked one, in cells.
 
-    By lower envelopes of parabolas (Felzenszwalb and Huttenlocher 2012), compiled: scipy's takes 7 times as long.
+    1000 where there is none. By lower envelopes of parabolas (Felzenszwalb and Huttenlocher 2012), compiled.
     """
-    squared = np.where(blocked, 0, 1e6).astype(np.float32)
-    for axis in range(blocked.ndim):
-        turned = np.moveaxis(squared, axis, -1)
-        rows = np.ascontiguousarray(turned).reshape(-1, turned.shape[-1])
-        out = np.empty_like(rows)
-        _kernels()["envelope"](rows, out)
-        squared = np.moveaxis(out.reshape(turned.shape), -1, axis)
-    return np.ascontiguousarray(np.sqrt(squared))
+    out = np.empty(blocked.shape, np.float32)
+    deep = (-1, *blocked.shape[-2:])
+    _kernels()["squared"](np.ascontiguousarray(blocked).reshape(deep), out.reshape(deep))
+    return np.sqrt(out, out=out)
 
 
 _HIDDEN, _FREE = 1, 2
@@ -152,7 +155,7 @@ def _kernels() -> dict[str, Callable[..., None]]:
     import numba
 
     compiled: dict[str, Any] = {}
-    for name, function in (("carve", _carve), ("look_up", _look_up), ("envelope", _envelope)):
+    for name, function in (("carve", _carve), ("look_up", _look_up), ("squared", _squared)):
         try:
             compiled[name] = numba.njit(cache=True)(function)
         except RuntimeError:  # no folder that can be written: compile anew in each process
@@ -189,7 +192,7 @@ def _carve(doubt, depth, T, camera, cell, surface, noise, thick):  # type: ignor
                     doubt[i, j, k] = 1
 
 
-def _look_up(distance, points, T, low, cell, far, out):  # type: ignore
+def _look_up(distance, points, T, low, cell, far, outside, out):  # type: ignore
     """The distance at each point, of the cell that it lies in."""
     for n in range(points.shape[0]):
         x, y, z = points[n, 0], points[n, 1], points[n, 2]
@@ -200,28 +203,50 @@ def _look_up(distance, points, T, low, cell, far, out):  # type: ignore
         if inside and i < distance.shape[0] and j < distance.shape[1] and k < distance.shape[2]:
             out[n] = min(max(distance[i, j, k], 0.0), far)
         else:
-            out[n] = far
+            out[n] = outside
 
 
-def _envelope(f, out):  # type: ignore
-    """Per row: the lower envelope of parabolas on `f`, the squared distances so far."""
-    n = f.shape[1]
-    at = np.zeros(n, np.int64)
-    edge = np.zeros(n + 1)
-    for r in range(f.shape[0]):
-        k = 0
-        at[0] = 0
-        edge[0], edge[1] = -1e20, 1e20
-        for q in range(1, n):
-            s = ((f[r, q] + q * q) - (f[r, at[k]] + at[k] * at[k])) / (2.0 * (q - at[k]))
-            while s <= edge[k]:
-                k -= 1
-                s = ((f[r, q] + q * q) - (f[r, at[k]] + at[k] * at[k])) / (2.0 * (q - at[k]))
-            k += 1
-            at[k] = q
-            edge[k], edge[k + 1] = s, 1e20
-        k = 0
-        for q in range(n):
-            while edge[k + 1] < q:
-                k += 1
-            out[r, q] = (q - at[k]) ** 2 + f[r, at[k]]
+def _squared(blocked, out):  # type: ignore
+    """Squared distances in cells: along the last axis by scans to and fro, along the others by envelopes."""
+    nx, ny, nz = blocked.shape
+    nothing = np.float32(1e6)
+    for i in range(nx):
+        for j in range(ny):
+            gap = 1000
+            for k in range(nz):
+                gap = 0 if blocked[i, j, k] else min(gap + 1, 1000)
+                out[i, j, k] = gap * gap
+            gap = 1000
+            for k in range(nz - 1, -1, -1):
+                gap = 0 if blocked[i, j, k] else min(gap + 1, 1000)
+                out[i, j, k] = min(out[i, j, k], np.float32(gap * gap))
+    longest = max(nx, ny)
+    at, height, edge = np.zeros(longest, np.int64), np.zeros(longest), np.zeros(longest + 1)
+    half = 0.5 / np.maximum(np.arange(longest), 1)
+    for axis in range(2):
+        n = nx if axis else ny
+        for i in range(ny if axis else nx):
+            plane = out[:, i] if axis else out[i]
+            rows = plane.T.copy()
+            for r in range(nz):
+                f, last = rows[r], -1
+                for q in range(n):
+                    if f[q] >= nothing:
+                        continue
+                    h, s = f[q] + q * q, -1e20  # of the parabola about q: its height at 0, and where it comes to lead
+                    while last >= 0:
+                        s = (h - height[last]) * half[q - at[last]]
+                        if s > edge[last]:
+                            break
+                        last, s = last - 1, -1e20
+                    last += 1
+                    at[last], height[last], edge[last] = q, h, s
+                if last < 0:
+                    continue
+                edge[last + 1] = 1e20
+                k = 0
+                for q in range(n):
+                    while edge[k + 1] < q:
+                        k += 1
+                    gap = q - at[k]
+                    plane[q, r] = min(gap * gap + f[at[k]], nothing)

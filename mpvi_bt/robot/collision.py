@@ -64,7 +64,9 @@ class Together:
 
     def __init__(self, parts: Sequence[Obstacles]) -> None:
         """Gather what is posed in one frame."""
-        self._parts = parts
+        self._parts: list[Obstacles] = []
+        for part in parts:  # one after the other, not one within the other: they are asked thousands of times
+            self._parts += part._parts if isinstance(part, Together) else [part]
 
     def seen_from(self, T: Array) -> Together:
         """All of them in another frame; `T` (4, 4) maps that frame into the present one."""
@@ -72,7 +74,10 @@ class Together:
 
     def distance(self, p: Array) -> Array:
         """(...,) distance [m] of points (..., 3) to the nearest of all; 9 if there is nothing."""
-        return np.minimum.reduce([np.full(p.shape[:-1], 9.0), *(part.distance(p) for part in self._parts)])
+        out = np.full(p.shape[:-1], 9.0)
+        for part in self._parts:
+            np.minimum(out, part.distance(p), out=out)
+        return out
 
 
 def carries(face: Solid, spot: Array, radius: float) -> bool:
