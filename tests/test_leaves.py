@@ -9,6 +9,7 @@ import pytest
 
 from mpvi_bt.manipulation.close import pushes
 from mpvi_bt.manipulation.openings import moved
+from mpvi_bt.perception import leaves
 from mpvi_bt.perception.fronts import fronts
 from mpvi_bt.perception.leaves import leaf, with_leaf, within_drawer
 from tests.small_house import small_world
@@ -84,3 +85,11 @@ def test_a_fist_keeps_clear_of_a_bar_that_is_not_seen(name: str) -> None:
     for course in pushes(replace(door, bar=None)):
         off = course.hand(0.0)[:3, 3] - door.bar.center
         assert np.linalg.norm(np.cross(off, door.bar.axis)) > 0.12
+
+
+def test_spans_are_those_between_percentiles() -> None:
+    """What is told fast is to the last bit what numpy tells."""
+    rng = np.random.default_rng(0)
+    for n in (2, 3, 20, 101, 1000):
+        values = rng.normal(size=n)
+        assert leaves._span(values) == np.ptp(np.percentile(values, [3, 97]))
