@@ -136,11 +136,12 @@ class Thing:
         if self.articulation is None:
             return []
         q = self.articulation.get_qpos()
-        return [
-            float(q[self._joints[body.name]]) / body.joint.limit
-            for body in self.description.bodies
-            if body.joint is not None
-        ]
+        return [float(q[at]) / limit for at, limit in self.openings]
+
+    @property
+    def openings(self) -> list[tuple[int, float]]:
+        """Where each joint is among the articulation's, and its limit [m, rad], in the order of the description."""
+        return [(self._joints[b.name], b.joint.limit) for b in self.description.bodies if b.joint is not None]
 
     def set_joint_fraction(self, body: str, fraction: float) -> None:
         """Put a door or drawer at a position, 0 closed to 1 fully open, at rest."""
@@ -288,7 +289,8 @@ class _Builder:
         builder.set_initial_pose(sapien.Pose(T))
         articulation = builder.build(fix_root_link=fixed)
         articulation.set_name(name)
-        articulation.set_qpos(np.zeros(articulation.dof))  # else its links have no poses before the first step
+        if not isinstance(self.scene.physx_system, sapien.physx.PhysxGpuSystem):
+            articulation.set_qpos(np.zeros(articulation.dof))  # else its links have no poses before the first step
         links = {link.name.removeprefix(f"{name}/"): link for link in articulation.links}
         for body in description.bodies:
             self._show(links[body.name].entity, body)

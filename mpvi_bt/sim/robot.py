@@ -23,7 +23,7 @@ from mpvi_bt.sim.cameras import Cameras
 
 FINGER_FRICTION = 2.0  # rubber pads
 CLOSED_M = -0.01  # finger target beyond zero: grip force = stiffness * (half width + 1 cm)
-_BASE_ACCELERATION = np.array([1.5, 1.5, 3.0])  # [m/s^2, m/s^2, rad/s^2]: a jerk flings what is held
+BASE_ACCELERATION = np.array([1.5, 1.5, 3.0])  # [m/s^2, m/s^2, rad/s^2]: a jerk flings what is held
 _URDF: Mapping[str, Callable[[], str]] = {"r1": r1_urdf, "fetch": fetch_urdf}
 
 
@@ -32,30 +32,16 @@ class SimRobot(SimBody):
 
     def __init__(self, scene: sapien.Scene, base_pose: Array, cameras: Cameras | None, model: RobotModel = R1) -> None:
         """Put a robot into `scene` at `base_pose` (3,) x, y [m], yaw [rad], hands folded; no cameras: no pictures."""
-        super().__init__(_load(scene, model, visible=cameras is not None), model, cameras)
+        super().__init__(load_robot(scene, model, visible=cameras is not None), model, cameras)
         torso = [(n, i) for i, n in enumerate(model.torso_joints, ActionLayout.TORSO.start) if n is not None]
         arms = [(n, ActionLayout.ARM[s].start + i) for s in model.sides for i, n in enumerate(model.arm_joints[s])]
         self._targets = [self._joints[n] for n, _ in (*torso, *arms)]
         self._driven = np.array([i for _, i in (*torso, *arms)])  # where these are in an action
-        for name, joint in self._joints.items():
-            gains = model.drives[name]
-            joint.set_drive_properties(gains.stiffness, gains.damping, gains.force, mode="force")
-            joint.set_friction(0.0)
-        for name in model.still:
-            self._joints[name].set_drive_target(0.0)
-        for link in self.articulation.links:
-            link.disable_gravity = True  # the arms are taken to be gravity-compensated
-        _exempt_neighbors(self)
         if cameras is not None:
             for name, camera in model.cameras.items():
                 cameras.mount(name, camera, self.links[camera.link].entity)
 
-        action = np.zeros(ACTION_SIZE)
-        action[ActionLayout.TORSO] = model.travel_torso
-        for s in model.sides:
-            action[ActionLayout.ARM[s]] = model.travel_arm[s]
-            action[ActionLayout.GRIPPER[s]] = 1.0
-        self._action = action
+        self._action = travel_action(model)
         self._sent: Array | None = None
         self._moving = True
         self._velocity = np.zeros(3)
@@ -163,7 +149,7 @@ class SimRobot(SimBody):
         self.forget()
 
     def _drive_base(self, wanted: Array) -> None:
-        limit = _BASE_ACCELERATION / CONTROL_HZ
+        limit = BASE_ACCELERATION / CONTROL_HZ
         change = np.clip(wanted - self._velocity, -limit, limit)
         if not change.any() and not self._velocity.any():
             return
@@ -177,11 +163,37 @@ class SimRobot(SimBody):
             self._joints[name].set_drive_velocity_target(float(v))
 
 
-def _exempt_neighbors(body: SimBody) -> None:
+def travel_action(model: RobotModel) -> Array:
+    """(23,) the command of a robot that stands in the posture that it drives in, hands open."""
+    action = np.zeros(ACTION_SIZE)
+    action[ActionLayout.TORSO] = model.travel_torso
+    for s in model.sides:
+        action[ActionLayout.ARM[s]] = model.travel_arm[s]
+        action[ActionLayout.GRIPPER[s]] = 1.0
+    return action
+
+
+def load_robot(scene: sapien.Scene, model: RobotModel, visible: bool) -> sapien.physx.PhysxArticulation:
+    """A robot's joints and links with its drives' gains, all joints at 0; `visible`: with what cameras see of it."""
+    articulation = _load(scene, model, visible)
+    joints = {joint.name: joint for joint in articulation.active_joints}
+    for name, joint in joints.items():
+        gains = model.drives[name]
+        joint.set_drive_properties(gains.stiffness, gains.damping, gains.force, mode="force")
+        joint.set_friction(0.0)
+    for name in model.still:
+        joints[name].set_drive_target(0.0)
+    for link in articulation.links:
+        link.disable_gravity = True  # the arms are taken to be gravity-compensated
+    _exempt_neighbors(model, {link.name: link for link in articulation.links})
+    return articulation
+
+
+def _exempt_neighbors(model: RobotModel, links: Mapping[str, sapien.physx.PhysxArticulationLinkComponent]) -> None:
     """Let neighbors that overlap at their joint pass through each other."""
-    for bit, group in enumerate(body.model.neighbors, start=20):
+    for bit, group in enumerate(model.neighbors, start=20):
         for name in group:
-            for shape in body.links[name].collision_shapes:
+            for shape in links[name].collision_shapes:
                 words = list(shape.get_collision_groups())
                 words[2] |= 1 << bit
                 shape.set_collision_groups(words)

@@ -189,6 +189,11 @@ class World:
             raise UnknownName("thing with a switch", name, self._switches.on)
         self._switches.turn({name: on})
 
+    @property
+    def switched(self) -> dict[str, bool]:
+        """Whether each thing that has a switch is on."""
+        return self._switches.on
+
     def place(self, name: str, T: Array, fixed: bool = False) -> None:
         """Put a movable thing at `T` (4, 4, body to world), at rest.
 
@@ -296,6 +301,10 @@ class World:
     def objects(self) -> Sequence[str]:
         """Names of the movable things."""
         return list(self._objects)
+
+    def thing(self, name: str) -> Thing:
+        """A thing, by its name."""
+        return self._things[name]
 
     def pose(self, name: str) -> Array:
         """T_world_thing (4, 4)."""
