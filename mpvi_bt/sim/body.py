@@ -108,10 +108,3 @@ class SimBody:
             apart = felt.gripper_width[side] / 2 + _HALF_FINGER_M
             out += [T[:3, 3] + y * T[:3, 1] + _FINGERTIP_M * T[:3, 2] for y in (-apart, apart)]
         return np.array(out)
-
-    def standing_at(self, base_pose: Array, q: list[float]) -> list[float]:
-        """Joints `q`, as `save` has them, with the base at x, y [m], yaw [rad] (3,)."""
-        joints = np.array(q)
-        joints[self._base] = base_pose
-        out: list[float] = joints.tolist()
-        return out

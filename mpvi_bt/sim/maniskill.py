@@ -1,13 +1,14 @@
 """`MpviHouse-v1`: the tasks as a ManiSkill environment, in the same house with the same robot as the core's.
 
-Our builder makes house, things and robot in ManiSkill's scene, in the same order and with the same physics as in the
-core's, and ManiSkill is told of them afterwards.
+Our builder makes house, things and robot in ManiSkill's scenes, in the same order and with the same physics as in the
+core's, and ManiSkill is told of them afterwards. Whatever is observed, commanded and told has a row an environment; one
+environment on the CPU is a batch of one, whose world is the core's own, in ManiSkill's scene. Many are on a GPU; each
+has a `Twin` on the CPU that goals are judged by.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cache
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -22,13 +23,17 @@ from mani_skill.utils.structs.types import SimConfig
 
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.goals.evaluate import GoalReport, Snapshot, judge, snapshot
+from mpvi_bt.goals.formula import Truth
 from mpvi_bt.goals.predicates import truth_in
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim import maniskill_fetch
-from mpvi_bt.sim.catalogue import load_catalogue
+from mpvi_bt.sim.builder import Thing
+from mpvi_bt.sim.cameras import Cameras
 from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.maniskill_agent import R1
+from mpvi_bt.sim.maniskill_batch import Batch, Begun, Layout, Standing, Twin, begun, furnish, twin
+from mpvi_bt.sim.maniskill_drives import DrivenR1, Drives
 from mpvi_bt.sim.maniskill_scene import SHADERS, adopt, register_shaders, simulation
 from mpvi_bt.sim.maniskill_world import ManiSkillWorld
 from mpvi_bt.sim.robot import SimRobot
@@ -36,22 +41,13 @@ from mpvi_bt.sim.sampling import Start
 from mpvi_bt.sim.shaders import add_lights, renderer, use_light_shaders
 from mpvi_bt.sim.views import overview
 from mpvi_bt.sim.world import World
-from mpvi_bt.suite.instances import begin, come_to_rest, expanded_problem
+from mpvi_bt.suite.instances import come_to_rest, expanded_problem
 from mpvi_bt.suite.splits import Split
 from mpvi_bt.suite.tasks import Task, load_task
 
 _STATE_MODES = ("state", "state_dict")
 _BLIND_MODES = (*_STATE_MODES, "none")
 _VIEW_RAD = 0.6
-
-
-@cache
-def _start(task: str, instance: int, split: Split) -> Start:
-    """Where an instance begins, as the core has it."""
-    known = load_task(task)
-    house = load_house(known.house)
-    problem = expanded_problem(known, house)
-    return begin(known, house, load_catalogue(), problem, instance, split, render=False)[1]
 
 
 @register_env("MpviHouse-v1")
@@ -69,25 +65,24 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
 
     Attributes:
         task: What is done.
-        world: The world of this episode, which trees can drive.
-        start: Where things and robot began, before they came to rest.
-        instance: Which start of the task it is.
+        instances: Which start of the task each environment is in.
+        worlds: The world of each environment, which goals are judged by.
     """
 
     SUPPORTED_ROBOTS = ("r1", "fetch")
     SUPPORTED_REWARD_MODES = ("q_increment", "normalized_dense", "dense", "sparse", "none")
 
     agent: BaseAgent
-    world: ManiSkillWorld
-    start: Start
-    instance: int
+    instances: list[int]
+    worlds: list[World]
     _render_device: sapien.Device | None
+    _twinned = False  # whether the worlds follow what is simulated elsewhere: always so on a GPU
 
     def __init__(
         self,
         *args: Any,
         task: str = "picking_up_trash",
-        instance: int | None = None,
+        instance: int | Sequence[int] | None = None,
         split: Split = "public",
         assisted: bool = False,
         robot_uids: str = "r1",
@@ -104,21 +99,25 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
         Args:
             *args, num_envs, obs_mode, render_mode, sim_backend, **kwargs: As of any environment of ManiSkill.
             task: Name of a task, or the file of one.
-            instance: Which of the task's starts; None: the episode's seed draws one.
+            instance: Which of the task's starts; several go to the environments in turn; None: the episode's seed draws
+                one for each.
             split: Of which instances.
             assisted: Whether a closing hand fixes what it pinches to itself.
             robot_uids: "r1", or "fetch": ManiSkill's own, with its controllers and cameras.
             render_backend: As of ManiSkill; None: none where nothing draws, else the GPU or, without one, the CPU.
-            reconfiguration_freq: As of ManiSkill; None: each reset builds the scene anew, so that it is the same bit by
-                bit whatever came before. (0 only puts things back: faster, and what physics has cached stays.)
+            reconfiguration_freq: As of ManiSkill; None: on the CPU each reset builds the scene anew, so that it is the
+                same bit by bit whatever came before. (0, as on a GPU, only puts things back where the core's have come
+                to rest: faster, and what physics has cached stays.)
 
         Raises:
             UserError: There is no such task or robot, or this cannot be simulated here.
         """
         if robot_uids not in self.SUPPORTED_ROBOTS:
             raise UnknownName("robot", str(robot_uids), self.SUPPORTED_ROBOTS)
-        if num_envs != 1 or sim_backend not in ("auto", "cpu", "physx_cpu"):
-            raise UserError(_no_gpu(num_envs, sim_backend))
+        on_gpu = num_envs > 1 if sim_backend == "auto" else sim_backend not in ("cpu", "physx_cpu")
+        if on_gpu or num_envs != 1:
+            _check_gpu(num_envs, sim_backend, assisted)
+        self._twinned = on_gpu or self._twinned
         self.task: Task = load_task(task)
         self._task_name = task
         self._fixed_instance, self._split = instance, split
@@ -130,21 +129,51 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
             render_backend = "none" if blind else _drawing()
         super().__init__(
             *args,
-            num_envs=1,
+            num_envs=num_envs,
             obs_mode=obs_mode,
             render_mode=render_mode,
             robot_uids=robot_uids,
             render_backend=render_backend,
-            sim_backend="physx_cpu",
-            reconfiguration_freq=1 if reconfiguration_freq is None else reconfiguration_freq,
+            sim_backend=sim_backend,
+            reconfiguration_freq=(0 if on_gpu else 1) if reconfiguration_freq is None else reconfiguration_freq,
             **kwargs,
         )
 
     # --- the scene
 
     @property
+    def world(self) -> ManiSkillWorld:
+        """The world of the only environment, which trees can drive. Raises UserError for environments on a GPU."""
+        world = self.worlds[0]
+        if not isinstance(world, ManiSkillWorld):
+            raise UserError("trees drive one environment on the CPU; these are simulated on a GPU")
+        return world
+
+    @property
+    def start(self) -> Start:
+        """Where things and robot of the first environment began, before they came to rest."""
+        return self._start(0)
+
+    @property
+    def instance(self) -> int:
+        """Which start of the task the first environment is in."""
+        return self.instances[0]
+
+    @property
+    def _is_fetch(self) -> bool:
+        return str(self.robot_uids) == maniskill_fetch.NAME
+
+    def _start(self, k: int) -> Start:
+        """Where an environment's episode begins, whatever its robot."""
+        return begun(self._task_name, self.instances[k], self._split).start
+
+    def _settled(self, k: int) -> Begun:
+        """How an environment's episode begins once things have come to rest about its robot."""
+        return begun(self._task_name, self.instances[k], self._split, str(self.robot_uids))
+
+    @property
     def _default_sim_config(self) -> SimConfig:
-        return simulation()
+        return simulation(self.num_envs)
 
     def _setup_scene(self) -> None:
         if self._render_device is not None and self._render_device.is_cpu():
@@ -154,28 +183,56 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
 
     def _load_agent(self, options: Mapping[str, Any], *args: Any, **kwargs: Any) -> None:
         """Build everything: in the core's order, the house before the robot."""
-        self._choose(options)
+        self._fresh, self.instances = True, [0] * self.num_envs
+        self._choose(range(self.num_envs), options)
         visible = self.scene.can_render()
         if visible:
             use_light_shaders()
-        fetch = self._fetch if self.robot_uids == maniskill_fetch.NAME else None
-        self.world = ManiSkillWorld(
-            self.scene.sub_scenes[0], self.step, self._house, self.start, visible, self._assisted, fetch
-        )
-        self._unmoved = self.world.save()
-        self._fresh = True
-        if fetch is not None:
-            maniskill_fetch.let_roll(map(self.world.thing, self.world.things))
-        else:
-            self.agent = R1(self.scene, self._control_freq, self._control_mode, robots=[self.world.robot])
+        self._houses = self._built_apart(visible) if self._twinned else self._built_as_world(visible)
+        if self._is_fetch:
+            for things in self._houses:
+                maniskill_fetch.let_roll(things.values())
 
-    def _fetch(self, base_pose: Array) -> SimRobot:
-        robot = maniskill_fetch.put(self.scene, self._control_freq, self._control_mode, base_pose)
-        self.agent = robot.agent
-        return robot
+    def _built_as_world(self, visible: bool) -> list[dict[str, Thing]]:
+        """The only house, a world in the only scene."""
+        scene, put = self.scene.sub_scenes[0], self._put_fetch if self._is_fetch else self._put_r1
+        world = ManiSkillWorld(scene, self.step, self._house, self.start, visible, put, self._assisted)
+        self.worlds = [world]
+        if isinstance(world.robot, DrivenR1):
+            self.agent = R1(self.scene, self._control_freq, self._control_mode, robot=world.robot)
+        return [{name: world.thing(name) for name in world.things}]
+
+    def _built_apart(self, visible: bool) -> list[dict[str, Thing]]:
+        """A house in each sub scene, and worlds of the core that follow them."""
+        starts = [self._start(k) for k in range(self.num_envs)]
+        scenes = self.scene.sub_scenes
+        houses = [furnish(sub, self._house, start, visible) for sub, start in zip(scenes, starts, strict=True)]
+        load: Callable[..., BaseAgent] = maniskill_fetch.load if self._is_fetch else R1
+        self.agent = load(self.scene, self._control_freq, self._control_mode)
+        self.worlds = [twin(self._house, self._settled(k), str(self.robot_uids)) for k in range(self.num_envs)]
+        return houses
+
+    def _put_r1(self, base_pose: Array, cameras: Cameras | None) -> SimRobot:
+        return DrivenR1(Drives(1, self.device), self.scene.sub_scenes[0], base_pose, cameras)
+
+    def _put_fetch(self, base_pose: Array, cameras: Cameras | None) -> SimRobot:
+        self.agent = maniskill_fetch.load(self.scene, self._control_freq, self._control_mode)
+        return maniskill_fetch.ShippedFetch(self.agent, base_pose)
 
     def _load_scene(self, options: Mapping[str, Any]) -> None:
-        self._views = {name: adopt(self.scene, [self.world.thing(name)]) for name in self.world.things}
+        first = self._houses[0]
+        self._views = {name: adopt(self.scene, [things[name] for things in self._houses]) for name in first}
+        order = [joint.name for joint in self.agent.robot.active_joints]
+        self._batch = Batch(self.scene, Layout(first, order), self._views, self.agent.robot)
+        model = self.worlds[0].robot.model
+        self._base = [order.index(name) for name in model.base_joints]
+        self._hands = [[order.index(name) for name in pair] for pair in model.finger_joints.values()]
+        jointed = {name: list(zip(*thing.openings, strict=True)) for name, thing in first.items() if thing.openings}
+        self._openings = {
+            n: (list(at), torch.tensor(limits, device=self.device)) for n, (at, limits) in jointed.items()
+        }
+        self._behind = False  # whether the worlds have yet to follow the last step
+        self._followed: Standing | None = None
 
     def _load_lighting(self, options: Mapping[str, Any]) -> None:
         for scene in self.scene.sub_scenes:
@@ -194,8 +251,8 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
         return CameraConfig("render_camera", pose, 960, 540, fov=_VIEW_RAD, near=0.05, far=60.0, shader_pack=SHADERS)
 
     def _clear(self) -> None:
-        self.__dict__.pop("world", None)
-        self._views = {}
+        self.worlds, self._houses, self._views = [], [], {}
+        self.__dict__.pop("_batch", None)
         super()._clear()
 
     # --- an episode
@@ -207,87 +264,134 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
 
         Args:
             seed: As of ManiSkill.
-            options: As of ManiSkill; "instance" is the start that is meant, whatever the environment was made for.
+            options: As of ManiSkill; "instance" is the start that is meant, or are those of the environments that are
+                reset, whatever they were made for.
 
         Raises:
             UserError: The task has no such instance.
         """
         gymnasium.Env.reset(self, seed=int(np.ravel(seed)[0]) if seed is not None else None)
+        if options is not None and "env_idx" in options:  # ManiSkill's masks take rows in this order
+            options = {**options, "env_idx": torch.sort(torch.as_tensor(options["env_idx"], device=self.device)).values}
         return super().reset(seed, options)
 
-    def _choose(self, options: Mapping[str, Any]) -> None:
-        """Settle which instance this episode is."""
-        instance = options.get("instance", self._fixed_instance)
-        if instance is None:
-            instance = self._episode_rng.randint(self.task.instances)
-        self.instance = int(instance)
-        self.task.check_instance(self.instance)
-        self.start = _start(self._task_name, self.instance, self._split)
+    def _choose(self, rows: Sequence[int], options: Mapping[str, Any]) -> None:
+        """Settle which instances the episodes of some environments are."""
+        given = options.get("instance", self._fixed_instance)
+        for i, k in enumerate(rows):
+            if given is None:
+                instance = self._batched_episode_rng[k].randint(self.task.instances)
+            else:
+                instance = np.ravel(given)[(i if "instance" in options else k) % np.size(given)]
+            self.task.check_instance(int(instance))
+            self.instances[k] = int(instance)
 
     def _initialize_episode(self, env_idx: torch.Tensor, options: Mapping[str, Any]) -> None:
-        if not self._fresh:
-            self._choose(options)
-            self._put_back()
+        rows = env_idx.tolist()
+        if self._fresh and not self._twinned:
+            come_to_rest(self.world, self.start)
+        else:
+            if not self._fresh:
+                self._choose(rows, options)
+                self._fresh = False
+            self._put_back(env_idx)
+        if len(rows) == self.num_envs:
+            self._truths: list[Truth] = [lambda literal: False] * self.num_envs
+            self._before: list[Snapshot] = [{}] * self.num_envs
+            self._judged: list[tuple[Snapshot, GoalReport] | None] = [None] * self.num_envs
+            self._rewarded = torch.zeros(self.num_envs, device=self.device)
+        for k in rows:
+            self._truths[k] = truth_in(self.worlds[k], self._start(k).scene_names)
+            self._before[k] = snapshot(self._problem, self._truths[k])
+            self._judged[k] = None
+        self._rewarded[env_idx] = 0.0
         self._fresh = False
-        come_to_rest(self.world, self.start)
-        self._truth = truth_in(self.world, self.start.scene_names)
-        self._judged: tuple[Snapshot, GoalReport] | None = None
-        self._before = snapshot(self._problem, self._truth)
-        self._rewarded = 0.0
 
-    def _put_back(self) -> None:
-        """Have everything stand as if the scene had just been built."""
-        state = {**self._unmoved, "things": dict(self._unmoved["things"]), "robot": dict(self._unmoved["robot"])}
-        for name, placement in self.start.objects.items():
-            pose = sapien.Pose(placement.T_world)
-            state["things"][name] = {**state["things"][name], "pose": [*pose.p.tolist(), *pose.q.tolist()]}
-        state["robot"]["q"] = self.world.robot.standing_at(self.start.base_pose, state["robot"]["q"])
-        self.world.restore(state)
+    def _put_back(self, env_idx: torch.Tensor) -> None:
+        """Have everything in some environments stand as the core's things do when they have come to rest."""
+        episodes = [self._settled(k) for k in env_idx.tolist()]
+        standing = self._batch.layout.standing([episode.saved for episode in episodes])
+        self._batch.put(standing)
+        if self._followed is not None:
+            self._followed = self._followed.replaced(env_idx, standing)
+        if isinstance(self.agent, R1):
+            commands, speeds = ([e.saved["robot"][key] for e in episodes] for key in ("action", "base"))
+            self.agent.drives.restore(env_idx, torch.tensor(commands), torch.tensor(speeds))
+        for k, episode in zip(env_idx.tolist(), episodes, strict=True):
+            world = self.worlds[k]
+            robot = world.robot.save() if isinstance(world, ManiSkillWorld) else episode.saved["robot"]
+            world.restore({**episode.saved, "robot": robot})
+            world.refresh()
 
     def _after_simulation_step(self) -> None:
-        if self.world.bumps is not None:
+        if not self._twinned and self.world.bumps is not None:
             self.world.bumps.update()
 
     def _after_control_step(self) -> None:
-        self.world.stepped()
+        if self._twinned:
+            self._behind = True  # what there is to follow has yet to be fetched
+        else:
+            self.world.stepped()
+
+    def _follow(self) -> None:
+        """Have worlds stand as their environments do, where anything has moved that goals or switches may ask of."""
+        now = self._batch.read()
+        pressed = any(literal.predicate == "toggled_on" for literal in self._before[0])  # by a robot, if nothing moves
+        moved = (now.moved_since(self._followed) | pressed).nonzero().flatten()
+        for k, row in zip(moved.tolist(), now.only(moved).rows(), strict=True):
+            world = self.worlds[k]
+            assert isinstance(world, Twin)
+            world.follow(self._batch.layout, *row)
+        self._followed = now if self._followed is None else self._followed.replaced(moved, now.only(moved))
 
     # --- what is told
 
     def evaluate(self) -> dict[str, Any]:
-        """How the goal stands: `success` (1,) bool, `q` (1,), and `predicates`, each literal's text to (1,) bool."""
-        now = snapshot(self._problem, self._truth)
-        if self._judged is None or self._judged[0] != now:
-            self._judged = (now, judge(self._problem, self._before, now))
-        report = self._judged[1]
+        """How goals stand: `success` (n,) bool, `q` (n,), and `predicates`, each literal's text to (n,) bool."""
+        if self._behind:
+            self._behind = False
+            self._follow()
+            for world in self.worlds:
+                world.stepped()
+        snapshots = [snapshot(self._problem, truth) for truth in self._truths]
+        for k, now in enumerate(snapshots):
+            judged = self._judged[k]
+            if judged is None or judged[0] != now:
+                self._judged[k] = (now, judge(self._problem, self._before[k], now))
+        reports = [judged[1] for judged in self._judged if judged is not None]
         return {
-            "success": torch.tensor([report.satisfied]),
-            "q": torch.tensor([report.q], dtype=torch.float32),
-            "predicates": {str(literal): torch.tensor([holds]) for literal, holds in now.items()},
+            "success": torch.tensor([report.satisfied for report in reports], device=self.device),
+            "q": torch.tensor([report.q for report in reports], dtype=torch.float32, device=self.device),
+            "predicates": {
+                str(literal): torch.tensor([now[literal] for now in snapshots], device=self.device)
+                for literal in snapshots[0]
+            },
         }
 
     def get_reward(self, obs: Any, action: torch.Tensor, info: dict[str, Any]) -> torch.Tensor:
-        """(1,) the reward of the step that was just made."""
+        """(n,) the rewards of the step that was just made."""
         if self._reward_mode in ("q_increment", "dense", "normalized_dense"):
-            q = float(info["q"][0])
-            gained, self._rewarded = q - self._rewarded, q
-            return torch.tensor([gained], dtype=torch.float32)
+            gained, self._rewarded = info["q"] - self._rewarded, info["q"]
+            return gained
         return super().get_reward(obs, action, info)
 
     def _get_obs_extra(self, info: dict[str, Any]) -> dict[str, Any]:
-        felt = self.world.robot.proprioception()
+        q = self.agent.robot.get_qpos()
+        x, y, yaw = q[:, self._base].T
         extra: dict[str, Any] = {
-            "base_pose": _row(felt.base_pose),
-            "gripper_width": _row([felt.gripper_width[side] for side in felt.sides]),
+            "base_pose": torch.stack([x, y, torch.atan2(torch.sin(yaw), torch.cos(yaw))], dim=1),
+            "gripper_width": torch.stack([q[:, pair].sum(dim=1) for pair in self._hands], dim=1),
         }
         if self.obs_mode_struct.state or self._obs_mode in _STATE_MODES:
-            poses = {name: self.world.thing(name).entity.pose for name in self.world.objects}
-            openings = {name: self.world.joint_fractions(name) for name in self.world.things}
-            extra["objects"] = {name: _row([*pose.p, *pose.q]) for name, pose in poses.items()}
-            extra["openings"] = {name: _row(fractions) for name, fractions in openings.items() if len(fractions)}
+            extra["objects"] = {name: self._views[name].pose.raw_pose for name in self.worlds[0].objects}
+            extra["openings"] = {
+                name: self._views[name].get_qpos()[:, at] / limits for name, (at, limits) in self._openings.items()
+            }
         return extra
 
     def _get_obs_sensor_data(self, apply_texture_transforms: bool = True) -> Any:
-        self.world.show_switches()
+        if not self._twinned:
+            self.world.show_switches()
         return super()._get_obs_sensor_data(apply_texture_transforms)
 
     # --- its state
@@ -295,19 +399,31 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
     def get_state_dict(self) -> dict[str, Any]:
         """Poses and speeds of all that can move; the commands of the robot, and which switches are on."""
         state: dict[str, Any] = super().get_state_dict()
-        state["switches"] = _row([float(on) for on in self.world.switched.values()])
+        on = [list(world.switched.values()) for world in self.worlds]
+        state["switches"] = torch.tensor(on, dtype=torch.float32, device=self.device)
         return state
 
     def set_state_dict(self, state: dict[str, Any], env_idx: torch.Tensor | None = None) -> None:
         """Bring everything to a state of `get_state_dict`, as ManiSkill has it: contacts are found anew."""
         super().set_state_dict(state, env_idx)
+        rows = range(self.num_envs) if env_idx is None else env_idx.tolist()
         if "controller" in state:
+            mask = self.scene._reset_mask
+            self.scene._reset_mask = torch.zeros_like(mask)
+            self.scene._reset_mask[list(rows)] = True
             self.agent.set_controller_state(_rows(state["controller"]))
+            self.scene._reset_mask = mask
+            if self.gpu_sim_enabled:
+                self.scene.px.gpu_apply_articulation_target_position()
+                self.scene.px.gpu_apply_articulation_target_velocity()
         if "switches" in state:
-            on = np.ravel(state["switches"])
-            for name, value in zip(self.world.switched, on, strict=True):
-                self.world.turn(name, bool(value > 0.5))
-        self.world.robot.forget()
+            for k, on in zip(rows, torch.as_tensor(state["switches"]).reshape(len(rows), -1).tolist(), strict=True):
+                for name, value in zip(self.worlds[k].switched, on, strict=True):
+                    self.worlds[k].turn(name, value > 0.5)
+        if self._twinned:
+            self._follow()
+        else:
+            self.world.robot.forget()
 
 
 def begin_in_maniskill(
@@ -338,14 +454,24 @@ def _rows(state: Any) -> Any:
     return state[None] if state.ndim == 1 else state
 
 
-def _row(values: Any) -> torch.Tensor:
-    """(1, n) float32."""
-    return torch.tensor(np.asarray(values, np.float32))[None]
-
-
-def _no_gpu(num_envs: int, sim_backend: str) -> str:
-    """Why that many environments cannot be simulated in one process here."""
+def _check_gpu(num_envs: int, sim_backend: str, assisted: bool) -> None:
+    """Have physics on a GPU be possible in this process; raise UserError if so many environments cannot be had."""
     asked = f"num_envs={num_envs}, sim_backend={sim_backend!r}"
+    if sim_backend in ("cpu", "physx_cpu"):
+        raise UserError(f"{asked}: the CPU simulates one environment a process.")
     if not torch.cuda.is_available():
-        return f"{asked}: physics on the GPU needs CUDA, and there is none here; use one environment a process."
-    return f"{asked}: this environment is simulated on the CPU only; use one environment a process."
+        raise UserError(
+            f"{asked}: physics on the GPU needs CUDA, and there is none here; use one environment a process."
+        )
+    if assisted:
+        raise UserError(
+            f"{asked}: assisted=True fixes things to hands as it goes, which physics on a GPU has no way to."
+        )
+    try:
+        if not sapien.physx.is_gpu_enabled():
+            sapien.physx.enable_gpu()
+    except (RuntimeError, OSError) as error:  # SAPIEN fetches its library for it when it is first used
+        reason = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"
+        raise UserError(
+            f"{asked}: physics on the GPU cannot be had ({reason}); it has to be the first physics of a process."
+        ) from None

@@ -1,11 +1,12 @@
 """The r1 as a ManiSkill agent: its cameras, and controllers that send the same drives the same commands as the core's.
 
-Of ManiSkill's physics only the one on the CPU is driven: commands go to each robot's drives one by one.
+Actions, commands and joints are batches, a row an environment; only a hand's closed-form inverse is worked out row by
+row, on the CPU.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,18 +21,23 @@ from mani_skill.envs.scene import ManiSkillScene
 from mani_skill.sensors.camera import CameraConfig
 from scipy.spatial.transform import Rotation
 
+from mpvi_bt.errors import BackendError
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.limits import extremes
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout
+from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, Side
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.cameras import Cameras
+from mpvi_bt.sim.maniskill_drives import DrivenR1, Drives
 from mpvi_bt.sim.maniskill_scene import SHADERS, adopt_articulation, register_shaders
-from mpvi_bt.sim.robot import SimRobot
+from mpvi_bt.sim.robot import load_robot
 
 # Our choice: what a delta of 1 is. Joints: what they do in a step at the speed that motions are planned with.
 _TORSO_STEP = r1.TORSO_SPEED / CONTROL_HZ
 _ARM_STEP = r1.ARM_SPEED / CONTROL_HZ
+_STEP = np.zeros(ACTION_SIZE)
+_STEP[ActionLayout.TORSO] = _TORSO_STEP
+for _part in ActionLayout.ARM.values():
+    _STEP[_part] = _ARM_STEP
 _AHEAD = 5.0  # steps that targets may be ahead of joints: what is in the way would else have them run on
 _HAND_STEP_M, _HAND_STEP_RAD = 0.5 / CONTROL_HZ, 1.5 / CONTROL_HZ
 
@@ -41,11 +47,11 @@ class R1ControllerConfig(ControllerConfig):  # type: ignore[misc]  # mani_skill 
     """A controller of all joints.
 
     Attributes:
-        robots: The robot of each sub scene.
+        drives: What commands go to.
         controller_cls: What carries it out.
     """
 
-    robots: Sequence[SimRobot]
+    drives: Drives
     controller_cls: type[BaseController] = BaseController
 
 
@@ -58,37 +64,36 @@ class PositionController(BaseController):  # type: ignore[misc]
     lowest, highest = extremes(r1.R1)
 
     def set_drive_property(self) -> None:
-        """Nothing: the robots have set their drives."""
+        """Nothing: drives have their gains from the start."""
 
     def set_action(self, action: torch.Tensor) -> None:
         """Send the drives what the actions (n, size) ask for."""
-        rows = np.asarray(self._preprocess_action(action).cpu(), float)
-        for robot, row in zip(self.config.robots, rows, strict=True):
-            robot.act(self.command(robot, np.clip(row, self.lowest, self.highest)))
-            robot.apply()
+        asked = self._preprocess_action(action).double()
+        if not torch.isfinite(asked).all():
+            raise BackendError(f"an action that is not finite was given: {asked.tolist()}")
+        drives = self.config.drives
+        command = self.command(drives, asked.clip(_like(asked, self.lowest), _like(asked, self.highest)))
+        drives.command[:] = command.clip(*(_like(asked, limit) for limit in extremes(r1.R1)))
+        drives.send()
 
-    def command(self, robot: SimRobot, action: Array) -> Array:
-        """(23,) the robot's command for one action of this controller.
+    def command(self, drives: Drives, action: torch.Tensor) -> torch.Tensor:
+        """(n, 23) the robots' commands for an action (n, size) of this controller.
 
-        Who drives the robot as a `Robot` has told it already, with all digits: then that stands, not what is left of it
+        Who drives a robot as a `Robot` has told it already, with all digits: then that stands, not what is left of it
         in ManiSkill's float32.
         """
-        told = robot.action
-        return told if np.array_equal(np.float32(told), np.float32(action)) else action
+        told = (drives.command.float() == action.float()).all(dim=1, keepdim=True)
+        return torch.where(told, drives.command, action)
 
     def get_state(self) -> dict[str, torch.Tensor]:
         """The commands (n, 23), and the velocities (n, 3) that the bases were told to have."""
-        saved = [robot.save() for robot in self.config.robots]
-        return {
-            "command": torch.tensor([s["action"] for s in saved], dtype=torch.float32, device=self.device),
-            "base_velocity": torch.tensor([s["base"] for s in saved], dtype=torch.float32, device=self.device),
-        }
+        drives = self.config.drives
+        return {"command": drives.command.float(), "base_velocity": drives.base_velocity.float()}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Have the drives go on from a state."""
-        commands, velocities = (np.asarray(state[key], float) for key in ("command", "base_velocity"))
-        for robot, action, base in zip(self.config.robots, commands, velocities, strict=True):
-            robot.restore(robot.save() | {"action": action.tolist(), "base": base.tolist()})
+        """Have the drives go on from a state: of all robots, or of those that ManiSkill resets."""
+        rows = self.scene._reset_mask.nonzero().flatten()
+        self.config.drives.restore(rows, *(torch.as_tensor(state[key]) for key in ("command", "base_velocity")))
 
     def _initialize_action_space(self) -> None:
         low, high = np.float32(self.lowest), np.float32(self.highest)
@@ -104,14 +109,12 @@ class DeltaController(PositionController):
 
     lowest, highest = -np.ones(23), np.ones(23)
 
-    def command(self, robot: SimRobot, action: Array) -> Array:
-        """(23,) the robot's command."""
-        felt, last, command = robot.proprioception(), robot.action, action.copy()
-        command[ActionLayout.BASE] *= r1.BASE_SPEED
-        command[ActionLayout.TORSO] = _ahead(last, felt.torso, ActionLayout.TORSO, action[ActionLayout.TORSO])
-        for side in SIDES:
-            part = ActionLayout.ARM[side]
-            command[part] = _ahead(last, felt.arm[side], part, action[part])
+    def command(self, drives: Drives, action: torch.Tensor) -> torch.Tensor:
+        """(n, 23) the robots' commands."""
+        command = ahead(drives.command, drives.felt(), action)
+        command[:, ActionLayout.BASE] = action[:, ActionLayout.BASE] * _like(action, r1.BASE_SPEED)
+        grippers = list(ActionLayout.GRIPPER.values())
+        command[:, grippers] = action[:, grippers]
         return command
 
 
@@ -124,28 +127,49 @@ class HandController(PositionController):
 
     lowest, highest = -np.ones(21), np.ones(21)
 
-    def command(self, robot: SimRobot, action: Array) -> Array:
-        """(23,) the robot's command."""
-        felt, last, command = robot.proprioception(), robot.action, robot.action
-        command[ActionLayout.BASE] = action[:3] * r1.BASE_SPEED
-        torso = np.clip(_ahead(last, felt.torso, ActionLayout.TORSO, action[3:7]), *r1.TORSO_LIMITS.T)
-        command[ActionLayout.TORSO] = torso
-        for side, asked in zip(SIDES, (action[7:14], action[14:21]), strict=True):
-            part = ActionLayout.ARM[side]
-            T = r1.R1.tcp(last[ActionLayout.TORSO], last[part], side)
-            T[:3, :3] = Rotation.from_rotvec(asked[3:6] * _HAND_STEP_RAD).as_matrix() @ T[:3, :3]
-            T[:3, 3] += asked[:3] * _HAND_STEP_M
-            posture = r1.R1.nearest_posture(kin.inverse(r1.R1.chest(torso)) @ T, side, last[part])
-            if posture is not None and np.abs(posture - felt.arm[side]).max() < _AHEAD * _ARM_STEP.max():
-                command[part] = posture
-            command[ActionLayout.GRIPPER[side]] = asked[6]
+    def command(self, drives: Drives, action: torch.Tensor) -> torch.Tensor:
+        """(n, 23) the robots' commands."""
+        felt, command = drives.felt(), drives.command.clone()
+        command[:, ActionLayout.BASE] = action[:, ActionLayout.BASE] * _like(action, r1.BASE_SPEED)
+        whole = torch.zeros_like(command)
+        whole[:, ActionLayout.TORSO] = action[:, ActionLayout.TORSO]
+        lowest, highest = (_like(action, limit) for limit in r1.TORSO_LIMITS.T)
+        command[:, ActionLayout.TORSO] = ahead(command, felt, whole)[:, ActionLayout.TORSO].clip(lowest, highest)
+        for side, part in zip(SIDES, (slice(7, 14), slice(14, 21)), strict=True):
+            asked, arm = action[:, part], ActionLayout.ARM[side]
+            rows = (t.cpu().numpy() for t in (drives.command, command[:, ActionLayout.TORSO], asked, felt[:, arm]))
+            arms = np.stack([_arm(side, *row) for row in zip(*rows, strict=True)])
+            command[:, arm] = _like(action, arms)
+            command[:, ActionLayout.GRIPPER[side]] = asked[:, 6]
         return command
 
 
-def _ahead(last: Array, felt: Array, part: slice, action: Array) -> Array:
-    """Targets of a part of the joints a step on from the last ones, but not far ahead of where the joints are."""
-    step = _TORSO_STEP if part == ActionLayout.TORSO else _ARM_STEP
-    return np.clip(last[part] + action * step, felt - _AHEAD * step, felt + _AHEAD * step)
+def ahead(last: torch.Tensor, felt: torch.Tensor, action: torch.Tensor) -> torch.Tensor:
+    """Targets of torso and arms a step on from the last ones, but not far ahead of where the joints are.
+
+    Args:
+        last: (n, 23) the last commands.
+        felt: (n, 23) where the joints are, in the places of an action.
+        action: (n, 23) steps, -1 to 1; those of base and grippers, which have none, count for nothing.
+    """
+    step = _like(last, _STEP)
+    return torch.clamp(last + action * step, felt - _AHEAD * step, felt + _AHEAD * step)
+
+
+def _arm(side: Side, last: Array, torso: Array, asked: Array, felt: Array) -> Array:
+    """(7,) targets of one arm that bring its hand a step on, with the torso at its new targets; else the last ones."""
+    told: Array = last[ActionLayout.ARM[side]]
+    T = r1.R1.tcp(last[ActionLayout.TORSO], told, side)
+    T[:3, :3] = Rotation.from_rotvec(asked[3:6] * _HAND_STEP_RAD).as_matrix() @ T[:3, :3]
+    T[:3, 3] += asked[:3] * _HAND_STEP_M
+    posture = r1.R1.nearest_posture(kin.inverse(r1.R1.chest(torso)) @ T, side, told)
+    near = posture is not None and np.abs(posture - felt).max() < _AHEAD * _ARM_STEP.max()
+    return posture if posture is not None and near else told
+
+
+def _like(tensor: torch.Tensor, values: Array) -> torch.Tensor:
+    """Values as a tensor of the same kind, in the same place."""
+    return torch.as_tensor(values, dtype=tensor.dtype, device=tensor.device)
 
 
 @register_agent()
@@ -163,28 +187,30 @@ class R1(BaseAgent):  # type: ignore[misc]
         agent_idx: str | None = None,
         initial_pose: Any = None,
         build_separate: bool = False,
-        robots: Sequence[SimRobot] = (),
+        robot: DrivenR1 | None = None,
     ) -> None:
-        """Load it, or take over robots that stand in the sub scenes already.
+        """Load it into each sub scene, or take over one that stands in the only one already.
 
         Args:
             scene, control_freq, control_mode, agent_idx, initial_pose, build_separate: As of any agent; where it begins
                 is the matter of its base's joints.
-            robots: One of each sub scene.
+            robot: The one to take over.
         """
-        self.robots = list(robots)
+        self._stands = robot
+        self.drives = Drives(scene.num_envs, scene.device) if robot is None else robot.drives
         super().__init__(scene, control_freq, control_mode, agent_idx, initial_pose, build_separate)
 
     def _load_articulation(self, initial_pose: Any = None) -> None:
-        visible = self.scene.can_render()
-        if not self.robots:
-            subs = self.scene.sub_scenes
-            self.robots = [SimRobot(sub, np.zeros(3), Cameras(sub) if visible else None) for sub in subs]
+        if self._stands is None:
+            visible = self.scene.can_render()
+            articulations = [load_robot(sub, r1.R1, visible) for sub in self.scene.sub_scenes]
+        else:
+            articulations = [self._stands.articulation]
         name = self.uid if self._agent_idx is None else f"{self.uid}-agent-{self._agent_idx}"
-        articulations = [robot.articulation for robot in self.robots]
         poses = [sapien.Pose()] * len(articulations)
         self.robot = adopt_articulation(self.scene, name, articulations, poses)
         self.robot_link_names = [link.name for link in self.robot.get_links()]
+        self.drives.take(self.robot)
 
     def set_action(self, action: torch.Tensor) -> None:
         """Send the drives what the actions (n, size) ask for. Raises BackendError if they are not finite."""
@@ -198,7 +224,7 @@ class R1(BaseAgent):  # type: ignore[misc]
             "pd_ee_target_delta_pose": HandController,
         }
         names = [joint.name for joint in self.robot.active_joints]
-        return {mode: R1ControllerConfig(names, self.robots, kind) for mode, kind in kinds.items()}
+        return {mode: R1ControllerConfig(names, self.drives, kind) for mode, kind in kinds.items()}
 
     @property
     def _sensor_configs(self) -> list[CameraConfig]:

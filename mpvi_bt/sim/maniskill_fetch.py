@@ -92,9 +92,9 @@ class ShippedFetch(SimRobot):
         self.forget()
 
 
-def put(scene: Any, control_freq: int, control_mode: str | None, base_pose: Array) -> ShippedFetch:
-    """ManiSkill's Fetch in a scene of one environment, at `base_pose` (3,) x, y [m], yaw [rad]."""
-    return ShippedFetch(_Agent(scene, control_freq, control_mode), base_pose)
+def load(scene: Any, control_freq: int, control_mode: str | None) -> BaseAgent:
+    """ManiSkill's Fetch, one in each sub scene."""
+    return _Agent(scene, control_freq, control_mode)
 
 
 def let_roll(things: Iterable[Thing]) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.builder import Thing
+from mpvi_bt.sim.cameras import Cameras
 from mpvi_bt.sim.house import House
 from mpvi_bt.sim.robot import SimRobot
 from mpvi_bt.sim.sampling import Start
@@ -27,8 +27,8 @@ class ManiSkillWorld(World):
         house: House,
         start: Start,
         render: bool,
+        put_robot: Callable[[Array, Cameras | None], SimRobot],
         assisted: bool = False,
-        fetch: Callable[[Array], SimRobot] | None = None,
     ) -> None:
         """Build a start of a task in `scene`.
 
@@ -38,16 +38,16 @@ class ManiSkillWorld(World):
             house: Rooms, walls and fixtures.
             start: Where things and the robot begin; nothing has moved yet.
             render: Whether pictures can be asked for.
+            put_robot: Puts the robot at a pose (3,) x, y [m], yaw [rad], with the world's cameras.
             assisted: As of `World`.
-            fetch: Puts ManiSkill's own Fetch at a pose (3,) x, y [m], yaw [rad]; None: the robot is the r1.
         """
-        self._fetch = fetch
+        self._put = put_robot
         super().__init__(house, start.objects, start.base_pose, render=render, assisted=assisted, scene=scene)
         self._step = step
         self._wrapped = False
 
     def _put_robot(self, base_pose: Array, model: RobotModel) -> SimRobot:
-        return super()._put_robot(base_pose, model) if self._fetch is None else self._fetch(base_pose)
+        return self._put(base_pose, self.cameras)
 
     def stepped(self) -> None:
         """See to all that is due after the physics of a control step."""
@@ -69,15 +69,6 @@ class ManiSkillWorld(World):
         short = action.astype(np.float32)
         self.robot.act(short.astype(float) if self._wrapped else action)
         self._step(short)
-
-    def thing(self, name: str) -> Thing:
-        """A thing, by its name."""
-        return self._things[name]
-
-    @property
-    def switched(self) -> dict[str, bool]:
-        """Whether each thing that has a switch is on."""
-        return self._switches.on
 
     def show_switches(self) -> None:
         """Bring what cameras see of switches to where they are."""
