@@ -11,18 +11,21 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.r1 import R1
+from mpvi_bt.robot.solids import Array
 
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]  # lowest and highest corner [m]
 HEAD = r1.CAMERAS["head"]
 FOV_RAD = 2 * np.arctan(np.tan(HEAD.fov_rad / 2) * HEAD.width / HEAD.height)
 
 
-def picture(pose: tuple[float, float, float], boxes: Iterable[Box] = (), scale: float = 1.0) -> CameraImage:
-    """What the head camera of a robot in its travel posture measures at a base pose, without noise."""
+def picture(
+    pose: tuple[float, float, float], boxes: Iterable[Box] = (), scale: float = 1.0, torso: Array = r1.TRAVEL_TORSO
+) -> CameraImage:
+    """What the head camera of a robot, in its travel posture if not told, measures at a base pose, without noise."""
     width, height = round(HEAD.width * scale), round(HEAD.height * scale)
     focal = height / 2 / np.tan(HEAD.fov_rad / 2)
     K = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
-    T = kin.base(np.array(pose)) @ R1.head_camera(r1.TRAVEL_TORSO)
+    T = kin.base(np.array(pose)) @ R1.head_camera(torso)
     v, u = np.mgrid[:height, :width] + 0.5
     rays = np.stack([(u - width / 2) / focal, (v - height / 2) / focal, np.ones_like(u)], -1) @ T[:3, :3].T
     eye = T[:3, 3]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,7 +21,8 @@ from mpvi_bt.perception.detector import Detection, Detector, Guarded
 from mpvi_bt.perception.discovery import Discoveries
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
 from mpvi_bt.perception.map import OccupancyMap
-from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage
+from mpvi_bt.robot import r1
+from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, CameraImage, Proprioception
 from tests.depth_pictures import Box, picture, walls
 from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
 
@@ -56,6 +58,23 @@ class Seeing(KinematicRobot):
         """A small picture."""
         assert camera == "head"
         return picture(self.at(), self.boxes, scale=0.25)
+
+
+class Rising(Seeing):
+    """One whose torso goes where it is told at once, and the camera with it."""
+
+    def __init__(self, x: float, y: float, yaw: float, boxes: Sequence[Box]) -> None:
+        super().__init__(x, y, yaw, boxes)
+        self.action[ActionLayout.TORSO] = r1.TRAVEL_TORSO
+
+    def proprioception(self) -> Proprioception:
+        """With that torso."""
+        return replace(super().proprioception(), torso=self.action[ActionLayout.TORSO].copy())
+
+    def look(self, camera: str) -> CameraImage:
+        """A picture from where the head is."""
+        assert camera == "head"
+        return picture(self.at(), self.boxes, 0.5, self.action[ActionLayout.TORSO])
 
 
 class BoxDetector:
@@ -201,6 +220,22 @@ def test_a_room_that_is_named_is_searched_first() -> None:
     report, _ = play(robot, exploring(robot, BoxDetector(CUP, near), grid_map, *known), "cup", "living room")
     assert report.progress is Progress.SUCCEEDED
     assert distance_to(CUP, robot.pose[:2]) < 1.3
+
+
+def test_what_lies_flat_on_a_high_cabinet_is_found_from_above() -> None:
+    """All floor of the room is seen and the cup is not: before furniture the robot rises, and is low again after."""
+    grid_map, boxes = house()
+    cabinet = thing("cabinet", (0.35, 3.0, 0.725), (0.6, 1.0, 1.45), kind="fixture", room="kitchen", source="prior")
+    put_box(grid_map, (0.05, 2.5), (0.65, 3.5))
+    cup = replace(CUP, lowest=np.array([0.1, 2.95, 1.45]), highest=np.array([0.2, 3.05, 1.475]))
+    robot = Rising(3.0, 1.0, 0.0, [*boxes, box_of(cabinet), box_of(cup)])
+    report, trace = play(
+        robot, exploring(robot, BoxDetector(cup), grid_map, KITCHEN, LIVING_ROOM, cabinet), "cup", "kitchen"
+    )
+    assert report.progress is Progress.SUCCEEDED
+    assert distance_to(cup, robot.pose[:2]) < 1.3
+    assert max(x for x, _, _ in trace) < 4.0
+    np.testing.assert_allclose(robot.proprioception().torso, r1.TRAVEL_TORSO, atol=0.05)
 
 
 @pytest.mark.parametrize("laid", [False, True])

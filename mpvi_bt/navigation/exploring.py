@@ -17,7 +17,7 @@ from mpvi_bt.navigation.driver import DEFAULTS, GaveUp, NavigationParameters, St
 from mpvi_bt.navigation.goals import Goal, distance_to, near_goals
 from mpvi_bt.navigation.lookout import Lookout
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator, Trip
-from mpvi_bt.navigation.nod import nod, tilt_toward
+from mpvi_bt.navigation.nod import crane, lift_over, nod, tilt_toward
 from mpvi_bt.navigation.search import Search
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.navigation.ways import stuck
@@ -36,7 +36,7 @@ class ExploringNavigator(KnownPlaceNavigator):
 
     Order (Paper, Navigation appendix): done if the base is at the target already; else the knowledge base is asked;
     else the robot drives into the room, or to the thing, that was named with the target, looks there, and explores:
-    first the room, then everything that it can reach. All the while the head camera looks for everything that the task
+    first the room and what stands on its furniture, then everything that it can reach. All the while the head camera looks for everything that the task
     is about, and what it finds goes into the knowledge base.
 
     Fails as `KnownPlaceNavigator` does, with `not_found` once all of the floor that can be reached was seen, and with
@@ -179,11 +179,40 @@ class ExploringNavigator(KnownPlaceNavigator):
                 pass  # it may be seen from elsewhere
             else:
                 yield from self.search.run(lambda: found(room), f"{feedback} in {room}", room)
+                yield from self._look_over(room, lambda: found(room), feedback)
         elif trip.room and (area := self._knowledge().find(trip.room)):
             with suppress(GaveUp):
                 yield from self._drive_to(Trip(trip.room, None), area, None, until=found)
         if not found():
             yield from self.search.run(found, feedback)
+
+    def _look_over(self, room: str, found: Callable[[], bool], feedback: str) -> Iterator[Report]:
+        """Go up to each piece of the room's furniture, the nearest first, and look down on it.
+
+        Our choice: all floor of a room can be seen, and what lies on a high top, or behind another thing, not.
+        """
+        left = {e.name: e for e in self._knowledge() if e.kind == "fixture" and e.room == room}
+        while left and not found():
+            here = self._robot.proprioception().base_pose[:2]
+            entry = left.pop(min(left, key=lambda name: distance_to(left[name], here)))
+            report = Report(Progress.RUNNING, "", f"{feedback} on {entry.phrases[0]}")
+            try:
+                yield from self._drive_to(Trip(entry.phrases[0], None), [entry], None, until=found)
+            except GaveUp:
+                continue
+            if found():
+                return
+            torso = self._robot.proprioception().torso.copy()
+            top = np.array([*entry.center[:2], entry.highest[2]])
+            for _ in crane(self._robot, lift_over(self._robot, float(top[2]))):
+                yield report
+            for _ in nod(self._robot, tilt_toward(self._robot, top)):
+                yield report
+            self.lookout.look()
+            for _ in nod(self._robot, float(torso[3])):
+                yield report
+            for _ in crane(self._robot, float(torso[0])):
+                yield report
 
     def _look_again(self, trip: Trip, names: set[str]) -> Iterator[Report]:
         """Look at what was gone to, until a picture shows it: a detector may have erred, or may miss it now.
