@@ -260,14 +260,18 @@ class Memory:
             seen = [(m, main_cluster(frame.of(m))) for m in masks]
             seen = [(m, p) for m, p in seen if len(p) >= _SEEN_PX]
             known = [t for t in self._things.values() if t.phrase == phrase]
+            # Of what was never whole in a picture the part that was: where is that now?
+            parts = {t.name: main_cluster(t.views[-1][0].of(t.views[-1][1])) for t in known
+                     if t.views and all(f.cut(m) for f, m in t.views)}  # fmt: skip
             pairs = []
             for i, (_, points) in enumerate(seen):
+                tree = cKDTree(points) if parts else None
                 for thing in known:
                     shape = self._shape(thing.name)
                     solids = shape.solids if shape.extent is None else [shape.extent]
                     gap = float(np.median(Surroundings(solids).distance(points)))
-                    if all(f.cut(m) for f, m in thing.views):  # only a part was in the picture: where is that now?
-                        gap = min([gap, *(_apart(main_cluster(f.of(m)), points) for f, m in thing.views[-1:])])
+                    if tree is not None and thing.name in parts:
+                        gap = min(gap, _apart(parts[thing.name], tree))
                     fresh = bool(thing.views) and thing.views[-1][0].stand == frame.stand
                     if gap < (_NEAR_M if fresh or thing.name in self._held() else _FAR_M):
                         pairs.append((gap, i, thing.name))
@@ -350,10 +354,10 @@ class Memory:
         return False
 
 
-def _apart(part: Array, points: Array) -> float:
-    """How far points (n, 3) of a part of a thing are from points (m, 3) of all of it [m], the median."""
+def _apart(part: Array, whole: cKDTree) -> float:
+    """How far points (n, 3) of a part of a thing are from all points of it [m], the median."""
     sample = part[:: max(1, len(part) // _SAMPLED)]
-    return float(np.median(cKDTree(points).query(sample)[0])) if len(part) else np.inf
+    return float(np.median(whole.query(sample)[0])) if len(part) else np.inf
 
 
 def _in_part(shape: Shape, before: Shape) -> bool:

@@ -163,9 +163,11 @@ class Site:
         poses = np.concatenate([_on_leg(a, b, leaving=k == 0) for k, (a, b) in enumerate(pairwise(ends))])
         if not self.stands(poses).all():
             return False
-        for base in poses if self.held else ():
-            body = self.body(self.motion.torso, self.around(base, touched=True))
-            if not all(body.clearance(s, self.motion.arm(s)[None])[0][0] > 0 for s in self.held):
+        body = self.body(self.motion.torso, NOTHING)
+        carrying = [body.spheres(s, self.motion.arm(s)) for s in self.held]
+        for base in poses if carrying else ():
+            around = self.around(base, touched=True)
+            if not all(((around.distance(p) - radii) > 0).all() for p, radii in carrying):
                 return False
         return True
 

@@ -155,6 +155,11 @@ class Body:
         )  # fmt: skip
         return around, itself
 
+    def spheres(self, side: Side, q: Array) -> tuple[Array, Array]:
+        """Centers (n, m, 3) in the base frame and radii (m,) of an arm in postures q (n, 7), with what it holds."""
+        p, _, radii, _ = self._arm_points(side, q, False)
+        return p, radii
+
     def free(self, side: Side, q: Array, margin: float = 0.0, grasping: bool = False) -> NDArray[np.bool_]:
         """(n,) bool: postures q (n, 7) that keep `margin` [m] from the surroundings and clear of the robot itself."""
         around, itself = self.clearance(side, q, grasping)
