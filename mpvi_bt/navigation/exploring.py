@@ -36,8 +36,8 @@ class ExploringNavigator(KnownPlaceNavigator):
 
     Order (Paper, Navigation appendix): done if the base is at the target already; else the knowledge base is asked;
     else the robot drives into the room, or to the thing, that was named with the target, looks there, and explores:
-    first the room and what stands on its furniture, then everything that it can reach. All the while the head camera looks for everything that the task
-    is about, and what it finds goes into the knowledge base.
+    first the room and what stands on its furniture, then everything that it can reach. All the while the head camera
+    looks for everything that the task is about, and what it finds goes into the knowledge base.
 
     Fails as `KnownPlaceNavigator` does, with `not_found` once all of the floor that can be reached was seen, and with
     `bad_target` if the target says nothing.
