@@ -23,7 +23,7 @@ from mpvi_bt.robot.squeeze import pressing, squeezes
 _WIDTHS_M = (0.10, 0.46)  # between the hands: less is for one hand, more does not go between the arms
 _TIP_M = 0.012  # the fingertips reach this far past the tcp
 _WIDE_M = 0.05  # between a hand and its side of the box, before it closes in
-_PRESSING_S, _SETTLED_S = 0.8, 0.15
+_PRESSING_S = 0.2  # shorter than a rest, which looks like the end of the lift
 _CLOSING_M_S = 0.12
 _TIP_HALF_M = 0.011  # half a fingertip's breadth across the hand
 _EDGE_M = 0.005  # a fingertip stays that far off what a thing lies on, and off the upper edge of its side
@@ -295,7 +295,7 @@ def _press(work: Work) -> Actions:
         for side in SIDES:
             motion.action[ActionLayout.ARM[side]] = start[side] + (told[side] - start[side]) * k / n
         yield motion.still()
-    yield from motion.wait(_SETTLED_S)
+    yield motion.still()
 
 
 def raise_both(work: Work, by_m: float, seconds_per_m: float = 5.0) -> Actions:
