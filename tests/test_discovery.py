@@ -460,6 +460,20 @@ def grasped(scene: Setup, side: Side = "right", pose: Pose = HERE) -> None:
         scene.made.feel(body(pose, {side: width}))
 
 
+def test_what_is_taken_is_told_once_with_where_it_was() -> None:
+    """Of the step at which the hand has it; nothing of other steps, nor of what nobody knows."""
+    scene = Setup()
+    scene.known.put(can_at(tcp(HERE)))
+    entry = next(e for e in scene.known if e.kind == "object")
+    stood = np.stack([entry.lowest, entry.highest])
+    told = [scene.made.feel(body(HERE, {"right": width})) for width in (0.09, 0.07, 0.05, 0.05, 0.05, 0.05, 0.05)]
+    (box,) = [box for taken in told for box in taken]
+    np.testing.assert_allclose(box, stood)
+    assert scene.made.feel(body((1.0, 2.0, 1.0), {"right": 0.05})) == []
+    unknown = Setup()
+    assert not any(unknown.made.feel(body(HERE, {"right": width})) for width in (0.09, 0.07, 0.05, 0.05, 0.05, 0.05))
+
+
 def can_in_hand(pose: Pose = HERE) -> Setup:
     """The robot has taken a can that it knew."""
     scene = Setup()

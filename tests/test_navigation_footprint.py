@@ -154,3 +154,34 @@ def test_an_arm_that_is_held_out_is_no_obstacle_on_the_way() -> None:
     lookout = explorer(world, None, ("cup",), SegmentationDetector({}), "online").lookout  # type: ignore[arg-type]
     lookout.look()
     assert not lookout.solid.any()
+
+
+def test_the_back_of_what_is_carried_is_no_obstacle_on_the_way() -> None:
+    """A box before the body is larger than what was seen of it: its corners do not get into the map either."""
+    robot = Reaching(0.0, 0.0)
+    crate: Box = ((0.45, -0.24, 0.5), (0.95, 0.24, 0.7))
+    robot.look = lambda camera: picture((0.0, 0.0, 0.0), [crate])  # type: ignore[method-assign]
+    world = SimpleNamespace(robot=robot, time_s=0.0, steps=0)
+    lookout = explorer(world, None, ("cup",), SegmentationDetector({}), "online").lookout  # type: ignore[arg-type]
+    seen = thing("crate", (0.66, 0.0, 0.6), (0.42, 0.42, 0.2), held=True)
+    lookout.discoveries.knowledge.put(seen)
+    lookout.look()
+    assert not lookout.solid.any()
+    seen.held = False
+    lookout.look()
+    assert lookout.solid.any()
+
+
+def test_with_what_is_taken_from_the_floor_its_place_becomes_free() -> None:
+    """And where it was taken from a table, the table stays."""
+    for floor, free in ((0.0, True), (0.7, False)):
+        robot = KinematicRobot(0.0, 0.0)
+        crate: Box = ((1.5, -0.2, floor), (1.9, 0.2, floor + 0.3))
+        robot.look = lambda camera, crate=crate: picture((0.0, 0.0, 0.0), [crate])  # type: ignore[method-assign, misc]
+        world = SimpleNamespace(robot=robot, time_s=0.0, steps=0)
+        lookout = explorer(world, None, ("cup",), SegmentationDetector({}), "online").lookout  # type: ignore[arg-type]
+        lookout.look()
+        assert lookout.solid.any()
+        lookout.discoveries.feel = lambda body, crate=crate: [np.array(crate)]  # type: ignore[method-assign, misc]
+        lookout.feel()
+        assert lookout.solid.any() != free

@@ -63,6 +63,18 @@ def test_what_is_gone_is_cleared_once_seen_through_and_not_before() -> None:
     np.testing.assert_array_equal(occupancy.map.occupied, house.occupied)
 
 
+def test_what_was_taken_away_is_cleared_unseen_and_walls_beside_it_are_not() -> None:
+    """With the crate goes all that depth had shown of it, though only its front was known; the wall stays."""
+    house = two_rooms()
+    crate: Box = ((2.0, 0.06, 0.0), (2.3, 0.46, 0.4))
+    occupancy = Occupancy.prior(house)
+    occupancy.update(picture((0.7, 0.6, 0.0), [*walls(house), crate]))
+    assert occupancy.map.occupied[box_cells(occupancy, crate)].mean() > 0.5
+    occupancy.clear(np.array([2.0, 0.06, 0.0]), np.array([2.22, 0.44, 0.4]))
+    np.testing.assert_array_equal(occupancy.map.occupied, house.occupied)
+    assert occupancy.update(picture((0.7, 0.6, 0.0), [*walls(house), crate])), "it may be set down there again"
+
+
 def test_the_floor_under_what_overhangs_does_not_clear_it() -> None:
     """A board at 1 m stays occupied although the floor under it is seen in the same and in later pictures."""
     house = two_rooms()

@@ -70,7 +70,7 @@ class ExploringNavigator(KnownPlaceNavigator):
 
     def feel(self) -> None:
         """Notice what the hands hold and let go; once a control step, whatever the robot does."""
-        self.lookout.discoveries.feel(self._robot.proprioception())
+        self.lookout.feel()
 
     def save(self) -> dict[str, Any]:
         """What was learned so far, as JSON values; a drive begins anew."""

@@ -22,6 +22,7 @@ Circle = tuple[float, float, float]  # x, y, radius [m] in the world
 
 EVERY_S = 0.3  # Our choice: a turn of 1.2 rad/s passes a quarter of the field of view meanwhile
 CLOSER_M = 2.0  # Our choice: a tennis ball has twenty pixels there
+_ON_FLOOR_M = 0.15  # what begins no higher stood on the floor: with it goes what was in the way there
 _MOVED_M, _TURNED_RAD = 0.03, 0.03  # from a view that was taken nothing new is learned
 
 
@@ -93,6 +94,12 @@ class Lookout:
         for view in (self.visibility, self.closer):
             view.update(image, solid)
         self.discoveries.see(image, body)
+
+    def feel(self) -> None:
+        """Notice what the hands hold and let go; what they have taken from the floor stands there no more."""
+        for lowest, highest in self.discoveries.feel(self._robot.proprioception()):
+            if lowest[2] < _ON_FLOOR_M:
+                self.occupancy.clear(lowest, highest)
 
     def expect(self, name: str) -> None:
         """Doubt the entry of this name if the last picture, which was taken of its place, does not show it."""

@@ -128,6 +128,23 @@ class Occupancy:
         self.map = replace(self.map, occupied=whole)
         return True
 
+    def clear(self, lowest: Array, highest: Array) -> None:
+        """Forget what depth showed where a thing stood that was taken away: in the hands it may hide that it is gone.
+
+        Args:
+            lowest, highest: (3,) corners [m] of its box in the world; what is within 10 cm goes, too.
+        """
+        low, high = (
+            np.floor((corner[:2] - self.map.origin_m) / self.map.resolution_m).astype(int)[::-1]
+            for corner in (lowest - _SAME_M, highest + _SAME_M)
+        )
+        rows, columns = (slice(max(a, 0), max(b + 1, 0)) for a, b in zip(low, high, strict=True))
+        window = rows, columns
+        self._hits[window], self._lowest_cm[window], self._highest_cm[window] = 0, 255, 0
+        whole = self.map.occupied.copy()
+        whole[window] = self._fixed[window] | ~self.known[window]
+        self.map = replace(self.map, occupied=whole)
+
     def _own_place(
         self, floor: NDArray[np.bool_], circles: Sequence[tuple[float, float, float]], low: NDArray[np.int64]
     ) -> None:

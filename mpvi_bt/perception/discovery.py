@@ -78,10 +78,16 @@ class Discoveries:
         self.last_error: DetectorError | None = None
         self.detections: Sequence[Detection] = ()
 
-    def feel(self, body: Proprioception) -> None:
-        """Take in one step of proprioception: what the hands hold moves with them. To be called each control step."""
+    def feel(self, body: Proprioception) -> list[Array]:
+        """Take in one step of proprioception: what the hands hold moves with them. To be called each control step.
+
+        Returns:
+            (2, 3) lowest and highest corner of each thing that the hands have just taken, where it was.
+        """
+        before = set(self._carrying.grips)
         for name in self._carrying.feel(body):
             self._looks[name].near_m = None
+        return [g.boxes[g.name] for h, g in self._carrying.grips.items() if g is not None and h not in before]
 
     def see(self, image: CameraImage, body: Proprioception) -> list[Entry]:
         """Take in one picture.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
+
 from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.lookout import Circle, Lookout
@@ -21,7 +23,8 @@ from mpvi_bt.sim.prior_map import prior_map
 from mpvi_bt.sim.world import World
 
 _SELF_M = 0.50  # around the base: the robot itself, its hands tucked,
-_ABOUT_M = 0.06  # and around each circle of arms that reach out farther, and of what they carry
+_ABOUT_M = 0.06  # and around each circle of arms that reach out farther,
+_BEHIND_M = 0.12  # and around what they carry, whose back may never have been seen
 
 
 def make_navigator(
@@ -67,7 +70,11 @@ def explorer(
         footprint = Footprint.of(_SELF_M, body, base)
         loads = zip(footprint.places(body.base_pose), footprint.loads[:, 2] + _ABOUT_M, strict=True)
         x, y, _ = body.base_pose
-        return [(float(x), float(y), _SELF_M), *((float(u), float(v), float(r)) for (u, v), r in loads)]
+        carried = [
+            (*e.center[:2], float(np.hypot(*(e.highest - e.lowest)[:2])) / 2 + _BEHIND_M) for e in base if e.held
+        ]
+        own = [*((u, v, r) for (u, v), r in loads), *carried]  # of what is carried the corners, too
+        return [(float(x), float(y), _SELF_M), *((float(u), float(v), float(r)) for u, v, r in own)]
 
     lookout = Lookout(robot, world, occupancy, VisibilityMap(occupancy.map), discoveries, takes_up)
     return ExploringNavigator(robot, base, lookout, ArmStow(robot, seed))
