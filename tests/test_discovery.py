@@ -501,6 +501,20 @@ def test_what_is_held_goes_where_the_hand_goes_and_stays_where_it_is_let_go() ->
     assert LIKELY <= entry.confidence < 0.9
 
 
+def test_what_swings_in_the_hands_is_no_new_thing_and_what_stands_apart_is() -> None:
+    """A sheet that was taken lying hangs upright now: seen so it is still the one that is held."""
+    scene = Setup("sheet of plywood")
+    scene.things.put("sheet", "sheet of plywood", (1.2, 0.0, 0.6), (0.3, 0.4, 0.02))
+    (held,) = scene.look()
+    held.held = True
+    scene.things.put("sheet", "sheet of plywood", (1.39, 0.0, 0.2), (0.02, 0.4, 0.38))
+    assert scene.look() == [held]
+    assert scene.found("sheet of plywood") == [held]
+    scene.things.put("other", "sheet of plywood", (2.0, 0.5, 0.0), (0.3, 0.3, 0.3))
+    scene.look()
+    assert len(scene.found("sheet of plywood")) == 2
+
+
 def test_a_hand_that_loses_its_grasp_lets_go() -> None:
     """Its fingers meet."""
     scene = can_in_hand()

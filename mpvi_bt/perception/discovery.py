@@ -154,7 +154,8 @@ class Discoveries:
         if (shared := _shared(a, b)) > _SHARED:
             return 1.0 - shared / 2
         gap = float(np.linalg.norm(np.maximum(np.maximum(a[0] - b[1], b[0] - a[1]), 0.0)))
-        return _A_PART if gap < gate / 2 and (_smaller(a, b) or _smaller(b, a)) else _NEVER
+        turned = entry.held and gap < gate  # in the hand, or hanging between two: a sheet swings
+        return _A_PART if turned or (gap < gate / 2 and (_smaller(a, b) or _smaller(b, a))) else _NEVER
 
     # ------------------------------------------------------------------------------------------ learning
 
