@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -138,5 +139,36 @@ def test_a_hand_keeps_clear_of_the_lid_of_what_it_lets_something_fall_into(
         clear.append(sum(search.fits(option) for option in options))
 
     monkeypatch.setattr(Search, "find", find)
-    assert not list(drop.drop_in(work, "right", held, "jar", []))
+    assert not list(drop.drop_in(work, "right", held, "jar", [], anywhere=True))
     assert clear == [80]
+
+
+@pytest.mark.parametrize("room", [True, False])
+def test_what_cannot_fall_in_from_the_best_places_is_set_down_before_it_falls_from_others(
+    monkeypatch: pytest.MonkeyPatch, room: bool
+) -> None:
+    """A bowl that fell in from the edge of a sink lay beside it; in a jar there is no room to set anything down."""
+    world = small_world({"jar": placed("hinged_jar", 0.7, 0.1), "sausage": placed("bratwurst", 1.5, 1.5)})
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    done: list[str] = []
+
+    def drop_in(*_: object, anywhere: bool = False) -> Generator[Array, None, bool]:
+        done.append("anywhere" if anywhere else "best")
+        yield np.zeros(23)
+        return anywhere
+
+    def place_at(*_: object) -> Actions:
+        done.append("set down")
+        if not room:
+            raise MotionFailure("no_free_spot")
+        yield np.zeros(23)
+
+    def settle(*_: object, **__: object) -> Actions:
+        yield from ()
+
+    for name, stand_in in (("drop_in", drop_in), ("place_at", place_at), ("settle", settle), ("unwedge", settle)):
+        monkeypatch.setattr(place, name, stand_in)
+    held = SimpleNamespace(name="sausage")
+    monkeypatch.setattr(work, "load", lambda side: held)
+    list(place._put_in(work, "right", "jar", []))
+    assert done == (["best", "set down"] if room else ["best", "set down", "anywhere"])

@@ -36,8 +36,17 @@ _TURNS = tuple(np.arange(-3.0, 3.01, 0.5))
 _STEPS = np.array([0.0, 0.35, -0.35, 0.7, -0.7, 1.0, -1.0])
 
 
-def drop_in(work: Work, side: Side, held: Held, container: str, tried: list[Array]) -> Generator[Array, None, bool]:
+def drop_in(
+    work: Work, side: Side, held: Held, container: str, tried: list[Array], anywhere: bool = False
+) -> Generator[Array, None, bool]:
     """Let go over a container that stands somewhere.
+
+    Args:
+        work, side, held: Robot and world, the hand, and what it holds.
+        container: What it is to fall into.
+        tried: Base poses that are not to be tried again.
+        anywhere: Not only from the best places above it, but from all where the hand fits: a lid that stands open
+            bars the way to the best ones.
 
     Returns:
         Whether that could be tried; nothing has moved if not: it is covered, too narrow, or out of reach from above.
@@ -47,9 +56,10 @@ def drop_in(work: Work, side: Side, held: Held, container: str, tried: list[Arra
     """
 
     def find(search: Search, here_first: bool) -> Stance | None:
-        options = upright_options(releases(work, held, side, container), 0.10, contact=2)
-        # A lid that stands open bars the way to most places over its box, often to the best.
-        options = list(islice((option for option in options if search.fits(option)), _BEST_RELEASES))
+        found = releases(work, held, side, container)
+        options = upright_options(found if anywhere else found[:_BEST_RELEASES], 0.10, contact=2)
+        if anywhere:
+            options = list(islice((option for option in options if search.fits(option)), _BEST_RELEASES))
         if not options:
             return None
         focus = np.mean([o.waypoints[1, :2, 3] for o in options], axis=0)

@@ -68,7 +68,12 @@ def _put_in(work: Work, side: Side, container: str, tried: list[Array]) -> Gener
         yield from release(work, side)
     elif not (yield from drop_in(work, side, held, container, tried)):
         groups = _upright_first(lambda leans: spots.on(work, held, container, leans, inside=True), LYING)
-        yield from place_at(work, side, held, container, groups, tried)
+        try:
+            yield from place_at(work, side, held, container, groups, tried)
+        except MotionFailure as failure:  # nothing can be set down in a jar
+            barred = failure.reason in ("no_free_spot", "no_stance")
+            if not barred or not (yield from drop_in(work, side, held, container, tried, anywhere=True)):
+                raise
     lies_in = held.name in work.scene.within(container)
     yield from settle(work, without={held.name})
     return lies_in
