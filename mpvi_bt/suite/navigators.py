@@ -67,14 +67,12 @@ def explorer(
 
     def takes_up() -> list[Circle]:
         body = robot.proprioception()
-        footprint = Footprint.of(_SELF_M, body, base)
-        loads = zip(footprint.places(body.base_pose), footprint.loads[:, 2] + _ABOUT_M, strict=True)
+        arms = Footprint.of(_SELF_M, body, ())
+        places = zip(arms.places(body.base_pose), arms.loads[:, 2], strict=True)
+        own = [(*place, radius + _ABOUT_M) for place, radius in places]
+        own += [(*e.center[:2], np.hypot(*(e.highest - e.lowest)[:2]) / 2 + _BEHIND_M) for e in base if e.held]
         x, y, _ = body.base_pose
-        carried = [
-            (*e.center[:2], float(np.hypot(*(e.highest - e.lowest)[:2])) / 2 + _BEHIND_M) for e in base if e.held
-        ]
-        own = [*((u, v, r) for (u, v), r in loads), *carried]  # of what is carried the corners, too
-        return [(float(x), float(y), _SELF_M), *((float(u), float(v), float(r)) for u, v, r in own)]
+        return [(float(u), float(v), float(r)) for u, v, r in [(x, y, _SELF_M), *own]]
 
     lookout = Lookout(robot, world, occupancy, VisibilityMap(occupancy.map), discoveries, takes_up)
     return ExploringNavigator(robot, base, lookout, ArmStow(robot, seed))
