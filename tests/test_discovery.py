@@ -630,6 +630,25 @@ def test_what_is_in_a_thing_that_is_carried_comes_along() -> None:
     assert (can.inside, can.held, bin_.held) == ("bin", False, False)
 
 
+def test_a_bin_in_the_hand_is_as_large_as_before_once_cans_were_put_in_on_the_way() -> None:
+    """Turned home again it has its box; a box about a turned box at each can would have grown to twice of it."""
+    scene = Setup()
+    hand = tcp(HERE)
+    bin_ = replace(can_at(hand - [0.15, 0.0, 0.15]), name="bin", phrases=("trash can",))
+    box = bin_.center + np.outer([-0.5, 0.5], BIN)
+    bin_.lowest, bin_.highest = box
+    scene.known.put(bin_)
+    grasped(scene)
+    for number, yaw in enumerate((0.5, -0.4, 0.6)):
+        turned = (0.0, 0.0, yaw)
+        scene.made.feel(body(turned, {"right": 0.05}))
+        scene.known.put(replace(can_at(bin_.center), name=f"can {number}"))
+        scene.made.see(scene.things.look((0.0, 0.0, np.pi)), body(turned, {"right": 0.05}))  # at nothing
+    scene.made.feel(body(HERE, {"right": 0.05}))
+    assert [e.name for e in scene.known if e.inside == "bin" and e.held] == ["can 0", "can 1", "can 2"]
+    np.testing.assert_allclose([bin_.lowest, bin_.highest], box, atol=1e-9)
+
+
 def test_what_is_let_go_over_a_container_is_in_it() -> None:
     """Though the hand was above the rim; so that the next can is looked for elsewhere."""
     scene = can_in_hand()

@@ -24,19 +24,30 @@ _GRASPED_M, _PRESSED_M = 0.08, 0.15  # what one hand takes, or two hands press, 
 _OUTER = 1.2  # what contains a thing covers that much more floor than it
 
 
+@dataclass(frozen=True, eq=False)
+class Load:
+    """A thing that a hand carries, as it was when it came to be carried.
+
+    Attributes:
+        box: (2, 3) lowest and highest corner then. Kept so: a box about a turned box, turned again, grows each time.
+        T_tcp_world: (4, 4) inverse of the hand's pose then; of both hands the left one's counts.
+    """
+
+    box: Array
+    T_tcp_world: Array
+
+
 @dataclass(eq=False)
 class Grip:
     """What a hand took.
 
     Attributes:
         name: The entry's.
-        T_tcp_world: (4, 4) inverse of the hand's pose when it took it; of both hands the left one's counts.
-        boxes: (2, 3) lowest and highest corner at that time, of it and of what was in it, by name.
+        loads: It and what is in it, by name.
     """
 
     name: str
-    T_tcp_world: Array
-    boxes: dict[str, Array]
+    loads: dict[str, Load]
 
 
 class Carrying:
@@ -80,11 +91,11 @@ class Carrying:
             if grip is None or grip.name in moved:
                 continue
             moved.add(grip.name)
-            motion = _tcps(hand, body)[0] @ grip.T_tcp_world
-            for name, box in grip.boxes.items():
+            T = _tcps(hand, body)[0]
+            for name, load in grip.loads.items():
                 entry = self._knowledge.entries.get(name)
                 if entry is not None and grip.name in (entry.name, entry.inside):
-                    entry.lowest, entry.highest = _moved(box, motion)
+                    entry.lowest, entry.highest = _moved(load.box, T @ load.T_tcp_world)
 
     def adopt(self, entries: Iterable[Entry], body: Proprioception) -> None:
         """Let hands that hold something unknown hold what was just found in them."""
@@ -112,15 +123,14 @@ class Carrying:
         """Know a thing to be in a container, and carried along with it from now on if that is held."""
         entry.inside = container.name
         if (hand := self._holding(container.name)) is not None:
-            self._grip(hand, container, _tcps(hand, body)[0])
+            self._load(hand, entry, body)
 
     # ------------------------------------------------------------------------------------------ hands
 
     def _take(self, hand: Hand, body: Proprioception, among: Iterable[Entry]) -> None:
         """A hand has begun to hold something: the nearest thing, if one is known near it."""
-        poses = _tcps(hand, body)
         reach = _PRESSED_M if hand == "both" else _GRASPED_M
-        points = np.stack([T[:3, 3] for T in poses])
+        points = np.stack([T[:3, 3] for T in _tcps(hand, body)])
         near = []
         for entry in among:
             if entry.kind == "object":
@@ -132,13 +142,16 @@ class Carrying:
             return
         entry = self._knowledge.entries[min(near)[1]]
         entry.inside = None
-        self._grip(hand, entry, poses[0])
+        self.grips[hand] = Grip(entry.name, {})
+        for one in self._with_contents(entry.name):
+            self._load(hand, one, body)
 
-    def _grip(self, hand: Hand, entry: Entry, T: Array) -> None:
-        carried = self._with_contents(entry.name)
-        for one in carried:
-            one.held = True
-        self.grips[hand] = Grip(entry.name, kin.inverse(T), {e.name: np.stack([e.lowest, e.highest]) for e in carried})
+    def _load(self, hand: Hand, entry: Entry, body: Proprioception) -> None:
+        """Know a thing to be carried from now on, with what the hand holds."""
+        grip = self.grips[hand]
+        assert grip is not None
+        entry.held = True
+        grip.loads[entry.name] = Load(np.stack([entry.lowest, entry.highest]), kin.inverse(_tcps(hand, body)[0]))
 
     def _release(self, hand: Hand, body: Proprioception) -> list[str]:
         """A hand has let go, or lost what it held. Returns the names of what is held no more."""
@@ -150,7 +163,7 @@ class Carrying:
         carried = self._with_contents(grip.name)
         for one in carried:
             one.held, one.confidence = False, min(one.confidence, PUT)
-        taken_at = grip.boxes[grip.name].mean(0)
+        taken_at = grip.loads[grip.name].box.mean(0)
         entry.laid = laid_down(taken_at, entry.lowest, entry.highest)
         self._fall(entry, body)
         if (into := self._knowledge.entries.get(entry.inside or "")) is not None:
@@ -197,8 +210,8 @@ class Carrying:
             "steady": dict(self._steady),
             "grips": {
                 hand: grip and {
-                    "name": grip.name, "T": grip.T_tcp_world.tolist(),
-                    "boxes": {name: box.tolist() for name, box in grip.boxes.items()},
+                    "name": grip.name,
+                    "loads": {n: {"box": a.box.tolist(), "T": a.T_tcp_world.tolist()} for n, a in grip.loads.items()},
                 }
                 for hand, grip in self.grips.items()
             },
@@ -214,8 +227,11 @@ class Carrying:
         for hand, grip in saved["grips"].items():
             if hand not in HANDS:
                 raise ValueError(f"there is no hand {hand!r:.40}")
-            boxes = grip and {str(name): _array(box, (2, 3)) for name, box in grip["boxes"].items()}
-            grips[cast("Hand", hand)] = grip and Grip(str(grip["name"]), _array(grip["T"], (4, 4)), boxes)
+            loads = grip and {
+                str(name): Load(_array(load["box"], (2, 3)), _array(load["T"], (4, 4)))
+                for name, load in grip["loads"].items()
+            }
+            grips[cast("Hand", hand)] = grip and Grip(str(grip["name"]), loads)
         self._width = {side: float(saved["width"][side]) for side in SIDES if side in saved["width"]}
         self._steady = {side: int(saved["steady"][side]) for side in SIDES}
         self.grips = grips

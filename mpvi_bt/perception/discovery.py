@@ -87,7 +87,7 @@ class Discoveries:
         before = set(self._carrying.grips)
         for name in self._carrying.feel(body):
             self._looks[name].near_m = None
-        return [g.boxes[g.name] for h, g in self._carrying.grips.items() if g is not None and h not in before]
+        return [g.loads[g.name].box for h, g in self._carrying.grips.items() if g is not None and h not in before]
 
     def see(self, image: CameraImage, body: Proprioception) -> list[Entry]:
         """Take in one picture.
