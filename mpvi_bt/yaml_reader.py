@@ -18,7 +18,7 @@ import yaml
 from mpvi_bt.errors import FileProblems, Problem, did_you_mean, nearest, shown
 
 MAX_BYTES = 2 * 2**20
-MAX_NODES = 60_000
+MAX_NODES = 40_000
 MAX_DEPTH = 200
 MAX_PROBLEMS = 200  # of one file; who wants to mend more begins with these
 

@@ -328,20 +328,20 @@ HUGE = {
     "million keys": lambda: "".join(f"k{i}: x\n" for i in range(10**6)),
     "many bad nodes": lambda: (
         "tree: x\nroot:\n  sequence:\n  memory: true\n  children:\n"
-        + "".join(f"    - navigat{i}: x\n" for i in range(29_000))
+        + "".join(f"    - navigat{i}: x\n" for i in range(19_000))
     ),
     "many unwritten keys, deep down": lambda: (
         "tree: x\nroot:\n"
         + "".join(f"{' ' * i}  attempt:\n{' ' * i}  child:\n" for i in range(80))
         + "".join(
-            f"{' ' * 80}  {line}\n" for line in ("sequence:", "memory: true", "children:", *["- say: $k"] * 17_000)
+            f"{' ' * 80}  {line}\n" for line in ("sequence:", "memory: true", "children:", *["- say: $k"] * 12_000)
         )
     ),
     "thousand deep": lambda: "".join(" " * i + "a:\n" for i in range(1000)),
     "thousand deep, flow": lambda: "[" * 1000 + "]" * 1000,
     "million deep": lambda: "[" * 10**6,
     "alias bomb": _bomb,
-    "anchors in anchors": lambda: "".join(f"&a{i} [" for i in range(190)) + "1," * 59_000 + "]" * 190,
+    "anchors in anchors": lambda: "".join(f"&a{i} [" for i in range(190)) + "1," * 39_000 + "]" * 190,
     "one line": lambda: "tree: " + "x" * 8 * 2**20,
     "one line, within the limit": lambda: "tree: " + "x" * (2**21 - 10),
     "same key": lambda: "a: 1\n" * 10**5,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from itertools import chain, islice
 from typing import Any
 
@@ -136,7 +136,7 @@ class _Linter:
         for node in nodes:
             for field in node.type.writes:
                 written.setdefault(str(getattr(node.parameters, field)), node)
-        reads = list(self.references(self.spec.root, frozenset(self.spec.parameters), _parameters))
+        reads = list(self.references())
         reads += [(n, field, str(getattr(n.parameters, field))) for n in nodes for field in n.type.reads]
         names = sorted({*written, *self.spec.blackboard, *self.spec.parameters})
         for node, parameter, key in reads:
@@ -155,19 +155,19 @@ class _Linter:
                 message = f"nothing reads the blackboard key {shown(key)}"
                 yield from self.head(("blackboard", key), "unread-key", message)
 
-    def references(
-        self, node: NodeSpec, told: frozenset[str], texts: Callable[[NodeSpec], Mapping[str, Any]]
-    ) -> Iterator[tuple[NodeSpec, str, str]]:
-        """(node, parameter, name) of the references in and below a node; `told`: names that were seen to already.
+    def references(self) -> Iterator[tuple[NodeSpec, str, str]]:
+        """(node, parameter, name) of each reference to a key.
 
         What a subtree gets by its arguments is referred to where they stand, and not once more in the other file.
         """
-        for field, value in texts(node).items():
-            yield from ((node, field, name) for name in sorted(_names(value)) if name not in told)
-        if node.kind == "subtree":
-            told = frozenset(_names(_parameters(node)))
-        for child in node.children:
-            yield from self.references(child, told, texts)
+        left = [(self.spec.root, frozenset(self.spec.parameters))]  # nodes, and names that were seen to above them
+        while left:
+            node, told = left.pop()
+            for field, value in _parameters(node).items():
+                yield from ((node, field, name) for name in sorted(_names(value)) if name not in told)
+            if node.kind == "subtree":
+                told = frozenset(_names(_parameters(node)))
+            left += [(child, told) for child in reversed(node.children)]
 
     def unused(self) -> Iterator[Problem]:
         """Parameters of the tree that its file does not refer to."""

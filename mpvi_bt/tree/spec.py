@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
@@ -130,14 +130,17 @@ class TreeSpec:
     @cached_property
     def nodes(self) -> tuple[Placed, ...]:
         """Every node, parents before children, in the order of drawing."""
-        return tuple(_placed(self.root, _own_name(self.root), 0))
+        placed: list[Placed] = []
+        _place(self.root, _own_name(self.root), 0, placed)
+        return tuple(placed)
 
 
 def _own_name(node: NodeSpec) -> str:
     return (node.name or node.kind).replace("/", "|")
 
 
-def _placed(node: NodeSpec, path: str, depth: int) -> Iterator[Placed]:
+def _place(node: NodeSpec, path: str, depth: int, placed: list[Placed]) -> None:
+    """Add a node and those below it: to a list, as generators in one another take time by the square of the depth."""
     paths: dict[str, None] = {}  # in order
     again: Counter[str] = Counter()
     for child in node.children:
@@ -146,6 +149,6 @@ def _placed(node: NodeSpec, path: str, depth: int) -> Iterator[Placed]:
             again[own] += 1
             found = f"{own}#{again[own] + 1}"
         paths[found] = None
-    yield Placed(path, depth, node, tuple(paths))
+    placed.append(Placed(path, depth, node, tuple(paths)))
     for child, below in zip(node.children, paths, strict=True):
-        yield from _placed(child, below, depth + 1)
+        _place(child, below, depth + 1, placed)
