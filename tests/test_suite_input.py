@@ -67,6 +67,22 @@ def test_results_of_several_methods_do_not_collide(tmp_path: Path, log: Path, mp
     ]
 
 
+@pytest.mark.slow
+def test_a_part_can_be_played_first_and_the_rest_later(tmp_path: Path, log: Path, mpvi: Shell) -> None:
+    """What is left out stays to do; the same folder takes it."""
+    out = tmp_path / "out"
+    code, _, said = ended(launch(out, log, "--instance", "3", "--instance", "7", "--task", "picking_up_trash"))
+    assert code == 0, said
+    assert sorted(path.name for path in out.glob("json/*")) == [f"picking_up_trash_{i}_0.json" for i in (3, 7)]
+    assert mpvi("suite", "status", "trash10", "--out", str(out)).stdout.startswith("trash10: 2/10 done")
+    code, _, said = ended(launch(out, log))
+    assert (code, len(list(out.glob("json/*")))) == (0, 10), said
+    code, _, said = ended(launch(out, log, "--instance", "11"))
+    assert (code, said[-1].partition(" Known")[0]) == (
+        2, "mpvi: unknown instance of this suite '11'. Did you mean '1'?",
+    )  # fmt: skip
+
+
 def test_flags_override_methods_and_one_method_can_be_run_alone(tmp_path: Path) -> None:
     """What the command line says holds for all of them."""
     suite = tmp_path / "two.yaml"

@@ -14,7 +14,7 @@ import click
 
 from mpvi_bt.cli.given import File, Name, backends, demonstration_fps
 from mpvi_bt.cli.suite_report import Told
-from mpvi_bt.errors import BackendError
+from mpvi_bt.errors import BackendError, UnknownName
 from mpvi_bt.suite.config import EPISODE, EpisodeConfig, SuiteBudget
 
 if TYPE_CHECKING:
@@ -52,6 +52,22 @@ def _shared(command: Any) -> Any:
 
 @suite.command()
 @_shared
+@click.option(
+    "--task",
+    "tasks",
+    type=Name("tasks"),
+    metavar="NAME",
+    multiple=True,
+    help="Play only this one now; may be repeated.",
+)
+@click.option(
+    "--instance",
+    "instances",
+    type=int,
+    metavar="N",
+    multiple=True,
+    help="Play only this start state of each task now; may be repeated.",
+)
 @click.option(
     "--workers",
     type=click.IntRange(1, 4096),
@@ -97,6 +113,8 @@ def run(
     name: str,
     out: Path | None,
     as_json: bool,
+    tasks: tuple[str, ...],
+    instances: tuple[int, ...],
     workers: int | None,
     wall_limit: float,
     engine: str,
@@ -113,8 +131,8 @@ def run(
 ) -> int:
     """Run the episodes of SUITE that have no result.
 
-    Prints the report at the end. Ends with 3 if an episode could not be finished for a fault of the machine; it is
-    tried again by the next run.
+    Prints the report of them at the end. Ends with 3 if an episode could not be finished for a fault of the machine; it
+    is tried again by the next run.
     """
     from mpvi_bt.suite.manifest import make_manifest
     from mpvi_bt.suite.prepare import check_episode
@@ -133,6 +151,7 @@ def run(
     budget = SuiteBudget(store.out / "asked.json", suite_calls, suite_tokens)
     for config in {(c.task, c.method): replace(c, suite_budget=budget) for c in episodes}.values():
         check_episode(config)  # what is wrong with a tree or a plan is said once, and before workers start
+    episodes = _part(episodes, tasks, instances)
     wanted = {"trace": (trace, "traces", ".jsonl"), "video": (video, "videos", ".mp4")}
     wanted |= {"picture": (picture, "pictures", ".png"), "planned": (True, "plans", ".json")}
     wanted |= {"demonstration": (demonstrations, "demonstrations", "")}
@@ -154,6 +173,16 @@ def run(
     outcome = run_suite(episodes, store, player, progress, lambda todo: in_rounds(todo, budget_s), manifest)
     click.echo(Told.of(title, store, episodes, outcome.results, outcome.faults).told(as_json))
     return BackendError.exit_code if outcome.faults else 0
+
+
+def _part(episodes: list[EpisodeConfig], tasks: tuple[str, ...], instances: tuple[int, ...]) -> list[EpisodeConfig]:
+    """Those of some tasks and instances; of all where none are given. Raises UnknownName if the suite lacks one."""
+    for kind, given in (("task", tasks), ("instance", instances)):
+        known = list(dict.fromkeys(str(getattr(config, kind)) for config in episodes))
+        for one in map(str, given):
+            if one not in known:
+                raise UnknownName(f"{kind} of this suite", one, known)
+    return [c for c in episodes if (not tasks or c.task in tasks) and (not instances or c.instance in instances)]
 
 
 def _engine(
