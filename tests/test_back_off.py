@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Collection
 
 import numpy as np
 import pytest
 
 from mpvi_bt.manipulation.carry import back_off, step_back
+from mpvi_bt.manipulation.looking import look_from_elsewhere
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
-from mpvi_bt.robot.motion import Actions, Motion
+from mpvi_bt.robot.collision import NOTHING, Surroundings
+from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 
 BEHIND = {side: placed("carton_of_milk", -0.58, y) for side, y in (("left", 0.2), ("right", -0.2))}
@@ -63,3 +67,57 @@ def test_a_step_back_ends_before_what_stands_there() -> None:
     world = small_world({"box": placed("carton_of_milk", -0.45, 0.0)})
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     assert not list(step_back(work))
+
+
+class Unseeing(TrueScene):
+    """A scene of which no picture has shown what stands about the robot."""
+
+    def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> Surroundings:
+        """Nothing."""
+        return NOTHING
+
+
+def before_a_wall(yaw: float) -> tuple[World, Work]:
+    """The robot 9 cm off the wall at x = -3, which it has not seen."""
+    world = small_world(base=(-2.64, 0.0, yaw))
+    return world, Work(Unseeing(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+
+
+def played(world: World, work: Work, actions: Actions) -> Array:
+    """Where the base is (3,) after these actions."""
+    for action in actions:
+        world.step(action)
+        work.motion.felt = world.robot.proprioception()
+    return np.asarray(work.motion.felt.base_pose)
+
+
+def test_what_the_base_has_met_it_does_not_drive_into_again() -> None:
+    """With its back to a wall that it has never seen the robot is held up once, and stays where it is then."""
+    world, work = before_a_wall(yaw=0.0)
+    with pytest.raises(MotionFailure, match="base_blocked"):
+        played(world, work, back_off(work))
+    assert not list(back_off(work))
+    assert not list(step_back(work))
+    assert not work.search("right", ()).drivable(work.motion.felt.base_pose, np.array([-3.0, 0.0, 0.0]))
+    assert work.search("right", ()).drivable(work.motion.felt.base_pose, np.array([-2.4, 0.0, 0.0]))
+
+
+def test_held_up_obliquely_it_goes_along() -> None:
+    """A wall that stands obliquely behind the robot holds it up at the most twice; then it backs off along that."""
+    world, work = before_a_wall(yaw=0.9)
+    for _ in range(3):
+        start = work.motion.felt.base_pose.copy()
+        with contextlib.suppress(MotionFailure):
+            played(world, work, back_off(work))
+            break
+    assert np.linalg.norm((work.motion.felt.base_pose - start)[:2]) > 0.18
+    assert len(work.motion.bumps) in (1, 2)
+
+
+def test_what_the_base_has_met_is_not_strolled_through() -> None:
+    """Another side to look at a place from is not sought behind what held the base up on its way to the first."""
+    world, work = before_a_wall(yaw=0.0)
+    place = np.array([-2.64, -1.2])  # first seen from x = -3.4
+    for _ in range(2):
+        played(world, work, look_from_elsewhere(work, place, lambda: NOTHING))
+    assert len(work.motion.bumps) == 1

@@ -319,6 +319,26 @@ def test_a_blocked_base_is_said_and_stands() -> None:
     assert len(sent) < CONTROL_HZ
 
 
+def test_what_held_the_base_up_is_noted_where_it_would_have_gone() -> None:
+    """A post stands right before the base then, on the side that it could not go to; one that arrives meets nothing."""
+    motion = Motion(feeling())
+    play(motion, motion.drive(np.array([0.0, 0.4, 0.0])), obey)
+    assert not motion.bumps
+
+    def barred(felt: Proprioception, action: Array) -> Proprioception:
+        moved = obey(felt, action)
+        return replace(moved, base_pose=np.array([moved.base_pose[0], min(moved.base_pose[1], 0.5), 0.0]))
+
+    with pytest.raises(MotionFailure, match="base_blocked"):
+        play(motion, motion.drive(np.array([0.3, 1.0, 0.0])), barred)
+    (post,) = motion.bumps
+    low, high = post.aabb() - np.append(motion.felt.base_pose[:2], 0.0)
+    assert motion.felt.base_pose[1] == pytest.approx(0.5)
+    assert low[1] > R1.hull.standing[:, 3].max()
+    assert high[1] < R1.hull.standing[:, 3].max() + 0.15
+    assert low[2] == pytest.approx(0.0)
+
+
 def test_a_base_that_cannot_turn_is_said() -> None:
     """Having arrived is to have turned, too."""
     motion = Motion(feeling())

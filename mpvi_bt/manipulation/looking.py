@@ -108,7 +108,7 @@ def _strolls(work: Work) -> Iterator[Array]:
 
 
 def _free(work: Work, goal: Array, around: Obstacles) -> bool:
-    here = work.motion.felt.base_pose
+    here, around = work.motion.felt.base_pose, work.with_bumps(around)
     way = goal[:2] - here[:2]
     count = max(2, int(np.ceil(np.linalg.norm(way) / _STEP_M)))
     poses = [np.array([*(here[:2] + way * u), goal[2]]) for u in np.linspace(0, 1, count + 1)[1:]]

@@ -14,7 +14,7 @@ from mpvi_bt.manipulation.search import Search
 from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.perception.phrases import OTHER, normalize, read
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Body, Load, Obstacles
+from mpvi_bt.robot.collision import Body, Load, Obstacles, Surroundings, Together
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, CameraImage, Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
@@ -186,7 +186,12 @@ class Work:
 
     def near(self, without: Collection[str] = ()) -> Obstacles:
         """What is in the way near the robot, in the world, but for what it carries and the things `without`."""
-        return self.scene.obstacles(self.motion.felt.base_pose[:2], NEAR_M, without=self.carried().union(without))
+        without = self.carried().union(without)
+        return self.with_bumps(self.scene.obstacles(self.motion.felt.base_pose[:2], NEAR_M, without=without))
+
+    def with_bumps(self, known: Obstacles) -> Obstacles:
+        """What is known to be in the way, and what else the base has met."""
+        return Together([known, Surroundings(self.motion.bumps)]) if self.motion.bumps else known
 
     def search(self, side: Side, touched: Collection[str]) -> Search:
         """A stance search for one hand that works on the things `touched`."""

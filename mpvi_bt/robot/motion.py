@@ -16,7 +16,7 @@ from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.drives import in_base_frame, legs
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Proprioception, Side
 from mpvi_bt.robot.robots import robot_named
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.robot.timing import schedule, timed
 
@@ -29,6 +29,8 @@ _GENTLY = 0.35  # of the accelerations, for what holds something
 BLOCKED_RAD = 0.06  # an arm held off its command by that much more than at the start has met something
 _BLOCKED_TORSO = np.array([0.015, 0.04, 0.04, 0.2])  # likewise [m, rad, rad, rad]
 _BLOCKED_BASE = np.array([0.06, 0.06, 0.12])  # [m, m, rad]
+_ARRIVED_M = 0.03
+_POST_M, _OFF_M = 0.05, 0.01  # what is taken to have held the base up: its radius, so far off where the base stands now
 _NOTICED = 4  # control steps in a row
 _RELEASED = 10  # control steps
 _TOUCH_M = 0.005  # a hand that feels its way has met something when it is held up by that much
@@ -54,11 +56,12 @@ class Motion:
         felt: What the robot feels at this step; the player keeps it fresh.
         action: (23,) the command that the last yielded action carried.
         robot: What robot it is.
+        bumps: In the world, for what held the base up since it began: no camera may ever have shown that.
     """
 
     def __init__(self, felt: Proprioception) -> None:
         """Start from a robot as it stands."""
-        self.felt, self.robot = felt, robot_named(felt.robot)
+        self.felt, self.robot, self.bumps = felt, robot_named(felt.robot), list[Solid]()
         self.action = np.zeros(ACTION_SIZE)
         self.action[ActionLayout.TORSO] = felt.torso
         for s in felt.sides:
@@ -212,12 +215,12 @@ class Motion:
 
         Raises:
             MotionFailure: "base_blocked" if something holds it off its way, or it does not arrive within 3 cm and
-                0.05 rad.
+                0.05 rad; what it met is among the `bumps` then.
         """
         for leg in legs(self.robot, self.felt.base_pose, goal):
             yield from self._leg(leg, speed)
         off = goal - self.felt.base_pose
-        if np.linalg.norm(off[:2]) > 0.03 or abs(kin.wrap(off[2])) > 0.05:
+        if np.linalg.norm(off[:2]) > _ARRIVED_M or abs(kin.wrap(off[2])) > 0.05:
             raise MotionFailure("base_blocked")
 
     def _leg(self, goal: Array, speed: float) -> Actions:
@@ -243,7 +246,15 @@ class Motion:
             if lost >= _NOTICED:
                 break
             yield self._moving(forward + 3.0 * error)
+        if np.linalg.norm(left) > _ARRIVED_M:
+            self.bumps.append(self._met(left))
         yield self.still()
+
+    def _met(self, way: Array) -> Solid:
+        """A post on the floor right before the base, where it would go `way` (2,) and something does not let it."""
+        away, half = self.robot.hull.standing[:, 3].max() + _POST_M + _OFF_M, self.robot.hull.base[1] / 2
+        x, y = self.felt.base_pose[:2] + way / np.linalg.norm(way) * away
+        return Solid("cylinder", np.array([_POST_M, _POST_M, half]), pose((float(x), float(y), float(half))))
 
     def _reached(self, side: Side, T_base_tcp: Array, near: Array) -> Array:
         """The posture nearest to `near` that has the hand at a pose, from where the torso is."""
