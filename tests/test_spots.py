@@ -63,14 +63,14 @@ def test_a_long_thing_is_best_laid_along_what_it_lies_beside(yaw: float) -> None
 
 
 def test_places_on_the_floor_are_free_and_in_the_room_that_is_named() -> None:
-    """No other room's, if the phrase names one; clear of what stands there; the nearest first."""
+    """No other room's, if the phrase names one; clear of what stands there; the nearest to a place first."""
     work = Work(TrueScene(WORLD), Motion(WORLD.robot.proprioception()), np.random.default_rng(0))
-    found = np.array(spots.floor_around(work, "the hall floor", 0.3, 0.2))
+    place = np.array([0.4, -0.3])
+    found = np.array(spots.floor_around(work, "the hall floor", 0.3, 0.2, place))
     hall = next(e for e in WORLD.knowledge() if e.kind == "room")
-    here = work.motion.felt.base_pose[:2]
     assert ((found[:, :2] > hall.lowest[:2] + 0.3) & (found[:, :2] < hall.highest[:2] - 0.3)).all()
     assert (Surroundings(WORLD.solids("table")).distance(found + [0, 0, 0.1]) > 0.3).all()
-    assert (np.diff(np.linalg.norm(found[:, :2] - here, axis=1)) > -1e-9).all()
+    assert (np.diff(np.linalg.norm(found[:, :2] - place, axis=1)) > -1e-9).all()
     assert [spots.is_floor(phrase) for phrase in ("floor", "the hall floor", "the table")] == [True, True, False]
 
 

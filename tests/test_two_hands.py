@@ -14,12 +14,13 @@ from benchmarks.hands.runner import run_job
 from benchmarks.hands.two_hands import large_things
 from mpvi_bt.manipulation.expert import ExpertPolicy
 from mpvi_bt.manipulation.reactive import ReactivePolicy
+from mpvi_bt.manipulation.set_down import set_down
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.two_hands import Box, _carcass, boxes_about, lift, together
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.motion import Actions, Motion
 from mpvi_bt.robot.protocol import SIDES, ActionLayout
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.sim.world import Placement
@@ -146,3 +147,27 @@ def test_a_thin_sheet_is_lifted_off_the_floor_and_stays_level(y: float, yaw: flo
     assert world.between() == "sheet"
     assert T[2, 3] > 0.45
     assert T[2, 2] > np.cos(np.radians(5.0))
+
+
+@pytest.mark.slow
+def test_what_two_hands_hold_is_set_down_on_the_floor_straight_ahead() -> None:
+    """The robot never backs toward what is behind it, which no picture shows: there it has driven into walls."""
+    world = small_world({"box": placed("storage_container", 1.2, 0.0)})
+    world.settle()
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+
+    def ahead(actions: Actions) -> list[float]:
+        start, way = world.robot.proprioception().base_pose, []
+        for action in actions:
+            world.step(action)
+            felt = work.motion.felt = world.robot.proprioception()
+            way.append(float((felt.base_pose - start)[:2] @ [np.cos(start[2]), np.sin(start[2])]))
+        return way
+
+    ahead(lift(work, {"object": "storage container"}, []))
+    assert world.between() == "box"
+    way = ahead(set_down(work, {"object": "storage container", "surface": "the hall floor"}, []))
+    assert min(way) > -0.03
+    assert max(way) > 0.3
+    assert world.between() is None
+    assert world.solids("box")[0].aabb()[0, 2] < 0.05

@@ -51,7 +51,8 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
         box = seen_box(work, name)
         radius, here = max(box.length, box.width) / 2 + 0.01, motion.felt.base_pose[:2]
         if surface is None:
-            spots = floor_around(work, words["surface"], radius, box.height)
+            ahead = box.middle[:2] + here - behind(motion.felt.base_pose)[:2]  # in view, and driven in from here
+            spots = floor_around(work, words["surface"], radius, box.height, ahead)
         else:
             spots = list(scene.spots(surface, radius, box.height + 0.1, here)) or _on_the_middle(work, surface, box)
         search = work.search("right", {name})

@@ -90,14 +90,15 @@ def is_floor(phrase: str) -> bool:
     return normalize(phrase).split()[-1:] in [[floor] for floor in _FLOORS]
 
 
-def floor_around(work: Work, phrase: str, radius_m: float, height_m: float) -> list[Array]:
-    """Free places (3,) on the floor that a phrase names, the nearest first: of that room if it names one.
+def floor_around(work: Work, phrase: str, radius_m: float, height_m: float, place: Array) -> list[Array]:
+    """Free places (3,) on the floor that a phrase names, those nearest to `place` first: of that room if it names one.
 
     Args:
         work: Robot and world.
         phrase: Such as "the corridor floor".
         radius_m: Of the free disc.
         height_m: Free above it.
+        place: (2,) [m] in the world.
     """
     here = work.motion.felt.base_pose[:2]
     steps = np.arange(-_NEAR_M, _NEAR_M + 1e-9, 2 * _GRID_M)
@@ -112,7 +113,7 @@ def floor_around(work: Work, phrase: str, radius_m: float, height_m: float) -> l
     others = work.scene.obstacles(here, _NEAR_M + 2 * radius_m, without=work.carried())
     for z in np.linspace(0.02, max(0.04, height_m), 4):
         spots = spots[others.distance(spots + [0.0, 0.0, z]) > radius_m]
-    return sorted(spots, key=lambda spot: float(np.linalg.norm(spot[:2] - here)))
+    return sorted(spots, key=lambda spot: float(np.linalg.norm(spot[:2] - place)))
 
 
 def under(work: Work, held: Held, target: str, leans: Sequence[float], by: str | None = None) -> Iterator[list[Pose]]:
