@@ -85,7 +85,7 @@ KINDS = {"box": "box", "cylinder": "cylinder", "sphere": "ball"}
 def test_a_thing_seen_from_one_side_is_known_whole(name: str) -> None:
     """Kind, place and extent of boxes, cylinders and balls follow from what one look from above and before shows."""
     solid = THINGS[name]
-    shape = fit(visible([solid], EYE), table(), EYE)
+    shape = fit(visible([solid], EYE), hidden_behind(table(), [solid], EYE), EYE)
     assert shape is not None
     assert shape.kind == KINDS[solid.kind]
     close(shape, solid, 0.005)
@@ -95,11 +95,26 @@ def test_a_thing_seen_from_one_side_is_known_whole(name: str) -> None:
 def test_noise_of_depth_moves_a_shape_little(name: str) -> None:
     """With the noise that is left of a depth camera's, middles stay within 4 mm and extents within 8 mm."""
     solid, rng = THINGS[name], np.random.default_rng(0)
+    around = hidden_behind(table(), [solid], EYE)
     for _ in range(5):
-        shape = fit(noisy(visible([solid], EYE), rng), noisy(table(), rng), EYE)
+        shape = fit(noisy(visible([solid], EYE), rng), noisy(around, rng), EYE)
         assert shape is not None
         np.testing.assert_allclose(shape.box().mean(0), solid.aabb().mean(0), atol=0.004)
         np.testing.assert_allclose(np.ptp(shape.box(), axis=0), np.ptp(solid.aabb(), axis=0), atol=0.008)
+
+
+@pytest.mark.parametrize("turn", [-0.6, 0.0, 0.6])
+def test_half_a_pie_is_no_whole_one(turn: float) -> None:
+    """A round side toward the viewer is no cylinder where what it stands on shows behind: no hand spans a whole pie."""
+    edges = np.linspace(-0.08, 0.08, 17)
+    reach = np.sqrt(0.08**2 - (edges[:-1] + 0.005) ** 2)
+    T = pose((0.02, 0.03, LEVEL_M), turn)
+    half = [box((-x / 2, y + 0.005, 0.022), (x, 0.01, 0.044)).moved(T) for x, y in zip(reach, edges, strict=False)]
+    points = hidden_behind(visible(half, EYE), half, EYE)
+    shape = fit(points, hidden_behind(table(), half, EYE), EYE)
+    assert shape is not None
+    assert shape.kind == "box"
+    np.testing.assert_allclose(np.sort(shape.solids[0].half_m)[1:] * 2, [0.08, 0.16], atol=0.008)
 
 
 def test_a_box_whose_top_is_out_of_sight_is_aligned_with_its_sides() -> None:
@@ -268,6 +283,15 @@ def test_a_support_is_what_a_thing_stands_on_not_a_board_below_it() -> None:
     both = np.concatenate([table(), np.tile(table(LEVEL_M - 0.05), (3, 1))])
     assert support_height(thing, both, EYE) == pytest.approx(LEVEL_M, abs=0.002)
     assert support_height(thing, table(LEVEL_M - 0.03), np.array([-1, 0, 0.3])) == pytest.approx(LEVEL_M, abs=0.004)
+
+
+def test_sides_of_what_lies_beside_a_thing_are_no_support() -> None:
+    """Of balls in a heap the lower halves are out of sight; what is level with that are only other balls."""
+    balls = [Solid("sphere", np.full(3, 0.03), pose((x, y, LEVEL_M + 0.03))) for x in (0, 0.07) for y in (0, 0.07)]
+    points = visible([balls[3]], EYE)
+    points = points[points[:, 2] > LEVEL_M + 0.025]
+    around = np.concatenate([hidden_behind(table(), balls, EYE), thinned(visible(balls[:3], EYE), 0.01)])
+    assert support_height(points, around, EYE) == pytest.approx(LEVEL_M, abs=0.002)
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.3, 1.5, 2.9])

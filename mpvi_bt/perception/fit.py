@@ -26,6 +26,8 @@ _UPRIGHT_M = 0.9  # likewise what is higher
 _TRAY_M = 0.25  # but what ends that low above the floor may be a wide basket or tray
 _COVERED = 0.3  # share of a vessel's opening in which something may be seen at the height of the rim
 _SLICE_M = 0.01
+_LEVEL_M, _SHOWN = 0.01, 10  # what is so near to the height that a cylinder stands on, and more points of it,
+_WITHIN = 0.85  # is not seen through it, but for its edge: masks are rough, and round things jut out over their feet
 _STAVES = 16
 
 
@@ -66,7 +68,7 @@ def fit(points: Array, around: Array, eye: Array, support: float | None = None) 
     if ball is not None:
         return ball
     column = _column(points, seen, support, top, grain)
-    if column is not None:
+    if column is not None and not _seen_through(column, around, eye):
         return column
     if eye[2] < top + 0.04:  # its top is not in view, so its depth is not either
         return upright_box(_deepened(_cornered(trimmed(upper[:, :2])), eye[:2]), support, top)
@@ -147,6 +149,15 @@ def _column(points: Array, seen: Outline, support: float, top: float, grain: flo
         return None
     T = frame(middle, 0.0, support, top)
     return Shape("cylinder", T, (Solid("cylinder", np.array([radius, radius, height / 2]), T),), support)
+
+
+def _seen_through(column: Shape, around: Array, eye: Array) -> bool:
+    """Whether what an upright cylinder would stand on is seen through it (m, 3), as behind the cut of half a pie."""
+    (solid,), middle = column.solids, column.T[:3, 3]
+    level = around[np.abs(around[:, 2] - column.support_m) < _LEVEL_M]
+    halfway = level + (eye - level) * ((middle[2] - level[:, 2]) / (eye[2] - level[:, 2]))[:, None]
+    off = np.maximum(*(np.linalg.norm((p - middle)[:, :2], axis=1) for p in (level, halfway)))
+    return int((off < _WITHIN * solid.half_m[0]).sum()) > _SHOWN
 
 
 def _vessel(points: Array, seen: Outline, support: float, top: float) -> Shape | None:
