@@ -244,6 +244,8 @@ def test_questions_are_counted_on_after_a_stop() -> None:
     [
         ("pick", TriggerEvent("grasp", "right"), "right"),
         ("pick", TriggerEvent("grasp", None), "head"),
+        ("pick", TriggerEvent("idle", "left"), "left"),
+        ("place_on", TriggerEvent("idle", "left"), "head"),
         ("place_in", TriggerEvent("release", "left"), "head"),
         (None, TriggerEvent("grasp", "left"), "left"),
         (None, TriggerEvent("release", "left"), "head"),
@@ -259,7 +261,8 @@ def test_the_skill_says_whose_picture_is_shown(skill: str | None, event: Trigger
 
 def test_only_the_skills_events_are_watched() -> None:
     """The triggers are reset to the kinds of the last segment's skill, or to all."""
-    for text, kinds in ((f"check_complete: {HELD}\nskill: pick", {"grasp": None}), (f"check_complete: {HELD}", None)):
+    pick = {"grasp": None, "idle": None}
+    for text, kinds in ((f"check_complete: {HELD}\nskill: pick", pick), (f"check_complete: {HELD}", None)):
         bench = Bench(text)
         seen: list[Mapping[str, float | None] | None] = []
         bench.context.triggers.reset = seen.append  # type: ignore[method-assign, assignment]

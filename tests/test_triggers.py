@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mpvi_bt.behaviors.protocols import TriggerEvent
 from mpvi_bt.completion.triggers import ProprioceptiveTriggers, Thresholds
 from mpvi_bt.errors import UnknownName
-from mpvi_bt.robot.protocol import CONTROL_HZ, Proprioception, Side
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 from tests.navigation_maps import KinematicRobot
 from tests.test_squeeze import TORSO, facing_hands
@@ -24,11 +24,13 @@ class Hands(KinematicRobot):
     def __init__(self) -> None:
         super().__init__(0.0, 0.0)
         self.angles: dict[Side, Array] = {"left": np.zeros(7), "right": np.zeros(7)}
+        self.torso = np.zeros(4)
 
     def proprioception(self) -> Proprioception:
         """As set. The speeds that it reports are those of a loaded arm that stands: never zero."""
         angles = {side: angle.copy() for side, angle in self.angles.items()}
-        return replace(super().proprioception(), arm=angles, arm_velocity=dict.fromkeys(angles, np.full(7, 0.12)))
+        felt = replace(super().proprioception(), torso=self.torso.copy())
+        return replace(felt, arm=angles, arm_velocity=dict.fromkeys(angles, np.full(7, 0.12)))
 
 
 def grips(hands: Hands, thresholds: Thresholds | None = None) -> ProprioceptiveTriggers:
@@ -444,4 +446,58 @@ def test_what_nobody_has_told_us_of_is_no_drive() -> None:
     for _ in range(60):
         hands.pose = hands.pose + np.array([0.02, 0.0, 0.0])
         assert triggers.update() is None
-    assert go(hands, triggers, 5.0) == []
+    assert go(hands, triggers, 2.0) == []
+
+
+def idles() -> tuple[Hands, ProprioceptiveTriggers]:
+    """A robot of which only standing still is news."""
+    hands = Hands()
+    triggers = ProprioceptiveTriggers(hands)
+    triggers.reset({"idle": None})
+    return hands, triggers
+
+
+def test_who_does_no_more_is_asked_about_once() -> None:
+    """After seconds without a motion, and not again before something has moved: the picture is the same."""
+    hands, triggers = idles()
+    assert go(hands, triggers, 2.9) == [], "it may still begin"
+    assert go(hands, triggers, 60.0) == [TriggerEvent("idle", None)]
+    assert go(hands, triggers, 1.0, joint_speed=0.2) + go(hands, triggers, 2.5) == []
+    assert go(hands, triggers, 60.0) == [TriggerEvent("idle", None)]
+
+
+def test_what_was_in_hand_before_is_looked_at_once_there_is_no_more_to_do() -> None:
+    """Taking hold of it was no news, nor is anything else a policy that finds it in hand will do."""
+    hands, triggers = idles()
+    hands.gripper["right"] = (0.016, -1.0)
+    triggers.reset({"grasp": None, "idle": None})
+    assert go(hands, triggers, 60.0) == [TriggerEvent("idle", "right")]
+
+
+def test_each_hand_that_holds_something_is_looked_at() -> None:
+    """Either may be meant."""
+    hands, triggers = idles()
+    for side in SIDES:
+        hands.gripper[side] = (0.016, -1.0)
+    triggers.reset({"idle": None})
+    assert go(hands, triggers, 60.0) == [TriggerEvent("idle", side) for side in SIDES]
+
+
+def test_an_end_that_was_told_of_is_not_told_of_again_for_standing_on() -> None:
+    """Of a hand that let go and a robot that has stood since, there is one picture."""
+    hands, triggers = idles()
+    triggers.reset({"grasp": None, "idle": None})
+    assert grasp(hands, triggers) + go(hands, triggers, 60.0) == [TriggerEvent("grasp", "right")]
+
+
+@pytest.mark.parametrize("way", ["base", "torso"])
+def test_who_drives_or_bends_is_not_idle(way: str) -> None:
+    """Whatever moves: where it then stands it sees something else."""
+    hands, triggers = idles()
+    for _ in range(round(6.0 * CONTROL_HZ)):
+        if way == "base":
+            hands.pose = hands.pose + np.array([0.004, 0.0, 0.0])
+        else:
+            hands.torso = hands.torso + 0.004
+        assert triggers.update() is None
+    assert go(hands, triggers, 4.0) == [TriggerEvent("idle", None)]

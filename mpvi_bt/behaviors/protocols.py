@@ -178,7 +178,7 @@ class TriggerEvent:
     """Proprioception says that something just happened (Paper, Completion Checker).
 
     Attributes:
-        kind: "grasp", "release", "stop", "rest", "arrival" or "periodic".
+        kind: "grasp", "release", "stop", "rest", "arrival", "idle" or "periodic".
         side: The hand that it happened to, whose camera may show it; None if it is no hand's.
     """
 

@@ -17,8 +17,8 @@ from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
-_OF_HANDS = ("grasp", "release", "stop", "rest")
-KINDS = (*_OF_HANDS, "arrival")
+_GENERAL = ("grasp", "release", "stop", "rest", "idle")  # ends of a primitive that nobody has told us of
+KINDS = (*_GENERAL, "arrival")
 _STEPS_OF_A_RATE = 3  # rates of change are taken over so many steps
 _LONG_AGO = 10**9  # steps
 
@@ -43,6 +43,7 @@ class Thresholds:
         still_hand_m_s: and how slow it must be then, for a stop to be an event.
         driven_m, turned_rad: How far the base must have gone from where it stood, or turned, for its rest to be news,
         arrived_s: and how long the whole body must then stand: who looks around pauses for less.
+        idle_s: Who stands still for so long has no more to do.
         settle_s: How long the arms must be at rest: the event marks the end of a primitive, not its middle.
         refractory_s: At least this long between two events of one hand, unless a skill says otherwise.
     """
@@ -61,6 +62,7 @@ class Thresholds:
     driven_m: float = 0.1
     turned_rad: float = 0.2
     arrived_s: float = 1.0
+    idle_s: float = 3.0
     settle_s: float = 0.5
     refractory_s: float = 1.0
 
@@ -86,6 +88,12 @@ class ProprioceptiveTriggers:
     heuristics are of grippers and arms): only a skill that drives asks for it. The first rest is an arrival too, as the
     robot may be there already (Paper, Navigation appendix: that is looked at first).
 
+    "idle": the whole body has stood still for seconds, and no event was told of since it came to stand: who has no more
+    to do believes to be done. So ends what began done, such as the pick of a thing that is in hand, and what is seen
+    better from where the body stands now. It is the event of each hand that holds something, one after the other, or of
+    none. Our choice: an arm state that ends a primitive, too, and told of once until the body has moved again, as the
+    same picture would be judged the same.
+
     One end is one event: of several that are due, the first of this list.
     """
 
@@ -108,7 +116,7 @@ class ProprioceptiveTriggers:
         for kind in kinds or ():
             if kind not in KINDS:
                 raise UnknownName("trigger", kind, KINDS)
-        given = dict.fromkeys(_OF_HANDS) if kinds is None else kinds
+        given = dict.fromkeys(_GENERAL) if kinds is None else kinds
         refractory_s = self.thresholds.refractory_s
         self._apart = {kind: _steps(refractory_s if s is None else s) for kind, s in given.items()}
         body = self._robot.proprioception()
@@ -117,6 +125,7 @@ class ProprioceptiveTriggers:
         self._rest = _Rest(self.thresholds, body)
         self._press = _Press(self.thresholds, body) if "release" in self._apart else None
         self._drive = _Drive(self.thresholds)
+        self._idle: list[Side | None] = []  # whose it is still to be told of
 
     def update(self) -> TriggerEvent | None:
         """Read proprioception once a step; the event that fires now, if any.
@@ -149,7 +158,19 @@ class ProprioceptiveTriggers:
         if due and self._drive.arrived(body, self._rest.stands_for(self.thresholds.arrived_s)):
             self._rest.fired()
             return TriggerEvent("arrival", None)
-        return None
+        return self._idles() if "idle" in self._apart else None
+
+    def _idles(self) -> TriggerEvent | None:
+        """That the body stands still and does no more, if that is due."""
+        rest, seconds = self._rest, self.thresholds.idle_s
+        if not rest.stands:
+            self._idle = []
+        elif rest.stands_for(seconds) and not rest.told:
+            self._idle = [side for side, hand in self._hands.items() if hand.holds] or [None]
+        if not self._idle or rest.since_event < self._apart["idle"]:
+            return None
+        rest.fired()
+        return TriggerEvent("idle", self._idle.pop(0))
 
     def _arms_move(self, body: Proprioception) -> bool:
         """Whether a joint of either arm turns; both, as one hand may have let go while the other still brings its load.
@@ -217,6 +238,11 @@ class _Hand:
     def steady(self) -> bool:
         """Whether the fingers stand."""
         return self._steady >= _steps(self._t.hold_s)
+
+    @property
+    def holds(self) -> bool:
+        """Whether it has something between its fingers."""
+        return self._grasp_width is not None
 
     def _report(self, news: Literal["grasp", "release"]) -> None:
         self._news, self._armed = news, True
@@ -346,6 +372,11 @@ class _Rest:
     def stands_for(self, seconds: float) -> bool:
         """Whether they have been at rest for so long."""
         return self._still >= _steps(seconds)
+
+    @property
+    def told(self) -> bool:
+        """Whether an event was reported since it came to stand."""
+        return self.since_event < self._still
 
     def fired(self) -> None:
         """An event was reported: the next way begins where the arms are now."""

@@ -23,14 +23,14 @@ class Trigger(Record):
 
     Attributes:
         event: A hand has taken hold ("grasp") or has let go ("release"), what it holds has been moved and stands
-            ("stop"), the arms have moved and come to rest ("rest"), or the base has driven and come to rest
-            ("arrival").
+            ("stop"), the arms have moved and come to rest ("rest"), the base has driven and come to rest ("arrival"),
+            or the whole body stands still and does no more ("idle").
         camera: "head"; "hand": the wrist camera of the hand that it happened to (Paper, Manipulation: the trigger
             directs the query to that wrist's view); "other_hand": that of the other one, which now holds the thing.
         refractory_s: Least simulated time between this event and the one before; None: as all others.
     """
 
-    event: Literal["grasp", "release", "stop", "rest", "arrival"]
+    event: Literal["grasp", "release", "stop", "rest", "arrival", "idle"]
     camera: Literal["head", "hand", "other_hand"]
     refractory_s: Annotated[float, Field(ge=0, le=3600, allow_inf_nan=False)] | None = None
 
