@@ -33,7 +33,8 @@ def study(work: Work, name: str | None) -> Actions:
         yield from work.motion.stand(torso)
         yield from work.see("head")
     else:
-        yield from work.motion.stand(_raised(work, name) if work.held() else _overlooking(work, name))
+        over = [_raised(work, name)] if work.held() else _overlooking(work, name)
+        yield from work.motion.stand(over[0] if over else work.motion.torso)
         yield from look_at(work, name)
         if not work.held() and _covered(work, name):
             torso = work.motion.torso
@@ -45,6 +46,19 @@ def study(work: Work, name: str | None) -> Actions:
     torso[3] += _HEAD_DOWN_RAD if torso[3] < _LEVEL_RAD else -_HEAD_UP_RAD
     yield from work.motion.stand(torso)
     yield from work.see("head")
+
+
+def look_into(work: Work, name: str) -> Actions:
+    """Look at a thing from as high above it as the torso brings the eyes; one that holds something is not bent."""
+    postures = [_raised(work, name)] if work.held() else _overlooking(work, name) or [work.motion.torso]
+    middle = (kin.inverse(work.base) @ np.append(work.middle(name), 1.0))[:3]
+
+    def steepness(torso: Array) -> float:
+        down = work.motion.robot.head_camera(torso)[:3, 3] - middle
+        return float(np.arctan2(down[2], -down[0]))
+
+    yield from work.motion.stand(max(postures, key=steepness))
+    yield from look_at(work, name)
 
 
 def look_at(work: Work, name: str) -> Actions:
@@ -72,17 +86,18 @@ def _raised(work: Work, name: str) -> Array:
     return raised
 
 
-def _overlooking(work: Work, name: str) -> Array:
-    """A torso posture (4,) in which the folded hands do not hide a thing from the head: bent over what is near."""
+def _overlooking(work: Work, name: str) -> list[Array]:
+    """Torso postures (4,) in which the folded hands do not hide a thing from the head, the least bent first."""
     middle, robot = work.middle(name), work.motion.robot
     body, T = work.body({name}), kin.inverse(work.base)
+    found = []
     for lift, pitch in _OVERLOOKS:
         torso = np.array([max(lift, min(0.55, float(middle[2]) - 0.65)), 0.0, pitch, work.motion.torso[3]])
         torso[:3] = np.clip(torso[:3], *robot.torso_limits[:3].T)
         ahead = (kin.inverse(robot.chest(torso)) @ T @ np.append(middle, 1.0))[:3] - robot.head_m - robot.head_camera_m
         if np.arctan2(-ahead[2], max(float(ahead[0]), 0.0)) < _HANDS_RAD and replace(body, torso=torso).all_free():
-            return torso
-    return work.motion.torso
+            found.append(torso)
+    return found
 
 
 def _covered(work: Work, name: str) -> bool:

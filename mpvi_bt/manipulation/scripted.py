@@ -16,6 +16,7 @@ from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.hold_out import present
 from mpvi_bt.manipulation.repertoire import REPERTOIRE
 from mpvi_bt.manipulation.scene import Scene, Sight
+from mpvi_bt.manipulation.showing import done_at, views
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.skills import Skill, SkillCall
@@ -23,7 +24,8 @@ from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import CONTROL_HZ, Proprioception
 from mpvi_bt.robot.solids import Array
 
-_PATIENCE_S = 2.0  # longer than a trigger takes to fire
+_PATIENCE_S = 2.0  # longer than a trigger takes to fire,
+_IDLE_S = 3.5  # and than one does of who only looks
 _PAST_RAD = (0.4, -0.8, 0.4)  # turns of the base: what is carried may hide what it has come to
 _ATTEMPTS = 4  # of one skill
 _ROUNDS = 3  # of a whole prompt
@@ -139,7 +141,7 @@ class ScriptedPolicy:
                 with contextlib.suppress(MotionFailure):
                     yield from look_at(work, name)
         self.note, self.ended = "done", True
-        yield from self._show(work)
+        yield from self._show(work, last)
 
     def _stay(self, work: Work, last: SkillCall) -> Actions:
         """It is there, and nobody has said so: look past what it carries, and drive up to it again, for ever."""
@@ -151,8 +153,14 @@ class ScriptedPolicy:
                     yield from work.motion.drive(work.motion.felt.base_pose + [0.0, 0.0, turn])
             yield from self.attempt(work, last)
 
-    def _show(self, work: Work) -> Actions:
-        """Nobody has said that it is complete: hold what has been filled out to the head, and home again, for ever."""
+    def _show(self, work: Work, last: SkillCall) -> Actions:
+        """Nobody has said that it is complete: look at it in several ways; hold what has been filled out, for ever."""
+        yield from work.motion.wait(_IDLE_S)
+        if (name := done_at(work, last)) is not None:
+            for view in views(work, name):
+                with contextlib.suppress(MotionFailure):
+                    yield from view
+                yield from work.motion.wait(_IDLE_S)
         for turn in itertools.count():
             yield from work.motion.wait(_PATIENCE_S)
             for side, held in work.held().items():

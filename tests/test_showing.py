@@ -1,0 +1,104 @@
+"""Showing what has been done, while nobody says that it is complete."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.hands.holding import put_in_hands
+from mpvi_bt.completion.triggers import ProprioceptiveTriggers
+from mpvi_bt.manipulation.gaze import look_into
+from mpvi_bt.manipulation.scripted import Performance, ScriptedPolicy
+from mpvi_bt.manipulation.showing import done_at
+from mpvi_bt.manipulation.truth import TrueScene
+from mpvi_bt.manipulation.work import Work
+from mpvi_bt.plan.clauses import match
+from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.sim.world import World
+from tests.small_house import placed, small_world
+
+SKILLS = load_skills()
+BIN = placed("trash_can", 1.0, 0.0)
+
+
+class Done(ScriptedPolicy):
+    """It believes to be done at once."""
+
+    def perform(self, work: Work, prompt: str) -> Performance:
+        """As of a prompt that has been done."""
+        yield from ()
+        return match(prompt, self._skills)
+
+
+def views(world: World, prompt: str, seconds: float) -> list[Array]:
+    """Where torso and base (7,) were at each question that standing still brought."""
+    policy = Done(TrueScene(world), SKILLS)
+    triggers = ProprioceptiveTriggers(world.robot)
+    triggers.reset({"idle": None})
+    seen = []
+    for _ in range(round(seconds * CONTROL_HZ)):
+        felt = world.robot.proprioception()
+        world.step(policy.infer({"prompt": prompt, "proprioception": felt, "images": {}})[0])
+        if triggers.update() is not None:
+            seen.append(np.concatenate([felt.torso, felt.base_pose]))
+    return seen
+
+
+def test_who_is_done_and_not_told_so_shows_it_from_a_few_sides_and_then_stands() -> None:
+    """Each question has a view of its own, and there are no more of them however long it lasts."""
+    world = small_world({"can": placed("can_of_soda", 2.0, 1.0), "bin": BIN})
+    seen = views(world, "put the can of soda in the trash can", 60.0)
+    assert 2 <= len(seen) <= 3
+    for k, view in enumerate(seen[1:], 1):
+        assert min(np.abs(view - before).max() for before in seen[:k]) > 0.1
+    assert seen[-1][4] < seen[0][4] - 0.1, "it has not stood back"
+
+
+def work_in(world: World) -> Work:
+    """Of a robot that stands before the bin."""
+    return Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+
+
+def test_eyes_that_look_into_a_thing_are_farther_above_it_than_before() -> None:
+    """Over the near wall of a bin one sees its floor only from above."""
+    work = work_in(small_world({"bin": BIN}))
+
+    def steepness() -> float:
+        down = work.motion.robot.head_camera(work.motion.torso)[:3, 3] - work.middle("bin")  # the base is at the origin
+        return float(np.arctan2(down[2], -down[0]))
+
+    before = steepness()
+    for action in look_into(work, "bin"):
+        work.motion.felt = replace(work.motion.felt, torso=action[ActionLayout.TORSO].copy())
+    assert steepness() > before + 0.1
+
+
+@pytest.mark.parametrize(
+    ("prompt", "name"),
+    [
+        ("put the can of soda in the trash can", "bin"),
+        ("put the can of soda on the floor", "can"),
+        ("pick up the can of soda", "can"),
+        ("put the can of soda on the moon", "can"),
+    ],
+)
+def test_what_is_looked_at_is_where_it_was_to_be_done(prompt: str, name: str) -> None:
+    """The place if there is one, and else the thing."""
+    work = work_in(small_world({"can": placed("can_of_soda", 1.0, 1.0), "bin": BIN}))
+    call = match(prompt, SKILLS)
+    assert call is not None
+    assert done_at(work, call) == name
+
+
+def test_what_a_hand_has_is_for_its_own_camera_to_see() -> None:
+    """The head need not turn to it."""
+    world = small_world({"can": placed("can_of_soda", 1.0, 1.0)})
+    put_in_hands(world, {"right": "can"})
+    call = match("pick up the can of soda", SKILLS)
+    assert call is not None
+    assert done_at(work_in(world), call) is None
