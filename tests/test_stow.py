@@ -222,3 +222,23 @@ def test_an_arm_that_is_blocked_is_folded_from_farther_back() -> None:
     felt = home.robot.proprioception()
     for s in SIDES:
         np.testing.assert_allclose(felt.arm[s], r1.TRAVEL_ARM[s], atol=1e-6)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_against_a_wall_the_base_draws_back_along_it(side: Side) -> None:
+    """A robot that has opened a fridge stands with its back obliquely to the wall: its arms are folded all the same."""
+    home = world()
+    start = home.robot.proprioception().base_pose
+    toward, stow = np.array([-0.6, 0.8 * SIGN[side]]), ArmStow(home.robot)
+    stow.start()
+    for _ in range(40 * CONTROL_HZ):
+        if stow.step():
+            break
+        action = home.robot.action.copy()
+        if action[ActionLayout.BASE][:2] @ toward > 0:
+            action[ActionLayout.BASE] = 0.0
+        home.step(action)
+    felt = home.robot.proprioception()
+    for s in SIDES:
+        np.testing.assert_allclose(felt.arm[s], r1.TRAVEL_ARM[s], atol=1e-6)
+    assert felt.base_pose[0] < start[0] - 0.1

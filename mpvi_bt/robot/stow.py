@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from itertools import product
 
@@ -18,6 +18,7 @@ from mpvi_bt.robot.squeeze import squeezes
 
 _CLOSE_RAD = 0.05
 _BACK_M = 0.25
+_BACK_RAD = (0.0, 0.6, -0.6, 1.1, -1.1)  # from straight back, where an arm or the base is against a wall
 _OFF_M = 0.15  # off what fingers stand around
 _RAISED_M = 0.15
 _DRAWN_M = 0.12  # of a hand along its fingers, off what it may have let go of a moment ago
@@ -86,24 +87,21 @@ class ArmStow:
         for side in away:
             yield from _draw_off(motion, side)
         if away or out:
-            x, y, yaw = felt.base_pose
             back = max(_BACK_M, *(float(motion.hand(s)[0, 3]) - _OUT_M for s in out), 0.0)
-            goal = np.array([x - back * np.cos(yaw), y - back * np.sin(yaw), yaw])
             try:
-                yield from motion.drive(goal, speed=0.2)
+                yield from _draw_back(motion, back)
             except MotionFailure:  # an empty hand may be caught behind a rim, such as that of a box in a trunk
                 if not away:
                     raise
                 for side in away:
                     yield from _raise(motion, side)
-                yield from motion.drive(goal, speed=0.2)
+                yield from _draw_back(motion, back, _BACK_RAD if robot.sideways else (0.0,))
         rng = np.random.default_rng(self._seed)
         for side in away:
             try:
                 yield from _home(motion, side, rng)
             except MotionFailure:  # it may be in a trunk still, whose walls are in its way
-                x, y, yaw = motion.felt.base_pose
-                yield from motion.drive(np.array([x - _BACK_M * np.cos(yaw), y - _BACK_M * np.sin(yaw), yaw]), 0.2)
+                yield from _draw_back(motion, _BACK_M)
                 yield from _home(motion, side, rng)
         for side in out:
             yield from _bring_in(motion, side)
@@ -112,6 +110,19 @@ class ArmStow:
         if arms is None:
             raise MotionFailure("no_reach")
         yield from motion.stand(robot.travel_torso, arms)
+
+
+def _draw_back(motion: Motion, by_m: float, turns: Sequence[float] = (0.0,)) -> Actions:
+    """Have the base go back, in the first of the directions `turns` [rad] from straight back in which it can."""
+    for turn in turns:
+        x, y, yaw = motion.felt.base_pose
+        goal = np.array([x - by_m * np.cos(yaw + turn), y - by_m * np.sin(yaw + turn), yaw])
+        try:
+            yield from motion.drive(goal, speed=0.2)
+            return
+        except MotionFailure:
+            if turn == turns[-1]:
+                raise
 
 
 def _let_go(motion: Motion, side: Side) -> Actions:
