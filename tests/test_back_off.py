@@ -8,15 +8,17 @@ from collections.abc import Callable, Collection
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.carry import back_off, step_back
+from mpvi_bt.manipulation.carry import back_off, settle, step_back
 from mpvi_bt.manipulation.looking import look_from_elsewhere
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot.collision import NOTHING, Surroundings
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.protocol import SIDES, ActionLayout
+from mpvi_bt.robot.r1 import R1
+from mpvi_bt.robot.solids import Array, box
 from mpvi_bt.sim.world import World
-from tests.small_house import placed, small_world
+from tests.small_house import placed, run, small_world
 
 BEHIND = {side: placed("carton_of_milk", -0.58, y) for side, y in (("left", 0.2), ("right", -0.2))}
 
@@ -121,3 +123,35 @@ def test_what_the_base_has_met_is_not_strolled_through() -> None:
     for _ in range(2):
         played(world, work, look_from_elsewhere(work, place, lambda: NOTHING))
     assert len(work.motion.bumps) == 1
+
+
+def test_an_arm_that_meets_what_nobody_knows_of_is_folded_from_farther_back() -> None:
+    """No picture need have shown the shelf that an arm is still in: nothing on the way home seems to be there."""
+    world = small_world()
+    reaching = world.robot.action.copy()
+    reaching[ActionLayout.ARM["left"]] = (-0.9, 0.3, 0.0, -0.9, 0.0, 0.2, 0.0)
+    run(world, reaching, 2.0)
+    world.robot.act(reaching)
+    work = Work(Unseeing(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    for action in settle(work):
+        felt = work.motion.felt
+        if felt.base_pose[0] > -0.1:
+            action[ActionLayout.ARM["left"]] = felt.arm["left"]
+        world.step(action)
+        work.motion.felt = world.robot.proprioception()
+    for side in SIDES:
+        np.testing.assert_allclose(work.motion.felt.arm[side], R1.travel_arm[side], atol=0.03)
+
+
+def test_a_robot_with_empty_hands_straightens_up_out_of_what_it_takes_itself_to_be_in() -> None:
+    """What pictures hide counts as solid, above a desk that it is bent over, too: it would stay bent for ever."""
+    world = small_world()
+    bent = world.robot.action.copy()
+    bent[ActionLayout.TORSO] = (0.3, 0.0, 0.6, 0.2)
+    run(world, bent, 2.0)
+    world.robot.act(bent)
+    scene = Unseeing(world)
+    scene.obstacles = lambda *_, **__: Surroundings([box((0.0, 0.0, 1.1), (2.0, 2.0, 1.2))])
+    work = Work(scene, Motion(world.robot.proprioception()), np.random.default_rng(0))
+    played(world, work, settle(work))
+    np.testing.assert_allclose(work.motion.felt.torso[:3], R1.travel_torso[:3], atol=0.02)

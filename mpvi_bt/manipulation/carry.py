@@ -43,30 +43,31 @@ _CARRIES = [
 def settle(work: Work, without: Collection[str] = ()) -> Actions:
     """Fold the empty arms and bring what is held to the chest, upright, the torso as for traveling.
 
+    Where there is no room for it, or an arm meets what nobody knows of, it is done from a little farther back. With
+    nothing held a robot that takes itself to be in something then straightens up all the same, and feels what it meets.
+
     Args:
         work: Robot and world.
         without: Things that the hands may be in touch with at first.
 
     Raises:
-        MotionFailure: "no_fold" or "no_carry" if no such posture can be reached.
+        MotionFailure: "no_fold" or "no_carry" if no such posture can be reached, or a motion's own reason.
     """
     try:
         yield from _settle(work, without)
-    except MotionFailure as failure:
-        if failure.reason not in ("no_fold", "no_carry"):
-            raise
+    except MotionFailure:
         yield from back_off(work)
-        yield from _settle(work, without)
+        yield from _settle(work, without, feeling=True)
 
 
-def _settle(work: Work, without: Collection[str]) -> Actions:
+def _settle(work: Work, without: Collection[str], feeling: bool = False) -> Actions:
     held = work.held()
     for side in (s for s in work.motion.robot.sides if s not in held):
         if np.abs(work.motion.arm(side) - work.motion.robot.travel_arm[side]).max() > 0.02:
             yield from work.motion.follow(side, _fold(work, side, without))
     upright = np.append(work.motion.robot.travel_torso[:3], work.motion.torso[3])
     arms = _homeward(work, upright, without)
-    if arms is None:
+    if arms is None and (held or not feeling):
         raise MotionFailure("no_carry")
     yield from work.motion.stand(upright, arms)
 
