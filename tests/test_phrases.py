@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt.perception import phrases
-from mpvi_bt.perception.phrases import MOST_CHARACTERS, Vocabulary, asked, normalize, read, whole
+from mpvi_bt.perception.phrases import MOST_CHARACTERS, Vocabulary, asked, kinds, normalize, read, whole
 from mpvi_bt.sim.catalogue import load_catalogue
 
 DATA = yaml.safe_load(Path(phrases.__file__).with_suffix(".yaml").read_text(encoding="utf-8"))
@@ -188,3 +188,14 @@ def test_a_part_is_read_as_it_always_was() -> None:
     assert whole("the fridge door") == "fridge"
     assert THINGS.named("handle of the fridge") == ["fridge"]
     assert THINGS.named("the front door") == ["front door"]
+
+
+def test_what_several_phrases_mean_is_looked_for_once() -> None:
+    """State, contents, place and count are no kinds of things; colors and parts are."""
+    assert kinds(["basket without a candle", "candle", "another basket"]) == ["basket", "candle"]
+    assert kinds(["three cans of soda from the hall", "can of soda"]) == ["cans of soda"]
+    assert kinds(["empty bowl", "bowl with the leek", "half full bowl", "open cabinet"]) == ["bowl", "cabinet"]
+    assert kinds(["red cup", "cup", "glass of water", "left cabinet door"]) == [
+        "red cup", "cup", "glass of water", "left cabinet door",
+    ]  # fmt: skip
+    assert kinds([""]) == [""]

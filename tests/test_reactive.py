@@ -126,6 +126,17 @@ def test_an_unknown_skill_is_said_and_nothing_moves() -> None:
     assert np.linalg.norm(world.robot.proprioception().base_pose[:2]) < 0.01
 
 
+@pytest.mark.render
+def test_a_bin_that_two_clauses_mean_is_one_thing() -> None:
+    """What is put into the bin without a can lies in the bin without an egg, too: it is no other bin."""
+    world = calm(small_world({"bin": placed("trash_can", 1.0, 0.0), "can": placed("can_of_soda", 0.9, 0.4)},
+                             render=True))  # fmt: skip
+    policy = reactive()
+    play(world, policy, "put the can of soda in the trash can without a can, then lift the trash can without an egg", 2)
+    assert [e.name for e in policy._seen.knowledge().find("trash can without an egg")] == ["trash can 1"]
+    assert len(list(policy._seen.knowledge())) == 2
+
+
 @pytest.mark.slow
 @pytest.mark.render
 @pytest.mark.parametrize("at", [(0.9, 0.1), (0.7, -0.6), (-0.9, 0.2)])

@@ -15,6 +15,7 @@ from mpvi_bt.manipulation.seen import Seen
 from mpvi_bt.manipulation.spots import is_floor
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.detector import Detector
+from mpvi_bt.perception.phrases import kinds
 from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.skills import Skill, SkillCall
@@ -61,7 +62,7 @@ class ReactivePolicy(ScriptedPolicy):
         if not calls:
             self.note = f"no skill for {prompt[:60]!r}"
             return None
-        self._seen.forget(phrase for call in calls for r in readings(call) for phrase in self._phrases(r, _NAMES))
+        self._seen.forget(kinds(p for call in calls for r in readings(call) for p in self._phrases(r, _NAMES)))
         if any(call.skill.hands for call in calls):
             yield from self._look_at_hands(work)
         left = [(call, _TRIES) for call in calls for _ in range(count(call))]

@@ -33,6 +33,8 @@ _WHERE = r"(?:front|top|upper|middle|lower|bottom|left|right)"
 _PART = rf"(?:{_WHERE} )?(?:door|lid|drawer|cover|flap|handle)s?"
 _OF_THING = re.compile(rf"{_PART} (?:of|on) (?P<a>.+)|(?P<b>(?!{_WHERE} \w+$).+?) {_PART}")
 
+_PASSING = ("filling", "state")  # groups of qualities that a thing has for a while
+
 Noun = tuple[str, ...]
 Quality = tuple[str, str]  # its group and itself, such as ("color", "red")
 
@@ -103,6 +105,29 @@ def read(phrase: str) -> Reading | None:
     words, place = words[:cut], " ".join(words[cut:])
     noun, qualities = _noun(words)
     return Reading(tuple(words), _one_name(noun), frozenset(qualities), place) if noun else None
+
+
+def kinds(phrases: Iterable[str]) -> list[str]:
+    """What to look for to see all that some phrases mean: each kind of thing once, in few words.
+
+    Where a thing is and what is in it, how many are meant, and whether it is empty or open, no picture of it alone
+    tells: "the basket without a candle" and "another basket" are looked for as "basket", and are one thing where they
+    are. What is no readable phrase stays as it is.
+    """
+    found: dict[tuple[Noun, frozenset[Quality]] | str, str] = {}
+    for phrase in phrases:
+        reading = read(phrase)
+        if reading is None:
+            found[phrase] = phrase
+            continue
+        lasting = frozenset(q for q in reading.qualities if q[0] not in _PASSING)
+        words, left = [], list(reading.words)
+        while left:
+            size, quality = _term(left)
+            words += left[:size] if quality is None or quality[0] not in _PASSING else []
+            left = left[size:]
+        found.setdefault((reading.noun, lasting), " ".join(words))
+    return list(found.values())
 
 
 def asked(label: str, phrases: Sequence[str]) -> str | None:
