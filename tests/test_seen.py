@@ -21,7 +21,8 @@ from tests.small_house import placed, run, small_world
 
 pytestmark = pytest.mark.render
 
-VOCABULARY = {"can_1": ("can of soda",), "can_2": ("can of soda",), "bin": ("trash can",), "table_1": ("table",)}
+VOCABULARY = {"can_1": ("can of soda",), "can_2": ("can of soda",), "bin": ("trash can",), "table_1": ("table",),
+              "egg_0": ("Easter egg",)}  # fmt: skip
 TABLE = "{entry: table, at: [1.0, 0.0]}"
 
 
@@ -221,6 +222,36 @@ def test_what_is_looked_at_closely_does_not_hang_on_an_order() -> None:
         seen.obstacles(here, 2.0, without=without)
         assert seen._focus is not None
         np.testing.assert_allclose(seen._focus, world.solids("can_1")[0].aabb().mean(0), atol=0.01)
+
+
+def basket(*eggs: tuple[float, float]) -> World:
+    """A basket on the floor before the robot, with eggs at places in it."""
+    things = {f"egg_{k}": placed("easter_egg", 0.75 + x, y, 0.02) for k, (x, y) in enumerate(eggs)}
+    return tilted(small_world({"bin": placed("wicker_basket", 0.75, 0.0), **things}, render=True), 0.9)
+
+
+def test_what_has_rolled_elsewhere_in_a_basket_is_not_where_it_was() -> None:
+    """A picture that shows the basket's floor there tells as much as one that shows the room's."""
+    world = basket((0.0, -0.1))
+    seen = looking(world, "trash can", "Easter egg")
+    assert len(names(seen, "Easter egg")) == 1
+    assert seen.within(*names(seen, "trash can")) == names(seen, "Easter egg")
+    T = world.pose("egg_0")
+    T[1, 3] += 0.2
+    world.place("egg_0", T)
+    look(world, seen)
+    (egg,) = names(seen, "Easter egg")
+    assert abs(seen.pose(egg)[1, 3] - T[1, 3]) < 0.02
+
+
+def test_the_near_wall_of_a_basket_is_in_the_way_though_only_its_rim_is_seen() -> None:
+    """What hides below a rim is known by the shape of what it belongs to, also where hidden space is trusted."""
+    world = basket()
+    seen = looking(world, "trash can")
+    low, high = seen.knowledge().find("trash can")[0].lowest, seen.knowledge().find("trash can")[0].highest
+    foot = np.array([[low[0] + 0.004, y, z] for y in (-0.1, 0.0, 0.1) for z in (0.02, 0.06, 0.1)])
+    with seen.trusting():
+        assert (seen.obstacles((low + high)[:2] / 2, 1.0).distance(foot) < 0.01).all()
 
 
 def test_what_a_look_aside_has_shown_is_remembered_where_hidden_space_is_trusted() -> None:

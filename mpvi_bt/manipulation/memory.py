@@ -38,7 +38,9 @@ _RECENT_M = 1.2  # of driving: what was seen before is still good enough to be f
 _SHRUNK = 0.9  # a thing that seems so much smaller than before is partly hidden
 _TALLER = 1.3  # of two views of furniture, one so many times as tall as the other shows more of it
 _SEEN_PX = 6  # a mask of fewer pixels is not looked at
-_THROUGH_M = 0.06  # where the depth is that much farther than a thing, it is gone
+_THROUGH_M = 0.06  # where the depth is that much farther than the middle of a hollow thing, it is gone,
+_BEHIND_M = 0.01  # and that much farther than that of another,
+_NOISE_PER_M = 0.004  # and so much more for every square meter of range
 _SAMPLED = 500  # points of a part are enough to say where that is
 _PRESSED_M = 0.06  # what two hands press is this near to both of them
 _GRASPED_M = 0.06  # what a closing hand takes hold of is this near its tcp, by what was seen of it
@@ -332,12 +334,13 @@ class Memory:
         self._field = None
 
     def _missed(self, name: str, frame: Frame) -> None:
-        """Forget a thing where a picture shows what is behind it."""
-        thing = self._things[name]
-        if name in self._held() or thing.inside is not None or thing.shape.extent is not None:
+        """Forget a thing where a picture shows what is behind it; what is hollow may be seen through to its floor."""
+        thing, held = self._things[name], self._held()
+        if name in held or thing.inside in held or thing.shape.extent is not None:
             return
         depths = frame.depth_at(self._shape(name).box().mean(0))
-        if depths is not None and depths[1] > depths[0] + _THROUGH_M:
+        through = _THROUGH_M if thing.shape.volumes else _BEHIND_M
+        if depths is not None and depths[1] > depths[0] + through + _NOISE_PER_M * depths[0] ** 2:
             del self._things[name]
 
     def _lies_in(self, shape: Shape, container: str) -> bool:

@@ -149,7 +149,8 @@ class Seen(Memory):
         unseen = [
             s for n, t in self._things.items()
             if n not in without and t.inside is None and n not in self._held()
-            and (n in faces or not any(f is g for f, _ in t.views for g in frames)) for s in self.solids(n)
+            and (n in faces or t.shape.volumes
+                 or not any(f is g for f, _ in t.views for g in frames)) for s in self.solids(n)
         ]  # fmt: skip
         return Together([self._field[1], Surroundings(unseen)])
 
