@@ -18,7 +18,7 @@ from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.boards import ABOVE_M, ASKEW_RAD, FRONT_M, GAPS_M
 from mpvi_bt.sim.catalogue import load_catalogue
-from mpvi_bt.sim.ground import APART_M, DOORWAY_M, OBJECT_CLEARANCE_M, PASSAGE_M, ROBOT_CLEARANCE_M
+from mpvi_bt.sim.ground import APART_M, DOORWAY_M, OBJECT_CLEARANCE_M, PASSAGE_M, ROBOT_CLEARANCE_M, Ground
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.sim.prior_map import obstacles, prior_map
 from mpvi_bt.sim.sampling import OPEN, Start, sample, scene_names
@@ -381,6 +381,22 @@ def test_what_takes_two_hands_lies_square_and_near(instance: int) -> None:
     assert min(*(T[:2, 3] - low[:2]), *(high[:2] - T[:2, 3])) < 0.3
     turned = float(np.arctan2(T[1, 0], T[0, 0]))
     assert abs((turned + np.pi / 4) % (np.pi / 2) - np.pi / 4) < ASKEW_RAD + 0.15
+
+
+def test_nobody_reaches_through_a_wall() -> None:
+    """The back of a bench is looked at, and reached, from its room, though the floor beyond the wall is nearer."""
+    low, high = HOUSE.fixtures["tabletop_1"].extent()
+    back = np.array([((low[0] + high[0]) / 2, low[1] + 0.05)])
+    ground = Ground(HOUSE)
+    assert np.sin(ground.ahead(back))[0] < -0.9
+    assert ground.away_m(back)[0] > high[1] - back[0, 1]
+
+
+@pytest.mark.parametrize("instance", [1, 5])
+def test_what_has_a_lid_looks_at_whoever_stands_there(instance: int) -> None:
+    """The bar of a toolbox on a bench that stands at a wall is on the side of the room."""
+    _, begin = drawn("outfit_a_basic_toolbox", instance)
+    assert begin.objects["toolbox.n.01_1"].T_world[1, 0] > 0.9
 
 
 @pytest.mark.parametrize("instance", range(0, 10, 3))

@@ -40,11 +40,23 @@ class Ground:
         occupied = marked(self._map, open_doors).occupied
         self._clearance = ndimage.distance_transform_edt(~occupied) * self._map.resolution_m
         self._reachable = standing_room(self._map)
-        away, self._standing = ndimage.distance_transform_edt(~self._reachable, return_indices=True)
-        self._from_reachable_m = away * self._map.resolution_m
+        self._from_reachable_m, self._standing = self._nearest_standing()
         self._taken: list[tuple[Array, float]] = []
         self._reached: list[Array] = []
         self._occupied = self._map.occupied.copy()  # with what was drawn
+
+    def _nearest_standing(self) -> tuple[Array, NDArray[np.intp]]:
+        """(H, W) how far [m] each cell is from the nearest in its room where a robot can stand, and (2, H, W) which.
+
+        A place beyond a wall may be nearer, but nobody reaches through the wall.
+        """
+        away = np.full(self._reachable.shape, np.inf)
+        nearest = np.indices(away.shape)
+        for room in np.unique(self._map.rooms[self._reachable]):
+            here = self._map.rooms == room
+            far, at = ndimage.distance_transform_edt(~(self._reachable & here), return_indices=True)
+            away[here], nearest[:, here] = far[here] * self._map.resolution_m, at[:, here]
+        return away, nearest
 
     def is_ground(self, support: str) -> bool:
         """Whether a support is a floor, or so flat that a robot drives over it, such as a lawn."""
@@ -90,14 +102,14 @@ class Ground:
         return np.asarray(((low[1] < y) & (y < high[1]))[:, None] & ((low[0] < x) & (x < high[0])))
 
     def away_m(self, xy: Array) -> Array:
-        """(n,) how far [m] places (n, 2) are from where a robot can stand; infinite outside the map."""
+        """(n,) how far [m] places (n, 2) are from where a robot can stand in the same room; infinite outside rooms."""
         cells = self._cells(xy)
-        inside = ((cells >= 0) & (cells < self._from_reachable_m.shape)).all(1)
+        inside = np.asarray(((cells >= 0) & (cells < self._map.occupied.shape)).all(1))
         cells = np.where(inside[:, None], cells, 0)
         return np.where(inside, self._from_reachable_m[cells[:, 0], cells[:, 1]], np.inf)
 
     def ahead(self, xy: Array) -> Array:
-        """(n,) the way [rad] that a robot looks that stands as near as it can before places (n, 2)."""
+        """(n,) the way [rad] that a robot looks that stands as near as it can, in the same room, to places (n, 2)."""
         cells = np.clip(self._cells(xy), 0, np.array(self._from_reachable_m.shape) - 1)
         nearest = self._standing[:, cells[:, 0], cells[:, 1]].T[:, ::-1]
         way = xy - (self._map.origin_m + (nearest + 0.5) * self._map.resolution_m)
