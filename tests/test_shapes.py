@@ -271,6 +271,16 @@ def test_what_hangs_apart_is_no_part() -> None:
         np.testing.assert_array_equal(main_cluster(np.concatenate([own, own[:20] + away])), own)
 
 
+def test_parts_of_furniture_that_an_arm_splits_belong_together() -> None:
+    """A door that stands open and the inside behind it are one cabinet, what is seen between them or not."""
+    rng = np.random.default_rng(0)
+    door = rng.uniform(0, 1, (2000, 3)) * [0.02, 0.6, 0.7]
+    inside = rng.uniform(0, 1, (1500, 3)) * [0.02, 0.3, 0.7] + [0.4, -0.5, 0.0]
+    behind = door[:100] + [2.0, 0.0, 0.0]
+    kept = main_cluster(np.concatenate([door, inside, behind]))
+    np.testing.assert_array_equal(kept, np.concatenate([door, inside]))
+
+
 def test_a_near_picture_does_not_outvote_a_far_one() -> None:
     """After thinning a patch has as many points however often it was seen."""
     patch = np.random.default_rng(0).uniform(0, 0.04, (3000, 3)) * [1, 1, 0]

@@ -12,6 +12,7 @@ from mpvi_bt.robot.solids import Array
 
 _CELL_M = 0.015  # of the grid in which points hang together
 _LARGE_M, _LARGE_CELL_M = 0.15, 0.04  # that of large things: what holds a bail may be too thin to be seen
+_HUGE_M, _PART = 0.4, 0.1  # of what is so long, or high, parts that have such a share of the points belong to it, too
 THIN_M = 0.004  # of points that lie that near to each other one is kept
 _AROUND_M = 0.12  # from how far around a thing its support is told
 _FACE = 0.45  # of the points level with a thing's foot so many lie within 4 mm where they are those of a face;
@@ -19,7 +20,11 @@ _LITTLE = 0.1  # where they are not, they are believed unless a face below them 
 
 
 def main_cluster(points: Array) -> Array:
-    """The largest part of points (n, 3) that hangs together: drops what a mask catches of the background."""
+    """The largest part of points (n, 3) that hangs together: drops what a mask catches of the background.
+
+    Of furniture that is seen in several parts, such as a door that stands open and, past an arm, the inside behind it,
+    those that are large belong together.
+    """
     if len(points) < 4:
         return points
     large = np.ptp(np.percentile(points, [10, 90], axis=0), axis=0).max() > _LARGE_M
@@ -34,7 +39,11 @@ def main_cluster(points: Array) -> Array:
     if count < 2:
         return points
     own = parts[tuple(cells.T)]
-    return points[own == np.bincount(own).argmax()]
+    counts = np.bincount(own)
+    largest = points[own == counts.argmax()]
+    if np.ptp(largest, axis=0).max() < _HUGE_M:
+        return largest
+    return points[counts[own] > _PART * counts.max()]
 
 
 def thinned(points: Array, cell_m: float = THIN_M) -> Array:
