@@ -266,3 +266,27 @@ def test_what_a_look_aside_has_shown_is_remembered_where_hidden_space_is_trusted
         assert seen.obstacles(near, 1.7).distance(wall) < 0.03
     with seen.trusting():
         assert seen.obstacles(near, 1.7).distance(wall) > 0.1
+
+
+def tall_cabinet(x: float, y: float, yaw: float) -> World:
+    """One that stands open, seen from somewhere."""
+    cabinet = "{entry: tall_cabinet, at: [1.0, 0.0], yaw_deg: 180, shape: {hinge: left}}"
+    world = small_world(base=(x, y, yaw), render=True, cabinet=cabinet)
+    world.set_opening("cabinet", "door", 0.7)
+    world.refresh()
+    return tilted(world, 0.3)
+
+
+FRONT, BESIDE = (-0.5, 0.0, 0.0), (0.3, 1.3, -1.0)
+
+
+@pytest.mark.parametrize("places", [(FRONT, BESIDE), (BESIDE, FRONT)])
+def test_who_has_seen_into_furniture_knows_its_room(places: tuple[tuple[float, float, float], ...]) -> None:
+    """From beside, only the open door and a side are in view: that counts neither before nor after a look inside."""
+    seen = Seen(SegmentationDetector({"cabinet": ("cabinet",)}, least_px=1))
+    seen.forget(["cabinet"])
+    for place in places:
+        look(tall_cabinet(*place), seen)
+    (name,) = names(seen, "cabinet")
+    assert len(seen.volumes(name)) >= 3
+    assert len(seen.spots(name, 0.05, 0.2, np.zeros(2))) > 5

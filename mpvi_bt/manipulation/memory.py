@@ -58,6 +58,7 @@ class Thing:
         name, phrase: "can of soda 1", "can of soda".
         shape: What it is taken to be, where it was seen or put last.
         views: Frames that show it, with its mask, newest last.
+        inner: Those that showed the room in it last: from elsewhere only a door of furniture, or a side, is in view.
         inside: The container that it is in.
     """
 
@@ -65,6 +66,7 @@ class Thing:
     phrase: str
     shape: Shape
     views: list[View] = field(default_factory=list)
+    inner: list[View] = field(default_factory=list)
     inside: str | None = None
 
 
@@ -293,7 +295,8 @@ class Memory:
         if shape is not None:
             self._count[phrase] = self._count.get(phrase, 0) + 1
             name = f"{phrase} {self._count[phrase]}"
-            self._things[name] = Thing(name, phrase, shape, [(frame, mask)])
+            view = (frame, mask)
+            self._things[name] = Thing(name, phrase, shape, [view], [view] if shape.volumes else [])
 
     def _update(self, thing: Thing, frame: Frame, mask: NDArray[np.bool_]) -> None:
         """See a thing again; what is in hand is known better by the hand."""
@@ -312,6 +315,8 @@ class Memory:
         shape = fitted(here, thing.shape.support_m)
         if len(here) < len(thing.views) and (shape is None or _shrunk(shape, thing.shape)):
             shape = fitted(thing.views, thing.shape.support_m) or shape  # something hides a part of it now
+        if shape is not None and shape.volumes:
+            thing.inner = here
         if thing.shape.kind == "furniture" and (shape is None or _in_part(shape, thing.shape)):
             return  # from near only a part of it is in view
         if shape is not None:
@@ -364,7 +369,12 @@ def _apart(part: Array, whole: cKDTree) -> float:
 
 
 def _in_part(shape: Shape, before: Shape) -> bool:
-    """Whether only a part of furniture is seen now: by its height or, of views that are as tall, from above."""
+    """Whether only a part of furniture is seen now: nothing of its inside or, by its height or from above, less of it.
+
+    Who sees into it sees more than its outside, however large that is.
+    """
+    if bool(before.volumes) != bool(shape.volumes):
+        return bool(before.volumes)
     now, then = (float(np.ptp(s.box()[:, 2])) for s in (shape, before))
     return now * _TALLER < then or (now < then * _TALLER and _shrunk(shape, before))
 

@@ -208,7 +208,8 @@ class Seen(Memory):
     def spots(self, surface: str, radius_m: float, height_m: float, near: Array) -> list[Array]:
         """As `Scene` says: on the largest horizontal face that is seen of it, by distance to its edge and to things."""
         thing = self._known(surface)
-        views = [(f, m) for f, m in thing.views if f.image.camera == "head"]
+        before = [(f, m) for f, m in thing.inner if all(f is not g for g, _ in thing.views)]
+        views = [(f, m) for f, m in (*before, *thing.views) if f.image.camera == "head"]
         if not views:
             return []
         found: list[tuple[float, Array]] = []
