@@ -11,13 +11,13 @@ from benchmarks.hands.holding import put_in_hands
 from mpvi_bt.completion.triggers import ProprioceptiveTriggers
 from mpvi_bt.manipulation.gaze import look_into
 from mpvi_bt.manipulation.scripted import Performance, ScriptedPolicy
-from mpvi_bt.manipulation.showing import done_at
+from mpvi_bt.manipulation.showing import done_at, views
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.clauses import match
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.motion import Motion
-from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout
+from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
@@ -27,15 +27,18 @@ BIN = placed("trash_can", 1.0, 0.0)
 
 
 class Done(ScriptedPolicy):
-    """It believes to be done at once."""
+    """It believes to be done at once; it counts how often it began."""
+
+    begun = 0
 
     def perform(self, work: Work, prompt: str) -> Performance:
         """As of a prompt that has been done."""
         yield from ()
+        self.begun += 1
         return match(prompt, self._skills)
 
 
-def views(world: World, prompt: str, seconds: float) -> list[Array]:
+def asked_at(world: World, prompt: str, seconds: float) -> list[Array]:
     """Where torso and base (7,) were at each question that standing still brought."""
     policy = Done(TrueScene(world), SKILLS)
     triggers = ProprioceptiveTriggers(world.robot)
@@ -52,7 +55,7 @@ def views(world: World, prompt: str, seconds: float) -> list[Array]:
 def test_who_is_done_and_not_told_so_shows_it_from_a_few_sides_and_then_stands() -> None:
     """Each question has a view of its own, and there are no more of them however long it lasts."""
     world = small_world({"can": placed("can_of_soda", 2.0, 1.0), "bin": BIN})
-    seen = views(world, "put the can of soda in the trash can", 60.0)
+    seen = asked_at(world, "put the can of soda in the trash can", 60.0)
     assert 2 <= len(seen) <= 3
     for k, view in enumerate(seen[1:], 1):
         assert min(np.abs(view - before).max() for before in seen[:k]) > 0.1
@@ -79,20 +82,40 @@ def test_eyes_that_look_into_a_thing_are_farther_above_it_than_before() -> None:
 
 
 @pytest.mark.parametrize(
-    ("prompt", "name"),
+    ("prompt", "names"),
     [
-        ("put the can of soda in the trash can", "bin"),
-        ("put the can of soda on the floor", "can"),
-        ("pick up the can of soda", "can"),
-        ("put the can of soda on the moon", "can"),
+        ("put the can of soda in the trash can", ["bin", "can"]),
+        ("put the can of soda on the floor", ["can"]),
+        ("pick up the can of soda", ["can"]),
+        ("put the can of soda on the moon", ["can"]),
+        ("put the can of soda on the floor next to the trash can", ["bin", "can"]),
     ],
 )
-def test_what_is_looked_at_is_where_it_was_to_be_done(prompt: str, name: str) -> None:
-    """The place if there is one, and else the thing."""
-    work = work_in(small_world({"can": placed("can_of_soda", 1.0, 1.0), "bin": BIN}))
+def test_what_is_looked_at_is_where_it_was_to_be_done(prompt: str, names: list[str]) -> None:
+    """The place if there is one, and of several things the one there, which is what was put."""
+    far = placed("can_of_soda", 0.2, 2.0)
+    work = work_in(small_world({"other": far, "can": placed("can_of_soda", 1.0, 0.4), "bin": BIN}))
     call = match(prompt, SKILLS)
     assert call is not None
-    assert done_at(work, call) == name
+    shown = done_at(work, call)
+    assert shown[0] == names[0] if len(names) == 2 else shown[0] in ("can", "other")
+    assert shown[1:] == names[1:]
+
+
+@pytest.mark.parametrize(
+    ("prompt", "ways"),
+    [
+        ("put the can of soda in the trash can", ["look_into", "stand_back"]),
+        ("put the can of soda under the trash can", ["stand_back", "look_into"]),
+        ("put the can of soda on the moon of the earth", ["stand_back", "look_into"]),
+    ],
+)
+def test_only_a_container_is_looked_into_first(prompt: str, ways: list[str]) -> None:
+    """What lies under a thing or beside it is seen together with it from farther off."""
+    work = work_in(small_world({"can": placed("can_of_soda", 1.0, 0.4), "bin": BIN}))
+    call = match(prompt, SKILLS)
+    assert call is not None
+    assert [way.__name__ for way in views(work, call)] == ways  # type: ignore[attr-defined]
 
 
 def test_what_a_hand_has_is_for_its_own_camera_to_see() -> None:
@@ -101,4 +124,16 @@ def test_what_a_hand_has_is_for_its_own_camera_to_see() -> None:
     put_in_hands(world, {"right": "can"})
     call = match("pick up the can of soda", SKILLS)
     assert call is not None
-    assert done_at(work_in(world), call) is None
+    assert done_at(work_in(world), call) == []
+
+
+@pytest.mark.parametrize(("held", "begun"), [({"right": "can"}, 1), ({}, 2)])
+def test_what_slipped_out_after_it_was_taken_is_taken_anew(held: dict[Side, str], begun: int) -> None:
+    """Empty hands show nothing to wait for."""
+    world = small_world({"can": placed("can_of_soda", 1.0, 1.0)})
+    put_in_hands(world, held)
+    policy = Done(TrueScene(world), SKILLS)
+    for _ in range(5 * CONTROL_HZ):
+        felt = world.robot.proprioception()
+        world.step(policy.infer({"prompt": "pick up the can of soda", "proprioception": felt, "images": {}})[0])
+    assert policy.begun == begun

@@ -61,10 +61,10 @@ def look_into(work: Work, name: str) -> Actions:
     yield from look_at(work, name)
 
 
-def look_at(work: Work, name: str) -> Actions:
-    """Tilt the head so that a thing is in the middle of its view, up or down, and look."""
-    torso = work.motion.torso
-    seen = kin.inverse(work.base @ work.motion.robot.chest(torso)) @ np.append(work.middle(name), 1.0)
+def look_at(work: Work, *names: str) -> Actions:
+    """Tilt the head so that the middle of things is in the middle of its view, up or down, and look."""
+    torso, middle = work.motion.torso, np.mean([work.middle(name) for name in names], axis=0)
+    seen = kin.inverse(work.base @ work.motion.robot.chest(torso)) @ np.append(middle, 1.0)
     ahead = seen[:3] - work.motion.robot.head_m
     torso[3] = np.clip(np.arctan2(-ahead[2], max(float(ahead[0]), 0.05)), *work.motion.robot.torso_limits[3])
     yield from work.motion.stand(torso)

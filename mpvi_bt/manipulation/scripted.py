@@ -16,7 +16,7 @@ from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.hold_out import present
 from mpvi_bt.manipulation.repertoire import REPERTOIRE
 from mpvi_bt.manipulation.scene import Scene, Sight
-from mpvi_bt.manipulation.showing import done_at, views
+from mpvi_bt.manipulation.showing import views
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.skills import Skill, SkillCall
@@ -27,6 +27,7 @@ from mpvi_bt.robot.solids import Array
 _PATIENCE_S = 2.0  # longer than a trigger takes to fire,
 _IDLE_S = 3.5  # and than one does of who only looks
 _PAST_RAD = (0.4, -0.8, 0.4)  # turns of the base: what is carried may hide what it has come to
+_TAKES = ("pick", "lift")  # skills that leave something in hand
 _ATTEMPTS = 4  # of one skill
 _ROUNDS = 3  # of a whole prompt
 _CHECKS = 100.0  # base poses that searches for a prompt may check at the start,
@@ -101,8 +102,7 @@ class ScriptedPolicy:
     def _performed(self, work: Work, prompt: str) -> Actions:
         """Everything that it does about a prompt; a motion that fails outside of any attempt ends it, with a note."""
         try:
-            last = yield from self.perform(work, prompt)
-            if last is not None:
+            while (last := (yield from self.perform(work, prompt))) is not None:
                 yield from self._finish(work, last)
         except MotionFailure as failure:
             self.note = f"{self.note}: {failure.reason}" if self.note else failure.reason
@@ -131,7 +131,10 @@ class ScriptedPolicy:
         return None
 
     def _finish(self, work: Work, last: SkillCall) -> Actions:
-        """Everything is done: carry what is held close, look at it, and show it if nobody says that it is complete."""
+        """Everything is done: carry what is held close, look at it, and show it if nobody says that it is complete.
+
+        It comes back where what was taken has been lost since.
+        """
         if not last.skill.hands:
             yield from self._stay(work, last)
         with contextlib.suppress(MotionFailure):  # where it cannot be brought closer it stays
@@ -154,13 +157,17 @@ class ScriptedPolicy:
             yield from self.attempt(work, last)
 
     def _show(self, work: Work, last: SkillCall) -> Actions:
-        """Nobody has said that it is complete: look at it in several ways; hold what has been filled out, for ever."""
+        """Nobody has said that it is complete: look at it in several ways; hold what has been filled out, for ever.
+
+        Unless it was to be taken, and no hand holds anything any more.
+        """
         yield from work.motion.wait(_IDLE_S)
-        if (name := done_at(work, last)) is not None:
-            for view in views(work, name):
-                with contextlib.suppress(MotionFailure):
-                    yield from view
-                yield from work.motion.wait(_IDLE_S)
+        if last.skill.name in _TAKES and not work.carried():
+            return
+        for view in views(work, last):
+            with contextlib.suppress(MotionFailure):
+                yield from view
+            yield from work.motion.wait(_IDLE_S)
         for turn in itertools.count():
             yield from work.motion.wait(_PATIENCE_S)
             for side, held in work.held().items():

@@ -14,30 +14,43 @@ from mpvi_bt.robot.motion import Actions
 _WHERE = ("container", "surface", "target", "object")  # slots that name what to look at, the first that does
 
 
-def stand_back(work: Work, name: str) -> Actions:
-    """Look at a thing upright from a little farther off: with what is above and beside it. Raises as any motion."""
+def stand_back(work: Work, *names: str) -> Actions:
+    """Look at things upright from a little farther off: with what is above and beside them. Raises as any motion."""
     yield from back_off(work)
     if not work.held():
         yield from work.motion.stand(np.append(work.motion.robot.travel_torso[:3], work.motion.torso[3]))
-    yield from look_at(work, name)
+    yield from look_at(work, *names)
 
 
-def views(work: Work, name: str) -> list[Actions]:
-    """Ways to look at a thing, one after the other; what both hands hold is only looked at."""
-    if name == work.scene.between():
-        return [look_at(work, name)]
-    return [look_into(work, name), stand_back(work, name)]
+def views(work: Work, call: SkillCall) -> list[Actions]:
+    """Ways to look at what a call has done, one after the other.
+
+    A container is looked into before it is looked at from farther off, all else after. What both hands hold is only
+    looked at.
+    """
+    names = done_at(work, call)
+    if not names or work.scene.between() in names:
+        return [look_at(work, name) for name in names]
+    ways = [look_into(work, names[0]), stand_back(work, *names)]
+    return ways if "container" in call.arguments else ways[::-1]
 
 
-def done_at(work: Work, call: SkillCall) -> str | None:
-    """What to look at to see that a call is done: what both hands hold, or where it was to be done.
+def done_at(work: Work, call: SkillCall) -> list[str]:
+    """What to look at to see that a call is done: what both hands hold; or where it was done, and the thing there.
 
-    None where that is not known, or is in a hand, whose own camera sees it.
+    Nothing where that is not known, or is in a hand, whose own camera sees it.
     """
     if (between := work.scene.between()) is not None:
-        return between
-    known, carried = work.scene.knowledge(), work.carried()
+        return [between]
+    known, carried, names = work.scene.knowledge(), work.carried(), list[str]()
     for phrase in (call.arguments[slot] for slot in _WHERE if slot in call.arguments):
-        if not is_floor(phrase) and (found := known.find(phrase)):
-            return None if any(e.name in carried for e in found) else work.same(phrase)
-    return None
+        if is_floor(phrase) or not (found := known.find(phrase)):
+            continue
+        if any(e.name in carried for e in found):
+            break
+        if not names:
+            names.append(work.same(phrase))
+        else:
+            at = work.middle(names[0])
+            names.append(min(found, key=lambda e: float(np.linalg.norm(e.center - at))).name)
+    return names
