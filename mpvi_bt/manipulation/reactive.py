@@ -82,7 +82,7 @@ class ReactivePolicy(ScriptedPolicy):
                 del left[k]
             elif tries > 1:
                 left[k] = (call, tries - 1)
-                place = self._last_named(understood)
+                place = self._last_named(work, understood)
                 if place is not None:
                     yield from look_from_elsewhere(work, place, self._seen.passable)
             else:
@@ -123,11 +123,13 @@ class ReactivePolicy(ScriptedPolicy):
         hidden = _HIDDEN.get(name, ()) if name not in _VESSEL or "source" in call.arguments else ()
         return self._phrases(call, [s for s in _NAMES if s not in hidden and (s != "source" or name in _VESSEL)])
 
-    def _last_named(self, call: SkillCall) -> Array | None:
+    def _last_named(self, work: Work, call: SkillCall) -> Array | None:
         """Where the last thing is that a call names and no hand holds, (2,): what it was to be done at."""
-        known = self._seen.knowledge()
-        found = [e for p in self._needed(call) for e in known.find(p) if not e.held]
-        return found[-1].center[:2] if found else None
+        for phrase in reversed(self._needed(call)):
+            with contextlib.suppress(MotionFailure):  # it may be known no more
+                if (name := work.nearest(phrase, ajar=True)) not in work.carried():
+                    return work.middle(name)[:2]
+        return None
 
     def _grounded(self, call: SkillCall) -> SkillCall | None:
         """The first reading of a call all of whose things are known; of several, one that is not put away yet.
