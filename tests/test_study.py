@@ -11,6 +11,7 @@ import pytest
 
 from benchmarks.hands.holding import put_in_hands
 from mpvi_bt.manipulation.gaze import study
+from mpvi_bt.manipulation.inside import Look, looks_inside
 from mpvi_bt.manipulation.looking import look_from_elsewhere
 from mpvi_bt.manipulation.place import place_in
 from mpvi_bt.manipulation.truth import TrueScene
@@ -69,7 +70,7 @@ def with_can(fixture: str) -> tuple[Work, Blind]:
     return work, sight
 
 
-def obeyed(work: Work, actions: Actions) -> None:
+def obeyed(work: Work, actions: Actions | Look) -> None:
     """The torso is where it is told to be."""
     for action in actions:
         work.motion.felt = replace(work.motion.felt, torso=action[ActionLayout.TORSO].copy())
@@ -93,6 +94,27 @@ def test_nothing_is_said_to_be_no_container_before_it_was_looked_at() -> None:
     with pytest.raises(MotionFailure, match="not_a_container"):
         obeyed(work, place_in(work, {"object": "can_of_soda", "container": "wall_cabinet"}, []))
     assert len(sight.lifts) >= 2
+
+
+def test_what_is_larger_than_a_picture_is_looked_at_to_both_sides() -> None:
+    """Room that is beside what is in view is found by turning there, before anything is said to be no container."""
+    work, _ = with_can(HUNG)
+    faced: list[float] = []
+
+    def drive(goal: Array, speed: float = 0.5) -> Actions:
+        faced.append(float(goal[2]))
+        work.motion.felt = replace(work.motion.felt, base_pose=goal.copy())
+        yield from ()
+
+    work.motion.drive = drive  # type: ignore[method-assign]
+    room = work.scene.volumes("wall_cabinet_1")
+    work.scene.volumes = lambda name: room if min(faced, default=0.0) < -0.4 else ()  # type: ignore[method-assign]
+    for look in looks_inside(work, "wall_cabinet_1"):
+        obeyed(work, look)
+        if work.scene.volumes("wall_cabinet_1"):
+            break
+    assert max(faced) > 0.4
+    assert len(faced) <= 4
 
 
 @pytest.mark.parametrize(("around_m", "far_m"), [((), 0.9), ((0.9,), 1.3), ((0.9, 1.3, 1.8), None)])

@@ -164,7 +164,8 @@ def stand_before(work: Work, thing: str, face: Array, out: Array, door: Door | N
 
 def stand_before_open(work: Work, thing: str) -> Actions:
     """Look into what stands open, from before its front: from beside it only the door, or a side, may be seen."""
-    ajar = [door for door in work.scene.doors(thing) if upright(door) and door.position > _AJAR * door.limit]
+    hinged = [door for door in work.scene.doors(thing) if door.kind == "hinge" and not lid(door)]
+    ajar = [door for door in hinged if door.position > _AJAR * door.limit]
     if work.sight is None or not ajar:
         return
     shut = moved(ajar[0], -ajar[0].position)

@@ -11,9 +11,9 @@ from itertools import chain, islice
 from mpvi_bt.manipulation import spots
 from mpvi_bt.manipulation.carry import settle, unwedge
 from mpvi_bt.manipulation.drop import drop_in, reach_over, releases
-from mpvi_bt.manipulation.gaze import look_at, study
+from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.held import Held
-from mpvi_bt.manipulation.openings import stand_before_open
+from mpvi_bt.manipulation.inside import looks_inside
 from mpvi_bt.manipulation.pick import pick_up
 from mpvi_bt.manipulation.placing import LYING, SLANTED, UPRIGHT, Pose, place_at, release
 from mpvi_bt.manipulation.work import Words, Work
@@ -27,6 +27,7 @@ Groups = Callable[[], Iterable[Sequence[Pose]]]  # poses to leave a thing in, th
 
 _LOST_M = 0.04  # what came to lie that much higher or lower than it was to lie has fallen over or off
 _BESIDE = re.compile(r"(?:beside|next to) (?P<what>.+)")
+_BARRED = ("no_free_spot", "no_stance")
 _SPOTS = 4  # tried with the thing upright, before it may lean
 
 
@@ -55,13 +56,25 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
 def _put_in(work: Work, side: Side, container: str, tried: list[Array]) -> Generator[Array, None, bool]:
     """Let go of what a hand holds in a container; returns whether it came to lie in there. Raises as `place_in`."""
     yield from unwedge(work)
-    held = work.load(side)
-    if not work.scene.volumes(container):  # so far it may have been seen in part, or from below
-        yield from study(work, container)
-    if not work.scene.volumes(container):
-        yield from stand_before_open(work, container)
-    if not work.scene.volumes(container):
-        raise MotionFailure("not_a_container")
+    failure = MotionFailure("not_a_container")
+    for look in looks_inside(work, container):
+        if not (yield from look) or not work.scene.volumes(container):
+            continue
+        held = work.load(side)
+        try:
+            yield from _let_go_in(work, side, held, container, tried)
+        except MotionFailure as barred:  # by what is seen from here
+            if barred.reason not in _BARRED:
+                raise
+            failure = barred
+            continue
+        lies_in = held.name in work.scene.within(container)
+        yield from settle(work, without={held.name})
+        return lies_in
+    raise failure
+
+
+def _let_go_in(work: Work, side: Side, held: Held, container: str, tried: list[Array]) -> Actions:
     if work.scene.holding(other(side)) == container:
         yield from reach_over(work, side, releases(work, held, side, container), container)
         yield from look_at(work, container)
@@ -71,12 +84,9 @@ def _put_in(work: Work, side: Side, container: str, tried: list[Array]) -> Gener
         try:
             yield from place_at(work, side, held, container, groups, tried)
         except MotionFailure as failure:  # nothing can be set down in a jar
-            barred = failure.reason in ("no_free_spot", "no_stance")
+            barred = failure.reason in _BARRED
             if not barred or not (yield from drop_in(work, side, held, container, tried, anywhere=True)):
                 raise
-    lies_in = held.name in work.scene.within(container)
-    yield from settle(work, without={held.name})
-    return lies_in
 
 
 def place_on(work: Work, words: Words, tried: list[Array]) -> Actions:
