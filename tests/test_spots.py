@@ -86,6 +86,19 @@ def test_beside_a_table_is_neither_under_its_top_nor_between_its_legs() -> None:
         assert in_line((low + high) / 2, world.solids("table")) or in_line(bounds(world.solids("table")).mean(0), moved)
 
 
+def test_what_is_set_down_beside_a_thing_stands_out_over_no_edge_if_it_need_not() -> None:
+    """By what stands near the edge of a table it goes to its side, with all of it over the top."""
+    edge = TOP[0, 0]
+    target = placed("saucer", edge + 0.14, 0.0, float(TOP[1, 2]) + 0.001)
+    world = small_world(
+        {"saucer": target, "cup": placed("coffee_cup", -1.0, 0.5, 0.01)}, table="{entry: table, at: [1.0, 0.0]}"
+    )
+    work = Work(Holding(world, "cup"), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    for pose in next(spots.beside(work, work.held()["left"], "saucer", (0.0,))):
+        moved = [s.moved(pose.T_world_thing @ np.linalg.inv(world.pose("cup"))) for s in world.solids("cup")]
+        assert (outline(moved)[:, 0] > edge - 0.006).all()
+
+
 def test_a_cup_finds_room_on_its_saucer() -> None:
     """Where there is no room to spare, what is needed has to do, however the saucer is turned; a plate finds none."""
     for cup, finds in (("small_coffee_cup", True), ("plate", False)):

@@ -15,7 +15,7 @@ from mpvi_bt.manipulation.placing import LIES_RAD, Pose, leaning, poses
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.knowledge import normalize
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.collision import Obstacles, Surroundings
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array, Solid, bounds
 
@@ -29,6 +29,8 @@ _NEAR_M = 1.7
 _OUTWARD = 1.0  # cost per meter by which a thing reaches away from what it lies beside: long ones lie along it
 _TOUCH_M = 0.005  # what is set down beside a thing keeps that far away,
 _BESIDE_M = (0.006, 0.012, 0.02, 0.03)  # or farther, where that still counts as next to it
+_SUNK_M = 0.012  # so far below the underside of a thing in its pose is what bears it,
+_OUT_M = 0.005  # and so far it may stand out over its edge
 _SECTORS = 12
 _ARM_M = 0.6  # above a thing that is set down beside another one, for the arm that brings it
 _EASY_M = 0.9  # boards at such a height are tried first
@@ -148,16 +150,30 @@ def beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Itera
     """Poses next to a thing on what it stands on, as near as counts; those on the robot's side of it first.
 
     Those come before all others that are level with a part of it, as BEHAVIOR wants it: by a leg of a table, not
-    between its legs.
+    between its legs. Of these those come first that do not stand out over an edge: there an arm brushes things off.
     """
+    near = work.motion.felt.base_pose[:2]
+    below = work.scene.obstacles(near, _NEAR_M, without={held.name, *work.scene.within(held.name)})
+    over: list[list[Pose]] = []
     apart: list[list[Pose]] = []
     for group in _all_beside(work, held, target, leans):
         level = [pose for pose in group if _level(work, held, pose, target)]
-        if level:
-            yield level
+        if firm := [pose for pose in level if _borne(held, pose, below)]:
+            yield firm
+        elif level:
+            over.append(level)
         else:
             apart.append(group)
+    yield from over
     yield from apart
+
+
+def _borne(held: Held, pose: Pose, below: Obstacles) -> bool:
+    """Whether there is something below all of a thing's outline in a pose."""
+    frame = kin.inverse(held.T_tcp_thing)
+    solids = [s.moved(pose.T_world_thing @ frame) for s in held.solids]
+    edge, z = outline(solids), float(bounds(solids)[0, 2]) - _SUNK_M
+    return z < 0 or bool((below.distance(np.column_stack([edge, np.full(len(edge), z)])) < _OUT_M).all())
 
 
 def _level(work: Work, held: Held, pose: Pose, target: str) -> bool:
