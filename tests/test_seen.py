@@ -66,6 +66,13 @@ def test_things_are_where_they_are_and_as_large() -> None:
         np.testing.assert_allclose([entry.lowest, entry.highest], solid.aabb(), atol=0.005)
 
 
+def test_the_other_one_is_no_thing_of_its_own() -> None:
+    """A prompt of "a can" and "the other can" knows each can once: twice, it would be in its own way when taken."""
+    seen = looking(cans(), "can of soda", "other can of soda", "another can of soda")
+    assert len(list(seen.knowledge())) == 2
+    assert names(seen, "the other can of soda") == names(seen, "can of soda")
+
+
 def test_a_second_look_finds_the_same_things() -> None:
     """What is seen again is the same thing by place: names and count stay."""
     world = cans()
