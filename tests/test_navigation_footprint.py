@@ -111,6 +111,20 @@ def test_a_load_over_a_table_may_leave_it() -> None:
         assert min(LOAD.slack(grid, pose) for pose in touching) >= LOAD.slack(grid, at_table) - 0.05
 
 
+@pytest.mark.parametrize("yaw", [0.0, 1.5, -1.5])
+def test_over_a_table_a_load_is_not_swung(yaw: float) -> None:
+    """What else stands on it is on no map of the floor: the load is drawn off straight, and set down likewise."""
+    floor = two_rooms()
+    put_box(floor, (0.05, 0.5), (0.9, 3.5))
+    grid = traversability(floor, 0.33)
+    at_table, away = np.array([1.35, 2.0, np.pi]), np.array([1.35, 3.0, yaw])
+    for start, goal in ((at_table, away), (away, at_table)):
+        path = loaded_path(grid, LOAD, start, goal)
+        assert path is not None
+        over = LOAD.places(path[LOAD.slack(grid, path) < -0.01])[:, 0]
+        assert np.abs(over[:, 1] - 2.0).max() < 0.1
+
+
 def free_pose(grid: Traversability, rng: np.random.Generator, low: float) -> np.ndarray:
     """A pose where base and load are free, with x from `low` on, within 3 m [m, m, rad]."""
     while True:

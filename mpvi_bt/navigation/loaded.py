@@ -15,6 +15,7 @@ from mpvi_bt.robot.solids import Array
 _HEADINGS = 48
 _TURN_M = 0.3  # Our choice: what turning by a radian costs, in metres of driving
 _ASIDE = 1.0  # driving sideways costs so much more than driving ahead, backwards twice that
+_SWEPT = 2.0  # a load that is over furniture costs so much more sideways: there it is drawn off as it was put in
 _CANNOT, _OBLIQUE_RAD = 1e6, 0.45  # of a base that cannot go sideways: the price of a step farther off its heading
 _BESIDE_M = 2.0  # around the way of the base alone is looked for a way for the load
 _GREED = 1.5  # what lies ahead counts so much: ways are at most so much dearer than the cheapest, and found much sooner
@@ -33,7 +34,8 @@ def loaded_path(
     """A way from pose to pose on which neither base nor loads touch an obstacle, at most half dearer than the cheapest.
 
     A step goes to a neighboring cell or turns by 7.5 degrees on the spot. Where a load is too near something at the
-    start or at the goal, as above a table, it may be so around there, but not more.
+    start or at the goal, as above a table, it may be so around there, but not more; rather than swung over what else
+    stands there, which no map of the floor shows, it is drawn straight off.
 
     Args:
         grid: Where the base's center may be, and how far obstacles are.
@@ -60,13 +62,15 @@ def loaded_path(
     x, y, radii = footprint.loads.T + np.array([[0.0], [0.0], [_CLEAR_M]])
     offsets = np.rint(np.stack([s * x + c * y, c * x - s * y], -1) / grid.map.resolution_m).astype(np.int64)
     toward = np.arctan2(_ROW, _COLUMN)
-    aside = 1.0 + _ASIDE * (1.0 - np.cos(toward - yaws[:, None]))
+    off = toward - yaws[:, None]
+    aside = np.stack([1.0 + _ASIDE * (1.0 - np.cos(off)), 1.0 + _SWEPT * np.abs(np.sin(off))])
     if not sideways:
-        aside[np.abs(np.sin(toward - yaws[:, None])) > math.sin(_OBLIQUE_RAD)] = _CANNOT
+        aside[:, np.abs(np.sin(off)) > math.sin(_OBLIQUE_RAD)] = _CANNOT
+    turn = np.array([_TURN_M, (1.0 + _SWEPT) * np.hypot(x, y).max()]) * step / grid.map.resolution_m
     bins = [round(float(pose[2]) / step) % _HEADINGS for pose in (start, goal)]
     states = _search(
         np.ascontiguousarray(cost), np.ascontiguousarray(ahead, np.float32), grid.clearance_m, low, offsets, radii,
-        aside, _TURN_M * step / grid.map.resolution_m, np.array([bins[0], *first]), np.array([bins[1], *last]),
+        aside, turn, np.array([bins[0], *first]), np.array([bins[1], *last]),
         _NEAR_M / grid.map.resolution_m, ESCAPE_COST, _ROOMY_M, _TIGHT, _MOST, _ROW, _COLUMN,
     )  # fmt: skip
     if not len(states):
@@ -90,8 +94,8 @@ def _search(  # type: ignore
         ahead: (h, w) float32; what the base alone would pay from each cell to the goal.
         clearance: (H, W) float64 [m] of the whole map; `low` (2,) is the window's first cell.
         offsets: (headings, loads, 2) rows and columns from the base's cell to each load's; `radii` (loads,) [m].
-        aside: (headings, 8) by how much each step is dearer with each heading.
-        turn: What turning by one heading costs.
+        aside: (2, headings, 8) by how much each step is dearer with each heading, in the open and where a load touches.
+        turn: (2,) what turning by one heading costs, likewise.
         start, goal: (3,) states.
         near: Cells around start and goal within which loads may touch what they touch there; `dear` times the cost.
         roomy: Distance [m] up to which obstacles near a load cost more, up to `tight` times.
@@ -132,11 +136,8 @@ def _search(  # type: ignore
                     continue
                 if k >= 4 and (cost[r, c2] == np.inf or cost[r2, c] == np.inf):
                     continue
-                length = 1.0 if k < 4 else math.sqrt(2.0)
-                step = length * 0.5 * (cost[r, c] + cost[r2, c2]) * aside[b, k]
             else:
                 b2 = (b + 1) % headings if k == 8 else (b + headings - 1) % headings
-                step = turn
             if parent[b2, r2, c2] >= 128 or ahead[r2, c2] == np.inf:
                 continue
             if price[b2, r2, c2] == 0:
@@ -155,13 +156,19 @@ def _search(  # type: ignore
                     price[b2, r2, c2] = dear if at_start or at_goal else np.inf
             if price[b2, r2, c2] == np.inf:
                 continue
+            touching = 1 if price[b2, r2, c2] == dear else 0
+            if k < 8:
+                length = 1.0 if k < 4 else math.sqrt(2.0)
+                step = length * 0.5 * (cost[r, c] + cost[r2, c2]) * aside[touching, b, k]
+            else:
+                step = turn[touching]
             step *= price[b2, r2, c2]
             through = reached[b, r, c] + step
             if reached[b2, r2, c2] == 0 or through < reached[b2, r2, c2]:
                 reached[b2, r2, c2] = through
                 parent[b2, r2, c2] = 1 + k
                 turns = abs(b2 - goal[0])
-                left = ahead[r2, c2] + turn * min(turns, headings - turns)
+                left = ahead[r2, c2] + turn[0] * min(turns, headings - turns)
                 heapq.heappush(heap, (np.float64(through + _GREED * left), b2, r2, c2))
 
     states = np.zeros((0, 3), np.int64)
