@@ -200,6 +200,19 @@ def test_a_crate_is_a_square_vessel_and_its_bail_a_bar(yaw: float, bar: bool) ->
         assert abs(found.axis @ [-np.sin(yaw), np.cos(yaw), 0]) > 0.98
 
 
+@pytest.mark.parametrize("yaw", [0.0, 2.5])
+def test_what_has_a_lid_above_what_stands_out_from_it_is_no_vessel(yaw: float) -> None:
+    """Spout and handle of a kettle reach farther than its body, and its lid higher than both: it covers the opening."""
+    rounds = ((0.041, 0.15, 0.075), (0.035, 0.014, 0.157), (0.01, 0.014, 0.171))
+    round_ = [Solid("cylinder", np.array([r, r, h / 2]), pose((0, 0, z))) for r, h, z in rounds]
+    boxes = (((-0.05, 0, 0.132), (0.03, 0.026, 0.03)), ((0.07, 0, 0.09), (0.014, 0.018, 0.11)),
+             ((0.05, 0, 0.14), (0.044, 0.018, 0.012)))  # fmt: skip
+    solids = [s.moved(pose((0.02, 0.03, LEVEL_M), yaw)) for s in (*round_, *(box(at, size) for at, size in boxes))]
+    shape = fit(hidden_behind(visible(solids, EYE), solids, EYE), hidden_behind(table(), solids, EYE), EYE)
+    assert shape is not None
+    assert shape.kind != "vessel"
+
+
 def test_a_wide_basket_on_the_floor_is_a_vessel_though_a_part_of_its_rim_is_hidden() -> None:
     """Not furniture with a board over what lies in it; a low bench of that size is furniture."""
     sunk = pose((0.0, 0.0, -LEVEL_M))

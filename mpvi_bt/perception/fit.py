@@ -183,7 +183,8 @@ def _vessel(points: Array, seen: Outline, support: float, top: float) -> Shape |
     inward = (1 - off) * half.min() if round_ else (half - at).min(1)  # from the outer edge [m]
     low = points[:, 2] < rim - min(0.012, 0.3 * (rim - support))
     below_rim = points[:, 2] < rim + 0.006
-    covered = int((~low & below_rim & (off < 0.5)).sum())
+    lid = below_rim | (bar is None)  # what is higher, and no bar to carry it by, lies over the opening, too
+    covered = int((~low & lid & (off < 0.5)).sum())
     opening = float(np.prod(around.sides / 2)) / THIN_M**2  # points that would cover the middle of it
     most = min(0.04 * len(points), _COVERED * opening) + 2
     if int((low & (inward > 0.6 * _WALL_M)).sum()) < 8 or covered > most:
