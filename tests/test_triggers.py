@@ -490,6 +490,20 @@ def test_an_end_that_was_told_of_is_not_told_of_again_for_standing_on() -> None:
     assert grasp(hands, triggers) + go(hands, triggers, 60.0) == [TriggerEvent("grasp", "right")]
 
 
+def test_who_has_let_go_of_nothing_yet_only_thinks() -> None:
+    """What ends by letting go is not asked about before: another thing that is called so may be in the bin already."""
+    hands, triggers = idles()
+    hands.gripper["right"] = (0.016, -1.0)
+    triggers.reset({"release": None, "idle": None})
+    assert go(hands, triggers, 60.0) == []
+    hands.gripper["right"] = (0.1, 1.0)
+    assert go(hands, triggers, 2.0, joint_speed=0.2) + go(hands, triggers, 60.0) == [TriggerEvent("release", "right")]
+    for _ in range(CONTROL_HZ):
+        hands.pose = hands.pose - np.array([0.01, 0.0, 0.0])
+        assert triggers.update() is None
+    assert go(hands, triggers, 60.0) == [TriggerEvent("idle", None)], "from where it stands now more may be seen"
+
+
 @pytest.mark.parametrize("way", ["base", "torso"])
 def test_who_drives_or_bends_is_not_idle(way: str) -> None:
     """Whatever moves: where it then stands it sees something else."""

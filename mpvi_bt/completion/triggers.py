@@ -92,7 +92,8 @@ class ProprioceptiveTriggers:
     to do believes to be done. So ends what began done, such as the pick of a thing that is in hand, and what is seen
     better from where the body stands now. It is the event of each hand that holds something, one after the other, or of
     none. Our choice: an arm state that ends a primitive, too, and told of once until the body has moved again, as the
-    same picture would be judged the same.
+    same picture would be judged the same. Of what ends by letting go it is none before something was let go: a policy
+    that thinks stands still as well, and another can may be in the bin already.
 
     One end is one event: of several that are due, the first of this list.
     """
@@ -158,7 +159,13 @@ class ProprioceptiveTriggers:
         if due and self._drive.arrived(body, self._rest.stands_for(self.thresholds.arrived_s)):
             self._rest.fired()
             return TriggerEvent("arrival", None)
-        return self._idles() if "idle" in self._apart else None
+        return self._idles() if "idle" in self._apart and self._may_be_done() else None
+
+    def _may_be_done(self) -> bool:
+        """Whether anything was let go, where the primitive ends so."""
+        if "release" not in self._apart or "grasp" in self._apart:
+            return True
+        return any(hand.let_go for hand in self._hands.values()) or bool(self._press and self._press.has_let_go)
 
     def _idles(self) -> TriggerEvent | None:
         """That the body stands still and does no more, if that is due."""
@@ -244,6 +251,11 @@ class _Hand:
         """Whether it has something between its fingers."""
         return self._grasp_width is not None
 
+    @property
+    def let_go(self) -> bool:
+        """Whether it has let go of something, and taken nothing since."""
+        return self._news == "release"
+
     def _report(self, news: Literal["grasp", "release"]) -> None:
         self._news, self._armed = news, True
         self._at_rest = 0  # a rest from now on ends the primitive; the hand's own pause while it closed does not
@@ -307,6 +319,11 @@ class _Press:
             self._news = not self._presses
         self._stands = stands
         self._armed = self._armed or not stands
+
+    @property
+    def has_let_go(self) -> bool:
+        """Whether they have, and press nothing since."""
+        return self._news
 
     @property
     def let_go(self) -> bool:
