@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from benchmarks.hands.holding import put_in_hands
+from mpvi_bt.manipulation.approach import close_in
 from mpvi_bt.manipulation.gaze import study
 from mpvi_bt.manipulation.inside import Look, looks_inside
 from mpvi_bt.manipulation.looking import look_from_elsewhere
 from mpvi_bt.manipulation.place import place_in
+from mpvi_bt.manipulation.search import Search
+from mpvi_bt.manipulation.stance import Stance
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import r1
@@ -115,6 +118,35 @@ def test_what_is_larger_than_a_picture_is_looked_at_to_both_sides() -> None:
             break
     assert max(faced) > 0.4
     assert len(faced) <= 4
+
+
+def test_a_stance_that_needed_the_benefit_of_the_doubt_is_not_left_for_a_surer_one() -> None:
+    """From each next place some other one would seem surer: the base would be driven about, and end nowhere."""
+    work, sight = with_can(HUNG)
+    doubted, went = [False], list[Array]()
+
+    @contextmanager
+    def trusting(remembering: bool = False) -> Iterator[None]:
+        doubted[0] = True
+        yield
+        doubted[0] = False
+
+    def drive(goal: Array, speed: float = 0.5) -> Actions:
+        went.append(goal)
+        work.motion.felt = replace(work.motion.felt, base_pose=goal.copy())
+        yield from ()
+
+    def find(search: Search, here_first: bool) -> Stance | None:
+        here = work.motion.felt.base_pose
+        if not doubted[0] and not went:
+            return None
+        base = here if here_first and doubted[0] else here + [0.3, 0.0, 0.0]
+        return Stance(base, work.motion.torso, 0, [], np.zeros((0, 4, 4)), [], {}, [base], 0.1)
+
+    sight.trusting = trusting  # type: ignore[method-assign]
+    work.motion.drive = drive  # type: ignore[method-assign]
+    obeyed(work, close_in(work, "left", (), None, find, []))
+    assert len(went) == 1
 
 
 @pytest.mark.parametrize(("around_m", "far_m"), [((), 0.9), ((0.9,), 1.3), ((0.9, 1.3, 1.8), None)])

@@ -67,18 +67,20 @@ def close_in(
     Raises:
         MotionFailure: As `approach`.
     """
+    trusting = False  # once the benefit of the doubt was needed it stays given, or every look finds another stance
     for looks in range(_LOOKS):
         yield from study(work, about)
         search = replace(work.search(side, touched), tried=list(tried))
-        stance = find(search, looks > 0)
+        stance = None if trusting else find(search, looks > 0)
         if stance is None and work.effort.left <= 0:
             yield from work.motion.wait(_PAUSE_S)
-            stance = find(search, looks > 0)
+            stance = None if trusting else find(search, looks > 0)
         if stance is None and work.sight is not None:
             with work.sight.trusting():
                 work.effort.failed.clear()
                 search = replace(search, obstacles=work.search(side, touched).obstacles)
                 stance = find(search, looks > 0)
+                trusting = True
         if stance is None:
             raise MotionFailure("no_stance")
         tried.append(stance.base)
