@@ -151,7 +151,7 @@ def test_a_robot_with_empty_hands_straightens_up_out_of_what_it_takes_itself_to_
     run(world, bent, 2.0)
     world.robot.act(bent)
     scene = Unseeing(world)
-    scene.obstacles = lambda *_, **__: Surroundings([box((0.0, 0.0, 1.1), (2.0, 2.0, 1.2))])
+    scene.obstacles = lambda *_, **__: Surroundings([box((0.0, 0.0, 1.1), (2.0, 2.0, 1.2))])  # type: ignore[method-assign]
     work = Work(scene, Motion(world.robot.proprioception()), np.random.default_rng(0))
     played(world, work, settle(work))
     np.testing.assert_allclose(work.motion.felt.torso[:3], R1.travel_torso[:3], atol=0.02)
