@@ -26,7 +26,10 @@ def look(world: World, seen: Seen, tilt: float) -> None:
 
 @pytest.mark.parametrize("opened", [0.0, 0.6])
 def test_a_strip_of_a_thing_becomes_the_thing(opened: float) -> None:
-    """A wall cabinet whose lower edge was in the picture stays one thing, and is as tall as it is once in view."""
+    """A wall cabinet whose lower edge was in the picture stays one thing, known up to its top once that is in view.
+
+    Closed it is as tall as it is; of one that stands open the boards that are seen count, and the room between them.
+    """
     world = small_world(base=(-0.3, 0.0, 0.0), render=True, thing=HUNG)
     world.set_opening("thing", "door", opened)
     world.settle(0.3)
@@ -38,4 +41,11 @@ def test_a_strip_of_a_thing_becomes_the_thing(opened: float) -> None:
     (entry,) = seen.knowledge().find("wall cabinet")
     tops = [solid.aabb()[1, 2] for solid in world.solids("thing")]
     assert abs(entry.highest[2] - max(tops)) < 0.05
-    assert np.ptp([entry.lowest[2], entry.highest[2]]) > 0.5
+    if opened:
+        (room,) = seen.volumes(entry.name)
+        low, high = room.aabb()
+        assert (low > [1.1, -0.3, 1.67]).all(), "above the shelf"
+        assert (high < [1.48, 0.3, 2.05]).all()
+        assert np.prod(high - low) > 0.6 * 0.28 * 0.56 * 0.32
+    else:
+        assert np.ptp([entry.lowest[2], entry.highest[2]]) > 0.5
