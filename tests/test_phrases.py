@@ -198,4 +198,4 @@ def test_what_several_phrases_mean_is_looked_for_once() -> None:
     assert kinds(["red cup", "cup", "glass of water", "left cabinet door"]) == [
         "red cup", "cup", "glass of water", "left cabinet door",
     ]  # fmt: skip
-    assert kinds([""]) == [""]
+    assert kinds(["the other gizmo", "", "gizmo"]) == ["gizmo", ""]

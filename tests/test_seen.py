@@ -10,6 +10,7 @@ import pytest
 from mpvi_bt.manipulation import seen as module
 from mpvi_bt.manipulation.seen import Seen
 from mpvi_bt.perception.parts import Door
+from mpvi_bt.perception.phrases import kinds
 from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import MotionFailure
@@ -68,7 +69,7 @@ def test_things_are_where_they_are_and_as_large() -> None:
 
 def test_the_other_one_is_no_thing_of_its_own() -> None:
     """A prompt of "a can" and "the other can" knows each can once: twice, it would be in its own way when taken."""
-    seen = looking(cans(), "can of soda", "other can of soda", "another can of soda")
+    seen = looking(cans(), *kinds(["can of soda", "other can of soda", "another can of soda"]))
     assert len(list(seen.knowledge())) == 2
     assert names(seen, "the other can of soda") == names(seen, "can of soda")
 

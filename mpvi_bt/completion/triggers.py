@@ -148,7 +148,7 @@ class ProprioceptiveTriggers:
                 hand.fired()
                 self._rest.fired()
                 return TriggerEvent(kind, side)
-        if self._press is not None and self._press.let_go and self._rest.since_event >= self._apart["release"]:
+        if self._press is not None and self._press.due and self._rest.since_event >= self._apart["release"]:
             self._press.fired()
             self._rest.fired()
             return TriggerEvent("release", None)
@@ -165,7 +165,7 @@ class ProprioceptiveTriggers:
         """Whether anything was let go, where the primitive ends so."""
         if "release" not in self._apart or "grasp" in self._apart:
             return True
-        return any(hand.let_go for hand in self._hands.values()) or bool(self._press and self._press.has_let_go)
+        return any(hand.let_go for hand in self._hands.values()) or bool(self._press and self._press.let_go)
 
     def _idles(self) -> TriggerEvent | None:
         """That the body stands still and does no more, if that is due."""
@@ -321,12 +321,12 @@ class _Press:
         self._armed = self._armed or not stands
 
     @property
-    def has_let_go(self) -> bool:
+    def let_go(self) -> bool:
         """Whether they have, and press nothing since."""
         return self._news
 
     @property
-    def let_go(self) -> bool:
+    def due(self) -> bool:
         """Whether they have, and have moved and settled since that was last told of."""
         return self._news and self._armed and self._stands
 

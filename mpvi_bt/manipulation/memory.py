@@ -21,7 +21,6 @@ from mpvi_bt.perception.detector import Detector, switch_of
 from mpvi_bt.perception.fit import fit
 from mpvi_bt.perception.outlines import main_cluster
 from mpvi_bt.perception.parts import Door
-from mpvi_bt.perception.phrases import OTHER
 from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Obstacles, Surroundings
@@ -80,11 +79,8 @@ class Memory:
         self.forget(())
 
     def forget(self, phrases: Iterable[str]) -> None:
-        """Begin anew, with nothing known; from now on look for `phrases`: for "the other bottle" as for a bottle.
-
-        Known by either it would be two things in one place, the one in the way of a hand that takes the other.
-        """
-        self._phrases = tuple(dict.fromkeys(OTHER.sub("", phrase).strip() or phrase for phrase in phrases))
+        """Begin anew, with nothing known; from now on look for `phrases`, of which no two mean the same things."""
+        self._phrases = tuple(dict.fromkeys(phrases))
         self._asked = (*self._phrases, *map(switch_of, self._phrases))
         self._frames: list[Frame] = []
         self._things: dict[str, Thing] = {}

@@ -112,13 +112,15 @@ def kinds(phrases: Iterable[str]) -> list[str]:
 
     Where a thing is and what is in it, how many are meant, and whether it is empty or open, no picture of it alone
     tells: "the basket without a candle" and "another basket" are looked for as "basket", and are one thing where they
-    are. What is no readable phrase stays as it is.
+    are: known by either they would be two, the one in the way of a hand that takes the other. Of what is no readable
+    phrase only "the other" goes.
     """
     found: dict[tuple[Noun, frozenset[Quality]] | str, str] = {}
     for phrase in phrases:
         reading = read(phrase)
         if reading is None:
-            found[phrase] = phrase
+            said = OTHER.sub("", phrase).strip() or phrase
+            found[said] = said
             continue
         lasting = frozenset(q for q in reading.qualities if q[0] not in _PASSING)
         words, left = [], list(reading.words)
