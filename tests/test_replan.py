@@ -23,7 +23,7 @@ from mpvi_bt.executive.replanning import Replanning
 from mpvi_bt.executive.saved import SavedRun, restore_world, save_run
 from mpvi_bt.language.chat import Answer
 from mpvi_bt.marked_yaml import parse_marked
-from mpvi_bt.plan.history import Thing
+from mpvi_bt.plan.history import History, Thing
 from mpvi_bt.plan.planners import NoPlan, Planned
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.plan.skills import load_skills
@@ -66,10 +66,10 @@ class Says:
     name: str = "says"
     told: list[str] = field(default_factory=list)
 
-    def ask(self, task_name: str, instruction: str, situation: str = "") -> Planned:
+    def ask(self, task_name: str, instruction: str, history: History | None = None) -> Planned:
         assert (task_name, instruction) == ("tidy", "Tidy up.")
         said = self.answers[min(len(self.told), len(self.answers) - 1)]
-        self.told.append(situation)
+        self.told.append(history.text() if history else "")
         answers = (Answer("", "m", self.latency_s / 2, 10, 1), Answer("", "m", self.latency_s / 2, 20, 2))
         if isinstance(said, NoPlan):
             raise NoPlan(said.reason, str(said), answers)
@@ -274,9 +274,9 @@ def test_a_slow_planner_does_not_stop_the_loop() -> None:
     """The loop ticks on, held to real time, while the planner thinks."""
 
     class Thinks(Says):
-        def ask(self, task_name: str, instruction: str, situation: str = "") -> Planned:
+        def ask(self, task_name: str, instruction: str, history: History | None = None) -> Planned:
             time.sleep(0.3)
-            return super().ask(task_name, instruction, situation)
+            return super().ask(task_name, instruction, history)
 
     run = episode(Thinks([NEW], latency_s=0.3, remote=True), "*/2 */check_complete")
     assert 0.25 < run.outcome.wall_s["total"] < 5

@@ -10,6 +10,7 @@ import pytest
 
 from mpvi_bt import paths
 from mpvi_bt.errors import UserError
+from mpvi_bt.plan.later import LaterPlanner
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.suite.config import EpisodeConfig
@@ -61,16 +62,15 @@ def test_a_compiled_tree_says_it(mpvi: Shell) -> None:
     assert parse_tree(anew) == compile_plan(PLAN, SKILLS, "replan")
 
 
-def test_the_plan_on_file_is_no_new_plan(mpvi: Shell) -> None:
-    """Refused before anything loads, also where the tree of a file asks for one."""
-    with pytest.raises(
-        UserError, match=r"wants a new plan where it fails; planner 'recorded' only has the plan on file"
+def test_the_plan_on_file_is_gone_by_once_more() -> None:
+    """Also one that is named; a model is asked itself."""
+    for config in (
+        EpisodeConfig("picking_up_trash", on_failure="replan"),
+        EpisodeConfig("picking_up_trash", plan="picking_up_trash", on_failure="replan"),
     ):
-        prepare_episode(EpisodeConfig("picking_up_trash", on_failure="replan"))
-    done = mpvi("run", "picking_up_trash", "--on-failure", "replan")
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    done = mpvi("suite", "run", "trash10", "--on-failure", "replan", "--out", "x")
-    assert (done.returncode, "only has the plan on file" in done.stderr) == (2, True)
+        planner = prepare_episode(config).planner
+        assert isinstance(planner, LaterPlanner)
+        assert planner.ask("picking_up_trash", "").plan.segments == PLAN.segments
 
 
 def test_a_tree_of_a_file_says_itself(tmp_path: Path) -> None:
@@ -109,13 +109,14 @@ def test_a_result_tells_of_it_where_it_is_not_the_default() -> None:
 
 
 def test_a_dry_run_retries(mpvi: Shell, tmp_path: Path) -> None:
-    """And one of a plan that asks for new plans goes without them: it asks nobody."""
+    """And puts off what failed; the second time it is given up."""
     (tmp_path / "rules.yaml").write_text("substitute:\n  - {nodes: '*/1 */navigate', fail: no_way}\n")
     words = ["run", "picking_up_trash", "--dry", "--substitute", "rules.yaml", "--no-watch", "--json", "--on-failure"]
     again = json.loads(mpvi(*words, "retry:2").stdout)
     assert [failure["reason"] for failure in again["failures"]] == ["out_of_tries"]
-    without = json.loads(mpvi(*words, "replan").stdout)
-    assert ([failure["reason"] for failure in without["failures"]], without["replans"]) == (["no_way"], [])
+    anew = json.loads(mpvi(*words, "replan").stdout)
+    assert [failure["reason"] for failure in anew["failures"]] == ["no_way"]
+    assert [(replan["segments"], replan["said"]) for replan in anew["replans"]] == [(21, "")]
 
 
 def test_a_stopped_dry_run_keeps_it(mpvi: Shell) -> None:

@@ -175,7 +175,8 @@ def on_failure(command: Any) -> Any:
         show_default=True,
         metavar="WHAT",
         help="What becomes of a unit of the plan that fails: advance: it is given up, and the next one begins; "
-        "retry:N: it is tried N more times before; replan: the planner makes a new plan for the rest.",
+        "retry:N: it is tried N more times before; replan: the planner makes a new plan for the rest, without a model: "
+        "what was to come, and then once more what failed.",
     )(command)
 
 

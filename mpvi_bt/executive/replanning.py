@@ -23,7 +23,7 @@ from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import Drive, compile_units
 from mpvi_bt.tree.spec import Placed, TreeSpec
 
-MOST = 3  # Our choice: a plan that failed three times over is not mended by a fourth
+MOST = 3  # questions to a planner that does not say; Our choice: what failed three times over is not mended by a fourth
 _ANSWERS = 2  # of the checker, the last
 _LONGEST = 300  # characters of why there is no plan
 _NUMBER = re.compile(r"\d+ ")
@@ -43,7 +43,6 @@ class Replanning:
         instruction: What the tree is to carry out; "": what it says itself.
         seen: What the robot knows of things, when it is asked.
         swapped: Called with the new tree after each swap.
-        most: How often the planner is asked in an episode.
         drive: Who carries out the navigation segments of new plans, as of `compile_plan`.
     """
 
@@ -55,12 +54,11 @@ class Replanning:
         instruction: str = "",
         seen: Callable[[], Iterable[Thing]] = tuple,
         swapped: Callable[[TreeSpec], object] = lambda spec: None,
-        most: int = MOST,
         drive: Drive = "navigator",
     ) -> None:
         self._planner, self._tree, self._context = planner, tree, context
         self._instruction, self._seen, self._swapped = instruction, seen, swapped
-        self._most, self._drive = most, drive
+        self._most, self._drive = getattr(planner, "most", MOST), drive
         self._open: list[_Request] = []
 
     def ask(self, path: str, failure: Failure) -> _Request:
@@ -76,7 +74,7 @@ class Replanning:
         history = history_of(self._tree, self._context, path, failure, self._seen())
         instruction = self._instruction or self._tree.spec.instruction
         question = Question(
-            partial(_rest, self._planner, self._tree.spec.name, instruction, history.text()),
+            partial(_rest, self._planner, self._tree.spec.name, instruction, history),
             self._context.clock,
             lambda rest: rest.latency_s,
             at_once=not getattr(self._planner, "remote", False),
@@ -132,10 +130,10 @@ class _Rest:
         return Cost(self.answers[-1].model, tokens_in, tokens_out, all(answer.kept for answer in self.answers))
 
 
-def _rest(planner: Planner, name: str, instruction: str, situation: str) -> _Rest:
+def _rest(planner: Planner, name: str, instruction: str, history: History) -> _Rest:
     """Ask. A failure that took its time is an answer too, which comes when that has passed; others are raised."""
     try:
-        planned = planner.ask(name, instruction, situation)
+        planned = planner.ask(name, instruction, history)
     except NoPlan as error:
         return _Rest(None, error.answers, None if error.reason == "nothing_left" else error)
     return _Rest(planned.plan, planned.answers)

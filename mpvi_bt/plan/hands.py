@@ -35,6 +35,11 @@ class Hands:
         self._all = frozenset(hands)
         self._held: list[_Held] = []
 
+    @property
+    def empty(self) -> bool:
+        """Whether nothing is known to be in a hand."""
+        return not self._held
+
     def take(self, call: SkillCall | None, segment: int) -> str | None:
         """Go on by one segment, of which `call` is the skill; what speaks against it, if anything certainly does."""
         if call is None:

@@ -14,6 +14,7 @@ from mpvi_bt.marked_yaml import Marks, validate_data
 from mpvi_bt.plan.check import plan_problems
 from mpvi_bt.plan.context import Grounding
 from mpvi_bt.plan.examples import examples
+from mpvi_bt.plan.history import History
 from mpvi_bt.plan.planners import NoPlan, Planned
 from mpvi_bt.plan.prompt import answer_schema, checked_instruction, conversation, repair, told
 from mpvi_bt.plan.schema import Plan
@@ -62,7 +63,7 @@ class LanguagePlanner:
         """The plan alone. Raises as `ask`."""
         return self.ask(task_name, instruction).plan
 
-    def ask(self, task_name: str, instruction: str, situation: str = "") -> Planned:
+    def ask(self, task_name: str, instruction: str, history: History | None = None) -> Planned:
         """As `Planner` says; a plan without a name is named by the model.
 
         Raises:
@@ -72,7 +73,7 @@ class LanguagePlanner:
         """
         instruction = checked_instruction(instruction)
         shown = examples(self._recorded, self._skills, instruction, {task_name, *self._without})
-        messages = conversation(instruction, self._skills, self._grounding, shown, situation)
+        messages = conversation(instruction, self._skills, self._grounding, shown, history.text() if history else "")
         answers: list[Answer] = []
         usable: Planned | None = None  # with warnings
         found: list[Problem] = []
@@ -87,12 +88,12 @@ class LanguagePlanner:
                 break
             data, found = read_answer(answers[-1].text)
             if isinstance(data, dict) and data.get("segments") == [] and usable is None:
-                if situation:
+                if history is not None:
                     raise NoPlan("nothing_left", f"{self.name} finds that nothing is left to do", tuple(answers))
                 message = f"{self.name} finds no plan for the instruction{self._keep(answers[-1])}"
                 raise NoPlan("refused", message, tuple(answers))
             if not found:
-                plan, found = checked(data, task_name, instruction, self._skills, self._grounding, not situation)
+                plan, found = checked(data, task_name, instruction, self._skills, self._grounding, history is None)
                 if plan is not None and not any(problem.severity == "error" for problem in found):
                     last = not found or usable is not None or len(answers) > REPAIRS
                     usable = Planned(plan, (), tuple(found))

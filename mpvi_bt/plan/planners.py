@@ -8,6 +8,7 @@ from typing import Protocol
 
 from mpvi_bt.errors import ModelError, Problem, UnknownName, UserError
 from mpvi_bt.language.chat import Answer
+from mpvi_bt.plan.history import History
 from mpvi_bt.plan.schema import Plan, load_plan
 
 
@@ -32,12 +33,12 @@ class Planned:
 
 
 class NoPlan(ModelError):
-    """A language model answered, and its answers hold no plan.
+    """A planner answered, and its answers hold no plan.
 
     Attributes:
         reason: "bad_answer": none that can be carried out. "refused": it finds none for the instruction.
-            "nothing_left": it finds that nothing is left to do.
-        answers: What it said.
+            "nothing_left": it finds that nothing is left to do. "tried_again": what failed was put off before.
+        answers: What a language model said.
     """
 
     def __init__(self, reason: str, message: str, answers: tuple[Answer, ...]) -> None:
@@ -49,6 +50,7 @@ class Planner(Protocol):
     """Cuts an instruction into segments (the LLM's place in the paper).
 
     It may have `remote` besides, a bool: True if `ask` waits for something elsewhere. An episode then asks in a thread.
+    And `most`, an int: how often an episode may ask; by default as `mpvi_bt.executive.replanning.MOST` says.
 
     Attributes:
         name: As given on the command line.
@@ -56,13 +58,13 @@ class Planner(Protocol):
 
     name: str
 
-    def ask(self, task_name: str, instruction: str, situation: str = "") -> Planned:
+    def ask(self, task_name: str, instruction: str, history: History | None = None) -> Planned:
         """A plan for the instruction.
 
         Args:
             task_name: Name of the plan.
             instruction: What a user said; untrusted.
-            situation: What has happened so far, in lines, if the robot is under way: then what is left is planned.
+            history: What has happened so far, if the robot is under way: then what is left is planned.
 
         Raises:
             MpviError: There is none to be had; NoPlan with "nothing_left": none is needed, as nothing is left to do.
@@ -79,9 +81,9 @@ class RecordedPlanner:
         """`folder` holds the plans; by default `tasks/plans` of every root is searched."""
         self._folder = folder
 
-    def ask(self, task_name: str, instruction: str = "", situation: str = "") -> Planned:
+    def ask(self, task_name: str, instruction: str = "", history: History | None = None) -> Planned:
         """As `plan`. Raises UserError, too, where the robot is under way: what is on file begins at the beginning."""
-        if situation:
+        if history is not None:
             raise UserError("the recorded planner can't plan what is left; choose --planner openai:MODEL.")
         return Planned(self.plan(task_name, instruction))
 

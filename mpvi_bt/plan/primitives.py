@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import groupby
 
 from mpvi_bt.plan.clauses import match
-from mpvi_bt.plan.schema import Manipulation, Plan
+from mpvi_bt.plan.schema import Manipulation, Navigation, Plan
 from mpvi_bt.plan.skills import Skill, SkillCall
 
 
@@ -32,3 +33,11 @@ def primitives(plan: Plan, skills: Mapping[str, Skill]) -> dict[int, Primitive]:
         for i, segment in enumerate(plan.segments)
         if isinstance(segment, Manipulation)
     }
+
+
+def units(plan: Plan) -> Iterator[tuple[int, ...]]:
+    """The plan's execution units, each the indices of its segments: a navigation, or a run of manipulations."""
+    moves = enumerate(isinstance(segment, Navigation) for segment in plan.segments)
+    for navigation, run in groupby(moves, key=lambda item: item[1]):
+        indices = tuple(i for i, _ in run)
+        yield from ((i,) for i in indices) if navigation else (indices,)

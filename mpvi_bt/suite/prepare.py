@@ -9,7 +9,8 @@ from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, UserError
 from mpvi_bt.marked_yaml import load_marked
 from mpvi_bt.plan.check import plan_problems
-from mpvi_bt.plan.planners import Planned, Planner
+from mpvi_bt.plan.later import LaterPlanner
+from mpvi_bt.plan.planners import Planned, Planner, RecordedPlanner
 from mpvi_bt.plan.schema import Plan, check_plan
 from mpvi_bt.plan.skills import Skill, load_skills
 from mpvi_bt.robot.model import RobotModel
@@ -114,7 +115,7 @@ def prepare(config: EpisodeConfig, tell: Callable[[str], None] = lambda line: No
     if config.substitute is not None:
         rules = load_rules(config.substitute)
         rules.check(spec)
-    return Prepared(task, skills, spec, rules, models, planned, planner=_replanner(config, task, models, spec))
+    return Prepared(task, skills, spec, rules, models, planned, planner=_replanner(config, task, models, spec, skills))
 
 
 def _refuse_a_plan(config: EpisodeConfig) -> None:
@@ -172,7 +173,7 @@ def prepare_episode(config: EpisodeConfig, tell: Callable[[str], None] = lambda 
     load_task(config.task).check_instance(config.instance)
     check_split(config.split)
     ready = prepare(config, tell)
-    _check_replanning(ready, config.planner)
+    _check_replanning(ready)
     return ready
 
 
@@ -191,21 +192,30 @@ def check_episode(config: EpisodeConfig) -> None:
         prepare_episode(config)
 
 
-def _replanner(config: EpisodeConfig, task: Task | None, models: Models, spec: TreeSpec) -> Planner | None:
-    """Who makes new plans where the tree wants them; None where it does not, or where there are but plans on file."""
-    if not any(_wants_a_plan(placed) for placed in spec.nodes) or not choose("planner", config.planner).address:
+def _replanner(
+    config: EpisodeConfig, task: Task | None, models: Models, spec: TreeSpec, skills: Mapping[str, Skill]
+) -> Planner | None:
+    """Who makes new plans where the tree wants them; None where it does not, or where there is no plan to go by."""
+    if not any(_wants_a_plan(placed) for placed in spec.nodes):
         return None
-    return make_planner(config, task, models)
+    if choose("planner", config.planner).address:
+        return make_planner(config, task, models)
+    robot = robot_named(config.robot)
+    if config.plan is not None:
+        return LaterPlanner(_plan(config.plan, task, skills, robot), skills, robot.sides)
+    if task is None or config.tree is not None:
+        return None
+    return LaterPlanner(RecordedPlanner().plan(task.plan), skills, robot.sides)
 
 
-def _check_replanning(ready: Prepared, planner: str) -> None:
+def _check_replanning(ready: Prepared) -> None:
     """Raise UserError if a node wants a new plan where it fails, and nobody makes any."""
     node = next(filter(_wants_a_plan, ready.spec.nodes), None)
     if node is not None and ready.planner is None:
         where = f" ({node.spec.place})" if node.spec.place else ""
         raise UserError(
-            f"{node.path!r}{where} wants a new plan where it fails; planner {planner!r} only has the plan on file: "
-            "choose one that plans, such as --planner openai:MODEL, or --on-failure advance."
+            f"{node.path!r}{where} wants a new plan where it fails, and a tree of a file has no plan behind it: "
+            "choose a planner that makes one, such as --planner openai:MODEL."
         )
 
 
@@ -233,9 +243,9 @@ def prepare_saved(saved: SavedEpisode, config: EpisodeConfig) -> Prepared:
     spec = saved.spec
     rules = load_rules(config.substitute) if config.substitute else None  # may fit what a new plan replaced
     models = Models(config)
-    ready = Prepared(
-        task, load_skills(), spec, rules, models, saved=saved, planner=_replanner(config, task, models, spec)
-    )
+    skills = load_skills()
+    planner = _replanner(config, task, models, spec, skills)
+    ready = Prepared(task, skills, spec, rules, models, saved=saved, planner=planner)
     if not saved.dry:
-        _check_replanning(ready, config.planner)
+        _check_replanning(ready)
     return ready

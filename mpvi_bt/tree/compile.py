@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import groupby
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from mpvi_bt.behaviors.parameters import Criterion, Limit, Memory, NavigateTo, NoParameters, OnFailure, Prompt, Tries
 from mpvi_bt.behaviors.references import escaped
 from mpvi_bt.errors import UserError, nearest, shown
-from mpvi_bt.plan.primitives import Primitive, primitives
+from mpvi_bt.plan.primitives import Primitive, primitives, units
 from mpvi_bt.plan.schema import Navigation, Plan, Segment
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.tree.spec import NodeSpec, TreeSpec
@@ -43,8 +42,7 @@ def compile_plan(
     Raises:
         UserError: There is no such setting.
     """
-    units = compile_units(plan, skills, on_failure, drive)
-    root = NodeSpec("sequence", Memory(memory=True), plan.task_name, units)
+    root = NodeSpec("sequence", Memory(memory=True), plan.task_name, compile_units(plan, skills, on_failure, drive))
     return TreeSpec(plan.task_name, root, plan.instruction)
 
 
@@ -55,7 +53,7 @@ def compile_instruction(name: str, instruction: str) -> TreeSpec:
 
 def prompts_of(plan: Plan) -> list[str]:
     """What a policy is told that drives, too, unit by unit."""
-    return [", then ".join(plan.segments[i].description for i in segments) for segments in _groups(plan)]
+    return [", then ".join(plan.segments[i].description for i in segments) for segments in units(plan)]
 
 
 def compile_units(
@@ -77,7 +75,7 @@ def compile_units(
     found = primitives(plan, skills)
     return tuple(
         _attempt(n, segments, plan, _unit(segments, plan, found, index, skills, drive), parameters, retries)
-        for n, segments in enumerate(_groups(plan), start=number)
+        for n, segments in enumerate(units(plan), start=number)
     )
 
 
@@ -97,14 +95,6 @@ def parse_on_failure(given: str) -> tuple[OnFailure, int]:
             f"on failure: 'advance', 'retry:N' with N from 1 to 999, or 'replan', not {shown(given)}.{hint}"
         )
     return OnFailure(on_failure="replan" if setting[1] == "replan" else "advance"), int(setting[2] or 0)
-
-
-def _groups(plan: Plan) -> Iterator[tuple[int, ...]]:
-    """Indices of the segments of each execution unit."""
-    moves = enumerate(isinstance(s, Navigation) for s in plan.segments)
-    for navigation, run in groupby(moves, key=lambda item: item[1]):
-        indices = tuple(i for i, _ in run)
-        yield from ((i,) for i in indices) if navigation else (indices,)
 
 
 def _attempt(
