@@ -83,6 +83,16 @@ def test_a_second_look_finds_the_same_things() -> None:
     assert names(seen, "can of soda") == before
 
 
+@pytest.mark.parametrize("tilts", [(0.1, 1.3), (1.3, 0.1)])
+def test_a_leg_of_a_table_is_no_other_table(tilts: tuple[float, float]) -> None:
+    """Also where its foot is seen alone, before the top or after it: nothing could be set down on it."""
+    world = small_world({}, base=(-0.8, 0.0, 0.0), render=True, table_1=TABLE)
+    seen = looking(tilted(world, tilts[0]), "table")
+    look(tilted(world, tilts[1]), seen)
+    (table,) = names(seen, "table")
+    assert seen.spots(table, 0.08, 0.3, np.zeros(2))
+
+
 def test_what_is_not_asked_for_is_no_thing() -> None:
     """Only what a prompt names is tracked; the rest is in the way, without a name."""
     world = cans()

@@ -47,6 +47,7 @@ _GRASPED_M = 0.06  # what a closing hand takes hold of is this near its tcp, by 
 _SPANS = 0.8  # what is smaller than this share of the gap between the fingers is likely not what they hold
 _DEEPER_M = 0.1  # than it seems a vessel in hand may be
 _OUTER = 1.2  # what contains a thing covers that much more floor than it
+_OUTSIDE_M = 0.05  # a leg may stand so far outside of what is seen of a table's top
 _RECENTERED_M = 0.04  # fingers that close shift what they take by less than this
 
 
@@ -289,6 +290,8 @@ class Memory:
                     self._discover(phrase, frame, mask, points)
         for name in [n for n, t in self._things.items() if not (t.views and t.views[-1][0] is frame)]:
             self._missed(name, frame)
+        for name in [n for n, t in self._things.items() if any(_is_part(t, other) for other in self._things.values())]:
+            del self._things[name]
 
     def _discover(self, phrase: str, frame: Frame, mask: NDArray[np.bool_], points: Array) -> None:
         shape = fit(points, frame.points[frame.measured & ~mask], frame.eye)
@@ -366,6 +369,14 @@ def _apart(part: Array, whole: cKDTree) -> float:
     """How far points (n, 3) of a part of a thing are from all points of it [m], the median."""
     sample = part[:: max(1, len(part) // _SAMPLED)]
     return float(np.median(whole.query(sample)[0])) if len(part) else np.inf
+
+
+def _is_part(thing: Thing, furniture: Thing) -> bool:
+    """Whether a thing is but a part of furniture of that name: a leg of a table, seen by a hand, is no other table."""
+    if thing.phrase != furniture.phrase or thing.shape.kind == "furniture" or furniture.shape.kind != "furniture":
+        return False
+    (low, high), middle = furniture.shape.box(), thing.shape.box().mean(0)
+    return bool((middle[:2] > low[:2] - _OUTSIDE_M).all() and (middle < high + _OUTSIDE_M).all())
 
 
 def _in_part(shape: Shape, before: Shape) -> bool:
