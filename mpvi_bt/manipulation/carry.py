@@ -26,6 +26,8 @@ _STEP_M = 0.15  # after a failure
 _BACK_RAD = (0.0, 0.25, -0.25, 0.5, -0.5)  # from straight back,
 _ASIDE_RAD = (0.8, -0.8, 1.1, -1.1)  # and where none of it is free: out of a trunk that it stands obliquely before
 _SHRUNK_M = 0.001
+_OUT_RAD = 0.05  # off its posture for traveling an empty arm is out
+_DRAWN_M = (0.12, 0.06)  # along its fingers, off what it may have let go of a moment ago
 _CARRY_HEIGHT_M = 0.80
 _CHECKED_CARRIES = 25
 # Off the middle of a hand's way home, y toward its own side [m].
@@ -70,6 +72,37 @@ def _settle(work: Work, without: Collection[str], feeling: bool = False) -> Acti
     if arms is None and (held or not feeling):
         raise MotionFailure("no_carry")
     yield from work.motion.stand(upright, arms)
+
+
+def come_out(work: Work) -> Actions:
+    """Fold the empty arms that are out: who was told something else in the middle of a skill left them where they were.
+
+    The base would drag them through what they reach into. Where they cannot be folded they stay as they are.
+    """
+    held, home = work.held(), work.motion.robot.travel_arm
+    out = [s for s in home if s not in held and np.abs(work.motion.arm(s) - home[s]).max() > _OUT_RAD]
+    if not out or work.scene.between() is not None:
+        return
+    with suppress(MotionFailure):
+        for side in out:
+            if work.gripped(side):
+                yield from work.motion.grip(side, 1.0, 0.4)
+            yield from _draw_off(work, side)
+        yield from settle(work)
+
+
+def _draw_off(work: Work, side: Side) -> Actions:
+    """Draw a hand that is close to something back along its fingers, as far as there is room for it."""
+    body = work.body()
+    if body.free(side, body.arms[side], _FOLD_CLEAR_M)[0]:
+        return
+    for by in _DRAWN_M:
+        T = work.motion.hand(side)
+        T[:3, 3] -= by * T[:3, 2]
+        line = arm_motion.trace(body.robot, body.torso, side, body.arms[side], T)
+        if line is not None and body.free(side, np.stack(line), -TOUCH_M, grasping=True).all():
+            yield from work.motion.line(side, T)
+            return
 
 
 def _fold(work: Work, side: Side, without: Collection[str]) -> list[Array]:

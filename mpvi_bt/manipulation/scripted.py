@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt.manipulation.carry import back_off, settle, step_back, tuck
+from mpvi_bt.manipulation.carry import back_off, come_out, settle, step_back, tuck
 from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.follow import around, draw_off
 from mpvi_bt.manipulation.gaze import look_at
@@ -181,6 +181,7 @@ class ScriptedPolicy:
     def attempt(self, work: Work, call: SkillCall) -> Any:
         """Try one skill several times from different places; yields actions, returns whether it succeeded."""
         tried: list[Array] = []
+        yield from come_out(work)
         for _ in range(_ATTEMPTS):
             self.attempts += 1
             try:
