@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
+from typing import Any
+
 import numpy as np
 import pytest
 
 from mpvi_bt.manipulation import pick as picking
+from mpvi_bt.manipulation.approach import arrive
 from mpvi_bt.manipulation.pick import _bring, pick
+from mpvi_bt.manipulation.stance import Stance
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
@@ -65,6 +70,33 @@ def test_what_is_in_hand_where_it_lay_is_not_picked_up(held: tuple[World, Work, 
     task.lay["can"] = np.append(task.scene.pose("can")[:2, 3], 1.5)
     with pytest.raises(MotionFailure, match="slipped"):
         played(world, task, _bring(task, "can", side))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shove_m", [-0.025, 0.025])
+def test_fingers_go_straight_down_beside_a_thing_wherever_the_base_has_come_to_stand(
+    shove_m: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What leaves a hand 8 mm to spare on either side is taken upright by a base that was shoved along by 2.5 cm."""
+    toaster = {"toaster": placed("toaster", 0.7, 0.0, 0.76, np.pi / 2)}
+    world = small_world(toaster, (-0.2, 0.0, 0.0), table_1=TABLE)
+    world.settle()
+
+    def shoved(work: Work, *args: Any) -> Generator[Array, None, Stance]:
+        stance = yield from arrive(work, *args)
+        across = work.scene.pose("toaster")[:2, 1]  # its narrow sides are apart along this
+        yield from work.motion.drive(work.motion.felt.base_pose + np.append(across * shove_m, 0.0))
+        return stance
+
+    tilts: list[float] = []
+    monkeypatch.setattr(picking, "arrive", shoved)
+    task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    for action in pick(task, {"object": "toaster"}, []):
+        world.step(action)
+        task.motion.felt = world.robot.proprioception()
+        tilts.append(float(world.pose("toaster")[2, 2]))
+    assert "toaster" in (task.scene.holding("left"), task.scene.holding("right"))
+    assert min(tilts) > 0.99
 
 
 @pytest.mark.slow

@@ -92,8 +92,7 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
     yield from motion.grip(side, opened(stance.opening_m), 0.2)
     try:
         stance = yield from arrive(work, stance, search, lambda: options(work, name))
-        if work.sight is not None:
-            yield from lines(work, side, stance, [0])
+        yield from lines(work, side, stance, [0])  # aside to where it stands: on a slant a finger would meet the thing
         yield from lines(work, side, stance, [1])
         work.lay[name] = np.append(scene.pose(name)[:2, 3], _lowest(work, name))
         yield from motion.grip(side, -1.0, 0.67)
