@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +18,7 @@ from mpvi_bt.manipulation.expert import ExpertPolicy
 from mpvi_bt.manipulation.reactive import ReactivePolicy
 from mpvi_bt.manipulation.set_down import set_down
 from mpvi_bt.manipulation.truth import TrueScene
-from mpvi_bt.manipulation.two_hands import Box, _carcass, boxes_about, lift, together
+from mpvi_bt.manipulation.two_hands import Box, _carcass, behind, boxes_about, lift, together, way_behind
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import kinematics as kin
@@ -129,6 +131,40 @@ def test_what_has_a_lid_is_pressed_below_it() -> None:
     assert box.bottom == pytest.approx(whole.bottom)
     assert box.bottom + box.height < whole.bottom + 0.7 * whole.height
     assert len(_carcass(work, "crate")) == len(list(world.solids("crate")))
+
+
+@given(st.floats(0.0, 0.6), st.floats(-3.1, 3.1))
+def test_hands_are_formed_as_far_behind_as_there_is_room(room_m: float, yaw: float) -> None:
+    """Never farther, and nowhere if there is none; what has room behind it is left as far as before."""
+    base = np.array([0.4, -0.2, yaw])
+
+    def drivable(start: Array, goal: Array) -> bool:
+        return float(np.linalg.norm(start[:2] - goal[:2])) <= room_m
+
+    search: Any = SimpleNamespace(drivable=drivable, route=lambda here, goal: [goal])
+    way = way_behind(search, np.zeros(3), base)
+    if way is None:
+        assert room_m < 0.2
+        return
+    away = float(np.linalg.norm(way[-1][:2] - base[:2]))
+    assert away <= room_m
+    assert away > min(0.4, room_m - 0.1) - 1e-9
+    np.testing.assert_allclose(way[-1], behind(base, away))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("inside_m", [0.22, 0.3])
+def test_a_book_is_lifted_off_a_bed_that_stands_a_meter_from_a_wall(inside_m: float) -> None:
+    """There was no stance as long as the base had to stand 40 cm farther back first, and no more than 47 cm off."""
+    bed = "{entry: bed, at: [1.2, 0.0], yaw_deg: 270, shape: {size_m: [2.0, 1.6, 0.52]}}"
+    world = small_world({"book": placed("book", 2.0 - inside_m, 0.1, 0.522)}, base=(2.5, 0.0, np.pi), bed=bed)
+    world.settle()
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    for action in lift(work, {"object": "book"}, []):
+        world.step(action)
+        work.motion.felt = world.robot.proprioception()
+    assert world.between() == "book"
+    assert world.solids("book")[0].aabb()[0, 2] > 0.58
 
 
 @pytest.mark.slow

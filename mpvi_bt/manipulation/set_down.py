@@ -8,7 +8,7 @@ from mpvi_bt.manipulation.carry import settle
 from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.search import Search
 from mpvi_bt.manipulation.spots import floor_around, is_floor
-from mpvi_bt.manipulation.two_hands import Box, behind, open_wide, raise_both, seen_box
+from mpvi_bt.manipulation.two_hands import Box, behind, open_wide, raise_both, seen_box, way_behind
 from mpvi_bt.manipulation.work import Perform, Words, Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
@@ -72,7 +72,6 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
         raise MotionFailure("no_stance")
     base, spot, way = found
     tried.append(base)
-    back = behind(base)
     yield from raise_both(work, max(0.0, spot[2] + _OVER_M - box.bottom))
     for pose in way:
         yield from motion.drive(pose, speed=0.3)
@@ -82,7 +81,7 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from raise_both(work, spot[2] + 0.004 - seen_box(work, name).bottom, seconds_per_m=7.0)
     yield from motion.wait(0.2)
     yield from open_wide(work)
-    yield from motion.drive(back, speed=0.3)
+    yield from motion.drive(way[-1], speed=0.3)
     yield from settle(work, without={name} if surface is None else {name, surface})
     yield from look_at(work, name)
     if abs(min(s.aabb()[0, 2] for s in scene.solids(name)) - spot[2]) > 0.04:
@@ -117,7 +116,7 @@ def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tup
             if any(np.linalg.norm(base - b) < 0.05 for b in search.tried):
                 continue
             around = search.around(base, touched=False)
-            if not search.drivable(behind(base), base) or (way := search.route(here, behind(base))) is None:
+            if (way := way_behind(search, here, base)) is None:
                 continue
             torso = motion.torso  # raised by then, as `raise_both` does: lower down the arms would meet the surface
             torso[0] = np.clip(torso[0] + max(0.0, spot[2] + _OVER_M - box.bottom), *motion.robot.torso_limits[0])
