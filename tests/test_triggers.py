@@ -233,8 +233,18 @@ def test_there_is_no_rest_while_base_or_fingers_move() -> None:
     for _ in range(60):
         hands.pose = hands.pose + np.array([0.004, 0.0, 0.0])
         assert triggers.update() is None
-    assert go(hands, triggers, 2.0, to_m=0.05, command=-1.0) == []
+    assert go(hands, triggers, 2.0, to_m=0.05, command=0.0) == []
     assert go(hands, triggers, 3.0) == [TriggerEvent("rest", "right")]
+
+
+def test_a_hand_on_a_bar_is_not_done_before_it_lets_go() -> None:
+    """Who rested with the bar of a door in hand, and was sent on then, would drag the door along."""
+    hands = Hands()
+    triggers = rests(hands)
+    go(hands, triggers, 1.0, joint_speed=0.5)
+    assert go(hands, triggers, 1.0, to_m=0.02, command=-1.0) == []
+    assert pulls(hands, triggers, 0.5) + go(hands, triggers, 10.0) == []
+    assert go(hands, triggers, 1.0, to_m=0.1, command=1.0) + go(hands, triggers, 3.0) == [TriggerEvent("rest", "right")]
 
 
 def test_a_grasp_that_is_told_of_is_no_rest_too() -> None:
@@ -310,7 +320,7 @@ def test_a_skill_may_say_how_far_apart_its_events_are(kind: str, refractory_s: f
     hands = Hands()
     triggers = ProprioceptiveTriggers(hands)
     triggers.reset({kind: refractory_s})
-    go(hands, triggers, 0.5, to_m=0.06, command=-1.0)
+    go(hands, triggers, 0.5, to_m=0.06, command=-1.0 if kind == "grasp" else 0.2)  # a hand that took hold goes on
     speeds = [0.5 if k % 48 < 24 else 0.0 for k in range(48 * 30)]  # moves and rests by turns
     fired = [step for step, v in enumerate(speeds) if go(hands, triggers, 1 / CONTROL_HZ, joint_speed=v)]
     assert fired[0] < 2.0 * CONTROL_HZ

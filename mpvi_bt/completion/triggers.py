@@ -82,7 +82,7 @@ class ProprioceptiveTriggers:
 
     "rest": the arms have gone somewhere and the whole body has come to rest. What ends in none of the above, such as a
     door that was pushed shut or a button that was pressed, shows in this alone. It is the event of the arm that went
-    farther.
+    farther. A hand that has taken hold of something since, such as of a door's bar, is not done before it lets go.
 
     "arrival": the base has driven or turned and the whole body stands. Our choice, for policies that drive (the paper's
     heuristics are of grippers and arms): only a skill that drives asks for it. The first rest is an arrival too, as the
@@ -152,7 +152,8 @@ class ProprioceptiveTriggers:
             self._press.fired()
             self._rest.fired()
             return TriggerEvent("release", None)
-        if rested is not None and "rest" in self._apart and self._rest.since_event >= self._apart["rest"]:
+        took = any(hand.took for hand in self._hands.values())
+        if rested and not took and "rest" in self._apart and self._rest.since_event >= self._apart["rest"]:
             self._rest.fired()
             return TriggerEvent("rest", rested)
         due = "arrival" in self._apart and self._rest.since_event >= self._apart["arrival"]
@@ -250,6 +251,11 @@ class _Hand:
     def holds(self) -> bool:
         """Whether it has something between its fingers."""
         return self._grasp_width is not None
+
+    @property
+    def took(self) -> bool:
+        """Whether it has taken hold of something that it still holds."""
+        return self._way is not None
 
     @property
     def let_go(self) -> bool:
