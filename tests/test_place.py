@@ -11,6 +11,7 @@ import pytest
 
 from mpvi_bt.manipulation import drop, place
 from mpvi_bt.manipulation.held import Held
+from mpvi_bt.manipulation.outline import outline
 from mpvi_bt.manipulation.search import Search
 from mpvi_bt.manipulation.stance import Option
 from mpvi_bt.manipulation.truth import TrueScene
@@ -19,7 +20,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Load
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import Side
-from mpvi_bt.robot.solids import Array, pose
+from mpvi_bt.robot.solids import Array, box, pose
 from tests.small_house import placed, small_world
 
 EGG = {"object": "Easter egg", "container": "mixing bowl"}
@@ -141,6 +142,26 @@ def test_a_hand_keeps_clear_of_the_lid_of_what_it_lets_something_fall_into(
     monkeypatch.setattr(Search, "find", find)
     assert not list(drop.drop_in(work, "right", held, "jar", [], anywhere=True))
     assert clear == [80]
+
+
+@pytest.mark.parametrize(
+    ("at", "turn", "onto"),
+    [
+        ((0.0, 0.0), 0.0, 0.03),  # on it
+        ((0.04, 0.0), 0.0, -0.05),  # beside it, as near as to a wall
+        ((0.02, 0.0), 0.0, 0.03),  # it would brush it
+        ((0.05, 0.0), np.pi / 2, 0.03),  # its end is over it
+        ((0.1, 0.0), np.pi / 2, -0.05),
+        ((0.0, 0.1), 0.0, -0.05),
+    ],
+)
+def test_a_pen_falls_onto_what_lies_below_its_outline(at: tuple[float, float], turn: float, onto: float) -> None:
+    """As high as a peg of 2 cm reaches where the pen, 14 cm long, is over it; to the bottom where it is beside it."""
+    peg = np.array([[-0.01, -0.01, -0.05], [0.01, 0.01, 0.03]])
+    pen = outline([box((*at, 0.0), (0.02, 0.14, 0.02), yaw=turn)])
+    assert drop._onto(pen[None], [peg], -0.05) == pytest.approx(onto)
+    ring = np.array([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]])  # what is under the middle of it
+    assert drop._onto(ring[None], [peg], -0.05) == pytest.approx(0.03)
 
 
 @pytest.mark.parametrize("room", [True, False])

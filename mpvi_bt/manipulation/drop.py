@@ -146,9 +146,8 @@ def _into(work: Work, held: Held, side: Side, volume: Solid, container: str) -> 
             grid = np.stack(np.meshgrid(_STEPS * room[0], _STEPS * room[1], indexing="ij"), -1).reshape(-1, 2)
             rows = grid[:, None] + edge
             spare = _spare(volume, rows, covers)
-            for at, gap in zip(grid[spare > _FALL_M], spare[spare > _FALL_M], strict=True):
-                below = [float(b[1, 2]) for b in lying if _aside(b, at) < reach.max()]
-                under = max(below, default=-float(half[2]))
+            onto = _onto(rows, lying, -float(half[2]))
+            for at, gap, under in zip(*(values[spare > _FALL_M] for values in (grid, spare, onto)), strict=True):
                 if under + tall / 2 > half[2] - _FALL_M:
                     continue  # it would come to lie over the rim
                 over = volume.T[:3, :3] @ [*at, 0.0] + volume.T[:3, 3]
@@ -164,14 +163,23 @@ def _spare(volume: Solid, rows: Array, covers: Array) -> Array:
         spare = volume.half_m[0] - np.linalg.norm(rows, axis=-1).max(1)
     else:
         spare = (volume.half_m[:2] - np.abs(rows)).min((1, 2))
-    for low, high in covers[:, :, :2]:
-        off = np.linalg.norm(np.maximum(np.maximum(low - rows, rows - high), 0), axis=-1).min(1)
-        # An outline that holds the cover within it has no point on it, but lies on both sides of it.
-        around = ((rows.min(1) < low) & (rows.max(1) > high)).all(1)
-        spare = np.minimum(spare, np.where(around, 0.0, off))
+    for cover in covers:
+        spare = np.minimum(spare, _apart(rows, cover))
     return np.asarray(spare)
 
 
-def _aside(box: Array, at: Array) -> float:
-    """Distance [m], seen from above, of a place (2,) to an axis-aligned box (2, 3)."""
-    return float(np.linalg.norm(np.maximum(np.maximum(box[0, :2] - at, at - box[1, :2]), 0)))
+def _onto(rows: Array, lying: Sequence[Array], bottom: float) -> Array:
+    """(n,) height [m] of what outlines (n, m, 2) fall onto: boxes (2, 3) that lie in a volume, or its bottom."""
+    under = np.full(len(rows), bottom)
+    for box in lying:
+        under = np.where(_apart(rows, box) < _FALL_M, np.maximum(under, box[1, 2]), under)
+    return under
+
+
+def _apart(rows: Array, box: Array) -> Array:
+    """(n,) how far outlines (n, m, 2) keep from a box (2, 3), seen from above [m]."""
+    low, high = box[:, :2]
+    off = np.linalg.norm(np.maximum(np.maximum(low - rows, rows - high), 0), axis=-1).min(1)
+    # An outline that holds the box within it has no point on it, but lies on both sides of it.
+    around = ((rows.min(1) < low) & (rows.max(1) > high)).all(1)
+    return np.asarray(np.where(around, 0.0, off))
