@@ -95,6 +95,31 @@ def test_grasps_move_with_the_thing(turn: float, x: float, y: float) -> None:
     np.testing.assert_allclose(there, pose((x, y, 0.0), turn) @ here, atol=1e-5)
 
 
+@pytest.mark.parametrize("name", NAMES)
+@settings(deadline=None, max_examples=10)
+@given(yaw=st.floats(-3.1, 3.1), bearing=st.floats(-3.1, 3.1))
+def test_off_center_the_hand_is_moved_along_its_closing_axis_only(name: str, yaw: float, bearing: float) -> None:
+    """By 12 mm at the most, at a cost, and never so far that a finger comes down on the thing."""
+    put(name, yaw)
+    if WORLD.handles(name) or WORLD.volumes(name):
+        return
+    centered = grasps(TrueScene(WORLD), name, bearing)
+    around = Surroundings(list(WORLD.solids(name)))
+    for grasp in grasps(TrueScene(WORLD), name, bearing, off_center=True):
+        R, p = grasp.T_world_tcp[:3, :3], grasp.T_world_tcp[:3, 3]
+        origin = [
+            g
+            for g in centered
+            if np.allclose(g.T_world_tcp[:3, :3], R)
+            and np.allclose(np.cross(p - g.T_world_tcp[:3, 3], R[:, 1]), 0.0, atol=1e-9)
+        ]
+        off, cost = min((float(np.linalg.norm(p - g.T_world_tcp[:3, 3])), g.cost) for g in origin)
+        assert 0.005 < off < 0.013
+        assert grasp.cost > cost
+        tips = np.array([p + s * grasp.opening_m / 2 * R[:, 1] for s in (1.0, -1.0)])
+        assert (around.distance(tips) > 1e-3).all()
+
+
 def test_what_is_too_wide_has_no_grasp() -> None:
     """What is broader than the hand opens, without a handle or a rim, has none."""
     assert np.ptp(CATALOGUE["book"].description.extent(), axis=0)[:2].min() > MAX_WIDTH_M

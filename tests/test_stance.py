@@ -183,6 +183,19 @@ def found_for(world: World, name: str) -> Stance | None:
     return next((stance for stance in stances if stance is not None), None)
 
 
+def leek_in_a_basket(off_m: float) -> World:
+    """A leek that lies along the side of a basket, so far from its middle."""
+    basket, leek = placed("large_wicker_basket", 1.0, 0.0), placed("leek", 1.0 + off_m, 0.0, 0.012)
+    return small_world({"basket": basket, "leek": leek})
+
+
+def test_beside_a_low_wall_the_hand_takes_hold_off_the_middle() -> None:
+    """Where half a palm has no room beside the middle of a thing, and only there, it is not over that."""
+    assert found_for(leek_in_a_basket(0.128), "leek") is not None
+    in_the_middle, beside = (pick_options(work(leek_in_a_basket(off)), "leek") for off in (0.0, 0.128))
+    assert len(beside) > 2 * len(in_the_middle)
+
+
 def test_what_stands_at_a_wall_may_be_lifted_along_it() -> None:
     """A hollow thing a millimeter from a wall comes no nearer to it in the hand than where it stands."""
     world = small_world({"cup": placed("coffee_cup", 0.0, 0.0, yaw=np.pi)}, (2.0, 0.0, 0.0))

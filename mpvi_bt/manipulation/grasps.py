@@ -24,6 +24,9 @@ _NEARER = (0.0, 0.35, 0.7)  # by such shares of the way,
 _NEARER_COST = 3.0  # each meter of it: what hangs from one end is heavy for the fingers
 _PART_COST = 0.1  # of a pinch of one part
 _LEVELS = 4  # heights of parts that a pinch may be at
+_OFF_CENTER_M = (0.006, -0.006, 0.012, -0.012)  # of the hand, across the thing: its wall is nearer than half a palm
+_GAP_M = 0.004  # that stays between a thing and the finger that is nearer
+_OFF_CENTER_COST = 5.0  # each meter of it: the hand draws the thing along as it closes
 _PAD_M = 0.006  # from the tcp to the middle of the pads' lower half
 _RIM_OPENING_M = 0.056
 _RIM_DEPTH_M = 0.018  # of the tcp below a rim, along the approach
@@ -54,20 +57,23 @@ class Grasp:
     opening_m: float = hand.FULL_M
 
 
-def grasps(scene: Scene, name: str, bearing: float) -> list[Grasp]:
+def grasps(scene: Scene, name: str, bearing: float, off_center: bool = False) -> list[Grasp]:
     """Candidates for a thing; only the handles' if it has any.
 
     Args:
         scene: Where the thing is.
         name: The thing.
         bearing: Heading [rad] from the robot to it; hands come from the robot's side if they can.
+        off_center: Pinches whose hand is not over the middle, instead of those whose hand is.
     """
     bars = scene.handles(name)
     if bars:
         return [g for bar in bars for g in _on_bar(bar, bearing)]
     solids = list(scene.solids(name))
     volumes = scene.volumes(name)
-    found = _pinches(scene.pose(name), solids, bearing, () if volumes else solids)
+    found = _pinches(
+        scene.pose(name), solids, bearing, () if volumes else solids, _OFF_CENTER_M if off_center else (0.0,)
+    )
     if volumes:  # a palm over the opening keeps what is inside from being poured out
         found = [replace(g, cost=g.cost + _COVERS * max(0.0, float(np.cos(g.tilt_rad)))) for g in found]
     for volume in volumes:
@@ -96,14 +102,16 @@ def _on_bar(bar: Bar, bearing: float) -> Iterator[Grasp]:
             yield Grasp(T, tilt, 0.3 * tilt + 0.3 * abs(turn) + aside)
 
 
-def _pinches(T: Array, solids: Sequence[Solid], bearing: float, parts: Sequence[Solid]) -> list[Grasp]:
+def _pinches(
+    T: Array, solids: Sequence[Solid], bearing: float, parts: Sequence[Solid], offs: Sequence[float]
+) -> list[Grasp]:
     """Between two sides of a thing, from straight above to level; of `parts` of it too, which may be narrower."""
     inside = Surroundings(solids)
     tops = sorted({round(float(solid.aabb()[1, 2]), 2) for solid in solids}, reverse=True)
     support = float(min(s.aabb()[0, 2] for s in solids))
-    out = list(_between_sides(T, solids, bearing, support, tops[:_LEVELS], inside))
+    out = list(_between_sides(T, solids, bearing, support, tops[:_LEVELS], inside, offs))
     for part in parts if len(solids) > 1 and not _round(solids) else ():
-        found = _between_sides(part.T, [part], bearing, support, (), inside)
+        found = _between_sides(part.T, [part], bearing, support, (), inside, offs)
         out += [replace(g, cost=g.cost + _PART_COST) for g in found if _clear(g, inside)]
     return out
 
@@ -116,11 +124,11 @@ def _round(solids: Sequence[Solid]) -> bool:
 
 
 def _between_sides(T: Array, solids: Sequence[Solid], bearing: float, support: float, levels: Sequence[float],
-                   inside: Surroundings) -> Iterator[Grasp]:  # fmt: skip
+                   inside: Surroundings, offs: Sequence[float]) -> Iterator[Grasp]:  # fmt: skip
     """Between two sides of the box about solids along the axes of `T`; of a long one nearer to its ends, too.
 
-    `support` is the height of what the thing lies on, `levels` are those of lower tops that a pinch may go down to, and
-    `inside` is the whole thing.
+    `support` is the height of what the thing lies on, `levels` are those of lower tops that a pinch may go down to,
+    `inside` is the whole thing, and `offs` are how far the hand is off its middle, along its closing axis [m].
     """
     frame = inverse(T)
     low, high = bounds(s.moved(frame) for s in solids)
@@ -148,8 +156,21 @@ def _between_sides(T: Array, solids: Sequence[Solid], bearing: float, support: f
                     heights = (support, bottom, top, level)
                     grasp = _pinch(middle - nearer * ahead, heights, heading, tilt, half - nearer, width)
                     if grasp is not None and _between(grasp.T_world_tcp, inside):
-                        yield replace(grasp, cost=grasp.cost + 0.3 * aside + _NEARER_COST * nearer)
+                        grasp = replace(grasp, cost=grasp.cost + 0.3 * aside + _NEARER_COST * nearer)
+                        yield from (_moved(grasp, off) for off in offs if abs(off) < _most(grasp, width))
                         break
+
+
+def _most(grasp: Grasp, width: float) -> float:
+    """How far off the middle of a thing so wide a hand may be, less than this [m]: both fingers stay beside it."""
+    return max(1e-9, (grasp.opening_m - width) / 2 - _GAP_M)
+
+
+def _moved(grasp: Grasp, off: float) -> Grasp:
+    """The same with the hand moved along its closing axis."""
+    T = grasp.T_world_tcp.copy()
+    T[:3, 3] += off * T[:3, 1]
+    return replace(grasp, T_world_tcp=T, cost=grasp.cost + _OFF_CENTER_COST * abs(off))
 
 
 def _clear(grasp: Grasp, inside: Surroundings) -> bool:

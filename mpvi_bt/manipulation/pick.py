@@ -142,11 +142,24 @@ def _lowest(work: Work, name: str) -> float:
 
 
 def options(work: Work, name: str) -> list[Option]:
-    """Ways to take hold of a thing as it is known now. Raises MotionFailure "no_grasp" if there is none."""
+    """Ways to take hold of a thing as it is known now. Raises MotionFailure "no_grasp" if there is none.
+
+    Where no hand fits over the middle of the thing, next to a wall, the hand is not over its middle. Our choice: only
+    then, as every way more makes each search longer.
+    """
+    found = _ways(work, name, off_center=False)
+    if not work.search("right", {name, *work.scene.within(name)}).admits(found):
+        found += _ways(work, name, off_center=True)
+    if not found:
+        raise MotionFailure("no_grasp")
+    return found
+
+
+def _ways(work: Work, name: str, off_center: bool) -> list[Option]:
     at, here = work.scene.pose(name)[:2, 3], work.motion.felt.base_pose
     parts = [s for n in (name, *work.scene.within(name)) for s in work.scene.solids(n)]
     found = []
-    for grasp in grasps(work.scene, name, float(np.arctan2(at[1] - here[1], at[0] - here[0]))):
+    for grasp in grasps(work.scene, name, float(np.arctan2(at[1] - here[1], at[0] - here[0])), off_center):
         T = grasp.T_world_tcp
         frame = kin.inverse(T)
         load = Load([solid.moved(frame) for solid in parts])
@@ -158,6 +171,4 @@ def options(work: Work, name: str) -> list[Option]:
             lifted[2, 3] += lift
             waypoints = np.stack([before, T, lifted])
             found.append(Option(waypoints, 1, grasp.cost + cost, run_up, load, grasp.opening_m))
-    if not found:
-        raise MotionFailure("no_grasp")
     return found

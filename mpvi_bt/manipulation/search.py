@@ -116,6 +116,10 @@ class Search(Site):
                 effort = 1.0 if looked else effort
         return None, effort
 
+    def admits(self, options: Sequence[Option]) -> bool:
+        """Whether there is room for the bare hand in one of `options` at least."""
+        return any(self.fits(self._as_it_stands(option)) for option in options)
+
     def fits(self, option: Option) -> bool:
         """Whether the bare hand, with what it holds, is clear of everything at each waypoint, whatever the arm does."""
         takes = option.load is not None
