@@ -11,6 +11,7 @@ import pytest
 from mpvi_bt.goals.predicates import inside, nextto, ontop, under
 from mpvi_bt.manipulation.expert import ExpertPolicy
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.robot.motion import Motion
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.world import World
@@ -168,6 +169,23 @@ def test_one_hand_holds_the_bin_while_the_other_fills_it(side: Side) -> None:
     assert inside(world, "can", "bin")
     assert world.holding(side) == "bin"
     assert world.holding(other) is None
+
+
+@pytest.mark.slow
+def test_what_was_held_aside_is_brought_back_after_a_failure() -> None:
+    """Held out it would bar the base's way between furniture; the next try begins with it at the chest."""
+    world = calm(small_world({"can": placed("can_of_soda", 0.8, -0.2), "book": placed("book", 0.9, 0.6)}))
+    assert play(world, "pick up the can of soda with the right hand").note == "done"
+    motion = Motion(world.robot.proprioception())
+    aside = motion.hand("right")
+    aside[:2, 3] += (0.15, -0.12)
+    for action in motion.line("right", aside):
+        world.step(action)
+        motion.felt = world.robot.proprioception()
+    assert play(world, "pick up the book", until=None, limit_s=15).note == "pick: no_grasp"
+    assert world.holding("right") == "can"
+    back = Motion(world.robot.proprioception()).hand("right")
+    assert np.hypot(*back[:2, 3]) < np.hypot(*aside[:2, 3]) - 0.1
 
 
 def opened(world: World, fixture: str) -> World:

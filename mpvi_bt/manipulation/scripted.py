@@ -218,5 +218,6 @@ class ScriptedPolicy:
         try:
             yield from settle(work)
             yield from step_back(work)
+            yield from tuck(work)
         except MotionFailure as failure:
             self.note = f"recovery: {failure.reason}"
