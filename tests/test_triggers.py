@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mpvi_bt.behaviors.protocols import TriggerEvent
 from mpvi_bt.completion.triggers import ProprioceptiveTriggers, Thresholds
 from mpvi_bt.errors import UnknownName
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
+from mpvi_bt.robot.protocol import CONTROL_HZ, OPEN_M, SIDES, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 from tests.navigation_maps import KinematicRobot
 from tests.test_squeeze import TORSO, facing_hands
@@ -157,6 +157,19 @@ def test_what_is_held_from_the_start_is_no_news_but_its_release_is() -> None:
     assert go(hands, triggers, 2.0, "left", joint_speed=0.3) + go(hands, triggers, 3.0, "left") == []
     assert go(hands, triggers, 0.5, "left", to_m=0.1, command=1.0) == []
     assert go(hands, triggers, 2.0, "left") == [TriggerEvent("release", "left")]
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0.004, 0.03))
+def test_a_hand_that_begins_to_open_has_not_let_go(width_m: float) -> None:
+    """Also of the wall of a box: it is told to be as wide as that for a moment, and stands around it still."""
+    hands = Hands()
+    triggers = grips(hands)
+    grasp(hands, triggers, width_m)
+    for told_m in np.linspace(0.0, width_m + 0.02, 15):  # in half a second
+        assert go(hands, triggers, 1 / CONTROL_HZ, to_m=max(width_m, told_m), command=2 * told_m / OPEN_M - 1) == []
+    assert go(hands, triggers, 0.7) == []
+    assert go(hands, triggers, 1.0) == [TriggerEvent("release", "right")]
 
 
 def test_something_that_slips_out_is_a_release_once_the_arms_rest() -> None:

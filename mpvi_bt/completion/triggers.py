@@ -230,7 +230,9 @@ class _Hand:
                 self._report("grasp")
         else:
             let_go = not grips and self._width >= min(self._grasp_width + t.opened_m, t.full_m)
-            slipped = told_m < self._grasp_width and self._width < told_m + t.empty_m  # maybe where it was to lie
+            # One that begins to open is told, for a moment, to be as wide as what it holds.
+            closer = self._width < self._grasp_width - t.empty_m
+            slipped = closer and self._width < told_m + t.empty_m  # maybe where it was to lie
             if let_go or slipped:
                 self._grasp_width, self._way = None, None
                 self._report("release")
