@@ -218,6 +218,7 @@ class ScriptedPolicy:
         try:
             yield from settle(work)
             yield from step_back(work)
-            yield from tuck(work)
+            if len(work.held()) == 1:  # two hands that are full may be at work on one another
+                yield from tuck(work)
         except MotionFailure as failure:
             self.note = f"recovery: {failure.reason}"
