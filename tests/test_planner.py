@@ -18,6 +18,7 @@ from mpvi_bt.language.chat import Message
 from mpvi_bt.language.scripted import ScriptedChatModel
 from mpvi_bt.plan.check import plan_problems
 from mpvi_bt.plan.context import Grounding
+from mpvi_bt.plan.history import History, Unit
 from mpvi_bt.plan.language import REPAIRS, LanguagePlanner, checked, read_answer
 from mpvi_bt.plan.prompt import LONGEST_INSTRUCTION, answer_schema, answer_text, conversation, system_text, user_text
 from mpvi_bt.plan.schema import Plan, load_plan
@@ -237,10 +238,11 @@ def test_examples_are_answers_that_would_be_taken() -> None:
 def test_a_plan_for_what_is_left() -> None:
     """Where the robot is under way the model is told what happened, bounded; the hands may begin."""
     asked, model = planner(changed(lambda data: data.update(segments=data["segments"][4:5])))
-    planned = asked.ask("t", TELL, "done: go to the trash can\n" + "x" * 100_000)
+    history = History((Unit("go to the trash can"), Unit("pick up the can", "timeout", "x" * 100_000)))
+    planned = asked.ask("t", TELL, history)
     assert [segment.type for segment in planned.plan.segments] == ["manipulation"]
     assert planned.doubts == ()
-    assert "done: go to the trash can" in model.asked[0][0][-1].text
+    assert '{"what": "go to the trash can", "came_to": "done"}' in model.asked[0][0][-1].text
     assert len(model.asked[0][0][-1].text) < 10_000
 
 
