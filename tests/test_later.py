@@ -59,6 +59,15 @@ def test_a_dropped_thing_is_taken_again() -> None:
     assert "pick up the pan, then pick up the lid" in said_again("put the cup", "put the pan")
 
 
+def test_what_is_done_with_a_bin_in_hand_takes_the_bin_anew() -> None:
+    """But not the other cans, which are in it."""
+    bin_ = plan(
+        "go to the bin", "pick up the bin with the left hand", "go to the can", "pick up the can",
+        "put the can in the bin", "go to the egg", "pick up the egg", "put the egg in the bin",
+    )  # fmt: skip
+    assert LaterPlanner(bin_, SKILLS).again([5]) == [0, 1, 4, 5]
+
+
 def test_what_was_open_meanwhile_is_opened_and_closed_again() -> None:
     """And what is opened anew is closed anew, once, whatever failed between."""
     for failed in (["put the cup"], ["put the cup", "go to the cup"], ["open the fridge", "put the cup"]):

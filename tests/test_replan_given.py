@@ -116,7 +116,7 @@ def test_a_dry_run_retries(mpvi: Shell, tmp_path: Path) -> None:
     assert [failure["reason"] for failure in again["failures"]] == ["out_of_tries"]
     anew = json.loads(mpvi(*words, "replan").stdout)
     assert [failure["reason"] for failure in anew["failures"]] == ["no_way"]
-    assert [(replan["segments"], replan["said"]) for replan in anew["replans"]] == [(21, "")]
+    assert [(replan["segments"], replan["said"]) for replan in anew["replans"]] == [(12, "")]
 
 
 def test_a_stopped_dry_run_keeps_it(mpvi: Shell) -> None:

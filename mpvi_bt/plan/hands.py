@@ -36,9 +36,9 @@ class Hands:
         self._held: list[_Held] = []
 
     @property
-    def empty(self) -> bool:
-        """Whether nothing is known to be in a hand."""
-        return not self._held
+    def held(self) -> frozenset[int]:
+        """The segments that took what is in the hands."""
+        return frozenset(held.segment for held in self._held)
 
     def take(self, call: SkillCall | None, segment: int) -> str | None:
         """Go on by one segment, of which `call` is the skill; what speaks against it, if anything certainly does."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import takewhile
 
 from mpvi_bt.plan.hands import Hands
 from mpvi_bt.plan.history import History
 from mpvi_bt.plan.planners import NoPlan, Planned
 from mpvi_bt.plan.primitives import primitives, units
-from mpvi_bt.plan.schema import Manipulation, Plan
+from mpvi_bt.plan.schema import Navigation, Plan
 from mpvi_bt.plan.skills import Skill, SkillCall
 from mpvi_bt.robot.protocol import SIDES
 
@@ -19,9 +20,9 @@ class LaterPlanner:
     """Puts off what failed: a plan's units that failed are done once more after all the others (implements `Planner`).
 
     Our choice (the paper's plan advances, and what failed is given up): what barred the way is often gone by then, and
-    whoever comes anew stands elsewhere. What a unit needs comes with it: the units around it from where both hands were
-    empty to where they are empty again, such as taking a can that was dropped on its way to the bin, and those that
-    open and close what was open meanwhile. They keep their order. What fails once more is given up for good.
+    whoever comes anew stands elsewhere. What a unit needs comes with it: the drive to it; the units that take what it
+    puts down, and put down what it takes; that which takes the bin that it fills; and those that open and close what
+    was open meanwhile. They keep their order. What fails once more is given up for good.
 
     Args:
         plan: That the episode began with.
@@ -36,7 +37,7 @@ class LaterPlanner:
         self._plan = plan
         self._units = list(units(plan))
         self._calls = {i: primitive.call for i, primitive in primitives(plan, skills).items()}
-        self._chores = self._split(hands)
+        self._held = list(self._holds(hands))
 
     def ask(self, task_name: str, instruction: str, history: History | None = None) -> Planned:
         """The plan; from where the robot is, if it is under way.
@@ -56,24 +57,38 @@ class LaterPlanner:
 
     def again(self, failed: Iterable[int]) -> list[int]:
         """The units to be done for these to succeed, all in the order of the plan; numbers count from 0."""
-        wanted = {unit for chore in self._chores if not set(failed).isdisjoint(chore) for unit in chore}
-        around: set[int] = set()
-        for opens, closes in self._open():
-            if any(opens <= unit <= closes for unit in wanted):
-                around |= {unit for chore in self._chores if opens in chore or closes in chore for unit in chore}
-        return sorted(wanted | around)
+        wanted = {self._work(unit) for unit in failed}
+        wanted |= {end for held in self._held for end in held if any(held[0] < unit < held[1] for unit in wanted)}
+        opened, before = list(self._open()), set[int]()
+        while wanted != before:
+            before = set(wanted)
+            wanted |= {end for held in self._held for end in held if not wanted.isdisjoint(held)}
+            wanted |= {end for span in opened for end in span if any(span[0] <= unit <= span[1] for unit in wanted)}
+        work = {unit for unit in wanted if unit < len(self._units)}
+        return sorted(work | {way for unit in work for way in self._ways(unit)})
 
-    def _split(self, sides: tuple[str, ...]) -> list[range]:
-        """The units from one drive with empty hands to the next."""
-        hands, starts = Hands(sides), [0]
+    def _drives(self, unit: int) -> bool:
+        return isinstance(self._plan.segments[self._units[unit][0]], Navigation)
+
+    def _work(self, unit: int) -> int:
+        """The unit that a drive leads to; itself, if it is none or leads to none."""
+        later = range(unit, len(self._units))
+        return next((other for other in later if not self._drives(other)), unit)
+
+    def _ways(self, unit: int) -> Iterable[int]:
+        """The drives right before a unit."""
+        return takewhile(self._drives, range(unit - 1, -1, -1))
+
+    def _holds(self, sides: tuple[str, ...]) -> Iterable[tuple[int, int]]:
+        """The units between which something is held; what is never let go of has an end of its own beyond the plan."""
+        hands, taken = Hands(sides), dict[int, int]()
         for number, unit in enumerate(self._units):
-            handled = isinstance(self._plan.segments[unit[0]], Manipulation)
-            for i in unit if handled else ():
+            for i in () if self._drives(number) else unit:
+                before = hands.held
                 hands.take(self._calls[i], i)
-            if handled and hands.empty:
-                starts.append(number + 1)
-        ends = [*starts[1:], len(self._units)]
-        return [range(start, end) for start, end in zip(starts, ends, strict=True) if start < end]
+                yield from ((taken[gone], number) for gone in before - hands.held)
+                taken[i] = number
+        yield from ((taken[kept], len(self._units) + taken[kept]) for kept in hands.held)
 
     def _open(self) -> Iterable[tuple[int, int]]:
         """The units between which something is open that the plan opens and closes."""
