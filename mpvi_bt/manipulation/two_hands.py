@@ -32,14 +32,19 @@ _LOW_M = 0.07  # a thing that is lower than this is taken with hands that point 
 _SLANT_RAD = 0.75  # slantwise, or more steeply: a tip that is broader than the side presses on its edge and slips
 _LIFT_M = 0.15
 _BACKS_M = (0.4, 0.3, 0.2)  # so far straight behind where it stands to take hold; the farthest for which there is room
-_AHEADS_M = (0.31, 0.35, 0.39, 0.43, 0.47, 0.52, 0.57, 0.62)  # so far before the middle of the base a box begins,
-_ASIDES_M = (0.0, 0.05, -0.05, 0.1, -0.1)  # and so far left of it is its middle
+# Where to stand: a box begins so far before the middle of the base, and its middle is so far left of it. The rare ones
+# where there is no room for the others.
+_PLACES_M = tuple(itertools.product((0.31, 0.35, 0.39, 0.43, 0.47), (0.0, 0.05, -0.05)))
+_RARE_PLACES_M = (
+    *itertools.product((0.52, 0.57, 0.62), (0.0, 0.05, -0.05, 0.1, -0.1)),
+    *itertools.product((0.31, 0.35, 0.39, 0.43, 0.47), (0.1, -0.1)),
+)
 _OUTWARD_M = 0.07
 _FOLDED_M = 0.06  # of the lift, at the least, while hands are folded before a body that is bent
 _CARRY_M = 0.62  # height of the hands to carry at, if the arms get there
 _PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1, 1.35)
 _LEGS = 3  # around a thing, to where its far sides are known
-_CHECKED_BASES = 40
+_CHECKED_BASES = 24
 _CHECKED_TORSOS = 8
 
 
@@ -133,10 +138,10 @@ def _near(work: Work, name: str, tried: Sequence[Array]) -> Generator[Array, Non
             raise MotionFailure("no_grasp")
         search = work.search("right", {name, *work.scene.within(name)})
         search.tried.extend(tried)
-        bases = _bases(motion.felt.base_pose, boxes)
-        if (grip := _find(work, search, bases)) is not None:
+        usual, rare = (_bases(motion.felt.base_pose, boxes, places) for places in (_PLACES_M, _RARE_PLACES_M))
+        if (grip := _find(work, search, usual) or _find(work, search, rare)) is not None:
             return grip, search
-        way = search.toward(np.stack([behind(base) for base, _ in bases])) if leg < _LEGS else None
+        way = search.toward(np.stack([behind(base) for base, _ in usual])) if leg < _LEGS else None
         if way is None:
             break
         for pose in way:
@@ -181,14 +186,14 @@ def seen_box(work: Work, name: str) -> Box:
     return min(boxes, key=lambda b: abs(float(kin.wrap(b.heading - yaw))))
 
 
-def _bases(here: Array, boxes: list[Box]) -> list[tuple[Array, Box]]:
-    """Base poses (3,) to take a thing from, as seen from each of its sides, the nearest first.
+def _bases(here: Array, boxes: list[Box], places: Sequence[tuple[float, float]]) -> list[tuple[Array, Box]]:
+    """Base poses (3,) to take a thing from, at these places as seen from each of its sides, the nearest first.
 
     Our choice: the base always faces a side. Turned by 0.35 rad from that, 2 of 30 lifts held.
     """
     ranked = []
     for box in boxes:
-        for ahead, aside in itertools.product(_AHEADS_M, _ASIDES_M):
+        for ahead, aside in places:
             offset = kin.rot_z(box.heading)[:2, :2] @ [box.length / 2 + ahead, aside]
             base = np.array([*(box.middle[:2] - offset), box.heading])
             turn = abs(float(kin.wrap(base[2] - here[2])))
