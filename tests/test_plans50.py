@@ -52,9 +52,8 @@ NOT_CHECKED = {
     "make_microwave_popcorn": {"contains", "real"},
     "setting_the_fire": {"on_fire"},
 }
-# The words of the first are those that the README shows: of every can the same is to be seen, however many there are.
-# Of the second no picture shows all: its baskets stand apart.
-UNCOUNTED = {"picking_up_trash", "assembling_gift_baskets"}
+# Its words are those that the README shows: of every can the same is to be seen, however many there are.
+UNCOUNTED = {"picking_up_trash"}
 # Of two sandals its goal wants the first beside the bed, and nobody can tell which that is: only one order is tried.
 WHICH_MATTERS = {"tidying_bedroom"}
 
