@@ -14,25 +14,14 @@ from mpvi_bt.plan.history import History, Unit
 from mpvi_bt.plan.later import LaterPlanner
 from mpvi_bt.plan.planners import NoPlan, RecordedPlanner
 from mpvi_bt.plan.primitives import units
-from mpvi_bt.plan.schema import Plan
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import compile_plan, prompts_of
 from mpvi_bt.tree.substitute import check_rules, stand_ins
+from tests.test_replan import plan
 
 SKILLS = load_skills()
 PLANS = RecordedPlanner().all()
-
-
-def plan(*said: str) -> Plan:
-    """A plan whose segments drive to what begins with "go", and handle the others."""
-    segments = [
-        {"type": "navigation", "description": text, "completion_criterion": "there", "target": text[6:]}
-        if text.startswith("go to ")
-        else {"type": "manipulation", "description": text, "completion_criterion": f"{text} is so"}
-        for text in said
-    ]
-    return Plan.model_validate({"task_name": "tidy", "instruction": "Tidy up.", "segments": segments})
 
 
 CHORES = (
