@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from itertools import takewhile
 
 from mpvi_bt.plan.hands import Hands
@@ -10,7 +10,7 @@ from mpvi_bt.plan.history import History
 from mpvi_bt.plan.planners import NoPlan, Planned
 from mpvi_bt.plan.primitives import primitives, units
 from mpvi_bt.plan.schema import Navigation, Plan
-from mpvi_bt.plan.skills import Skill, SkillCall
+from mpvi_bt.plan.skills import Skill
 from mpvi_bt.robot.protocol import SIDES
 
 _OPENS, _CLOSES = "open", "close"  # skills
@@ -94,13 +94,11 @@ class LaterPlanner:
         """The units between which something is open that the plan opens and closes."""
         opened: dict[str, int] = {}
         for number, unit in enumerate(self._units):
-            for call in _known(self._calls.get(i) for i in unit):
+            for call in (self._calls.get(i) for i in unit):
+                if call is None:
+                    continue
                 thing = call.arguments.get("object", "")
                 if call.skill.name == _OPENS:
                     opened.setdefault(thing, number)
                 elif call.skill.name == _CLOSES and thing in opened:
                     yield opened.pop(thing), number
-
-
-def _known(calls: Iterable[SkillCall | None]) -> Sequence[SkillCall]:
-    return [call for call in calls if call is not None]
