@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.goals import predicates
 from mpvi_bt.goals.formula import Literal
-from mpvi_bt.goals.predicates import inside, nextto, ontop, open_, touching, truth_in, under
+from mpvi_bt.goals.predicates import inside, nextto, ontop, open_, resting_on, touching, truth_in, under
 from mpvi_bt.goals.rays import contains, crosses, interval
 from mpvi_bt.robot.solids import Solid, box, pose
 
@@ -188,6 +188,23 @@ def test_ontop_asks_for_contact_and_the_support_straight_below(given: tuple[Any,
         state.contacts.add(frozenset({"a", "b"}))
     assert ontop(state, "a", "b") is expected
     assert not expected or not under(state, "a", "b")
+    assert not expected or resting_on(state, "a", "b")
+
+
+@scenes(
+    ("positive: on the lower of two boards, the other above", (can(0, 0, 0.27), BOARDS, True, True)),
+    ("positive: a ring around a peg, which is below and above its middle", (RING, PEG, True, True)),
+    ("negative: over it", (can(0, 0, 0.85), TABLE, False, False)),
+    ("negative: pressed up against its underside", (can(0.2, 0, 0.64), TABLE, True, False)),
+    ("negative: leaning on its side", (rod((0.53, 0, 0.5), 0.9), TABLE, True, False)),
+)
+def test_resting_on_asks_nothing_of_what_is_above(given: tuple[Any, ...]) -> None:
+    """What a sentence calls on a rack may lie on any of its boards."""
+    a, b, contact, expected = given
+    state = Table({"a": as_list(a), "b": b})
+    if contact:
+        state.contacts.add(frozenset({"a", "b"}))
+    assert resting_on(state, "a", "b") is expected
 
 
 def bridge(height: float) -> list[Solid]:

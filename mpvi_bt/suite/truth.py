@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from mpvi_bt.completion.criteria import Relation
 from mpvi_bt.completion.oracle import OracleChecker
 from mpvi_bt.executive.loop import Watcher, World
-from mpvi_bt.goals.predicates import BINARY, UNARY
+from mpvi_bt.goals.predicates import BINARY, UNARY, resting_on
 from mpvi_bt.navigation.goals import Handoff, distance_to
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.tree.build import Tree
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _AT_M = Handoff().distance_m + Handoff().slack_m  # as far as a base stops that was sent to a thing
 _PREDICATES: Mapping[Relation, tuple[str, bool]] = {
-    **{relation: (relation, False) for relation in ("inside", "ontop", "nextto", "under", "open")},
+    **{relation: (relation, False) for relation in ("inside", "nextto", "under", "open")},
     "closed": ("open", True),
     "on": ("toggled_on", False),
     "off": ("toggled_on", True),
@@ -52,7 +52,9 @@ class TrueState:
         return any(near) if found else None
 
     def so(self, relation: Relation, name: str, other: str) -> bool | None:
-        """By BDDL's predicates."""
+        """By BDDL's predicates; "on" is `resting_on`."""
+        if relation == "ontop":
+            return resting_on(self._world, name, other)
         predicate, negated = _PREDICATES.get(relation, ("", False))
         if predicate == "open" and not self._world.joint_fractions(name):
             return False  # what cannot be opened is not closed either
