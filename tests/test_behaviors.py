@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Context, Stopwatch
-from mpvi_bt.behaviors.protocols import Progress, Report, TriggerEvent
+from mpvi_bt.behaviors.node import failure_of
+from mpvi_bt.behaviors.protocols import Judgement, Progress, Report, TriggerEvent
+from mpvi_bt.behaviors.question import Question
 from mpvi_bt.errors import NodeError, UnknownName
 from mpvi_bt.robot.limits import LARGEST_STEP, extremes
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, CameraImage
@@ -187,6 +189,34 @@ def test_what_the_policy_says_of_itself_is_shown() -> None:
     said = bench.node("manipulate").feedback_message
     assert said.startswith("pick: no_stance x")
     assert len(said) <= 200
+
+
+def test_a_policy_that_gives_up_ends_its_unit() -> None:
+    """Once its chunk is used up, with its note for a reason; the unit that begins next has it reset and runs."""
+    bench = Bench("manipulate: pick up the cup")
+    policy = bench.context.policy = Chunks(3)
+    bench.tree.setup(bench.context)
+    bench.run(1)
+    policy.gave_up, policy.note = True, "pick: no_stance"  # type: ignore[attr-defined]
+    assert [bench.tree.tick() for _ in range(2)] == [Status.RUNNING, Status.FAILURE]
+    failure = failure_of(bench.node("manipulate"))
+    assert failure is not None
+    assert (failure.reason, failure.evidence) == ("gave_up", "pick: no_stance")
+    policy.gave_up = False  # type: ignore[attr-defined]
+    assert bench.tree.tick() == Status.RUNNING
+    assert policy.resets == 2
+
+
+def test_a_unit_given_up_waits_for_the_answer_that_is_awaited() -> None:
+    """What was asked before may be a yes, and the unit done."""
+    bench = Bench("manipulate: pick up the cup")
+    bench.context.policy = Chunks(1)
+    bench.context.policy.gave_up = True  # type: ignore[attr-defined]
+    question = cast("Question[Judgement]", object())
+    bench.context.asking.add(question)
+    assert bench.run(5) == Status.RUNNING
+    bench.context.asking.remove(question)
+    assert bench.run(1) == Status.FAILURE
 
 
 def test_a_grasp_of_nothing_is_noticed_and_a_tree_may_act_on_it() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any, cast
 
 import pytest
@@ -10,6 +11,8 @@ from mpvi_bt.manipulation.scene import Scene, Sight
 from mpvi_bt.manipulation.scripted import Performance, ScriptedPolicy
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.skills import SkillCall, load_skills
+from mpvi_bt.robot.motion import MotionFailure
+from mpvi_bt.robot.protocol import CONTROL_HZ
 from tests.serving import observation
 
 PROMPT = "put the cup on the table with the left hand, then put the bowl on the table with the right hand"
@@ -45,6 +48,36 @@ def test_a_round_goes_on_after_what_was_done_before(outcomes: str, objects: str)
     policy = Told(outcomes)
     done = _returned(policy.perform(cast("Work", None), PROMPT)) is not None
     assert policy.objects[: len(objects)] + "." * done == objects
+
+
+class Gives(ScriptedPolicy):
+    """It does what it is told at once, or can't."""
+
+    def __init__(self, done: bool) -> None:
+        super().__init__(cast("Scene", None), load_skills())
+        self.done = done
+
+    def perform(self, work: Work, prompt: str) -> Performance:
+        yield work.motion.still()
+        if not self.done:
+            raise MotionFailure("no_stance")
+        return None
+
+
+@pytest.mark.parametrize("done", [True, False])
+def test_it_gives_up_some_time_after_it_has_nothing_more_to_do(done: bool) -> None:
+    """Not before whoever only looks can have been asked; and never what it is told next."""
+    policy, seen = Gives(done), observation()
+    steps = next(step for step in itertools.count() if policy.infer(seen) is None or policy.gave_up)
+    assert policy.ended
+    assert 3.0 < steps / CONTROL_HZ < 6.0
+    policy.infer({**seen, "prompt": "put the bowl on the table"})
+    assert not policy.gave_up
+    for _ in range(steps + 1):
+        policy.infer({**seen, "prompt": "put the bowl on the table"})
+    assert policy.gave_up
+    policy.reset()
+    assert not policy.gave_up
 
 
 class Looks(ScriptedPolicy):

@@ -1,4 +1,4 @@
-"""Manipulate: let the policy move the arms until something else ends it."""
+"""Manipulate: let the policy move the arms until something else ends it, or the policy gives up."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ GRIP = "grip"  # the blackboard's key for the last notice, of trees that declare
 
 
 class Manipulate(Leaf):
-    """Always RUNNING: the policy has no notion of being done; CheckComplete or a timeout ends it (Paper, Manipulation).
+    """Never succeeds: the policy has no notion of being done; CheckComplete or a timeout ends it (Paper, Manipulation).
+
+    FAILURE with reason "gave_up" once the policy says so, its chunk is used up and no answer of the checker is awaited
+    (Our choice: learned policies can't say it; of one that can, the time until its timeout would be lost to the rest).
 
     A chunk of actions is carried out whole, one a step, before the policy is asked again (Our choice: as openpi's
     clients do; `mpvi_bt.manipulation.chunks` has other ways). At a handoff, that is whenever it starts, and when the
@@ -68,6 +71,8 @@ class Manipulate(Leaf):
         context.robot.act(action)
         note = str(getattr(context.policy, "note", ""))
         self.feedback_message = " ".join(note.split())[:_NOTE]
+        if getattr(context.policy, "gave_up", False) and not (self._chunk or context.asking):
+            return self.fail("gave_up", self.feedback_message)
         return Status.RUNNING
 
     def terminate(self, new_status: Status) -> None:

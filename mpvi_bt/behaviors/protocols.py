@@ -79,8 +79,9 @@ class Memory(Protocol):
 class Policy(Protocol):
     """A manipulation policy: observation in, action chunk out (the VLA's place in the paper).
 
-    It may have two things besides: `note`, a str that says on one line what it is doing or why it is stuck, without
-    numbers that change every step; and `close()`, called once when nothing more will be asked of it.
+    It may have three things besides: `note`, a str that says on one line what it is doing or why it is stuck, without
+    numbers that change every step; `gave_up`, a bool: it will do no more about this prompt; and `close()`, called once
+    when nothing more will be asked of it.
     """
 
     @property

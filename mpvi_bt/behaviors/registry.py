@@ -243,7 +243,7 @@ _OWN = (
         Prompt,
         "prompt",
         "mpvi_bt.behaviors.manipulate:Manipulate",
-        "Lets the policy move the arms; never ends by itself.",
+        "Lets the policy move the arms; ends by itself only where the policy gives up.",
         label=lambda _, p: f'Manipulate("{p.prompt}")',
         robot=True,
     ),

@@ -38,6 +38,11 @@ class _Wrapped:
         """Of the policy; "" if it has none."""
         return getattr(self._policy, "note", "")
 
+    @property
+    def gave_up(self) -> bool:
+        """As the policy says; no if it never does."""
+        return getattr(self._policy, "gave_up", False)
+
     def reset(self) -> None:
         """Forget everything."""
         self._policy.reset()

@@ -56,6 +56,11 @@ class DemonstratedPolicy:
             return self._inner.note
         return f"{self._at + 1} of {len(prompts)}, {prompts[self._at]}: {self._inner.note}"
 
+    @property
+    def gave_up(self) -> bool:
+        """Whether the other policy gave up the last of the prompts."""
+        return self._inner.gave_up and self._at + 1 >= len(self._demonstrations.get(_plain(self._told), ()))
+
     def reset(self) -> None:
         """Begin the instruction anew."""
         self._at = 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 from collections.abc import Callable, Generator, Mapping
 from typing import Any
 
@@ -30,6 +29,7 @@ _PAST_RAD = (0.4, -0.8, 0.4)  # turns of the base: what is carried may hide what
 _TAKES = ("pick", "lift")  # skills that leave something in hand
 _ATTEMPTS = 4  # of one skill
 _ROUNDS = 3  # of a whole prompt
+_SHOWN = 3  # times that what has been filled is held out
 _CHECKS = 100.0  # base poses that searches for a prompt may check at the start,
 _EARNED = 2.0 / CONTROL_HZ  # and more with every step: planning keeps well ahead of playing
 Performance = Generator[Array, None, SkillCall | None]
@@ -44,6 +44,7 @@ class ScriptedPolicy:
         name: As given on the command line.
         note: What it is doing or why it gave up, for a person.
         ended: Whether it has come to the end of its prompt, by its own senses: it thinks it done, or has given up.
+        gave_up: Whether it will do no more about its prompt: it can't, or it has shown in every way that it is done.
         attempts: Tries of skills so far.
         planning_s: Wall time spent on planning and seeing, measured by `timer`.
     """
@@ -73,7 +74,7 @@ class ScriptedPolicy:
         """Forget the prompt: the next observation starts its clauses from the first one."""
         self._prompt: str | None = None
         self._work: Work | None = None
-        self.ended = False
+        self.ended = self.gave_up = False
         self._actions: Actions = iter(())
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
@@ -82,7 +83,7 @@ class ScriptedPolicy:
         if observation["prompt"] != self._prompt or self._work is None:
             self._prompt = str(observation["prompt"])
             self._calls += 1
-            self.ended = False
+            self.ended = self.gave_up = False
             rng = np.random.default_rng([self._seed, self._calls])
             meant = {} if self._sight else self._meant  # what is only seen is numbered anew for each prompt
             self._work = Work(self._scene, Motion(felt), rng, self._sight, effort=Effort(_CHECKS), meant=meant)
@@ -103,10 +104,13 @@ class ScriptedPolicy:
         """Everything that it does about a prompt; a motion that fails outside of any attempt ends it, with a note."""
         try:
             while (last := (yield from self.perform(work, prompt))) is not None:
-                yield from self._finish(work, last)
+                if not (yield from self._finish(work, last)):
+                    break
         except MotionFailure as failure:
             self.note = f"{self.note}: {failure.reason}" if self.note else failure.reason
         self.ended = True
+        yield from work.motion.wait(_IDLE_S)  # who is asked now may see that it is done after all
+        self.gave_up = True
 
     def perform(self, work: Work, prompt: str) -> Performance:
         """Everything that it does about a prompt; returns the last skill of one that is done, None of another."""
@@ -130,10 +134,10 @@ class ScriptedPolicy:
                 return calls[-1]
         return None
 
-    def _finish(self, work: Work, last: SkillCall) -> Actions:
+    def _finish(self, work: Work, last: SkillCall) -> Generator[Array, None, bool]:
         """Everything is done: carry what is held close, look at it, and show it if nobody says that it is complete.
 
-        It comes back where what was taken has been lost since.
+        Returns whether to do it all again: what was taken has been lost since.
         """
         if not last.skill.hands:
             yield from self._stay(work, last)
@@ -144,7 +148,7 @@ class ScriptedPolicy:
                 with contextlib.suppress(MotionFailure):
                     yield from look_at(work, name)
         self.note, self.ended = "done", True
-        yield from self._show(work, last)
+        return (yield from self._show(work, last))
 
     def _stay(self, work: Work, last: SkillCall) -> Actions:
         """It is there, and nobody has said so: look past what it carries, and drive up to it again, for ever."""
@@ -156,19 +160,19 @@ class ScriptedPolicy:
                     yield from work.motion.drive(work.motion.felt.base_pose + [0.0, 0.0, turn])
             yield from self.attempt(work, last)
 
-    def _show(self, work: Work, last: SkillCall) -> Actions:
-        """Nobody has said that it is complete: look at it in several ways; hold what has been filled out, for ever.
+    def _show(self, work: Work, last: SkillCall) -> Generator[Array, None, bool]:
+        """Nobody has said that it is complete: look at it in several ways; hold out what has been filled.
 
-        Unless it was to be taken, and no hand holds anything any more.
+        Returns at once, with true, where it was to be taken and no hand holds anything any more.
         """
         yield from work.motion.wait(_IDLE_S)
         if last.skill.name in _TAKES and not work.carried():
-            return
+            return True
         for view in views(work, last):
             with contextlib.suppress(MotionFailure):
                 yield from view
             yield from work.motion.wait(_IDLE_S)
-        for turn in itertools.count():
+        for turn in range(_SHOWN):
             yield from work.motion.wait(_PATIENCE_S)
             for side, held in work.held().items():
                 if work.scene.volumes(held.name):
@@ -177,6 +181,7 @@ class ScriptedPolicy:
                         yield from look_at(work, held.name)
                         yield from work.motion.wait(_PATIENCE_S)
                         yield from tuck(work)
+        return False
 
     def attempt(self, work: Work, call: SkillCall) -> Any:
         """Try one skill several times from different places; yields actions, returns whether it succeeded."""

@@ -86,6 +86,7 @@ class OpenpiPolicy:
         name: "openpi:" and the URL.
         cameras: Those that the settings map; fewer if the server says which it wants (docs/policies.md).
         note: What the server says that it is doing; one line.
+        gave_up: Whether it says that it will do no more about the prompt.
         connections: How many have been made.
     """
 
@@ -97,7 +98,7 @@ class OpenpiPolicy:
         self._vocabulary = vocabulary
         self.name = f"{self.kind}:{self._url}"
         self.cameras: tuple[str, ...] = self._settings.cameras
-        self.note = ""
+        self.note, self.gave_up = "", False
         self.connections = 0
         self._connection: Connection | None = None
         self._fresh = True
@@ -105,7 +106,8 @@ class OpenpiPolicy:
 
     def reset(self) -> None:
         """Let the server begin anew, once it is there. Raises PolicyError."""
-        self._fresh, self._held, self.note = True, None, ""
+        self._fresh, self._held = True, None
+        self.note, self.gave_up = "", False
         self._persist(self._begin, self._settings.connect_s)
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
@@ -198,3 +200,4 @@ class OpenpiPolicy:
         self.cameras = cameras_of(message, self._settings, self.cameras)
         if isinstance(note := message.get("note"), str):
             self.note = one_line(note)
+        self.gave_up = message.get("gave_up") is True

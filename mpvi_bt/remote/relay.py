@@ -39,6 +39,7 @@ class Relay:
         vocabulary: What labels of pictures are called; told where the whole observation is.
         cameras: Those that are wanted first, or that the last reply said it wants.
         note: What the last reply said that the server is doing; one line.
+        gave_up: Whether it said that it will do no more about the prompt.
         seen: (H, W, 3) uint8, the head's picture of the last question; None if it had none.
     """
 
@@ -53,7 +54,7 @@ class Relay:
 
     def _begin(self) -> None:
         self.cameras = cameras_of(self._first, self._settings, self._settings.cameras)
-        self.note = ""
+        self.note, self.gave_up = "", False
         self._fresh = True
         self._held: Proprioception | None = None
         self._felt: Proprioception | None = None
@@ -95,6 +96,7 @@ class Relay:
         self.cameras = cameras_of(reply, self._settings, self.cameras)
         if isinstance(note := reply.get("note"), str):
             self.note = one_line(note)
+        self.gave_up = reply.get("gave_up") is True
         self._last = actions[-1]
         self._answers.put(actions)
 

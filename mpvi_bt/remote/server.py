@@ -263,6 +263,7 @@ class Session:
             "actions": actions,
             "cameras": list(policy.cameras),
             "note": str(getattr(policy, "note", "")),
+            "gave_up": bool(getattr(policy, "gave_up", False)),
             "policy_timing": {"infer_ms": infer_s * 1000},
         }
         return message, infer_s

@@ -113,6 +113,9 @@ def check_policy(
         _require(False, f"it must not mind more pictures than it asked for: {error}")
     note = getattr(policy, "note", "")
     _require(isinstance(note, str) and note.isprintable(), "a note is one line of text")
+    _require(isinstance(getattr(policy, "gave_up", False), bool), "gave_up is true or false")
+    policy.reset()
+    _require(not getattr(policy, "gave_up", False), "after a reset nothing has been given up")
     if make is not None:
         _check_memory(make, shown, every)
 

@@ -182,7 +182,6 @@ class _Linter:
 
     def node(self, node: NodeSpec, above: tuple[tuple[NodeSpec, int], ...]) -> Iterator[Problem]:
         """What is wrong with a node and those below it; `above`: its parents, and which child of theirs comes next."""
-        ends = self.ends(node)
         if node.kind in ("sequence", "selector"):
             yield from self.unreachable(node)
         elif node.kind == "retry" and "failure" not in self.ends(node.children[0]):
@@ -196,9 +195,10 @@ class _Linter:
                 "a new plan takes the place of what follows, here nothing: put it right into a sequence with memory"
             )
             yield self.problem(node, "on_failure", "no-rest", message, severity="error")
-        elif not node.children and not ends and not any(_can_end(parent, i) for parent, i in above):
+        elif node.kind == "manipulate" and not any(_can_end(parent, i) for parent, i in above):
             message = (
-                f"{node.kind!r} never ends by itself, and nothing above it ends it; try 'until_complete' or 'timeout'"
+                "'manipulate' ends by itself only where the policy gives up, and nothing above it ends it; try "
+                "'until_complete' or 'timeout'"
             )
             yield self.problem(node, "", "never-ends", message)
         if node.kind == "manipulate":

@@ -16,7 +16,7 @@ SUCCESS: Outcomes = frozenset({"success"})
 FAILURE: Outcomes = frozenset({"failure"})
 NEVER: Outcomes = frozenset()
 
-_LEAVES = {"manipulate": NEVER, "check_complete": SUCCESS, "wait": SUCCESS, "succeed": SUCCESS, "fail": FAILURE}
+_LEAVES = {"manipulate": FAILURE, "check_complete": SUCCESS, "wait": SUCCESS, "succeed": SUCCESS, "fail": FAILURE}
 
 
 def outcomes(node: NodeSpec, known: dict[int, Outcomes]) -> Outcomes:
