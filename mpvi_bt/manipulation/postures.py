@@ -73,7 +73,7 @@ def stance_at(
         if checked >= _CHECKED_POSTURES or sum(refused.values()) >= _GLANCED_POSTURES:
             break
         torso, k, key = torsos[t[row]], able[where[1]], keys[where[1]]
-        posed = replace(site.body(torso, behind, arms), torso=torso)
+        posed = site.body(torso, behind, arms)
         if not _postures_clear(site, posed, base, options[k], goals[where[1]], key, q[row]):
             refused[where[1]] = refused.get(where[1], 0) + 1
             continue
@@ -96,11 +96,11 @@ def _clear(site: Site, base: Array, torsos: Array, t: NDArray[np.intp], q: Array
     bare = {s: h.load for s, h in site.held.items() if s != site.side}
     near, loose = site.around(base, touched=True), site.around(base, touched=False)
     for k in np.unique(t):
-        body = replace(site.body(torsos[k], near, arms), torso=torsos[k])
+        body = site.body(torsos[k], near, arms)
         if not body.trunk_free():
             continue
         rows = np.flatnonzero((t == k) & touching)
-        out[rows] = replace(body, around=loose, held=bare).free(site.side, q[rows], -TOUCH_M, grasping=True)
+        out[rows] = body.amid(loose, bare).free(site.side, q[rows], -TOUCH_M, grasping=True)
         rows = np.flatnonzero((t == k) & ~touching)
         out[rows] = body.free(site.side, q[rows], _MARGIN_M)
     return out
@@ -119,10 +119,10 @@ def _postures_clear(site: Site, body: Body, base: Array, option: Option, goals: 
 def _free(site: Site, body: Body, base: Array, option: Option, k: int, q: Array) -> bool:
     """Whether posture q (7,) is clear at waypoint `k`."""
     if k < option.contact:
-        there = replace(body, around=site.around(base, touched=True))
+        there = body.amid(site.around(base, touched=True))
         return bool(there.free(site.side, q, _MARGIN_M)[0])
     held = _after(site, body, option) if k > option.contact else _bare(site, body)
-    there = replace(body, around=site.around(base, touched=False), held=held)
+    there = body.amid(site.around(base, touched=False), held)
     return bool(there.free(site.side, q, -TOUCH_M, grasping=True)[0])
 
 

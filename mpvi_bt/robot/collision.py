@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -143,10 +143,11 @@ class Body:
         p, hands, radii, own = self._arm_points(side, q, grasping)
         around = (self.around.distance(p) - radii).min(1)
         idle, hull = other(side), self.robot.hull
-        if idle not in self._standing:
+        stands = idle, self.held.get(idle)
+        if stands not in self._standing:
             there = idle in self.arms
-            self._standing[idle] = self._arm_points(idle, self.arms[idle], False) if there else _NO_ARM
-        p2, hands2, r2, own2 = self._standing[idle]
+            self._standing[stands] = self._arm_points(idle, self.arms[idle], False) if there else _NO_ARM
+        p2, hands2, r2, own2 = self._standing[stands]
         theirs = self.held[idle].solids.seen_from(kin.inverse(hands2[0])) if idle in self.held else NOTHING
         mine = self.held[side].solids if side in self.held else NOTHING
         itself = kernels.self_distance(
@@ -154,6 +155,15 @@ class Body:
             hull.fold_m, p2[0, :own2], r2[:own2], mine.arrays, theirs.arrays,
         )  # fmt: skip
         return around, itself
+
+    def amid(self, around: Obstacles, held: Mapping[Side, Load] | None = None) -> Body:
+        """The same posture with other things around it, and other loads if they are given.
+
+        What has been computed of the posture is kept: searches ask the same one thousands of times.
+        """
+        there = replace(self, around=around, held=self.held if held is None else held)
+        vars(there).update(_chest=self._chest, _from_chest=self._from_chest, _standing=self._standing)
+        return there
 
     def spheres(self, side: Side, q: Array) -> tuple[Array, Array]:
         """Centers (n, m, 3) in the base frame and radii (m,) of an arm in postures q (n, 7), with what it holds."""
@@ -183,8 +193,8 @@ class Body:
         return kin.inverse(self._chest)
 
     @cached_property
-    def _standing(self) -> dict[Side, tuple[Array, Array, Array, int]]:
-        return {}  # `_arm_points` of the arms as they stand, once they are asked for
+    def _standing(self) -> dict[tuple[Side, Load | None], tuple[Array, Array, Array, int]]:
+        return {}  # `_arm_points` of the arms as they stand, by what they hold, once they are asked for
 
     def _arm_points(self, side: Side, q: Array, grasping: bool) -> tuple[Array, Array, Array, int]:
         """Centers (n, m, 3) in the base frame, T_base_tcp (n, 4, 4), radii (m,) and how many are the arm's own."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -32,7 +33,11 @@ class Solid:
         return Solid(self.kind, self.half_m, T @ self.T)
 
     def aabb(self) -> Array:
-        """(2, 3) lowest and highest corner of the axis-aligned bounding box, in the frame of `T`."""
+        """(2, 3) lowest and highest corner of the axis-aligned bounding box, in the frame of `T`; read only."""
+        return self._box
+
+    @cached_property
+    def _box(self) -> Array:
         R, p = self.T[:3, :3], self.T[:3, 3]
         if self.kind == "sphere":
             reach = self.half_m
@@ -41,7 +46,9 @@ class Solid:
             reach = np.abs(axis) * self.half_m[2] + np.sqrt(np.maximum(0.0, 1.0 - axis**2)) * self.half_m[0]
         else:
             reach = np.abs(R) @ self.half_m
-        return np.stack([p - reach, p + reach])
+        corners = np.stack([p - reach, p + reach])
+        corners.flags.writeable = False
+        return corners
 
 
 def bounds(solids: Iterable[Solid]) -> Array:
