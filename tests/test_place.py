@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation import drop, place
+from mpvi_bt.manipulation import drop, place, placing
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.outline import outline
 from mpvi_bt.manipulation.search import Search
@@ -47,9 +47,7 @@ def test_what_falls_beside_its_container_is_put_in_once_more(
     monkeypatch.setattr(work.scene, "holding", lambda side: hands[side])
     log, falls = [], iter(falls_in)
 
-    def drop_in(
-        work: Work, side: Side, held: object, container: str, tried: list[Array]
-    ) -> Generator[Array, None, bool]:
+    def drop_in(work: Work, side: Side, container: str, tried: list[Array]) -> Generator[Array, None, bool]:
         log.append("drop")
         hands[side] = None
         world.place("egg", world.pose(container) @ pose((0.0, 0.0, 0.03)) if next(falls) else beside)
@@ -140,7 +138,8 @@ def test_a_hand_keeps_clear_of_the_lid_of_what_it_lets_something_fall_into(
         clear.append(sum(search.fits(option) for option in options))
 
     monkeypatch.setattr(Search, "find", find)
-    assert not list(drop.drop_in(work, "right", held, "jar", [], anywhere=True))
+    monkeypatch.setattr(work, "load", lambda side: held)
+    assert not list(drop.drop_in(work, "right", "jar", [], anywhere=True))
     assert clear == [80]
 
 
@@ -193,3 +192,31 @@ def test_what_cannot_fall_in_from_the_best_places_is_set_down_before_it_falls_fr
     monkeypatch.setattr(work, "load", lambda side: held)
     list(place._put_in(work, "right", "jar", []))
     assert done == (["best", "set down"] if room else ["best", "set down", "anywhere"])
+
+
+def test_what_is_set_down_is_as_the_last_look_has_shown_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is round may be known in a frame that the next picture has turned: no hand turns for that."""
+    world = small_world({"egg": placed("easter_egg", 0.6, 0.5, 0.02)})
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    solids = tuple(world.solids("egg"))
+    looks = [Held("egg", kin.transform(kin.rot_z(turn), (0.0, 0.0, 0.0)), solids, Load(solids)) for turn in (0.0, 1.9)]
+    asked: list[Held] = []
+
+    def close_in(*given: object) -> Actions:
+        find = given[4]
+        for held in looks:
+            monkeypatch.setattr(work, "load", lambda side, held=held: held)
+            assert callable(find)
+            find(None, False)
+        yield from ()
+        raise MotionFailure("no_stance")
+
+    def groups(held: Held) -> list[list[placing.Pose]]:
+        asked.append(held)
+        return []
+
+    monkeypatch.setattr(work, "load", lambda side: looks[0])
+    monkeypatch.setattr(placing, "close_in", close_in)
+    with pytest.raises(MotionFailure, match="no_free_spot"):
+        list(placing.place_at(work, "right", None, groups, []))
+    assert asked == looks

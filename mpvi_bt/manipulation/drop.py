@@ -37,12 +37,12 @@ _STEPS = np.array([0.0, 0.35, -0.35, 0.7, -0.7, 1.0, -1.0])
 
 
 def drop_in(
-    work: Work, side: Side, held: Held, container: str, tried: list[Array], anywhere: bool = False
+    work: Work, side: Side, container: str, tried: list[Array], anywhere: bool = False
 ) -> Generator[Array, None, bool]:
     """Let go over a container that stands somewhere.
 
     Args:
-        work, side, held: Robot and world, the hand, and what it holds.
+        work, side: Robot and world, and the hand.
         container: What it is to fall into.
         tried: Base poses that are not to be tried again.
         anywhere: Not only from the best places above it, but from all where the hand fits: a lid that stands open
@@ -56,7 +56,7 @@ def drop_in(
     """
 
     def find(search: Search, here_first: bool) -> Stance | None:
-        found = releases(work, held, side, container)
+        found = releases(work, work.load(side), side, container)
         options = upright_options(found if anywhere else found[:_BEST_RELEASES], 0.10, contact=2)
         if anywhere:
             options = list(islice((option for option in options if search.fits(option)), _BEST_RELEASES))

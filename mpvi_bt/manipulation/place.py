@@ -23,7 +23,7 @@ from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array
 
 Spots = Callable[[Work, Held, str, Sequence[float]], Iterator[Sequence[Pose]]]  # by a thing, for some leans
-Groups = Callable[[], Iterable[Sequence[Pose]]]  # poses to leave a thing in, those about one place together
+Groups = Callable[[Held], Iterable[Sequence[Pose]]]  # poses to leave a thing in, those about one place together
 
 _LOST_M = 0.04  # what came to lie that much higher or lower than it was to lie has fallen over or off
 _BESIDE = re.compile(r"(?:beside|next to) (?P<what>.+)")
@@ -62,7 +62,7 @@ def _put_in(work: Work, side: Side, container: str, tried: list[Array]) -> Gener
             continue
         held = work.load(side)
         try:
-            yield from _let_go_in(work, side, held, container, tried)
+            yield from _let_go_in(work, side, container, tried)
         except MotionFailure as barred:  # by what is seen from here
             if barred.reason not in _BARRED:
                 raise
@@ -74,18 +74,18 @@ def _put_in(work: Work, side: Side, container: str, tried: list[Array]) -> Gener
     raise failure
 
 
-def _let_go_in(work: Work, side: Side, held: Held, container: str, tried: list[Array]) -> Actions:
+def _let_go_in(work: Work, side: Side, container: str, tried: list[Array]) -> Actions:
     if work.scene.holding(other(side)) == container:
-        yield from reach_over(work, side, releases(work, held, side, container), container)
+        yield from reach_over(work, side, releases(work, work.load(side), side, container), container)
         yield from look_at(work, container)
         yield from release(work, side)
-    elif not (yield from drop_in(work, side, held, container, tried)):
-        groups = _upright_first(lambda leans: spots.on(work, held, container, leans, inside=True), LYING)
+    elif not (yield from drop_in(work, side, container, tried)):
+        groups = _upright_first(lambda held, leans: spots.on(work, held, container, leans, inside=True), LYING)
         try:
-            yield from place_at(work, side, held, container, groups, tried)
+            yield from place_at(work, side, container, groups, tried)
         except MotionFailure as failure:  # nothing can be set down in a jar
             barred = failure.reason in _BARRED
-            if not barred or not (yield from drop_in(work, side, held, container, tried, anywhere=True)):
+            if not barred or not (yield from drop_in(work, side, container, tried, anywhere=True)):
                 raise
 
 
@@ -105,7 +105,7 @@ def place_on(work: Work, words: Words, tried: list[Array]) -> Actions:
 
 def set_on_floor(work: Work, side: Side, tried: list[Array]) -> Actions:
     """Set what a hand holds down on free floor around the robot. Raises as `place_on`."""
-    groups = _upright_first(lambda leans: spots.on_floor(work, work.load(side), leans), LYING)
+    groups = _upright_first(partial(spots.on_floor, work), LYING)
     yield from _place(work, side, None, groups, tried)
 
 
@@ -135,22 +135,23 @@ def place_under(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from _place_by(work, side, work.nearest(words["target"]), partial(spots.under, by=by), LYING, tried)
 
 
-def _upright_first(groups: Callable[[Sequence[float]], Iterable[Sequence[Pose]]], leans: Sequence[float]) -> Groups:
+def _upright_first(
+    groups: Callable[[Held, Sequence[float]], Iterable[Sequence[Pose]]], leans: Sequence[float]
+) -> Groups:
     """Poses with the thing upright, then those in which it leans, at the best places of each."""
-    return lambda: chain(islice(groups(UPRIGHT), _SPOTS), islice(groups(leans), 2 * _SPOTS))
+    return lambda held: chain(islice(groups(held, UPRIGHT), _SPOTS), islice(groups(held, leans), 2 * _SPOTS))
 
 
 def _place_by(work: Work, side: Side, name: str, at: Spots, leans: Sequence[float], tried: list[Array]) -> Actions:
     """Set down at spots by a thing: on it, next to it, under it."""
-    held = work.load(side)
-    yield from _place(work, side, name, _upright_first(lambda some: at(work, held, name, some), leans), tried)
+    yield from _place(work, side, name, _upright_first(lambda held, some: at(work, held, name, some), leans), tried)
 
 
 def _place(work: Work, side: Side, about: str | None, groups: Groups, tried: list[Array]) -> Actions:
     """Set down, see whether it stayed where it was to lie, fold the arm."""
     yield from unwedge(work)
     held = work.load(side)
-    bottom = yield from place_at(work, side, held, about, groups, tried)
+    bottom = yield from place_at(work, side, about, groups, tried)
     yield from work.see("head")
     box, _ = spots.size(work.scene.solids(held.name))
     missed = abs(float(box[0, 2]) - bottom) > _LOST_M

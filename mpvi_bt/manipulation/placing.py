@@ -99,18 +99,16 @@ def poses(work: Work, held: Held, spot: Array, leans: Sequence[float] = UPRIGHT)
 
 
 def place_at(
-    work: Work, side: Side, held: Held, about: str | None, groups: Callable[[], Iterable[Sequence[Pose]]],
-    tried: list[Array],
-) -> Generator[Array, None, float]:  # fmt: skip
+    work: Work, side: Side, about: str | None, groups: Callable[[Held], Iterable[Sequence[Pose]]], tried: list[Array]
+) -> Generator[Array, None, float]:
     """Set what a hand holds down in the first of some poses that can be reached, open the hand and come away.
 
     Args:
         work: Robot and world.
         side: The hand.
-        held: What it holds.
         about: What it is to be set down on, in or beside, to look at; None for the floor.
-        groups: Says what poses there are, as things are known at that time: those about one place together, better
-            places first.
+        groups: Says what poses there are for what the hand holds, as things are known at that time: those about one
+            place together, better places first.
         tried: Base poses that did not do; the one taken is added.
 
     Returns:
@@ -119,12 +117,13 @@ def place_at(
     Raises:
         MotionFailure: "no_free_spot" if there are no poses, "no_stance", "not_released", or a motion's own reason.
     """
-    goal, seen = np.eye(4), 0
+    goal, seen, held = np.eye(4), 0, work.load(side)
 
     def find(search: Search, here_first: bool) -> Stance | None:
-        nonlocal goal, seen
+        nonlocal goal, seen, held
+        held = work.load(side)  # each look may show it better, and in another frame
         # A coarse look at every place before a closer one at any.
-        for spacing, found in enumerate(tee(groups(), len(SPACINGS))):
+        for spacing, found in enumerate(tee(groups(held), len(SPACINGS))):
             seen = 0
             for group in found:
                 options = [
