@@ -308,3 +308,36 @@ def test_who_has_seen_into_furniture_knows_its_room(places: tuple[tuple[float, f
     (name,) = names(seen, "cabinet")
     assert len(seen.volumes(name)) >= 3
     assert len(seen.spots(name, 0.05, 0.2, np.zeros(2))) > 5
+
+
+@pytest.mark.parametrize("near", [None, (0.1, -0.3, -0.7), (0.25, -0.35, -0.5)])
+def test_a_door_that_stands_open_is_in_the_way_also_once_it_is_out_of_view(
+    near: tuple[float, float, float] | None,
+) -> None:
+    """From near, turned to the room behind it, a robot would else drive its base and its arm into the leaf."""
+    seen = Seen(SegmentationDetector({"cabinet": ("cabinet",)}, least_px=1))
+    seen.forget(["cabinet"])
+    world = tall_cabinet(*FRONT)
+    look(world, seen)
+    (name,) = names(seen, "cabinet")
+    leaf, place = world.doors("cabinet")[0].solids[0].T[:3, 3], np.array([0.5, 0.0])
+    assert seen.obstacles(place, 1.7).distance(leaf) < 0.03
+    if near is not None:
+        look(tall_cabinet(*near), seen)
+        with seen.trusting():
+            assert seen.obstacles(place, 1.7).distance(leaf) < 0.03
+    assert seen.obstacles(place, 1.7, without={name}).distance(leaf) > 0.05
+
+
+def test_a_door_that_was_shut_is_where_it_stood_no_more() -> None:
+    """A picture that shows what is behind its place says so."""
+    seen = Seen(SegmentationDetector({"cabinet": ("cabinet",)}, least_px=1))
+    seen.forget(["cabinet"])
+    world = tall_cabinet(*FRONT)
+    look(world, seen)
+    leaf, place = world.doors("cabinet")[0].solids[0].T[:3, 3], np.array([0.5, 0.0])
+    assert seen.obstacles(place, 1.7).distance(leaf) < 0.03
+    world.set_opening("cabinet", "door", 0.0)
+    world.refresh()
+    look(tilted(world, 0.3), seen)
+    assert seen.obstacles(place, 1.7).distance(leaf) > 0.1

@@ -32,6 +32,9 @@ _FACE_PX = 30  # what is seen of less is not searched for doors
 _EXPLAINED_M = 0.025  # points this near a thing's solids are its own
 _BUTTON_M = 0.02  # about a switch, what is touched with it
 _FINE_M, _FINE_CELL_M = 0.6, 0.01  # the finer field about what is worked on
+_AJAR = 0.5  # of its limit: a door that stands so far open is remembered,
+_HINGE_M, _MOST = 0.1, 0.8  # until one is seen to hang that near to where it does, of so much of its height and width,
+_BEYOND_M = 0.1  # or its place is seen through, to that much farther behind it
 _TRUSTED_M = 0.04  # how thick surfaces are where hidden space is given the benefit of doubt
 
 
@@ -152,7 +155,23 @@ class Seen(Memory):
             and (n in faces or t.shape.volumes
                  or not any(f is g for f, _ in t.views for g in frames)) for s in self.solids(n)
         ]  # fmt: skip
-        return Together([self._field[1], Surroundings(unseen)])
+        leaves = [s for n in faces if n not in without for s in self._leaves(n)]
+        return Together([self._field[1], Surroundings([*unseen, *leaves])])
+
+    def _leaves(self, name: str) -> list[Solid]:
+        """The solids of what opens of a thing; what stood open, and is out of view now, stands there still."""
+        doors, known = self.doors(name), self._fronts.get(name)
+        now = [(known[0][-1], d) for d in doors if known is not None and d.position > _AJAR * d.limit]
+        before = [(f, d) for f, d in self._ajar.get(name, []) if not self._gone(d, f) and not _again(d, now)]
+        self._ajar[name] = [*before, *now]
+        return [s for door in (*(d for _, d in before), *doors) for s in door.solids]
+
+    def _gone(self, door: Door, since: Frame) -> bool:
+        """Whether a later picture of the head shows what is behind the middle of a door's panel."""
+        middle = door.solids[0].T[:3, 3]
+        later = self._frames[self._frames.index(since) + 1 :] if since in self._frames else self._frames
+        seen = [d for f in later if f.image.camera == "head" and (d := f.depth_at(middle)) is not None]
+        return bool(seen) and seen[-1][1] > seen[-1][0] + _BEYOND_M
 
     def passable(self) -> Obstacles:
         """What the base must not drive into, by all pictures of the last meter; what none of them shows is free."""
@@ -189,7 +208,7 @@ class Seen(Memory):
         for name in without:
             if (thing := self._things.get(name)) is not None:
                 solids += self.solids(name)
-                solids += [s for door in self.doors(name) for s in door.solids]
+                solids += self._leaves(name)
                 solids += [Solid("sphere", np.full(3, _BUTTON_M), T) for T in self.switches(name)]
                 for f, mask in thing.views:
                     if f is frame and thing.shape.kind != "furniture":
@@ -230,3 +249,12 @@ class Seen(Memory):
             low, high = bounds(solids) + [[-_EXPLAINED_M], [_EXPLAINED_M]]
             held |= ((frame.points > low) & (frame.points < high)).all(-1)
         return held
+
+
+def _again(door: Door, seen: Sequence[tuple[Frame, Door]]) -> bool:
+    """Whether one of the doors that are seen now is that door, and no smaller part of it."""
+    return any(
+        np.linalg.norm((door.origin - other.origin)[:2]) < _HINGE_M
+        and (other.solids[0].half_m > _MOST * door.solids[0].half_m).sum() >= 2
+        for _, other in seen
+    )
