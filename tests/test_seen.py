@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mpvi_bt.manipulation import memory
 from mpvi_bt.manipulation import seen as module
 from mpvi_bt.manipulation.seen import Seen
 from mpvi_bt.perception.parts import Door
@@ -341,3 +342,21 @@ def test_a_door_that_was_shut_is_where_it_stood_no_more() -> None:
     world.refresh()
     look(tilted(world, 0.3), seen)
     assert seen.obstacles(place, 1.7).distance(leaf) > 0.1
+
+
+def test_a_vessel_of_which_only_the_outside_is_seen_is_a_vessel_still() -> None:
+    """A cup on a high shelf, or far off, looks massive; who has seen into it knows that something goes in."""
+    world = small_world({"bin": placed("mixing_bowl", 0.8, 0.0)}, render=True)
+    seen = looking(tilted(world), "trash can")
+    (name,) = names(seen, "trash can")
+    assert seen.volumes(name)
+    known = seen._things[name]
+    frame, mask = known.views[-1]
+    massive = replace(known.shape, kind="cylinder", volumes=())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(memory, "fitted", lambda *_: massive)
+        seen._update(known, frame, mask)
+        assert seen.volumes(name)
+        patch.setattr(memory, "fitted", lambda *_: massive.moved(kin.transform(np.eye(3), (0.1, 0.0, 0.0))))
+        seen._update(known, frame, mask)
+    assert not seen.volumes(name)  # what stands elsewhere may be something else

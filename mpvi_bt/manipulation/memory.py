@@ -48,6 +48,7 @@ _SPANS = 0.8  # what is smaller than this share of the gap between the fingers i
 _DEEPER_M = 0.1  # than it seems a vessel in hand may be
 _OUTER = 1.2  # what contains a thing covers that much more floor than it
 _OUTSIDE_M = 0.05  # a leg may stand so far outside of what is seen of a table's top
+_SAME_M = 0.015  # a vessel whose outside is seen that near to where it was stands there still
 _RECENTERED_M = 0.04  # fingers that close shift what they take by less than this
 
 
@@ -323,6 +324,8 @@ class Memory:
             thing.inner = here
         if thing.shape.kind == "furniture" and (shape is None or _in_part(shape, thing.shape)):
             return  # from near only a part of it is in view
+        if thing.shape.kind == "vessel" and shape is not None and _as_outside(shape, thing.shape):
+            return  # from low or far off only its outside is
         if shape is not None:
             thing.shape, container, thing.inside = shape, thing.inside, None
             if container is not None and self._lies_in(shape, container):
@@ -389,6 +392,13 @@ def _in_part(shape: Shape, before: Shape) -> bool:
         return bool(before.volumes)
     now, then = (float(np.ptp(s.box()[:, 2])) for s in (shape, before))
     return now * _TALLER < then or (now < then * _TALLER and _shrunk(shape, before))
+
+
+def _as_outside(shape: Shape, vessel: Shape) -> bool:
+    """Whether a shape may be the outside of a vessel that stands where it stood: nothing hollow, and no larger."""
+    low, high = vessel.box()
+    now = shape.box()
+    return not shape.volumes and bool((now[0] > low - _SAME_M).all() and (now[1] < high + _SAME_M).all())
 
 
 def _shrunk(shape: Shape, before: Shape) -> bool:
