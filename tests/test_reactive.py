@@ -12,6 +12,8 @@ import pytest
 from mpvi_bt.goals.predicates import inside, ontop
 from mpvi_bt.manipulation.open import is_open
 from mpvi_bt.manipulation.reactive import ReactivePolicy
+from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
+from mpvi_bt.plan.clauses import match
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.remote.settings import CAMERAS
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout
@@ -207,3 +209,32 @@ def test_a_robot_that_does_not_follow_makes_it_fail_not_crash(part: str) -> None
         (action,) = policy.infer(observation)
         robot.advance(action)
     assert policy.note
+
+
+@pytest.mark.parametrize("known", [1, 2])
+def test_a_thing_beside_which_another_goes_is_looked_for(monkeypatch: pytest.MonkeyPatch, known: int) -> None:
+    """What is in hand is not "the other sandal", beside which it is to be put, though it is called so."""
+    base = KnowledgeBase()
+    for k in range(known):
+        base.put(Entry(f"sandal {k}", ("sandal",), "object", np.zeros(3), np.ones(3), held=k == 0))
+    policy = reactive()
+    monkeypatch.setattr(policy._seen, "knowledge", lambda: base)
+    call = match("put the sandal next to the other sandal", SKILLS)
+    assert call is not None
+    assert (policy._grounded(call) is not None) is (known == 2)
+
+
+@pytest.mark.parametrize("known", [1, 2])
+def test_a_hand_does_not_take_what_the_other_one_has(monkeypatch: pytest.MonkeyPatch, known: int) -> None:
+    """The sandal that the right hand is to take is none that the left one holds: another one is looked for."""
+    base = KnowledgeBase()
+    for k in range(known):
+        base.put(Entry(f"sandal {k}", ("sandal",), "object", np.zeros(3), np.ones(3), held=k == 0))
+    policy = reactive()
+    monkeypatch.setattr(policy._seen, "knowledge", lambda: base)
+    monkeypatch.setattr(policy._seen, "holding", lambda side: "sandal 0" if side == "left" else None)
+    right, left = (match(f"pick up the other sandal with the {side} hand", SKILLS) for side in ("right", "left"))
+    assert right is not None
+    assert left is not None
+    assert (policy._grounded(right) is not None) is (known == 2)
+    assert policy._grounded(left) is not None

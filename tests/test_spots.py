@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 
 from mpvi_bt.goals.predicates import beside as in_line
 from mpvi_bt.goals.predicates import nextto, under
-from mpvi_bt.manipulation import spots
+from mpvi_bt.manipulation import place, spots
 from mpvi_bt.manipulation.outline import outline
 from mpvi_bt.manipulation.placing import Pose, leaning
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot.collision import Surroundings
-from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.motion import Motion, MotionFailure
 from mpvi_bt.robot.solids import bounds
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
@@ -157,3 +157,16 @@ def test_of_two_things_under_a_sink_the_second_stands_next_to_the_first() -> Non
     world.place("second", start)
     apart = [pose for group in spots.under(work, held, "sink", (0.0,)) for pose in group]
     assert len(apart) > 0
+
+
+def test_nothing_is_set_down_beside_itself() -> None:
+    """It goes next to the sandal that no hand holds; there is none where only the one in hand is known."""
+    sandals = {name: placed("sandal", 1.0, y, 0.01) for name, y in (("sandal_1", 0.2), ("sandal_2", -0.5))}
+    for known in (["sandal_1"], ["sandal_1", "sandal_2"]):
+        world = small_world({name: sandals[name] for name in known})
+        work = Work(Holding(world, "sandal_1"), Motion(world.robot.proprioception()), np.random.default_rng(0))
+        if len(known) == 1:
+            with pytest.raises(MotionFailure, match="unknown_object"):
+                place._standing(work, "sandal")
+        else:
+            assert place._standing(work, "sandal") == "sandal_2"

@@ -48,7 +48,11 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
             if held in work.lay:  # a try that failed on its way has it in hand
                 yield from _bring(work, held, side)
             return
-    for name in work.alike(words["object"], words.get("source"))[:_ALIKE]:
+    held_ones = {work.scene.holding(side) for side in SIDES}
+    names = [n for n in work.alike(words["object"], words.get("source")) if n not in held_ones]
+    if not names:  # no hand takes what the other one has
+        raise MotionFailure("unknown_object")
+    for name in names[:_ALIKE]:
         if reached and not _near(work, name):
             continue
         for side in work.free_hands(name, words.get("hand")):

@@ -116,7 +116,7 @@ def place_next_to(work: Work, words: Words, tried: list[Array]) -> Actions:
         MotionFailure: As `place_on`.
     """
     side = work.hand_with(words["object"], words.get("hand"))
-    yield from _place_by(work, side, work.nearest(words["target"]), spots.beside, SLANTED, tried)
+    yield from _place_by(work, side, _standing(work, words["target"]), spots.beside, SLANTED, tried)
 
 
 def place_under(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -132,7 +132,19 @@ def place_under(work: Work, words: Words, tried: list[Array]) -> Actions:
         with suppress(MotionFailure):  # what it names may not be known, or be what is held
             by = work.nearest(said["what"])
         by = None if by in work.carried() else by
-    yield from _place_by(work, side, work.nearest(words["target"]), partial(spots.under, by=by), LYING, tried)
+    yield from _place_by(work, side, _standing(work, words["target"]), partial(spots.under, by=by), LYING, tried)
+
+
+def _standing(work: Work, phrase: str) -> str:
+    """The nearest thing that a phrase names and that the robot does not carry: nothing is set down beside itself.
+
+    Raises:
+        MotionFailure: "unknown_object" if there is none.
+    """
+    carried = work.carried()
+    if not (names := [name for name in work.alike(phrase) if name not in carried]):
+        raise MotionFailure("unknown_object")
+    return names[0]
 
 
 def _upright_first(

@@ -20,7 +20,7 @@ from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.skills import Skill, SkillCall
 from mpvi_bt.robot.motion import Actions, MotionFailure
-from mpvi_bt.robot.protocol import SIDES
+from mpvi_bt.robot.protocol import SIDES, other
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
@@ -36,6 +36,7 @@ _IN_HAND = {
     **dict.fromkeys(("wipe", "spray"), ("tool",)),
     "pour": ("source", "object"),
 }
+_BESIDE = ("place_next_to", "place_under")  # skills whose target is another thing than the one in hand
 
 
 class ReactivePolicy(ScriptedPolicy):
@@ -139,6 +140,11 @@ class ReactivePolicy(ScriptedPolicy):
         known, several = self._seen.knowledge(), count(call) > 1
         for reading in readings(call):
             found = {p: known.find(p) for p in self._needed(reading)}
+            if reading.skill.name in _BESIDE and (target := reading.arguments.get("target")) in found:
+                found[target] = [e for e in found[target] if not e.held]
+            if reading.skill.name == "pick" and (hand := reading.arguments.get("hand")) in SIDES:
+                taken, wanted = self._seen.holding(other(hand)), reading.arguments["object"]
+                found[wanted] = [e for e in found[wanted] if e.name != taken]
             things = found.get(reading.arguments.get("object", ""), [])
             away = bool(things) and all(e.inside and (several or e.held) for e in things)
             if all(found.values()) and not away:
