@@ -74,7 +74,9 @@ def test_a_step_back_ends_before_what_stands_there() -> None:
 class Unseeing(TrueScene):
     """A scene of which no picture has shown what stands about the robot."""
 
-    def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> Surroundings:
+    def obstacles(
+        self, xy: Array, radius_m: float, without: Collection[str] = (), beside: str | None = None
+    ) -> Surroundings:
         """Nothing."""
         return NOTHING
 

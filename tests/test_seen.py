@@ -17,7 +17,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Proprioception
 from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.solids import Array, bounds
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, run, small_world
 
@@ -360,3 +360,29 @@ def test_a_vessel_of_which_only_the_outside_is_seen_is_a_vessel_still() -> None:
         patch.setattr(memory, "fitted", lambda *_: massive.moved(kin.transform(np.eye(3), (0.1, 0.0, 0.0))))
         seen._update(known, frame, mask)
     assert not seen.volumes(name)  # what stands elsewhere may be something else
+
+
+def test_what_is_set_down_beside_furniture_lies_at_its_foot() -> None:
+    """Of a table its legs down to the floor are known, not the top alone; who sets down beside it is not in its way."""
+    world = tilted(small_world(table_1=TABLE, render=True), 0.5)
+    seen = looking(world, "table")
+    (table,) = names(seen, "table")
+    body, true = bounds(seen.body(table)), bounds(world.solids("table_1"))
+    assert body[0, 2] == 0.0
+    np.testing.assert_allclose(body[1, 2], true[1, 2], atol=0.02)
+    legs = [s.aabb().mean(0) for s in seen.body(table) if s.aabb()[0, 2] == 0.0]
+    here = np.zeros(2)
+    left_out, whole = seen.obstacles(here, 1.7, without={table}), seen.obstacles(here, 1.7, beside=table)
+    assert legs
+    assert (left_out.distance(np.array(legs)) < 0.03).any()
+    assert (whole.distance(np.array(legs)) > 0.03).all()
+
+
+def test_what_lies_as_flat_as_a_lawn_bars_no_base() -> None:
+    """A base stands on it as on the floor."""
+    world = tilted(small_world(table_1="{entry: driveway, at: [0.0, 0.0]}", render=True), 0.5)
+    seen = looking(world, "table")
+    (flat,) = names(seen, "table")
+    assert bounds(seen.solids(flat))[1, 2] == pytest.approx(0.01, abs=0.01)
+    on_it = np.array([[x, 0.0, 0.03] for x in (0.6, 1.0, 1.4)])
+    assert (seen.obstacles(np.zeros(2), 1.7).distance(on_it) > 0.1).all()

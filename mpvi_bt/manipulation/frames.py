@@ -19,7 +19,7 @@ from mpvi_bt.robot.solids import Array
 _OWN_PX = 2  # the robot's mask is grown so far: the edges of masks are never exact
 _NOISE_PER_M = 0.009  # three times the standard deviation of a good depth camera's pixel at 1 m [m]
 _STEEP = 4.0  # faces seen at a flatter slant than one in so many are rare; their next row is that much farther
-_FLOOR_M = 0.025  # what is lower than this is taken for the floor
+FLOOR_M = 0.025  # what is lower than this is taken for the floor
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class Frame:
     @property
     def floor(self) -> NDArray[np.bool_]:
         """(H, W) bool: pixels of the floor."""
-        return np.asarray(self.points[..., 2] < _FLOOR_M)
+        return np.asarray(self.points[..., 2] < FLOOR_M)
 
     def of(self, mask: NDArray[np.bool_]) -> Array:
         """(n, 3) points of a mask."""

@@ -62,6 +62,7 @@ class Thing:
         views: Frames that show it, with its mask, newest last.
         inner: Those that showed the room in it last: from elsewhere only a door of furniture, or a side, is in view.
         inside: The container that it is in.
+        lowest_m: How far down furniture was ever seen: from near its foot is out of view.
     """
 
     name: str
@@ -70,6 +71,7 @@ class Thing:
     views: list[View] = field(default_factory=list)
     inner: list[View] = field(default_factory=list)
     inside: str | None = None
+    lowest_m: float = np.inf
 
 
 class Memory:
@@ -301,7 +303,8 @@ class Memory:
             self._count[phrase] = self._count.get(phrase, 0) + 1
             name = f"{phrase} {self._count[phrase]}"
             view = (frame, mask)
-            self._things[name] = Thing(name, phrase, shape, [view], [view] if shape.volumes else [])
+            inner = [view] if shape.volumes else []
+            self._things[name] = Thing(name, phrase, shape, [view], inner, lowest_m=shape.support_m)
 
     def _update(self, thing: Thing, frame: Frame, mask: NDArray[np.bool_]) -> None:
         """See a thing again; what is in hand is known better by the hand."""
@@ -322,6 +325,8 @@ class Memory:
             shape = fitted(thing.views, thing.shape.support_m) or shape  # something hides a part of it now
         if shape is not None and shape.volumes:
             thing.inner = here
+        if shape is not None:
+            thing.lowest_m = min(thing.lowest_m, shape.support_m)
         if thing.shape.kind == "furniture" and (shape is None or _in_part(shape, thing.shape)):
             return  # from near only a part of it is in view
         if thing.shape.kind == "vessel" and shape is not None and _as_outside(shape, thing.shape):

@@ -25,7 +25,11 @@ class Scene(Protocol):
         ...
 
     def solids(self, name: str) -> Sequence[Solid]:
-        """The thing's solids."""
+        """The thing's solids; where it is only seen, of furniture its faces."""
+        ...
+
+    def body(self, name: str) -> Sequence[Solid]:
+        """All of it from where it stands to its top, as far as it is known: what is set down beside it keeps off."""
         ...
 
     def volumes(self, name: str) -> Sequence[Solid]:
@@ -60,8 +64,13 @@ class Scene(Protocol):
         """The movable things that lie in a thing's container volumes."""
         ...
 
-    def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> Obstacles:
-        """Everything but the robot that comes within `radius_m` of a place on the floor (2,), less `without`."""
+    def obstacles(
+        self, xy: Array, radius_m: float, without: Collection[str] = (), beside: str | None = None
+    ) -> Obstacles:
+        """Everything but the robot that comes within `radius_m` of a place on the floor (2,), less `without`.
+
+        Less all the `body` of the thing `beside` which something is to be set down, too.
+        """
         ...
 
     def spots(self, surface: str, radius_m: float, height_m: float, near: Array) -> Sequence[Array]:

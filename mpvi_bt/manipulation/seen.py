@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from mpvi_bt.manipulation.faces import room
-from mpvi_bt.manipulation.frames import Frame
-from mpvi_bt.manipulation.memory import Memory
+from mpvi_bt.manipulation.fitting import View
+from mpvi_bt.manipulation.frames import FLOOR_M, Frame
+from mpvi_bt.manipulation.memory import Memory, Thing
 from mpvi_bt.perception import field
 from mpvi_bt.perception.detector import switch_of
 from mpvi_bt.perception.field import Field, FineField
 from mpvi_bt.perception.fronts import fronts, switch
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
+from mpvi_bt.perception.layers import layers
 from mpvi_bt.perception.leaves import leaf, with_leaf, within_drawer
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.shape import SeenBar
@@ -35,6 +37,7 @@ _FINE_M, _FINE_CELL_M = 0.6, 0.01  # the finer field about what is worked on
 _AJAR = 0.5  # of its limit: a door that stands so far open is remembered,
 _HINGE_M, _MOST = 0.1, 0.8  # until one is seen to hang that near to where it does, of so much of its height and width,
 _BEYOND_M = 0.1  # or its place is seen through, to that much farther behind it
+_FOOT_M = 0.1  # parts of furniture that begin so near to the lowest one are its foot
 _TRUSTED_M = 0.04  # how thick surfaces are where hidden space is given the benefit of doubt
 
 
@@ -60,6 +63,14 @@ class Seen(Memory):
     def solids(self, name: str) -> Sequence[Solid]:
         """As `Scene` says."""
         return self._shape(name).solids
+
+    def body(self, name: str) -> Sequence[Solid]:
+        """As `Scene` says: of furniture all that its views show, the trunk below a crown and the side of a bed."""
+        thing = self._known(name)
+        views = [(f, m) for f, m in self._views(thing) if f.of(m).size]
+        if thing.shape.kind != "furniture" or not views:
+            return self.solids(name)
+        return layers(np.concatenate([f.of(m) for f, m in views]), thing.lowest_m) or self.solids(name)
 
     def volumes(self, name: str) -> Sequence[Solid]:
         """As `Scene` says; what is drawn out of furniture is seen by its face, for that hides what is behind it."""
@@ -128,19 +139,26 @@ class Seen(Memory):
         """As `Scene` says: what was let go over it, or is seen in it."""
         return [n for n, t in self._things.items() if t.inside == name]
 
-    def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> Obstacles:
+    def obstacles(
+        self, xy: Array, radius_m: float, without: Collection[str] = (), beside: str | None = None
+    ) -> Obstacles:
         """As `Scene` says: what the pictures from this place do not show to be free, and what else is known."""
         frames = self._carved()
+        if beside is not None:
+            without = {*without, beside}
         thick = _TRUSTED_M if self._trusting else 9.0
         near = [self._shape(n).box() for n in sorted(without) if n in self._things and n not in self._held()]
         if near:  # a thing, not what it lies on
             self._focus = min(near, key=lambda box: float(np.ptp(box, axis=0).max())).mean(0)
+        if beside is not None and self._known(beside).shape.kind == "furniture":
+            self._focus = self._foot(beside, xy)
         faces = [n for n, t in self._things.items() if t.shape.kind == "furniture"]
         focus = None if self._focus is None else tuple(np.round(self._focus, 2))
-        key = (tuple(map(id, frames)), tuple(sorted(without)), tuple(np.round(xy, 2)), thick, self._remembering, focus)
+        what = (tuple(sorted(without)), beside, focus)
+        key = (tuple(map(id, frames)), what, tuple(np.round(xy, 2)), thick, self._remembering)
         if self._field is None or self._field[0] != key:
             views, before = (
-                [field.View(f.image, self._transparent(f, {*without, *faces})) for f in some]
+                [field.View(f.image, self._transparent(f, {*without, *faces}, beside)) for f in some]
                 for some in (frames, self._before(frames) if self._remembering else [])
             )
             coarse = Field(views, xy, thick_m=thick, before=before)
@@ -149,13 +167,15 @@ class Seen(Memory):
             else:
                 fine = Field(views, self._focus, (_FINE_M,) * 3, _FINE_CELL_M, _FINE_CELL_M / 2, thick, before)
                 self._field = (key, FineField(coarse, fine))
+        flat = {n for n in faces if bounds(self.solids(n))[1, 2] < FLOOR_M}  # a lawn bars no base
+        left_out = {*without, *flat}
         unseen = [
             s for n, t in self._things.items()
-            if n not in without and t.inside is None and n not in self._held()
+            if n not in left_out and t.inside is None and n not in self._held()
             and (n in faces or t.shape.volumes
                  or not any(f is g for f, _ in t.views for g in frames)) for s in self.solids(n)
         ]  # fmt: skip
-        leaves = [s for n in faces if n not in without for s in self._leaves(n)]
+        leaves = [s for n in faces if n not in left_out for s in self._leaves(n)]
         return Together([self._field[1], Surroundings([*unseen, *leaves])])
 
     def _leaves(self, name: str) -> list[Solid]:
@@ -201,10 +221,15 @@ class Seen(Memory):
         near = [f for f in self._frames if f.stand != stand and self._way_m - f.way_m < _PASSED_M]
         return [f for f in near if f.image.camera == "head"][-_CARVED:]
 
-    def _transparent(self, frame: Frame, without: Collection[str]) -> NDArray[np.bool_]:
-        """Pixels of robot and floor, and those that the things `without` explain."""
+    def _foot(self, name: str, xy: Array) -> Array:
+        """Where (3,) the lowest part of furniture is nearest to a place (2,)."""
+        low, high = bounds(_lowest(self.body(name)))
+        return np.append(np.clip(xy, low[:2], high[:2]), low[2])
+
+    def _transparent(self, frame: Frame, without: Collection[str], whole: str | None = None) -> NDArray[np.bool_]:
+        """Pixels of robot and floor, and those that the things `without`, and all of the `whole` one, explain."""
         through = frame.robot | frame.floor
-        solids: list[Solid] = []
+        solids: list[Solid] = [] if whole is None else list(self.body(whole))
         for name in without:
             if (thing := self._things.get(name)) is not None:
                 solids += self.solids(name)
@@ -227,8 +252,7 @@ class Seen(Memory):
     def spots(self, surface: str, radius_m: float, height_m: float, near: Array) -> list[Array]:
         """As `Scene` says: on the largest horizontal face that is seen of it, by distance to its edge and to things."""
         thing = self._known(surface)
-        before = [(f, m) for f, m in thing.inner if all(f is not g for g, _ in thing.views)]
-        views = [(f, m) for f, m in (*before, *thing.views) if f.image.camera == "head"]
+        views = self._views(thing)
         if not views:
             return []
         found: list[tuple[float, Array]] = []
@@ -239,6 +263,11 @@ class Seen(Memory):
         found = sorted(found, key=lambda f: f[0])
         self._focus = found[0][1] if found else self._focus
         return [spot for _, spot in found]
+
+    def _views(self, thing: Thing) -> list[View]:
+        """What the head has seen of a thing, and of the room in it."""
+        before = [(f, m) for f, m in thing.inner if all(f is not g for g, _ in thing.views)]
+        return [(f, m) for f, m in (*before, *thing.views) if f.image.camera == "head"]
 
     def _in_hand(self, frame: Frame) -> NDArray[np.bool_]:
         """(H, W) bool: pixels of what the hands hold."""
@@ -258,3 +287,9 @@ def _again(door: Door, seen: Sequence[tuple[Frame, Door]]) -> bool:
         and (other.solids[0].half_m > _MOST * door.solids[0].half_m).sum() >= 2
         for _, other in seen
     )
+
+
+def _lowest(solids: Sequence[Solid]) -> list[Solid]:
+    """Those that reach down as far as any, but for a hand's breadth."""
+    least = min(s.aabb()[0, 2] for s in solids)
+    return [s for s in solids if s.aabb()[0, 2] < least + _FOOT_M]

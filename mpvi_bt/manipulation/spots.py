@@ -179,14 +179,17 @@ def _borne(held: Held, pose: Pose, below: Obstacles) -> bool:
 def _level(work: Work, held: Held, pose: Pose, target: str) -> bool:
     frame = kin.inverse(held.T_tcp_thing)
     mine = [s.moved(pose.T_world_thing @ frame) for s in held.solids]
-    theirs = list(work.scene.solids(target))
+    theirs = list(work.scene.body(target))
     return in_line(bounds(mine).mean(0), theirs) or in_line(bounds(theirs).mean(0), mine)
 
 
 def _all_beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Iterator[list[Pose]]:
-    solids = work.scene.solids(target)
-    theirs, reach = size(solids)
-    middle, floor_z = theirs.mean(0), float(theirs[0, 2])
+    solids = work.scene.body(target)
+    theirs, _ = size(solids)
+    floor_z = float(theirs[0, 2])
+    tall = float(np.ptp(size([s.moved(work.base @ _hand(work, held)) for s in held.solids])[0], axis=0)[2])
+    feet, reach = size([s for s in solids if s.aabb()[0, 2] < floor_z + tall])  # of a tree its trunk
+    middle = feet.mean(0)
     here = work.motion.felt.base_pose[:2]
     bearing = float(np.arctan2(*(here - middle[:2])[::-1]))
     wall = Surroundings(solids)
@@ -220,7 +223,7 @@ def _all_beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> 
                     shifted[:3, 3] += at + away * d
                     group.append(Pose(shifted, pose.cost + outward + 2.0 * abs(wanted - 0.012)))
         spots = np.array([np.append(p.T_world_thing[:2, 3], floor_z) for p in group]).reshape(-1, 3)
-        room = _room(work, held, spots, 0.01, without=target) if len(spots) else np.zeros(0, bool)
+        room = _room(work, held, spots, 0.01, target) if len(spots) else np.zeros(0, bool)
         group = [p for p, free in zip(group, room, strict=True) if free]
         if group:
             yield group
@@ -232,14 +235,14 @@ def _next_to(box: Array, other: Array) -> bool:
     return bool(np.linalg.norm(gap) < 0.75 * NEXT_TO_GAP * np.mean(np.ptp(box, axis=0) + np.ptp(other, axis=0)))
 
 
-def _room(work: Work, held: Held, spots: Array, clear_m: float, without: str | None = None) -> NDArray[np.bool_]:
+def _room(work: Work, held: Held, spots: Array, clear_m: float, beside: str | None = None) -> NDArray[np.bool_]:
     """(n,) bool: spots (n, 3) that carry the thing and have room for it, upright."""
     if not len(spots):
         return np.zeros(0, bool)
     box, radius = size([s.moved(work.base @ _hand(work, held)) for s in held.solids])
     carried = {held.name, *work.scene.within(held.name)}
     near = work.motion.felt.base_pose[:2]
-    others = work.scene.obstacles(near, _NEAR_M, without={*carried, *([without] if without else [])})
+    others = work.scene.obstacles(near, _NEAR_M, without=carried, beside=beside)
     below = work.scene.obstacles(near, _NEAR_M, without=carried)
     ring = np.array([(np.cos(a), np.sin(a), 0.0) for a in np.arange(12) * np.pi / 6])
     heights = np.linspace(clear_m + 0.01, max(clear_m + 0.02, float(np.ptp(box, axis=0)[2])), 4)

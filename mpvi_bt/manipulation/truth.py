@@ -67,6 +67,7 @@ class TrueScene:
         self.truth = truth
         self.knowledge, self.pose = truth.knowledge, truth.pose
         self.solids, self.volumes = truth.solids, truth.volumes
+        self.body = truth.solids
         self.handles, self.doors, self.switches = truth.handles, truth.doors, truth.switches
         self.holding, self.between, self.within = truth.holding, truth.between, truth.within
 
@@ -74,9 +75,12 @@ class TrueScene:
         """As `Scene` says."""
         return self.truth.toggled_on(name)
 
-    def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> Surroundings:
+    def obstacles(
+        self, xy: Array, radius_m: float, without: Collection[str] = (), beside: str | None = None
+    ) -> Surroundings:
         """As `Scene` says."""
-        return Surroundings(self.truth.obstacles(xy, radius_m, without))
+        left_out = without if beside is None else {*without, beside}
+        return Surroundings(self.truth.obstacles(xy, radius_m, left_out))
 
     def spots(self, surface: str, radius_m: float, height_m: float, near: Array) -> list[Array]:
         """As `Scene` says, on a grid of 5 cm about the middle of each face."""
