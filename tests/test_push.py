@@ -13,7 +13,7 @@ from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Motion
-from mpvi_bt.robot.solids import Solid
+from mpvi_bt.robot.solids import Solid, bounds
 from mpvi_bt.sim.world import Placement, World
 from tests.small_house import CATALOGUE, placed, small_world
 from tests.test_open import play
@@ -53,6 +53,30 @@ def test_fingertips_stay_off_the_support_and_behind_the_thing() -> None:
         assert tip[2] > solid.aabb()[0, 2] + 0.02
         assert (tip[:2] - world.pose("can")[:2, 3]) @ way < 0
         assert course.opening_m < 2 * solid.half_m[0]
+
+
+@pytest.mark.parametrize("entry", ["folder", "notebook", "keyboard"])
+def test_what_lies_flat_is_pushed_by_tips_behind_its_edge(entry: str) -> None:
+    """From steeply above, neither over its upper edge nor down on what it lies on."""
+    world = small_world({"flat": placed(entry, 0.4, 0.1)})
+    solids = world.solids("flat")
+    low, high = bounds(solids)
+    courses = pushes(solids, np.array([0.0, 0.2]))
+    assert courses
+    for course in courses:
+        tip = (course.hand(0.0) @ [0.0, 0.0, 0.012, 1.0])[:3]
+        assert low[2] + 0.01 < tip[2] < high[2]
+
+
+@pytest.mark.parametrize("apart", [0.3, 0.5])
+def test_what_is_light_is_pushed_up_to_and_not_along(apart: float) -> None:
+    """A folder goes until it meets a mouse, and little farther."""
+    things = {"folder": placed("folder", 0.9, 0.0), "mouse": placed("mouse", 0.9, apart)}
+    work = Work(TrueScene(world := small_world(things)), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    way, near = _way(work, "folder", {"object": "folder", "target": "mouse"})
+    gap = bounds(world.solids("mouse"))[0, 1] - bounds(world.solids("folder"))[1, 1]
+    assert near == pytest.approx(gap, abs=0.01)
+    assert gap < np.linalg.norm(way) < gap + 0.06
 
 
 def test_what_is_tall_and_thin_is_pushed_low() -> None:

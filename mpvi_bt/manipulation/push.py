@@ -14,7 +14,7 @@ from mpvi_bt.manipulation.hand import FULL_M, opened
 from mpvi_bt.manipulation.open import then_leave
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.collision import Surroundings, covering_spheres
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
@@ -25,9 +25,11 @@ _GAP_M = 0.02  # what is that near to where it is to be need not be pushed
 _UNSURE_M = 0.05  # where what it is pushed up to may be nearer or farther by
 _TIP_M = 0.012  # the fingertips are that far before the tcp
 _SHORT_M = 0.10
+_STEP_M = 0.01  # of a thing on its way to another, until they meet
 _FINGER_HALF_M = 0.0065  # half a finger's thickness
 _APART = 0.6  # of a thing's width: how far apart two fingertips behind it keep it from turning or slipping away
 _DROOPS = (0.0, 0.4, 0.8, 1.1, 1.4)  # how far the hand points down [rad]
+_STEEP = (1.1, 1.4)  # those of a hand behind a thing so thin that a flat one had no room above what it stands on
 _HEIGHTS = (0.35, 0.5, 0.65, 0.2, 0.1, 0.8, 0.95)  # of the thing, where to push it
 _TOPPLING = 1.5  # cost of pushing higher than a thing is deep, for as much again: it may tip over
 _LOWEST_M = 0.03  # above what it stands on
@@ -91,22 +93,34 @@ def push(work: Work, words: Words, tried: list[Array]) -> Actions:
 def _way(work: Work, name: str, words: Words) -> tuple[Array, float]:
     """(2,) where to, from where the thing is, and after how much of it it may meet something [m].
 
-    What is pushed up to a target may reach under it, as a chair's seat under a table: how far is felt.
+    What is pushed up to a target may reach under it, as a chair's seat under a table: how far is felt. But what is
+    light, such as a mouse beside a keyboard, is not felt: it would be pushed along.
     """
     at, here = work.middle(name)[:2], work.motion.felt.base_pose
     if "target" in words:
-        target = bounds(work.scene.solids(work.nearest(words["target"])))[:, :2]
+        goal = list(work.scene.solids(work.nearest(words["target"])))
+        target = bounds(goal)[:, :2]
         toward = np.clip(at, target[0], target[1]) - at
         far = float(np.linalg.norm(toward))
         if far < 1e-6:
             return np.zeros(2), 0.0  # it is there already
         toward /= far
         solids = work.scene.solids(name)
-        return toward * (far + _reach(solids, -toward, at)), far - _reach(solids, toward, at)
+        whole, near = far + _reach(solids, -toward, at), far - _reach(solids, toward, at)
+        return toward * min(whole, _meets(solids, goal, toward, whole) + _UNSURE_M), near
     bearing = float(np.arctan2(at[1] - here[1], at[0] - here[0])) + _TURNS[words.get("direction", "away")]
     # Left stays left, from wherever it is tried again.
     bearing = work.bearings.setdefault(f"{name}: {words.get('direction')}", bearing)
     return _FAR_M * np.array([np.cos(bearing), np.sin(bearing)]), np.inf
+
+
+def _meets(solids: Sequence[Solid], others: Sequence[Solid], toward: Array, length: float) -> float:
+    """How far solids go along a direction (2,), `length` [m] at the most, until they meet others."""
+    centers, radii = covering_spheres(solids)
+    steps = np.arange(0.0, length, _STEP_M)
+    away = Surroundings(others).distance(centers + steps[:, None, None] * np.append(toward, 0.0))
+    met = (away < radii).any(1)
+    return float(steps[met.argmax()]) if met.any() else length
 
 
 def _reach(solids: Sequence[Solid], toward: Array, at: Array) -> float:
@@ -158,15 +172,17 @@ def pushes(solids: Sequence[Solid], way: Array) -> list[Push]:
     out = []
     rearmost = max(solids, key=lambda solid: float(np.abs(d @ solid.T[:3, :3]) @ solid.half_m - d @ solid.T[:3, 3]))
     shares = [float(low[2] + share * (high[2] - low[2])) for share in _HEIGHTS]
+    flat = float(high[2] - low[2]) < 2 * _LOWEST_M
+    least = float(high[2] - low[2]) / 2 if flat else _LOWEST_M
     for rank, height in enumerate((float(rearmost.T[2, 3]), *shares)):  # the edge of a seat, before what is below it
-        z = max(height, low[2] + _LOWEST_M)
+        z = max(height, low[2] + least)
         rear = _rear(solids, d, z)
         if rear is None:
             continue
         wide, deep = _width(solids, across, z), max(_width(solids, d, z), 1e-3)
         opening = float(np.clip(_APART * wide - 2 * _FINGER_HALF_M, 0.0, FULL_M))
         toppling = _TOPPLING * min(max(0.0, (z - low[2]) / deep - 1), 2.0)
-        for droop in _DROOPS:
+        for droop in _STEEP if flat else _DROOPS:
             approach = d * np.cos(droop) - np.array([0.0, 0.0, np.sin(droop)])
             at = rear - _TIP_M * approach - _FINGER_HALF_M * np.sin(droop) * d
             for flip in (1.0, -1.0):
