@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from benchmarks.hands.rows import Job
 from benchmarks.hands.runner import run_job
 from benchmarks.hands.two_hands import large_things
+from mpvi_bt.goals.predicates import ontop
 from mpvi_bt.manipulation.expert import ExpertPolicy
 from mpvi_bt.manipulation.reactive import ReactivePolicy
 from mpvi_bt.manipulation.set_down import set_down
@@ -27,6 +28,7 @@ from mpvi_bt.robot.protocol import SIDES, ActionLayout
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.sim.world import Placement
 from tests.small_house import placed, small_world
+from tests.test_open import play
 
 half_sizes = st.tuples(*[st.floats(0.03, 0.3)] * 3)
 
@@ -207,3 +209,23 @@ def test_what_two_hands_hold_is_set_down_on_the_floor_straight_ahead() -> None:
     assert max(way) > 0.3
     assert world.between() is None
     assert world.solids("box")[0].aabb()[0, 2] < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("y", [0.5, -0.25])
+def test_what_two_hands_hold_is_set_down_among_things_that_stay_as_they_are(y: float) -> None:
+    """Neither the elbows on the way in nor the hands that let go sweep away what stands and lies there."""
+    things = {
+        "folder": placed("folder", 0.75, 1.5, 0.521, np.pi / 2),
+        "monitor": placed("monitor", 0.72, y, 0.741, np.pi),
+        "notebook": placed("notebook", 0.65, y - np.sign(y) * 0.5, 0.741),
+    }
+    desk = "{entry: desk, at: [0.85, 0.0], yaw_deg: 180, shape: {size_m: [0.7, 1.6, 0.74]}}"
+    stool = "{entry: table, at: [0.75, 1.5], shape: {size_m: [0.4, 0.4, 0.52]}}"
+    world = small_world(things, base=(-0.2, 0.6, 0.5), desk=desk, stool=stool)
+    world.settle()
+    before = {name: world.pose(name) for name in ("monitor", "notebook")}
+    assert play(world, "lift the folder with both hands, then put the folder on the desk", limit_s=120)[-1] == "done"
+    assert ontop(world, "folder", "desk")
+    for name, T in before.items():
+        assert np.linalg.norm(world.pose(name)[:3, 3] - T[:3, 3]) < 0.02

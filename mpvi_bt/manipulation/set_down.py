@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mpvi_bt.manipulation.carry import settle
@@ -17,11 +19,14 @@ from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
 _OVER_M = 0.05  # between a box and the surface that it is driven in over
+_HANDS_M = 0.09  # room beside it, if there is such, for hands that let go, and for those that are to lift its neighbor
+_ABOVE_M = 0.08  # that hands rise before the base draws them back: at the surface they would sweep what lies behind
 _CARRIED = 0.35  # of a box that stands on something narrower, so much of its breadth around its middle is carried
 _HEADINGS = tuple(np.arange(16) * np.pi / 8)
 _SPOTS = 40
 _FAR_M, _OFF_M, _LEG_M = 1.7, 1.3, 1.2  # a spot that far off is driven up to, in legs within what is known around
 _LEGS = 4
+_STEP_M = 0.08  # between checks on the way in: what stands beside it, such as a screen, is not to be met by an elbow
 
 
 def either(one: Perform, both: Perform) -> Perform:
@@ -54,7 +59,9 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
             ahead = box.middle[:2] + here - behind(motion.felt.base_pose)[:2]  # in view, and driven in from here
             spots = floor_around(work, words["surface"], radius, box.height, ahead)
         else:
-            spots = list(scene.spots(surface, radius, box.height + 0.1, here)) or _on_the_middle(work, surface, box)
+            apart = max(box.length / 2, box.width / 2 + _HANDS_M) + 0.01
+            wide, close = (scene.spots(surface, r, box.height + 0.1, here) for r in (apart, radius))
+            spots = [*wide[: _SPOTS // 2], *close] or _on_the_middle(work, surface, box)
         search = work.search("right", {name})
         # What is far off may have room that is not seen from here.
         far_off = spots[0] if spots else None if surface is None else work.middle(surface)
@@ -81,6 +88,7 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from raise_both(work, spot[2] + 0.004 - seen_box(work, name).bottom, seconds_per_m=7.0)
     yield from motion.wait(0.2)
     yield from open_wide(work)
+    yield from raise_both(work, _ABOVE_M, seconds_per_m=3.0)
     yield from motion.drive(way[-1], speed=0.3)
     yield from settle(work, without={name} if surface is None else {name, surface})
     yield from look_at(work, name)
@@ -115,12 +123,22 @@ def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tup
             base = np.array([*(spot[:2] - kin.rot_z(heading)[:2, :2] @ held_at), kin.wrap(heading)])
             if any(np.linalg.norm(base - b) < 0.05 for b in search.tried):
                 continue
-            around = search.around(base, touched=False)
             if (way := way_behind(search, here, base)) is None:
                 continue
             torso = motion.torso  # raised by then, as `raise_both` does: lower down the arms would meet the surface
             torso[0] = np.clip(torso[0] + max(0.0, spot[2] + _OVER_M - box.bottom), *motion.robot.torso_limits[0])
-            body = Body(motion.robot, torso, arms, {}, around)
-            if all(body.free(side, arms[side], grasping=True)[0] for side in arms) and body.trunk_free():
+            body = Body(motion.robot, torso, arms)
+            if all(_clear(body, search, pose) for pose in _drive_in(way[-1], base)):
                 return base, spot, way
     return None
+
+
+def _drive_in(back: Array, base: Array) -> Array:
+    """(n, 3) base poses on the straight way in from `back` to `base`, the last one first: it is the most cramped."""
+    return np.linspace(base, back, int(np.ceil(float(np.linalg.norm(base[:2] - back[:2])) / _STEP_M)) + 1)
+
+
+def _clear(body: Body, search: Search, base: Array) -> bool:
+    """Whether trunk and arms, but for the fingers, are clear of everything from a base pose (3,)."""
+    there = replace(body, around=search.around(base, touched=False))
+    return there.trunk_free() and all(bool(there.free(side, q, grasping=True)[0]) for side, q in there.arms.items())
