@@ -400,6 +400,16 @@ def test_what_has_a_lid_looks_at_whoever_stands_there(instance: int) -> None:
 
 
 @pytest.mark.parametrize("instance", range(0, 10, 3))
+def test_a_monitor_stands_behind_what_one_works_with(instance: int) -> None:
+    """Its screen looks at whoever sits there, and what takes two hands is nearer to the front."""
+    _, begin = drawn("getting_organized_for_work", instance)
+    ahead = HOUSE.fixtures[begin.scene_names["desk.n.01_1"]].T_world_fixture[:2, 0]
+    monitor = begin.objects["monitor.n.04_1"].T_world
+    assert monitor[:2, 0] @ ahead > 0.95
+    assert (begin.objects["notebook.n.01_1"].T_world - monitor)[:2, 3] @ ahead > 0.0
+
+
+@pytest.mark.parametrize("instance", range(0, 10, 3))
 def test_things_in_a_corridor_leave_a_way(instance: int) -> None:
     """A robot gets along the corridor from door to door past all the shoes, not leaving it."""
     _, begin = drawn("putting_shoes_on_rack", instance)

@@ -71,9 +71,17 @@ class Shape:
 
     @cached_property
     def two_hands(self) -> bool:
-        """Whether it is too broad for one hand and has no rim or bar to take it by."""
+        """Whether it is carried, too broad for one hand, and has no rim or bar to take it by."""
         size, root = np.ptp(self.extent, axis=0), self.entry.description.root
-        return bool(size[:2].min() > ONE_HAND_M and not root.volumes and not root.handles)
+        broad = size[:2].min() > ONE_HAND_M and not root.volumes and not root.handles
+        return bool(broad and not self.entry.at_back)
+
+    @property
+    def faces(self) -> float | None:
+        """Where its x axis points, from the way someone looks who stands before it [rad]; None: anywhere."""
+        if self.entry.at_back or self.entry.description.jointed:
+            return np.pi  # what has a lid or a screen looks at whoever stands there
+        return 0.0 if self.two_hands else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,11 +279,20 @@ class _Site:
         if board.front:
             good &= _in_front(board.face, middle, at, shape.two_hands)
         rest = self._clear(at, middle, np.flatnonzero(good), gap)
+        if shape.entry.at_back:
+            rest = rest[np.argsort(-self._depth(middle[rest, :2]), kind="stable")]
         for k in rest:
             put = Put(shape, pose(shift[k], float(yaw[k])))
             if all(_apart(put, other, gap) for other in placed):
                 return put
         return None
+
+    def _depth(self, spots: Array) -> Array:
+        """(n,) how far back places (n, 2) are, as seen by someone who stands before their middle [m]."""
+        if not len(spots):
+            return np.zeros(0)
+        (ahead,) = self._board.heading(spots.mean(0, keepdims=True))
+        return np.asarray(spots @ [np.cos(ahead), np.sin(ahead)])
 
     def _clear(self, at: Array, middle: Array, rest: NDArray[np.intp], gap: float) -> NDArray[np.intp]:
         """Those of the places, at which the points (n, p, 3) of a thing are, that are free and under the right sky."""
@@ -312,9 +329,8 @@ def _spots(
     half = np.maximum(face.half_m[:2] - margin - thin, 0.0)
     spots = rng.uniform(-half, half, (_SPOTS, 2)) @ face.T[:2, :2].T + face.T[:2, 3]
     turns = rng.uniform(-np.pi, np.pi, _SPOTS)
-    if heading is not None and (shape.two_hands or shape.entry.description.jointed):
-        facing = np.pi if shape.entry.description.jointed else 0.0  # what has a lid looks at whoever stands there
-        turns = heading(spots) + facing + turns * ASKEW_RAD / np.pi
+    if heading is not None and shape.faces is not None:
+        turns = heading(spots) + shape.faces + turns * ASKEW_RAD / np.pi
     elif along:
         square = np.round(turns / (np.pi / 2)) * np.pi / 2
         turns = float(np.arctan2(face.T[1, 0], face.T[0, 0])) + square + (turns - square) * ASKEW_RAD

@@ -32,6 +32,7 @@ class EntryFile(Record):
     friction: Annotated[float, Field(ge=0, le=3)] = 0.5
     rolling_damping: Annotated[float, Field(ge=0, le=10)] = 0.5
     abilities: tuple[str, ...] = ()
+    at_back: bool = False
 
 
 class CatalogueFile(Record):
@@ -54,6 +55,7 @@ class Entry:
         friction: Of its surface, static and dynamic.
         rolling_damping: Angular damping [1/s]: stands for rolling resistance, which the physics engine lacks.
         abilities: BEHAVIOR's, such as "fillable" or "openable".
+        at_back: Whether it is set up at the back of what it stands on, such as a monitor, and nobody carries it.
     """
 
     name: str
@@ -65,6 +67,7 @@ class Entry:
     friction: float = 0.5
     rolling_damping: float = 0.5
     abilities: tuple[str, ...] = ()
+    at_back: bool = False
 
     @cached_property
     def description(self) -> Description:

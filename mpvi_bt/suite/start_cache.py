@@ -132,7 +132,7 @@ def _geometry(house: House, catalogue: Catalogue, task: Task) -> Iterator[bytes]
         yield from _form(fixture.entry.description)
     for name in sorted(set(task.bindings.values())):
         entry = catalogue[name]
-        yield repr((name, entry.mass_kg, entry.friction, entry.rolling_damping)).encode()
+        yield repr((name, entry.mass_kg, entry.friction, entry.rolling_damping, entry.at_back)).encode()
         yield from _form(entry.description)
 
 
