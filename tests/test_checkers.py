@@ -211,6 +211,15 @@ def test_a_can_that_a_hand_holds_in_a_cabinet_is_not_in_it_yet() -> None:
     assert see("a can of soda is in the cabinet", head([FLOOR, *walls, can(0.0, 0.0, 0.4)])).complete
 
 
+def test_what_a_hand_still_holds_on_a_table_is_not_on_it_yet() -> None:
+    """It may come along, or be set down elsewhere."""
+    table: Box = ("table", (-0.3, -0.4, 0.38), (0.4, 0.4, 0.4))
+    held = see("a can of soda is on the table", head([FLOOR, table, can(0.0, 0.0, 0.41), *gripper(0.0, 0.0, 0.41)]))
+    assert not held.complete
+    assert "gripper" in held.reason
+    assert see("a can of soda is on the table", head([FLOOR, table, can(0.0, 0.0, 0.4)])).complete
+
+
 def test_what_lies_next_to_a_thing_in_a_hand_is_next_to_nothing_yet() -> None:
     """A can on a table and another one that a gripper is about to put there; once it stands there, both are."""
     table: Box = ("table", (-0.3, -0.4, 0.38), (0.4, 0.4, 0.4))

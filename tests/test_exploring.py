@@ -313,6 +313,16 @@ def test_what_is_carried_along_is_no_arrival() -> None:
     assert distance_to(moved, robot.pose[:2]) < 1.3
 
 
+def test_who_carries_one_looks_for_another() -> None:
+    """Told to go to a cup, with a cup in hand and no other known: it finds the one in the other room."""
+    grid_map, boxes = house(CUP)
+    robot = Laden(1.0, 2.0, 3.0, boxes)
+    robot.carried = Entry("cup #9", ("cup",), "object", np.zeros(3), np.ones(3), source="boxes", held=True)
+    navigator = exploring(robot, BoxDetector(CUP), grid_map, KITCHEN, LIVING_ROOM, robot.carried)
+    assert play(robot, navigator, "cup")[0].progress is Progress.SUCCEEDED
+    assert distance_to(CUP, robot.pose[:2]) < 1.3
+
+
 class Erring(BoxDetector):
     """Sees a cup in some pixels of the first picture, where none is."""
 

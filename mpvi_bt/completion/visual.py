@@ -193,6 +193,8 @@ class _Picture:
 
     def ontop(self, name: str, surface: str) -> Judgement:
         """Whether the thing's lowest visible points are level with a horizontal part of the surface around them."""
+        if self._gripped(name):
+            return Judgement(False, f"{name} is seen in a gripper")
         thing, support = self._points[self._mask(name)], self._points[self._mask(surface)]
         bottom = float(np.percentile(thing[:, 2], 2))
         lowest, highest = thing[:, :2].min(0) - 0.15, thing[:, :2].max(0) + 0.15

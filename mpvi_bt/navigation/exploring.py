@@ -267,11 +267,12 @@ class ExploringNavigator(KnownPlaceNavigator):
     def _at_hand(self, entries: list[Entry], room: str | None = None) -> bool:
         """Whether there is something to go to: not only what it put into something, such as the cans in the bin.
 
-        With a room, what was seen in another one does not count.
+        Nor what it carries: who is sent to a shoe with a shoe in hand is sent to another one. With a room, what was
+        seen in another one does not count.
         """
         known = self._knowledge()
-        some = [e for e in entries if not room or e.source == "prior" or e.room in (None, room) or e.held]
-        return any(not known.put_in(entry) for entry in some)
+        some = [e for e in entries if not room or e.source == "prior" or e.room in (None, room)]
+        return any(not (entry.held or known.put_in(entry)) for entry in some)
 
     def _are_gone(self, names: set[str]) -> bool:
         """Whether none of the entries is believed in any more."""
