@@ -112,6 +112,8 @@ def test_failures_are_counted_by_reason_end_and_predicate() -> None:
     ("code", "said", "told"),
     [
         ("timeout", "still at until_complete/manipulate (pick: no_grasp), check_complete", "timeout (pick: no_grasp)"),
+        ("gave_up", "pick: no_grasp", "gave_up (pick: no_grasp)"),
+        ("gave_up", "done", "gave_up"),
         ("timeout", "still at manipulate#2 (place_in: no_room), check_complete (no)", "timeout (place_in: no_room)"),
         ("timeout", "still at until_complete/manipulate (done), check_complete (asked 2: no)", "timeout"),
         ("no_path", "manipulate (pick: no_grasp)", "no_path"),

@@ -9,8 +9,11 @@ from dataclasses import dataclass
 
 from mpvi_bt.suite.result import Failure, Result
 
-# What a policy gave up of before its unit timed out stands in the timeout's evidence: "manipulate (pick: no_grasp)".
-_GAVE_UP = re.compile(r"\bmanipulate(?:#\d+)? \(([a-z_]+: [a-z_]+)\)")
+# What a policy gave up of stands in the evidence: "pick: no_grasp"; of a timeout, "manipulate (pick: no_grasp)".
+_GAVE_UP = {
+    "gave_up": re.compile(r"^([a-z_]+: [a-z_]+)$"),
+    "timeout": re.compile(r"\bmanipulate(?:#\d+)? \(([a-z_]+: [a-z_]+)\)"),
+}
 # As the goal's conditions are printed: a predicate stands before its arguments, "inside(a, b)", or, where a condition
 # is kept in BDDL's own words, behind a bracket: "(inside a b)".
 _PREDICATE = re.compile(r"(\bnot |\(not \()?(?:\b([a-z_]+)\(|\(([a-z_]+) (?=[a-z_]+\.n\.))")
@@ -55,9 +58,10 @@ def count_failures(results: Iterable[Result]) -> Failures:
 
 
 def reason(failure: Failure) -> str:
-    """A failure's reason code; of a timeout with what the policy gave up of, such as "timeout (pick: no_grasp)"."""
-    gave_up = _GAVE_UP.search(failure.feedback) if failure.reason == "timeout" else None
-    return f"timeout ({gave_up[1]})" if gave_up else failure.reason or "no reason given"
+    """A failure's reason code, with what the policy gave up of where it says so, as in "timeout (pick: no_grasp)"."""
+    said = _GAVE_UP.get(failure.reason)
+    gave_up = said.search(failure.feedback) if said else None
+    return f"{failure.reason} ({gave_up[1]})" if gave_up else failure.reason or "no reason given"
 
 
 def predicates(condition: str) -> set[str]:
