@@ -96,6 +96,7 @@ class Memory:
         self._felt: Proprioception | None = None
         self._field: tuple[object, Obstacles] | None = None
         self._fronts: dict[str, tuple[list[Frame], list[Door]]] = {}  # of furniture, as these pictures show it
+        self._bodies: dict[str, tuple[tuple[list[Frame], float], list[Solid]]] = {}  # likewise, seen down to so far
         self._ajar: dict[str, list[tuple[Frame, Door]]] = {}  # likewise, where something was seen to stand open
         self._trusting, self._remembering = False, True
         self._focus: Array | None = None  # what is worked on: obstacles are seen more finely around it

@@ -70,7 +70,10 @@ class Seen(Memory):
         views = [(f, m) for f, m in self._views(thing) if f.of(m).size]
         if thing.shape.kind != "furniture" or not views:
             return self.solids(name)
-        return layers(np.concatenate([f.of(m) for f, m in views]), thing.lowest_m) or self.solids(name)
+        seen, known = ([f for f, _ in views], thing.lowest_m), self._bodies.get(name)
+        if known is None or known[0] != seen:
+            self._bodies[name] = known = (seen, layers(np.concatenate([f.of(m) for f, m in views]), thing.lowest_m))
+        return known[1] or self.solids(name)
 
     def volumes(self, name: str) -> Sequence[Solid]:
         """As `Scene` says; what is drawn out of furniture is seen by its face, for that hides what is behind it."""
