@@ -370,6 +370,7 @@ def test_what_is_set_down_beside_furniture_lies_at_its_foot() -> None:
     body, true = bounds(seen.body(table)), bounds(world.solids("table_1"))
     assert body[0, 2] == 0.0
     np.testing.assert_allclose(body[1, 2], true[1, 2], atol=0.02)
+    assert seen.body(table) is seen.body(table)  # searches ask for every place beside it
     legs = [s.aabb().mean(0) for s in seen.body(table) if s.aabb()[0, 2] == 0.0]
     here = np.zeros(2)
     left_out, whole = seen.obstacles(here, 1.7, without={table}), seen.obstacles(here, 1.7, beside=table)
