@@ -323,6 +323,15 @@ def test_who_carries_one_looks_for_another() -> None:
     assert distance_to(CUP, robot.pose[:2]) < 1.3
 
 
+def test_who_carries_the_only_one_does_not_look_for_ever() -> None:
+    """It may have the other one in hand already."""
+    grid_map, boxes = house()
+    robot = Laden(1.0, 2.0, 3.0, boxes)
+    robot.carried = Entry("cup #9", ("cup",), "object", np.zeros(3), np.ones(3), source="boxes", held=True)
+    navigator = exploring(robot, BoxDetector(), grid_map, KITCHEN, LIVING_ROOM, robot.carried)
+    assert play(robot, navigator, "cup", most_s=90.0)[0].progress is Progress.SUCCEEDED
+
+
 class Erring(BoxDetector):
     """Sees a cup in some pixels of the first picture, where none is."""
 

@@ -28,6 +28,7 @@ from mpvi_bt.robot.protocol import CameraImage, Robot
 from mpvi_bt.robot.solids import Array
 
 _LOOKS = 4  # at what was gone to: a detector that sees it nine times of ten misses it once in ten thousand such
+_OTHER_S = 60.0  # that another one is looked for by who carries one: it may be the other one already
 _TRIES = 8  # drives to what was seen: it may be elsewhere, not be there, or no way to it be known yet
 
 
@@ -160,15 +161,17 @@ class ExploringNavigator(KnownPlaceNavigator):
         raise self._not_found(trip)
 
     def _find(self, trip: Trip, room: str | None) -> Iterator[Report]:
-        """Look for the target where it was said to be, then everywhere."""
+        """Look for the target where it was said to be, then everywhere; no longer than a while where one is carried."""
         feedback = f"looking for {trip.target}"
+        carried = any(entry.held for entry in self._look_up(trip)[0])
+        until_s = self.lookout.looked_s + _OTHER_S if carried else math.inf
 
         answers: dict[str | None, tuple[int, bool]] = {}  # asked for each step; only pictures change them
 
         def found(where: str | None = None) -> bool:
             pictures, answer = answers.get(where, (-1, False))
             if pictures != self.lookout.pictures:
-                answer = self._at_hand(self._look_up(trip)[0], where)
+                answer = self._at_hand(self._look_up(trip)[0], where) or self.lookout.looked_s > until_s
                 answers[where] = self.lookout.pictures, answer
             return answer
 
