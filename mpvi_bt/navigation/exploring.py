@@ -163,7 +163,7 @@ class ExploringNavigator(KnownPlaceNavigator):
     def _find(self, trip: Trip, room: str | None) -> Iterator[Report]:
         """Look for the target where it was said to be, then everywhere; no longer than a while where one is carried."""
         feedback = f"looking for {trip.target}"
-        carried = any(entry.held for entry in self._look_up(trip)[0])
+        carried = any(entry.held for entry in self._knowledge().find(trip.target))
         until_s = self.lookout.looked_s + _OTHER_S if carried else math.inf
 
         answers: dict[str | None, tuple[int, bool]] = {}  # asked for each step; only pictures change them
