@@ -80,6 +80,8 @@ class Chunks:
 
     name = "chunks"
     cameras: tuple[str, ...] = ("head",)
+    note = ""
+    gave_up = False
 
     def __init__(self, length: int) -> None:
         self.length, self.calls, self.resets = length, 0, 0
@@ -197,12 +199,12 @@ def test_a_policy_that_gives_up_ends_its_unit() -> None:
     policy = bench.context.policy = Chunks(3)
     bench.tree.setup(bench.context)
     bench.run(1)
-    policy.gave_up, policy.note = True, "pick: no_stance"  # type: ignore[attr-defined]
+    policy.gave_up, policy.note = True, "pick: no_stance"
     assert [bench.tree.tick() for _ in range(2)] == [Status.RUNNING, Status.FAILURE]
     failure = failure_of(bench.node("manipulate"))
     assert failure is not None
     assert (failure.reason, failure.evidence) == ("gave_up", "pick: no_stance")
-    policy.gave_up = False  # type: ignore[attr-defined]
+    policy.gave_up = False
     assert bench.tree.tick() == Status.RUNNING
     assert policy.resets == 2
 
@@ -210,8 +212,8 @@ def test_a_policy_that_gives_up_ends_its_unit() -> None:
 def test_a_unit_given_up_waits_for_the_answer_that_is_awaited() -> None:
     """What was asked before may be a yes, and the unit done."""
     bench = Bench("manipulate: pick up the cup")
-    bench.context.policy = Chunks(1)
-    bench.context.policy.gave_up = True  # type: ignore[attr-defined]
+    policy = bench.context.policy = Chunks(1)
+    policy.gave_up = True
     question = cast("Question[Judgement]", object())
     bench.context.asking.add(question)
     assert bench.run(5) == Status.RUNNING

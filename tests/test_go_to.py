@@ -143,6 +143,16 @@ def test_an_instruction_is_followed_prompt_by_prompt() -> None:
     assert policy.note.startswith("3 of 3, go to the sink")
 
 
+def test_an_instruction_is_given_up_with_its_last_prompt() -> None:
+    """What is given up before that is passed over, as a plan does."""
+    inner = Ends()
+    policy = DemonstratedPolicy(inner, {"a": ["x", "y"]})
+    for steps, last in ((3, False), (1, True)):
+        tell(policy, "a", steps)
+        inner.gave_up = True
+        assert policy.gave_up is last
+
+
 def test_a_handoff_begins_the_instruction_anew() -> None:
     """As for any policy; another instruction does, too."""
     inner = Ends()

@@ -107,13 +107,13 @@ def test_our_own_client_and_server_agree() -> None:
             self.reset()
 
         def reset(self) -> None:
-            self.calls, self.cameras, self.note = 0, ("head",), "new"
+            self.calls, self.cameras, self.note, self.gave_up = 0, ("head",), "new", False
 
         def infer(self, seen: Any) -> Any:
             assert set(self.cameras) <= set(seen["images"])
             self.calls += 1
             self.cameras = ("left", "right") if self.calls % 2 else ()
-            self.note = f"call {self.calls}"
+            self.note, self.gave_up = f"call {self.calls}", self.calls > 2
             images = sum(float(image.rgb.sum() + image.depth.sum()) for image in seen["images"].values())
             return np.full((2, ACTION_SIZE), self.calls + images + float(seen["proprioception"].torso.sum()))
 
@@ -128,6 +128,8 @@ def test_our_own_client_and_server_agree() -> None:
                 seen = observation(remote.cameras)
                 assert np.array_equal(remote.infer(seen), alone.infer(seen))
                 assert (remote.cameras, remote.note) == (alone.cameras, alone.note)
+                assert remote.gave_up is alone.gave_up
+            assert remote.gave_up
         assert remote.connections == 1
 
 

@@ -211,14 +211,20 @@ def test_a_robot_that_does_not_follow_makes_it_fail_not_crash(part: str) -> None
     assert policy.note
 
 
-@pytest.mark.parametrize("known", [1, 2])
-def test_a_thing_beside_which_another_goes_is_looked_for(monkeypatch: pytest.MonkeyPatch, known: int) -> None:
-    """What is in hand is not "the other sandal", beside which it is to be put, though it is called so."""
+def knowing_sandals(monkeypatch: pytest.MonkeyPatch, known: int) -> ReactivePolicy:
+    """A policy that knows so many sandals, the first of them in its hand."""
     base = KnowledgeBase()
     for k in range(known):
         base.put(Entry(f"sandal {k}", ("sandal",), "object", np.zeros(3), np.ones(3), held=k == 0))
     policy = reactive()
     monkeypatch.setattr(policy._seen, "knowledge", lambda: base)
+    return policy
+
+
+@pytest.mark.parametrize("known", [1, 2])
+def test_a_thing_beside_which_another_goes_is_looked_for(monkeypatch: pytest.MonkeyPatch, known: int) -> None:
+    """What is in hand is not "the other sandal", beside which it is to be put, though it is called so."""
+    policy = knowing_sandals(monkeypatch, known)
     call = match("put the sandal next to the other sandal", SKILLS)
     assert call is not None
     assert (policy._grounded(call) is not None) is (known == 2)
@@ -227,11 +233,7 @@ def test_a_thing_beside_which_another_goes_is_looked_for(monkeypatch: pytest.Mon
 @pytest.mark.parametrize("known", [1, 2])
 def test_a_hand_does_not_take_what_the_other_one_has(monkeypatch: pytest.MonkeyPatch, known: int) -> None:
     """The sandal that the right hand is to take is none that the left one holds: another one is looked for."""
-    base = KnowledgeBase()
-    for k in range(known):
-        base.put(Entry(f"sandal {k}", ("sandal",), "object", np.zeros(3), np.ones(3), held=k == 0))
-    policy = reactive()
-    monkeypatch.setattr(policy._seen, "knowledge", lambda: base)
+    policy = knowing_sandals(monkeypatch, known)
     monkeypatch.setattr(policy._seen, "holding", lambda side: "sandal 0" if side == "left" else None)
     right, left = (match(f"pick up the other sandal with the {side} hand", SKILLS) for side in ("right", "left"))
     assert right is not None

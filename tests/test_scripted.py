@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Generator
 from typing import Any, cast
 
 import pytest
@@ -10,9 +11,11 @@ import pytest
 from mpvi_bt.manipulation.scene import Scene, Sight
 from mpvi_bt.manipulation.scripted import Performance, ScriptedPolicy
 from mpvi_bt.manipulation.work import Work
+from mpvi_bt.plan.clauses import match
 from mpvi_bt.plan.skills import SkillCall, load_skills
 from mpvi_bt.robot.motion import MotionFailure
 from mpvi_bt.robot.protocol import CONTROL_HZ
+from mpvi_bt.robot.solids import Array
 from tests.serving import observation
 
 PROMPT = "put the cup on the table with the left hand, then put the bowl on the table with the right hand"
@@ -51,25 +54,31 @@ def test_a_round_goes_on_after_what_was_done_before(outcomes: str, objects: str)
 
 
 class Gives(ScriptedPolicy):
-    """It does what it is told at once, or can't."""
+    """What it is told ends at once: "done" and shown, "lost" and done again, "undone", or a motion that "failed"."""
 
-    def __init__(self, done: bool) -> None:
+    def __init__(self, end: str) -> None:
         super().__init__(cast("Scene", None), load_skills())
-        self.done = done
+        self.end, self.performed = end, 0
 
     def perform(self, work: Work, prompt: str) -> Performance:
+        self.performed += 1
         yield work.motion.still()
-        if not self.done:
+        if self.end == "failed":
             raise MotionFailure("no_stance")
-        return None
+        return None if self.end == "undone" else match("pick up the cup", load_skills())
+
+    def _finish(self, work: Work, last: SkillCall) -> Generator[Array, None, bool]:
+        yield work.motion.still()
+        return self.end == "lost" and self.performed % 2 == 1
 
 
-@pytest.mark.parametrize("done", [True, False])
-def test_it_gives_up_some_time_after_it_has_nothing_more_to_do(done: bool) -> None:
+@pytest.mark.parametrize(("end", "performed"), [("done", 1), ("lost", 2), ("undone", 1), ("failed", 1)])
+def test_it_gives_up_some_time_after_it_has_nothing_more_to_do(end: str, performed: int) -> None:
     """Not before whoever only looks can have been asked; and never what it is told next."""
-    policy, seen = Gives(done), observation()
+    policy, seen = Gives(end), observation()
     steps = next(step for step in itertools.count() if policy.infer(seen) is None or policy.gave_up)
     assert policy.ended
+    assert policy.performed == performed
     assert 3.0 < steps / CONTROL_HZ < 6.0
     policy.infer({**seen, "prompt": "put the bowl on the table"})
     assert not policy.gave_up

@@ -84,12 +84,13 @@ def test_a_question_waits_for_its_answer() -> None:
     assert message is not None
     assert message["task_description"] == "pick up the cup"
     actions = np.tile(np.arange(ACTION_SIZE) / 100, (3, 1))
-    relay.answer({"actions": actions, "note": "reaching\nfor it"})
+    relay.answer({"actions": actions, "note": "reaching\nfor it", "gave_up": True})
     thread.join(10)
     (chunk,) = results
     np.testing.assert_allclose(chunk[:, 3:], actions[:, 3:])
     np.testing.assert_allclose(chunk[0, ActionLayout.BASE], actions[0, :3] * [0.75, 0.75, 1.0])
     assert relay.note == "reaching for it"
+    assert relay.gave_up
 
 
 @pytest.mark.parametrize(("first", "begins"), [(None, ("head", "left", "right")), ([], ()), (["head"], ("head",))])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from mpvi_bt.manipulation.carry import settle
@@ -140,5 +138,5 @@ def _drive_in(back: Array, base: Array) -> Array:
 
 def _clear(body: Body, search: Search, base: Array) -> bool:
     """Whether trunk and arms, but for the fingers, are clear of everything from a base pose (3,)."""
-    there = replace(body, around=search.around(base, touched=False))
+    there = body.amid(search.around(base, touched=False))
     return there.trunk_free() and all(bool(there.free(side, q, grasping=True)[0]) for side, q in there.arms.items())

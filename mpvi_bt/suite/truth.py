@@ -18,11 +18,12 @@ if TYPE_CHECKING:
 
 _AT_M = Handoff().distance_m + Handoff().slack_m  # as far as a base stops that was sent to a thing
 _PREDICATES: Mapping[Relation, tuple[str, bool]] = {
-    **{relation: (relation, False) for relation in ("inside", "nextto", "under", "open")},
+    **{relation: (relation, False) for relation in ("inside", "ontop", "nextto", "under", "open")},
     "closed": ("open", True),
     "on": ("toggled_on", False),
     "off": ("toggled_on", True),
 }
+_BINARY = {**BINARY, "ontop": resting_on}
 
 
 class TrueState:
@@ -53,8 +54,6 @@ class TrueState:
 
     def so(self, relation: Relation, name: str, other: str) -> bool | None:
         """By BDDL's predicates; "on" is `resting_on`."""
-        if relation == "ontop":
-            return resting_on(self._world, name, other)
         predicate, negated = _PREDICATES.get(relation, ("", False))
         if predicate == "open" and not self._world.joint_fractions(name):
             return False  # what cannot be opened is not closed either
@@ -62,7 +61,7 @@ class TrueState:
             return False
         if predicate in UNARY:
             return UNARY[predicate](self._world, name) is not negated
-        return BINARY[predicate](self._world, name, other) if predicate else None
+        return _BINARY[predicate](self._world, name, other) if predicate else None
 
 
 class Audit(Watcher):
