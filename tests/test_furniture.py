@@ -60,3 +60,15 @@ def test_a_narrow_rim_is_a_face_all_the_same(sides: int) -> None:
     bottom = sheet(z - [0.0, 0.0, 0.2], x, y)
     boards = furniture(np.concatenate([*rim, bottom])).solids
     assert any(abs(board.aabb()[1, 2] - TOP) < 0.01 for board in boards)
+
+
+def test_what_lies_here_and_there_at_one_height_is_no_board() -> None:
+    """Where walls cease to be in view a few points seem level: a board there would close the room between two."""
+    z, height = np.eye(3)[2], 0.66
+    corners = [(0.1, 0.1), (0.1, 0.4), (0.4, 0.1), (0.4, 0.4)]
+    patches = [sheet(np.array([*at, height]), 0.03 * np.eye(3)[0], 0.03 * np.eye(3)[1]) for at in corners]
+    shape = furniture(np.concatenate([open_cabinet(1.3), *patches]))
+    assert not any(abs(board.aabb()[1, 2] - height) < 0.05 for board in shape.solids)
+    assert len(shape.volumes) == 2
+    shelf = sheet(height * z, DEPTH * np.eye(3)[0], WIDTH * np.eye(3)[1])
+    assert len(furniture(np.concatenate([open_cabinet(1.3), shelf])).volumes) == 3

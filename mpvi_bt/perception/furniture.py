@@ -15,6 +15,7 @@ from mpvi_bt.robot.solids import Array, Solid, pose
 _HEADROOM_M = 0.12  # what rises that high above a board makes a compartment of it
 _HOLE_CELL_M = 0.02
 _SUNK_M = 0.05  # what is that much lower than a board is seen through it
+_CELL_M, _ALONG = 0.03, 0.5  # of a face so much of half its outline is seen at least, as of a rim the far two sides
 _STRIP_CELL_M = 0.02  # what is less than three of these wide is no face to put things on, but an edge
 _MOSTLY = 0.5  # a face of strips, such as the rim of a drawer that is seen in part, stays as it is
 _LEVEL = 0.5  # share of the points near a face's height that are on it
@@ -39,7 +40,7 @@ def furniture(points: Array) -> Shape:
         if len(face) < 40:
             continue
         around = outline(trimmed(face[:, :2]))
-        if around.sides[1] > 0.1:
+        if around.sides[1] > 0.1 and not _strewn(face, around):
             if slabs:  # what is seen of a face in part may be a triangle: boards lie as the largest one does
                 around = _along(trimmed(face[:, :2]), float(np.arctan2(*slabs[0][1].T[1::-1, 0])))
             T = pose((*around.middle, height - 0.0125), around.heading)
@@ -71,7 +72,7 @@ def furniture(points: Array) -> Shape:
 def _level(points: Array, height: float) -> Array:
     """The points (n, 3) of a level face: where walls are seen as many points lie above and below it as on it."""
     near = points[np.abs(points[:, 2] - height) < 0.04]
-    cells = np.floor((near[:, :2] - near[:, :2].min(0)) / 0.03).astype(np.int64)
+    cells = np.floor((near[:, :2] - near[:, :2].min(0)) / _CELL_M).astype(np.int64)
     own = cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1]
     on = np.abs(near[:, 2] - height) < 0.012
     share = np.bincount(own, on) / np.maximum(np.bincount(own), 1)
@@ -88,6 +89,12 @@ def _broad(face: Array) -> Array:
     grid = ndimage.binary_fill_holes(ndimage.binary_closing(grid, np.ones((3, 3), bool)))  # a rim is no strip
     broad = ndimage.binary_opening(grid, np.ones((3, 3), bool))[tuple(cells.T)]
     return face[broad] if broad.mean() > _MOSTLY else face
+
+
+def _strewn(face: Array, around: Outline) -> bool:
+    """Whether points (n, 3) only lie here and there in their outline, such as where a wall ceases to be in view."""
+    cells = len(np.unique(np.floor(face[:, :2] / _CELL_M).astype(np.int64), axis=0))
+    return cells * _CELL_M < _ALONG * float(around.sides.sum())
 
 
 def _hole(board: Solid, face: Array, below: Array) -> tuple[Array, float] | None:
