@@ -17,7 +17,7 @@ from mpvi_bt.manipulation.stance import Option
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Load
+from mpvi_bt.robot.collision import Load, Surroundings
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, box, pose
@@ -220,3 +220,26 @@ def test_what_is_set_down_is_as_the_last_look_has_shown_it(monkeypatch: pytest.M
     with pytest.raises(MotionFailure, match="no_free_spot"):
         list(placing.place_at(work, "right", None, groups, []))
     assert asked == looks
+
+
+@pytest.mark.parametrize("roof_m", [0.26, 0.46])
+def test_a_hand_that_points_down_gets_out_from_below_a_board(roof_m: float) -> None:
+    """It slides past what stands between its fingers, level, where drawing it back along them would raise it."""
+    world = small_world({"egg": placed("easter_egg", 0.6, 0.5, 0.02)})
+    down = kin.hand_rotation(np.array([0.0, 0.0, -1.0]), np.array([0.0, 1.0, 0.0]))
+    T_tcp_thing = kin.inverse(kin.transform(down, (0.0, 0.0, 0.03)))
+    solids = (box((0.0, 0.0, 0.0), (0.05, 0.05, 0.11)).moved(T_tcp_thing),)
+    held = Held("egg", T_tcp_thing, solids, Load(solids))
+    roof = box((0.6, 0.0, roof_m), (0.3, 0.6, 0.02))
+    motion = Motion(world.robot.proprioception())
+    search = Search(motion, "right", {"right": held}, Surroundings([roof]), [], np.random.default_rng(0))
+    pose = placing.Pose(kin.transform(np.eye(3), (0.6, 0.0, 0.06)), 0.0)
+    options = list(placing._options(held, pose, 0.05))
+    level = [option for option in options if abs(float(np.ptp(option.waypoints[1:, 2, 3]))) < 1e-9]
+    for option in level:  # across the axis that the fingers close along
+        assert float((option.waypoints[2] - option.waypoints[1])[:3, 3] @ option.waypoints[1, :3, 1]) == pytest.approx(
+            0.0
+        )
+    free = [option for option in options if search.fits(option)]
+    assert free
+    assert all(option in level for option in free) == (roof_m < 0.3)

@@ -46,6 +46,10 @@ _GROUPS = 14  # of poses that are tried
 # How far above the pose to come in, how far to draw the open hand back, how far behind the arm takes its posture [m],
 # and the cost of it. A hand that is well above its neighbors folds without sweeping them away.
 _WAYS = ((0.12, 0.20, 0.0, 0.0), (0.05, 0.09, 0.0, 0.1), (0.04, 0.09, 0.4, 0.1), (0.04, 0.09, 0.25, 0.15))
+# How far, and at which cost, to draw back level instead where it comes in from less high than that.
+_ASIDE_M, _ASIDE, _LOW_M = 0.15, 0.05, 0.1
+_CLOSES_LEVEL = 0.95  # of the closing axis, level
+_STRAIGHT, _FORWARD = 0.95, 0.2  # cosine with the fingers, of what is straight back, and of what leads on forward
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,14 +194,29 @@ def _lower(work: Work, side: Side, stance: Stance, goal: Array) -> Actions:
 
 
 def _options(held: Held, pose: Pose, width_m: float) -> Iterator[Option]:
-    """Ways to bring a thing into a pose from above, and the hand back along its fingers."""
+    """Ways to bring a thing into a pose from above, and the hand back along its fingers, or level past the thing."""
     T = pose.T_world_thing @ kin.inverse(held.T_tcp_thing)
+    opening = min(FULL_M, width_m + _SPARE_M)
     for over_m, back_m, run_up, cost in _WAYS:
-        over, back = T.copy(), T.copy()
+        over = T.copy()
         over[2, 3] += over_m
-        back[:3, 3] -= back_m * T[:3, 2]
-        opening = min(FULL_M, width_m + _SPARE_M)
-        yield Option(np.stack([over, T, back]), 1, pose.cost + cost, run_up, None, opening)
+        level = list(_asides(T)) if over_m < _LOW_M else []
+        for off, more in [(-back_m * T[:3, 2], 0.0), *((_ASIDE_M * aside, _ASIDE) for aside in level)]:
+            back = T.copy()
+            back[:3, 3] += off
+            yield Option(np.stack([over, T, back]), 1, pose.cost + cost + more, run_up, None, opening)
+
+
+def _asides(T: Array) -> Iterator[Array]:
+    """Level unit vectors (3,) along which the open fingers of a hand at `T` (4, 4) slide past what they let go of.
+
+    Our choice: below a board a hand that points down has no room to draw back along its fingers.
+    """
+    level = np.cross(T[:3, 1], [0.0, 0.0, 1.0])
+    length = float(np.linalg.norm(level))
+    for away in (level / length, -level / length) if length > _CLOSES_LEVEL else ():
+        if -_STRAIGHT < float(away @ T[:3, 2]) < _FORWARD:
+            yield away
 
 
 def _upright(R: Array) -> Array:
