@@ -76,15 +76,22 @@ def test_a_fist_pushes_the_outer_face_home(name: str, body: str, fraction: float
 
 @pytest.mark.parametrize("name", ["left-hinged cabinet", "refrigerator"])
 def test_a_fist_keeps_clear_of_a_bar_that_is_not_seen(name: str) -> None:
-    """Where a door hides its bar, it is pushed farther from the free edge than a palm beside the bar is wide."""
+    """Where a door hides its bar, it is pushed farther from the free edge than bars are, or far off their height.
+
+    Beside a wall there may be room for an arm only near the edge.
+    """
     world = small_world(thing=FIXTURES[name])
     world.set_opening("thing", "door", 0.7)
     world.refresh()
     (door,) = world.doors("thing")
     assert door.bar is not None
+    beyond = []
     for course in pushes(replace(door, bar=None)):
         off = course.hand(0.0)[:3, 3] - door.bar.center
-        assert np.linalg.norm(np.cross(off, door.bar.axis)) > 0.12
+        beyond.append(abs(float(off @ door.bar.axis)) - door.bar.length_m / 2 > 0.05)
+        assert beyond[-1] or np.linalg.norm(np.cross(off, door.bar.axis)) > 0.12
+    assert any(beyond)
+    assert not all(beyond)
 
 
 def test_spans_are_those_between_percentiles() -> None:

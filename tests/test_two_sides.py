@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from mpvi_bt.manipulation import close as closing
 from mpvi_bt.manipulation.close import close, is_closed, pushes
 from mpvi_bt.manipulation.course import CourseSearch
 from mpvi_bt.manipulation.effort import Effort
@@ -18,8 +19,9 @@ from mpvi_bt.manipulation.openings import moved, outward, panel, seen_twice, sta
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.parts import Door
-from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.motion import Motion, MotionFailure
 from mpvi_bt.robot.protocol import CameraImage, Proprioception
+from mpvi_bt.robot.solids import box
 from mpvi_bt.sim.world import World
 from tests.small_house import small_world
 
@@ -165,7 +167,7 @@ def test_it_walks_around_to_before_the_outer_face(y: float) -> None:
     world = cabinet(0.7, y)
     work = working(world)
     (door,) = world.doors("thing")
-    played(world, work, stand_before(work, "thing", panel(door).T[:3, 3], outward(door)))
+    assert played(world, work, stand_before(work, "thing", panel(door).T[:3, 3], outward(door)))
     off = world.robot.proprioception().base_pose[:2] - panel(door).T[:2, 3]
     assert off @ outward(door)[:2] > 0.3
     assert np.linalg.norm(off) < 1.6
@@ -182,6 +184,42 @@ def test_it_looks_into_what_stands_open_from_before_its_front(y: float) -> None:
     ahead, aside = front - world.robot.proprioception().base_pose[:2]  # it looks toward -x
     assert ahead > 0.6
     assert abs(aside) < 0.6 * ahead
+
+
+def test_without_a_way_to_the_outer_face_of_a_door_it_is_tried_from_the_front(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside a wall no base gets between that and an open door; from before the front an arm may reach around it."""
+    world = cabinet(0.7)
+    work = working(world, truly)
+    gone: list[str] = []
+
+    def before(*_: object) -> Generator[Any, None, bool]:
+        gone.append("outer face")
+        yield from ()
+        return False
+
+    def front(*_: object) -> Generator[Any, None, None]:
+        gone.append("front")
+        yield from ()
+
+    monkeypatch.setattr(closing, "stand_before", before)
+    monkeypatch.setattr(closing, "stand_before_front", front)
+    monkeypatch.setattr(CourseSearch, "start", lambda *_: None)
+    (door,) = world.doors("thing")
+    with pytest.raises(MotionFailure, match="no_stance"):
+        played(world, work, closing._shut(work, "thing", replace(door, bar=None), [], None))
+    assert gone == ["outer face", "front"]
+
+
+def test_a_course_keeps_clear_of_what_the_base_has_met() -> None:
+    """A wall that no picture shows is driven into once, not at every try."""
+    world = cabinet(0.5)
+    work = working(world, truly)
+    (door,) = world.doors("thing")
+    found = course_search(work, "thing", door, "right", []).start(pushes(door))
+    assert found is not None
+    work.motion.bumps.append(box((*found.base[:2], 0.2), (0.04, 0.04, 0.4)))
+    other = course_search(work, "thing", door, "right", []).start(pushes(door))
+    assert other is None or np.linalg.norm(other.base[:2] - found.base[:2]) > 0.2
 
 
 def searching(effort: Effort) -> tuple[CourseSearch, Door]:

@@ -20,6 +20,7 @@ from mpvi_bt.manipulation.openings import (
     panel,
     seen_twice,
     stand_before,
+    stand_before_front,
     thing_meant,
     turned,
     upright,
@@ -42,6 +43,7 @@ _TURNS = (0.5, 0.75, 0.3, 0.9)
 _BESIDE_M = 0.09  # from the bar's end, or from its axis, to the middle of the fist
 _INSET_M = (0.07, 0.12, 0.2)  # from the free edge
 _INSET_UNSEEN_M = (0.18, 0.24)  # likewise, where its bar is hidden: farther in than bars are
+_OFF_MIDDLE = (0.6, -0.6)  # of half its height, where no bar is likely to be
 _INSET_LID_M = (0.03, 0.045)  # likewise, where a finger lies along the face: the palm has to stay beyond the edge
 _ASLANT = 0.6  # tangent of how a fist draws back from a closed door
 _NEARLY = 0.85  # of the way
@@ -131,7 +133,8 @@ def _shut(work: Work, thing: str, door: Door, tried: list[Array], hand: str | No
                 tried.append(start.base)
                 return (yield from _push_home(work, door, further[start.course], start, side, search.other))
     if door.bar is None:
-        yield from stand_before(work, thing, _edge(door), outward(door), door)
+        if not (yield from stand_before(work, thing, _edge(door), outward(door), door)):
+            yield from stand_before_front(work, thing, door)  # beside a wall there is no way to its outer face
         raise MotionFailure("no_stance")
     yield from swing(work, thing, door, [0.0], tried, hand)
     return False
@@ -239,11 +242,17 @@ def _points(door: Door, center: Array, away: Array, rise: Array, wide: float, hi
     """Points [m] in the middle plane of a panel to push it at, with their costs."""
     if door.kind == "slide":
         return [(center + away * u * wide + rise * v * high, abs(u) / 10 + abs(v)) for u in _ASIDE for v in (0.0, -0.3)]
-    return [
+    out = [
         (center + away * (wide - inset) + rise * height, 3.0 * (inset - _insets(door)[0]) + bias)
         for inset in _insets(door) if inset < wide * 1.5
         for height, bias in _heights(door, center, rise, high)
     ]  # fmt: skip
+    if door.bar is None and upright(door):  # bars are about the middle of an edge
+        out += [
+            (center + away * (wide - inset) + rise * v * high, 3.0 * (inset - _INSET_M[0]))
+            for inset in _INSET_M[:2] for v in _OFF_MIDDLE if inset < wide * 1.5
+        ]  # fmt: skip
+    return out
 
 
 def _insets(door: Door) -> tuple[float, ...]:

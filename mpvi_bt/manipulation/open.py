@@ -227,6 +227,7 @@ def course_search(
         parts = [s for d in work.scene.doors(thing) for s in (*d.solids, _carcass(d))]
     stays = [s for s in parts if not any(_alike(s, moving) for moving in door.solids)]
     held = work.held()
+    near = work.with_bumps(near)
     return CourseSearch(work.motion, side, held, near, parts, work.rng, list(tried), work.effort, stays, bendable)
 
 

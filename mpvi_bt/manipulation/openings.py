@@ -141,10 +141,13 @@ def stands_as(a: Door, b: Door) -> bool:
     return apart < _SAME_M and abs(a.position / a.limit - b.position / b.limit) < _SAME
 
 
-def stand_before(work: Work, thing: str, face: Array, out: Array, door: Door | None = None) -> Actions:
+def stand_before(
+    work: Work, thing: str, face: Array, out: Array, door: Door | None = None
+) -> Generator[Array, None, bool]:
     """Walk around a thing, as far as the way is free, to before a place (3,) on a face of it that looks `out` (3,).
 
-    No farther, if that is the face of a `door`, once a look on the way shows that to stand otherwise.
+    No farther, if that is the face of a `door`, once a look on the way shows that to stand otherwise. Returns whether
+    the way was free so far.
     """
     middle = work.middle(thing)[:2]
     x, y, _ = work.motion.felt.base_pose
@@ -154,24 +157,29 @@ def stand_before(work: Work, thing: str, face: Array, out: Array, door: Door | N
     stages = int(np.ceil(abs(left) / _STAGE_RAD))
     for k in range(1, stages + 1):
         if not (yield from _go_where(work, thing, middle, bearing + left * k / stages)):
-            return
+            return False
         yield from work.see("head")
         if door is not None and _otherwise(work, thing, door):
             yield from look_over(work, thing)  # one picture may err
             if _otherwise(work, thing, door):
-                return
+                break
+    return True
 
 
 def stand_before_open(work: Work, thing: str) -> Actions:
     """Look into what stands open, from before its front: from beside it only the door, or a side, may be seen."""
     hinged = [door for door in work.scene.doors(thing) if door.kind == "hinge" and not lid(door)]
     ajar = [door for door in hinged if door.position > _AJAR * door.limit]
-    if work.sight is None or not ajar:
-        return
-    shut = moved(ajar[0], -ajar[0].position)
-    out = shut[:3, :3] @ outward(ajar[0])
-    yield from stand_before(work, thing, shut[:3, :3] @ panel(ajar[0]).T[:3, 3] + shut[:3, 3], out)
-    yield from look_over(work, thing)
+    if work.sight is not None and ajar:
+        yield from stand_before_front(work, thing, ajar[0])
+        yield from look_over(work, thing)
+
+
+def stand_before_front(work: Work, thing: str, door: Door) -> Actions:
+    """Walk around a thing, as far as the way is free, to before where a door of it is when it is closed."""
+    shut = moved(door, -door.position)
+    face = shut[:3, :3] @ panel(door).T[:3, 3] + shut[:3, 3]
+    yield from stand_before(work, thing, face, shut[:3, :3] @ outward(door))
 
 
 def _otherwise(work: Work, thing: str, door: Door) -> bool:
