@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import replace
-from itertools import product
+from itertools import islice, product
 
 import numpy as np
 
@@ -30,6 +30,7 @@ _OUT_RAD = 0.05  # off its posture for traveling an empty arm is out
 _DRAWN_M = (0.12, 0.06)  # along its fingers, off what it may have let go of a moment ago
 _CARRY_HEIGHT_M = 0.80
 _CHECKED_CARRIES = 25
+_SWUNG_CARRIES = 3  # planned for, each at length
 # Off the middle of a hand's way home, y toward its own side [m].
 _DETOURS = np.array([(0.0, 0, 0), (0, 0.12, 0), (0, 0, 0.2), (0, 0.25, 0), (0.15, 0.15, 0), (0, 0.25, -0.2)])
 # Where to carry things: x, y toward the own side, z [m] and a turn about the vertical [rad].
@@ -45,7 +46,8 @@ _CARRIES = [
 def settle(work: Work, without: Collection[str] = ()) -> Actions:
     """Fold the empty arms and bring what is held to the chest, upright, the torso as for traveling.
 
-    Where there is no room for it, or an arm meets what nobody knows of, it is done from a little farther back. With
+    Where there is no room for it, or an arm meets what nobody knows of, it is done from a little farther back; what no
+    level way leads home for, such as out of a bin in the other hand, may tip on its way if nothing is in it. With
     nothing held a robot that takes itself to be in something then straightens up all the same, and feels what it meets.
 
     Args:
@@ -59,6 +61,7 @@ def settle(work: Work, without: Collection[str] = ()) -> Actions:
         yield from _settle(work, without)
     except MotionFailure:
         yield from back_off(work)
+        yield from _swing_home(work, without)
         yield from _settle(work, without, feeling=True)
 
 
@@ -67,7 +70,7 @@ def _settle(work: Work, without: Collection[str], feeling: bool = False) -> Acti
     for side in (s for s in work.motion.robot.sides if s not in held):
         if np.abs(work.motion.arm(side) - work.motion.robot.travel_arm[side]).max() > 0.02:
             yield from work.motion.follow(side, _fold(work, side, without))
-    upright = np.append(work.motion.robot.travel_torso[:3], work.motion.torso[3])
+    upright = _upright(work)
     arms = _homeward(work, upright, without)
     if arms is None and (held or not feeling):
         raise MotionFailure("no_carry")
@@ -115,6 +118,11 @@ def _fold(work: Work, side: Side, without: Collection[str]) -> list[Array]:
     raise MotionFailure("no_fold")
 
 
+def _upright(work: Work) -> Array:
+    """(4,) the torso as for traveling."""
+    return np.append(work.motion.robot.travel_torso[:3], work.motion.torso[3])
+
+
 def _homeward(work: Work, torso: Array, without: Collection[str]) -> dict[Side, list[Array]] | None:
     """Postures of the arms that hold something, while the torso goes to its travel posture.
 
@@ -138,6 +146,22 @@ def _homeward(work: Work, torso: Array, without: Collection[str]) -> dict[Side, 
             if checked >= _CHECKED_CARRIES:
                 break
     return None
+
+
+def _swing_home(work: Work, without: Collection[str]) -> Actions:
+    """Bring things that no level way leads home for to where they can be carried by any way, unless they are filled."""
+    for side, held in work.held().items():
+        if _homeward(work, _upright(work), without) is not None:
+            return
+        if work.scene.within(held.name):
+            continue
+        body = work.body(without)
+        home = [kin.inverse(body.robot.chest(work.motion.torso)) @ T for T in _carries(work, side, body)]
+        ends = (body.robot.nearest_posture(T, side, work.motion.arm(side)) for T in home)
+        free = (q for q in ends if q is not None and body.free(side, q)[0])
+        paths = (arm_motion.plan(body, side, q, work.rng) for q in islice(free, _SWUNG_CARRIES))
+        if (path := next((path for path in paths if path is not None), None)) is not None:
+            yield from work.motion.follow(side, path)
 
 
 def tuck(work: Work) -> Actions:
