@@ -97,15 +97,13 @@ class TrueScene:
             around = Surroundings(walls)
             above = [s.aabb() for s in (*others, *(f for f in own if f is not face and f not in walls))]
             blocking = [b for b in above if b[1, 2] > high[2] + 0.005 and b[0, 2] < high[2] + height_m]
-            for x in _lines(low[0] + radius_m, high[0] - radius_m):
-                for y in _lines(low[1] + radius_m, high[1] - radius_m):
-                    at = np.array([x, y])
-                    gap = min((_aside(b, at) for b in blocking), default=9.0)
-                    spot = np.array([x, y, high[2]])
-                    if walls:
-                        gap = min(gap, float(around.distance(np.array([[x, y, level]]))[0]))
-                    if gap > radius_m and carries(face, spot, radius_m):
-                        spots.append(spot)
+            lines = [_lines(a + radius_m, b - radius_m) for a, b in zip(low[:2], high[:2], strict=True)]
+            grid = np.stack(np.meshgrid(*lines, indexing="ij"), -1).reshape(-1, 2)
+            gaps = np.minimum.reduce([np.full(len(grid), 9.0), *(_aside(b, grid) for b in blocking)])
+            if walls:
+                gaps = np.minimum(gaps, around.distance(np.column_stack([grid, np.full(len(grid), level)])))
+            free = np.column_stack([grid, np.full(len(grid), high[2])])[gaps > radius_m]
+            spots += [spot for spot in free if carries(face, spot, radius_m)]
         return sorted(spots, key=lambda s: float(np.linalg.norm(s[:2] - near)))
 
 
@@ -115,6 +113,6 @@ def _lines(low: float, high: float) -> Array:
     return np.asarray((low + high) / 2 + _GRID_M * (np.arange(n + 1) - n / 2), float)
 
 
-def _aside(box: Array, at: Array) -> float:
-    """Distance [m], seen from above, of a place (2,) to an axis-aligned box (2, 3)."""
-    return float(np.linalg.norm(np.maximum(np.maximum(box[0, :2] - at, at - box[1, :2]), 0)))
+def _aside(box: Array, at: Array) -> Array:
+    """(n,) distances [m], seen from above, of places (n, 2) to an axis-aligned box (2, 3)."""
+    return np.asarray(np.linalg.norm(np.maximum(np.maximum(box[0, :2] - at, at - box[1, :2]), 0), axis=1))
