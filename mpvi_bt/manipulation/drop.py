@@ -57,7 +57,7 @@ def drop_in(
 
     def find(search: Search, here_first: bool) -> Stance | None:
         found = releases(work, work.load(side), side, container)
-        options = upright_options(found if anywhere else found[:_BEST_RELEASES], 0.10, contact=2)
+        options = upright_options(_by_turns(found) if anywhere else found[:_BEST_RELEASES], 0.10, contact=2)
         if anywhere:
             options = list(islice((option for option in options if search.fits(option)), _BEST_RELEASES))
         if not options:
@@ -115,6 +115,20 @@ def releases(work: Work, held: Held, side: Side, container: str) -> list[tuple[A
         if volume.T[2, 2] > _UPRIGHT:
             found += _into(work, held, side, volume, container)
     return sorted(found, key=lambda r: r[1])
+
+
+def _by_turns(found: Sequence[tuple[Array, float]]) -> list[tuple[Array, float]]:
+    """Hand poses, the best first, reordered: the best of each orientation, then the second best of each, and so on.
+
+    The best of all differ by millimeters, and an arm that is barred from one of them is barred from the rest.
+    """
+    seen: dict[bytes, int] = {}
+    ranked = []
+    for T, cost in found:
+        turned = np.round(T[:3, :3], 2).tobytes()
+        ranked.append((seen.get(turned, 0), (T, cost)))
+        seen[turned] = seen.get(turned, 0) + 1
+    return [pose for _, pose in sorted(ranked, key=lambda r: r[0])]
 
 
 def _into(work: Work, held: Held, side: Side, volume: Solid, container: str) -> Iterator[tuple[Array, float]]:

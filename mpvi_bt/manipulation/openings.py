@@ -33,6 +33,7 @@ _SHORT_M = 0.11  # the hand waits that far before a bar
 _ALONG = (0.0, 0.3, -0.3)  # where to hold a bar, in lengths from its middle
 # How much of a door's angle the hand turns with it: half is easiest, for the base turns as much.
 _TURNS = (0.5, 0.3, 0.7)
+_LID_TURNS = (1.0, 0.85, 0.7)  # likewise: fingers hold a bar fast, and what stands loose would tilt with the hand
 
 
 def thing_meant(work: Work, phrase: str, ajar: bool = False) -> tuple[str, list[str]]:
@@ -284,12 +285,13 @@ def swings(door: Door, bar: Bar, to: float) -> list[Course]:
     closed = moved(door, -door.position)[:3, :3]
     outward, along = closed @ bar.outward, closed @ bar.axis
     out = []
-    for turn in _TURNS if door.kind == "hinge" else (0.0,):
+    turns = (0.0,) if door.kind != "hinge" else _LID_TURNS if lid(door) else _TURNS
+    for turn in turns:
         for flip in (1.0, -1.0):
             for shift in _ALONG:
                 straight = kin.hand_rotation(-outward, flip * np.cross(along, outward))
                 grip = bar.center + bar.axis * shift * bar.length_m
-                cost = 2.0 * abs(turn - 0.5) + 0.5 * abs(shift) if door.kind == "hinge" else 0.5 * abs(shift)
+                cost = 2.0 * abs(turn - turns[0]) + 0.5 * abs(shift)
                 out.append(_swing(door, grip, straight, turn, to, cost))
     return out
 
