@@ -20,7 +20,7 @@ from mpvi_bt.sim.world import Placement
 
 PLACES = ("ontop", "inside", "under")  # what :init may say of where a thing is,
 STATES = ("open", "toggled_on")  # and of how it is
-OPEN = 0.65  # of its range, of what :init has open: wider open, the lid of a car is out of a hand's reach
+OPEN = 0.9  # of its range, of what :init has open: about as far as hands open it, so that they can close it, too
 
 
 @dataclass(frozen=True, eq=False)
