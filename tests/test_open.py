@@ -192,7 +192,7 @@ def test_a_hand_on_a_bar_is_drawn_back_before_it_is_folded() -> None:
         before = work.motion.still()
         moving = next(
             action
-            for action in ExpertPolicy(world, SKILLS)._recover(work, back=True)
+            for action in ExpertPolicy(world, SKILLS)._recover(work)
             if action[ActionLayout.BASE].any()
             or (action[ActionLayout.ARM[side]] != before[ActionLayout.ARM[side]]).any()
         )

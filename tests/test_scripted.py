@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Generator
-from types import SimpleNamespace
 from typing import Any, cast
 
-import numpy as np
 import pytest
 
-from mpvi_bt.manipulation import scripted
-from mpvi_bt.manipulation.repertoire import REPERTOIRE
 from mpvi_bt.manipulation.scene import Scene, Sight
 from mpvi_bt.manipulation.scripted import Performance, ScriptedPolicy
 from mpvi_bt.manipulation.work import Work
@@ -55,34 +51,6 @@ def test_a_round_goes_on_after_what_was_done_before(outcomes: str, objects: str)
     policy = Told(outcomes)
     done = _returned(policy.perform(cast("Work", None), PROMPT)) is not None
     assert policy.objects[: len(objects)] + "." * done == objects
-
-
-@pytest.mark.parametrize(("reaches", "back"), [("----", 1), ("+---", 1), ("-+--", 2), ("++++", 4)])
-def test_who_gets_nowhere_goes_back_once(reaches: str, back: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And each time from a place that it tried: what it works on would get out of sight after some steps."""
-    places, steps = iter(reaches), 0
-
-    def fails(work: Work, words: object, tried: list[Array]) -> Any:
-        yield from ()
-        tried += [np.zeros(3)] * (next(places) == "+")
-        raise MotionFailure("no_stance")
-
-    def step_back(work: Work) -> Any:
-        nonlocal steps
-        steps += 1
-        yield from ()
-
-    monkeypatch.setitem(REPERTOIRE, "place_on", fails)
-    monkeypatch.setattr(scripted, "step_back", step_back)
-    for same in ("come_out", "settle", "tuck"):
-        monkeypatch.setattr(scripted, same, lambda work: iter(()))
-    scene = SimpleNamespace(between=lambda: None)
-    work = SimpleNamespace(scene=scene, held=dict, motion=SimpleNamespace(robot=SimpleNamespace(sides=())))
-    policy = ScriptedPolicy(cast("Scene", scene), load_skills())
-    call = match("put the cup on the table", load_skills())
-    assert call is not None
-    assert not _returned(policy.attempt(cast("Work", work), call))
-    assert steps == back
 
 
 class Gives(ScriptedPolicy):

@@ -108,7 +108,7 @@ def test_a_failure_leaves_between_the_hands_what_they_hold() -> None:
     scene.between = lambda: "box"
     work = Work(scene, Motion(world.robot.proprioception()), np.random.default_rng(0))
     before = work.motion.still()
-    for action in ExpertPolicy(world, load_skills())._recover(work, back=True):
+    for action in ExpertPolicy(world, load_skills())._recover(work):
         for side in SIDES:
             np.testing.assert_array_equal(action[ActionLayout.ARM[side]], before[ActionLayout.ARM[side]])
             assert action[ActionLayout.GRIPPER[side]] == before[ActionLayout.GRIPPER[side]]

@@ -187,9 +187,8 @@ class ScriptedPolicy:
         """Try one skill several times from different places; yields actions, returns whether it succeeded."""
         tried: list[Array] = []
         yield from come_out(work)
-        for k in range(_ATTEMPTS):
+        for _ in range(_ATTEMPTS):
             self.attempts += 1
-            reached = len(tried)
             try:
                 perform = REPERTOIRE.get(call.skill.name)
                 if perform is None:
@@ -200,16 +199,15 @@ class ScriptedPolicy:
                 self.note = f"{call.skill.name}: {failure.reason}"
                 if failure.reason in _ANYWHERE:
                     return False
-                yield from self._recover(work, back=not k or len(tried) > reached)
+                yield from self._recover(work)
                 if failure.reason == "missed":
                     return False
         return False
 
-    def _recover(self, work: Work, back: bool) -> Actions:
+    def _recover(self, work: Work) -> Actions:
         """After a failure: open a hand that holds nothing, get it clear, back off, fold; keep what both hands hold.
 
-        Who goes `back` each time though nothing was reached ends up where what it works on is out of sight. Off what
-        its fingers stand around, such as a bar, a hand is drawn back; otherwise it is raised.
+        Off what its fingers stand around, such as a bar, a hand is drawn back; otherwise it is raised.
         """
         if work.scene.between() is not None:
             with contextlib.suppress(MotionFailure):
@@ -224,8 +222,7 @@ class ScriptedPolicy:
                     yield from (draw_off(work, side) if around(work, side) else work.rise(side))
         try:
             yield from settle(work)
-            if back:
-                yield from step_back(work)
+            yield from step_back(work)
             if len(work.held()) == 1:  # two hands that are full may be at work on one another
                 yield from tuck(work)
         except MotionFailure as failure:
