@@ -242,3 +242,23 @@ def test_against_a_wall_the_base_draws_back_along_it(side: Side) -> None:
     for s in SIDES:
         np.testing.assert_allclose(felt.arm[s], r1.TRAVEL_ARM[s], atol=1e-6)
     assert felt.base_pose[0] < start[0] - 0.1
+
+
+@pytest.mark.parametrize("fixed", [(), SIDES])
+def test_where_the_base_cannot_go_back_what_can_be_brought_home_is(fixed: tuple[Side, ...]) -> None:
+    """Between a sofa and an open cabinet: arms that are free are folded, the torso is straightened in any case."""
+    home = world()
+    stow = ArmStow(home.robot)
+    stow.start()
+    for _ in range(60 * CONTROL_HZ):
+        if stow.step():
+            break
+        action, felt = home.robot.action.copy(), home.robot.proprioception()
+        action[ActionLayout.BASE] = 0.0
+        for s in fixed:
+            action[ActionLayout.ARM[s]] = felt.arm[s]
+        home.step(action)
+    felt = home.robot.proprioception()
+    np.testing.assert_allclose(felt.torso, r1.TRAVEL_TORSO, atol=1e-6)
+    for s in set(SIDES) - set(fixed):
+        np.testing.assert_allclose(felt.arm[s], r1.TRAVEL_ARM[s], atol=1e-6)

@@ -36,7 +36,8 @@ class ArmStow:
 
     It knows nothing of the surroundings: from an unknown posture, and with a hand that holds something far out, it
     first draws back from where the hands worked; an empty hand that still points there is drawn off along its fingers
-    before that. What is held far out is brought in, level, before the base turns.
+    before that. What is held far out is brought in, level, before the base turns. Where there is no room to go back,
+    arms and torso are brought home as far as they get.
     """
 
     def __init__(self, robot: Robot, seed: int = 0, carries: Callable[[Side], bool] | None = None) -> None:
@@ -95,14 +96,16 @@ class ArmStow:
                     raise
                 for side in away:
                     yield from _raise(motion, side)
-                yield from _draw_back(motion, back, _BACK_RAD if robot.sideways else (0.0,))
+                with suppress(MotionFailure):  # between furniture the arms fold where it stands, or not at all
+                    yield from _draw_back(motion, back, _BACK_RAD if robot.sideways else (0.0,))
         rng = np.random.default_rng(self._seed)
         for side in away:
             try:
                 yield from _home(motion, side, rng)
             except MotionFailure:  # it may be in a trunk still, whose walls are in its way
-                yield from _draw_back(motion, _BACK_M)
-                yield from _home(motion, side, rng)
+                with suppress(MotionFailure):  # a torso that stays bent would meet what the base does not
+                    yield from _draw_back(motion, _BACK_M)
+                    yield from _home(motion, side, rng)
         for side in out:
             yield from _bring_in(motion, side)
         body = motion.body()
