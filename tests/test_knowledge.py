@@ -86,6 +86,18 @@ def test_what_lies_in_a_basket_is_to_be_picked_up_before_what_the_robot_has_laid
     assert [e.name for e in known if known.put_in(e)] == ["binned", "shaken", "carried"]
 
 
+def test_what_was_put_into_furniture_is_put_in_and_what_lies_on_it_is_not() -> None:
+    """The pumpkin in the cabinet is no more to be gone to; the one on it may be, and the one that was in it always."""
+
+    def at(name: str, z: float, laid: bool) -> Entry:
+        return replace(can(name, laid=laid), lowest=np.array([0.4, 0.4, z]), highest=np.array([0.6, 0.6, z + 0.2]))
+
+    cabinet = replace(can("cabinet"), kind="fixture", lowest=np.zeros(3), highest=np.ones(3))
+    known = base(cabinet, at("in", 0.3, True), at("on", 1.0, True), at("found", 0.3, False))
+    assert [e.name for e in known if known.put_in(e)] == ["in"]
+    assert [e.name for e in sorted(known, key=known.away)] == ["cabinet", "found", "on", "in"]
+
+
 def test_what_was_in_a_forgotten_thing_is_in_nothing_known() -> None:
     """Its contents stay known, loose."""
     known = base(can("bin", held=True), can("inner", inside="bin", held=True), can("other", inside="box"))

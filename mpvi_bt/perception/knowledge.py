@@ -111,11 +111,13 @@ class KnowledgeBase:
         return entry.held, self.put_in(entry), entry.laid, entry.inside is not None
 
     def put_in(self, entry: Entry) -> bool:
-        """Whether the robot put a thing into the container that it is in, or others, or carries that.
+        """Whether the robot put it into furniture, or it or others into the container that it is in, or carries that.
 
         What is seen in a bin after a shake may be known anew, as something that nobody laid there.
         """
-        return entry.inside is not None and (entry.held or any(e.laid for e in self if e.inside == entry.inside))
+        if entry.inside is None:
+            return entry.laid and any(e.kind == "fixture" and _within(entry, e) for e in self)
+        return entry.held or any(e.laid for e in self if e.inside == entry.inside)
 
     def filled_so(
         self, found: list[Entry], phrase: str, within: Callable[[str], Collection[str]] | None = None
@@ -174,6 +176,12 @@ def laid_down(taken_at: Array, lowest: Array, highest: Array) -> bool:
     moved = (lowest + highest) / 2 - taken_at
     aside = float(np.linalg.norm(moved[:2])) > LAID_M
     return aside or bool(abs(moved[2]) > LAID_M and lowest[2] > _FALLEN_M)
+
+
+def _within(entry: Entry, place: Entry) -> bool:
+    """Whether a thing is in the box about a piece of furniture, and not on top: in a cabinet, on a shelf's board."""
+    inner = (place.lowest < entry.center) & (entry.center < place.highest)
+    return bool(inner.all() and entry.highest[2] < place.highest[2])
 
 
 def _at(p: Array, place: Entry) -> bool:
