@@ -224,7 +224,7 @@ def course_search(
     else:
         with work.sight.trusting(remembering=True):  # the way leads back and aside, of which little is in view
             near = work.scene.obstacles(at, _AROUND_M, without)
-        parts = [s for d in work.scene.doors(thing) for s in (*d.solids, _carcass(d))]
+        parts = [s for d in work.scene.doors(thing) for s in (*d.solids, behind(d))]
     stays = [s for s in parts if not any(_alike(s, moving) for moving in door.solids)]
     held = work.held()
     near = work.with_bumps(near)
@@ -235,15 +235,13 @@ def _alike(a: Solid, b: Solid) -> bool:
     return np.allclose(a.T, b.T, atol=1e-4) and np.allclose(a.half_m, b.half_m)
 
 
-def _carcass(door: Door) -> Solid:
+def behind(door: Door) -> Solid:
     """What is taken to be behind a front when it is closed."""
     face = panel(door).moved(moved(door, -door.position))
     through = int(np.argmin(face.half_m))
     half = face.half_m.copy()
     half[through] = _DEEP_M / 2
     T = face.T.copy()
-    normal = face.T[:3, through]
-    if door.bar is not None:
-        normal = normal * np.sign(float(normal @ (moved(door, -door.position)[:3, :3] @ door.bar.outward)))
+    normal = moved(door, -door.position)[:3, :3] @ outward(door)
     T[:3, 3] -= normal * (_DEEP_M / 2 + _BEHIND_M)
     return Solid("box", half, T)

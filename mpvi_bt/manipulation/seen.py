@@ -21,6 +21,7 @@ from mpvi_bt.perception.fronts import fronts, switch
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
 from mpvi_bt.perception.layers import layers
 from mpvi_bt.perception.leaves import leaf, with_leaf, within_drawer
+from mpvi_bt.perception.lids import lid
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.shape import SeenBar
 from mpvi_bt.robot.collision import Obstacles, Surroundings, Together
@@ -95,8 +96,8 @@ class Seen(Memory):
         frames, known = [f for f, _ in newest], self._fronts.get(name)
         if known is None or known[0] != frames:
             points, eye = np.concatenate([f.of(m) for f, m in newest]), newest[-1][0].eye
-            enough = len(points) >= _FACE_PX
-            self._fronts[name] = known = (frames, with_leaf(fronts(points, eye), leaf(points, eye)) if enough else [])
+            small = self._known(name).shape.kind != "furniture"
+            self._fronts[name] = known = (frames, _opening(points, eye, small) if len(points) >= _FACE_PX else [])
         return known[1]
 
     def switches(self, name: str) -> Sequence[Array]:
@@ -281,6 +282,13 @@ class Seen(Memory):
             low, high = bounds(solids) + [[-_EXPLAINED_M], [_EXPLAINED_M]]
             held |= ((frame.points > low) & (frame.points < high)).all(-1)
         return held
+
+
+def _opening(points: Array, eye: Array, small: bool) -> list[Door]:
+    """What opens of a thing that shows points (n, 3): the lid of a small one, or else its doors and drawers."""
+    if small and (on_top := lid(points, eye)) is not None:
+        return [on_top]
+    return with_leaf(fronts(points, eye), leaf(points, eye))
 
 
 def _again(door: Door, seen: Sequence[tuple[Frame, Door]]) -> bool:

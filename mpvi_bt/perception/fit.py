@@ -8,10 +8,12 @@ onto the background, and depth is noisy.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mpvi_bt.perception.furniture import furniture
+from mpvi_bt.perception.lids import raised, without_lid
 from mpvi_bt.perception.outlines import THIN_M, Outline, circle, main_cluster, outline, support_height, thinned, trimmed
 from mpvi_bt.perception.shape import SeenBar, Shape, frame, upright_box
 from mpvi_bt.perception.waist import waisted
@@ -52,6 +54,16 @@ def fit(points: Array, around: Array, eye: Array, support: float | None = None) 
         return furniture(points)
     if support is None:
         support = support_height(points, around, eye)
+    if (up := raised(points, eye)) is not None:
+        below = _small(without_lid(points, up), around, eye, support, large)
+        if below is not None and below.kind == "vessel":
+            return replace(below, solids=(*below.solids, *up.solids))
+    return _small(points, around, eye, support, large)
+
+
+def _small(points: Array, around: Array, eye: Array, support: float, large: bool) -> Shape | None:
+    """As `fit`, without a lid, on the height that it stands on [m]; what is `large` is furniture if not hollow."""
+    top = float(np.percentile(points[:, 2], 99))
     support = min(support, top - 0.004)
     height = top - support
     upper = points[points[:, 2] > min(support + max(0.004, 0.3 * height), top - 0.003)]

@@ -25,7 +25,7 @@ _TURN_DEG, _APART_DEG, _HEADINGS = 1.0, 5.0, 6
 _ROW_M, _ROWS = 0.015, 2
 _LEVEL = 4.0  # rows in height that are so many times as full as the usual one are level faces
 _SLICE_M = 0.02
-_LEAST_POINTS, _FEWEST = 60, 20
+_LEAST_POINTS, FEWEST = 60, 20  # FEWEST: of any part that something is told from
 _BODY = 0.62  # a slice of the body has at least that share of the largest one's width times height
 _DULL = 0.95  # what explains as much without anything that stands open is the less likely: a side face, mostly
 _BEFORE_M = 0.03  # what is that far before the front is not of the body
@@ -78,7 +78,7 @@ def leaf(points: Array, eye: Array) -> Leaf | None:
     toward /= max(float(np.linalg.norm(toward)), 1e-9)
     steep = _steep(points)
     most, found = -1.0, None
-    for yaw in _headings(points[steep]):
+    for yaw in headings(points[steep]):
         for out in (np.array([np.cos(a), np.sin(a), 0.0]) for a in yaw + np.arange(4) * np.pi / 2):
             if out @ toward > _FACING:
                 explained, way = _explained(points, steep, eye, out, most)
@@ -119,7 +119,7 @@ def within_drawer(door: Door) -> Solid | None:
     return Solid("box", inner, kin.transform(R, middle))
 
 
-def _headings(steep: Array) -> list[float]:
+def headings(steep: Array) -> list[float]:
     """Angles [rad], modulo a right angle, along which points lie in rows, the sharpest first."""
     angles = np.radians(np.arange(0.0, 90.0, _TURN_DEG))
     sharp = np.array([
@@ -154,7 +154,7 @@ def _explained(
     """
     across = np.cross(_Z, out)
     suz = np.stack([points @ out, points @ across, points[:, 2]], 1)
-    front = _front(suz)
+    front = front_of(suz)
     if front is None or eye @ out < front + _BESIDE_M or front - np.percentile(suz[:, 0], 1) < _DEEP_M:
         return 0.0, None
     of_body = suz[:, 0] <= front + _BEFORE_M
@@ -168,7 +168,7 @@ def _explained(
     box = np.percentile(body, [1, 99], axis=0)
     ways = [
         _drawer(ahead, front, box),
-        *(_hinged(ahead, front, box, k) for k in (1, 2) if _thickness(ahead, k) < _THIN_M),
+        *(hinged(ahead, front, box, k) for k in (1, 2) if _thickness(ahead, k) < _THIN_M),
     ]
     able = [way for way in ways if way is not None]
     if not able:
@@ -207,7 +207,7 @@ def _in_rows(body: Array) -> int:
     return int(own.sum())
 
 
-def _front(suz: Array) -> float | None:
+def front_of(suz: Array) -> float | None:
     """Where the body ends, along the first axis."""
     k = np.floor(suz[:, 0] / _SLICE_M).astype(int)
     first = k.min()
@@ -217,7 +217,7 @@ def _front(suz: Array) -> float | None:
     areas = np.zeros(len(starts) - 1)
     for i, end in enumerate(starts[1:]):
         own = slice(starts[max(i - 1, 0)], end)
-        if end - own.start >= _FEWEST:
+        if end - own.start >= FEWEST:
             areas[i] = _span(u[own]) * _span(z[own])
     if areas.max() <= 0:
         return None
@@ -252,7 +252,7 @@ def _thickness(ahead: Array, axis: int) -> float:
     return float(np.median(spans)) if spans else 0.0
 
 
-def _hinged(ahead: Array, front: float, body: Array, k: int) -> tuple[Door, float] | None:
+def hinged(ahead: Array, front: float, body: Array, k: int) -> tuple[Door, float] | None:
     """A sheet that turns about an edge at the front; `k` is the axis in which it is thin. In (s, u, z)."""
     rng = np.random.default_rng(0)
     flat = ahead[:, [0, k]]
@@ -305,7 +305,7 @@ def _drawer(ahead: Array, front: float, body: Array) -> tuple[Door, float] | Non
     k = np.floor(ahead[:, 0] / _SLICE_M).astype(int)
     areas = {
         i: _span(own[:, 1]) * _span(own[:, 2])
-        for i in np.unique(k) if len(own := ahead[(k == i) | (k == i + 1)]) >= _FEWEST
+        for i in np.unique(k) if len(own := ahead[(k == i) | (k == i + 1)]) >= FEWEST
     }  # fmt: skip
     most = max(areas.values(), default=0.0)
     last = max((i for i, area in areas.items() if area > 0.6 * most), default=int(k.max()))
