@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import pytest
 from mpvi_bt.manipulation import drop, place, placing
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.outline import outline
+from mpvi_bt.manipulation.scene import Scene
 from mpvi_bt.manipulation.search import Search
 from mpvi_bt.manipulation.stance import Option
 from mpvi_bt.manipulation.truth import TrueScene
@@ -19,9 +21,11 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Load, Surroundings
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.protocol import Proprioception, Side
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, box, pose
 from tests.small_house import placed, small_world
+from tests.test_motion import obey, play, reaching
 
 EGG = {"object": "Easter egg", "container": "mixing bowl"}
 
@@ -243,3 +247,24 @@ def test_a_hand_that_points_down_gets_out_from_below_a_board(roof_m: float) -> N
     free = [option for option in options if search.fits(option)]
     assert free
     assert all(option in level for option in free) == (roof_m < 0.3)
+
+
+@pytest.mark.parametrize("jammed_m", [0.01, 1.0])
+def test_fingers_that_do_not_open_where_they_stand_are_raised(jammed_m: float) -> None:
+    """Pressed on the floor they do not slide apart: a little above it they let go, or it is said that they do not."""
+    motion = reaching("right")
+    motion.felt = replace(motion.felt, gripper_width={"left": 0.1, "right": 0.05})
+    work = Work(cast("Scene", None), motion, np.random.default_rng(0))
+    began = float(motion.hand("right")[2, 3])
+
+    def step(felt: Proprioception, action: Array) -> Proprioception:
+        moved = obey(felt, action)
+        free = R1.tcp(moved.torso, moved.arm["right"], "right")[2, 3] > began + jammed_m
+        return replace(moved, gripper_width={"left": 0.1, "right": 0.1 if free else 0.05})
+
+    if jammed_m < 0.1:
+        play(motion, placing.release(work, "right", 0.08, 0.1), step)
+        assert motion.felt.gripper_width["right"] == 0.1
+    else:
+        with pytest.raises(MotionFailure, match="not_released"):
+            play(motion, placing.release(work, "right", 0.08, 0.1), step)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import tee
 
@@ -41,6 +42,7 @@ LIES_RAD = 1.1
 _DOWN_M = 0.004  # a thing is let go of so far above the surface,
 _LEANING_DOWN_M = 0.008  # or so far if it leans
 _SPARE_M = 0.03  # opened beyond the width of what was held
+_FREED_M = 0.015  # fingers that do not open are raised by
 _MENDED_M = 0.04  # more than that a thing does not slip in the hand, nor an arm give way
 _GROUPS = 14  # of poses that are tried
 # How far above the pose to come in, how far to draw the open hand back, how far behind the arm takes its posture [m],
@@ -172,10 +174,14 @@ def release(work: Work, side: Side, opening_m: float = FULL_M, falls_s: float = 
     Raises:
         MotionFailure: "not_released" if the fingers do not open.
     """
-    width = work.motion.felt.gripper_width[side]
+    enough = min(work.motion.felt.gripper_width[side] + 0.01, 0.8 * FULL_M)
     yield from work.motion.grip(side, opened(opening_m), 0.5)
     yield from work.motion.wait(falls_s)
-    if work.motion.felt.gripper_width[side] < min(width + 0.01, 0.8 * FULL_M):
+    if work.motion.felt.gripper_width[side] < enough:
+        with suppress(MotionFailure):  # fingertips that stand on the floor do not slide apart
+            yield from work.rise(side, _FREED_M)
+            yield from work.motion.wait(falls_s)
+    if work.motion.felt.gripper_width[side] < enough:
         raise MotionFailure("not_released")
 
 
