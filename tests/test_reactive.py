@@ -222,10 +222,13 @@ def knowing_sandals(monkeypatch: pytest.MonkeyPatch, known: int) -> ReactivePoli
 
 
 @pytest.mark.parametrize("known", [1, 2])
-def test_a_thing_beside_which_another_goes_is_looked_for(monkeypatch: pytest.MonkeyPatch, known: int) -> None:
-    """What is in hand is not "the other sandal", beside which it is to be put, though it is called so."""
+@pytest.mark.parametrize("where", ["next to", "on"])
+def test_a_thing_beside_which_another_goes_is_looked_for(
+    monkeypatch: pytest.MonkeyPatch, known: int, where: str
+) -> None:
+    """What is in hand is not "the other sandal", by which it is to be put, though it is called so."""
     policy = knowing_sandals(monkeypatch, known)
-    call = match("put the sandal next to the other sandal", SKILLS)
+    call = match(f"put the sandal {where} the other sandal", SKILLS)
     assert call is not None
     assert (policy._grounded(call) is not None) is (known == 2)
 

@@ -63,12 +63,17 @@ def look_into(work: Work, name: str) -> Actions:
 
 def look_at(work: Work, *names: str) -> Actions:
     """Tilt the head so that the middle of things is in the middle of its view, up or down, and look."""
-    torso, middle = work.motion.torso, np.mean([work.middle(name) for name in names], axis=0)
-    seen = kin.inverse(work.base @ work.motion.robot.chest(torso)) @ np.append(middle, 1.0)
+    yield from work.motion.stand(tilted(work, np.mean([work.middle(name) for name in names], axis=0)))
+    yield from work.see("head")
+
+
+def tilted(work: Work, p_world: Array) -> Array:
+    """The torso posture (4,) as it is, but with a point (3,) in the middle of the head's view, up or down."""
+    torso = work.motion.torso
+    seen = kin.inverse(work.base @ work.motion.robot.chest(torso)) @ np.append(p_world, 1.0)
     ahead = seen[:3] - work.motion.robot.head_m
     torso[3] = np.clip(np.arctan2(-ahead[2], max(float(ahead[0]), 0.05)), *work.motion.robot.torso_limits[3])
-    yield from work.motion.stand(torso)
-    yield from work.see("head")
+    return torso
 
 
 def _raised(work: Work, name: str) -> Array:

@@ -9,6 +9,7 @@ from itertools import chain
 import numpy as np
 
 from mpvi_bt.manipulation.site import base_clear
+from mpvi_bt.manipulation.two_hands import look_over
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Obstacles
@@ -44,6 +45,7 @@ def look_for(work: Work, found: Found, passable: Callable[[], Obstacles]) -> Gen
     Returns:
         Whether it was found before there was nowhere else to go.
     """
+    yield from look_over(work)
     start = work.motion.felt.base_pose.copy()
     for turn, looks in _TURNS:
         if turn:
@@ -83,7 +85,8 @@ def _look(work: Work, found: Found, looks: int) -> Generator[Array, None, bool]:
     for lift, tilt in _LOOKS[:looks]:
         torso = np.array([lift, 0.0, 0.0, tilt])
         if held:
-            torso[:3] = work.motion.torso[:3]
+            torso = np.append(work.motion.torso[:3], tilt - work.motion.torso[2])
+            torso[3] = np.clip(torso[3], *work.motion.robot.torso_limits[3])
         with contextlib.suppress(MotionFailure):  # a picture from where it got to shows something, too
             yield from work.motion.stand(torso)
         yield from work.see("head")

@@ -6,6 +6,9 @@ import contextlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from mpvi_bt.manipulation.gaze import tilted
 from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.in_hand import show
 from mpvi_bt.manipulation.looking import look_for, look_from_elsewhere
@@ -25,6 +28,7 @@ from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
 _TRIES = 3  # of a clause
+_HANDS_RAD = 0.9  # the head's tilt to see what folded hands hold
 _NAMES = ("object", "container", "surface", "target", "tool", "source")  # slots that name things to look for
 _HIDDEN = {  # these need not be seen: what is in a vessel, mere dirt, and what driving looks for itself
     "pour": ("object",), "wipe": ("object",), "go_to": ("target",),
@@ -36,7 +40,8 @@ _IN_HAND = {
     **dict.fromkeys(("wipe", "spray"), ("tool",)),
     "pour": ("source", "object"),
 }
-_BESIDE = ("place_next_to", "place_under")  # skills whose target is another thing than the one in hand
+# Slots of where a thing is put that no hand holds: nothing is set down on or beside itself.
+_STANDING = {"place_on": "surface", "place_next_to": "target", "place_under": "target"}
 
 
 class ReactivePolicy(ScriptedPolicy):
@@ -140,8 +145,8 @@ class ReactivePolicy(ScriptedPolicy):
         known, several = self._seen.knowledge(), count(call) > 1
         for reading in readings(call):
             found = {p: known.find(p) for p in self._needed(reading)}
-            if reading.skill.name in _BESIDE and (target := reading.arguments.get("target")) in found:
-                found[target] = [e for e in found[target] if not e.held]
+            if (place := reading.arguments.get(_STANDING.get(reading.skill.name, ""), "")) in found:
+                found[place] = [e for e in found[place] if not e.held]
             if reading.skill.name == "pick" and (hand := reading.arguments.get("hand")) in SIDES:
                 taken, wanted = self._seen.holding(other(hand)), reading.arguments["object"]
                 found[wanted] = [e for e in found[wanted] if e.name != taken]
@@ -157,12 +162,17 @@ class ReactivePolicy(ScriptedPolicy):
 
     def _look_at_hands(self, work: Work) -> Actions:
         """See what the hands hold already."""
-        sides = [side for side in SIDES if work.motion.felt.holds(side)]
-        if sides or squeezes(work.motion.felt):
-            torso = work.motion.torso
-            torso[3] = 0.9
+        felt, motion = work.motion.felt, work.motion
+        sides = [side for side in SIDES if felt.holds(side)]
+        pressed = squeezes(felt)
+        if sides or pressed:
+            torso = motion.torso
+            torso[3] = _HANDS_RAD
+            if pressed:  # what is as large as that would be cut by the edge of the picture
+                hands = [work.base @ motion.robot.tcp(felt.torso, felt.arm[side], side) for side in SIDES]
+                torso = tilted(work, np.mean([T[:3, 3] for T in hands], axis=0))
             with contextlib.suppress(MotionFailure):
-                yield from work.motion.stand(torso)
+                yield from motion.stand(torso)
             yield from work.see("head", *sides)
             for side in sides:
                 with contextlib.suppress(MotionFailure):  # what is not seen is not known

@@ -8,12 +8,21 @@ from mpvi_bt.manipulation.carry import settle
 from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.search import Search
 from mpvi_bt.manipulation.spots import floor_around, is_floor
-from mpvi_bt.manipulation.two_hands import Box, behind, open_wide, raise_both, seen_box, way_behind
+from mpvi_bt.manipulation.two_hands import (
+    Box,
+    behind,
+    look_over,
+    open_wide,
+    raise_both,
+    seen_box,
+    straighten_up,
+    way_behind,
+)
 from mpvi_bt.manipulation.work import Perform, Words, Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.motion import Actions, MotionFailure
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.solids import Array, bounds
 from mpvi_bt.robot.squeeze import squeezes
 
 _OVER_M = 0.05  # between a box and the surface that it is driven in over
@@ -50,6 +59,8 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     surface = None if is_floor(words["surface"]) else work.nearest(words["surface"])
     for _ in range(_LEGS):
         if surface is not None:
+            if work.sight is not None and bounds(scene.solids(surface))[1, 2] < seen_box(work, name).bottom:
+                yield from look_over(work)
             yield from look_at(work, surface)
         box = seen_box(work, name)
         radius, here = max(box.length, box.width) / 2 + 0.01, motion.felt.base_pose[:2]
@@ -88,6 +99,7 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from open_wide(work)
     yield from raise_both(work, _ABOVE_M, seconds_per_m=3.0)
     yield from motion.drive(way[-1], speed=0.3)
+    yield from straighten_up(work)
     yield from settle(work, without={name} if surface is None else {name, surface})
     yield from look_at(work, name)
     if abs(min(s.aabb()[0, 2] for s in scene.solids(name)) - spot[2]) > 0.04:

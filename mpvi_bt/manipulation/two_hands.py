@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -39,10 +39,15 @@ _RARE_PLACES_M = (
     *itertools.product((0.52, 0.57, 0.62), (0.0, 0.05, -0.05, 0.1, -0.1)),
     *itertools.product((0.31, 0.35, 0.39, 0.43, 0.47), (0.1, -0.1)),
 )
-_OUTWARD_M = 0.07
+_OUTWARD_M, _LOOSE_M = 0.07, 0.05  # that each hand goes outward; what is between both comes along if they open by less
 _FOLDED_M = 0.06  # of the lift, at the least, while hands are folded before a body that is bent
 _CARRY_M = 0.62  # height of the hands to carry at, if the arms get there
 _PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1, 1.35)
+_UPRIGHT = (0.0, 0.25, 0.5, 0.8)  # of these, to carry
+_LIFTS_M = (0.3, 0.42, 0.2, 0.55, 0.1)
+_SHORT_M = 0.004  # what the lift may be short of
+_SHARES = (1.0, 0.75, 0.5, 0.25)  # of a way of both hands, where all of it is too far
+_STEEPER_RAD = 0.1  # that the head looks down over what is held: for less the body is not bent
 _LEGS = 3  # around a thing, to where its far sides are known
 _CHECKED_BASES = 24
 _CHECKED_TORSOS = 8
@@ -121,7 +126,7 @@ def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from raise_both(work, _LIFT_M)
     away = float(np.linalg.norm(grip.back[:2] - grip.base[:2]))
     yield from motion.drive(behind(motion.felt.base_pose, away), speed=0.25)
-    yield from _carry_height(work)
+    yield from straighten_up(work)
     yield from work.see("head")
     if not squeezes(motion.felt) or scene.between() != name:
         raise MotionFailure("slipped")
@@ -317,8 +322,8 @@ def _press(work: Work) -> Actions:
 
 
 def raise_both(work: Work, by_m: float, seconds_per_m: float = 5.0) -> Actions:
-    """Raise what is held, negative lowers: by the torso with the arms frozen, so that the squeeze stays, then by both
-    arms.
+    """Raise what is held, negative lowers, so that the squeeze stays: by the lift with the arms frozen, then by both
+    arms or, where these cannot go so far, by bending or straightening up with the hands kept level.
     """
     motion = work.motion
     torso = motion.torso
@@ -328,33 +333,59 @@ def raise_both(work: Work, by_m: float, seconds_per_m: float = 5.0) -> Actions:
     if abs(target - torso[0]) > 1e-3:
         torso[0] = target
         yield from motion.stand(torso)
-    if abs(rest) > 0.004:
-        yield from _shift(work, {side: np.array([0.0, 0.0, rest]) for side in SIDES}, 1 / seconds_per_m)
+    if abs(rest) > _SHORT_M:
+        by = {side: np.array([0.0, 0.0, rest]) for side in SIDES}
+        whole = yield from _shift(work, by, 1 / seconds_per_m, (1.0,))
+        if not whole and not (yield from _bent(work, by, itertools.product(_PITCHES, _LIFTS_M))):
+            yield from _shift(work, by, 1 / seconds_per_m)
 
 
-def _carry_height(work: Work) -> Actions:
-    """Straighten up with the box kept level before the body, as far as the arms allow."""
+def straighten_up(work: Work) -> Actions:
+    """Straighten up with the hands, and a box between them, kept level before the body, as far as the arms allow."""
+    motion = work.motion
+    height = float(motion.robot.tcp(motion.torso, motion.felt.arm["left"], "left")[2, 3])
+    for share in (1.0, 0.6, 0.3):
+        rise = max(0.0, _CARRY_M - height) * share
+        upright = [pitch for pitch in _UPRIGHT if pitch <= motion.torso[2]]
+        by = {side: np.array([0.0, 0.0, rise]) for side in SIDES}
+        if (yield from _bent(work, by, itertools.product(upright, _LIFTS_M))):
+            return
+    yield from raise_both(work, max(0.0, min(motion.robot.torso_limits[0, 1] - motion.torso[0], _CARRY_M - height)))
+
+
+def look_over(work: Work) -> Actions:
+    """Bring the head to where it sees over what both hands hold, that kept where it is, as near behind it as it can."""
+    motion, name = work.motion, work.scene.between()
+    if name is None:
+        return
+    box = bounds(s.moved(kin.inverse(work.base)) for s in work.scene.solids(name))
+    far, top = box[1, 0], box[1, 2]
+
+    def steepness(way: tuple[float, float]) -> float:
+        eye = motion.robot.head_camera(np.array([way[1], 0.0, way[0], 0.0]))[:3, 3]
+        return float(np.arctan2(eye[2] - top, far - eye[0]))
+
+    least = steepness((float(motion.torso[2]), float(motion.torso[0]))) + _STEEPER_RAD
+    ways = [way for way in itertools.product(_UPRIGHT, _LIFTS_M) if steepness(way) > least]
+    yield from _bent(work, dict.fromkeys(SIDES, np.zeros(3)), sorted(ways, key=steepness, reverse=True))
+
+
+def _bent(work: Work, by: Mapping[Side, Array], ways: Iterable[tuple[float, float]]) -> Generator[Array, None, bool]:
+    """Move both hands by (3,) in the base frame, turned as they are, while the body comes to the first pitch [rad] and
+    lift [m] for which that can be done. Returns whether there was one.
+    """
     motion = work.motion
     robot, felt = motion.robot, motion.felt
     body = replace(motion.body(), arms=dict(felt.arm))  # where the hands are, not where they press to
     now = {side: robot.tcp(motion.torso, felt.arm[side], side) for side in SIDES}
-    height = float(now["left"][2, 3])
-    for share in (1.0, 0.6, 0.3):
-        rise = max(0.0, _CARRY_M - height) * share
-        for pitch in (0.0, 0.25, 0.5, 0.8):
-            if pitch > motion.torso[2]:
-                break
-            for level in (0.3, 0.42, 0.2, 0.55, 0.1):
-                torso = np.array([level, 0.0, pitch, motion.torso[3]])
-                paths = {}
-                for side in SIDES:
-                    T = now[side].copy()
-                    T[2, 3] += rise
-                    paths[side] = arm_motion.glide(now[side], T)
-                if (arms := arm_motion.sweep(body, torso, paths)) is not None:
-                    yield from motion.stand(torso, _pressed(robot, motion.torso, torso, arms), give_rad=np.inf)
-                    return
-    yield from raise_both(work, max(0.0, min(motion.robot.torso_limits[0, 1] - motion.torso[0], _CARRY_M - height)))
+    paths = {s: arm_motion.glide(T, kin.transform(T[:3, :3], T[:3, 3] + by[s])) for s, T in now.items()}
+    for pitch, lift in ways:
+        torso = np.array([lift, 0.0, pitch, motion.torso[3]])
+        if (arms := arm_motion.sweep(body, torso, paths)) is not None:
+            told = _pressed(robot, motion.torso, torso, arms) if squeezes(felt) else arms
+            yield from motion.stand(torso, told, give_rad=np.inf)
+            return True
+    return False
 
 
 def _pressed(robot: RobotModel, start: Array, end: Array, arms: Mapping[Side, list[Array]]) -> dict[Side, list[Array]]:
@@ -366,17 +397,35 @@ def _pressed(robot: RobotModel, start: Array, end: Array, arms: Mapping[Side, li
 
 
 def open_wide(work: Work) -> Actions:
-    """Take both hands off what they press, outward."""
+    """Take both hands off what they press, outward; where the arms cannot go there, with the body bent otherwise."""
+    motion, outward = work.motion, {side: np.array([0.0, SIGN[side] * _OUTWARD_M, 0.0]) for side in SIDES}
     for side in SIDES:  # from where the hands are, not from where they press to
-        work.motion.action[ActionLayout.ARM[side]] = work.motion.felt.arm[side]
+        motion.action[ActionLayout.ARM[side]] = motion.felt.arm[side]
+    yield motion.still()
+    start = _apart(work)
     with suppress(MotionFailure):  # hands that have let go, if not by the whole way, are good enough
-        yield from _shift(work, {side: np.array([0.0, SIGN[side] * _OUTWARD_M, 0.0]) for side in SIDES}, 0.12)
+        yield from _shift(work, outward, 0.12)
+    if _apart(work) - start < _LOOSE_M:
+        with suppress(MotionFailure):
+            yield from _bent(work, outward, itertools.product(_PITCHES, _LIFTS_M))
 
 
-def _shift(work: Work, by: Mapping[Side, Array], speed: float) -> Actions:
-    """Move both hands along straight lines (3,) in the base frame, as much of the way as both arms can go."""
+def _apart(work: Work) -> float:
+    """Between the hands, as felt [m]."""
+    felt = work.motion.felt
+    left, right = (work.motion.robot.tcp(felt.torso, felt.arm[side], side)[:3, 3] for side in SIDES)
+    return float(np.linalg.norm(left - right))
+
+
+def _shift(
+    work: Work, by: Mapping[Side, Array], speed: float, shares: Sequence[float] = _SHARES
+) -> Generator[Array, None, bool]:
+    """Move both hands along straight lines (3,) in the base frame, by the first of `shares` that both arms can go.
+
+    Returns whether there was one.
+    """
     motion = work.motion
-    for share in (1.0, 0.75, 0.5, 0.25):
+    for share in shares:
         goals = {side: motion.hand(side) for side in SIDES}
         for side in SIDES:
             goals[side][:3, 3] += share * by[side]
@@ -384,4 +433,5 @@ def _shift(work: Work, by: Mapping[Side, Array], speed: float) -> Actions:
         if all(arm_motion.trace(robot, torso, side, motion.arm(side), goals[side]) is not None for side in SIDES):
             lines = [motion.line(side, goals[side], speed, give_rad=np.inf) for side in SIDES]
             yield from together(*lines, motion_of=work)
-            return
+            return True
+    return False
