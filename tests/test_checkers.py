@@ -220,6 +220,16 @@ def test_what_a_hand_still_holds_on_a_table_is_not_on_it_yet() -> None:
     assert see("a can of soda is on the table", head([FLOOR, table, can(0.0, 0.0, 0.4)])).complete
 
 
+@pytest.mark.parametrize(("before_m", "done"), [(0.08, False), (0.3, True)])
+def test_what_a_hand_covers_may_still_be_held(before_m: float, done: bool) -> None:
+    """Seen past its palm, a hand that has set a can down looks as if it had let go; an arm far before it hides less."""
+    table: Box = ("table", (-0.3, -0.4, 0.38), (0.4, 0.4, 0.4))
+    x, z = np.array([0.0, 0.52]) + before_m * np.array([-0.67, 0.75])  # toward the camera from the can's top
+    palm: Box = ("robot", (x - 0.05, -0.07, z - 0.003 / before_m), (x, 0.07, z + 0.08))
+    shown = head([FLOOR, table, can(0.0, 0.0, 0.4), palm])
+    assert see("a can of soda is on the table", shown).complete == done
+
+
 def test_what_lies_next_to_a_thing_in_a_hand_is_next_to_nothing_yet() -> None:
     """A can on a table and another one that a gripper is about to put there; once it stands there, both are."""
     table: Box = ("table", (-0.3, -0.4, 0.38), (0.4, 0.4, 0.4))

@@ -33,6 +33,7 @@ class Eyesight:
         reach_m: Half height and half depth of the space at the fingertips where a held thing must be.
         gap_m: Fingers closer than this have nothing between them.
         touch_m: Neighboring pixels this near each other in space belong to things that touch.
+        covers_m, covers: A hand is seen no farther than this before what it may hold, along so much of its outline.
         beside_m: Hands seen no farther than this from both sides of a thing press it, under a lid that hides how.
         hangs_m: What is seen right below a thing lies so far behind it if the thing hangs in the air.
         rim_m: How far above a container's rim a thing inside may stick out, if its own size is less.
@@ -50,6 +51,8 @@ class Eyesight:
     reach_m: float = 0.05
     gap_m: float = 0.003
     touch_m: float = 0.03
+    covers_m: float = 0.15
+    covers: float = 0.2
     beside_m: float = 0.06
     hangs_m: float = 0.1
     rim_m: float = 0.06
@@ -193,7 +196,7 @@ class _Picture:
 
     def ontop(self, name: str, surface: str) -> Judgement:
         """Whether the thing's lowest visible points are level with a horizontal part of the surface around them."""
-        if self._gripped(name):
+        if self._gripped(name) or self._covered(name):
             return Judgement(False, f"{name} is seen in a gripper")
         thing, support = self._points[self._mask(name)], self._points[self._mask(surface)]
         bottom = float(np.percentile(thing[:, 2], 2))
@@ -212,7 +215,7 @@ class _Picture:
 
     def nextto(self, name: str, other: str) -> Judgement:
         """Whether the gap between what is seen of the two is small for their size, and they are at one height."""
-        if self._gripped(name):
+        if self._gripped(name) or self._covered(name):
             return Judgement(False, f"{name} is seen in a gripper")
         if self._lifted(other).complete:
             return Judgement(False, f"{other} is seen in a gripper")
@@ -230,7 +233,7 @@ class _Picture:
 
     def under(self, name: str, other: str) -> Judgement:
         """Whether a part of the other thing is seen over most of it."""
-        if self._gripped(name):
+        if self._gripped(name) or self._covered(name):
             return Judgement(False, f"{name} is seen in a gripper")
         thing, cover = self._points[self._mask(name)], self._points[self._mask(other)]
         over = cover[cover[:, 2] > np.percentile(thing[:, 2], 98)]
@@ -342,6 +345,11 @@ class _Picture:
             return Judgement(False, f"{name} is seen to rest on something")
         return Judgement(True, f"{name} is seen in a gripper")
 
+    def _covered(self, name: str) -> bool:
+        """Whether a hand is seen right before a good part of a thing: its fingers, behind it, may be around that."""
+        touching, outline = self._borders(name, self._sight.covers_m)
+        return touching > self._sight.covers * outline
+
     def _flanked(self, name: str) -> bool:
         """Whether the robot is seen right beside a thing to its left and to its right."""
         to_camera = inverse(self._image.T_world_camera)
@@ -364,11 +372,16 @@ class _Picture:
 
     def _gripped(self, name: str) -> bool:
         """Whether pixels of the robot border on the thing's, near them in space."""
+        return self._borders(name, self._sight.touch_m)[0] >= _TOUCHING_PX
+
+    def _borders(self, name: str, near_m: float) -> tuple[int, int]:
+        """How often the robot is beside a thing's outline and so near it in space, and how often anything is."""
         mask, robot = self._mask(name), self._mask(ROBOT)
-        rows, columns = np.nonzero(ndimage.binary_dilation(robot, iterations=2) & mask)
-        touching = 0
+        rows, columns = np.nonzero(mask & ~ndimage.binary_erosion(mask, iterations=2))
+        touching = outline = 0
         for dr, dc in ((-3, 0), (3, 0), (0, -3), (0, 3)):
             r, c = np.clip(rows + dr, 0, mask.shape[0] - 1), np.clip(columns + dc, 0, mask.shape[1] - 1)
             gap = np.linalg.norm(self._points[r, c] - self._points[rows, columns], axis=1)
-            touching += int(np.count_nonzero(robot[r, c] & (gap < self._sight.touch_m)))
-        return touching >= _TOUCHING_PX
+            touching += int(np.count_nonzero(robot[r, c] & (gap < near_m)))
+            outline += int(np.count_nonzero(~mask[r, c]))
+        return touching, outline
