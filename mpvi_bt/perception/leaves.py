@@ -78,7 +78,7 @@ def leaf(points: Array, eye: Array) -> Leaf | None:
     toward /= max(float(np.linalg.norm(toward)), 1e-9)
     steep = _steep(points)
     most, found = -1.0, None
-    for yaw in headings(points[steep]):
+    for yaw in _headings(points[steep]):
         for out in (np.array([np.cos(a), np.sin(a), 0.0]) for a in yaw + np.arange(4) * np.pi / 2):
             if out @ toward > _FACING:
                 explained, way = _explained(points, steep, eye, out, most)
@@ -119,7 +119,7 @@ def within_drawer(door: Door) -> Solid | None:
     return Solid("box", inner, kin.transform(R, middle))
 
 
-def headings(steep: Array) -> list[float]:
+def _headings(steep: Array) -> list[float]:
     """Angles [rad], modulo a right angle, along which points lie in rows, the sharpest first."""
     angles = np.radians(np.arange(0.0, 90.0, _TURN_DEG))
     sharp = np.array([
