@@ -14,8 +14,10 @@ from mpvi_bt.report.figures import figures
 from mpvi_bt.report.runs import runs_of
 from mpvi_bt.report.text import troubles
 from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.manifest import make_manifest
 from mpvi_bt.suite.result import Grasps, Result
 from mpvi_bt.suite.store import Fault, Store
+from mpvi_bt.suite.tasks import load_suite
 from tests.conftest import Shell
 from tests.fake_episodes import fake_result
 
@@ -153,6 +155,17 @@ def test_status_and_report_read_the_folder(mpvi: Shell, tmp_path: Path) -> None:
     report = json.loads(mpvi("suite", "report", "trash10", "--json").stdout)
     assert report["overall"]["finished"] == 3
     assert "3/10 episodes" in mpvi("suite", "report", "trash10").stdout
+
+
+def test_the_folder_of_the_results_says_which_suite_they_are_of(mpvi: Shell, tmp_path: Path) -> None:
+    """Whoever has been given a folder need not know how it came to be; one without results is refused."""
+    store = Store(tmp_path / "given")
+    make_manifest("trash10", load_suite("trash10").episodes()).claim(store.out)
+    for config in EPISODES[:3]:
+        store.write(config, fake_result(config))
+    assert mpvi("suite", "status", "given").stdout.startswith("trash10: 3/10 done, ")
+    assert "3/10 episodes" in mpvi("suite", "report", str(store.out)).stdout
+    assert "is a folder; name a file in it" in mpvi("suite", "status", str(tmp_path)).stderr
 
 
 def test_results_of_another_configuration_are_never_mixed_in(mpvi: Shell, tmp_path: Path) -> None:

@@ -202,7 +202,8 @@ def _engine(
 @suite.command()
 @_shared
 def status(name: str, out: Path | None, as_json: bool, **options: Any) -> None:
-    """Say how far SUITE is: what is done, broken, to do."""
+    """Say how far SUITE, or the folder of its results, is: what is done, broken, to do."""
+    name, out = _meant(name, out)
     title, store, episodes = _open(name, out, options, as_run=True)
     results = {c: r for c in episodes if (r := store.result(c)) is not None}
     faults = {c: f for c in episodes if c not in results and (f := store.fault(c)) is not None}
@@ -267,17 +268,27 @@ def report(
     baseline: str | None,
     **options: Any,
 ) -> None:
-    """Tabulate the results of SUITE so far.
+    """Tabulate the results of SUITE, or of the folder that they are in, so far.
 
     One line an episode with its q, time, distances and failures, then their means. Several methods are compared on the
     episodes that both have finished.
     """
+    name, out = _meant(name, out)
     title, store, episodes = _open(name, out, options, as_run=True)
     results = {c: r for c in episodes if (r := store.result(c)) is not None}
     faults = {c: f for c in episodes if c not in results and (f := store.fault(c)) is not None}
     told = Told.of(title, store, episodes, results, faults, name, baseline)
     written = [*(told.write_html(html) if html else ()), *(told.write_markdown(markdown) if markdown else ())]
     click.echo(told.told(as_json) if as_json or not written else "\n".join(f"wrote {path}" for path in written))
+
+
+def _meant(name: str, out: Path | None) -> tuple[str, Path | None]:
+    """A suite and the folder of its results, where that folder may have been named instead of the suite."""
+    from mpvi_bt.suite.manifest import FILE, read_manifest
+
+    if out is not None or not Path(name, FILE).exists() or (manifest := read_manifest(Path(name))) is None:
+        return name, out
+    return manifest.suite, Path(name)
 
 
 def _open(
