@@ -220,6 +220,26 @@ def test_at_the_target_already_it_is_done_without_a_move() -> None:
     assert len(trace) == 1
 
 
+@pytest.mark.parametrize("start", [(2.0, 1.9, 0.0), (0.8, 2.2, 0.0)])
+def test_whoever_is_sent_to_another_can_stands_nearer_to_it_than_to_the_one_in_the_bin(
+    start: tuple[float, float, float],
+) -> None:
+    """A skill that only sees takes the nearest. With nothing put away it need not move."""
+    can = thing("can_1", (2.8, 2.2, 0.06), (0.07, 0.07, 0.12))
+    binned = thing("can_2", (2.8, 1.9, 0.06), (0.07, 0.07, 0.12))
+    can.phrases = binned.phrases = ("can",)
+    binned.inside, binned.laid = "bin", True
+    bin_ = thing("bin", (2.8, 1.9, 0.15), (0.3, 0.3, 0.3))
+    robot = KinematicRobot(*start)
+    report, _ = drive(robot, KnownPlaceNavigator(robot, two_rooms(), knowing(bin_, binned, can)), "can")
+    assert report.progress is Progress.SUCCEEDED
+    near, far = (float(np.linalg.norm(e.center[:2] - robot.pose[:2])) for e in (can, binned))
+    assert near < far
+    binned.laid, binned.inside = False, None
+    _, trace = drive(robot, KnownPlaceNavigator(robot, two_rooms(), knowing(bin_, binned, can)), "can")
+    assert len(trace) == 1
+
+
 def test_near_the_target_but_facing_away_it_turns() -> None:
     """Being near is not enough: the target must be before the robot."""
     robot = KinematicRobot(2.0, 2.0, math.pi)

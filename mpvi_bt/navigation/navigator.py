@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ class Trip:
 
 
 _GOALS = 40  # looked at of each target: the best where nothing carried would touch
+_RATHER_M = 2.0  # of driving: what it is worth to stand nearer to the target than to what could be taken for it
 
 
 class KnownPlaceNavigator:
@@ -147,7 +148,8 @@ class KnownPlaceNavigator:
     ) -> Iterator[Report]:
         """Drive to the best of `entries`, or into `room` if there are none; no farther than `until`. Raises GaveUp."""
         place = trip.target if entries else str(room)
-        if self._is_there(entries, room):
+        others = self._put_away(entries)
+        if self._is_there(entries, room) and not _mistakable(entries, others, self._robot.proprioception().base_pose):
             return
 
         def goals(grid: Traversability, start: Array) -> list[Goal]:
@@ -164,8 +166,20 @@ class KnownPlaceNavigator:
             raise GaveUp(failure.reason, f"{failure.message} to {place}") from None
 
     def _before(self, entries: list[Entry], grid: Traversability, start: Array) -> list[Goal]:
-        """Poses before any of the entries."""
-        return [g for e in entries for g in object_goals(e, start, grid, self.parameters.handoff, most=_GOALS)]
+        """Poses before any of the entries, rather such as skills will take them for what is meant from."""
+        others = self._put_away(entries)
+        return [
+            replace(g, score=g.score + _RATHER_M * _mistakable([e], others, g.pose))
+            for e in entries
+            for g in object_goals(e, start, grid, self.parameters.handoff, most=_GOALS)
+        ]
+
+    def _put_away(self, entries: list[Entry]) -> list[Entry]:
+        """What is called like objects and put away farther than they are: a skill that only sees cannot know that."""
+        known, names = self._knowledge(), {e.name for e in entries}
+        said = {normalize(phrase) for e in entries if e.kind == "object" for phrase in e.phrases}
+        alike = [o for o in known if o.name not in names and not o.held and said & set(map(normalize, o.phrases))]
+        return [o for o in alike if all(known.away(o) > known.away(e) for e in entries)]
 
     def _names(self) -> list[str]:
         """What targets may be called."""
@@ -202,6 +216,12 @@ class KnownPlaceNavigator:
             return room is not None and self._map().room_at(pose[:2]) == room
         grid = self._driver.grid()
         return any(at_target(entry, pose, grid, self.parameters.handoff, slack_m) for entry in entries)
+
+
+def _mistakable(entries: list[Entry], others: list[Entry], pose: Array) -> bool:
+    """Whether one of some others is nearer to a base at a pose (3,) than any entry: skills take the nearest."""
+    nearest_m = min((float(np.linalg.norm(e.center[:2] - pose[:2])) for e in entries), default=np.inf)
+    return any(float(np.linalg.norm(o.center[:2] - pose[:2])) < nearest_m for o in others)
 
 
 def _said(target: str) -> str:
