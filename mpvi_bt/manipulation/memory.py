@@ -45,6 +45,7 @@ _SAMPLED = 500  # points of a part are enough to say where that is
 _PRESSED_M = 0.06  # what two hands press is this near to both of them
 _GRASPED_M = 0.06  # what a closing hand takes hold of is this near its tcp, by what was seen of it
 _SPANS = 0.8  # what is smaller than this share of the gap between the fingers is likely not what they hold
+_SET_DOWN_M = 0.03  # what is let go of no higher than that stays where it is
 _DEEPER_M = 0.1  # than it seems a vessel in hand may be
 _OUTER = 1.2  # what contains a thing covers that much more floor than it
 _OUTSIDE_M = 0.05  # a leg may stand so far outside of what is seen of a table's top
@@ -62,6 +63,7 @@ class Thing:
         views: Frames that show it, with its mask, newest last.
         inner: Those that showed the room in it last: from elsewhere only a door of furniture, or a side, is in view.
         inside: The container that it is in.
+        stands: It was set down in there, and did not fall.
         lowest_m: How far down furniture was ever seen: from near its foot is out of view.
     """
 
@@ -71,6 +73,7 @@ class Thing:
     views: list[View] = field(default_factory=list)
     inner: list[View] = field(default_factory=list)
     inside: str | None = None
+    stands: bool = False
     lowest_m: float = np.inf
 
 
@@ -217,6 +220,7 @@ class Memory:
                 if not dropped and ((middle[:2] > low[:2]) & (middle[:2] < high[:2])).all() and middle[2] > low[2]:
                     fall = thing.shape.box()[0, 2] - low[2]
                     thing.shape = thing.shape.moved(kin.transform(np.eye(3), (0.0, 0.0, -float(fall))))
+                    thing.stands = abs(fall) < _SET_DOWN_M
                     self._put(thing, other.name)
                     return
 

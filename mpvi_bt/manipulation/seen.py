@@ -175,7 +175,7 @@ class Seen(Memory):
         left_out = {*without, *flat}
         unseen = [
             s for n, t in self._things.items()
-            if n not in left_out and (t.inside is None or t.inside in faces) and n not in self._held()
+            if n not in left_out and (t.inside is None or (t.stands and t.inside in faces)) and n not in self._held()
             and (n in faces or t.shape.volumes
                  or not any(f is g for f, _ in t.views for g in frames)) for s in self.solids(n)
         ]  # fmt: skip
