@@ -166,6 +166,9 @@ def test_the_folder_of_the_results_says_which_suite_they_are_of(mpvi: Shell, tmp
     assert mpvi("suite", "status", "given").stdout.startswith("trash10: 3/10 done, ")
     assert "3/10 episodes" in mpvi("suite", "report", str(store.out)).stdout
     assert "is a folder; name a file in it" in mpvi("suite", "status", str(tmp_path)).stderr
+    assert "Traceback" not in mpvi("suite", "status", "a" * 5000).stderr
+    make_manifest("mine", load_suite("trash10").episodes()).claim(tmp_path / "other")
+    assert "a suite that is no known name" in mpvi("suite", "status", "other").stderr
 
 
 def test_results_of_another_configuration_are_never_mixed_in(mpvi: Shell, tmp_path: Path) -> None:

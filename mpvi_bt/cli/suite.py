@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mpvi_bt import paths
 from mpvi_bt.cli.given import File, Name, backends, demonstration_fps
 from mpvi_bt.cli.suite_report import Told
-from mpvi_bt.errors import BackendError, UnknownName
+from mpvi_bt.errors import BackendError, UnknownName, UserError
 from mpvi_bt.suite.config import EPISODE, EpisodeConfig, SuiteBudget
 
 if TYPE_CHECKING:
@@ -283,11 +284,18 @@ def report(
 
 
 def _meant(name: str, out: Path | None) -> tuple[str, Path | None]:
-    """A suite and the folder of its results, where that folder may have been named instead of the suite."""
+    """A suite and the folder of its results, where that folder may have been named instead; a suite's name goes first.
+
+    Raises:
+        UserError: The folder's results are of a suite that has no name here.
+    """
     from mpvi_bt.suite.manifest import FILE, read_manifest
 
-    if out is not None or not Path(name, FILE).exists() or (manifest := read_manifest(Path(name))) is None:
+    suites = paths.names("tasks/suites")
+    if out is not None or name in suites or not paths.is_file(Path(name, FILE)):
         return name, out
+    if (manifest := read_manifest(Path(name))) is None or manifest.suite not in suites:
+        raise UserError(f"{name}: holds results of a suite that is no known name; name its file, and this with --out")
     return manifest.suite, Path(name)
 
 
