@@ -196,7 +196,7 @@ class _Picture:
 
     def ontop(self, name: str, surface: str) -> Judgement:
         """Whether the thing's lowest visible points are level with a horizontal part of the surface around them."""
-        if self._gripped(name) or self._covered(name):
+        if self._may_be_held(name):
             return Judgement(False, f"{name} is seen in a gripper")
         thing, support = self._points[self._mask(name)], self._points[self._mask(surface)]
         bottom = float(np.percentile(thing[:, 2], 2))
@@ -215,7 +215,7 @@ class _Picture:
 
     def nextto(self, name: str, other: str) -> Judgement:
         """Whether the gap between what is seen of the two is small for their size, and they are at one height."""
-        if self._gripped(name) or self._covered(name):
+        if self._may_be_held(name):
             return Judgement(False, f"{name} is seen in a gripper")
         if self._lifted(other).complete:
             return Judgement(False, f"{other} is seen in a gripper")
@@ -233,7 +233,7 @@ class _Picture:
 
     def under(self, name: str, other: str) -> Judgement:
         """Whether a part of the other thing is seen over most of it."""
-        if self._gripped(name) or self._covered(name):
+        if self._may_be_held(name):
             return Judgement(False, f"{name} is seen in a gripper")
         thing, cover = self._points[self._mask(name)], self._points[self._mask(other)]
         over = cover[cover[:, 2] > np.percentile(thing[:, 2], 98)]
@@ -345,10 +345,10 @@ class _Picture:
             return Judgement(False, f"{name} is seen to rest on something")
         return Judgement(True, f"{name} is seen in a gripper")
 
-    def _covered(self, name: str) -> bool:
-        """Whether a hand is seen right before a good part of a thing: its fingers, behind it, may be around that."""
+    def _may_be_held(self, name: str) -> bool:
+        """Whether a hand is seen on a thing, or right before a good part of it: its fingers may be around that."""
         touching, outline = self._borders(name, self._sight.covers_m)
-        return touching > self._sight.covers * outline
+        return self._gripped(name) or touching > self._sight.covers * outline
 
     def _flanked(self, name: str) -> bool:
         """Whether the robot is seen right beside a thing to its left and to its right."""
