@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mpvi_bt.perception.fit import fit
 from mpvi_bt.perception.furniture import furniture
+from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.solids import Array
 
 DEPTH, WIDTH, TOP, BOARD = 0.56, 0.58, 0.86, 0.48
@@ -72,3 +74,18 @@ def test_what_lies_here_and_there_at_one_height_is_no_board() -> None:
     assert len(shape.volumes) == 2
     shelf = sheet(height * z, DEPTH * np.eye(3)[0], WIDTH * np.eye(3)[1])
     assert len(furniture(np.concatenate([open_cabinet(1.3), shelf])).volumes) == 3
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.4, 0.8, 1.2])
+@pytest.mark.parametrize("tall", [0.01, 0.02])
+def test_a_board_on_the_floor_reaches_no_deeper_than_the_floor(heading: float, tall: float) -> None:
+    """Fingers that are to press its sides would have to go into the floor, else; however it is turned."""
+    along, across = kin.rot_z(heading)[:, :2].T
+    board = sheet(np.array([1.0, 0.0, tall]), 0.6 * along, 0.4 * across)
+    ground = sheet(np.array([0.0, -1.0, 0.0]), np.array([2.4, 0.0, 0.0]), np.array([0.0, 2.4, 0.0]))
+    at = (ground - board[0])[:, :2] @ np.stack([along, across])[:, :2].T
+    ground = ground[((at < -0.01) | (at > [0.61, 0.41])).any(1)]
+    shape = fit(board, ground, np.array([0.0, 0.0, 1.4]))
+    assert shape is not None
+    assert -0.002 < shape.box()[0, 2] <= tall
+    assert shape.box()[1, 2] == pytest.approx(tall, abs=0.002)

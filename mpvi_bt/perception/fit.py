@@ -74,7 +74,7 @@ def _small(points: Array, around: Array, eye: Array, support: float, large: bool
     if vessel is not None:
         return vessel
     if large:
-        return furniture(points)
+        return furniture(points, support)
     grain = _GRAIN_PER_M * float(np.median(((points - eye) ** 2).sum(1)))
     ball = _ball(points, float(seen.sides[0]), support, top, grain)
     if ball is not None:

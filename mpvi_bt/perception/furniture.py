@@ -12,6 +12,7 @@ from mpvi_bt.perception.outlines import Outline, outline, trimmed
 from mpvi_bt.perception.shape import Shape, upright_box
 from mpvi_bt.robot.solids import Array, Solid, pose
 
+_SLAB_M, _LEAST_M = 0.025, 0.004  # boards are that thick, or less where something is right below them
 _HEADROOM_M = 0.12  # what rises that high above a board makes a compartment of it
 _HOLE_CELL_M = 0.02
 _SUNK_M = 0.05  # what is that much lower than a board is seen through it
@@ -23,8 +24,8 @@ _UNDER_M = 0.05  # what reaches over a board by less is not above it, such as th
 _WALLED = 0.4  # share of a side along which furniture has to rise for a wall
 
 
-def furniture(points: Array) -> Shape:
-    """Slabs under the large horizontal faces, and the frame of the largest."""
+def furniture(points: Array, support: float = -np.inf) -> Shape:
+    """Slabs under the large horizontal faces, above what they stand on [m], and the frame of the largest."""
     slabs: list[tuple[int, Solid]] = []
     faces: list[Array] = []
     z = points[:, 2]
@@ -43,8 +44,9 @@ def furniture(points: Array) -> Shape:
         if around.sides[1] > 0.1 and not _strewn(face, around):
             if slabs:  # what is seen of a face in part may be a triangle: boards lie as the largest one does
                 around = _along(trimmed(face[:, :2]), float(np.arctan2(*slabs[0][1].T[1::-1, 0])))
-            T = pose((*around.middle, height - 0.0125), around.heading)
-            slabs.append((len(face), Solid("box", np.array([*around.sides / 2, 0.0125]), T)))
+            thick = min(_SLAB_M, max(_LEAST_M, height - support))
+            T = pose((*around.middle, height - thick / 2), around.heading)
+            slabs.append((len(face), Solid("box", np.array([*around.sides / 2, thick / 2]), T)))
             faces.append(face)
     if not slabs:
         around = outline(trimmed(points[:, :2]))
