@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Literal
 
 import numpy as np
@@ -14,8 +14,9 @@ from mpvi_bt.manipulation.faces import room
 from mpvi_bt.manipulation.fitting import View
 from mpvi_bt.manipulation.frames import FLOOR_M, Frame
 from mpvi_bt.manipulation.memory import Memory, Thing
+from mpvi_bt.manipulation.past import Past
 from mpvi_bt.perception import field
-from mpvi_bt.perception.detector import switch_of
+from mpvi_bt.perception.detector import Detector, switch_of
 from mpvi_bt.perception.field import Field, FineField
 from mpvi_bt.perception.fronts import fronts, switch
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
@@ -44,6 +45,18 @@ _TRUSTED_M = 0.04  # how thick surfaces are where hidden space is given the bene
 
 class Seen(Memory):
     """A `mpvi_bt.manipulation.scene.Scene` and its `Sight`."""
+
+    def __init__(self, detector: Detector) -> None:
+        """See through `detector`."""
+        self._past = Past()
+        super().__init__(detector)
+
+    def forget(self, phrases: Iterable[str]) -> None:
+        """As `Memory` does; only where surfaces were seen is still known."""
+        if self._felt is not None:
+            movable = {t.phrase for t in self._things.values() if t.shape.kind != "furniture"}
+            self._past.keep(self._frames, movable)
+        super().forget(phrases)
 
     def knowledge(self) -> KnowledgeBase:
         """As `Scene` says."""
@@ -165,6 +178,8 @@ class Seen(Memory):
                 [field.View(f.image, self._transparent(f, {*without, *faces}, beside)) for f in some]
                 for some in (frames, self._before(frames) if self._remembering else [])
             )
+            if self._remembering:
+                before = [*self._past.near(xy), *before]
             coarse = Field(views, xy, thick_m=thick, before=before)
             if self._focus is None:
                 self._field = (key, coarse)
