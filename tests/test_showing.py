@@ -11,7 +11,7 @@ from benchmarks.hands.holding import put_in_hands
 from mpvi_bt.completion.triggers import ProprioceptiveTriggers
 from mpvi_bt.manipulation.gaze import look_into
 from mpvi_bt.manipulation.scripted import Performance, ScriptedPolicy
-from mpvi_bt.manipulation.showing import done_at, views
+from mpvi_bt.manipulation.showing import done_at, step_up, views
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.clauses import match
@@ -56,10 +56,11 @@ def test_who_is_done_and_not_told_so_shows_it_from_a_few_sides_and_then_stands()
     """Each question has a view of its own, and there are no more of them however long it lasts."""
     world = small_world({"can": placed("can_of_soda", 2.0, 1.0), "bin": BIN})
     seen = asked_at(world, "put the can of soda in the trash can", 60.0)
-    assert 2 <= len(seen) <= 3
+    assert 2 <= len(seen) <= 4
     for k, view in enumerate(seen[1:], 1):
         assert min(np.abs(view - before).max() for before in seen[:k]) > 0.1
-    assert seen[-1][4] < seen[0][4] - 0.1, "it has not stood back"
+    assert min(at[4] for at in seen) < seen[0][4] - 0.1, "it has not stood back"
+    assert seen[-1][4] > seen[0][4] + 0.1, "it has not gone up to it"
 
 
 def work_in(world: World) -> Work:
@@ -79,6 +80,18 @@ def test_eyes_that_look_into_a_thing_are_farther_above_it_than_before() -> None:
     for action in look_into(work, "bin"):
         work.motion.felt = replace(work.motion.felt, torso=action[ActionLayout.TORSO].copy())
     assert steepness() > before + 0.1
+
+
+@pytest.mark.parametrize("barred", [False, True])
+def test_what_a_wall_may_hide_is_looked_at_from_as_near_as_there_is_a_way(barred: bool) -> None:
+    """The eyes come nearer to a bin; before what is in the way they stay where they are."""
+    post = {"post": placed("trash_can", 0.6, 0.0)} if barred else {}
+    work = work_in(small_world({"bin": placed("trash_can", 1.3, 0.0), **post}))
+    for action in step_up(work, "bin"):
+        at = work.motion.felt.base_pose + action[ActionLayout.BASE] / CONTROL_HZ
+        work.motion.felt = replace(work.motion.felt, torso=action[ActionLayout.TORSO].copy(), base_pose=at)
+    gap = float(np.linalg.norm(work.middle("bin")[:2] - work.motion.felt.base_pose[:2]))
+    assert gap == pytest.approx(1.3) if barred else gap < 0.85
 
 
 @pytest.mark.parametrize(
@@ -105,7 +118,7 @@ def test_what_is_looked_at_is_where_it_was_to_be_done(prompt: str, names: list[s
 @pytest.mark.parametrize(
     ("prompt", "ways"),
     [
-        ("put the can of soda in the trash can", ["look_into", "stand_back"]),
+        ("put the can of soda in the trash can", ["look_into", "stand_back", "step_up"]),
         ("put the can of soda under the trash can", ["stand_back", "look_into"]),
         ("put the can of soda on the moon of the earth", ["stand_back", "look_into"]),
     ],

@@ -2,16 +2,50 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import product
+
 import numpy as np
 
 from mpvi_bt.manipulation.carry import back_off
 from mpvi_bt.manipulation.gaze import look_at, look_into
+from mpvi_bt.manipulation.site import base_clear
 from mpvi_bt.manipulation.spots import is_floor
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.skills import SkillCall
+from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Actions
+from mpvi_bt.robot.solids import Array
 
 _WHERE = ("container", "surface", "target", "object")  # slots that name what to look at, the first that does
+# To look into a thing from: how far from its middle, and from what bearing, off that from here.
+_FROM_M = (0.5, 0.6, 0.7, 0.8)
+_FROM_RAD = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
+_STEP_M = 0.1  # of a way, between checks
+
+
+def step_up(work: Work, name: str) -> Actions:
+    """Look into a thing from the nearest place that there is a straight way to: its near wall hides what is behind it.
+
+    Raises as any motion.
+    """
+    here, near, body, place = work.motion.felt.base_pose, work.near(), work.body(), work.middle(name)[:2]
+    bearing, gap = float(np.arctan2(*(place - here[:2])[::-1])), float(np.linalg.norm(place - here[:2]))
+
+    def clear(pose: Array) -> bool:
+        around = near.seen_from(kin.base(pose))
+        return base_clear(body.robot, around) and replace(body, around=around).all_free()
+
+    for far, turn in product((m for m in _FROM_M if m < gap), _FROM_RAD):
+        heading = bearing + turn
+        goal = np.array([*(place - far * np.array([np.cos(heading), np.sin(heading)])), heading])
+        way = goal - here
+        way[2] = kin.wrap(way[2])
+        steps = 1 + int(np.linalg.norm(way[:2]) / _STEP_M)
+        if all(clear(here + u * way) for u in np.linspace(1, 0, steps, endpoint=False)):
+            yield from work.motion.drive(goal)
+            break
+    yield from look_into(work, name)
 
 
 def stand_back(work: Work, *names: str) -> Actions:
@@ -25,14 +59,14 @@ def stand_back(work: Work, *names: str) -> Actions:
 def views(work: Work, call: SkillCall) -> list[Actions]:
     """Ways to look at what a call has done, one after the other.
 
-    A container is looked into before it is looked at from farther off, all else after. What both hands hold is only
-    looked at.
+    A container is looked into before it is looked at from farther off, and once more from close to; all else after.
+    What both hands hold is only looked at.
     """
     names = done_at(work, call)
     if not names or work.scene.between() in names:
         return [look_at(work, name) for name in names]
-    ways = [look_into(work, names[0]), stand_back(work, *names)]
-    return ways if "container" in call.arguments else ways[::-1]
+    into, back = look_into(work, names[0]), stand_back(work, *names)
+    return [into, back, step_up(work, names[0])] if "container" in call.arguments else [back, into]
 
 
 def done_at(work: Work, call: SkillCall) -> list[str]:
