@@ -5,17 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mpvi_bt.manipulation import carry
 from mpvi_bt.manipulation.carry import settle
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Motion, MotionFailure
-from mpvi_bt.robot.protocol import ActionLayout
+from mpvi_bt.robot.protocol import ActionLayout, Proprioception
 from mpvi_bt.robot.r1 import R1
 from tests.small_house import placed, run, small_world
 
 # A hand beside the back [rad], from where no level way leads home.
 BEHIND, BENT = (-1.48, -2.58, 0.58, -0.15, -0.14, 1.28, 0.42), (0.29, -0.06, -0.03, 0.51)
+BELOW, DOWN = (-1.22, 0.27, -0.61, -0.69, 0.78, 1.08, -2.79), (0.0, 0.0, 0.8, 0.5)  # a hand just above the floor
 
 
 @pytest.mark.parametrize("filled", [False, True])
@@ -49,3 +51,32 @@ def test_what_no_level_way_leads_home_for_may_tip_unless_it_is_filled(filled: bo
     else:
         assert not filled
         assert before < 0.0 < 0.2 < work.motion.hand("right")[0, 3]
+
+
+def test_who_bends_down_and_finds_no_level_way_straightens_up_with_what_is_held(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It would stay bent for good, and nothing is set down or driven to from there; it hangs level at the end."""
+    level = carry._homeward
+    monkeypatch.setattr(carry, "_homeward", lambda work, *a: None if work.motion.torso[2] > 0.1 else level(work, *a))
+    world = small_world({"can": placed("can_of_soda", -1.0, 0.5)})
+    scene = TrueScene(world)
+    scene.holding = lambda side: "can" if side == "left" else None
+    bent = world.robot.action.copy()
+    bent[ActionLayout.ARM["left"]] = BELOW
+    bent[ActionLayout.TORSO] = DOWN
+    run(world, bent, 4.0)
+    world.robot.act(bent)
+
+    def felt() -> Proprioception:
+        felt = world.robot.proprioception()
+        world.place("can", kin.base(felt.base_pose) @ R1.tcp(felt.torso, felt.arm["left"], "left"))
+        return felt
+
+    work = Work(scene, Motion(felt()), np.random.default_rng(0))
+    before = work.motion.hand("left")
+    for action in settle(work):
+        world.step(action)
+        work.motion.felt = felt()
+    np.testing.assert_allclose(work.motion.torso[:3], R1.travel_torso[:3], atol=0.01)
+    np.testing.assert_allclose(work.motion.hand("left")[2, :3], before[2, :3], atol=0.05)

@@ -149,19 +149,32 @@ def _homeward(work: Work, torso: Array, without: Collection[str]) -> dict[Side, 
 
 
 def _swing_home(work: Work, without: Collection[str]) -> Actions:
-    """Bring things that no level way leads home for to where they can be carried by any way, unless they are filled."""
+    """Bring things that no level way leads home for to where they can be carried by any way, unless they are filled.
+
+    There they hang level once the torso has straightened up, which it then does.
+    """
+    upright = _upright(work)
     for side, held in work.held().items():
-        if _homeward(work, _upright(work), without) is not None:
+        if _homeward(work, upright, without) is not None:
             return
         if work.scene.within(held.name):
             continue
         body = work.body(without)
-        home = [kin.inverse(body.robot.chest(work.motion.torso)) @ T for T in _carries(work, side, body)]
+        home = [kin.inverse(body.robot.chest(upright)) @ T for T in _carries(work, side, body)]
         ends = (body.robot.nearest_posture(T, side, work.motion.arm(side)) for T in home)
         free = (q for q in ends if q is not None and body.free(side, q)[0])
+        free = (q for q in free if _straightens(work, body, side, q) is not None)
         paths = (arm_motion.plan(body, side, q, work.rng) for q in islice(free, _SWUNG_CARRIES))
         if (path := next((path for path in paths if path is not None), None)) is not None:
             yield from work.motion.follow(side, path)
+            arms = _straightens(work, work.body(without), side, work.motion.arm(side))
+            yield from work.motion.stand(upright, arms or {})
+
+
+def _straightens(work: Work, body: Body, side: Side, q: Array) -> dict[Side, list[Array]] | None:
+    """Postures of what the other hand holds while the torso straightens up with arm `side` in posture `q` (7,)."""
+    hands = {s: arm_motion.stay(work.motion.hand(s)) for s in body.held if s != side}
+    return arm_motion.sweep(replace(body, arms={**body.arms, side: q}), _upright(work), hands)
 
 
 def tuck(work: Work) -> Actions:
