@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
@@ -71,12 +72,43 @@ def test_what_falls_beside_its_container_is_put_in_once_more(
     for function in (drop_in, pick_up):
         monkeypatch.setattr(place, function.__name__, function)
     monkeypatch.setattr(place, "settle", nothing)
-    monkeypatch.setattr(place, "unwedge", nothing)
+    monkeypatch.setattr(place, "draw_in", nothing)
     try:
         list(place.place_in(work, EGG, []))
     except MotionFailure as failure:
         log.append(failure.reason)
     assert " ".join(log) == done
+
+
+@pytest.mark.parametrize("falls_in", [True, False])
+def test_an_arm_that_is_caught_after_it_has_let_go_fails_only_what_did_not_get_there(
+    monkeypatch: pytest.MonkeyPatch, falls_in: bool
+) -> None:
+    """To try again with nothing in hand would end the prompt, and the cabinet would stay open."""
+    world = small_world({"bowl": placed("mixing_bowl", 0.6, 0.0), "egg": placed("easter_egg", 0.6, 0.5, 0.02)})
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    monkeypatch.setattr(work.scene, "holding", lambda side: "egg" if side == "left" else None)
+    came_out = []
+
+    def drop_in(*_: object) -> Generator[Array, None, bool]:
+        if falls_in:
+            world.place("egg", world.pose("bowl") @ pose((0.0, 0.0, 0.03)))
+        yield from ()
+        return True
+
+    def caught(*_: object, **__: object) -> Actions:
+        yield from ()
+        raise MotionFailure("arm_blocked")
+
+    def come_out(work: Work) -> Actions:
+        came_out.append(work)
+        yield from ()
+
+    for name, stand_in in (("drop_in", drop_in), ("settle", caught), ("come_out", come_out)):
+        monkeypatch.setattr(place, name, stand_in)
+    with nullcontext() if falls_in else pytest.raises(MotionFailure, match="arm_blocked"):
+        list(place.place_in(work, EGG, []))
+    assert bool(came_out) is falls_in
 
 
 def test_what_slips_out_just_before_it_is_put_in_is_not_held(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -86,11 +118,11 @@ def test_what_slips_out_just_before_it_is_put_in_is_not_held(monkeypatch: pytest
     hands: dict[Side, str | None] = {"left": "egg", "right": None}
     monkeypatch.setattr(work.scene, "holding", lambda side: hands[side])
 
-    def unwedge(work: Work) -> Actions:
+    def draw_in(work: Work) -> Actions:
         hands["left"] = None
         yield from ()
 
-    monkeypatch.setattr(place, "unwedge", unwedge)
+    monkeypatch.setattr(place, "draw_in", draw_in)
     with pytest.raises(MotionFailure, match="not_held"):
         list(place.place_in(work, EGG, []))
 
@@ -190,7 +222,7 @@ def test_what_cannot_fall_in_from_the_best_places_is_set_down_before_it_falls_fr
     def settle(*_: object, **__: object) -> Actions:
         yield from ()
 
-    for name, stand_in in (("drop_in", drop_in), ("place_at", place_at), ("settle", settle), ("unwedge", settle)):
+    for name, stand_in in (("drop_in", drop_in), ("place_at", place_at), ("settle", settle), ("draw_in", settle)):
         monkeypatch.setattr(place, name, stand_in)
     held = SimpleNamespace(name="sausage")
     monkeypatch.setattr(work, "load", lambda side: held)
@@ -247,6 +279,16 @@ def test_a_hand_that_points_down_gets_out_from_below_a_board(roof_m: float) -> N
     free = [option for option in options if search.fits(option)]
     assert free
     assert all(option in level for option in free) == (roof_m < 0.3)
+
+
+@pytest.mark.parametrize(("length_m", "slides"), [(0.1, False), (0.2, False), (0.4, True)])
+def test_fingers_do_not_slide_into_the_corner_of_what_they_let_go_of(length_m: float, slides: bool) -> None:
+    """One finger is within a box and would take it along by its end, unless the wall between them is long enough."""
+    wall = box((0.0, 0.0, 0.0), (length_m, 0.004, 0.08))
+    ends = [box((x, -0.06, 0.0), (0.004, 0.12, 0.08)) for x in (-length_m / 2, length_m / 2)]
+    for solids, past in (((wall,), True), ((wall, *ends), slides)):
+        held = Held("tupperware", np.eye(4), solids, Load(solids))
+        assert placing._slides_past(held, np.array([1.0, 0.0, 0.0]), 0.05) is past
 
 
 @pytest.mark.parametrize("jammed_m", [0.01, 1.0])

@@ -7,23 +7,26 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from benchmarks.hands.rooms import things
 from mpvi_bt.manipulation.approach import approach
 from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.grasps import grasps
+from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.pick import options as pick_options
-from mpvi_bt.manipulation.search import Search
+from mpvi_bt.manipulation.search import Search, _bases
 from mpvi_bt.manipulation.stance import Option, Stance, upright_options
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
-from mpvi_bt.robot.collision import Body, Surroundings
+from mpvi_bt.robot.collision import Body, Load, Surroundings
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Proprioception, Side, other
 from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.solids import Array, box
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 
@@ -255,6 +258,39 @@ def test_what_hangs_on_the_near_side_of_its_hand_is_turned_outward_as_the_torso_
         for u, q in zip(np.linspace(0, 1, len(path)), path, strict=True):
             now = torso + (np.array(bent) - torso) * u
             np.testing.assert_allclose(R1.tcp(now, q, "left")[2, :3], hand[2, :3], atol=1e-3)
+
+
+@pytest.mark.parametrize("laden", [False, True])
+def test_what_is_held_far_out_before_a_counter_is_brought_to_where_it_goes_as_the_torso_bends(laden: bool) -> None:
+    """There is no room for it to stay out, nor to ride along, but it goes on; what is filled might be tipped."""
+    world = small_world()
+    felt = replace(world.robot.proprioception(), torso=np.array([0.3, 0.0, 0.0, 0.5]))
+    down = kin.hand_rotation((0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
+    there = kin.inverse(R1.chest(felt.torso)) @ kin.transform(down, (0.56, 0.16, 1.07))
+    arm = R1.nearest_posture(there, "left", felt.arm["left"])
+    assert arm is not None
+    motion = Motion(replace(felt, arm={**felt.arm, "left": arm}))
+    plate = (box((0.08, 0.0, 0.0), (0.17, 0.17, 0.03)),)
+    held = Held("plate", np.eye(4), plate, Load(plate), laden)
+    counter = box((1.0, 0.0, 0.88), (0.6, 2.0, 0.04)).moved(kin.base(felt.base_pose))
+    search = Search(motion, "left", {"left": held}, Surroundings([counter]), [], np.random.default_rng(0))
+    around, arms = search.around(felt.base_pose, touched=True), {s: motion.arm(s) for s in SIDES}
+    first, bent = kin.transform(down, (0.6, 0.1, 0.6)), np.array([0.0, 0.0, 0.5, 0.5])
+    assert search.stood(bent, around, arms) is None
+    standing = search.stood(bent, around, arms, first)
+    assert (standing is None) is laden
+    if standing is not None:
+        np.testing.assert_allclose(R1.tcp(bent, standing.body.arms["left"], "left"), first, atol=1e-6)
+        assert standing.body.all_free()
+
+
+@given(st.floats(0.46, 0.96), st.floats(-3.0, 3.0), st.sampled_from(SIDES))
+def test_some_base_nearly_touches_what_stands_before_a_place(depth_m: float, yaw: float, side: Side) -> None:
+    """Deep in a compartment no arm reaches from farther off: one stands before it, within 3 cm of its front."""
+    bases = _bases(np.array([-1.5 * np.cos(yaw), -1.5 * np.sin(yaw), yaw]), np.zeros(2), side)
+    ahead = -bases[:, :2] @ [np.cos(yaw), np.sin(yaw)]
+    straight = np.abs(kin.wrap(bases[:, 2] - yaw)) < 1e-6
+    assert ((ahead >= depth_m) & (ahead <= depth_m + 0.03 + 1e-9) & straight).any()
 
 
 def test_what_has_something_on_it_is_not_tipped_on_its_way() -> None:

@@ -197,6 +197,17 @@ def tuck(work: Work) -> Actions:
             checked += 1
 
 
+def draw_in(work: Work) -> Actions:
+    """Bring what one hand holds to where it is carried: who was told something else meanwhile holds it far out.
+
+    From there the torso could not be lowered before furniture. Two hands that are full may be at work on one another.
+    """
+    yield from unwedge(work)
+    if len(work.held()) == 1:
+        with suppress(MotionFailure):
+            yield from tuck(work)
+
+
 def unwedge(work: Work) -> Actions:
     """Where what is held hangs so near the body that the torso could not move, bring it to the chest."""
     body = work.body()

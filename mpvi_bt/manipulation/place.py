@@ -9,7 +9,7 @@ from functools import partial
 from itertools import chain, islice
 
 from mpvi_bt.manipulation import spots
-from mpvi_bt.manipulation.carry import settle, unwedge
+from mpvi_bt.manipulation.carry import come_out, draw_in, settle
 from mpvi_bt.manipulation.drop import drop_in, reach_over, releases
 from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.held import Held
@@ -55,7 +55,7 @@ def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
 
 def _put_in(work: Work, side: Side, container: str, tried: list[Array]) -> Generator[Array, None, bool]:
     """Let go of what a hand holds in a container; returns whether it came to lie in there. Raises as `place_in`."""
-    yield from unwedge(work)
+    yield from draw_in(work)
     failure = MotionFailure("not_a_container")
     for look in looks_inside(work, container):
         if not (yield from look) or not work.scene.volumes(container):
@@ -69,7 +69,7 @@ def _put_in(work: Work, side: Side, container: str, tried: list[Array]) -> Gener
             failure = barred
             continue
         lies_in = held.name in work.scene.within(container)
-        yield from settle(work, without={held.name})
+        yield from _come_away(work, held.name, lies_in)
         return lies_in
     raise failure
 
@@ -161,12 +161,26 @@ def _place_by(work: Work, side: Side, name: str, at: Spots, leans: Sequence[floa
 
 def _place(work: Work, side: Side, about: str | None, groups: Groups, tried: list[Array]) -> Actions:
     """Set down, see whether it stayed where it was to lie, fold the arm."""
-    yield from unwedge(work)
+    yield from draw_in(work)
     held = work.load(side)
     bottom = yield from place_at(work, side, about, groups, tried)
     yield from work.see("head")
     box, _ = spots.size(work.scene.solids(held.name))
     missed = abs(float(box[0, 2]) - bottom) > _LOST_M
-    yield from settle(work, without={held.name})
+    yield from _come_away(work, held.name, not missed)
     if missed:
         raise MotionFailure("missed")
+
+
+def _come_away(work: Work, name: str, there: bool) -> Actions:
+    """Fold once a thing was let go of; if it is `there`, an arm that is caught is no failure: nothing is left to do.
+
+    Raises:
+        MotionFailure: As `settle`, if the thing is not where it was to be.
+    """
+    try:
+        yield from settle(work, without={name})
+    except MotionFailure:
+        if not there:
+            raise
+        yield from come_out(work)

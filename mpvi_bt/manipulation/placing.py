@@ -12,12 +12,13 @@ from scipy.spatial.transform import Rotation
 
 from mpvi_bt.manipulation.approach import close_in, leave, lines, take_up, withdraw
 from mpvi_bt.manipulation.gaze import look_at
-from mpvi_bt.manipulation.hand import FULL_M, opened
+from mpvi_bt.manipulation.hand import FULL_M, fingers, opened
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.search import SPACINGS, Search
 from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, bounds
@@ -47,9 +48,10 @@ _MENDED_M = 0.04  # more than that a thing does not slip in the hand, nor an arm
 _GROUPS = 14  # of poses that are tried
 # How far above the pose to come in, how far to draw the open hand back, how far behind the arm takes its posture [m],
 # and the cost of it. A hand that is well above its neighbors folds without sweeping them away.
-_WAYS = ((0.12, 0.20, 0.0, 0.0), (0.05, 0.09, 0.0, 0.1), (0.04, 0.09, 0.4, 0.1), (0.04, 0.09, 0.25, 0.15))
+_WAYS = ((0.12, 0.20, 0.0, 0.0), (0.05, 0.09, 0.0, 0.1), (0.06, 0.09, 0.4, 0.1), (0.06, 0.09, 0.25, 0.15))
 # How far, and at which cost, to draw back level instead where it comes in from less high than that.
 _ASIDE_M, _ASIDE, _LOW_M = 0.15, 0.05, 0.1
+_SLID_M, _GRAZED_M = 0.015, 0.002  # between checks of that; what fingers may come nearer to what they let go of
 _CLOSES_LEVEL = 0.95  # of the closing axis, level
 _STRAIGHT, _FORWARD = 0.95, 0.2  # cosine with the fingers, of what is straight back, and of what leads on forward
 
@@ -203,10 +205,11 @@ def _options(held: Held, pose: Pose, width_m: float) -> Iterator[Option]:
     """Ways to bring a thing into a pose from above, and the hand back along its fingers, or level past the thing."""
     T = pose.T_world_thing @ kin.inverse(held.T_tcp_thing)
     opening = min(FULL_M, width_m + _SPARE_M)
+    asides = [aside for aside in _asides(T) if _slides_past(held, T[:3, :3].T @ aside, opening)]
     for over_m, back_m, run_up, cost in _WAYS:
         over = T.copy()
         over[2, 3] += over_m
-        level = list(_asides(T)) if over_m < _LOW_M else []
+        level = asides if over_m < _LOW_M else []
         for off, more in [(-back_m * T[:3, 2], 0.0), *((_ASIDE_M * aside, _ASIDE) for aside in level)]:
             back = T.copy()
             back[:3, 3] += off
@@ -223,6 +226,17 @@ def _asides(T: Array) -> Iterator[Array]:
     for away in (level / length, -level / length) if length > _CLOSES_LEVEL else ():
         if -_STRAIGHT < float(away @ T[:3, 2]) < _FORWARD:
             yield away
+
+
+def _slides_past(held: Held, way: Array, opening_m: float) -> bool:
+    """Whether fingers that are open so far slide along a unit vector (3,) in the tcp frame, past what they let go of.
+
+    The finger within a vessel meets the wall around the corner, and that within a plate its lip farther along.
+    """
+    thing = Surroundings(held.solids)
+    centers, radii = fingers(opening_m)
+    gaps = thing.distance(centers + np.arange(0.0, _ASIDE_M, _SLID_M)[:, None, None] * way) - radii
+    return bool((gaps > np.minimum(gaps[0], 0.0) - _GRAZED_M).all())
 
 
 def _upright(R: Array) -> Array:

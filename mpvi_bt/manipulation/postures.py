@@ -78,8 +78,8 @@ def stance_at(
             refused[where[1]] = refused.get(where[1], 0) + 1
             continue
         checked += 1
-        if where[0] not in standing:
-            standing[where[0]] = site.stood(torso, behind, arms)
+        if standing.get(where[0]) is None:
+            standing[where[0]] = site.stood(torso, behind, arms, goals[where[1]][0])
         stood = standing[where[0]]
         if stood is None:
             continue

@@ -25,6 +25,11 @@ _GLANCE = 0.25  # of a full check: no posture was clear even where the hand work
 _CHECKED_BASES = 12  # of one spacing
 SPACINGS = ((0.12, 0.5), (0.05, 0.25))  # [m, rad] between base poses: what fails here fails a hand's breadth away
 _STEP_M = 0.06  # between checks on the way in
+# Base poses about a place, see `_bases`: so fine that one of them nearly touches what stands before the place, for deep
+# in a compartment an arm reaches it from no farther off.
+_DISTANCES_M = np.arange(0.46, 0.98, 0.03)
+_LATERALS_M = (0.0, 0.10, 0.18, 0.26)
+_BASE_TURNS_RAD = (0.0, 0.15, -0.15, 0.3, -0.3, 0.45, -0.45, 0.6, -0.6, 0.9, -0.9, 1.3, -1.3, 1.8, -1.8, 2.4, -2.4, 3.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +60,14 @@ class Search(Site):
         bases = bases[self.stands(bases)]
         before = self.effort.failed.setdefault(self._sought(options, able), [])
         failed: list[Array] = [*self.tried, *before]
-        for apart_m, apart_rad in (SPACINGS[k] for k in spacings):
-            checked = 0.0
-            for base in bases:
-                if any(np.linalg.norm(base[:2] - b[:2]) < apart_m and abs(kin.wrap(base[2] - b[2])) < apart_rad
-                       for b in failed):  # fmt: skip
-                    continue
+        for spacing in (SPACINGS[k] for k in spacings):
+            checked, left = 0.0, bases
+            for base in failed:
+                left = _apart_from(left, base, *spacing)
+            while len(left) and checked < _CHECKED_BASES:
                 if self.effort.left <= 0:
                     return None
+                base = left[0]
                 found, effort = self._from(here, base, options, able)
                 self.effort.left -= effort
                 if found is not None:
@@ -72,8 +77,7 @@ class Search(Site):
                 if effort:
                     before.append(base)
                 checked += effort
-                if checked >= _CHECKED_BASES:
-                    break
+                left = _apart_from(left, base, *spacing)
         return None
 
     def _sought(self, options: Sequence[Option], able: Sequence[int]) -> bytes:
@@ -156,18 +160,20 @@ def _lane(start: Array, end: Array) -> Array:
     return np.linspace(start, end, int(np.ceil(length / _STEP_M)) + 1) if length > 1e-6 else end[None].copy()
 
 
+def _apart_from(bases: Array, base: Array, apart_m: float, apart_rad: float) -> Array:
+    """Those of base poses (n, 3) that are so far off another one (3,)."""
+    near = np.linalg.norm(bases[:, :2] - base[:2], axis=1) < apart_m
+    return bases[~(near & (np.abs(kin.wrap(bases[:, 2] - base[2])) < apart_rad))]
+
+
 def _bases(here: Array, focus: Array, side: Side) -> Array:
     """(n, 3) base poses about a place (2,) in the world, the nearest and plainest first."""
     bearing = float(np.arctan2(focus[1] - here[1], focus[0] - here[0]))
-    ranked = []
-    for distance in (0.46, 0.52, 0.58, 0.64, 0.70, 0.76, 0.84, 0.92):
-        for lateral in (0.0, 0.10, 0.18, 0.26):
-            for turn in (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9, 1.3, -1.3, 1.8, -1.8, 2.4, -2.4, 3.0):
-                yaw, y = bearing + turn, lateral * SIGN[side]
-                c, s = np.cos(yaw), np.sin(yaw)
-                xy = focus - [c * distance - s * y, s * distance + c * y]
-                near = 0.6 * float(np.linalg.norm(xy - here[:2])) + 0.3 * abs(turn)
-                ranked.append(
-                    (near + 1.2 * abs(distance - 0.58) + 0.5 * abs(lateral - 0.16), np.array([*xy, kin.wrap(yaw)]))
-                )
-    return np.stack([base for _, base in sorted(ranked, key=lambda r: r[0])])
+    grid = np.meshgrid(_DISTANCES_M, _LATERALS_M, _BASE_TURNS_RAD, indexing="ij")
+    distance, lateral, turn = (axis.ravel() for axis in grid)
+    yaw, y = bearing + turn, lateral * SIGN[side]
+    c, s = np.cos(yaw), np.sin(yaw)
+    xy = focus - np.stack([c * distance - s * y, s * distance + c * y], -1)
+    near = 0.6 * np.linalg.norm(xy - here[:2], axis=1) + 0.3 * np.abs(turn)
+    cost = near + 1.2 * np.abs(distance - 0.58) + 0.5 * np.abs(lateral - 0.16)
+    return np.column_stack([xy, kin.wrap(yaw)])[np.argsort(cost, kind="stable")]

@@ -33,6 +33,8 @@ _ASIDE = ((0.50, 0.30, 0.76), (0.52, 0.16, 0.76), (0.42, 0.36, 0.78), (0.50, 0.3
 # what hangs close to the body, such as a sack from its handle.
 _OUT_M = np.array([(0.12, 0.1, -0.12), (0.2, 0.1, -0.15), (0.3, 0.1, -0.2)])
 _OUT_RAD = (0.0, 0.8, -0.8)  # turned about the vertical, for what is broad and hangs on the near side of its hand
+# Off the middle of the way to where the hand works: before what stands over that there may be no room to stay out.
+_ON_M = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 0.15), (-0.15, 0.0, 0.0), (0.15, 0.0, 0.15)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,12 +196,22 @@ class Site:
         arms = arms or {s: self.motion.arm(s) for s in self.motion.robot.sides}
         return Body(self.motion.robot, torso, arms, {s: h.load for s, h in self.held.items()}, around)
 
-    def stood(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array]) -> Standing | None:
-        """The body once the torso has moved there, the other hand level if it holds something; None if it cannot."""
+    def stood(
+        self, torso: Array, around: Obstacles, arms: Mapping[Side, Array], first: Array | None = None
+    ) -> Standing | None:
+        """The body once the torso has moved there, the other hand level if it holds something; None if it cannot.
+
+        Args:
+            torso: (4,) where to.
+            around: What is in the way, in the base frame.
+            arms: Postures (7,) of the arms before.
+            first: T_base_tcp (4, 4) where the hand that works goes next: it may go there meanwhile, if what it holds is
+                not filled, as that may be on a slant.
+        """
         body = self.body(self.motion.torso, around, arms)
         now = {s: body.robot.tcp(body.torso, arms[s], s) for s in self.held}
         stays = {s: arm_motion.stay(T) for s, T in now.items()}
-        # What the hands hold keeps its place while the torso moves, or rides along with it, or is brought out.
+        # What the hands hold keeps its place while the torso moves, or rides along with it, or is brought out, or on.
         ways = [stays]
         if self.side in self.held:
             ways.append({s: path for s, path in stays.items() if s != self.side})
@@ -207,6 +219,8 @@ class Site:
                 R = kin.rot_z(turn) @ now[self.side][:3, :3]
                 out = kin.transform(R, now[self.side][:3, 3] + off * [1, SIGN[self.side], 1])
                 ways.append({**stays, self.side: arm_motion.glide(now[self.side], out)})
+            if first is not None and not self.held[self.side].laden:
+                ways += [{**stays, self.side: arm_motion.glide(now[self.side], first, detour)} for detour in _ON_M]
         level = None
         for k, hands in enumerate(ways):
             level = arm_motion.sweep(body, torso, hands, samples=6 if k < 2 else 12)
