@@ -120,6 +120,20 @@ def test_what_goes_into_a_cabinet_goes_to_its_back_first() -> None:
     assert min(depths) < max(depths) - 0.2
 
 
+@given(st.integers(4, 12), st.integers(4, 12), st.floats(0.1, 0.4))
+def test_a_board_is_filled_from_a_corner_at_its_back(wide: int, deep: int, apart: float) -> None:
+    """All are offered by turns: one from back and corners, apart from those before, and one from the front."""
+    grid = [np.array([x * 0.05, y * 0.05, 0.5]) for x in range(deep) for y in range(wide)]
+    before = np.array([-0.8, (wide - 1) * 0.025])
+    offered = spots._packed(grid, before, apart)
+    assert sorted(map(tuple, offered)) == sorted(map(tuple, grid))
+    assert offered[0][0] == (deep - 1) * 0.05
+    assert offered[0][1] in (0.0, (wide - 1) * 0.05)
+    assert np.linalg.norm(offered[1][:2] - before) == min(np.linalg.norm(spot[:2] - before) for spot in grid)
+    if (wide - 1) * 0.05 >= 2 * apart:
+        assert np.linalg.norm(offered[2] - offered[0]) >= apart
+
+
 def test_what_has_something_in_it_is_set_down_upright() -> None:
     """A bowl may lean as it is set down, but not with an egg in it."""
     for egg_x, leans in ((0.5, True), (-1.0, False)):

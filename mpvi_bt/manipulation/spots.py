@@ -63,7 +63,8 @@ def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: boo
             for clear in (_CLEAR_M, _TIGHT_M):
                 spots = list(work.scene.spots(surface, radius + clear, headroom, near))
                 if inside:
-                    spots = _back_first([s for s in spots if _within(work.scene.volumes(surface), s + [0, 0, 0.02])])
+                    spots = [s for s in spots if _within(work.scene.volumes(surface), s + [0, 0, 0.02])]
+                    spots = _packed(spots, near, 2 * radius + clear)
                 if spots:
                     break
             own = [] if inside else [s.aabb() for s in work.scene.solids(surface)]
@@ -264,10 +265,27 @@ def _within(volumes: Sequence[Solid], p: Array) -> bool:
     return any((np.abs(kin.inverse(v.T)[:3] @ np.append(p, 1.0)) <= v.half_m).all() for v in volumes)
 
 
-def _back_first(spots: Sequence[Array]) -> list[Array]:
-    """Spots that came the nearest first, now the farthest, then the nearest, and so on: the front is filled last."""
-    both = [spot for pair in zip(reversed(spots), spots, strict=True) for spot in pair]
-    return both[: len(spots)]
+def _packed(spots: Sequence[Array], near: Array, apart: float) -> list[Array]:
+    """Spots (3,) in the order in which to fill a compartment from before it (2,): its back and its corners come first.
+
+    Each spot bars those nearer than `apart` [m] for what is as large, the fewest in a corner. Of those in order each is
+    that far from those before it, while it can be: where one is out of reach, those around it mostly are as well. Every
+    second is the nearest one left, for where no arm reaches the back.
+    """
+    if not spots:
+        return []
+    at = np.stack(spots)
+    bars = (np.linalg.norm(at[:, None] - at, axis=2) < apart).mean(1)
+    far = np.linalg.norm(at[:, :2] - near, axis=1)
+    ranked = np.argsort(bars - far, kind="stable").tolist()
+    first: list[int] = []
+    for k in ranked:
+        if (np.linalg.norm(at[first] - at[k], axis=1) >= apart).all():
+            first.append(k)
+    first += [k for k in ranked if k not in first]
+    nearest = np.argsort(far, kind="stable").tolist()
+    order = [k for pair in zip(first, nearest, strict=True) for k in pair]
+    return [spots[k] for k in dict.fromkeys(order)]
 
 
 def _by_turns(spots: Sequence[Array], own: Sequence[Array]) -> list[Array]:
