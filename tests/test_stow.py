@@ -70,7 +70,7 @@ def test_empty_hands_are_folded_and_the_torso_straightened() -> None:
 def test_a_hand_that_holds_keeps_its_pose(side: Side) -> None:
     """What is held stays where it is before the body, and stays held; the empty hand is folded."""
     home = world(**{side: -1.0})
-    T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.58, 0.25 * SIGN[side], 0.85))
+    T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.5, 0.2 * SIGN[side], 0.75))
     put_hand(home, side, T)
     before = home.robot.proprioception()
     hand = R1.tcp(before.torso, before.arm[side], side)
