@@ -676,6 +676,21 @@ def test_what_was_put_into_a_container_from_beside_it_is_laid_and_what_fell_back
         assert (can.inside, can.laid) == ("bin", laid)
 
 
+@pytest.mark.parametrize(("gone", "laid"), [(0.0, False), (0.6, True)])
+def test_what_was_taken_unknown_and_left_elsewhere_is_laid_there(gone: float, laid: bool) -> None:
+    """Nobody had seen it before; found on the floor then, it would be picked up again as "the last can"."""
+    scene, there = Setup(), (HERE[0] + gone, HERE[1], HERE[2])
+    for _ in range(4):
+        scene.made.feel(body(HERE, {"right": 0.05}))
+    scene.made.feel(body(there, {"right": 0.05}))
+    scene.made.feel(body(there))
+    x, y, z = tcp(there)
+    scene.things.put("can", "can of soda", (float(x), float(y), float(z) - CAN[2] / 2))
+    scene.look(there)
+    (can,) = scene.known.find("can of soda")
+    assert can.laid is laid
+
+
 def test_what_is_put_on_something_low_is_not_in_it() -> None:
     """A can on a book."""
     scene = can_in_hand()

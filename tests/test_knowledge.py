@@ -45,6 +45,7 @@ def test_what_is_put_on_another_level_is_laid_down() -> None:
     for now, laid in (((4.6, 0.3, 0.13), True), ((4.6, 0.3, 0.01), False), ((4.7, 0.4, 0.91), False),
                       ((5.6, 0.4, 0.01), True)):  # fmt: skip
         assert laid_down(taken, now - half, now + half) is laid
+        assert laid_down(taken, now - half, now + half, by_hand=True) is (laid or now[2] < 0.1)
 
 
 def test_what_was_laid_down_is_not_what_is_to_be_picked_up() -> None:

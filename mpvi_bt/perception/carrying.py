@@ -63,6 +63,8 @@ class Carrying:
         self.grips: dict[Hand, Grip | None] = {}
         self._width: dict[str, float] = {}
         self._steady = dict.fromkeys(SIDES, 0)
+        self._took: dict[Hand, Array] = {}  # where (3,) hands took what nobody knows,
+        self._left: list[Array] = []  # and where they left it, elsewhere
 
     def feel(self, body: Proprioception) -> list[str]:
         """Take in one step of proprioception. Returns the names of what was let go."""
@@ -98,10 +100,14 @@ class Carrying:
                     entry.lowest, entry.highest = _moved(load.box, T @ load.T_tcp_world)
 
     def adopt(self, entries: Iterable[Entry], body: Proprioception) -> None:
-        """Let hands that hold something unknown hold what was just found in them."""
+        """Let hands that hold something unknown hold what was just found in them; what they left was laid down."""
         found = list(entries)
         for hand in [hand for hand, grip in self.grips.items() if grip is None]:
             self._take(hand, body, found)
+        for entry in found:
+            gaps = [np.abs(p - np.clip(p, entry.lowest, entry.highest))[:2].max() for p in self._left]
+            if entry.kind == "object" and not entry.held and min(gaps, default=np.inf) < _GRASPED_M:
+                entry.laid = True
 
     def sort(self, body: Proprioception) -> None:
         """Tell anew what is in what: in the smallest movable thing in whose box its middle is; but for what is held."""
@@ -139,7 +145,9 @@ class Carrying:
                     near.append((gap + float(np.linalg.norm(points.mean(0) - entry.center)) / 2, entry.name))
         if not near:
             self.grips[hand] = None
+            self._took.setdefault(hand, points.mean(0))
             return
+        self._took.pop(hand, None)
         entry = self._knowledge.entries[min(near)[1]]
         entry.inside = None
         self.grips[hand] = Grip(entry.name, {})
@@ -157,6 +165,9 @@ class Carrying:
         """A hand has let go, or lost what it held. Returns the names of what is held no more."""
         self.move(body)
         grip = self.grips.pop(hand)
+        if (took := self._took.pop(hand, None)) is not None:
+            left = np.mean([T[:3, 3] for T in _tcps(hand, body)], axis=0)
+            self._left += [left] if laid_down(took, left, left, by_hand=True) else []
         if grip is None or grip.name not in self._knowledge.entries or self._holding(grip.name) is not None:
             return []
         entry = self._knowledge.entries[grip.name]
@@ -164,7 +175,7 @@ class Carrying:
         for one in carried:
             one.held, one.confidence = False, min(one.confidence, PUT)
         taken_at = grip.loads[grip.name].box.mean(0)
-        entry.laid = laid_down(taken_at, entry.lowest, entry.highest)
+        entry.laid = laid_down(taken_at, entry.lowest, entry.highest, by_hand=True)
         self._fall(entry, body)
         if (into := self._knowledge.entries.get(entry.inside or "")) is not None:
             off = (taken_at < into.lowest) | (taken_at > into.highest)
@@ -208,6 +219,8 @@ class Carrying:
         return {
             "width": dict(self._width),
             "steady": dict(self._steady),
+            "took": {hand: place.tolist() for hand, place in self._took.items()},
+            "left": [place.tolist() for place in self._left],
             "grips": {
                 hand: grip and {
                     "name": grip.name,
@@ -234,6 +247,8 @@ class Carrying:
             grips[cast("Hand", hand)] = grip and Grip(str(grip["name"]), loads)
         self._width = {side: float(saved["width"][side]) for side in SIDES if side in saved["width"]}
         self._steady = {side: int(saved["steady"][side]) for side in SIDES}
+        self._took = {cast("Hand", hand): _array(place, (3,)) for hand, place in saved["took"].items()}
+        self._left = [_array(place, (3,)) for place in saved["left"]]
         self.grips = grips
 
 

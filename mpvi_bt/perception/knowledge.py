@@ -166,16 +166,17 @@ class KnowledgeBase:
         self.entries.update((e.name, e) for e in entries)
 
 
-def laid_down(taken_at: Array, lowest: Array, highest: Array) -> bool:
-    """Whether what a hand took at a place (3,), its middle, was put elsewhere: aside, or on another level than a floor.
+def laid_down(taken_at: Array, lowest: Array, highest: Array, by_hand: bool = False) -> bool:
+    """Whether what a hand took at a place (3,), its middle, was put elsewhere: aside, or on another level.
 
     Args:
         taken_at: Where its middle was [m].
         lowest, highest: (3,) corners of the box about it now.
+        by_hand: A hand let go of it there. What else lies on a floor below where it was taken fell.
     """
     moved = (lowest + highest) / 2 - taken_at
     aside = float(np.linalg.norm(moved[:2])) > LAID_M
-    return aside or bool(abs(moved[2]) > LAID_M and lowest[2] > _FALLEN_M)
+    return aside or bool(abs(moved[2]) > LAID_M and (by_hand or lowest[2] > _FALLEN_M))
 
 
 def _within(entry: Entry, place: Entry) -> bool:
