@@ -178,13 +178,12 @@ class Seen(Memory):
                 [field.View(f.image, self._transparent(f, {*without, *faces}, beside)) for f in some]
                 for some in (frames, self._before(frames) if self._remembering else [])
             )
-            if self._remembering:
-                before = [*self._past.near(xy), *before]
-            coarse = Field(views, xy, thick_m=thick, before=before)
+            past = self._long_seen(xy, {*without, *faces}) if self._remembering else None
+            coarse = Field(views, xy, thick_m=thick, before=before, surfaces=past)
             if self._focus is None:
                 self._field = (key, coarse)
             else:
-                fine = Field(views, self._focus, (_FINE_M,) * 3, _FINE_CELL_M, _FINE_CELL_M / 2, thick, before)
+                fine = Field(views, self._focus, (_FINE_M,) * 3, _FINE_CELL_M, _FINE_CELL_M / 2, thick, before, past)
                 self._field = (key, FineField(coarse, fine))
         flat = {n for n in faces if bounds(self.solids(n))[1, 2] < FLOOR_M}  # a lawn bars no base
         left_out = {*without, *flat}
@@ -239,6 +238,12 @@ class Seen(Memory):
         stand = carved[-1].stand if carved else self._stand
         near = [f for f in self._frames if f.stand != stand and self._way_m - f.way_m < _PASSED_M]
         return [f for f in near if f.image.camera == "head"][-_CARVED:]
+
+    def _long_seen(self, xy: Array, without: Collection[str]) -> Array:
+        """(n, 3) points of surfaces that were seen under earlier prompts, but for those of the things `without`."""
+        points = self._past.surfaces(xy, self._phrases, [f for f in self._frames if f.image.camera == "head"])
+        solids = [s for n in without if n in self._things for s in (*self.solids(n), *self._leaves(n))]
+        return points[Surroundings(solids).distance(points) > _EXPLAINED_M] if solids else points
 
     def _foot(self, name: str, xy: Array) -> Array:
         """Where (3,) the lowest part of furniture is nearest to a place (2,)."""

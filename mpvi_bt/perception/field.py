@@ -49,6 +49,7 @@ class Field:
     def __init__(
         self, views: Sequence[View], middle: Array, size_m: tuple[float, float, float] = _SIZE_M,
         cell_m: float = CELL_M, surface_m: float = _SURFACE_M, thick_m: float = _FAR, before: Sequence[View] = (),
+        surfaces: Array | None = None,
     ) -> None:  # fmt: skip
         """Carve the cells about a place.
 
@@ -60,31 +61,31 @@ class Field:
             cell_m: Edge of a cell.
             surface_m: A point that much before a surface is free.
             thick_m: How far behind a surface cells count as hidden; farther behind they are given the benefit of doubt.
-            before: Earlier views, the newest last: what surfaces they showed counts where `views` have nothing in view,
-                and no later one of them either.
+            before: Earlier views: what surfaces they showed counts where `views` have nothing in view.
+            surfaces: (n, 3) points of what was seen still earlier: they count where none of the views has them in view.
         """
         count = np.round(np.array(size_m) / cell_m).astype(int)
         low_z = _LOWEST_M if len(middle) == 2 else float(middle[2]) - size_m[2] / 2
         self._low = np.array([*(np.asarray(middle, float)[:2] - np.array(size_m[:2]) / 2), low_z])
         self._cell = cell_m
         self._to_world = np.eye(4)
-        doubt = np.zeros(tuple(count), np.uint8)
-        for view in views:
-            self._carve(doubt, view, surface_m, thick_m)
-        for view in reversed(before):
-            earlier = np.zeros_like(doubt)
-            self._carve(earlier, view, surface_m, _REMEMBERED_M)
+        doubt, earlier = np.zeros(tuple(count), np.uint8), np.zeros(tuple(count) if before else (0, 0, 0), np.uint8)
+        seen = [(doubt, view, thick_m) for view in views] + [(earlier, view, _REMEMBERED_M) for view in before]
+        for cells, view, thick in seen:
+            image = view.image
+            depth = np.where(view.through, -np.abs(image.depth), image.depth).astype(np.float32)
+            T_camera_grid = kin.inverse(image.T_world_camera) @ kin.transform(np.eye(3), self._low + cell_m / 2)
+            camera = np.array([image.K[0, 0], image.K[1, 1], image.K[0, 2], image.K[1, 2]])
+            _kernels()["carve"](cells, depth, T_camera_grid, camera, cell_m, surface_m, _NOISE_PER_M, thick)
+        if before:
             np.copyto(doubt, earlier, where=doubt == 0)
+        if surfaces is not None:
+            at = np.floor((surfaces - self._low) / cell_m).astype(int)
+            at = at[((at >= 0) & (at < count)).all(1)]
+            at = at[doubt[tuple(at.T)] == 0]
+            doubt[tuple(at.T)] = _HIDDEN
         self.blocked: NDArray[np.bool_] = doubt == _HIDDEN
         self._distance = distance_to(self.blocked) * np.float32(cell_m) - np.float32(cell_m / 2)
-
-    def _carve(self, cells: NDArray[np.uint8], view: View, surface_m: float, thick_m: float) -> None:
-        """Mark the cells that a view shows to be free or hidden."""
-        image = view.image
-        depth = np.where(view.through, -np.abs(image.depth), image.depth).astype(np.float32)
-        T_camera_grid = kin.inverse(image.T_world_camera) @ kin.transform(np.eye(3), self._low + self._cell / 2)
-        camera = np.array([image.K[0, 0], image.K[1, 1], image.K[0, 2], image.K[1, 2]])
-        _kernels()["carve"](cells, depth, T_camera_grid, camera, self._cell, surface_m, _NOISE_PER_M, thick_m)
 
     def cleared(self, p_world: Array, radius_m: float) -> Field:
         """The same with everything within `radius_m` of the points (n, 3) taken for free, such as the robot's place."""
