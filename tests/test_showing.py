@@ -11,7 +11,7 @@ from benchmarks.hands.holding import put_in_hands
 from mpvi_bt.completion.triggers import ProprioceptiveTriggers
 from mpvi_bt.manipulation.gaze import look_into
 from mpvi_bt.manipulation.scripted import Performance, ScriptedPolicy
-from mpvi_bt.manipulation.showing import done_at, step_up, views
+from mpvi_bt.manipulation.showing import done_at, fell_beside, step_up, views
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.clauses import match
@@ -150,3 +150,14 @@ def test_what_slipped_out_after_it_was_taken_is_taken_anew(held: dict[Side, str]
         felt = world.robot.proprioception()
         world.step(policy.infer({"prompt": "pick up the can of soda", "proprioception": felt, "images": {}})[0])
     assert policy.begun == begun
+
+
+@pytest.mark.parametrize(("at", "missed"), [((1.22, 0.0), True), ((1.0, 0.0), False), ((1.0, 1.0), False)])
+def test_what_was_to_be_in_a_bin_and_stands_right_beside_it_has_missed_it(
+    at: tuple[float, float], missed: bool
+) -> None:
+    """Another can, farther off, was perhaps never meant."""
+    work = work_in(small_world({"can": placed("can_of_soda", *at, z=0.02), "bin": BIN}))
+    call = match("put the can of soda in the trash can", SKILLS)
+    assert call is not None
+    assert fell_beside(work, call) is missed

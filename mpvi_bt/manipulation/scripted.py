@@ -15,7 +15,7 @@ from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.hold_out import present
 from mpvi_bt.manipulation.repertoire import REPERTOIRE
 from mpvi_bt.manipulation.scene import Scene, Sight
-from mpvi_bt.manipulation.showing import views
+from mpvi_bt.manipulation.showing import fell_beside, views
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.skills import Skill, SkillCall
@@ -163,7 +163,8 @@ class ScriptedPolicy:
     def _show(self, work: Work, last: SkillCall) -> Generator[Array, None, bool]:
         """Nobody has said that it is complete: look at it in several ways; hold out what has been filled.
 
-        Returns at once, with true, where it was to be taken and no hand holds anything any more.
+        Returns at once, with true, where it was to be taken and no hand holds anything any more; likewise where it was
+        to be put into something, and the views show it beside that.
         """
         yield from work.motion.wait(_IDLE_S)
         if last.skill.name in _TAKES and not work.carried():
@@ -172,6 +173,8 @@ class ScriptedPolicy:
             with contextlib.suppress(MotionFailure):
                 yield from view
             yield from work.motion.wait(_IDLE_S)
+        if last.skill.name == "place_in" and fell_beside(work, last):
+            return True
         for turn in range(_SHOWN):
             yield from work.motion.wait(_PATIENCE_S)
             for side, held in work.held().items():

@@ -21,6 +21,7 @@ _WHERE = ("container", "surface", "target", "object")  # slots that name what to
 # To look into a thing from: how far from its middle, and from what bearing, off that from here.
 _FROM_M = (0.5, 0.6, 0.7, 0.8)
 _FROM_RAD = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
+_BESIDE_M = 0.15  # from the middle of a thing to what it missed
 _STEP_M = 0.1  # of a way, between checks
 
 
@@ -67,6 +68,15 @@ def views(work: Work, call: SkillCall) -> list[Actions]:
         return [look_at(work, name) for name in names]
     into, back = look_into(work, names[0]), stand_back(work, *names)
     return [into, back, step_up(work, names[0])] if "container" in call.arguments else [back, into]
+
+
+def fell_beside(work: Work, call: SkillCall) -> bool:
+    """Whether what a call was to put into a movable container is known to lie or lean beside it instead."""
+    known = work.scene.knowledge()
+    into = [e for e in known.find(call.arguments["container"]) if e.kind == "object"]
+    left = [e for e in known.find(call.arguments["object"]) if e.inside is None and not e.held]
+    gaps = [float(np.linalg.norm(e.center - np.clip(e.center, c.lowest, c.highest))) for e in left for c in into]
+    return min(gaps, default=_BESIDE_M) < _BESIDE_M
 
 
 def done_at(work: Work, call: SkillCall) -> list[str]:
