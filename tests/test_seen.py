@@ -303,23 +303,6 @@ def test_what_a_look_aside_has_shown_is_remembered_where_hidden_space_is_trusted
         assert seen.obstacles(near, 1.7).distance(wall) > 0.1
 
 
-def test_what_stood_there_under_an_earlier_prompt_is_in_the_way_until_its_place_is_seen_to_be_free() -> None:
-    """An arm that swings aside would else meet the fridge it shut before; what hands may have taken is not counted."""
-    can, ahead, back = {"can_1": placed("can_of_soda", 1.0, 0.2)}, (0.0, 0.0, 0.0), (0.0, 0.0, 3.1)
-    bin_ = placed("trash_can", 1.0, -0.2)
-    seen = looking(tilted(small_world({**can, "other": bin_}, ahead, render=True)), "can of soda")
-    seen.forget(["trash can"])
-    look(tilted(small_world(can, back, render=True)), seen)
-
-    def gap(y: float) -> float:
-        return float(seen.obstacles(np.array([0.5, 0.0]), 1.7).distance(np.array([0.9, y, 0.12])))
-
-    assert gap(-0.2) < 0.07
-    assert gap(0.25) > 0.1
-    look(tilted(small_world({}, ahead, render=True)), seen)
-    assert gap(-0.2) > 0.1
-
-
 def tall_cabinet(x: float, y: float, yaw: float) -> World:
     """One that stands open, seen from somewhere."""
     cabinet = "{entry: tall_cabinet, at: [1.0, 0.0], yaw_deg: 180, shape: {hinge: left}}"

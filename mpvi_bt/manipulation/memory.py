@@ -83,7 +83,6 @@ class Memory:
     def __init__(self, detector: Detector) -> None:
         """See through `detector`."""
         self._detector = detector
-        self._felt: Proprioception | None = None
         self.forget(())
 
     def forget(self, phrases: Iterable[str]) -> None:
@@ -97,7 +96,7 @@ class Memory:
         self._shown: dict[Side, InHand] = {}  # what was first seen in a hand
         self._both: tuple[str, Array] | None = None  # likewise between both hands, by the left one's motion
         self._stand, self._stood, self._way_m = 0, np.full(3, np.inf), 0.0
-        self._felt = None
+        self._felt: Proprioception | None = None
         self._field: tuple[object, Obstacles] | None = None
         self._fronts: dict[str, tuple[list[Frame], list[Door]]] = {}  # of furniture, as these pictures show it
         self._bodies: dict[str, tuple[tuple[list[Frame], float], list[Solid]]] = {}  # likewise, seen down to so far

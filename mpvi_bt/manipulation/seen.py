@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Literal
 
 import numpy as np
@@ -14,9 +14,8 @@ from mpvi_bt.manipulation.faces import room
 from mpvi_bt.manipulation.fitting import View
 from mpvi_bt.manipulation.frames import FLOOR_M, Frame
 from mpvi_bt.manipulation.memory import Memory, Thing
-from mpvi_bt.manipulation.past import Past
 from mpvi_bt.perception import field
-from mpvi_bt.perception.detector import Detector, switch_of
+from mpvi_bt.perception.detector import switch_of
 from mpvi_bt.perception.field import Field, FineField
 from mpvi_bt.perception.fronts import fronts, switch
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
@@ -45,18 +44,6 @@ _TRUSTED_M = 0.04  # how thick surfaces are where hidden space is given the bene
 
 class Seen(Memory):
     """A `mpvi_bt.manipulation.scene.Scene` and its `Sight`."""
-
-    def __init__(self, detector: Detector) -> None:
-        """See through `detector`."""
-        self._past = Past()
-        super().__init__(detector)
-
-    def forget(self, phrases: Iterable[str]) -> None:
-        """As `Memory` does; only where surfaces were seen is still known."""
-        if self._felt is not None:
-            movable = {t.phrase for t in self._things.values() if t.shape.kind != "furniture"}
-            self._past.keep(self._frames, movable)
-        super().forget(phrases)
 
     def knowledge(self) -> KnowledgeBase:
         """As `Scene` says."""
@@ -178,12 +165,11 @@ class Seen(Memory):
                 [field.View(f.image, self._transparent(f, {*without, *faces}, beside)) for f in some]
                 for some in (frames, self._before(frames) if self._remembering else [])
             )
-            past = self._long_seen(xy, {*without, *faces}) if self._remembering else None
-            coarse = Field(views, xy, thick_m=thick, before=before, surfaces=past)
+            coarse = Field(views, xy, thick_m=thick, before=before)
             if self._focus is None:
                 self._field = (key, coarse)
             else:
-                fine = Field(views, self._focus, (_FINE_M,) * 3, _FINE_CELL_M, _FINE_CELL_M / 2, thick, before, past)
+                fine = Field(views, self._focus, (_FINE_M,) * 3, _FINE_CELL_M, _FINE_CELL_M / 2, thick, before)
                 self._field = (key, FineField(coarse, fine))
         flat = {n for n in faces if bounds(self.solids(n))[1, 2] < FLOOR_M}  # a lawn bars no base
         left_out = {*without, *flat}
@@ -238,12 +224,6 @@ class Seen(Memory):
         stand = carved[-1].stand if carved else self._stand
         near = [f for f in self._frames if f.stand != stand and self._way_m - f.way_m < _PASSED_M]
         return [f for f in near if f.image.camera == "head"][-_CARVED:]
-
-    def _long_seen(self, xy: Array, without: Collection[str]) -> Array:
-        """(n, 3) points of surfaces that were seen under earlier prompts, but for those of the things `without`."""
-        points = self._past.surfaces(xy, self._phrases, [f for f in self._frames if f.image.camera == "head"])
-        solids = [s for n in without if n in self._things for s in (*self.solids(n), *self._leaves(n))]
-        return points[Surroundings(solids).distance(points) > _EXPLAINED_M] if solids else points
 
     def _foot(self, name: str, xy: Array) -> Array:
         """Where (3,) the lowest part of furniture is nearest to a place (2,)."""

@@ -49,7 +49,6 @@ class Field:
     def __init__(
         self, views: Sequence[View], middle: Array, size_m: tuple[float, float, float] = _SIZE_M,
         cell_m: float = CELL_M, surface_m: float = _SURFACE_M, thick_m: float = _FAR, before: Sequence[View] = (),
-        surfaces: Array | None = None,
     ) -> None:  # fmt: skip
         """Carve the cells about a place.
 
@@ -62,7 +61,6 @@ class Field:
             surface_m: A point that much before a surface is free.
             thick_m: How far behind a surface cells count as hidden; farther behind they are given the benefit of doubt.
             before: Earlier views: what surfaces they showed counts where `views` have nothing in view.
-            surfaces: (n, 3) points of what was seen still earlier: they count where none of the views has them in view.
         """
         count = np.round(np.array(size_m) / cell_m).astype(int)
         low_z = _LOWEST_M if len(middle) == 2 else float(middle[2]) - size_m[2] / 2
@@ -78,12 +76,7 @@ class Field:
             camera = np.array([image.K[0, 0], image.K[1, 1], image.K[0, 2], image.K[1, 2]])
             _kernels()["carve"](cells, depth, T_camera_grid, camera, cell_m, surface_m, _NOISE_PER_M, thick)
         if before:
-            np.copyto(doubt, earlier, where=doubt == 0)
-        if surfaces is not None:
-            at = np.floor((surfaces - self._low) / cell_m).astype(int)
-            at = at[((at >= 0) & (at < count)).all(1)]
-            at = at[doubt[tuple(at.T)] == 0]
-            doubt[tuple(at.T)] = _HIDDEN
+            doubt[(doubt == 0) & (earlier == _HIDDEN)] = _HIDDEN
         self.blocked: NDArray[np.bool_] = doubt == _HIDDEN
         self._distance = distance_to(self.blocked) * np.float32(cell_m) - np.float32(cell_m / 2)
 
