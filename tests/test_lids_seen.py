@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from mpvi_bt.manipulation.open import behind
 from mpvi_bt.manipulation.openings import lid as is_lid
 from mpvi_bt.perception.fit import fit
 from mpvi_bt.perception.lids import lid
+from mpvi_bt.robot.solids import Solid, pose
 from tests.small_house import placed, small_world
 from tests.test_fronts import seen
 from tests.test_lids import DESK, lidded
@@ -78,3 +81,15 @@ def test_a_box_is_below_its_lid(fraction: float) -> None:
     (true,), found = world.doors("thing"), lid(seen(world, 0.002, EYES[0]), EYES[0])
     assert found is not None
     assert behind(found).aabb()[1, 2] < true.origin[2] + 0.02
+
+
+def test_what_seems_to_be_nothing_but_a_lid_is_a_thing_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plate in a hand, seen on edge, may be taken for a lid that stands open: no points are left of a body then."""
+    world = lidded("toolbox", 0.0)
+    points = seen(world, 0.004, EYES[0])
+    up = lid(points, EYES[0])
+    low, high = points.min(0), points.max(0)
+    assert up is not None
+    everything = Solid("box", (high - low) / 2 + 0.05, pose((low + high) / 2))
+    monkeypatch.setattr("mpvi_bt.perception.fit.raised", lambda points, eye: replace(up, solids=(everything,)))
+    assert fit(points, TABLE, EYES[0]) is not None

@@ -31,6 +31,7 @@ _SLICE_M = 0.01
 _LEVEL_M, _SHOWN = 0.01, 10  # what is so near to the height that a cylinder stands on, and more points of it,
 _WITHIN = 0.85  # is not seen through it, but for its edge: masks are rough, and round things jut out over their feet
 _STAVES = 16
+_LEAST_POINTS = 5
 
 
 def fit(points: Array, around: Array, eye: Array, support: float | None = None) -> Shape | None:
@@ -46,7 +47,7 @@ def fit(points: Array, around: Array, eye: Array, support: float | None = None) 
         The shape, or None if there is too little to see.
     """
     points = thinned(main_cluster(points))
-    if len(points) < 5:
+    if len(points) < _LEAST_POINTS:
         return None
     low, top = np.percentile(points, 1, axis=0), float(np.percentile(points[:, 2], 99))
     large = np.ptp(np.percentile(points, [2, 98], axis=0)[:, :2], axis=0).max() > _FURNITURE_M
@@ -54,8 +55,9 @@ def fit(points: Array, around: Array, eye: Array, support: float | None = None) 
         return furniture(points)
     if support is None:
         support = support_height(points, around, eye)
-    if (up := raised(points, eye)) is not None:
-        below = _small(without_lid(points, up), around, eye, support, large)
+    up = raised(points, eye)
+    if up is not None and len(body := without_lid(points, up)) >= _LEAST_POINTS:
+        below = _small(body, around, eye, support, large)
         if below is not None and below.kind == "vessel":
             return replace(below, solids=(*below.solids, *up.solids))
     return _small(points, around, eye, support, large)
