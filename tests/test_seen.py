@@ -273,26 +273,6 @@ def test_the_near_wall_of_a_basket_is_in_the_way_though_only_its_rim_is_seen() -
         assert (seen.obstacles((low + high)[:2] / 2, 1.0).distance(foot) < 0.01).all()
 
 
-def test_what_lies_in_a_held_basket_is_not_in_the_way_though_nobody_asked_for_it() -> None:
-    """It is carried along: taken for an obstacle, a can in the basket would hide all that is behind it."""
-    things = {"bin": placed("wicker_basket", 0.75, 0.0), "can_1": placed("can_of_soda", 0.75, 0.0, 0.02)}
-    world = tilted(small_world(things, render=True), 0.9)
-    seen = looking(world, "trash can")
-    (bin_,) = names(seen, "trash can")
-    low, high = bounds(world.solids("can_1"))
-    top = np.append((low + high)[:2] / 2, high[2])
-    assert seen.obstacles(top[:2], 1.0, without={bin_}).distance(top) < 0.02
-    felt = world.robot.proprioception()
-    felt = replace(
-        felt, gripper_command={**felt.gripper_command, "left": -1.0}, gripper_width={**felt.gripper_width, "left": 0.02}
-    )
-    tcp = kin.base(felt.base_pose) @ R1.tcp(felt.torso, felt.arm["left"], "left")
-    seen._frames.clear()
-    seen._grip["left"] = (bin_, kin.inverse(tcp))
-    seen.see({"head": world.robot.look("head")}, felt)
-    assert seen.obstacles(top[:2], 1.0, without={bin_}).distance(top) > 0.02
-
-
 def test_what_was_set_down_in_furniture_is_still_in_the_way_there() -> None:
     """An arm that folds beside a shelf would sweep it off. What fell in lies anywhere."""
     things = {"bin": placed("wicker_basket", 0.75, 0.0), "egg_0": placed("easter_egg", 0.75, -0.1, 0.02)}

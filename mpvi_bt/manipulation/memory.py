@@ -50,7 +50,6 @@ _DEEPER_M = 0.1  # than it seems a vessel in hand may be
 _OUTER = 1.2  # what contains a thing covers that much more floor than it
 _OUTSIDE_M = 0.05  # a leg may stand so far outside of what is seen of a table's top
 _SAME_M = 0.015  # a vessel whose outside is seen that near to where it was stands there still
-_HEAPED_M = 0.06  # what lies in a vessel rises so high above it
 _RECENTERED_M = 0.04  # fingers that close shift what they take by less than this
 
 
@@ -140,10 +139,6 @@ class Memory:
             for frame, mask in thing.views:
                 self._regard(thing, frame, mask)
             thing.views = []
-        for thing in [t for n, t in self._things.items() if n in self._held() and t.shape.kind == "vessel"]:
-            low, high = self._shape(thing.name).box() + [[-_OUTSIDE_M / 2], [_OUTSIDE_M / 2]]
-            for frame in self._frames[-len(images) :]:  # what lies in it is carried along, whatever that is
-                frame.robot[:] |= ((frame.points > low) & (frame.points < high + [0, 0, _HEAPED_M])).all(-1)
         for thing in self._things.values():  # what is seen in a vessel is in it
             if thing.inside is None and thing.name not in self._held() and thing.shape.kind != "furniture":
                 vessels = [n for n, t in self._things.items() if t.shape.kind == "vessel" and self._holds(t, thing)]
