@@ -169,14 +169,17 @@ def test_a_hand_keeps_clear_of_the_lid_of_what_it_lets_something_fall_into(
     solids = tuple(s.moved(frame) for s in world.solids("sausage"))
     held = Held("sausage", T_tcp_thing, solids, Load(solids))
     clear: list[int] = []
+    heights: set[float] = set()
 
     def find(search: Search, focus: Array, options: Sequence[Option], here_first: bool) -> None:
         clear.append(sum(search.fits(option) for option in options))
+        heights.update(round(float(option.waypoints[1][2, 3]), 2) for option in options)
 
     monkeypatch.setattr(Search, "find", find)
     monkeypatch.setattr(work, "load", lambda side: held)
     assert not list(drop.drop_in(work, "right", "jar", [], anywhere=True))
     assert clear == [80]
+    assert max(heights) - min(heights) > 0.05  # well above the lid, too
 
 
 @pytest.mark.parametrize(

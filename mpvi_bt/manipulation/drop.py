@@ -25,7 +25,10 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array, Solid, bounds
 
-_OVER_RIM_M = 0.02  # between the lowest point of the thing and the rim
+_OVER_RIM_M = 0.02  # between the lowest point of the thing and the rim,
+_OVER_LID_M = 0.03  # or what stands up above that, such as a lid that is open: above it there is room for every hand
+_MOST_UP_M = 0.16
+_HEIGHTS = 4  # from the one to the other
 _FALL_M = 0.008  # to spare on every side of a thing that falls into a container
 _COVER_M = 0.6  # what is that much higher than a rim does not cover it
 _BEST_RELEASES = 80  # tried of each pose of the container,
@@ -56,7 +59,7 @@ def drop_in(
     """
 
     def find(search: Search, here_first: bool) -> Stance | None:
-        found = releases(work, work.load(side), side, container)
+        found = releases(work, work.load(side), side, container, anywhere)
         options = upright_options(_by_turns(found) if anywhere else found[:_BEST_RELEASES], 0.10, contact=2)
         if anywhere:
             options = list(islice((option for option in options if search.fits(option)), _BEST_RELEASES))
@@ -104,16 +107,16 @@ def reach_over(work: Work, side: Side, releases: Sequence[tuple[Array, float]], 
     yield from motion.line(side, kin.inverse(work.base) @ hangs, speed=0.08)
 
 
-def releases(work: Work, held: Held, side: Side, container: str) -> list[tuple[Array, float]]:
+def releases(work: Work, held: Held, side: Side, container: str, raised: bool = False) -> list[tuple[Array, float]]:
     """Hand poses T_world_tcp from which the thing falls into the container, with a cost, the best first.
 
     The thing's outline, seen from above, has to fit between the walls and past whatever covers the opening, such as a
-    handle or the furniture that a drawer belongs to; its lowest point is over the rim.
+    handle or the furniture that a drawer belongs to; its lowest point is over the rim, or, if `raised`, farther up too.
     """
     found: list[tuple[Array, float]] = []
     for volume in work.scene.volumes(container):
         if volume.T[2, 2] > _UPRIGHT:
-            found += _into(work, held, side, volume, container)
+            found += _into(work, held, side, volume, container, raised)
     return sorted(found, key=lambda r: r[1])
 
 
@@ -125,17 +128,21 @@ def _by_turns(found: Sequence[tuple[Array, float]]) -> list[tuple[Array, float]]
     seen: dict[bytes, int] = {}
     ranked = []
     for T, cost in found:
-        turned = np.round(T[:3, :3], 2).tobytes()
-        ranked.append((seen.get(turned, 0), (T, cost)))
-        seen[turned] = seen.get(turned, 0) + 1
+        held = np.round(np.append(T[:3, :3], T[2, 3]), 2).tobytes()
+        ranked.append((seen.get(held, 0), (T, cost)))
+        seen[held] = seen.get(held, 0) + 1
     return [pose for _, pose in sorted(ranked, key=lambda r: r[0])]
 
 
-def _into(work: Work, held: Held, side: Side, volume: Solid, container: str) -> Iterator[tuple[Array, float]]:
+def _into(
+    work: Work, held: Held, side: Side, volume: Solid, container: str, raised: bool
+) -> Iterator[tuple[Array, float]]:
     frame, half = kin.inverse(volume.T), volume.half_m
     walls = np.stack([s.moved(frame).aabb() for s in work.scene.solids(container)])
     rim = float(volume.T[2, 3] + half[2])
     low, high = walls[:, 0], walls[:, 1]
+    stands = float(high[:, 2].max() - half[2])  # what is open above the rim
+    ups = np.linspace(0.0, np.clip(stands + _OVER_LID_M, 0.0, _MOST_UP_M), _HEIGHTS if raised else 1)
     across = (high[:, :2] > 1e-3 - half[:2]).all(1) & (low[:, :2] < half[:2] - 1e-3).all(1)
     covers = walls[across & (high[:, 2] > half[2] - 0.03) & (low[:, 2] < half[2] + _COVER_M)]
     if volume.kind == "cylinder":
@@ -165,10 +172,11 @@ def _into(work: Work, held: Held, side: Side, volume: Solid, container: str) -> 
                 if under + tall / 2 > half[2] - _FALL_M:
                     continue  # it would come to lie over the rim
                 over = volume.T[:3, :3] @ [*at, 0.0] + volume.T[:3, 3]
-                p = np.append(over[:2] - middle, rim + _OVER_RIM_M - low[2])
                 cost = 10 * max(0.0, 0.025 - float(gap)) + 0.1 * abs(float(turn)) + 2.0 * abs(tilt)
                 cost += 10 * float(reach.max()) + 0.5 * float(np.hypot(*at)) + 0.5 * (under + float(half[2]))
-                yield kin.transform(R, p), cost
+                for up in ups:
+                    p = np.append(over[:2] - middle, rim + _OVER_RIM_M + up - low[2])
+                    yield kin.transform(R, p), cost + 2.0 * float(up)
 
 
 def _spare(volume: Solid, rows: Array, covers: Array) -> Array:
