@@ -8,11 +8,14 @@ import pytest
 from mpvi_bt.goals.predicates import open_
 from mpvi_bt.manipulation.close import pushes
 from mpvi_bt.manipulation.grasps import grasps
+from mpvi_bt.manipulation.open import _rise_off
 from mpvi_bt.manipulation.openings import lid, moved, outward, swings
 from mpvi_bt.manipulation.truth import TrueScene
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import Side
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
-from tests.test_open import play
+from tests.test_open import play, work_in
 
 DESK = "{entry: desk, at: [0.85, 0.0], yaw_deg: 180}"
 
@@ -71,6 +74,22 @@ def test_no_hand_lifts_a_thing_by_the_bar_of_its_lid() -> None:
     found = grasps(TrueScene(world), "thing", 0.0)
     assert found
     assert all(abs(g.T_world_tcp[:3, 1] @ [0.0, 1.0, 0.0]) > 0.9 for g in found)
+
+
+def test_a_hand_at_its_end_is_raised_off_a_bar_by_the_torso(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that stayed would draw the lid shut as the base backs off."""
+    world = lidded("hinged_jar", 0.8)
+    work = work_in(world)
+
+    def no_reach(side: Side) -> Actions:
+        raise MotionFailure("no_reach")
+
+    monkeypatch.setattr(work, "rise", no_reach)
+    before = work.motion.felt.torso[0]
+    for action in _rise_off(work, "right"):
+        world.step(action)
+        work.motion.felt = world.robot.proprioception()
+    assert work.motion.felt.torso[0] == pytest.approx(before + 0.1, abs=0.01)
 
 
 @pytest.mark.slow

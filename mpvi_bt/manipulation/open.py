@@ -44,6 +44,7 @@ _VIEWS = 3  # that what looks open is believed in, at the most
 _SAME_BAR_M = 0.06
 _BACK_OUT_M = 0.15
 _BACK_OFF_M = 0.25
+_RISE_M = 0.1
 
 
 def open_(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -170,12 +171,24 @@ def then_leave(work: Work, side: Side, doing: Actions, aside: Array | None = Non
     if (length := float(np.linalg.norm(away))) > 0.3:
         yield from _trying(back_out(motion, away / length + (0.0 if aside is None else aside), _BACK_OUT_M), failures)
     else:
-        yield from _trying(work.rise(side), [])
+        yield from _trying(_rise_off(work, side), [])
     yaw = motion.felt.base_pose[2]
     yield from _trying(back_out(motion, -np.array([np.cos(yaw), np.sin(yaw)]), _BACK_OFF_M), [])  # as far as it goes
     yield from _trying(settle(work), failures)
     if failures:
         raise failures[0]
+
+
+def _rise_off(work: Work, side: Side) -> Actions:
+    """Raise a hand off the bar of a lid, with the torso where the arm is at its end: it would draw the lid shut."""
+    try:
+        yield from work.rise(side)
+    except MotionFailure as failure:
+        if failure.reason != "no_reach":
+            raise
+        torso = work.motion.torso
+        torso[0] = min(torso[0] + _RISE_M, work.motion.robot.torso_limits[0, 1])
+        yield from work.motion.stand(torso)
 
 
 def _trying(doing: Actions, failures: list[MotionFailure]) -> Actions:
