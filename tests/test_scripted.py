@@ -39,18 +39,36 @@ class Told(ScriptedPolicy):
     ("outcomes", "objects"),
     [
         ("++", "cb."),
-        ("+--+", "cbcb."),  # the cup is on the table and in no hand: the bowl is tried again all the same
-        ("+-++", "cbcb."),  # the cup was picked up anew, say
-        ("+---", "cbcbcb"),
-        ("-+-++", "ccbcb."),  # the cup needed two rounds
+        ("+--+", "cbbb."),  # the cup is on the table, and stays there: the bowl alone is tried again
+        ("+-++", "cbb."),
+        ("+---", "cbbb"),
+        ("-+-+", "ccbb."),  # the cup needed two rounds
         ("---", "ccc"),  # what was never done holds up what comes after it
     ],
 )
-def test_a_round_goes_on_after_what_was_done_before(outcomes: str, objects: str) -> None:
-    """What failed is tried again, whether or not what came before it can be done twice."""
+def test_a_round_goes_on_after_what_was_put_away_before(outcomes: str, objects: str) -> None:
+    """What failed is tried again; another cup is not put on the table for it."""
+    assert tried(PROMPT, outcomes) == objects
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "objects"),
+    [
+        ("++-+++", "dcbdcb."),
+        ("++---+", "dcbdcb."),  # the door is open and the cup in hand
+        ("-+++", "ddcb."),
+    ],
+)
+def test_a_round_begins_anew_where_nothing_was_put_away(outcomes: str, objects: str) -> None:
+    """What was taken may have been dropped, what was opened fallen shut."""
+    assert tried("open the door, then pick up the cup, then open the bin", outcomes) == objects
+
+
+def tried(prompt: str, outcomes: str) -> str:
+    """The first letters of the objects of what was tried, with a full stop if it was done in the end."""
     policy = Told(outcomes)
-    done = _returned(policy.perform(cast("Work", None), PROMPT)) is not None
-    assert policy.objects[: len(objects)] + "." * done == objects
+    done = _returned(policy.perform(cast("Work", None), prompt)) is not None
+    return policy.objects + "." * done
 
 
 class Gives(ScriptedPolicy):

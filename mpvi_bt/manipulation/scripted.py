@@ -27,6 +27,7 @@ _PATIENCE_S = 2.0  # longer than a trigger takes to fire,
 _IDLE_S = 3.5  # and than one does of who only looks
 _PAST_RAD = (0.4, -0.8, 0.4)  # turns of the base: what is carried may hide what it has come to
 _TAKES = ("pick", "lift")  # skills that leave something in hand
+_PUTS = ("place_in", "place_on", "place_next_to", "place_under")  # and that put it away
 _ATTEMPTS = 4  # of one skill
 _ROUNDS = 3  # of a whole prompt
 _SHOWN = 3  # times that what has been filled is held out
@@ -123,12 +124,13 @@ class ScriptedPolicy:
             calls.append(call)
         if not calls:
             return None
-        done = 0  # so many calls have succeeded once
-        for _ in range(_ROUNDS):  # what was dropped on the way is picked up again
-            for k, call in enumerate(calls):
+        done = begin = 0  # so many calls have succeeded once, and so many lie behind what was put away last
+        for _ in range(_ROUNDS):  # what was dropped on the way is picked up again; what was put away stays there
+            for k, call in enumerate(calls[begin:], begin):
                 if (yield from self.attempt(work, call)):
                     done = max(done, k + 1)
-                elif k >= done:  # what was done before may be done still, such as a thing that lies where it was put
+                    begin = k + 1 if call.skill.name in _PUTS else begin
+                elif k >= done:  # what was done before may be done still, such as a door that stands open
                     break
             else:
                 return calls[-1]
