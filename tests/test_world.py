@@ -175,6 +175,28 @@ def test_what_was_held_and_lies_elsewhere_is_laid_down() -> None:
     assert again.knowledge().entries["can"].laid
 
 
+def test_what_is_taken_again_where_it_was_laid_is_laid_where_it_first_stood() -> None:
+    """A jar from a cabinet, filled on a table and put back, is put away; a saved world knows it, too."""
+    world = small_world({"can": placed("can_of_soda", 2.0, 2.0)})
+    place_in_hand(world, "can", "left")
+    first = world.pose("can")
+    assert not world.knowledge().entries["can"].laid
+    action = world.robot.action
+    action[ActionLayout.GRIPPER["left"]] = 1.0
+    run(world, action, 1.0)
+    world.place("can", pose((*world.pose("can")[:2, 3] + [1.0, 0.0], 0.001)))
+    assert world.knowledge().entries["can"].laid
+    again = small_world({"can": placed("can_of_soda", 2.0, 2.0)})
+    again.restore(json.loads(json.dumps(world.save())))
+    for each in (world, again):
+        each._whereabouts._holding.in_hand = lambda side: "can" if side == "left" else None  # type: ignore[method-assign]
+        each._whereabouts.forget()
+        assert each.knowledge().entries["can"].held
+        each._whereabouts._holding.in_hand = lambda side: None  # type: ignore[method-assign]
+        each.place("can", pose((*first[:2, 3], 0.001)))
+        assert each.knowledge().entries["can"].laid
+
+
 def test_an_empty_fist_holds_nothing() -> None:
     """Hands that closed on nothing hold nothing, though a can is near."""
     world = small_world({"can": placed("can_of_soda", 2.0, 2.0)})

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -39,19 +40,21 @@ class Whereabouts:
         self._fixtures, self._objects, self._phrases, self._holding = fixtures, objects, phrases, holding
         self._prior, self._map = knowledge(house), prior_map(house)
         self._told: tuple[int, KnowledgeBase] | None = None
-        self._taken_at: dict[str, Array] = {}  # the middle (3,) of what a hand first held, at that time
+        self._taken_at: dict[str, Array] = {}  # the middle (3,) of what a hand took, when it did
+        self._laid: set[str] = set()  # what lay so at the last look
 
     def forget(self) -> None:
         """Look anew when asked again: something was moved between two steps."""
         self._told = None
 
-    def save(self) -> dict[str, list[float]]:
-        """Where what has been carried was taken, x, y, z [m]."""
-        return {name: at.tolist() for name, at in self._taken_at.items()}
+    def save(self) -> dict[str, Any]:
+        """Where what has been carried was taken, x, y, z [m], and what has been laid down."""
+        return {"taken_at": {name: at.tolist() for name, at in self._taken_at.items()}, "laid": sorted(self._laid)}
 
-    def restore(self, saved: Mapping[str, Sequence[float]]) -> None:
+    def restore(self, saved: Mapping[str, Any]) -> None:
         """Go on from what `save` told."""
-        self._taken_at = {name: np.array(at) for name, at in saved.items()}
+        self._taken_at = {name: np.array(at) for name, at in saved.get("taken_at", {}).items()}
+        self._laid = set(saved.get("laid", ()))
         self.forget()
 
     def at(self, step: int) -> KnowledgeBase:
@@ -68,8 +71,8 @@ class Whereabouts:
         for name, thing in self._objects.items():
             low, high = bounds(thing.solids())
             inside = next((c for c, names in containers.items() if name in names), None)
-            if name in carried:
-                self._taken_at.setdefault(name, (low + high) / 2)
+            if name in carried and (name in self._laid or name not in self._taken_at):
+                self._taken_at[name] = (low + high) / 2
             taken_at = self._taken_at.get(name)
             laid = taken_at is not None and name not in carried and laid_down(taken_at, low, high)
             if taken_at is not None and inside is not None and name not in carried:
@@ -82,6 +85,7 @@ class Whereabouts:
                     held=name in carried or inside in carried, inside=inside, laid=laid,
                 )
             )  # fmt: skip
+        self._laid = {e.name for e in base if e.laid}
         return base
 
     def _now(self, known: Entry) -> Entry:

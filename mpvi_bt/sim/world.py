@@ -220,7 +220,7 @@ class World:
         """How everything stands, as JSON values: the robot, and every thing that can move."""
         things = {name: thing.motion() for name, thing in self._things.items() if thing.moves}
         return {"steps": self.steps, "robot": self.robot.save(), "things": things, "on": self._switches.on,
-                "taken_at": self._whereabouts.save()}  # fmt: skip
+                "whereabouts": self._whereabouts.save()}  # fmt: skip
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Bring everything to how it stood. Contacts are found anew, so what follows is close to, not the same as,
@@ -239,7 +239,7 @@ class World:
             self._things[name].set_motion(motion)
         self.robot.restore(saved["robot"])
         self._switches.turn(saved.get("on", {}))
-        self._whereabouts.restore(saved.get("taken_at", {}))
+        self._whereabouts.restore(saved.get("whereabouts", {}))
         self.steps = int(saved["steps"])
 
     def look_from(self, T_world_camera: Array, size: tuple[int, int] = (640, 480), fov_rad: float = 1.0) -> CameraImage:
