@@ -11,7 +11,7 @@ import pytest
 from mpvi_bt.manipulation.close import is_closed, pushes
 from mpvi_bt.manipulation.course import Course
 from mpvi_bt.manipulation.expert import ExpertPolicy
-from mpvi_bt.manipulation.follow import go_along
+from mpvi_bt.manipulation.follow import _reach, go_along
 from mpvi_bt.manipulation.open import is_open
 from mpvi_bt.manipulation.openings import doors_meant, moved, swings, thing_meant
 from mpvi_bt.manipulation.truth import TrueScene
@@ -235,6 +235,22 @@ def test_a_lost_bar_is_noticed_at_once_and_taken_hold_of_again() -> None:
     assert play(world, "open the refrigerator", watch=tear)[-1] == "done"
     assert noticed[0] - torn[0] <= 15
     assert is_open(world.doors("thing")[0])
+
+
+def test_an_arm_that_leads_something_along_does_not_swing_to_another_elbow() -> None:
+    """It follows what is near; for what only another posture reaches it stays where it is, and says so."""
+    world = small_world()
+    motion = Motion(world.robot.proprioception())
+    T = kin.base(motion.felt.base_pose) @ motion.hand("left")
+    before = motion.arm("left").copy()
+    turned = T.copy()
+    turned[:3, :3] = kin.rot_z(1.5) @ T[:3, :3]
+    assert not _reach(motion, "left", turned)
+    np.testing.assert_array_equal(motion.arm("left"), before)
+    near = T.copy()
+    near[2, 3] += 0.01
+    assert _reach(motion, "left", near)
+    assert (motion.arm("left") != before).any()
 
 
 def test_a_base_that_is_held_up_goes_back_before_it_gives_up() -> None:

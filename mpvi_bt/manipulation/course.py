@@ -24,8 +24,9 @@ from mpvi_bt.robot.solids import Array, Solid
 _PITCHES = (0.0, 0.3, 0.6, 0.9, 1.2)
 _RUN_UPS_M = (0.4, 0.25, 0.12)  # the arm takes its posture that far behind, in the open, and the base drives it in
 _ELBOW = 3
-_SAMPLES = 5  # of a course, for checks
-_LEAP_RAD = 0.9  # between samples; more is another elbow
+_SAMPLES = 5  # of a course, for checks of what is in the way,
+_BETWEEN = 4  # and steps from one to the next, for whether the arm reaches all of it
+_LEAP_RAD = 0.5  # between steps; more is another elbow
 _CHECKED_POSTURES = 12  # of one base pose
 _MOST_EFFORT = 24.0  # of one search; a base pose takes 1,
 _GLANCE = 0.25  # or that if no posture is worth a look at its whole way
@@ -227,24 +228,25 @@ class CourseSearch(Site):
         if self.bendable:
             every = body.robot.torsos(_PITCHES, body.torso[3])
             ends += list(every[np.argsort(np.abs(every[:, :3] - body.torso[:3]) @ [1.0, 0.0, 0.8])])
-        poses = [kin.inverse(kin.base(base)) @ course.pulled(float(x)) for x in np.linspace(0, 1, _SAMPLES)]
+        xs = np.linspace(0, 1, (_SAMPLES - 1) * _BETWEEN + 1)
+        poses = [(float(x), kin.inverse(kin.base(base)) @ course.pulled(float(x))) for x in xs]
         for end in ends:
             if self._goes_along(body, base, course, q, end, poses):
                 return np.asarray(end, float)
         return None
 
     def _goes_along(
-        self, body: Body, base: Array, course: Course, q: Array, end: Array, poses: Sequence[Array]
+        self, body: Body, base: Array, course: Course, q: Array, end: Array, poses: Sequence[tuple[float, Array]]
     ) -> bool:
         postures = []
-        for x, T in zip(np.linspace(0, 1, _SAMPLES), poses, strict=True):
+        for x, T in poses:
             torso = body.torso + (end - body.torso) * x
             near = body.robot.nearest_posture(kin.inverse(body.robot.chest(torso)) @ T, self.side, q)
             if near is None or np.abs(near - q).max() > _LEAP_RAD or near[_ELBOW] > _BENT_RAD:
                 return False
             q = near
-            postures.append((float(x), torso, q))
-        for x, torso, q in postures:
+            postures.append((x, torso, q))
+        for x, torso, q in postures[::_BETWEEN]:
             there = replace(body, torso=torso, around=self._then(course, x, base), arms={**body.arms, self.side: q})
             if not (there.free(self.side, q, grasping=True)[0] and there.trunk_free() and self._idle_free(there)):
                 return False

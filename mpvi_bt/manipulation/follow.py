@@ -20,6 +20,7 @@ _BASE_SPEED_M_S = 0.28
 _HAND_SPEED_M_S = 0.30
 _TURN_SPEED_RAD_S = 0.6
 _STEP_RAD = 0.12  # that a joint's target may move a step
+_LEAP_RAD = 0.6  # more is another elbow
 _SETTLING_STEPS = 15
 _LOST_STEPS = 5  # a hand that has been out of reach for so long has lost the course
 _OFF_M = 0.15  # what a hand is drawn back by, off what its fingers stand around
@@ -149,14 +150,17 @@ def _seconds(course: Course, start: Array) -> float:
 
 
 def _reach(motion: Motion, side: Side, T_world_tcp: Array) -> bool:
-    """Turn the arm's targets toward a hand pose, seen from where base and torso really are; False if it is far off."""
+    """Turn the arm's targets toward a hand pose, seen from where base and torso really are; False if it is far off.
+
+    The arm stays where it is then: on its way to another elbow the hand would swing what it holds.
+    """
     T_chest_world = kin.inverse(kin.base(motion.felt.base_pose) @ motion.robot.chest(motion.felt.torso))
     now = motion.arm(side)
     q = motion.robot.nearest_posture(T_chest_world @ T_world_tcp, side, now)
-    if q is None:
+    if q is None or np.abs(q - now).max() > _LEAP_RAD:
         return False
     motion.action[ActionLayout.ARM[side]] = now + np.clip(q - now, -_STEP_RAD, _STEP_RAD)
-    return bool(np.abs(q - now).max() < 0.6)
+    return True
 
 
 def _moving(motion: Motion, velocity_world: Array) -> Array:
