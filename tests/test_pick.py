@@ -187,3 +187,24 @@ def test_what_is_said_of_containers_tells_them_apart() -> None:
     world.settle()
     assert task.nearest("mixing bowl with the egg") == "far"
     assert task.nearest("mixing bowl with the candle") == "near"
+
+
+def test_the_other_one_is_not_the_one_that_was_taken_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two as much put away "the other can" is the farther one, though the first was cut short in hand."""
+    world = small_world({"near": placed("can_of_soda", 1.0, 0.0), "far": placed("can_of_soda", 1.4, 0.0)})
+    task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    taken: list[str] = []
+
+    def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
+        taken.append(name)
+        monkeypatch.setattr(work.scene, "holding", lambda s: name if s == side else None)
+        yield work.motion.still()
+
+    monkeypatch.setattr(picking, "pick_up", pick_up)
+    for said in ("can of soda", "the other can of soda", "another can of soda", "can of soda"):
+        monkeypatch.setattr(task.scene, "holding", lambda s: None)
+        actions = pick(task, {"object": said}, [])
+        assert isinstance(actions, Generator)
+        next(actions)
+        actions.close()
+    assert taken == ["near", "far", "near", "near"]

@@ -13,6 +13,7 @@ from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.hand import opened
 from mpvi_bt.manipulation.stance import Option
 from mpvi_bt.manipulation.work import NEAR_M, Words, Work
+from mpvi_bt.perception.phrases import OTHER, normalize
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Load
 from mpvi_bt.robot.motion import Actions, MotionFailure
@@ -50,6 +51,9 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
             return
     held_ones = {work.scene.holding(side) for side in SIDES}
     names = [n for n in work.alike(words["object"], words.get("source")) if n not in held_ones]
+    said = normalize(OTHER.sub("", words["object"]))
+    if OTHER.match(words["object"]):  # of two that are as much put away it is not the one taken before
+        names.sort(key=lambda name: name == work.meant.get(said))
     if not names:  # no hand takes what the other one has
         raise MotionFailure("unknown_object")
     for name in names[:_ALIKE]:
@@ -64,6 +68,9 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
                     raise
                 failed = failure
                 reached = reached or failure.reason == "no_stance"
+            finally:  # who is told that it is in hand hears the next prompt while it is still being brought
+                if work.scene.holding(side) == name:
+                    work.meant[said] = name
     raise failed
 
 
