@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -81,7 +83,7 @@ def test_a_hand_at_its_end_is_raised_off_a_bar_by_the_torso(monkeypatch: pytest.
     world = lidded("hinged_jar", 0.8)
     work = work_in(world)
 
-    def no_reach(side: Side) -> Actions:
+    def no_reach(side: Side, shares: Sequence[float]) -> Actions:
         raise MotionFailure("no_reach")
 
     monkeypatch.setattr(work, "rise", no_reach)

@@ -313,3 +313,52 @@ def test_fingers_that_do_not_open_where_they_stand_are_raised(jammed_m: float) -
     else:
         with pytest.raises(MotionFailure, match="not_released"):
             play(motion, placing.release(work, "right", 0.08, 0.1), step)
+
+
+@pytest.mark.parametrize(("reaches_m", "rises_m"), [(0.2, 0.1), (0.06, 0.05), (0.03, 0.025), (0.01, None)])
+def test_a_hand_is_raised_as_far_as_its_arm_reaches(
+    monkeypatch: pytest.MonkeyPatch, reaches_m: float, rises_m: float | None
+) -> None:
+    """By 10 cm, or half or a quarter of that; where even that is out of reach it says so."""
+    world = small_world()
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    z, went = work.motion.hand("left")[2, 3], []
+
+    def line(side: Side, T: Array) -> Actions:
+        if T[2, 3] - z > reaches_m:
+            raise MotionFailure("no_reach")
+        went.append(float(T[2, 3] - z))
+        yield from ()
+
+    monkeypatch.setattr(work.motion, "line", line)
+    if rises_m is None:
+        with pytest.raises(MotionFailure, match="no_reach"):
+            list(work.rise("left"))
+    else:
+        list(work.rise("left"))
+        assert went == [pytest.approx(rises_m)]
+
+
+def test_what_has_fallen_in_is_in_though_the_hand_does_not_come_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hand at the end of its arm over a toolbox had let the hammer fall, and was told to put it in again."""
+    world = small_world()
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+
+    def found(*_: object) -> Generator[Array, None, tuple[None, None]]:
+        yield from ()
+        return None, None
+
+    def nothing(*_: object) -> Actions:
+        yield from ()
+
+    def rise(side: Side) -> Actions:
+        raise MotionFailure("no_reach")
+
+    monkeypatch.setattr(drop, "close_in", found)
+    for name in ("take_up", "lines", "look_at", "release"):
+        monkeypatch.setattr(drop, name, nothing)
+    monkeypatch.setattr(work, "rise", rise)
+    going = drop.drop_in(work, "left", "box", [])
+    with pytest.raises(StopIteration) as end:
+        next(going)
+    assert end.value.value is True

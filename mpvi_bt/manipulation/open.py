@@ -182,7 +182,7 @@ def then_leave(work: Work, side: Side, doing: Actions, aside: Array | None = Non
 def _rise_off(work: Work, side: Side) -> Actions:
     """Raise a hand off the bar of a lid, with the torso where the arm is at its end: it would draw the lid shut."""
     try:
-        yield from work.rise(side)
+        yield from work.rise(side, shares=(1.0,))
     except MotionFailure as failure:
         if failure.reason != "no_reach":
             raise

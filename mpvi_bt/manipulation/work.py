@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,6 +23,7 @@ Words = Mapping[str, str]  # what fills the slots of a skill call, such as {"obj
 
 NEAR_M = 1.7  # solids farther from the robot than this do not matter to a skill
 _LIFTED_M = 0.10
+_RISES = (1.0, 0.5, 0.25)
 _AJAR = 0.3  # of its limit: a door that stands open so far is open
 _ON_M = 0.03  # what lies on a thing is as much above its top, or below its bottom, at the most
 
@@ -205,11 +206,22 @@ class Work:
         loads = {s: h.load for s, h in self.held().items()}
         return Body(self.motion.robot, self.motion.torso, arms, loads, self.near(without).seen_from(self.base))
 
-    def rise(self, side: Side, by_m: float = _LIFTED_M) -> Actions:
-        """Raise a hand straight up."""
-        T = self.motion.hand(side)
-        T[2, 3] += by_m
-        yield from self.motion.line(side, T)
+    def rise(self, side: Side, by_m: float = _LIFTED_M, shares: Sequence[float] = _RISES) -> Actions:
+        """Raise a hand straight up, by the first of `shares` of `by_m` that the arm reaches.
+
+        Raises:
+            MotionFailure: "no_reach" if it reaches none of them, "arm_blocked" if something holds it off.
+        """
+        now = self.motion.hand(side)
+        for share in shares:
+            T = now.copy()
+            T[2, 3] += share * by_m
+            try:
+                yield from self.motion.line(side, T)
+                return
+            except MotionFailure as failure:
+                if failure.reason != "no_reach" or share == shares[-1]:
+                    raise
 
     def gripped(self, side: Side) -> bool:
         """Whether the closed hand has something between its fingers, by its width."""
