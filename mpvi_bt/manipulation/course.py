@@ -260,7 +260,7 @@ class CourseSearch(Site):
 def _bases(here: Array, focus: Array, heading: float, side: Side) -> Iterator[Array]:
     """Base poses before a place (2,) in the world, looking along `heading` or somewhat past it, the plainest first."""
     ranked = []
-    for ahead in (0.40, 0.46, 0.52, 0.58, 0.64, 0.70):
+    for ahead in (0.40, 0.46, 0.52, 0.58, 0.64, 0.70, 0.77, 0.84):
         for lateral in (0.18, 0.10, 0.26, 0.02, 0.34, -0.08):
             for turn in (0.0, 0.25, -0.25, 0.5, -0.5, 0.8, -0.8):
                 yaw, y = heading + turn, lateral * SIGN[side]
