@@ -114,3 +114,14 @@ def test_a_lid_is_closed(entry: str) -> None:
     assert play(world, f"close the {entry.replace('_', ' ')}")[-1] == "done"
     assert not open_(world, "thing")
     assert np.linalg.norm(world.pose("thing")[:3, 3] - before) < 0.1
+
+
+@pytest.mark.slow
+def test_a_lid_is_closed_at_the_back_of_a_long_deep_board() -> None:
+    """No base comes nearer than 75 cm to where a fist goes behind it, and there is no way around the board."""
+    desk = "{entry: desk, at: [0.95, 0.0], yaw_deg: 180, shape: {size_m: [0.8, 2.6, 0.741]}}"
+    world = small_world({"thing": placed("toolbox", 1.15, 0.0, 0.741, np.pi)}, desk=desk)
+    world.set_opening("thing", "lid", 0.8)
+    world.settle(0.3)
+    assert play(world, "close the toolbox")[-1] == "done"
+    assert not open_(world, "thing")
