@@ -278,11 +278,8 @@ def test_what_is_held_far_out_before_a_counter_is_brought_to_where_it_goes_as_th
     first, bent = kin.transform(down, (0.6, 0.1, 0.6)), np.array([0.0, 0.0, 0.5, 0.5])
     assert search.stood(bent, around, arms) is None
     standing = search.stood(bent, around, arms, first)
-    again = search.stood(bent, around, arms, first, again=True)  # after the first was found wanting: the same, sooner
-    assert search.stood(bent, around, arms, again=True) is None
-    assert (standing is None) is (again is None) is laden
-    if standing is not None and again is not None:
-        np.testing.assert_array_equal(standing.level["left"], again.level["left"])
+    assert (standing is None) is laden
+    if standing is not None:
         np.testing.assert_allclose(R1.tcp(bent, standing.body.arms["left"], "left"), first, atol=1e-6)
         assert standing.body.all_free()
 

@@ -79,7 +79,7 @@ def stance_at(
             continue
         checked += 1
         if standing.get(where[0]) is None:
-            standing[where[0]] = site.stood(torso, behind, arms, goals[where[1]][0], again=where[0] in standing)
+            standing[where[0]] = site.stood(torso, behind, arms, goals[where[1]][0])
         stood = standing[where[0]]
         if stood is None:
             continue

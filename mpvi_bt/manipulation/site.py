@@ -197,9 +197,8 @@ class Site:
         return Body(self.motion.robot, torso, arms, {s: h.load for s, h in self.held.items()}, around)
 
     def stood(
-        self, torso: Array, around: Obstacles, arms: Mapping[Side, Array], first: Array | None = None,
-        again: bool = False,
-    ) -> Standing | None:  # fmt: skip
+        self, torso: Array, around: Obstacles, arms: Mapping[Side, Array], first: Array | None = None
+    ) -> Standing | None:
         """The body once the torso has moved there, the other hand level if it holds something; None if it cannot.
 
         Args:
@@ -208,25 +207,23 @@ class Site:
             arms: Postures (7,) of the arms before.
             first: T_base_tcp (4, 4) where the hand that works goes next: it may go there meanwhile, if what it holds is
                 not filled, as that may be on a slant.
-            again: Whether it could not with another `first`: only what hangs on that is looked at then.
         """
         body = self.body(self.motion.torso, around, arms)
         now = {s: body.robot.tcp(body.torso, arms[s], s) for s in self.held}
         stays = {s: arm_motion.stay(T) for s, T in now.items()}
         # What the hands hold keeps its place while the torso moves, or rides along with it, or is brought out, or on.
-        ways = [] if again else [(6, stays)]  # how many samples to look at
-        if self.side in self.held and not again:
-            ways.append((6, {s: path for s, path in stays.items() if s != self.side}))
+        ways = [stays]
+        if self.side in self.held:
+            ways.append({s: path for s, path in stays.items() if s != self.side})
             for turn, off in itertools.product(_OUT_RAD, _OUT_M):
                 R = kin.rot_z(turn) @ now[self.side][:3, :3]
                 out = kin.transform(R, now[self.side][:3, 3] + off * [1, SIGN[self.side], 1])
-                ways.append((12, {**stays, self.side: arm_motion.glide(now[self.side], out)}))
-        if self.side in self.held and first is not None and not self.held[self.side].laden:
-            glides = (arm_motion.glide(now[self.side], first, detour) for detour in _ON_M)
-            ways += [(12, {**stays, self.side: glide}) for glide in glides]
+                ways.append({**stays, self.side: arm_motion.glide(now[self.side], out)})
+            if first is not None and not self.held[self.side].laden:
+                ways += [{**stays, self.side: arm_motion.glide(now[self.side], first, detour)} for detour in _ON_M]
         level = None
-        for samples, hands in ways:
-            level = arm_motion.sweep(body, torso, hands, samples)
+        for k, hands in enumerate(ways):
+            level = arm_motion.sweep(body, torso, hands, samples=6 if k < 2 else 12)
             if level is not None:
                 break
         if level is None:
