@@ -175,7 +175,7 @@ def test_what_was_held_and_lies_elsewhere_is_laid_down() -> None:
     assert again.knowledge().entries["can"].laid
 
 
-def test_what_is_taken_again_where_it_was_laid_is_laid_where_it_first_stood() -> None:
+def test_what_is_taken_again_where_it_was_laid_is_laid_where_it_first_stood(monkeypatch: pytest.MonkeyPatch) -> None:
     """A jar from a cabinet, filled on a table and put back, is put away; a saved world knows it, too."""
     world = small_world({"can": placed("can_of_soda", 2.0, 2.0)})
     place_in_hand(world, "can", "left")
@@ -189,10 +189,10 @@ def test_what_is_taken_again_where_it_was_laid_is_laid_where_it_first_stood() ->
     again = small_world({"can": placed("can_of_soda", 2.0, 2.0)})
     again.restore(json.loads(json.dumps(world.save())))
     for each in (world, again):
-        each._whereabouts._holding.in_hand = lambda side: "can" if side == "left" else None  # type: ignore[method-assign]
+        monkeypatch.setattr(each._whereabouts._holding, "in_hand", {"left": "can"}.get)
         each._whereabouts.forget()
         assert each.knowledge().entries["can"].held
-        each._whereabouts._holding.in_hand = lambda side: None  # type: ignore[method-assign]
+        monkeypatch.undo()
         each.place("can", pose((*first[:2, 3], 0.001)))
         assert each.knowledge().entries["can"].laid
 

@@ -28,7 +28,7 @@ from mpvi_bt.robot.solids import Array, Solid, bounds
 
 _OVER_RIM_M = 0.02  # between the lowest point of the thing and the rim,
 _OVER_LID_M = 0.03  # or what stands up above that, such as a lid that is open: above it there is room for every hand
-_MOST_UP_M = 0.16
+_MOST_UP_M = 0.16  # farther up than the gap over the rim, at the most: our choice, as what falls far may turn
 _HEIGHTS = 4  # from the one to the other
 _FALL_M = 0.008  # to spare on every side of a thing that falls into a container
 _COVER_M = 0.6  # what is that much higher than a rim does not cover it
@@ -123,16 +123,16 @@ def releases(work: Work, held: Held, side: Side, container: str, raised: bool = 
 
 
 def _by_turns(found: Sequence[tuple[Array, float]]) -> list[tuple[Array, float]]:
-    """Hand poses, the best first, reordered: the best of each orientation, then the second best of each, and so on.
+    """Hand poses, the best first, reordered: the best of each orientation and height, then the second best, and so on.
 
     The best of all differ by millimeters, and an arm that is barred from one of them is barred from the rest.
     """
     seen: dict[bytes, int] = {}
     ranked = []
     for T, cost in found:
-        held = np.round(np.append(T[:3, :3], T[2, 3]), 2).tobytes()
-        ranked.append((seen.get(held, 0), (T, cost)))
-        seen[held] = seen.get(held, 0) + 1
+        kind = np.round(np.append(T[:3, :3], T[2, 3]), 2).tobytes()
+        ranked.append((seen.get(kind, 0), (T, cost)))
+        seen[kind] = seen.get(kind, 0) + 1
     return [pose for _, pose in sorted(ranked, key=lambda r: r[0])]
 
 
