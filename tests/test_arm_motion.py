@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mpvi_bt.manipulation.outline import points
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
-from mpvi_bt.robot.arm_motion import glide, plan, plan_level, stay, sweep, trace
+from mpvi_bt.robot.arm_motion import glide, plan, plan_level, stay, sweep, swing, swings_clear, trace
 from mpvi_bt.robot.collision import Body, Load, Surroundings
 from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.protocol import SIDES, Side
@@ -227,6 +227,25 @@ def test_a_sweep_into_something_is_none() -> None:
     assert sweep(barred, bent, {}) is None
     assert sweep(barred, TORSO, {}) == {}
     assert sweep(free, TORSO, level_hand) is not None  # type: ignore[arg-type]
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds, sides)
+def test_a_sweep_is_a_swing_that_is_clear(seed: int, side: Side) -> None:
+    """What stands around does not change how the body swings, only whether it may: one swing serves all base poses."""
+    rng = np.random.default_rng(seed)
+    torso = np.array([rng.uniform(0.25, 0.45), 0.0, rng.uniform(0.0, 0.4), 0.0])
+    bodies = [robot(), robot(POLE), robot(TABLE)]
+    path = glide(R1.tcp(TORSO, r1.TRAVEL_ARM[side], side), anywhere(rng, side))
+    free, *others = [swing(body, torso, {side: path}) for body in bodies]
+    for arms in others:
+        assert (arms is None) == (free is None)
+        if arms is not None and free is not None:
+            np.testing.assert_array_equal(arms[side], free[side])
+    if free is not None:
+        assert swings_clear(bodies[0], torso, free)
+        for body in bodies:
+            assert (sweep(body, torso, {side: path}) is not None) == swings_clear(body, torso, free)
 
 
 @pytest.mark.parametrize(("rise_m", "barred"), [(-0.03, False), (0.001, True), (0.01, True)])

@@ -212,7 +212,7 @@ class Site:
         now = {s: body.robot.tcp(body.torso, arms[s], s) for s in self.held}
         stays = {s: arm_motion.stay(T) for s, T in now.items()}
         # What the hands hold keeps its place while the torso moves, or rides along with it, or is brought out, or on.
-        ways = [stays]
+        ways, on = [stays], []
         if self.side in self.held:
             ways.append({s: path for s, path in stays.items() if s != self.side})
             for turn, off in itertools.product(_OUT_RAD, _OUT_M):
@@ -220,15 +220,23 @@ class Site:
                 out = kin.transform(R, now[self.side][:3, 3] + off * [1, SIGN[self.side], 1])
                 ways.append({**stays, self.side: arm_motion.glide(now[self.side], out)})
             if first is not None and not self.held[self.side].laden:
-                ways += [{**stays, self.side: arm_motion.glide(now[self.side], first, detour)} for detour in _ON_M]
-        level = None
-        for k, hands in enumerate(ways):
-            level = arm_motion.sweep(body, torso, hands, samples=6 if k < 2 else 12)
-            if level is not None:
-                break
-        if level is None:
-            return None
-        return Standing(replace(body, torso=torso, arms={**arms, **{s: q[-1] for s, q in level.items()}}), level)
+                on = [{**stays, self.side: arm_motion.glide(now[self.side], first, detour)} for detour in _ON_M]
+        for k, hands in enumerate(ways + on):
+            samples = 6 if k < 2 else 12
+            key: tuple[int | bytes, ...] = (k, torso.tobytes(), *(q.tobytes() for q in arms.values()))
+            if first is not None and k >= len(ways):
+                key += (first.tobytes(),)
+            if key not in self._swung:
+                self._swung[key] = arm_motion.swing(body, torso, hands, samples)
+            level = self._swung[key]
+            if level is not None and arm_motion.swings_clear(body, torso, level, samples):
+                after = {**arms, **{s: q[-1] for s, q in level.items()}}
+                return Standing(replace(body, torso=torso, arms=after), level)
+        return None
+
+    @cached_property
+    def _swung(self) -> dict[tuple[int | bytes, ...], dict[Side, list[Array]] | None]:
+        return {}  # by way and postures, once they are asked for: the body does the same at every base pose
 
 
 def _on_leg(start: Array, goal: Array, leaving: bool) -> Array:

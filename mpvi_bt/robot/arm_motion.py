@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.collision import NOTHING, Body
 from mpvi_bt.robot.model import SIGN, RobotModel
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
@@ -123,13 +124,17 @@ def stay(T_base_tcp: Array) -> HandPath:
 
 def glide(start: Array, goal: Array, detour: Array | None = None) -> HandPath:
     """The path from pose to pose (4, 4), over a point that lies off the middle of the way by `detour` (3,) [m]."""
-    turning = Slerp([0, 1], Rotation.from_matrix(np.stack([start[:3, :3], goal[:3, :3]])))
     first, last = start[:3, 3], goal[:3, 3]
+
+    @cache  # made once it is followed: of the ways of a search few are
+    def turning() -> Slerp:
+        return Slerp([0, 1], Rotation.from_matrix(np.stack([start[:3, :3], goal[:3, :3]])))
+
     via = (first + last) / 2 + (np.zeros(3) if detour is None else detour)
 
     def path(u: float) -> Array:
         p = first + (via - first) * 2 * u if u < 0.5 else via + (last - via) * (2 * u - 1)
-        return kin.transform(turning(u).as_matrix(), p)
+        return kin.transform(turning()(u).as_matrix(), p)
 
     return path
 
@@ -149,32 +154,48 @@ def sweep(
         For each hand `samples` + 1 postures (7,), evenly spaced from the present one on, or None if an arm would have
         to leap or something would touch.
     """
-    arms, start = dict(body.arms), np.asarray(body.torso, float)
-    out = {side: [arms[side]] for side in hands}
-    # What stands too near the furniture may stay so; the arms themselves have to come clear of each other.
-    near = {}
-    for s in arms:
-        around, itself = body.clearance(s, arms[s])
-        keep = _CORNERS_M if s in body.held else 0.0
-        near[s] = (min(keep, float(around[0])) - 1e-6, min(0.0, float(itself[0])) - 1e-6)
-    for u in np.linspace(0, 1, samples + 1)[1:]:
-        now = start[:3] + (np.asarray(torso, float)[:3] - start[:3]) * u
-        chest = kin.inverse(body.robot.chest(now))
-        for side, path in hands.items():
-            q = body.robot.nearest_posture(chest @ path(float(u)), side, arms[side])
-            if q is None or np.abs(q - arms[side]).max() > _SWEEP_LEAP_RAD:
+    arms = swing(body, torso, hands, samples)
+    return arms if arms is not None and swings_clear(body, torso, arms, samples) else None
+
+
+def swing(
+    body: Body, torso: Array, hands: Mapping[Side, HandPath], samples: int = 12
+) -> dict[Side, list[Array]] | None:
+    """As `sweep`, whatever stands around: None if an arm would have to leap or the robot would touch itself."""
+    out = {side: [body.arms[side]] for side in hands}
+    torsos = list(_torsos(body, torso, samples))
+    for side, path in hands.items():  # what is cheap to refute comes first
+        for u, now in torsos:
+            q = body.robot.nearest_posture(kin.inverse(body.robot.chest(now)) @ path(u), side, out[side][-1])
+            if q is None or np.abs(q - out[side][-1]).max() > _SWEEP_LEAP_RAD:
                 return None
-            arms[side] = q
             out[side].append(q)
-        moved = replace(body, torso=now, arms=dict(arms))
-        if not moved.trunk_free():
-            return None
-        for side in arms:
-            around, itself = moved.clearance(side, arms[side])
-            apart = near[side][1] if u < 0.3 else _SWING_M if side in body.held else 0.0
-            if around[0] <= near[side][0] or itself[0] <= apart:
+    # The arms have to come clear of each other, whatever they start from.
+    before = {s: min(0.0, float(body.amid(NOTHING).clearance(s, q)[1][0])) - 1e-6 for s, q in body.arms.items()}
+    for k, (u, now) in enumerate(torsos, 1):
+        moved = replace(body, torso=now, arms={**body.arms, **{s: q[k] for s, q in out.items()}}, around=NOTHING)
+        for side, q in moved.arms.items():
+            apart = before[side] if u < 0.3 else _SWING_M if side in body.held else 0.0
+            if moved.clearance(side, q)[1][0] <= apart:
                 return None
     return out
+
+
+def swings_clear(body: Body, torso: Array, arms: Mapping[Side, Sequence[Array]], samples: int = 12) -> bool:
+    """Whether what `swing` has found keeps clear of what is around; what stands too near may stay so."""
+    before = {s: min(_CORNERS_M if s in body.held else 0.0, body.distance(s, q)) - 1e-6 for s, q in body.arms.items()}
+    for k, (_, now) in enumerate(_torsos(body, torso, samples), 1):
+        moved = replace(body, torso=now, arms={**body.arms, **{s: q[k] for s, q in arms.items()}})
+        if not moved.trunk_free() or any(moved.distance(s, q) <= before[s] for s, q in moved.arms.items()):
+            return False
+    return True
+
+
+def _torsos(body: Body, torso: Array, samples: int) -> Iterator[tuple[float, Array]]:
+    """Shares of the way to a torso posture (>= 3,), and what it is by then (3,)."""
+    start = np.asarray(body.torso, float)[:3]
+    for u in np.linspace(0, 1, samples + 1)[1:]:
+        yield float(u), start + (np.asarray(torso, float)[:3] - start) * u
 
 
 def trace(robot: RobotModel, torso: Array, side: Side, start: Array, T_base_tcp: Array) -> list[Array] | None:

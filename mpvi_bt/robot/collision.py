@@ -170,6 +170,11 @@ class Body:
         p, _, radii, _ = self._arm_points(side, q, False)
         return p, radii
 
+    def distance(self, side: Side, q: Array) -> float:
+        """How far posture q (7,) of an arm, with what it holds, keeps from the surroundings [m], negative within."""
+        p, radii = self.spheres(side, q)
+        return float((self.around.distance(p) - radii).min())
+
     def free(self, side: Side, q: Array, margin: float = 0.0, grasping: bool = False) -> NDArray[np.bool_]:
         """(n,) bool: postures q (n, 7) that keep `margin` [m] from the surroundings and clear of the robot itself."""
         around, itself = self.clearance(side, q, grasping)
