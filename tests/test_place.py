@@ -182,6 +182,24 @@ def test_a_hand_keeps_clear_of_the_lid_of_what_it_lets_something_fall_into(
     assert max(heights) - min(heights) > 0.05  # well above the lid, too
 
 
+@pytest.mark.parametrize(("filled_m", "low", "raised"), [(0.0, True, True), (0.1, False, True), (0.13, False, False)])
+def test_a_thing_is_let_go_of_over_a_heap_where_there_is_nowhere_else(
+    monkeypatch: pytest.MonkeyPatch, filled_m: float, low: bool, raised: bool
+) -> None:
+    """An egg falls into an empty bowl of 12 cm; onto a heap below its rim only if asked to; onto a higher one never."""
+    world = small_world({"bowl": placed("mixing_bowl", 0.6, 0.0), "egg": placed("easter_egg", 1.5, 1.5, 0.02)})
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    x, y = world.pose("bowl")[:2, 3].tolist()
+    heap = box((x, y, filled_m / 2), (0.3, 0.3, filled_m + 1e-3))
+    monkeypatch.setattr(work.scene, "within", lambda name: ["heap"])
+    monkeypatch.setattr(work.scene, "solids", lambda name: [heap] if name == "heap" else world.solids(name))
+    frame = kin.inverse(world.pose("egg"))
+    solids = tuple(s.moved(frame) for s in world.solids("egg"))
+    held = Held("egg", np.eye(4), solids, Load(solids))
+    assert bool(drop.releases(work, held, "left", "bowl")) == low
+    assert bool(drop.releases(work, held, "left", "bowl", raised=True)) == raised
+
+
 @pytest.mark.parametrize(
     ("at", "turn", "onto"),
     [

@@ -50,7 +50,7 @@ def drop_in(
         container: What it is to fall into.
         tried: Base poses that are not to be tried again.
         anywhere: Not only from the best places above it, but from all where the hand fits: a lid that stands open
-            bars the way to the best ones.
+            bars the way to the best ones, or things lie there already.
 
     Returns:
         Whether that could be tried; nothing has moved if not: it is covered, too narrow, or out of reach from above.
@@ -113,7 +113,8 @@ def releases(work: Work, held: Held, side: Side, container: str, raised: bool = 
     """Hand poses T_world_tcp from which the thing falls into the container, with a cost, the best first.
 
     The thing's outline, seen from above, has to fit between the walls and past whatever covers the opening, such as a
-    handle or the furniture that a drawer belongs to; its lowest point is over the rim, or, if `raised`, farther up too.
+    handle or the furniture that a drawer belongs to; its lowest point is over the rim. It has to come to lie below the
+    rim. If `raised`, it may be let go of farther up too, and over a heap that ends below the rim, to roll into a gap.
     """
     found: list[tuple[Array, float]] = []
     for volume in work.scene.volumes(container):
@@ -171,8 +172,8 @@ def _into(
             spare = _spare(volume, rows, covers)
             onto = _onto(rows, lying, -float(half[2]))
             for at, gap, under in zip(*(values[spare > _FALL_M] for values in (grid, spare, onto)), strict=True):
-                if under + tall / 2 > half[2] - _FALL_M:
-                    continue  # it would come to lie over the rim
+                if under + (0.0 if raised else tall / 2) > half[2] - _FALL_M:
+                    continue  # it would come to lie over the rim; on a heap, in one of its gaps at best
                 over = volume.T[:3, :3] @ [*at, 0.0] + volume.T[:3, 3]
                 cost = 10 * max(0.0, 0.025 - float(gap)) + 0.1 * abs(float(turn)) + 2.0 * abs(tilt)
                 cost += 10 * float(reach.max()) + 0.5 * float(np.hypot(*at)) + 0.5 * (under + float(half[2]))
