@@ -77,11 +77,11 @@ def leaning(work: Work, held: Held, lean: float) -> Array | None:
     upright = _upright(work.scene.pose(held.name)[:3, :3])
     if not lean:
         return upright
-    if work.scene.within(held.name):
-        return None
     frame = kin.inverse(held.T_tcp_thing)
     size = np.ptp(bounds(s.moved(kin.transform(upright, (0.0, 0.0, 0.0)) @ frame) for s in held.solids), axis=0)
     stands = abs(lean) < _STANDS * float(np.arctan2(size[:2].min(), size[2]))
+    if work.scene.within(held.name) and not stands:
+        return None
     if not (stands or abs(lean) > LIES_RAD or all(s.kind == "sphere" for s in held.solids)):
         return None
     closing = upright @ frame[:3, 1] * [1, 1, 0]
