@@ -80,6 +80,13 @@ class Search(Site):
                 left = _apart_from(left, base, *spacing)
         return None
 
+    def go_around(self, focus_xy: Array) -> list[Array] | None:
+        """Base poses to drive to, nearer to where one may stand about a place (2,) but what is around is not known yet.
+
+        None if all of that is known, or out of reach.
+        """
+        return self.toward(_bases(self.motion.felt.base_pose, focus_xy, self.side))
+
     def _sought(self, options: Sequence[Option], able: Sequence[int]) -> bytes:
         """The same for searches for the same with the same hand, to the centimeter."""
         at = np.stack([options[k].waypoints[min(options[k].contact, len(options[k].waypoints) - 1)] for k in able])
