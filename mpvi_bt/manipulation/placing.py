@@ -40,6 +40,7 @@ LYING = (
 TURNS = tuple(np.arange(12) * np.pi / 6 - np.pi)
 _STANDS = 0.8  # of the lean at which a thing tips over
 LIES_RAD = 1.1
+_HARDLY_RAD = 0.1
 _DOWN_M = 0.004  # a thing is let go of so far above the surface,
 _LEANING_DOWN_M = 0.008  # or so far if it leans
 _SPARE_M = 0.03  # opened beyond the width of what was held
@@ -73,14 +74,17 @@ def leaning(work: Work, held: Held, lean: float) -> Array | None:
     """The rotation (3, 3) of a thing that leans so far; None if it would fall over from there, or what is in it out.
 
     What leans a little comes to stand, what lies nearly flat comes to lie; what is between falls anywhere, but a ball.
+    What has things in it leans hardly more than it does in the hand.
     """
-    upright = _upright(work.scene.pose(held.name)[:3, :3])
+    now = work.scene.pose(held.name)[:3, :3]
+    upright = _upright(now)
     if not lean:
         return upright
     frame = kin.inverse(held.T_tcp_thing)
     size = np.ptp(bounds(s.moved(kin.transform(upright, (0.0, 0.0, 0.0)) @ frame) for s in held.solids), axis=0)
     stands = abs(lean) < _STANDS * float(np.arctan2(size[:2].min(), size[2]))
-    if work.scene.within(held.name) and not stands:
+    hangs = float(Rotation.from_matrix(upright.T @ now).magnitude())
+    if work.scene.within(held.name) and not (stands and abs(lean) < hangs + _HARDLY_RAD):
         return None
     if not (stands or abs(lean) > LIES_RAD or all(s.kind == "sphere" for s in held.solids)):
         return None
