@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -146,7 +147,12 @@ def test_where_the_nearest_is_out_of_reach_the_next_is_taken(monkeypatch: pytest
         if reasons:
             raise MotionFailure(reasons.pop(0))
 
+    def nowhere(work: Work, name: str) -> Generator[Array, None, bool]:
+        yield from ()
+        return False
+
     monkeypatch.setattr(picking, "pick_up", pick_up)
+    monkeypatch.setattr(picking, "_go_around", nowhere)
     cases: tuple[tuple[list[str], str], ...] = (
         ([], "1"), (["no_stance"], "10"), (["no_stance"] * 9, "10"), (["slipped"], "1"),
         (["no_grasp"], "10"), (["no_grasp"] * 2, "102"), (["no_grasp"] * 9, "102"), (["no_grasp", "no_stance"], "10"),
@@ -187,6 +193,30 @@ def test_what_is_said_of_containers_tells_them_apart() -> None:
     world.settle()
     assert task.nearest("mixing bowl with the egg") == "far"
     assert task.nearest("mixing bowl with the candle") == "near"
+
+
+@pytest.mark.parametrize("tries", [1, 2, 3, 9])
+def test_what_is_out_of_reach_is_gone_around(monkeypatch: pytest.MonkeyPatch, tries: int) -> None:
+    """The robot drives on around it, twice at most, and tries again from there; in the end it cannot be reached."""
+    world = small_world({"can": placed("can_of_soda", 1.2, 0.0)}, (0.0, 0.0, 0.0))
+    task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    bases: list[Array] = []
+
+    def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
+        bases.append(work.motion.felt.base_pose.copy())
+        yield from ()
+        if len(bases) < tries:
+            raise MotionFailure("no_stance")
+
+    monkeypatch.setattr(picking, "pick_up", pick_up)
+    actions = pick(task, {**CAN, "hand": "left"}, [])
+    if tries > 3:
+        with pytest.raises(MotionFailure, match="no_stance"):
+            played(world, task, actions)
+    else:
+        played(world, task, actions)
+    assert len(bases) == min(tries, 3)
+    assert all(np.linalg.norm(a[:2] - b[:2]) > 0.5 for a, b in combinations(bases, 2))
 
 
 def test_the_other_one_is_not_the_one_that_was_taken_before(monkeypatch: pytest.MonkeyPatch) -> None:

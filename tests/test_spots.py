@@ -14,6 +14,7 @@ from mpvi_bt.manipulation.outline import outline
 from mpvi_bt.manipulation.placing import Pose, leaning
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
+from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.motion import Motion, MotionFailure
 from mpvi_bt.robot.solids import bounds
@@ -135,10 +136,11 @@ def test_a_board_is_filled_from_a_corner_at_its_back(wide: int, deep: int, apart
 
 
 def test_what_has_something_in_it_is_set_down_upright() -> None:
-    """A bowl may lean as it is set down, but not with an egg in it."""
-    for egg_x, leans in ((0.5, True), (-1.0, False)):
+    """A bowl may lean as it is set down, but not with an egg in it, unless it leans already."""
+    for egg_x, hangs, leans in ((0.5, 0.0, True), (-1.0, 0.0, False), (-1.0, 0.2, True)):
         things = {"bowl": placed("bowl", -1.0, 0.5), "egg": placed("easter_egg", egg_x, 0.5, 0.02)}
         world = small_world(things)
+        world.place("bowl", world.pose("bowl") @ kin.transform(kin.rot_y(hangs), (0.0, 0.0, 0.0)))
         work = Work(Holding(world, "bowl"), Motion(world.robot.proprioception()), np.random.default_rng(0))
         held = work.held()["left"]
         assert leaning(work, held, 0.0) is not None
