@@ -18,6 +18,7 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
+LEGS = 2  # around what is out of reach
 _LOOKS = 4  # at a thing that is only seen, with a drive between two
 _PAUSE_S = 10.0  # to earn what a search takes: one that fails as it may take no more has not looked everywhere
 _REFINED = 10  # options near the planned one that a correction may take instead
@@ -92,6 +93,17 @@ def close_in(
                 yield from work.motion.drive(base)
     assert stance is not None
     return stance, search
+
+
+def go_around(work: Work, name: str) -> Generator[Array, None, bool]:
+    """Drive on around a thing, to where more of what is around it is known; whether there was such a place.
+
+    What stands in a car's trunk is out of reach from beside the car.
+    """
+    way = work.search("right", {name}).go_around(work.middle(name)[:2])
+    for base in way or ():
+        yield from work.motion.drive(base)
+    return way is not None
 
 
 def _refined(work: Work, side: Side, stance: Stance, options: Sequence[Option]) -> Stance:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from contextlib import suppress
 
 import numpy as np
 
-from mpvi_bt.manipulation.approach import approach, arrive, leave, lines, withdraw
+from mpvi_bt.manipulation.approach import LEGS, approach, arrive, go_around, leave, lines, withdraw
 from mpvi_bt.manipulation.carry import back_off, settle
 from mpvi_bt.manipulation.draw_out import draw_out
 from mpvi_bt.manipulation.grasps import grasps
@@ -22,7 +21,6 @@ from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array
 
 _OFF_M, _AWAY_M = 0.055, 0.20  # above what it lay on, or aside: a thing that tips in the hand has risen by less
-_LEGS = 2  # around a thing that is out of reach
 _ALIKE = 4  # things that a phrase names are tried, the nearest first
 _SLANTED_RAD = 0.8  # from straight down; such hands may reach into compartments
 # From how far to close in, how far to lift, how far behind the arm takes its posture [m], and the cost of it.
@@ -58,7 +56,7 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
         names.sort(key=lambda name: name == work.meant.get(said))
     if not names:  # no hand takes what the other one has
         raise MotionFailure("unknown_object")
-    for leg in range(_LEGS + 1):
+    for leg in range(LEGS + 1):
         for name in names[:_ALIKE]:
             if reached and not _near(work, name):
                 continue
@@ -74,19 +72,8 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
                 finally:  # who is told that it is in hand hears the next prompt while it is still being brought
                     if work.scene.holding(side) == name:
                         work.meant[said] = name
-        if leg == _LEGS or not (yield from _go_around(work, names[0])):
+        if leg == LEGS or not (yield from go_around(work, names[0])):
             raise failed
-
-
-def _go_around(work: Work, name: str) -> Generator[Array, None, bool]:
-    """Drive on around a thing, to where more of what is around it is known; whether there was such a place.
-
-    What stands in a car's trunk is out of reach from beside the car.
-    """
-    way = work.search("right", {name}).go_around(work.middle(name)[:2])
-    for base in way or ():
-        yield from work.motion.drive(base)
-    return way is not None
 
 
 def _near(work: Work, name: str) -> bool:

@@ -10,7 +10,7 @@ from itertools import tee
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.manipulation.approach import close_in, leave, lines, take_up, withdraw
+from mpvi_bt.manipulation.approach import LEGS, close_in, go_around, leave, lines, take_up, withdraw
 from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.hand import FULL_M, fingers, opened
 from mpvi_bt.manipulation.held import Held
@@ -153,12 +153,17 @@ def place_at(
                     break
         return None
 
-    try:
-        stance, search = yield from close_in(work, side, (), about, find, tried)
-    except MotionFailure as failure:
-        if failure.reason == "no_stance" and not seen:
-            raise MotionFailure("no_free_spot") from None
-        raise
+    for leg in range(LEGS + 1):
+        try:
+            stance, search = yield from close_in(work, side, (), about, find, tried)
+            break
+        except MotionFailure as failure:
+            if failure.reason != "no_stance":
+                raise
+            if not seen:
+                raise MotionFailure("no_free_spot") from None
+            if about is None or leg == LEGS or not (yield from go_around(work, about)):
+                raise
     try:
         yield from take_up(work, stance, search)
         yield from _lower(work, side, stance, goal)
