@@ -152,7 +152,7 @@ def test_where_the_nearest_is_out_of_reach_the_next_is_taken(monkeypatch: pytest
         return False
 
     monkeypatch.setattr(picking, "pick_up", pick_up)
-    monkeypatch.setattr(picking, "_go_around", nowhere)
+    monkeypatch.setattr(picking, "go_around", nowhere)
     cases: tuple[tuple[list[str], str], ...] = (
         ([], "1"), (["no_stance"], "10"), (["no_stance"] * 9, "10"), (["slipped"], "1"),
         (["no_grasp"], "10"), (["no_grasp"] * 2, "102"), (["no_grasp"] * 9, "102"), (["no_grasp", "no_stance"], "10"),

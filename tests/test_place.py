@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from mpvi_bt.manipulation import drop, place, placing
+from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.outline import outline
 from mpvi_bt.manipulation.scene import Scene
@@ -180,6 +181,46 @@ def test_a_hand_keeps_clear_of_the_lid_of_what_it_lets_something_fall_into(
     assert not list(drop.drop_in(work, "right", "jar", [], anywhere=True))
     assert clear == [80]
     assert max(heights) - min(heights) > 0.05  # well above the lid, too
+
+
+@pytest.mark.parametrize(
+    ("about", "poses", "tries", "went", "reason"),
+    [
+        ("sofa", 1, 1, 0, "there"),
+        ("sofa", 1, 3, 2, "there"),
+        ("sofa", 1, 9, 2, "no_stance"),
+        ("sofa", 0, 9, 0, "no_free_spot"),
+        (None, 1, 9, 0, "no_stance"),
+    ],
+)
+def test_what_cannot_be_set_down_from_here_is_set_down_from_elsewhere(
+    monkeypatch: pytest.MonkeyPatch, about: str | None, poses: int, tries: int, went: int, reason: str
+) -> None:
+    """The robot goes around what it is to be set down on, twice at most, if there is room on it at all."""
+    tried, around = [], []
+
+    def close_in(
+        work: Work, side: Side, touched: object, about: str | None, find: Callable[..., object], bases: list[Array]
+    ) -> Actions:
+        tried.append(about)
+        find(SimpleNamespace(find=lambda *args: None, effort=Effort()), False)
+        yield from ()
+        raise MotionFailure("no_stance" if len(tried) < tries else "there")
+
+    def go_around(work: Work, name: str) -> Generator[Array, None, bool]:
+        around.append(name)
+        yield from ()
+        return True
+
+    monkeypatch.setattr(placing, "close_in", close_in)
+    monkeypatch.setattr(placing, "go_around", go_around)
+    monkeypatch.setattr(placing, "_options", lambda *args: [None])
+    felt = SimpleNamespace(gripper_width={"left": 0.05})
+    work = cast("Work", SimpleNamespace(load=lambda side: None, motion=SimpleNamespace(felt=felt)))
+    groups = [[placing.Pose(np.eye(4), 0.0)]] * poses
+    with pytest.raises(MotionFailure, match=reason):
+        list(placing.place_at(work, "left", about, lambda held: groups, []))
+    assert around == ["sofa"] * went
 
 
 @pytest.mark.parametrize(("filled_m", "low", "raised"), [(0.0, True, True), (0.1, False, True), (0.13, False, False)])
