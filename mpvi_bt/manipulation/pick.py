@@ -31,7 +31,8 @@ _WAYS = ((0.10, 0.15, 0.0, 0.0), (0.10, 0.06, 0.0, 0.1), (0.05, 0.06, 0.0, 0.2),
 def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
     """Pick up the thing that `words["object"]` names, with the hand `words["hand"]` if that is said.
 
-    Of several alike the nearest that a hand can take is meant; where it cannot be reached, the next one is.
+    Of several alike the nearest that a hand can take is meant; where it cannot be reached, the next one is. Where none
+    can be, the robot goes around the nearest.
 
     Args:
         work: Robot and world.

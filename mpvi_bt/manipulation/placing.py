@@ -118,7 +118,7 @@ def place_at(
     Args:
         work: Robot and world.
         side: The hand.
-        about: What it is to be set down on, in or beside, to look at; None for the floor.
+        about: What it is to be set down on, in or beside, to look at, and to go around if need be; None for the floor.
         groups: Says what poses there are for what the hand holds, as things are known at that time: those about one
             place together, better places first.
         tried: Base poses that did not do; the one taken is added.
