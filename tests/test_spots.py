@@ -63,6 +63,20 @@ def test_a_long_thing_is_best_laid_along_what_it_lies_beside(yaw: float) -> None
     assert reach_m(best) < min(reaches) + 0.05 < max(reaches) - 0.05
 
 
+def test_beside_a_bed_there_is_room_left_before_what_lies_on_it() -> None:
+    """A sandal goes to where nobody stands to take the book; with no book, straight to the robot's side."""
+    bed = "{entry: bed, at: [1.5, 0.0]}"
+    for book_y, kept in ((0.0, True), (3.0, False)):
+        things = {"sandal": placed("sandal", -1.0, 0.5), "book": placed("book", 0.6, book_y, 0.6)}
+        world = small_world(things, bed=bed)
+        x_low = float(spots.size(world.solids("bed"))[0][0, 0])
+        world.place("book", kin.transform(np.eye(3), (x_low + 0.15, book_y, 0.6)))
+        work = Work(Holding(world, "sandal"), Motion(world.robot.proprioception()), np.random.default_rng(0))
+        group = next(spots.beside(work, work.held()["left"], "bed", (0.0,)))
+        at = np.mean([pose.T_world_thing[:2, 3] for pose in group], axis=0)
+        assert (np.linalg.norm(at - [x_low + 0.15, 0.0]) > 0.6) == kept
+
+
 def test_places_on_the_floor_are_free_and_in_the_room_that_is_named() -> None:
     """No other room's, if the phrase names one; clear of what stands there; the nearest to a place first."""
     work = Work(TrueScene(WORLD), Motion(WORLD.robot.proprioception()), np.random.default_rng(0))

@@ -33,6 +33,7 @@ _SUNK_M = 0.012  # so far below the underside of a thing in its pose is what bea
 _OUT_M = 0.005  # and so far it may stand out over its edge
 _SECTORS = 12
 _ARM_M = 0.6  # above a thing that is set down beside another one, for the arm that brings it
+_BEFORE_M = 0.6  # from a thing is where one stands to take it
 _EASY_M = 0.9  # boards at such a height are tried first
 _LEVEL_M = 0.02
 _SPOTS = 4  # of one lean and headroom
@@ -152,12 +153,16 @@ def beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Itera
 
     Those come before all others that are level with a part of it, as BEHAVIOR wants it: by a leg of a table, not
     between its legs. Of these those come first that do not stand out over an edge: there an arm brushes things off.
+    Who comes for what lies on it, such as a book on a bed, is left room to stand before that.
     """
     near = work.motion.felt.base_pose[:2]
     below = work.scene.obstacles(near, _NEAR_M, without={held.name, *work.scene.within(held.name)})
     over: list[list[Pose]] = []
     apart: list[list[Pose]] = []
-    for group in _all_beside(work, held, target, leans):
+    groups = _all_beside(work, held, target, leans)
+    if kept := _lying_on(work, target):
+        groups = iter(sorted(groups, key=lambda group: _bars(group, kept)))
+    for group in groups:
         level = [pose for pose in group if _level(work, held, pose, target)]
         if firm := [pose for pose in level if _borne(held, pose, below)]:
             yield firm
@@ -167,6 +172,20 @@ def beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Itera
             apart.append(group)
     yield from over
     yield from apart
+
+
+def _lying_on(work: Work, target: str) -> list[Array]:
+    """Where on a thing others lie or stand: (2,) each."""
+    low, high = bounds(work.scene.body(target))
+    middle = (low + high)[2] / 2
+    centers = [entry.center for entry in work.scene.knowledge() if entry.name != target]
+    return [c[:2] for c in centers if c[2] > middle and (low < c)[:2].all() and (c < high)[:2].all()]
+
+
+def _bars(group: Sequence[Pose], kept: Sequence[Array]) -> bool:
+    """Whether poses are where one would stand to reach one of some places (2,)."""
+    at = np.mean([pose.T_world_thing[:2, 3] for pose in group], axis=0)
+    return bool(min(np.linalg.norm(at - place) for place in kept) < _BEFORE_M)
 
 
 def _borne(held: Held, pose: Pose, below: Obstacles) -> bool:
