@@ -207,7 +207,7 @@ def test_what_cannot_be_set_down_from_here_is_set_down_from_elsewhere(
         yield from ()
         raise MotionFailure("no_stance" if len(tried) < tries else "there")
 
-    def go_around(work: Work, name: str) -> Generator[Array, None, bool]:
+    def go_around(work: Work, name: str, been: list[Array]) -> Generator[Array, None, bool]:
         around.append(name)
         yield from ()
         return True

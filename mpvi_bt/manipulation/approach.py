@@ -95,12 +95,21 @@ def close_in(
     return stance, search
 
 
-def go_around(work: Work, name: str) -> Generator[Array, None, bool]:
+def go_around(work: Work, name: str, been: list[Array]) -> Generator[Array, None, bool]:
     """Drive on around a thing, to where more of what is around it is known; whether there was such a place.
 
     What stands in a car's trunk is out of reach from beside the car.
+
+    Args:
+        work: Robot and world.
+        name: The thing.
+        been: Base poses (3,) from where it was out of reach; this one is added.
+
+    Raises:
+        MotionFailure: A drive's own reason.
     """
-    way = work.search("right", {name}).go_around(work.middle(name)[:2])
+    way = work.search("right", {name}).go_around(work.middle(name)[:2], been)
+    been.append(work.motion.felt.base_pose.copy())
     for base in way or ():
         yield from work.motion.drive(base)
     return way is not None

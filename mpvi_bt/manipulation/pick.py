@@ -57,6 +57,7 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
         names.sort(key=lambda name: name == work.meant.get(said))
     if not names:  # no hand takes what the other one has
         raise MotionFailure("unknown_object")
+    been: list[Array] = []
     for leg in range(LEGS + 1):
         for name in names[:_ALIKE]:
             if reached and not _near(work, name):
@@ -73,7 +74,7 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
                 finally:  # who is told that it is in hand hears the next prompt while it is still being brought
                     if work.scene.holding(side) == name:
                         work.meant[said] = name
-        if leg == LEGS or not (yield from go_around(work, names[0])):
+        if leg == LEGS or not (yield from go_around(work, names[0], been)):
             raise failed
 
 

@@ -153,6 +153,7 @@ def place_at(
                     break
         return None
 
+    been: list[Array] = []
     for leg in range(LEGS + 1):
         try:
             stance, search = yield from close_in(work, side, (), about, find, tried)
@@ -162,7 +163,7 @@ def place_at(
                 raise
             if not seen:
                 raise MotionFailure("no_free_spot") from None
-            if about is None or leg == LEGS or not (yield from go_around(work, about)):
+            if about is None or leg == LEGS or not (yield from go_around(work, about, been)):
                 raise
     try:
         yield from take_up(work, stance, search)

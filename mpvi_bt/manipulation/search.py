@@ -13,7 +13,7 @@ import numpy as np
 
 from mpvi_bt.manipulation import hand
 from mpvi_bt.manipulation.postures import TOUCH_M, stance_at
-from mpvi_bt.manipulation.site import Site
+from mpvi_bt.manipulation.site import KNOWN_M, Site
 from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Load
@@ -80,12 +80,15 @@ class Search(Site):
                 left = _apart_from(left, base, *spacing)
         return None
 
-    def go_around(self, focus_xy: Array) -> list[Array] | None:
+    def go_around(self, focus_xy: Array, been: Sequence[Array]) -> list[Array] | None:
         """Base poses to drive to, nearer to where one may stand about a place (2,) but what is around is not known yet.
 
-        None if all of that is known, or out of reach.
+        None if all of that is known from here or from where the robot has `been` (3,), or is out of reach.
         """
-        return self.toward(_bases(self.motion.felt.base_pose, focus_xy, self.side))
+        bases = _bases(self.motion.felt.base_pose, focus_xy, self.side)
+        for place in been:
+            bases = bases[np.linalg.norm(bases[:, :2] - place[:2], axis=1) > KNOWN_M]
+        return self.toward(bases)
 
     def _sought(self, options: Sequence[Option], able: Sequence[int]) -> bytes:
         """The same for searches for the same with the same hand, to the centimeter."""

@@ -23,7 +23,7 @@ from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid, box
 
 FLOOR = box((0.0, 0.0, -0.1), (60.0, 60.0, 0.2))
-_KNOWN_M = 1.4  # from here; farther off there may be walls that are not among the obstacles
+KNOWN_M = 1.4  # from here; farther off there may be walls that are not among the obstacles
 _LEGS_M = (1.3, 1.0, 0.7)  # such legs are driven toward what is too far off,
 _NEARER_M = 0.2  # if they lead so much nearer
 _VIAS = ((-0.35, 0.0), (-0.7, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.35, 0.5), (-0.35, -0.5))  # ahead and left of here [m]
@@ -124,7 +124,7 @@ class Site:
         return np.asarray((self._standing.distance(p) >= standing[:, 3]).all(1) & self._known(bases))
 
     def _known(self, bases: Array) -> NDArray[np.bool_]:
-        return np.asarray(np.linalg.norm(bases[:, :2] - self.motion.felt.base_pose[:2], axis=1) <= _KNOWN_M)
+        return np.asarray(np.linalg.norm(bases[:, :2] - self.motion.felt.base_pose[:2], axis=1) <= KNOWN_M)
 
     def toward(self, goals: Array) -> list[Array] | None:
         """Base poses to drive to, nearer to some of `goals` (n, 3) that are too far off for what is known from here.
