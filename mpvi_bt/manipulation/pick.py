@@ -74,7 +74,7 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
                 finally:  # who is told that it is in hand hears the next prompt while it is still being brought
                     if work.scene.holding(side) == name:
                         work.meant[said] = name
-        if leg == LEGS or not (yield from go_around(work, names[0], been)):
+        if failed.reason != "no_stance" or leg == LEGS or not (yield from go_around(work, names[0], been)):
             raise failed
 
 
