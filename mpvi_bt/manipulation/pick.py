@@ -32,7 +32,7 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
     """Pick up the thing that `words["object"]` names, with the hand `words["hand"]` if that is said.
 
     Of several alike the nearest that a hand can take is meant; where it cannot be reached, the next one is. Where none
-    can be, the robot goes around the nearest.
+    can be, the robot goes around the nearest that is out of reach.
 
     Args:
         work: Robot and world.
@@ -42,7 +42,7 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
     Raises:
         MotionFailure: "unknown_object", "hands_full", or as `pick_up`.
     """
-    failed, reached = MotionFailure("no_stance"), False
+    failed, beyond = MotionFailure("no_stance"), None  # what is out of reach
     alike = {e.name for e in work.scene.knowledge().find(words["object"])}
     for side in SIDES:
         held = work.scene.holding(side)
@@ -60,7 +60,7 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
     been: list[Array] = []
     for leg in range(LEGS + 1):
         for name in names[:_ALIKE]:
-            if reached and not _near(work, name):
+            if beyond is not None and not _near(work, name):
                 continue
             for side in work.free_hands(name, words.get("hand")):
                 try:
@@ -70,11 +70,11 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
                     if failure.reason not in ("no_stance", "no_grasp"):
                         raise
                     failed = failure
-                    reached = reached or failure.reason == "no_stance"
+                    beyond = beyond or (name if failure.reason == "no_stance" else None)
                 finally:  # who is told that it is in hand hears the next prompt while it is still being brought
                     if work.scene.holding(side) == name:
                         work.meant[said] = name
-        if failed.reason != "no_stance" or leg == LEGS or not (yield from go_around(work, names[0], been)):
+        if beyond is None or leg == LEGS or not (yield from go_around(work, beyond, been)):
             raise failed
 
 
