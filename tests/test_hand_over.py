@@ -29,7 +29,7 @@ from tests.small_house import small_world
 def held(half: tuple[float, float, float]) -> Held:
     """A block whose middle is at the tcp, its axes those of the hand."""
     solids = (Solid("box", np.array(half), np.eye(4)),)
-    return Held("block", np.eye(4), solids, Load(solids))
+    return Held("block", "right", np.eye(4), solids, Load(solids))
 
 
 @given(st.tuples(st.floats(0.01, 0.04), st.floats(0.01, 0.04), st.floats(0.01, 0.15)))

@@ -15,6 +15,7 @@ from mpvi_bt.manipulation import drop, place, placing
 from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.outline import outline
+from mpvi_bt.manipulation.placing import leaning
 from mpvi_bt.manipulation.scene import Scene
 from mpvi_bt.manipulation.search import Search
 from mpvi_bt.manipulation.stance import Option
@@ -168,7 +169,7 @@ def test_a_hand_keeps_clear_of_the_lid_of_what_it_lets_something_fall_into(
     )
     frame = T_tcp_thing @ kin.inverse(world.pose("sausage"))
     solids = tuple(s.moved(frame) for s in world.solids("sausage"))
-    held = Held("sausage", T_tcp_thing, solids, Load(solids))
+    held = Held("sausage", "right", T_tcp_thing, solids, Load(solids))
     clear: list[int] = []
     heights: set[float] = set()
 
@@ -236,9 +237,30 @@ def test_a_thing_is_let_go_of_over_a_heap_where_there_is_nowhere_else(
     monkeypatch.setattr(work.scene, "solids", lambda name: [heap] if name == "heap" else world.solids(name))
     frame = kin.inverse(world.pose("egg"))
     solids = tuple(s.moved(frame) for s in world.solids("egg"))
-    held = Held("egg", np.eye(4), solids, Load(solids))
+    held = Held("egg", "right", np.eye(4), solids, Load(solids))
     assert bool(drop.releases(work, held, "left", "bowl")) == low
     assert bool(drop.releases(work, held, "left", "bowl", raised=True)) == raised
+
+
+@pytest.mark.parametrize("taken", [True, False])
+def test_a_bottle_that_was_tipped_on_its_way_is_still_known_to_have_stood(taken: bool) -> None:
+    """Upright is as it was when a hand took it, but turned about the vertical as now; unknown, what is nearest."""
+    world = small_world({"bottle": placed("bottle_of_olive_oil", 1.5, 1.5)})
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    standing = world.pose("bottle")[:3, :3]
+    tipped = kin.rot_z(0.7) @ kin.rot_x(1.2) @ standing
+    solids = tuple(world.solids("bottle"))
+    held = Held("bottle", "left", kin.transform(kin.rot_y(0.3), (0.0, 0.0, 0.1)), solids, Load(solids))
+    if taken:
+        work.grasped["left"] = standing @ held.T_tcp_thing[:3, :3].T
+    world.place("bottle", kin.transform(tipped, (1.5, 1.5, 0.5)), fixed=True)
+    upright = leaning(work, held, 0.0)
+    assert upright is not None
+    assert (np.abs(upright[:, 2] - [0, 0, 1]).max() < 1e-6) == taken
+    assert np.abs(np.abs(upright[2]).max() - 1) < 1e-6
+    if taken:
+        turned = upright @ standing.T
+        assert np.arctan2(turned[1, 0], turned[0, 0]) == pytest.approx(0.7, abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -297,7 +319,10 @@ def test_what_is_set_down_is_as_the_last_look_has_shown_it(monkeypatch: pytest.M
     world = small_world({"egg": placed("easter_egg", 0.6, 0.5, 0.02)})
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     solids = tuple(world.solids("egg"))
-    looks = [Held("egg", kin.transform(kin.rot_z(turn), (0.0, 0.0, 0.0)), solids, Load(solids)) for turn in (0.0, 1.9)]
+    looks = [
+        Held("egg", "right", kin.transform(kin.rot_z(turn), (0.0, 0.0, 0.0)), solids, Load(solids))
+        for turn in (0.0, 1.9)
+    ]
     asked: list[Held] = []
 
     def close_in(*given: object) -> Actions:
@@ -327,7 +352,7 @@ def test_a_hand_that_points_down_gets_out_from_below_a_board(roof_m: float) -> N
     down = kin.hand_rotation(np.array([0.0, 0.0, -1.0]), np.array([0.0, 1.0, 0.0]))
     T_tcp_thing = kin.inverse(kin.transform(down, (0.0, 0.0, 0.03)))
     solids = (box((0.0, 0.0, 0.0), (0.05, 0.05, 0.11)).moved(T_tcp_thing),)
-    held = Held("egg", T_tcp_thing, solids, Load(solids))
+    held = Held("egg", "right", T_tcp_thing, solids, Load(solids))
     roof = box((0.6, 0.0, roof_m), (0.3, 0.6, 0.02))
     motion = Motion(world.robot.proprioception())
     search = Search(motion, "right", {"right": held}, Surroundings([roof]), [], np.random.default_rng(0))
@@ -349,7 +374,7 @@ def test_fingers_do_not_slide_into_the_corner_of_what_they_let_go_of(length_m: f
     wall = box((0.0, 0.0, 0.0), (length_m, 0.004, 0.08))
     ends = [box((x, -0.06, 0.0), (0.004, 0.12, 0.08)) for x in (-length_m / 2, length_m / 2)]
     for solids, past in (((wall,), True), ((wall, *ends), slides)):
-        held = Held("tupperware", np.eye(4), solids, Load(solids))
+        held = Held("tupperware", "right", np.eye(4), solids, Load(solids))
         assert placing._slides_past(held, np.array([1.0, 0.0, 0.0]), 0.05) is past
 
 

@@ -271,7 +271,7 @@ def test_what_is_held_far_out_before_a_counter_is_brought_to_where_it_goes_as_th
     assert arm is not None
     motion = Motion(replace(felt, arm={**felt.arm, "left": arm}))
     plate = (box((0.08, 0.0, 0.0), (0.17, 0.17, 0.03)),)
-    held = Held("plate", np.eye(4), plate, Load(plate), laden)
+    held = Held("plate", "right", np.eye(4), plate, Load(plate), laden)
     counter = box((1.0, 0.0, 0.88), (0.6, 2.0, 0.04)).moved(kin.base(felt.base_pose))
     search = Search(motion, "left", {"left": held}, Surroundings([counter]), [], np.random.default_rng(0))
     around, arms = search.around(felt.base_pose, touched=True), {s: motion.arm(s) for s in SIDES}

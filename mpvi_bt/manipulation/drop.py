@@ -151,7 +151,7 @@ def _into(
     if volume.kind == "cylinder":
         covers = covers[(np.abs(covers.mean(1)[:, :2]) < 0.5 * half[0]).all(1)]  # its own staves stand around it
     lying = [s.moved(frame).aabb() for n in work.scene.within(container) for s in work.scene.solids(n)]
-    R_now = (work.base @ work.motion.robot.tcp(work.motion.felt.torso, work.motion.felt.arm[side], side))[:3, :3]
+    R_now = work.hand(side)[:3, :3]
     for turn in _TURNS:
         for tilt in _TILTS:
             R = kin.rot_z(turn) @ R_now

@@ -172,7 +172,7 @@ def _loads(work: Work) -> list[Array]:
     """Where the hands are, (2,) each on the floor in the world [m], that hold something: it may not know what."""
     felt = work.motion.felt
     sides = [side for side in SIDES if squeezes(felt) or felt.holds(side)]
-    return [(work.base @ work.motion.robot.tcp(felt.torso, felt.arm[side], side))[:2, 3] for side in sides]
+    return [work.hand(side)[:2, 3] for side in sides]
 
 
 def _along(before: NDArray[np.float32], now: NDArray[np.float32]) -> NDArray[np.bool_]:

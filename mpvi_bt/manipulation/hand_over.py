@@ -58,6 +58,8 @@ def hand_over(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from motion.wait(0.2)
     if not work.gripped(taker):
         raise MotionFailure("closed_empty")
+    if giver in work.grasped:
+        work.grasped[taker] = work.grasped[giver] @ goals[k][:3, :3]
     yield from motion.grip(giver, 1.0, 0.5)
     yield from motion.wait(0.1)
     away = motion.hand(giver)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mpvi_bt.robot.collision import Load
+from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid
 
 
@@ -14,6 +15,7 @@ class Held:
 
     Attributes:
         name: The thing.
+        side: The hand.
         T_tcp_thing: (4, 4).
         solids: Of it and what lies in it, in the tcp frame.
         load: The same, for collision checks.
@@ -21,6 +23,7 @@ class Held:
     """
 
     name: str
+    side: Side
     T_tcp_thing: Array
     solids: tuple[Solid, ...]
     load: Load

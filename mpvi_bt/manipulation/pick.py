@@ -110,6 +110,7 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
         yield from lines(work, side, stance, [0])  # aside to where it stands: on a slant a finger would meet the thing
         yield from lines(work, side, stance, [1])
         work.lay[name] = np.append(scene.pose(name)[:2, 3], _lowest(work, name))
+        work.grasped[side] = work.hand(side)[:3, :3]
         yield from motion.grip(side, -1.0, 0.67)
         yield from motion.wait(0.1)
         if not work.gripped(side):

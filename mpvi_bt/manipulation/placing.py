@@ -77,7 +77,7 @@ def leaning(work: Work, held: Held, lean: float) -> Array | None:
     What has things in it leans hardly more than it does in the hand.
     """
     now = work.scene.pose(held.name)[:3, :3]
-    upright = _upright(now)
+    upright = _upright(_as_taken(work, held))
     if not lean:
         return upright
     frame = kin.inverse(held.T_tcp_thing)
@@ -247,6 +247,19 @@ def _slides_past(held: Held, way: Array, opening_m: float) -> bool:
     centers, radii = fingers(opening_m)
     gaps = thing.distance(centers + np.arange(0.0, _ASIDE_M, _SLID_M)[:, None, None] * way) - radii
     return bool((gaps > np.minimum(gaps[0], 0.0) - _GRAZED_M).all())
+
+
+def _as_taken(work: Work, held: Held) -> Array:
+    """How a thing was turned (3, 3) when a hand took it, but about the vertical as it is now.
+
+    Who failed to lay a bottle down carries it on its side, and still knows that it stood.
+    """
+    now = work.scene.pose(held.name)[:3, :3]
+    if held.side not in work.grasped:
+        return now
+    taken = work.grasped[held.side] @ held.T_tcp_thing[:3, :3]
+    M = taken @ now.T
+    return np.asarray(kin.rot_z(np.arctan2(M[0, 1] - M[1, 0], M[0, 0] + M[1, 1])) @ taken)
 
 
 def _upright(R: Array) -> Array:

@@ -169,7 +169,7 @@ class ReactivePolicy(ScriptedPolicy):
             torso = motion.torso
             torso[3] = _HANDS_RAD
             if pressed:  # what is as large as that would be cut by the edge of the picture
-                hands = [work.base @ motion.robot.tcp(felt.torso, felt.arm[side], side) for side in SIDES]
+                hands = [work.hand(side) for side in SIDES]
                 torso = tilted(work, np.mean([T[:3, 3] for T in hands], axis=0))
             with contextlib.suppress(MotionFailure):
                 yield from motion.stand(torso)

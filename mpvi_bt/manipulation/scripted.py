@@ -20,7 +20,7 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.skills import Skill, SkillCall
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.robot.protocol import CONTROL_HZ, Proprioception
+from mpvi_bt.robot.protocol import CONTROL_HZ, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 
 _PATIENCE_S = 2.0  # longer than a trigger takes to fire,
@@ -61,6 +61,7 @@ class ScriptedPolicy:
         self._skills, self._seed, self._timer = skills, seed, timer
         self._calls = 0
         self._meant: dict[str, str] = {}
+        self._grasped: dict[Side, Array] = {}
         self.note = ""
         self.attempts = 0
         self.planning_s = 0.0
@@ -87,7 +88,10 @@ class ScriptedPolicy:
             self.ended = self.gave_up = False
             rng = np.random.default_rng([self._seed, self._calls])
             meant = {} if self._sight else self._meant  # what is only seen is numbered anew for each prompt
-            self._work = Work(self._scene, Motion(felt), rng, self._sight, effort=Effort(_CHECKS), meant=meant)
+            effort = Effort(_CHECKS)
+            self._work = Work(
+                self._scene, Motion(felt), rng, self._sight, effort=effort, meant=meant, grasped=self._grasped
+            )
             self._actions = self._performed(self._work, self._prompt)
         work = self._work
         work.motion.felt = felt

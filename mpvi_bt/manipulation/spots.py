@@ -16,7 +16,6 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.knowledge import normalize
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Obstacles, Surroundings
-from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array, Solid, bounds
 
 _FLOORS = ("floor", "ground")
@@ -138,7 +137,7 @@ def under(work: Work, held: Held, target: str, leans: Sequence[float], by: str |
 
 def _below(work: Work, held: Held, target: str, places: Array) -> NDArray[np.bool_]:
     """(n,) bool: places (n, 2) on the floor that a thing is above, where what is held fits below it."""
-    height = float(np.ptp(size([s.moved(work.base @ _hand(work, held)) for s in held.solids])[0], axis=0)[2])
+    height = float(np.ptp(size([s.moved(work.hand(held.side)) for s in held.solids])[0], axis=0)[2])
     ring = 0.03 * np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
     below = np.zeros(len(places), bool)
     for top in (s for s in work.scene.solids(target) if s.aabb()[0, 2] > height):
@@ -207,7 +206,7 @@ def _all_beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> 
     solids = work.scene.body(target)
     theirs, _ = size(solids)
     floor_z = float(theirs[0, 2])
-    tall = float(np.ptp(size([s.moved(work.base @ _hand(work, held)) for s in held.solids])[0], axis=0)[2])
+    tall = float(np.ptp(size([s.moved(work.hand(held.side)) for s in held.solids])[0], axis=0)[2])
     feet, reach = size([s for s in solids if s.aabb()[0, 2] < floor_z + tall])  # of a tree its trunk
     middle = feet.mean(0)
     here = work.motion.felt.base_pose[:2]
@@ -259,7 +258,7 @@ def _room(work: Work, held: Held, spots: Array, clear_m: float, beside: str | No
     """(n,) bool: spots (n, 3) that carry the thing and have room for it, upright."""
     if not len(spots):
         return np.zeros(0, bool)
-    box, radius = size([s.moved(work.base @ _hand(work, held)) for s in held.solids])
+    box, radius = size([s.moved(work.hand(held.side)) for s in held.solids])
     carried = {held.name, *work.scene.within(held.name)}
     near = work.motion.felt.base_pose[:2]
     others = work.scene.obstacles(near, _NEAR_M, without=carried, beside=beside)
@@ -271,13 +270,6 @@ def _room(work: Work, held: Held, spots: Array, clear_m: float, beside: str | No
     free = (others.distance(spots[:, None] + body) > clear_m).all(1)
     feet = spots[:, None] + 0.6 * radius * ring - [0, 0, 0.008]
     return np.asarray(free & ((spots[:, 2] < 0.01) | (below.distance(feet) < 0.012).all(1)))
-
-
-def _hand(work: Work, held: Held) -> Array:
-    """T_base_tcp (4, 4), as felt, of the hand that holds a thing."""
-    felt = work.motion.felt
-    side = next(s for s, h in work.held().items() if h.name == held.name)
-    return robot_named(felt.robot).tcp(felt.torso, felt.arm[side], side)
 
 
 def _within(volumes: Sequence[Solid], p: Array) -> bool:

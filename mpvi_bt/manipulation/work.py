@@ -44,6 +44,7 @@ class Work:
         lay: Where things were when a hand closed on them: x, y of their frames, height of their lowest points [m].
         bearings: Directions in the world [rad] that words such as "left" had when they were first heeded.
         meant: What phrases for where things go have named so far.
+        grasped: How each hand was turned (3, 3) in the world when it last closed on something.
     """
 
     scene: Scene
@@ -57,11 +58,17 @@ class Work:
     lay: dict[str, Array] = field(default_factory=dict)
     bearings: dict[str, float] = field(default_factory=dict)
     meant: dict[str, str] = field(default_factory=dict)
+    grasped: dict[Side, Array] = field(default_factory=dict)
 
     @property
     def base(self) -> Array:
         """T_world_base (4, 4) as felt."""
         return kin.base(self.motion.felt.base_pose)
+
+    def hand(self, side: Side) -> Array:
+        """T_world_tcp (4, 4) as felt."""
+        felt = self.motion.felt
+        return np.asarray(self.base @ self.motion.robot.tcp(felt.torso, felt.arm[side], side))
 
     def see(self, *cameras: str) -> Actions:
         """Take one picture with each camera, the robot standing still; nothing where the scene needs no pictures."""
@@ -161,13 +168,11 @@ class Work:
         for side in SIDES:
             name = self.scene.holding(side)
             if name is not None:
-                felt = self.motion.felt
-                T_world_tcp = self.base @ self.motion.robot.tcp(felt.torso, felt.arm[side], side)
-                frame = kin.inverse(T_world_tcp)
+                frame = kin.inverse(self.hand(side))
                 inner = self.scene.within(name)
                 solids = tuple(s.moved(frame) for n in (name, *inner) for s in self.scene.solids(n))
                 volumes = [v.moved(frame) for v in self.scene.volumes(name)]
-                out[side] = Held(name, frame @ self.scene.pose(name), solids, Load(solids, volumes), bool(inner))
+                out[side] = Held(name, side, frame @ self.scene.pose(name), solids, Load(solids, volumes), bool(inner))
         return out
 
     def load(self, side: Side) -> Held:
