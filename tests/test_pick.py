@@ -181,6 +181,14 @@ def test_what_stands_open_is_meant_where_things_are_put() -> None:
     assert task.nearest("cabinet", ajar=True) == "cabinet_2"
 
 
+def test_of_cabinets_above_one_another_the_one_in_easy_reach_is_meant() -> None:
+    """A wall cabinet straight ahead is farther off for the hands than a low one beside it."""
+    low, high = "{entry: base_cabinet, at: [1.0, 0.6]}", "{entry: wall_cabinet, at: [1.0, 0.0], z_m: 1.41}"
+    world = small_world({}, (-0.2, 0.0, 0.0), cabinet_1=low, cabinet_2=high)
+    task = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    assert task.nearest("cabinet") == "cabinet_1"
+
+
 def test_what_is_said_of_containers_tells_them_apart() -> None:
     """Of two bowls the empty one, or the one with an egg in it or without, is meant though the other is nearer."""
     bowls = {"near": placed("mixing_bowl", 0.5, 0.0), "far": placed("mixing_bowl", 0.9, 0.0)}

@@ -12,7 +12,7 @@ from mpvi_bt.goals.predicates import beside as in_line
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.outline import disc, outline
 from mpvi_bt.manipulation.placing import LIES_RAD, Pose, leaning, poses
-from mpvi_bt.manipulation.work import Work
+from mpvi_bt.manipulation.work import EASY_M, Work
 from mpvi_bt.perception.knowledge import normalize
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Obstacles, Surroundings
@@ -33,7 +33,6 @@ _OUT_M = 0.005  # and so far it may stand out over its edge
 _SECTORS = 12
 _ARM_M = 0.6  # above a thing that is set down beside another one, for the arm that brings it
 _BEFORE_M = 0.6  # from a thing is where one stands to take it
-_EASY_M = 0.9  # boards at such a height are tried first
 _LEVEL_M = 0.02
 _SPOTS = 4  # of one lean and headroom
 
@@ -305,6 +304,6 @@ def _by_turns(spots: Sequence[Array], own: Sequence[Array]) -> list[Array]:
     for spot in spots:
         covered = any(b[0, 2] > spot[2] + _LEVEL_M and (b[0] < spot)[:2].all() and (spot < b[1])[:2].all() for b in own)
         levels.setdefault((covered, round(float(spot[2]) / _LEVEL_M)), []).append(spot)
-    ranked = [levels[k] for k in sorted(levels, key=lambda k: (k[0], abs(k[1] * _LEVEL_M - _EASY_M)))]
+    ranked = [levels[k] for k in sorted(levels, key=lambda k: (k[0], abs(k[1] * _LEVEL_M - EASY_M)))]
     rounds = range(max(map(len, ranked), default=0))
     return [level[k] for k in rounds for level in ranked if k < len(level)]

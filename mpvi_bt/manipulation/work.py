@@ -25,6 +25,7 @@ NEAR_M = 1.7  # solids farther from the robot than this do not matter to a skill
 _LIFTED_M = 0.10
 _RISES = (1.0, 0.5, 0.25)
 _AJAR = 0.3  # of its limit: a door that stands open so far is open
+EASY_M = 0.9  # above the floor, for hands
 _ON_M = 0.03  # what lies on a thing is as much above its top, or below its bottom, at the most
 
 
@@ -100,7 +101,10 @@ class Work:
         return names[0]
 
     def alike(self, phrase: str, source: str | None = None, ajar: bool = False) -> list[str]:
-        """The things that a phrase names, of those that are still to be picked up, if there are any; the nearest first.
+        """The things that a phrase names, of those that are still to be picked up, if there are any.
+
+        The nearest comes first. Our choice: nearest to where the base is, at a comfortable height for the hands. Of two
+        cabinets, one above the other, they reach far into the lower one only.
 
         Args:
             phrase: What they are called.
@@ -122,7 +126,8 @@ class Work:
         some = [e for e in found if known.away(e) == known.away(found[0])]
         if ajar and len(some) > 1:
             some = [e for e in some if np.linalg.norm(e.center[:2] - here) < NEAR_M and self._ajar(e.name)] or some
-        return [e.name for e in sorted(some, key=lambda e: float(np.linalg.norm(e.center[:2] - here)))]
+        hands = np.append(here, EASY_M)
+        return [e.name for e in sorted(some, key=lambda e: float(np.linalg.norm(e.center - hands)))]
 
     def _as_said(self, found: list[Entry], phrase: str) -> list[Entry]:
         """Those that are empty, open or shut, or with something in them, where a phrase says so; all if none is."""
