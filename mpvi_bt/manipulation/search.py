@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mpvi_bt.manipulation import hand
+from mpvi_bt.manipulation.detour import Detours
 from mpvi_bt.manipulation.postures import TOUCH_M, stance_at
 from mpvi_bt.manipulation.site import KNOWN_M, Site
 from mpvi_bt.manipulation.stance import Option, Stance
@@ -24,6 +25,7 @@ from mpvi_bt.robot.solids import Array
 _GLANCE = 0.25  # of a full check: no posture was clear even where the hand works
 _CHECKED_BASES = 12  # of one spacing
 SPACINGS = ((0.12, 0.5), (0.05, 0.25))  # [m, rad] between base poses: what fails here fails a hand's breadth away
+_BEEN_M = 0.4  # from where nothing was in reach: what is that near was not either
 _STEP_M = 0.06  # between checks on the way in
 # Base poses about a place, see `_bases`: so fine that one of them nearly touches what stands before the place, for deep
 # in a compartment an arm reaches it from no farther off.
@@ -81,11 +83,20 @@ class Search(Site):
         return None
 
     def go_around(self, focus_xy: Array, been: Sequence[Array]) -> list[Array] | None:
-        """Base poses to drive to, nearer to where one may stand about a place (2,) but what is around is not known yet.
+        """Base poses to drive to: around what stands before where one may stand about a place (2,), or nearer to it.
 
-        None if all of that is known from here or from where the robot has `been` (3,), or is out of reach.
+        Nearer where what is around it is not known yet. None if all of that was in reach from here or from where the
+        robot has `been` (3,), or is out of reach.
         """
-        bases = _bases(self.motion.felt.base_pose, focus_xy, self.side)
+        here = self.motion.felt.base_pose
+        bases = _bases(here, focus_xy, self.side)
+        left, detours = bases[self.stands(bases)], Detours(self)
+        for place in been:
+            left = left[np.linalg.norm(left[:, :2] - place[:2], axis=1) > _BEEN_M]
+        while len(left):
+            if self.route(here, left[0]) is None and (way := detours.way(left[0])) is not None:
+                return way
+            left = _apart_from(left, left[0], *SPACINGS[0])
         for place in been:
             bases = bases[np.linalg.norm(bases[:, :2] - place[:2], axis=1) > KNOWN_M]
         return self.toward(bases)
