@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from benchmarks.hands.rooms import things
 from mpvi_bt.manipulation.approach import approach
+from mpvi_bt.manipulation.detour import Detours
 from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.held import Held
@@ -26,7 +27,7 @@ from mpvi_bt.robot.collision import Body, Load, Surroundings
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Proprioception, Side, other
 from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.solids import Array, box
+from mpvi_bt.robot.solids import Array, Solid, box
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 
@@ -371,3 +372,34 @@ def test_what_is_too_far_off_is_driven_up_to_by_legs() -> None:
     assert 1 <= legs <= 3
     assert search.stands(goal)[0]
     assert search.toward(here[None]) is None
+
+
+@pytest.mark.parametrize("open_m", [0.75, 0.0])
+def test_what_is_behind_a_wall_is_gone_around_to(open_m: float) -> None:
+    """A place that no two legs lead to is driven to by more, each of them free; where there is no gap there is none."""
+    world = small_world({}, (0.0, 0.0, 0.0))
+    search = replace(work(world).search("right", ()), obstacles=Surroundings(walls(open_m)))
+    here, beyond = np.zeros(3), np.array([0.95, 0.3, 0.0])
+    assert search.stands(beyond[None])[0]
+    assert search.route(here, beyond) is None
+    way = Detours(search).way(beyond)
+    focus = beyond[:2] + [0.58, -0.16]
+    if not open_m:
+        assert way is None
+        return
+    assert way is not None
+    assert len(way) > 2
+    np.testing.assert_array_equal(way[-1], beyond)
+    assert all(search.drivable(a, b) for a, b in pairwise([here, *way]))
+    around = search.go_around(focus, [])
+    assert around is not None
+    assert around[-1][0] > 0.8
+    again = search.go_around(focus, [around[-1]])
+    assert again is None or np.linalg.norm(again[-1][:2] - around[-1][:2]) > 0.4
+
+
+def walls(open_m: float) -> list[Solid]:
+    """A wall before a robot, from a long way to its left to less far to its right, and walls about both sides of it."""
+    sides = [box((0.3, y, 0.5), (3.0, 0.1, 1.0)) for y in (-1.6, 1.3)] + [box((2.0, 0.0, 0.5), (0.1, 4.0, 1.0))]
+    end = -1.6 + open_m
+    return [box((0.475, (1.3 + end) / 2, 0.5), (0.05, 1.3 - end, 1.0)), *sides]
