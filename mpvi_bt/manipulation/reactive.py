@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from mpvi_bt.manipulation.gaze import tilted
-from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.in_hand import show
 from mpvi_bt.manipulation.looking import look_for, look_from_elsewhere
 from mpvi_bt.manipulation.readings import count, readings
@@ -34,12 +33,6 @@ _HIDDEN = {  # these need not be seen: what is in a vessel, mere dirt, and what 
     "pour": ("object",), "wipe": ("object",), "go_to": ("target",),
 }  # fmt: skip
 _VESSEL = {"pour": ("source",)}  # elsewhere a source is only where to look
-# Slots of what a skill wants in hand, the first that is said: picked up first where it is not.
-_IN_HAND = {
-    **dict.fromkeys(("place_in", "place_on", "place_next_to", "place_under", "hand_over"), ("object",)),
-    **dict.fromkeys(("wipe", "spray"), ("tool",)),
-    "pour": ("source", "object"),
-}
 # Slots of where a thing is put that no hand holds: nothing is set down on or beside itself.
 _STANDING = {"place_on": "surface", "place_next_to": "target", "place_under": "target"}
 
@@ -84,7 +77,7 @@ class ReactivePolicy(ScriptedPolicy):
             call, tries = left[k]
             understood = self._grounded(call)
             assert understood is not None
-            if (yield from self._do(work, understood)):
+            if (yield from self.do(work, understood)):
                 del left[k]
             elif tries > 1:
                 left[k] = (call, tries - 1)
@@ -94,29 +87,6 @@ class ReactivePolicy(ScriptedPolicy):
             else:
                 return None
         return calls[-1]
-
-    def _do(self, work: Work, call: SkillCall) -> Any:
-        """Try a clause; what it wants in hand and is not is picked up first. Returns whether it succeeded."""
-        slot = next((s for s in _IN_HAND.get(call.skill.name, ()) if s in call.arguments), None)
-        if slot is not None and "pick" in self._skills and not self._carries(work, call.arguments[slot]):
-            words = {s: w for s, w in (("object", call.arguments[slot]), ("hand", call.arguments.get("hand"))) if w}
-            fetch = self._skills["pick" if self._graspable(work, words["object"]) else "lift"]
-            self.note = fetch.name
-            if not (yield from self.attempt(work, SkillCall(fetch, words))):
-                return False
-        self.note = call.skill.name
-        return (yield from self.attempt(work, call))
-
-    def _graspable(self, work: Work, phrase: str) -> bool:
-        """Whether one hand is to fetch what a phrase names: it fits between the fingers, or no skill is for both."""
-        if "lift" not in self._skills or not (found := self._seen.knowledge().find(phrase)):
-            return True
-        return any(grasps(self._seen, e.name, float(work.motion.felt.base_pose[2])) for e in found)
-
-    def _carries(self, work: Work, phrase: str) -> bool:
-        """Whether the robot carries something that a phrase names."""
-        carried = {work.scene.between(), *(work.scene.holding(side) for side in SIDES)}
-        return any(e.name in carried for e in self._seen.knowledge().find(phrase))
 
     def _phrases(self, call: SkillCall, slots: Iterable[str]) -> list[str]:
         """What a call names in some slots, but for the floor."""

@@ -12,6 +12,7 @@ from mpvi_bt.manipulation.carry import back_off, come_out, settle, step_back, tu
 from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.follow import around, draw_off
 from mpvi_bt.manipulation.gaze import look_at
+from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.hold_out import present
 from mpvi_bt.manipulation.repertoire import REPERTOIRE
 from mpvi_bt.manipulation.scene import Scene, Sight
@@ -20,7 +21,7 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.skills import Skill, SkillCall
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
-from mpvi_bt.robot.protocol import CONTROL_HZ, Proprioception, Side
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 
 _PATIENCE_S = 2.0  # longer than a trigger takes to fire,
@@ -36,6 +37,12 @@ _EARNED = 2.0 / CONTROL_HZ  # and more with every step: planning keeps well ahea
 Performance = Generator[Array, None, SkillCall | None]
 # Backing off mends none of these.
 _ANYWHERE = ("unknown_object", "unknown_skill", "not_a_container", "not_held", "hands_full", "not_found")
+# Slots of what a skill wants in hand, the first that is said: picked up first where it is not.
+_IN_HAND = {
+    **dict.fromkeys(("place_in", "place_on", "place_next_to", "place_under", "hand_over"), ("object",)),
+    **dict.fromkeys(("wipe", "spray"), ("tool",)),
+    "pour": ("source", "object"),
+}
 
 
 class ScriptedPolicy:
@@ -129,14 +136,17 @@ class ScriptedPolicy:
         if not calls:
             return None
         done = begin = 0  # so many calls have succeeded once, and so many lie behind what was put away last
-        for _ in range(_ROUNDS):  # what was dropped on the way is picked up again; what was put away stays there
+        for left in reversed(range(_ROUNDS)):  # what was dropped is picked up again; what was put away stays there
+            failed = False
             for k, call in enumerate(calls[begin:], begin):
-                if (yield from self.attempt(work, call)):
+                if (yield from self.do(work, call)):
                     done = max(done, k + 1)
                     begin = k + 1 if call.skill.name in _PUTS else begin
                 elif k >= done:  # what was done before may be done still, such as a door that stands open
-                    break
-            else:
+                    failed = True
+                    if left:  # at the last what comes after it is done all the same
+                        break
+            if not failed:
                 return calls[-1]
         return None
 
@@ -191,6 +201,34 @@ class ScriptedPolicy:
                         yield from work.motion.wait(_PATIENCE_S)
                         yield from tuck(work)
         return False
+
+    def do(self, work: Work, call: SkillCall) -> Any:
+        """Try a clause; what it wants in hand and is not is picked up first. Returns whether it succeeded."""
+        slot = next((s for s in _IN_HAND.get(call.skill.name, ()) if s in call.arguments), None)
+        if slot is not None and "pick" in self._skills and not self._carries(work, call.arguments[slot]):
+            words = {s: w for s, w in (("object", call.arguments[slot]), ("hand", call.arguments.get("hand"))) if w}
+            fetch = self._skills["pick" if self._graspable(work, words["object"]) else "lift"]
+            self._at(fetch)
+            if not (yield from self.attempt(work, SkillCall(fetch, words))):
+                return False
+        self._at(call.skill)
+        return (yield from self.attempt(work, call))
+
+    def _at(self, skill: Skill) -> None:
+        """Note what it is at, unless the note tells why that failed last."""
+        if self.note.partition(":")[0] != skill.name:
+            self.note = skill.name
+
+    def _graspable(self, work: Work, phrase: str) -> bool:
+        """Whether one hand is to fetch what a phrase names: it fits between the fingers, or no skill is for both."""
+        if "lift" not in self._skills or not (found := self._scene.knowledge().find(phrase)):
+            return True
+        return any(grasps(self._scene, e.name, float(work.motion.felt.base_pose[2])) for e in found)
+
+    def _carries(self, work: Work, phrase: str) -> bool:
+        """Whether the robot carries something that a phrase names."""
+        carried = {work.scene.between(), *(work.scene.holding(side) for side in SIDES)}
+        return any(e.name in carried for e in self._scene.knowledge().find(phrase))
 
     def attempt(self, work: Work, call: SkillCall) -> Any:
         """Try one skill several times from different places; yields actions, returns whether it succeeded."""
