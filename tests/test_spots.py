@@ -200,3 +200,41 @@ def test_nothing_is_set_down_beside_itself() -> None:
                 place._standing(work, "sandal")
         else:
             assert place._standing(work, "sandal") == "sandal_2"
+
+
+@pytest.mark.parametrize(
+    ("thing", "lies"), [("pen", False), ("bottle_of_olive_oil", True), ("small_box_of_oatmeal", True)]
+)
+def test_what_is_flat_is_not_stood_on_end_to_lie(thing: str, lies: bool) -> None:
+    """A bottle that is tipped over comes to lie; a pen that is raised so far would fall anywhere."""
+    world = small_world({"thing": placed(thing, -1.0, 0.5)})
+    work = Work(Holding(world, "thing"), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    held = work.held()["left"]
+    assert leaning(work, held, 0.0) is not None
+    for lean in (1.2, -1.2, 1.5, -1.5):
+        assert (leaning(work, held, lean) is not None) is lies
+
+
+@pytest.mark.parametrize("gap_m", [0.11, 0.05, 0.02])
+def test_a_pen_is_laid_lengthwise_where_there_is_no_room_across(gap_m: float) -> None:
+    """Beside two boxes on a notebook it lies with all of it on the notebook and clear of both."""
+    boxes = {name: placed("small_box_of_oatmeal", 0.6, 0.0, 0.03) for name in ("one", "two")}
+    world = small_world({"notebook": placed("notebook", 0.6, 0.0), "pen": placed("pen", -1.0, 0.5), **boxes})
+    wide = float(bounds(world.solids("one"))[1, 0]) - 0.6
+    for name, sign in (("one", 1.0), ("two", -1.0)):
+        T = world.pose(name)
+        T[0, 3] += sign * (gap_m / 2 + wide)
+        world.place(name, T, fixed=True)
+    work = Work(Holding(world, "pen"), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    held = work.held()["left"]
+    found = [pose for group in spots.on(work, held, "notebook", (0.0,)) for pose in group]
+    assert found
+    others = Surroundings([s for name in boxes for s in world.solids(name)])
+    board = bounds(world.solids("notebook"))
+    frame = kin.inverse(held.T_tcp_thing)
+    for pose in found:
+        edge = outline([s.moved(pose.T_world_thing @ frame) for s in held.solids])
+        assert (edge > board[0, :2] - 0.006).all()
+        assert (edge < board[1, :2] + 0.006).all()
+        rows = np.column_stack([edge, np.full(len(edge), pose.T_world_thing[2, 3] + 0.015)])
+        assert others.distance(rows).min() > 0.004

@@ -74,6 +74,7 @@ def leaning(work: Work, held: Held, lean: float) -> Array | None:
     """The rotation (3, 3) of a thing that leans so far; None if it would fall over from there, or what is in it out.
 
     What leans a little comes to stand, what lies nearly flat comes to lie; what is between falls anywhere, but a ball.
+    So does what is flat and would come to stand on end, such as a pen.
     What has things in it leans hardly more than it does in the hand.
     """
     now = work.scene.pose(held.name)[:3, :3]
@@ -86,10 +87,13 @@ def leaning(work: Work, held: Held, lean: float) -> Array | None:
     hangs = float(Rotation.from_matrix(upright.T @ now).magnitude())
     if work.scene.within(held.name) and not (stands and abs(lean) < hangs + _HARDLY_RAD):
         return None
-    if not (stands or abs(lean) > LIES_RAD or all(s.kind == "sphere" for s in held.solids)):
-        return None
     closing = upright @ frame[:3, 1] * [1, 1, 0]
     if (length := float(np.linalg.norm(closing))) < 0.5:
+        return None
+    square = kin.transform(kin.rot_z(-np.arctan2(closing[1], closing[0])) @ upright, (0.0, 0.0, 0.0)) @ frame
+    _, deep, high = np.ptp(bounds(s.moved(square) for s in held.solids), axis=0)
+    lies = abs(lean) > LIES_RAD and 2 * high > deep
+    if not (stands or lies or all(s.kind == "sphere" for s in held.solids)):
         return None
     return np.asarray(Rotation.from_rotvec(closing / length * lean).as_matrix() @ upright)
 

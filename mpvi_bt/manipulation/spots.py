@@ -71,6 +71,31 @@ def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: boo
                 if all(np.linalg.norm(spot - d) > _GRID_M for d in done):
                     done.append(spot)
                     yield list(poses(work, held, spot, [lean for lean, _ in able]))
+        if not done and not inside:
+            yield from _lengthwise(work, held, surface, R, [lean for lean, _ in able])
+
+
+def _lengthwise(work: Work, held: Held, surface: str, R: Array, leans: Sequence[float]) -> Iterator[list[Pose]]:
+    """Poses for what is long, such as a pen on a notebook, where there is no room for it at every turn.
+
+    Args:
+        work: Robot and world.
+        held: What is set down.
+        surface: What on.
+        R: (3, 3) how it is turned, but for a turn about the vertical.
+        leans: Of its poses [rad].
+    """
+    near = work.motion.felt.base_pose[:2]
+    solids = [s.moved(kin.transform(R, (0.0, 0.0, 0.0)) @ kin.inverse(held.T_tcp_thing)) for s in held.solids]
+    angles = np.pi * np.arange(_SECTORS) / _SECTORS
+    width = float(np.ptp(outline(solids) @ np.stack([np.cos(angles), np.sin(angles)]), axis=0).min())
+    height = float(np.ptp(bounds(solids), axis=0)[2])
+    top = Surroundings(work.scene.solids(surface))
+    others = work.scene.obstacles(near, _NEAR_M, without={surface, *work.carried()})
+    for spot in list(work.scene.spots(surface, width / 2 + _TIGHT_M, height + _HEADROOMS_M[1], near))[:_SPOTS]:
+        found = [pose for pose in poses(work, held, spot, leans) if _borne(held, pose, top)]
+        if found := [pose for pose in found if _apart(held, pose, others)]:
+            yield found
 
 
 def on_floor(work: Work, held: Held, leans: Sequence[float]) -> Iterator[list[Pose]]:
@@ -192,6 +217,16 @@ def _borne(held: Held, pose: Pose, below: Obstacles) -> bool:
     solids = [s.moved(pose.T_world_thing @ frame) for s in held.solids]
     edge, z = outline(solids), float(bounds(solids)[0, 2]) - _SUNK_M
     return z < 0 or bool((below.distance(np.column_stack([edge, np.full(len(edge), z)])) < _OUT_M).all())
+
+
+def _apart(held: Held, pose: Pose, others: Obstacles) -> bool:
+    """Whether a thing's outline in a pose keeps clear of others, at its foot, its middle and its top."""
+    frame = kin.inverse(held.T_tcp_thing)
+    solids = [s.moved(pose.T_world_thing @ frame) for s in held.solids]
+    edge, (low, high) = outline(solids), bounds(solids)[:, 2]
+    levels = np.linspace(low + _SUNK_M, max(high, low + _SUNK_M), 3)
+    rows = np.concatenate([np.column_stack([edge, np.full(len(edge), z)]) for z in levels])
+    return bool((others.distance(rows) > _TIGHT_M).all())
 
 
 def _level(work: Work, held: Held, pose: Pose, target: str) -> bool:
