@@ -29,6 +29,10 @@ _SHRUNK_M = 0.001
 _OUT_RAD = 0.05  # off its posture for traveling an empty arm is out
 _DRAWN_M = (0.12, 0.06)  # along its fingers, off what it may have let go of a moment ago
 _CARRY_HEIGHT_M = 0.80
+_CLEAR_M = (
+    0.03,
+    0.0,
+)  # what is carried keeps from a chair beside it, if it can: arms give way, and hooked on it is lost
 _CHECKED_CARRIES = 25
 _SWUNG_CARRIES = 3  # planned for, each at length
 # Off the middle of a hand's way home, y toward its own side [m].
@@ -132,11 +136,12 @@ def _homeward(work: Work, torso: Array, without: Collection[str]) -> dict[Side, 
     hands = {s: arm_motion.stay(work.motion.hand(s)) for s in body.held}
     if (found := arm_motion.sweep(body, torso, hands)) is not None:
         return found
-    for side in sorted(body.held, key=lambda s: float(work.motion.hand(s)[2, 3])):
+    sides = sorted(body.held, key=lambda s: float(work.motion.hand(s)[2, 3]))
+    for margin, side in product(_CLEAR_M, sides):
         now, checked = work.motion.hand(side), 0
         for T in _carries(work, side, body):
             q = body.robot.nearest_posture(kin.inverse(body.robot.chest(torso)) @ T, side, work.motion.arm(side))
-            if q is None or not replace(body, torso=torso[:3]).free(side, q)[0]:
+            if q is None or not replace(body, torso=torso[:3]).free(side, q, margin)[0]:
                 continue
             for detour in _DETOURS:
                 path = arm_motion.glide(now, T, detour * [1, SIGN[side], 1])
@@ -188,7 +193,7 @@ def tuck(work: Work) -> Actions:
             if np.linalg.norm(T[:3, 3] - now[:3, 3]) < 0.03 or checked >= _CHECKED_CARRIES:
                 break  # as good as home
             q = body.robot.nearest_posture(kin.inverse(body.robot.chest(work.motion.torso)) @ T, side, arms[side])
-            if q is None or not body.free(side, q)[0]:
+            if q is None or not body.free(side, q, _CLEAR_M[0])[0]:
                 continue
             path = arm_motion.plan_level(body, side, T)
             if path is not None:
