@@ -29,10 +29,8 @@ _SHRUNK_M = 0.001
 _OUT_RAD = 0.05  # off its posture for traveling an empty arm is out
 _DRAWN_M = (0.12, 0.06)  # along its fingers, off what it may have let go of a moment ago
 _CARRY_HEIGHT_M = 0.80
-_CLEAR_M = (
-    0.03,
-    0.0,
-)  # what is carried keeps from a chair beside it, if it can: arms give way, and hooked on it is lost
+# What is carried keeps from what stands around, if it can: arms give way, and what hooks on a chair is lost.
+_CLEAR_M = (0.03, 0.0)
 _CHECKED_CARRIES = 25
 _SWUNG_CARRIES = 3  # planned for, each at length
 # Off the middle of a hand's way home, y toward its own side [m].
