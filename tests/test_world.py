@@ -197,6 +197,23 @@ def test_what_is_taken_again_where_it_was_laid_is_laid_where_it_first_stood(monk
         assert each.knowledge().entries["can"].laid
 
 
+def test_a_jar_is_laid_where_it_is_put_however_seldom_one_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was taken from where it stood, not from where the hand had it by then; a hand on its lid takes it nowhere."""
+    world = small_world({"can": placed("can_of_soda", 2.0, 2.0)})
+
+    def laid(z: float, held: bool) -> bool:
+        with monkeypatch.context() as hands:
+            hands.setattr(world._whereabouts._holding, "in_hand", {"left": "can" if held else None}.get)
+            world.place("can", pose((2.0, 2.0, z)))
+            world._whereabouts.forget()
+            return world.knowledge().entries["can"].laid
+
+    told = [laid(z, held) for z, held in ((0.5, False), (0.8, True), (0.9, False), (0.9, True), (0.9, False))]
+    assert told == [False, False, True, False, True]
+    assert not laid(0.7, True)
+    assert laid(0.5, False)  # put back into the cabinet that it was taken from first
+
+
 def test_an_empty_fist_holds_nothing() -> None:
     """Hands that closed on nothing hold nothing, though a can is near."""
     world = small_world({"can": placed("can_of_soda", 2.0, 2.0)})

@@ -40,21 +40,25 @@ class Whereabouts:
         self._fixtures, self._objects, self._phrases, self._holding = fixtures, objects, phrases, holding
         self._prior, self._map = knowledge(house), prior_map(house)
         self._told: tuple[int, KnowledgeBase] | None = None
-        self._taken_at: dict[str, Array] = {}  # the middle (3,) of what a hand took, when it did
-        self._laid: set[str] = set()  # what lay so at the last look
+        self._stood: dict[str, Array] = {}  # the middle (3,) of what no hand had, at the last look at it
+        self._taken_at: dict[str, Array] = {}  # the same of what a hand took, before it did
+        self._had: set[str] = set()  # what a hand has had since
 
     def forget(self) -> None:
         """Look anew when asked again: something was moved between two steps."""
         self._told = None
 
     def save(self) -> dict[str, Any]:
-        """Where what has been carried was taken, x, y, z [m], and what has been laid down."""
-        return {"taken_at": {name: at.tolist() for name, at in self._taken_at.items()}, "laid": sorted(self._laid)}
+        """Where things stood and where what has been carried was taken, x, y, z [m], and what may be carried still."""
+        stood, taken = ({name: at.tolist() for name, at in of.items()} for of in (self._stood, self._taken_at))
+        return {"stood": stood, "taken_at": taken, "had": sorted(self._had)}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Go on from what `save` told."""
-        self._taken_at = {name: np.array(at) for name, at in saved.get("taken_at", {}).items()}
-        self._laid = set(saved.get("laid", ()))
+        self._stood, self._taken_at = (
+            {name: np.array(at) for name, at in saved.get(key, {}).items()} for key in ("stood", "taken_at")
+        )
+        self._had = set(saved.get("had", ()))
         self.forget()
 
     def at(self, step: int) -> KnowledgeBase:
@@ -71,8 +75,15 @@ class Whereabouts:
         for name, thing in self._objects.items():
             low, high = bounds(thing.solids())
             inside = next((c for c, names in containers.items() if name in names), None)
-            if name in carried and (name in self._laid or name not in self._taken_at):
-                self._taken_at[name] = (low + high) / 2
+            if name in carried:
+                self._taken_at.setdefault(name, self._stood.get(name, (low + high) / 2))
+                self._had.add(name)
+            else:
+                stood = self._stood.get(name)
+                if name in self._had and stood is not None and laid_down(stood, low, high):
+                    self._taken_at[name] = stood  # a hand on a jar's lid does not take the jar from where it was laid
+                self._had.discard(name)
+                self._stood[name] = (low + high) / 2
             taken_at = self._taken_at.get(name)
             laid = taken_at is not None and name not in carried and laid_down(taken_at, low, high)
             if taken_at is not None and inside is not None and name not in carried:
@@ -85,7 +96,6 @@ class Whereabouts:
                     held=name in carried or inside in carried, inside=inside, laid=laid,
                 )
             )  # fmt: skip
-        self._laid = {e.name for e in base if e.laid}
         return base
 
     def _now(self, known: Entry) -> Entry:
