@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 
 from mpvi_bt.manipulation import carry
-from mpvi_bt.manipulation.carry import settle
+from mpvi_bt.manipulation.carry import settle, tuck
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.motion import Motion, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Proprioception
 from mpvi_bt.robot.r1 import R1
+from mpvi_bt.robot.solids import Array, Solid, box
 from tests.small_house import placed, run, small_world
+from tests.test_motion import play, reaching
 
 # A hand beside the back [rad], from where no level way leads home.
 BEHIND, BENT = (-1.48, -2.58, 0.58, -0.15, -0.14, 1.28, 0.42), (0.29, -0.06, -0.03, 0.51)
@@ -80,3 +83,35 @@ def test_who_bends_down_and_finds_no_level_way_straightens_up_with_what_is_held(
         work.motion.felt = felt()
     np.testing.assert_allclose(work.motion.torso[:3], R1.travel_torso[:3], atol=0.01)
     np.testing.assert_allclose(work.motion.hand("left")[2, :3], before[2, :3], atol=0.05)
+
+
+@pytest.mark.parametrize("ahead", [False, True])
+def test_what_is_carried_keeps_clear_of_what_stands_around(monkeypatch: pytest.MonkeyPatch, ahead: bool) -> None:
+    """Arms give way by a centimeter: where hand or elbow would graze a wall it is carried elsewhere, or stays."""
+    _, home, _, edges = tucked(monkeypatch, [])
+    assert np.linalg.norm(home[:2, 3]) < 0.35
+    x, y = edges[:2] + 0.06
+    wall = box((x, 0.0, 1.0), (0.1, 1.5, 2.0)) if ahead else box((0.4, y, 1.0), (1.5, 0.1, 2.0))
+    before, after, gap, _ = tucked(monkeypatch, [wall])
+    assert gap > 0.03 or np.allclose(after, before)
+
+
+def tucked(monkeypatch: pytest.MonkeyPatch, walls: list[Solid]) -> tuple[Array, Array, float, Array]:
+    """Bring a can that a hand holds out closer.
+
+    Returns:
+        The hand's poses (4, 4) before and after, the gap of arm and can to `walls` then, and how far (3,) these reach
+        ahead, to the left and up [m].
+    """
+    world = small_world({"can": placed("can_of_soda", -1.0, 0.5)})
+    scene = TrueScene(world)
+    scene.holding = lambda side: "can" if side == "left" else None
+    work = Work(scene, reaching("left"), np.random.default_rng(0))
+    before = work.hand("left")
+    world.place("can", before)
+    monkeypatch.setattr(scene, "obstacles", lambda *_, **__: Surroundings(walls))
+    body = work.body()
+    play(work.motion, tuck(work))
+    q = work.motion.arm("left")
+    centers, radii = body.spheres("left", q)
+    return before, work.hand("left"), body.distance("left", q), (centers[0] + radii[:, None]).max(0)

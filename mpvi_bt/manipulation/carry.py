@@ -136,14 +136,15 @@ def _homeward(work: Work, torso: Array, without: Collection[str]) -> dict[Side, 
         return found
     sides = sorted(body.held, key=lambda s: float(work.motion.hand(s)[2, 3]))
     for margin, side in product(_CLEAR_M, sides):
-        now, checked = work.motion.hand(side), 0
+        now, checked, home = work.motion.hand(side), 0, replace(body, torso=torso[:3])
         for T in _carries(work, side, body):
             q = body.robot.nearest_posture(kin.inverse(body.robot.chest(torso)) @ T, side, work.motion.arm(side))
-            if q is None or not replace(body, torso=torso[:3]).free(side, q, margin)[0]:
+            if q is None or not home.free(side, q, margin)[0]:
                 continue
             for detour in _DETOURS:
                 path = arm_motion.glide(now, T, detour * [1, SIGN[side], 1])
-                if (found := arm_motion.sweep(body, torso, {**hands, side: path})) is not None:
+                found = arm_motion.sweep(body, torso, {**hands, side: path})
+                if found is not None and (not margin or home.free(side, found[side][-1], margin)[0]):
                     return found
             checked += 1
             if checked >= _CHECKED_CARRIES:
@@ -194,7 +195,7 @@ def tuck(work: Work) -> Actions:
             if q is None or not body.free(side, q, _CLEAR_M[0])[0]:
                 continue
             path = arm_motion.plan_level(body, side, T)
-            if path is not None:
+            if path is not None and body.free(side, path[-1], _CLEAR_M[0])[0]:  # with its elbow elsewhere
                 yield from work.motion.follow(side, path, speed=1.0)
                 break
             checked += 1
