@@ -136,7 +136,7 @@ class ScriptedPolicy:
         if not calls:
             return None
         done = begin = 0  # so many calls have succeeded once, and so many lie behind what was put away last
-        for left in reversed(range(_ROUNDS)):  # what was dropped is picked up again; what was put away stays there
+        for again in reversed(range(_ROUNDS)):  # what was dropped is picked up again; what was put away stays there
             failed = False
             for k, call in enumerate(calls[begin:], begin):
                 if (yield from self.do(work, call)):
@@ -144,7 +144,7 @@ class ScriptedPolicy:
                     begin = k + 1 if call.skill.name in _PUTS else begin
                 elif k >= done:  # what was done before may be done still, such as a door that stands open
                     failed = True
-                    if left:  # at the last what comes after it is done all the same
+                    if again:  # at the last what comes after it is done all the same
                         break
             if not failed:
                 return calls[-1]
