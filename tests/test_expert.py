@@ -62,9 +62,9 @@ def test_it_keeps_the_policys_contract() -> None:
         check_policy(ExpertPolicy(world, SKILLS), observation)
 
 
-@pytest.mark.parametrize("prompt", ["dance", "pick up the elephant", "put the can of soda in the trash can"])
+@pytest.mark.parametrize("prompt", ["dance", "pick up the elephant", "put the elephant in the trash can"])
 def test_what_cannot_be_done_leaves_robot_and_things_in_place(prompt: str) -> None:
-    """An unknown skill, an unknown thing, a thing that is not in hand: a note says so, and nothing moves far."""
+    """An unknown skill, an unknown thing to take or to put away: a note says so, and nothing moves far."""
     world = calm(small_world({"can": placed("can_of_soda", 1.0, 0.0), "bin": placed("trash_can", 1.0, 1.0)}))
     before = world.pose("can")
     played = play(world, prompt, until=None, limit_s=6.0)

@@ -16,7 +16,6 @@ from benchmarks.hands.runner import run_job
 from benchmarks.hands.two_hands import large_things
 from mpvi_bt.goals.predicates import ontop
 from mpvi_bt.manipulation.expert import ExpertPolicy
-from mpvi_bt.manipulation.reactive import ReactivePolicy
 from mpvi_bt.manipulation.set_down import set_down
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.two_hands import (
@@ -106,8 +105,7 @@ def test_what_no_hand_spans_is_fetched_with_both() -> None:
     crate = Placement(large_things("tuning")["drinks_crate"], kin.transform(np.eye(3), (1.0, 0.3, 0.001)))
     world = small_world({"crate": crate, "can": placed("can_of_soda", 1.0, -0.3)})
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
-    policy = ReactivePolicy(load_skills())
-    policy._seen = work.scene  # type: ignore[assignment]
+    policy = ExpertPolicy(world, load_skills())
     assert not policy._graspable(work, "drinks crate")
     assert policy._graspable(work, "can of soda")
 
