@@ -10,7 +10,6 @@ import pytest
 
 from mpvi_bt.manipulation.carry import back_off, settle, step_back
 from mpvi_bt.manipulation.looking import look_from_elsewhere
-from mpvi_bt.manipulation.open import _room
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot.collision import NOTHING, Surroundings
@@ -70,21 +69,6 @@ def test_a_step_back_ends_before_what_stands_there() -> None:
     world = small_world({"box": placed("carton_of_milk", -0.45, 0.0)})
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     assert not list(step_back(work))
-
-
-@pytest.mark.parametrize("gap_m", [0.0, 0.1, 0.2, 1.0])
-def test_who_has_let_go_of_a_door_backs_off_no_farther_than_its_arms_have_room(
-    monkeypatch: pytest.MonkeyPatch, gap_m: float
-) -> None:
-    """Pressed against a wall they could not be folded; in the open it goes as far as it is to."""
-    world = small_world()
-    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
-    body = work.body()
-    behind = min(float((p[0, :, 0] - r).min()) for p, r in (body.spheres(s, q) for s, q in body.arms.items()))
-    wall = Surroundings([box((behind - gap_m - 0.05, 0.0, 1.0), (0.1, 4.0, 2.0))])
-    monkeypatch.setattr(work.scene, "obstacles", lambda *_, **__: wall)
-    room = _room(work, np.array([-1.0, 0.0]), 0.25)
-    assert room == pytest.approx(min(0.25, 0.05 * max(0, int((gap_m - 0.029) / 0.05))))
 
 
 class Unseeing(TrueScene):

@@ -285,28 +285,6 @@ def test_what_is_held_far_out_before_a_counter_is_brought_to_where_it_goes_as_th
         assert standing.body.all_free()
 
 
-@pytest.mark.parametrize("laden", [False, True])
-def test_what_the_other_hand_has_at_the_chest_rides_along_as_the_torso_bends_unless_it_is_filled(laden: bool) -> None:
-    """An arm does not keep a can level at the chest that bends over it; on a slant nothing falls out of a shut one."""
-    world = small_world()
-    felt = world.robot.proprioception()
-    carried = kin.transform(kin.hand_rotation((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)), (0.28, 0.08, 0.8))
-    arm = R1.nearest_posture(kin.inverse(R1.chest(felt.torso)) @ carried, "left", felt.arm["left"])
-    assert arm is not None
-    motion = Motion(replace(felt, arm={**felt.arm, "left": arm}))
-    can = (box((0.0, 0.0, 0.03), (0.06, 0.06, 0.12)),)
-    held = Held("can", "left", np.eye(4), can, Load(can), laden)
-    search = Search(motion, "right", {"left": held}, Surroundings([]), [], np.random.default_rng(0))
-    around, arms = search.around(felt.base_pose, touched=True), {s: motion.arm(s) for s in SIDES}
-    for pitch in (0.5, 0.8, 1.1):
-        standing = search.stood(np.array([0.3, 0.0, pitch, 0.5]), around, arms)
-        assert (standing is None) is laden
-        if standing is not None:
-            assert "left" not in standing.level
-            np.testing.assert_array_equal(standing.body.arms["left"], arm)
-            assert standing.body.all_free()
-
-
 @given(st.floats(0.46, 0.96), st.floats(-3.0, 3.0), st.sampled_from(SIDES))
 def test_some_base_nearly_touches_what_stands_before_a_place(depth_m: float, yaw: float, side: Side) -> None:
     """Deep in a compartment no arm reaches from farther off: one stands before it, within 3 cm of its front."""

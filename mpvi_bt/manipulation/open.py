@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -27,7 +26,6 @@ from mpvi_bt.manipulation.openings import (
 )
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.perception.parts import Bar, Door
-from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Side
 from mpvi_bt.robot.solids import Array, Solid
@@ -47,7 +45,6 @@ _SAME_BAR_M = 0.06
 _BACK_OUT_M = 0.15
 _BACK_OFF_M = 0.25
 _RISE_M = 0.1
-_KEPT_M, _SLACK_M, _PARTS = 0.03, 0.001, 5  # what is nearer already may stay so; checks on the way
 
 
 def open_(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -176,26 +173,10 @@ def then_leave(work: Work, side: Side, doing: Actions, aside: Array | None = Non
     else:
         yield from _trying(_rise_off(work, side), [])
     yaw = motion.felt.base_pose[2]
-    behind = -np.array([np.cos(yaw), np.sin(yaw)])
-    yield from _trying(back_out(motion, behind, _room(work, behind, _BACK_OFF_M)), [])  # as far as it goes
+    yield from _trying(back_out(motion, -np.array([np.cos(yaw), np.sin(yaw)]), _BACK_OFF_M), [])  # as far as it goes
     yield from _trying(settle(work), failures)
     if failures:
         raise failures[0]
-
-
-def _room(work: Work, direction: Array, most_m: float) -> float:
-    """How far [m] the base can go in a direction (2,) until an arm as it is comes close to what is known there.
-
-    Against a wall arms have no room to be folded.
-    """
-    here, body, near = work.motion.felt.base_pose, work.body(), work.near()
-    least = {side: min(body.distance(side, q), _KEPT_M) - _SLACK_M for side, q in body.arms.items()}
-    for share in np.arange(1, _PARTS + 1) / _PARTS:
-        around = near.seen_from(kin.base(here + np.append(direction, 0.0) * most_m * share))
-        there = replace(body, around=around)
-        if any(there.distance(side, q) < least[side] for side, q in body.arms.items()):
-            return most_m * float(share - 1 / _PARTS)
-    return most_m
 
 
 def _rise_off(work: Work, side: Side) -> Actions:

@@ -199,10 +199,7 @@ class Site:
     def stood(
         self, torso: Array, around: Obstacles, arms: Mapping[Side, Array], first: Array | None = None
     ) -> Standing | None:
-        """The body once the torso has moved there, what the other hand holds level; None if it cannot.
-
-        Our choice: what is not filled rides along on a slant where an arm cannot keep it level: at a chest that bends
-        down between a bed and a wall there is no room for it anywhere else.
+        """The body once the torso has moved there, the other hand level if it holds something; None if it cannot.
 
         Args:
             torso: (4,) where to.
@@ -224,8 +221,6 @@ class Site:
                 ways.append({**stays, self.side: arm_motion.glide(now[self.side], out)})
             if first is not None and not self.held[self.side].laden:
                 on = [{**stays, self.side: arm_motion.glide(now[self.side], first, detour)} for detour in _ON_M]
-        if self.other is not None and not self.held[self.other].laden:
-            ways.append({s: path for s, path in stays.items() if s != self.other})  # on a slant where the torso bends
         for k, hands in enumerate(ways + on):
             samples = 6 if k < 2 else 12
             key: tuple[int | bytes, ...] = (k, torso.tobytes(), *(q.tobytes() for q in arms.values()))
