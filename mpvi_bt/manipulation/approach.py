@@ -96,9 +96,9 @@ def close_in(
 
 
 def go_around(work: Work, name: str, been: list[Array]) -> Generator[Array, None, bool]:
-    """Drive on around a thing, to where more of what is around it is known; whether there was such a place.
+    """Drive around what stands before a thing, or on to where more about it is known; whether there was such a place.
 
-    What stands in a car's trunk is out of reach from beside the car.
+    What lies on the far side of a table is out of reach from the near one, what stands in a car's trunk from beside it.
 
     Args:
         work: Robot and world.

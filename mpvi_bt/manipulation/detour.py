@@ -42,7 +42,7 @@ class Detours:
             left.append(self._places[k])
             k = int(self._before[k])
         legs = [self._places[0]]
-        while left:  # from the goal back to what is next
+        while left:  # the goal first: each leg leads as far on as it can
             far = next((j for j, place in enumerate(left) if self._site.drivable(legs[-1], place)), None)
             if far is None:
                 return None
