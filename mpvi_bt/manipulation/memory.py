@@ -22,6 +22,7 @@ from mpvi_bt.perception.fit import fit
 from mpvi_bt.perception.outlines import main_cluster
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.shape import Shape
+from mpvi_bt.perception.walls import Walls
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Obstacles, Surroundings
 from mpvi_bt.robot.motion import MotionFailure
@@ -83,10 +84,11 @@ class Memory:
     def __init__(self, detector: Detector) -> None:
         """See through `detector`."""
         self._detector = detector
+        self._walls = Walls()
         self.forget(())
 
     def forget(self, phrases: Iterable[str]) -> None:
-        """Begin anew, with nothing known; from now on look for `phrases`, of which no two mean the same things."""
+        """Begin anew, with nothing known but walls; from now on look for `phrases`, of which no two mean the same things."""
         self._phrases = tuple(dict.fromkeys(phrases))
         self._asked = (*self._phrases, *map(switch_of, self._phrases))
         self._frames: list[Frame] = []
@@ -132,6 +134,9 @@ class Memory:
             frame = take(image, felt, self._detector, self._asked, self._stand, self._way_m)
             self._frames = [*self._frames, frame][-_KEPT:]
             self._associate(frame)
+            if image.camera == "head":
+                named = np.any([s.mask for s in frame.detections], axis=0) if frame.detections else False
+                self._walls.see(frame.image, frame.measured & ~named)
         before = set(self._grip)
         self._feel_hands(felt)  # they may hold what has been seen only now
         for side in [s for s in self._grip if s not in before]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Collection, Iterator, Sequence
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -165,11 +166,12 @@ class Seen(Memory):
                 [field.View(f.image, self._transparent(f, {*without, *faces}, beside)) for f in some]
                 for some in (frames, self._before(frames) if self._remembering else [])
             )
-            coarse = Field(views, xy, thick_m=thick, before=before)
+            tops = partial(self._tops, without)
+            coarse = Field(views, xy, thick_m=thick, before=before, tops=tops)
             if self._focus is None:
                 self._field = (key, coarse)
             else:
-                fine = Field(views, self._focus, (_FINE_M,) * 3, _FINE_CELL_M, _FINE_CELL_M / 2, thick, before)
+                fine = Field(views, self._focus, (_FINE_M,) * 3, _FINE_CELL_M, _FINE_CELL_M / 2, thick, before, tops)
                 self._field = (key, FineField(coarse, fine))
         flat = {n for n in faces if bounds(self.solids(n))[1, 2] < FLOOR_M}  # a lawn bars no base
         left_out = {*without, *flat}
@@ -181,6 +183,16 @@ class Seen(Memory):
         ]  # fmt: skip
         leaves = [s for n in faces if n not in left_out for s in self._leaves(n)]
         return Together([self._field[1], Surroundings([*unseen, *leaves])])
+
+    def _tops(self, without: Collection[str], xy: Array) -> Array:
+        """How high walls reach at places (..., 2) [m], and what else is tall; what things `without` explain is none."""
+        top = self._walls.tops(xy)
+        solids = [s for n in sorted(without) if n in self._things for s in (*self.solids(n), *self._leaves(n))]
+        if solids and top.any():
+            at = np.nonzero(top)
+            middle = np.column_stack([xy[at], top[at] / 2])
+            top[at] *= Surroundings(solids).distance(middle) > _EXPLAINED_M
+        return top
 
     def _leaves(self, name: str) -> list[Solid]:
         """The solids of what opens of a thing; what stood open, and is out of view now, stands there still."""
@@ -202,7 +214,7 @@ class Seen(Memory):
         assert self._felt is not None
         head = [f for f in self._frames if f.image.camera == "head" and self._way_m - f.way_m < _PASSED_M]
         views = [field.View(f.image, self._transparent(f, self._held())) for f in head]
-        return Field(views, self._felt.base_pose[:2])
+        return Field(views, self._felt.base_pose[:2], tops=self._walls.tops)
 
     @contextlib.contextmanager
     def trusting(self, remembering: bool = False) -> Iterator[None]:

@@ -49,6 +49,7 @@ class Field:
     def __init__(
         self, views: Sequence[View], middle: Array, size_m: tuple[float, float, float] = _SIZE_M,
         cell_m: float = CELL_M, surface_m: float = _SURFACE_M, thick_m: float = _FAR, before: Sequence[View] = (),
+        tops: Callable[[Array], Array] | None = None,
     ) -> None:  # fmt: skip
         """Carve the cells about a place.
 
@@ -61,6 +62,7 @@ class Field:
             surface_m: A point that much before a surface is free.
             thick_m: How far behind a surface cells count as hidden; farther behind they are given the benefit of doubt.
             before: Earlier views: what surfaces they showed counts where `views` have nothing in view.
+            tops: Likewise how high what is known to stand at places (..., 2) reaches, (...,) [m].
         """
         count = np.round(np.array(size_m) / cell_m).astype(int)
         low_z = _LOWEST_M if len(middle) == 2 else float(middle[2]) - size_m[2] / 2
@@ -74,9 +76,16 @@ class Field:
             depth = np.where(view.through, -np.abs(image.depth), image.depth).astype(np.float32)
             T_camera_grid = kin.inverse(image.T_world_camera) @ kin.transform(np.eye(3), self._low + cell_m / 2)
             camera = np.array([image.K[0, 0], image.K[1, 1], image.K[0, 2], image.K[1, 2]])
-            _kernels()["carve"](cells, depth, T_camera_grid, camera, cell_m, surface_m, _NOISE_PER_M, thick)
+            kernels()["carve"](cells, depth, T_camera_grid, camera, cell_m, surface_m, _NOISE_PER_M, thick)
         if before:
             doubt[(doubt == 0) & (earlier == _HIDDEN)] = _HIDDEN
+        if tops is not None:
+            x, y, z = (low + cell_m * (np.arange(n) + 0.5) for low, n in zip(self._low, count, strict=True))
+            top = tops(np.stack(np.meshgrid(x, y, indexing="ij"), -1))
+            i, j = np.nonzero(top)
+            columns = doubt[i, j]
+            columns[(columns == 0) & (z < top[i, j, None])] = _HIDDEN
+            doubt[i, j] = columns
         self.blocked: NDArray[np.bool_] = doubt == _HIDDEN
         self._distance = distance_to(self.blocked) * np.float32(cell_m) - np.float32(cell_m / 2)
 
@@ -112,7 +121,7 @@ class Field:
         """
         flat = np.ascontiguousarray(p.reshape(-1, 3), np.float64)
         out = np.empty(len(flat))
-        _kernels()["look_up"](self._distance, flat, self._to_world, self._low, self._cell, _FAR, outside, out)
+        kernels()["look_up"](self._distance, flat, self._to_world, self._low, self._cell, _FAR, outside, out)
         return out.reshape(p.shape[:-1])
 
 
@@ -142,7 +151,7 @@ def distance_to(blocked: NDArray[np.bool_]) -> NDArray[np.float32]:
     """
     out = np.empty(blocked.shape, np.float32)
     deep = (-1, *blocked.shape[-2:])
-    _kernels()["squared"](np.ascontiguousarray(blocked).reshape(deep), out.reshape(deep))
+    kernels()["squared"](np.ascontiguousarray(blocked).reshape(deep), out.reshape(deep))
     return np.sqrt(out, out=out)
 
 
@@ -150,12 +159,12 @@ _HIDDEN, _FREE = 1, 2
 
 
 @cache
-def _kernels() -> dict[str, Callable[..., None]]:
+def kernels() -> dict[str, Callable[..., None]]:
     """The compiled loops; numba keeps them beside this file or in the user's cache folder."""
     import numba
 
     compiled: dict[str, Any] = {}
-    for name, function in (("carve", _carve), ("look_up", _look_up), ("squared", _squared)):
+    for name, function in (("carve", _carve), ("look_up", _look_up), ("squared", _squared), ("score", _score)):
         try:
             compiled[name] = numba.njit(cache=True)(function)
         except RuntimeError:  # no folder that can be written: compile anew in each process
@@ -190,6 +199,30 @@ def _carve(doubt, depth, T, camera, cell, surface, noise, thick):  # type: ignor
                     doubt[i, j, k] = 2
                 elif seen > 0 and z < far + thick:
                     doubt[i, j, k] = 1
+
+
+def _score(score, depth, T, camera, cell, band, range_m, sure):  # type: ignore
+    """Count, up to `sure`, pictures that show a surface at a cell, less those that show it free; see `walls`."""
+    height, width = depth.shape
+    for i in range(score.shape[0]):
+        for j in range(score.shape[1]):
+            for k in range(score.shape[2]):
+                x0, y0, z0 = i * cell, j * cell, k * band
+                z = T[2, 0] * x0 + T[2, 1] * y0 + T[2, 2] * z0 + T[2, 3]
+                if z < 0.1 or z > range_m:
+                    continue
+                x = T[0, 0] * x0 + T[0, 1] * y0 + T[0, 2] * z0 + T[0, 3]
+                y = T[1, 0] * x0 + T[1, 1] * y0 + T[1, 2] * z0 + T[1, 3]
+                u = int(np.floor(camera[0] * x / z + camera[2]))
+                v = int(np.floor(camera[1] * y / z + camera[3]))
+                if u < 0 or v < 0 or u >= width or v >= height or depth[v, u] == 0:
+                    continue
+                far = abs(depth[v, u])
+                off = cell / 2 + _NOISE_PER_M * z * z
+                if z < far - off - cell:
+                    score[i, j, k] = max(score[i, j, k] - 1, -sure)
+                elif depth[v, u] > 0 and abs(z - far) < off:
+                    score[i, j, k] = min(score[i, j, k] + 1, sure)
 
 
 def _look_up(distance, points, T, low, cell, far, outside, out):  # type: ignore
