@@ -11,9 +11,9 @@ from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
 _CELL_M, _BAND_M = 0.025, 0.1  # of the grid, along the floor and up
-_CELLS, _BANDS = 256, 20  # 6.4 m about the robot, and 2 m up
+_CELLS, _BANDS = 512, 20  # 12.8 m about the robot, and 2 m up
 _LOW_M = 0.1  # the floor is none
-_MOVED_M = 1.0  # so far from its middle the grid comes along
+_MOVED_M = 3.0  # so far from its middle the grid comes along
 _RANGE_M = 2.5  # what is farther off is seen again from near
 _SURE = 3  # pictures that show a place as it is now outweigh any number of older ones
 _TALL_M, _WHOLE = 1.0, 0.7  # what is at least so tall, seen in that share of its height, is taken to stand there
@@ -35,10 +35,13 @@ class Walls:
         """Take in a picture; `fixed` (H, W) is where it shows what may be a wall, and not the robot, say."""
         self._come_along(image.T_world_camera[:2, 3])
         depth = np.where(fixed, image.depth, -image.depth).astype(np.float32)
-        first = np.append(self._low + _CELL_M / 2, _LOW_M + _BAND_M / 2)
+        begin = np.floor((image.T_world_camera[:2, 3] - _RANGE_M - self._low) / _CELL_M).astype(int)
+        begin, end = (np.clip(n, 0, _CELLS) for n in (begin, begin + round(2 * _RANGE_M / _CELL_M) + 2))
+        near = self._score[begin[0] : end[0], begin[1] : end[1]]
+        first = np.append(self._low + _CELL_M * (begin + 0.5), _LOW_M + _BAND_M / 2)
         T = kin.inverse(image.T_world_camera) @ kin.transform(np.eye(3), first)
         camera = np.array([image.K[0, 0], image.K[1, 1], image.K[0, 2], image.K[1, 2]])
-        kernels()["score"](self._score, depth, T, camera, _CELL_M, _BAND_M, _RANGE_M, _SURE)
+        kernels()["score"](near, depth, T, camera, _CELL_M, _BAND_M, _RANGE_M, _SURE)
 
     def tops(self, xy: Array) -> Array:
         """(...,) how high [m] what stands at places (..., 2) reaches; 0 where none is known to."""

@@ -1,0 +1,89 @@
+"""Walls that are remembered while no picture shows them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mpvi_bt.perception.field import Field, View
+from mpvi_bt.perception.walls import Walls
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.robot.solids import Array, pose
+
+SIZE = (120, 160)
+K = np.array([[130.0, 0, 80], [0, 130.0, 60], [0, 0, 1]])
+# A camera 1 m up at the origin that looks along +x, over 1.4 m of the height of what is 1.5 m off.
+FORWARD = kin.transform(kin.LINK_TO_OPTICAL, (0.0, 0.0, 1.0))
+BACK = pose((0.0, 0.0, 0.0), np.pi) @ FORWARD
+ALL = np.ones(SIZE, bool)
+AT = np.array([1.5, 0.2])
+
+
+def picture(depth: Array | float, T: Array = FORWARD) -> CameraImage:
+    whole = np.full(SIZE, depth, np.float32)
+    return CameraImage("head", np.zeros((*SIZE, 3), np.uint8), whole, None, {}, K, T)
+
+
+def seen(*pictures: CameraImage, fixed: NDArray[np.bool_] = ALL) -> Walls:
+    walls = Walls()
+    for image in pictures:
+        walls.see(image, fixed)
+    return walls
+
+
+def stands(walls: Walls, *at: float) -> bool:
+    """Whether something does within half a hand's breadth of a place."""
+    off = np.linspace(-0.05, 0.05, 9)
+    return bool(walls.tops(np.array(at) + np.stack(np.meshgrid(off, off), -1)).any())
+
+
+def test_a_wall_stands_where_it_was_seen_and_nowhere_else() -> None:
+    """Also once the camera looks away; before it, behind it and beside what was in view there is none."""
+    walls = seen(picture(1.5), picture(2.4, BACK))
+    assert stands(walls, *AT)
+    assert walls.tops(AT + np.linspace(-0.03, 0.03, 9)[:, None] * [1, 0]).max() == pytest.approx(1.65, abs=0.11)
+    assert not any(stands(walls, *p) for p in ((0.8, 0.2), (1.3, 0.2), (2.0, 0.2), (1.5, 1.5)))
+
+
+def test_what_is_seen_through_has_gone() -> None:
+    """However often it was seen before, such as a door that stood open."""
+    walls = seen(*[picture(1.5)] * 20)
+    for _ in range(6):
+        walls.see(picture(2.4), ALL)
+    assert not stands(walls, *AT)
+    assert stands(walls, 2.4, 0.2)
+
+
+def test_low_things_and_what_is_told_to_be_none_are_no_walls() -> None:
+    """A table's side or a chair is soon elsewhere, and the robot's own arm is always."""
+    rows = np.arange(SIZE[0])[:, None]
+    low = np.where(rows > 60, 1.5, 2.4) * np.ones(SIZE)  # up to the camera's height, 1 m, from 0.31 m up
+    assert not stands(seen(picture(low)), *AT)
+    assert not stands(seen(picture(1.5), fixed=~ALL), *AT)
+
+
+def test_walls_go_along_and_what_is_far_off_is_forgotten() -> None:
+    """Three meters farther they stand where they stood; twenty meters off nothing is known, nor after that."""
+    walls = seen(picture(1.5), picture(1.0, pose((-3.5, 0.0, 0.0), np.pi) @ FORWARD))
+    assert stands(walls, *AT)
+    walls.see(picture(1.0, pose((-20.0, 0.0, 0.0), np.pi) @ FORWARD), ALL)
+    assert not stands(walls, *AT)
+    walls.see(picture(1.0, BACK), ALL)
+    assert not stands(walls, *AT)
+
+
+def test_a_new_grid_knows_of_none() -> None:
+    """Before any picture there is no wall anywhere."""
+    assert not Walls().tops(np.zeros((3, 4, 2))).any()
+
+
+def test_in_a_field_walls_count_where_nothing_is_in_view() -> None:
+    """What a picture shows to be free is free, wherever a wall was known to be."""
+    walls, middle = seen(picture(1.5)), np.array([0.75, 0.0])
+    away = Field([View(picture(2.4, BACK), ~ALL)], middle, tops=walls.tops)
+    assert away.distance(np.array([1.5, 0.2, 1.0])) < 0.05
+    assert away.distance(np.array([1.5, 0.2, 1.9])) > 0.1
+    through = Field([View(picture(2.4), ~ALL)], middle, tops=walls.tops)
+    assert through.distance(np.array([1.5, 0.2, 1.0])) > 0.1
