@@ -88,7 +88,7 @@ class Memory:
         self.forget(())
 
     def forget(self, phrases: Iterable[str]) -> None:
-        """Begin anew, with nothing known but walls; from now on look for `phrases`, of which no two mean the same things."""
+        """Begin anew, with only walls known; from now on look for `phrases`, of which no two mean the same things."""
         self._phrases = tuple(dict.fromkeys(phrases))
         self._asked = (*self._phrases, *map(switch_of, self._phrases))
         self._frames: list[Frame] = []

@@ -67,8 +67,6 @@ class Walls:
         if not np.isnan(self._low).any():
             shift = np.round((low - self._low) / _CELL_M).astype(int)
             if (np.abs(shift) < _CELLS).all():
-                new, old = (
-                    tuple(slice(max(0, s), _CELLS + min(0, s)) for s in sign * shift) for sign in (-1, 1)
-                )
+                new, old = (tuple(slice(max(0, s), _CELLS + min(0, s)) for s in sign * shift) for sign in (-1, 1))
                 score[new] = self._score[old]
         self._score, self._low = score, low
