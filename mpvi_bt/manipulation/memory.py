@@ -21,8 +21,8 @@ from mpvi_bt.perception.detector import Detector, switch_of
 from mpvi_bt.perception.fit import fit
 from mpvi_bt.perception.outlines import main_cluster
 from mpvi_bt.perception.parts import Door
+from mpvi_bt.perception.remembered import Remembered
 from mpvi_bt.perception.shape import Shape
-from mpvi_bt.perception.walls import Walls
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Obstacles, Surroundings
 from mpvi_bt.robot.motion import MotionFailure
@@ -84,11 +84,11 @@ class Memory:
     def __init__(self, detector: Detector) -> None:
         """See through `detector`."""
         self._detector = detector
-        self._walls = Walls()
+        self._remembered = Remembered()
         self.forget(())
 
     def forget(self, phrases: Iterable[str]) -> None:
-        """Begin anew, with only walls known; from now on look for `phrases`, of which no two mean the same things."""
+        """Begin anew, with no thing known; from now on look for `phrases`, of which no two mean the same things."""
         self._phrases = tuple(dict.fromkeys(phrases))
         self._asked = (*self._phrases, *map(switch_of, self._phrases))
         self._frames: list[Frame] = []
@@ -136,7 +136,7 @@ class Memory:
             self._associate(frame)
             if image.camera == "head":
                 named = np.any([s.mask for s in frame.detections], axis=0) if frame.detections else False
-                self._walls.see(frame.image, frame.measured & ~named)
+                self._remembered.see(frame.image, frame.measured & ~named)
         before = set(self._grip)
         self._feel_hands(felt)  # they may hold what has been seen only now
         for side in [s for s in self._grip if s not in before]:

@@ -32,10 +32,12 @@ class View:
         image: The picture.
         through: (H, W) bool: pixels that tell nothing of what is behind them, such as the robot's own body or a thing
             that is to be grasped. What is before them is still seen to be free.
+        own: (H, W) bool: those of them that the robot and what it holds take up; None for none.
     """
 
     image: CameraImage
     through: NDArray[np.bool_]
+    own: NDArray[np.bool_] | None = None
 
 
 class Field:
@@ -49,7 +51,7 @@ class Field:
     def __init__(
         self, views: Sequence[View], middle: Array, size_m: tuple[float, float, float] = _SIZE_M,
         cell_m: float = CELL_M, surface_m: float = _SURFACE_M, thick_m: float = _FAR, before: Sequence[View] = (),
-        tops: Callable[[Array], Array] | None = None,
+        tops: Callable[[Array], Array] | None = None, solid: Callable[[Array], NDArray[np.bool_]] | None = None,
     ) -> None:  # fmt: skip
         """Carve the cells about a place.
 
@@ -63,6 +65,7 @@ class Field:
             thick_m: How far behind a surface cells count as hidden; farther behind they are given the benefit of doubt.
             before: Earlier views: what surfaces they showed counts where `views` have nothing in view.
             tops: Likewise how high what is known to stand at places (..., 2) reaches, (...,) [m].
+            solid: Likewise, only where the robot itself is in the way of `views`, which points (..., 3) are.
         """
         count = np.round(np.array(size_m) / cell_m).astype(int)
         low_z = _LOWEST_M if len(middle) == 2 else float(middle[2]) - size_m[2] / 2
@@ -74,9 +77,12 @@ class Field:
         for cells, view, thick in seen:
             image = view.image
             depth = np.where(view.through, -np.abs(image.depth), image.depth).astype(np.float32)
+            own = view.through & False if view.own is None else view.own
             T_camera_grid = kin.inverse(image.T_world_camera) @ kin.transform(np.eye(3), self._low + cell_m / 2)
             camera = np.array([image.K[0, 0], image.K[1, 1], image.K[0, 2], image.K[1, 2]])
-            kernels()["carve"](cells, depth, T_camera_grid, camera, cell_m, surface_m, _NOISE_PER_M, thick)
+            kernels()["carve"](cells, depth, own, T_camera_grid, camera, cell_m, surface_m, _NOISE_PER_M, thick)
+        veiled = np.argwhere(doubt == _VEILED)
+        doubt[doubt == _VEILED] = 0
         if before:
             doubt[(doubt == 0) & (earlier == _HIDDEN)] = _HIDDEN
         if tops is not None:
@@ -86,6 +92,9 @@ class Field:
             columns = doubt[i, j]
             columns[(columns == 0) & (z < top[i, j, None])] = _HIDDEN
             doubt[i, j] = columns
+        if solid is not None:
+            hit = veiled[solid(self._low + cell_m * (veiled + 0.5))]
+            doubt[tuple(hit.T)] = _HIDDEN
         self.blocked: NDArray[np.bool_] = doubt == _HIDDEN
         self._distance = distance_to(self.blocked) * np.float32(cell_m) - np.float32(cell_m / 2)
 
@@ -155,7 +164,7 @@ def distance_to(blocked: NDArray[np.bool_]) -> NDArray[np.float32]:
     return np.sqrt(out, out=out)
 
 
-_HIDDEN, _FREE = 1, 2
+_HIDDEN, _FREE, _VEILED = 1, 2, 3
 
 
 @cache
@@ -172,8 +181,11 @@ def kernels() -> dict[str, Callable[..., None]]:
     return compiled
 
 
-def _carve(doubt, depth, T, camera, cell, surface, noise, thick):  # type: ignore
-    """Mark cells: 2 free in some picture, 1 hidden in some and free in none. `T` maps cell corners to the camera."""
+def _carve(doubt, depth, own, T, camera, cell, surface, noise, thick):  # type: ignore
+    """Mark cells: 2 free in some picture, 1 hidden in some and free in none, 3 behind the robot's own body in some.
+
+    `T` maps cell corners to the camera.
+    """
     height, width = depth.shape
     for i in range(doubt.shape[0]):
         for j in range(doubt.shape[1]):
@@ -199,15 +211,17 @@ def _carve(doubt, depth, T, camera, cell, surface, noise, thick):  # type: ignor
                     doubt[i, j, k] = 2
                 elif seen > 0 and z < far + thick:
                     doubt[i, j, k] = 1
+                elif own[v, u] and doubt[i, j, k] == 0:
+                    doubt[i, j, k] = 3
 
 
-def _score(score, depth, T, camera, cell, band, range_m, sure):  # type: ignore
-    """Count, up to `sure`, pictures that show a surface at a cell, less those that show it free; see `walls`."""
+def _score(score, depth, T, camera, cell, range_m, sure):  # type: ignore
+    """Count, up to `sure`, pictures that show a surface at a cell, less those that show it free; see `remembered`."""
     height, width = depth.shape
     for i in range(score.shape[0]):
         for j in range(score.shape[1]):
             for k in range(score.shape[2]):
-                x0, y0, z0 = i * cell, j * cell, k * band
+                x0, y0, z0 = i * cell, j * cell, k * cell
                 z = T[2, 0] * x0 + T[2, 1] * y0 + T[2, 2] * z0 + T[2, 3]
                 if z < 0.1 or z > range_m:
                     continue

@@ -1,4 +1,4 @@
-"""Walls that are remembered while no picture shows them."""
+"""What is remembered of what stands around, while no picture shows it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mpvi_bt.perception.field import Field, View
-from mpvi_bt.perception.walls import Walls
+from mpvi_bt.perception.remembered import Remembered
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array, pose
@@ -26,14 +26,14 @@ def picture(depth: Array | float, T: Array = FORWARD) -> CameraImage:
     return CameraImage("head", np.zeros((*SIZE, 3), np.uint8), whole, None, {}, K, T)
 
 
-def seen(*pictures: CameraImage, fixed: NDArray[np.bool_] = ALL) -> Walls:
-    walls = Walls()
+def seen(*pictures: CameraImage, fixed: NDArray[np.bool_] = ALL) -> Remembered:
+    walls = Remembered()
     for image in pictures:
         walls.see(image, fixed)
     return walls
 
 
-def stands(walls: Walls, *at: float) -> bool:
+def stands(walls: Remembered, *at: float) -> bool:
     """Whether something does within half a hand's breadth of a place."""
     off = np.linspace(-0.05, 0.05, 9)
     return bool(walls.tops(np.array(at) + np.stack(np.meshgrid(off, off), -1)).any())
@@ -76,7 +76,7 @@ def test_walls_go_along_and_what_is_far_off_is_forgotten() -> None:
 
 def test_a_new_grid_knows_of_none() -> None:
     """Before any picture there is no wall anywhere."""
-    assert not Walls().tops(np.zeros((3, 4, 2))).any()
+    assert not Remembered().tops(np.zeros((3, 4, 2))).any()
 
 
 def test_in_a_field_walls_count_where_nothing_is_in_view() -> None:

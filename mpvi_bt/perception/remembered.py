@@ -1,0 +1,86 @@
+"""What stands around, remembered from one instruction to the next: walls beside, and what the arm before it hides."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpvi_bt.perception.field import kernels
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.robot.solids import Array
+
+_CELL_M = 0.025
+_CELLS, _UP = 512, 78  # 12.8 m about the robot, and 1.95 m up
+_LOW_M = 0.05  # the floor is none
+_MOVED_M = 3.0  # so far from its middle the grid comes along
+_RANGE_M = 2.5  # what is farther off is seen again from near
+_SURE = 3  # pictures that show a place as it is now outweigh any number of older ones
+_TALL_M, _WHOLE = 1.0, 0.7  # what is at least so tall, seen in that share of its height, is taken to stand there
+
+
+class Remembered:
+    """Where surfaces were seen that no name was asked for, on a grid that goes with the robot.
+
+    Our choice: it serves where pictures from the present place have nothing to tell. A base that is led along a wall
+    which is out of view by now would run into it, and an arm that carries something hides from the head the very edge
+    that it then meets. Of what is out of view only what is tall counts: other things and doors may have moved since.
+    """
+
+    def __init__(self) -> None:
+        """Know of none."""
+        self._score = np.zeros((_CELLS, _CELLS, _UP), np.int8)
+        self._low = np.full(2, np.nan)
+
+    def see(self, image: CameraImage, fixed: NDArray[np.bool_]) -> None:
+        """Take in a picture; `fixed` (H, W) is where it shows what is to be remembered, and not the robot, say."""
+        self._come_along(image.T_world_camera[:2, 3])
+        depth = np.where(fixed, image.depth, -image.depth).astype(np.float32)
+        begin = np.floor((image.T_world_camera[:2, 3] - _RANGE_M - self._low) / _CELL_M).astype(int)
+        begin, end = (np.clip(n, 0, _CELLS) for n in (begin, begin + round(2 * _RANGE_M / _CELL_M) + 2))
+        near = self._score[begin[0] : end[0], begin[1] : end[1]]
+        first = np.append(self._low + _CELL_M * (begin + 0.5), _LOW_M + _CELL_M / 2)
+        T = kin.inverse(image.T_world_camera) @ kin.transform(np.eye(3), first)
+        camera = np.array([image.K[0, 0], image.K[1, 1], image.K[0, 2], image.K[1, 2]])
+        kernels()["score"](near, depth, T, camera, _CELL_M, _RANGE_M, _SURE)
+
+    def tops(self, xy: Array) -> Array:
+        """(...,) how high [m] what is tall and stands at places (..., 2) reaches; 0 where nothing is known to."""
+        known, (i, j) = self._cells(xy)
+        solid = self._score[i, j] > 0
+        top = _UP - solid[:, ::-1].argmax(1)
+        tall = top - solid.argmax(1)
+        stands = solid.any(1) & (tall * _CELL_M >= _TALL_M) & (solid.sum(1) >= _WHOLE * tall)
+        out = np.zeros(xy.shape[:-1])
+        out[known] = np.where(stands, _LOW_M + _CELL_M * top, 0.0)
+        return out
+
+    def solid(self, p: Array) -> NDArray[np.bool_]:
+        """(...,) whether a surface was seen at points (..., 3), and not to be gone since."""
+        k = np.floor((p[..., 2] - _LOW_M) / _CELL_M).astype(int)
+        known, (i, j) = self._cells(p[..., :2])
+        out = np.zeros(p.shape[:-1], bool)
+        out[known] = (self._score[i, j, np.clip(k[known], 0, _UP - 1)] > 0) & (k[known] >= 0) & (k[known] < _UP)
+        return out
+
+    def _cells(self, xy: Array) -> tuple[NDArray[np.bool_], NDArray[np.int_]]:
+        """Which of some places (..., 2) are on the grid, and the cells (2, n) of those."""
+        if np.isnan(self._low).any():
+            return np.zeros(xy.shape[:-1], bool), np.empty((2, 0), int)
+        cells = np.floor((xy - self._low) / _CELL_M).astype(int)
+        known = ((cells >= 0) & (cells < _CELLS)).all(-1)
+        return known, cells[known].T
+
+    def _come_along(self, xy: Array) -> None:
+        """Keep the grid about a place (2,); what falls off its edge is forgotten."""
+        middle = self._low + _CELL_M * _CELLS / 2
+        if (np.abs(xy - middle) < _MOVED_M).all():
+            return
+        low = (np.round(xy / _CELL_M) - _CELLS // 2) * _CELL_M
+        score = np.zeros_like(self._score)
+        if not np.isnan(self._low).any():
+            shift = np.round((low - self._low) / _CELL_M).astype(int)
+            if (np.abs(shift) < _CELLS).all():
+                new, old = (tuple(slice(max(0, s), _CELLS + min(0, s)) for s in sign * shift) for sign in (-1, 1))
+                score[new] = self._score[old]
+        self._score, self._low = score, low
