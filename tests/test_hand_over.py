@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from benchmarks.hands.rows import Job
 from benchmarks.hands.runner import run_job
@@ -78,6 +79,23 @@ def test_what_was_seen_in_a_hand_moves_with_it() -> None:
     assert shape is not None
     np.testing.assert_allclose(shape.T[:3, 3], now[:3, 3], atol=0.006)
     np.testing.assert_allclose(sorted(shape.solids[0].half_m), [0.02, 0.03, 0.05], atol=0.006)
+
+
+@pytest.mark.parametrize("lean", [0.0, 0.2, -0.35, 0.5])
+def test_what_hangs_on_a_slant_is_seen_to(lean: float) -> None:
+    """Of a bottle that has turned about the fingers one side is seen; its axis is known all the same."""
+    rng = np.random.default_rng(0)
+    angle, height = rng.uniform(-np.pi / 2, np.pi / 2, 600), rng.uniform(-0.18, 0.06, 600)
+    side = np.stack([0.03 * np.cos(angle), 0.03 * np.sin(angle), height], -1)
+    tilt = Rotation.from_rotvec([0.0, lean, 0.0]).as_matrix()
+    T = kin.transform(kin.rot_z(0.6), (0.5, 0.1, 0.8))
+    seen = InHand(width_m=0.04)
+    seen.take_in(side @ tilt.T @ T[:3, :3].T + T[:3, 3], np.array([2.0, 0.7, 1.3]), T)
+    shape = seen.shape(T)
+    assert shape is not None
+    up = shape.solids[0].T[:3, 2]
+    axis = (T[:3, :3] @ tilt)[:, 2]
+    assert np.arccos(min(1.0, abs(float(up @ axis)))) < 0.06
 
 
 @pytest.mark.slow

@@ -27,33 +27,33 @@ def picture(depth: Array | float, T: Array = FORWARD) -> CameraImage:
 
 
 def seen(*pictures: CameraImage, fixed: NDArray[np.bool_] = ALL) -> Remembered:
-    walls = Remembered()
+    known = Remembered()
     for image in pictures:
-        walls.see(image, fixed)
-    return walls
+        known.see(image, fixed)
+    return known
 
 
-def stands(walls: Remembered, *at: float) -> bool:
+def stands(known: Remembered, *at: float) -> bool:
     """Whether something does within half a hand's breadth of a place."""
     off = np.linspace(-0.05, 0.05, 9)
-    return bool(walls.tops(np.array(at) + np.stack(np.meshgrid(off, off), -1)).any())
+    return bool(known.tops(np.array(at) + np.stack(np.meshgrid(off, off), -1)).any())
 
 
 def test_a_wall_stands_where_it_was_seen_and_nowhere_else() -> None:
     """Also once the camera looks away; before it, behind it and beside what was in view there is none."""
-    walls = seen(picture(1.5), picture(2.4, BACK))
-    assert stands(walls, *AT)
-    assert walls.tops(AT + np.linspace(-0.03, 0.03, 9)[:, None] * [1, 0]).max() == pytest.approx(1.65, abs=0.11)
-    assert not any(stands(walls, *p) for p in ((0.8, 0.2), (1.3, 0.2), (2.0, 0.2), (1.5, 1.5)))
+    known = seen(picture(1.5), picture(2.4, BACK))
+    assert stands(known, *AT)
+    assert known.tops(AT + np.linspace(-0.03, 0.03, 9)[:, None] * [1, 0]).max() == pytest.approx(1.65, abs=0.11)
+    assert not any(stands(known, *p) for p in ((0.8, 0.2), (1.3, 0.2), (2.0, 0.2), (1.5, 1.5)))
 
 
 def test_what_is_seen_through_has_gone() -> None:
     """However often it was seen before, such as a door that stood open."""
-    walls = seen(*[picture(1.5)] * 20)
+    known = seen(*[picture(1.5)] * 20)
     for _ in range(6):
-        walls.see(picture(2.4), ALL)
-    assert not stands(walls, *AT)
-    assert stands(walls, 2.4, 0.2)
+        known.see(picture(2.4), ALL)
+    assert not stands(known, *AT)
+    assert stands(known, 2.4, 0.2)
 
 
 def test_low_things_and_what_is_told_to_be_none_are_no_walls() -> None:
@@ -66,12 +66,12 @@ def test_low_things_and_what_is_told_to_be_none_are_no_walls() -> None:
 
 def test_walls_go_along_and_what_is_far_off_is_forgotten() -> None:
     """Three meters farther they stand where they stood; twenty meters off nothing is known, nor after that."""
-    walls = seen(picture(1.5), picture(1.0, pose((-3.5, 0.0, 0.0), np.pi) @ FORWARD))
-    assert stands(walls, *AT)
-    walls.see(picture(1.0, pose((-20.0, 0.0, 0.0), np.pi) @ FORWARD), ALL)
-    assert not stands(walls, *AT)
-    walls.see(picture(1.0, BACK), ALL)
-    assert not stands(walls, *AT)
+    known = seen(picture(1.5), picture(1.0, pose((-3.5, 0.0, 0.0), np.pi) @ FORWARD))
+    assert stands(known, *AT)
+    known.see(picture(1.0, pose((-20.0, 0.0, 0.0), np.pi) @ FORWARD), ALL)
+    assert not stands(known, *AT)
+    known.see(picture(1.0, BACK), ALL)
+    assert not stands(known, *AT)
 
 
 def test_a_new_grid_knows_of_none() -> None:
@@ -81,9 +81,25 @@ def test_a_new_grid_knows_of_none() -> None:
 
 def test_in_a_field_walls_count_where_nothing_is_in_view() -> None:
     """What a picture shows to be free is free, wherever a wall was known to be."""
-    walls, middle = seen(picture(1.5)), np.array([0.75, 0.0])
-    away = Field([View(picture(2.4, BACK), ~ALL)], middle, tops=walls.tops)
+    known, middle = seen(picture(1.5)), np.array([0.75, 0.0])
+    away = Field([View(picture(2.4, BACK), ~ALL)], middle, tops=known.tops)
     assert away.distance(np.array([1.5, 0.2, 1.0])) < 0.05
     assert away.distance(np.array([1.5, 0.2, 1.9])) > 0.1
-    through = Field([View(picture(2.4), ~ALL)], middle, tops=walls.tops)
+    through = Field([View(picture(2.4), ~ALL)], middle, tops=known.tops)
     assert through.distance(np.array([1.5, 0.2, 1.0])) > 0.1
+
+
+def test_in_a_field_what_was_seen_counts_behind_the_robot_itself() -> None:
+    """Not behind another thing that is no obstacle, nor where a picture shows it to be free by now."""
+    rows = np.arange(SIZE[0])[:, None]
+    edge = seen(picture(np.where((rows > 55) & (rows < 65), 1.0, 2.4) * np.ones(SIZE)))
+    arm = (rows > 40) & (rows < 80) & ALL
+    now, middle, at = picture(np.where(arm, 0.4, 2.4)), np.array([0.75, 0.0]), np.array([1.0, 0.1, 1.0])
+
+    def gap(*views: View) -> float:
+        return float(Field(views, middle, solid=edge.solid).distance(at))
+
+    assert gap(View(now, arm, arm)) < 0.05
+    assert gap(View(now, arm)) > 0.1
+    assert gap(View(now, arm, arm), View(picture(2.4), ~ALL)) > 0.1
+    assert Field([View(now, arm, arm)], middle).distance(at) > 0.1

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from mpvi_bt.manipulation.frames import Frame
 from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.fit import fit
+from mpvi_bt.perception.outlines import main_cluster
 from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
@@ -20,6 +22,8 @@ from mpvi_bt.robot.solids import Array
 _REACH_M = 0.35  # what a mask shows that far from the hand is something else
 _KEPT = 8  # pictures of it remembered: what hangs in a hand swings a little
 _SEEN_PX = 6  # a mask of fewer pixels is not looked at
+_LONG = 2.0  # times as long as wide
+_SLANTED_RAD = (0.06, 1.0)  # from upright; what lies across in the hand is level
 # How a thing is held out to the head: turned about the vertical [rad], at which height [m].
 _SHOWN = ((0.0, 0.75), (1.3, 0.95), (-1.3, 0.85))
 _PLACES = ((0.50, 0.10), (0.45, 0.18), (0.55, 0.22), (0.42, 0.05))  # ahead, and toward its own side [m]
@@ -50,13 +54,30 @@ class InHand:
             self._eyes = [*self._eyes[1 - _KEPT :], T[:3, :3] @ eye + T[:3, 3]]
 
     def shape(self, T_world_tcp: Array) -> Shape | None:
-        """What it is, for the hand where it is now; None if too little was seen. It is taken to be held upright."""
+        """What it is, for the hand where it is now; None if too little was seen.
+
+        It is taken to be held upright, unless it is long and seen to hang on a slant: a bottle turns about the fingers.
+        """
         if len(self._points) < 2:
             return None
         points = np.concatenate(self._points) @ T_world_tcp[:3, :3].T + T_world_tcp[:3, 3]
         eyes = np.reshape(self._eyes, (-1, 3)) @ T_world_tcp[:3, :3].T + T_world_tcp[:3, 3]
+        R = _slant(points)
+        points, eyes = points @ R, eyes @ R
         # what was once seen from above stays seen
-        return fit(points, np.zeros((0, 3)), eyes[eyes[:, 2].argmax()] if len(eyes) else np.zeros(3))
+        shape = fit(points, np.zeros((0, 3)), eyes[eyes[:, 2].argmax()] if len(eyes) else np.zeros(3))
+        return None if shape is None else shape.moved(kin.transform(R, (0.0, 0.0, 0.0)))
+
+
+def _slant(points: Array) -> Array:
+    """The rotation (3, 3) that tilts what is upright to how long points (n, 3) hang; none where they are not long."""
+    spread, axes = np.linalg.eigh(np.cov(main_cluster(points).T))
+    along = axes[:, 2] * np.sign(axes[2, 2])
+    turn = np.cross([0.0, 0.0, 1.0], along)
+    angle = float(np.arctan2(np.linalg.norm(turn), along[2]))
+    if spread[2] < _LONG**2 * spread[1] or not _SLANTED_RAD[0] < angle < _SLANTED_RAD[1]:
+        return np.eye(3)
+    return np.asarray(Rotation.from_rotvec(turn / np.linalg.norm(turn) * angle).as_matrix())
 
 
 def show(work: Work, side: Side) -> Actions:
