@@ -135,8 +135,7 @@ class Memory:
             self._frames = [*self._frames, frame][-_KEPT:]
             self._associate(frame)
             if image.camera == "head":
-                named = np.any([s.mask for s in frame.detections], axis=0) if frame.detections else False
-                self._remembered.see(frame.image, frame.measured & ~named)
+                self._remembered.see(frame.image, frame.measured & ~self._loose(frame))
         before = set(self._grip)
         self._feel_hands(felt)  # they may hold what has been seen only now
         for side in [s for s in self._grip if s not in before]:
@@ -149,6 +148,12 @@ class Memory:
                 vessels = [n for n, t in self._things.items() if t.shape.kind == "vessel" and self._holds(t, thing)]
                 if (vessel := next((n for n in vessels if self._lies_in(thing.shape, n)), None)) is not None:
                     self._put(thing, vessel)
+
+    def _loose(self, frame: Frame) -> NDArray[np.bool_]:
+        """(H, W) bool: where a picture shows what was asked for, but for furniture: that stays where it is."""
+        fixed = [m for t in self._things.values() if t.shape.kind == "furniture" for f, m in t.views if f is frame]
+        named = np.any([np.zeros(frame.robot.shape, bool), *(s.mask for s in frame.detections)], axis=0)
+        return np.asarray(named & ~np.any([np.zeros(frame.robot.shape, bool), *fixed], axis=0))
 
     def _holds(self, vessel: Thing, thing: Thing) -> bool:
         """Whether a vessel is so much larger, seen from above, that a thing may be in it.

@@ -166,17 +166,12 @@ class Seen(Memory):
                 [field.View(f.image, self._transparent(f, {*without, *faces}, beside), self._in_hand(f)) for f in some]
                 for some in (frames, self._before(frames) if self._remembering else [])
             )
-            explained = Surroundings(
-                [s for n in sorted(without) if n in self._things for s in (*self.solids(n), *self._leaves(n))]
-            )
-            tops, solid = partial(self._tops, explained), partial(self._solid, explained)
-            coarse = Field(views, xy, thick_m=thick, before=before, tops=tops, solid=solid)
+            known = partial(self._around, without)
+            coarse = Field(views, xy, thick_m=thick, before=before, known=known)
             if self._focus is None:
                 self._field = (key, coarse)
             else:
-                fine = Field(
-                    views, self._focus, (_FINE_M,) * 3, _FINE_CELL_M, _FINE_CELL_M / 2, thick, before, tops, solid
-                )
+                fine = Field(views, self._focus, (_FINE_M,) * 3, _FINE_CELL_M, _FINE_CELL_M / 2, thick, before, known)
                 self._field = (key, FineField(coarse, fine))
         flat = {n for n in faces if bounds(self.solids(n))[1, 2] < FLOOR_M}  # a lawn bars no base
         left_out = {*without, *flat}
@@ -189,18 +184,17 @@ class Seen(Memory):
         leaves = [s for n in faces if n not in left_out for s in self._leaves(n)]
         return Together([self._field[1], Surroundings([*unseen, *leaves])])
 
-    def _tops(self, explained: Surroundings, xy: Array) -> Array:
-        """`Remembered.tops`, less what is `explained`."""
-        top = self._remembered.tops(xy)
-        at = np.nonzero(top)
-        top[at] *= explained.distance(np.column_stack([xy[at], top[at] / 2])) > _EXPLAINED_M
-        return top
-
-    def _solid(self, explained: Surroundings, p: Array) -> NDArray[np.bool_]:
-        """`Remembered.solid`, less what is `explained`."""
-        solid = self._remembered.solid(p)
-        solid[solid] = explained.distance(p[solid]) > _EXPLAINED_M
-        return solid
+    def _around(self, without: Collection[str], *ranges: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """`Remembered.around`, less what the things `without` explain."""
+        stays, shown = self._remembered.around(*ranges)
+        solids = [s for n in sorted(without) if n in self._things for s in (*self.solids(n), *self._leaves(n))]
+        if solids:
+            explained = Surroundings(solids)
+            for cells in (stays, shown):
+                at = np.nonzero(cells)
+                p = np.column_stack([values[i] for values, i in zip(ranges, at, strict=True)])
+                cells[at] = explained.distance(p) > _EXPLAINED_M
+        return stays, shown
 
     def _leaves(self, name: str) -> list[Solid]:
         """The solids of what opens of a thing; what stood open, and is out of view now, stands there still."""
@@ -222,7 +216,7 @@ class Seen(Memory):
         assert self._felt is not None
         head = [f for f in self._frames if f.image.camera == "head" and self._way_m - f.way_m < _PASSED_M]
         views = [field.View(f.image, self._transparent(f, self._held())) for f in head]
-        return Field(views, self._felt.base_pose[:2], tops=self._remembered.tops)
+        return Field(views, self._felt.base_pose[:2], known=self._remembered.around)
 
     @contextlib.contextmanager
     def trusting(self, remembering: bool = False) -> Iterator[None]:

@@ -51,7 +51,7 @@ class Field:
     def __init__(
         self, views: Sequence[View], middle: Array, size_m: tuple[float, float, float] = _SIZE_M,
         cell_m: float = CELL_M, surface_m: float = _SURFACE_M, thick_m: float = _FAR, before: Sequence[View] = (),
-        tops: Callable[[Array], Array] | None = None, solid: Callable[[Array], NDArray[np.bool_]] | None = None,
+        known: Callable[[Array, Array, Array], tuple[NDArray[np.bool_], NDArray[np.bool_]]] | None = None,
     ) -> None:  # fmt: skip
         """Carve the cells about a place.
 
@@ -64,8 +64,8 @@ class Field:
             surface_m: A point that much before a surface is free.
             thick_m: How far behind a surface cells count as hidden; farther behind they are given the benefit of doubt.
             before: Earlier views: what surfaces they showed counts where `views` have nothing in view.
-            tops: Likewise how high what is known to stand at places (..., 2) reaches, (...,) [m].
-            solid: Likewise, only where the robot itself is in the way of `views`, which points (..., 3) are.
+            known: Says, for three ranges of coordinates, what counts likewise, and what counts where the robot itself
+                is in the way of `views`; see `Remembered.around`.
         """
         count = np.round(np.array(size_m) / cell_m).astype(int)
         low_z = _LOWEST_M if len(middle) == 2 else float(middle[2]) - size_m[2] / 2
@@ -81,20 +81,15 @@ class Field:
             T_camera_grid = kin.inverse(image.T_world_camera) @ kin.transform(np.eye(3), self._low + cell_m / 2)
             camera = np.array([image.K[0, 0], image.K[1, 1], image.K[0, 2], image.K[1, 2]])
             kernels()["carve"](cells, depth, own, T_camera_grid, camera, cell_m, surface_m, _NOISE_PER_M, thick)
-        veiled = np.argwhere(doubt == _VEILED)
-        doubt[doubt == _VEILED] = 0
+        veiled = doubt == _VEILED
+        doubt[veiled] = 0
         if before:
             doubt[(doubt == 0) & (earlier == _HIDDEN)] = _HIDDEN
-        if tops is not None:
-            x, y, z = (low + cell_m * (np.arange(n) + 0.5) for low, n in zip(self._low, count, strict=True))
-            top = tops(np.stack(np.meshgrid(x, y, indexing="ij"), -1))
-            i, j = np.nonzero(top)
-            columns = doubt[i, j]
-            columns[(columns == 0) & (z < top[i, j, None])] = _HIDDEN
-            doubt[i, j] = columns
-        if solid is not None:
-            hit = veiled[solid(self._low + cell_m * (veiled + 0.5))]
-            doubt[tuple(hit.T)] = _HIDDEN
+        if known is not None:
+            stays, shown = known(
+                *(low + cell_m * (np.arange(n) + 0.5) for low, n in zip(self._low, count, strict=True))
+            )
+            doubt[(doubt == 0) & (stays | (veiled & shown))] = _HIDDEN
         self.blocked: NDArray[np.bool_] = doubt == _HIDDEN
         self._distance = distance_to(self.blocked) * np.float32(cell_m) - np.float32(cell_m / 2)
 

@@ -17,6 +17,7 @@ _MOVED_M = 3.0  # so far from its middle the grid comes along
 _RANGE_M = 2.5  # what is farther off is seen again from near
 _SURE = 3  # pictures that show a place as it is now outweigh any number of older ones
 _TALL_M, _WHOLE = 1.0, 0.7  # what is at least so tall, seen in that share of its height, is taken to stand there
+_OVERHEAD_M = 1.1  # things that are put here and there stand lower than that
 
 
 class Remembered:
@@ -24,7 +25,8 @@ class Remembered:
 
     Our choice: it serves where pictures from the present place have nothing to tell. A base that is led along a wall
     which is out of view by now would run into it, and an arm that carries something hides from the head the very edge
-    that it then meets. Of what is out of view only what is tall counts: other things and doors may have moved since.
+    that it then meets. Of what is out of view only what is tall or overhead counts: other things may have
+    moved since.
     """
 
     def __init__(self) -> None:
@@ -44,32 +46,29 @@ class Remembered:
         camera = np.array([image.K[0, 0], image.K[1, 1], image.K[0, 2], image.K[1, 2]])
         kernels()["score"](near, depth, T, camera, _CELL_M, _RANGE_M, _SURE)
 
-    def tops(self, xy: Array) -> Array:
-        """(...,) how high [m] what is tall and stands at places (..., 2) reaches; 0 where nothing is known to."""
-        known, (i, j) = self._cells(xy)
-        solid = self._score[i, j] > 0
-        top = _UP - solid[:, ::-1].argmax(1)
-        tall = top - solid.argmax(1)
-        stands = solid.any(1) & (tall * _CELL_M >= _TALL_M) & (solid.sum(1) >= _WHOLE * tall)
-        out = np.zeros(xy.shape[:-1])
-        out[known] = np.where(stands, _LOW_M + _CELL_M * top, 0.0)
-        return out
+    def around(self, x: Array, y: Array, z: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """What is at the crossings of three ranges of coordinates [m].
 
-    def solid(self, p: Array) -> NDArray[np.bool_]:
-        """(...,) whether a surface was seen at points (..., 3), and not to be gone since."""
-        k = np.floor((p[..., 2] - _LOW_M) / _CELL_M).astype(int)
-        known, (i, j) = self._cells(p[..., :2])
-        out = np.zeros(p.shape[:-1], bool)
-        out[known] = (self._score[i, j, np.clip(k[known], 0, _UP - 1)] > 0) & (k[known] >= 0) & (k[known] < _UP)
-        return out
-
-    def _cells(self, xy: Array) -> tuple[NDArray[np.bool_], NDArray[np.int_]]:
-        """Which of some places (..., 2) are on the grid, and the cells (2, n) of those."""
-        if np.isnan(self._low).any():
-            return np.zeros(xy.shape[:-1], bool), np.empty((2, 0), int)
-        cells = np.floor((xy - self._low) / _CELL_M).astype(int)
-        known = ((cells >= 0) & (cells < _CELLS)).all(-1)
-        return known, cells[known].T
+        Returns:
+            stays: (len(x), len(y), len(z)) what is there though it be out of view: up to its top what is tall, and what
+                hangs overhead.
+            shown: Likewise every surface that was seen, and not to be gone since.
+        """
+        shape = len(x), len(y), len(z)
+        stays, shown = np.zeros(shape, bool), np.zeros(shape, bool)
+        if not np.isnan(self._low).any():
+            low = np.append(self._low, _LOW_M)
+            cells = [np.floor((c - o) / _CELL_M).astype(int) for c, o in zip((x, y, z), low, strict=True)]
+            within = [(n >= 0) & (n < count) for n, count in zip(cells, self._score.shape, strict=True)]
+            i, j, k = (n[w] for n, w in zip(cells, within, strict=True))
+            solid = self._score[np.ix_(i, j)] > 0
+            top = np.where(solid.any(-1), _UP - solid[..., ::-1].argmax(-1), 0)
+            tall = top - solid.argmax(-1)
+            tall_m = np.where((tall * _CELL_M >= _TALL_M) & (solid.sum(-1) >= _WHOLE * tall), _LOW_M + _CELL_M * top, 0)
+            shown[np.ix_(*within)] = solid[..., k]
+            stays[np.ix_(*within[:2])] = z < tall_m[..., None]
+            stays |= shown & (z > _OVERHEAD_M)
+        return stays, shown
 
     def _come_along(self, xy: Array) -> None:
         """Keep the grid about a place (2,); what falls off its edge is forgotten."""
