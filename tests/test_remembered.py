@@ -27,7 +27,7 @@ def picture(depth: Array | float, T: Array = FORWARD) -> CameraImage:
 
 def seen(*pictures: CameraImage, fixed: NDArray[np.bool_] = ALL) -> Remembered:
     known = Remembered()
-    for image in pictures:
+    for image in (*pictures, *pictures):
         known.see(image, fixed)
     return known
 
@@ -54,6 +54,15 @@ def test_what_is_seen_through_has_gone() -> None:
         known.see(picture(2.4), ALL)
     assert not stays(known, *AT)
     assert stays(known, 2.4, 0.2)
+
+
+def test_one_picture_alone_is_not_believed() -> None:
+    """A pixel that is off by more than noise would bar the way for good."""
+    known = Remembered()
+    known.see(picture(1.5), ALL)
+    assert not stays(known, *AT)
+    known.see(picture(1.5), ALL)
+    assert stays(known, *AT)
 
 
 def test_low_things_and_what_is_told_to_be_none_are_no_walls() -> None:

@@ -34,6 +34,7 @@ _CARVED = 4  # pictures of the head that the field of obstacles is carved from
 _NEAR_M = 0.12  # a mask this near to where a thing was is that thing, from the same place
 _FACE_PX = 30  # what is seen of less is not searched for doors
 _EXPLAINED_M = 0.025  # points this near a thing's solids are its own
+_ROUGHLY_M = 0.1  # likewise of what was remembered from before it was asked for: shapes leave parts of things out
 _BUTTON_M = 0.02  # about a switch, what is touched with it
 _FINE_M, _FINE_CELL_M = 0.6, 0.01  # the finer field about what is worked on
 _AJAR = 0.5  # of its limit: a door that stands so far open is remembered,
@@ -187,13 +188,13 @@ class Seen(Memory):
     def _around(self, without: Collection[str], *ranges: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """`Remembered.around`, less what the things `without` explain."""
         stays, shown = self._remembered.around(*ranges)
-        solids = [s for n in sorted(without) if n in self._things for s in (*self.solids(n), *self._leaves(n))]
-        if solids:
-            explained = Surroundings(solids)
+        for name in sorted(n for n in without if n in self._things):
+            explained = Surroundings([*self.solids(name), *self._leaves(name)])
+            margin = _EXPLAINED_M if self._known(name).shape.kind == "furniture" else _ROUGHLY_M
             for cells in (stays, shown):
                 at = np.nonzero(cells)
                 p = np.column_stack([values[i] for values, i in zip(ranges, at, strict=True)])
-                cells[at] = explained.distance(p) > _EXPLAINED_M
+                cells[at] = explained.distance(p) > margin
         return stays, shown
 
     def _leaves(self, name: str) -> list[Solid]:
