@@ -16,9 +16,9 @@ _LOW_M = 0.05  # the floor is none
 _MOVED_M = 3.0  # so far from its middle the grid comes along
 _RANGE_M = 2.5  # what is farther off is seen again from near
 _SURE = 3  # pictures that show a place as it is now outweigh any number of older ones
-_TWICE = 2  # what one picture alone shows may be noise
-_TALL_M, _WHOLE = 1.0, 0.7  # what is at least so tall, seen in that share of its height, is taken to stand there
-_OVERHEAD_M = 1.3  # things that are moved, chairs and what stands on desks among them, do not reach as high as that
+_TWICE = 2  # what one picture alone shows may be noise, but for what is tall
+_TALL_M, _WHOLE = 1.0, 0.6  # what is at least so tall, seen in that share of its height, is taken to stand there
+_OVERHEAD_M = 1.2  # things that are moved, chairs and what stands on desks among them, do not reach as high as that
 
 
 class Remembered:
@@ -62,12 +62,13 @@ class Remembered:
             cells = [np.floor((c - o) / _CELL_M).astype(int) for c, o in zip((x, y, z), low, strict=True)]
             within = [(n >= 0) & (n < count) for n, count in zip(cells, self._score.shape, strict=True)]
             i, j, k = (n[w] for n, w in zip(cells, within, strict=True))
-            solid = self._score[np.ix_(i, j)] >= _TWICE
+            score = self._score[np.ix_(i, j)]
+            solid = score > 0
             top = np.where(solid.any(-1), _UP - solid[..., ::-1].argmax(-1), 0)
             tall = top - solid.argmax(-1)
             whole = (tall * _CELL_M >= _TALL_M) & (solid.sum(-1) >= _WHOLE * tall)
             top_m = np.where(whole, _LOW_M + _CELL_M * top, 0.0)
-            shown[np.ix_(*within)] = solid[..., k]
+            shown[np.ix_(*within)] = score[..., k] >= _TWICE
             stays[np.ix_(*within[:2])] = (z < top_m[..., None]) & (top_m[..., None] > _OVERHEAD_M)
             stays |= shown & (z > _OVERHEAD_M)
         return stays, shown
