@@ -444,6 +444,18 @@ def test_an_open_cabinet_is_told_from_a_closed_one(door: str) -> None:
         assert judged.complete is so, judged.reason
 
 
+@pytest.mark.parametrize("aside", [1.0, 1.1])
+def test_what_little_the_edge_of_the_picture_leaves_of_a_cabinet_does_not_tell(aside: float) -> None:
+    """All that is seen of one that stands wide open is its side, or its door: flat, and far from closed."""
+    boxes: list[Box] = [
+        (name, (low[0], low[1] + aside, low[2]), (high[0], high[1] + aside, high[2]))
+        for name, low, high in cabinet("open")
+    ]
+    judged = see("the cabinet is closed", head(boxes))
+    assert not judged.complete
+    assert "does not tell" in judged.reason
+
+
 @pytest.mark.parametrize("door", ["closed", "open"])
 def test_a_cabinet_is_not_closed_because_another_is(door: str) -> None:
     """Of two that are seen, both have to be."""

@@ -45,6 +45,7 @@ class Eyesight:
         at_m: The robot is at a thing no farther than this from its camera, from above: the handoff distance and what
             navigation adds to it before a wide table.
         hollow_share: So much of what is seen of an open thing is hollow, and so little of a closed one: a handle is.
+        part: What the edge of the picture cuts, and covers less of it than this, is a part that does not tell.
     """
 
     seen_px: int = 15
@@ -63,6 +64,7 @@ class Eyesight:
     hollow_m: float = 0.12
     at_m: float = 1.25
     hollow_share: tuple[float, float] = (0.05, 0.01)
+    part: float = 0.12
 
 
 class VisualChecker:
@@ -271,9 +273,10 @@ class _Picture:
 
         Our choice: of an open door, drawer or lid one sees the inside, or what it has left free; a closed one is convex
         but for its handles. A tall door that is ajar by less than a third, seen from the side of its hinge, hides what
-        is behind it and passes for closed.
+        is behind it and passes for closed; not so the side of a fridge, or a box's lid, at the edge of the picture.
         """
-        points = self._points[self._mask(name)]
+        mask = self._mask(name)
+        points = self._points[mask]
         points = points[:: max(1, len(points) // 3000)]
         try:
             hull = ConvexHull(points).equations
@@ -289,7 +292,8 @@ class _Picture:
         least, most = self._sight.hollow_share
         if hollow >= least:
             return Judgement(wanted, f"one sees into {name}")
-        if hollow <= most:
+        cut = mask[[0, -1]].any() or mask[:, [0, -1]].any()
+        if hollow <= most and not (cut and mask.mean() < self._sight.part):
             return Judgement(not wanted, f"{name} is seen closed")
         return Judgement(False, f"the picture does not tell whether {name} is {'open' if wanted else 'closed'}")
 
