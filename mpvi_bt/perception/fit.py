@@ -16,6 +16,7 @@ from mpvi_bt.perception.furniture import furniture
 from mpvi_bt.perception.lids import raised, without_lid
 from mpvi_bt.perception.outlines import THIN_M, Outline, circle, main_cluster, outline, support_height, thinned, trimmed
 from mpvi_bt.perception.shape import SeenBar, Shape, frame, upright_box
+from mpvi_bt.perception.stand_out import stand_out
 from mpvi_bt.perception.waist import waisted
 from mpvi_bt.robot.solids import Array, Solid, pose
 
@@ -32,6 +33,8 @@ _LEVEL_M, _SHOWN = 0.01, 10  # what is so near to the height that a cylinder sta
 _WITHIN = 0.85  # is not seen through it, but for its edge: masks are rough, and round things jut out over their feet
 _STAVES = 16
 _LEAST_POINTS = 5
+_FLAT_M = 0.002  # points of flat sides are no farther from them, on the average
+_HAND_M = 0.09  # a hand goes around what is no wider
 
 
 def fit(points: Array, around: Array, eye: Array, support: float | None = None) -> Shape | None:
@@ -78,6 +81,12 @@ def _small(points: Array, around: Array, eye: Array, support: float, large: bool
     if large:
         return furniture(points, support)
     grain = _GRAIN_PER_M * float(np.median(((points - eye) ** 2).sum(1)))
+    wide = float(seen.sides[0]) > _HAND_M and not _flat_sided(points[points[:, 2] < top - 0.01, :2], grain)
+    if wide and (parts := stand_out(points, top, grain)):
+        round_ = points[~np.any(parts, axis=0)]
+        body = _column(round_, outline(trimmed(round_[:, :2])), support, top, grain)
+        if body is not None:
+            return replace(body, solids=(*body.solids, *(_around(points[part]) for part in parts)))
     ball = _ball(points, float(seen.sides[0]), support, top, grain)
     if ball is not None:
         return ball
@@ -87,6 +96,20 @@ def _small(points: Array, around: Array, eye: Array, support: float, large: bool
     if eye[2] < top + 0.04:  # its top is not in view, so its depth is not either
         return upright_box(_deepened(_cornered(trimmed(upper[:, :2])), eye[:2]), support, top)
     return waisted(trimmed(upper[:, :2]), seen, support, top)
+
+
+def _around(points: Array) -> Solid:
+    """The upright box around points (n, 3)."""
+    low, high = np.percentile(points[:, 2], [2, 98])
+    (box,) = upright_box(outline(points[:, :2]), float(low), float(high)).solids
+    return box
+
+
+def _flat_sided(xy: Array, grain: float) -> bool:
+    """Whether points (n, 2) of the side of a thing lie along the edges of a rectangle."""
+    seen = _cornered(trimmed(xy))
+    off = np.abs(seen.sides / 2 - np.abs(seen.local(xy))).min(1)
+    return float(off.mean()) < _FLAT_M + grain
 
 
 def _cornered(xy: Array) -> Outline:
