@@ -73,6 +73,22 @@ def test_what_is_said_to_be_in_a_thing_tells_it_apart(phrase: str, meant: str) -
     assert "".join(e.name for e in known.filled_so(known.find(phrase), phrase)) == meant
 
 
+def test_what_stands_open_and_shows_nothing_is_not_the_one_with_something_in_it() -> None:
+    """Of cabinets the one with a jar may be any that is shut, as long as no jar is seen in any."""
+    cabinets = [replace(can(name), phrases=("cabinet",)) for name in "abc"]
+    known = base(*cabinets)
+
+    def meant(phrase: str, ajar: str) -> str:
+        found = known.filled_so(known.find(phrase), phrase, stands_open=lambda name: name in ajar)
+        return "".join(e.name for e in found)
+
+    assert meant("cabinet with a jar", "a") == "bc"
+    assert meant("cabinet with a jar", "abc") == "abc"
+    assert meant("cabinet without a jar", "a") == "abc"
+    known.put(replace(can("jar", inside="a"), phrases=("jar",)))
+    assert meant("cabinet with a jar", "a") == "a"
+
+
 def test_what_lies_in_a_basket_is_to_be_picked_up_before_what_the_robot_has_laid_anywhere() -> None:
     """A can found in a basket; one that was laid down; two in a bin that the robot filled, one known anew; one in hand.
 

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 
 from mpvi_bt.goals.predicates import inside, ontop
+from mpvi_bt.manipulation import reactive as module
 from mpvi_bt.manipulation.open import is_open
 from mpvi_bt.manipulation.reactive import ReactivePolicy
+from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
 from mpvi_bt.plan.clauses import match
-from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.plan.skills import SkillCall, load_skills
 from mpvi_bt.remote.settings import CAMERAS
+from mpvi_bt.robot.motion import Motion
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.world import World
@@ -243,3 +246,36 @@ def test_a_hand_does_not_take_what_the_other_one_has(monkeypatch: pytest.MonkeyP
     assert left is not None
     assert (policy._grounded(right) is not None) is (known == 2)
     assert policy._grounded(left) is not None
+
+
+@pytest.mark.parametrize("holder", ["near", "middle", "far", None])
+def test_what_is_not_in_the_thing_that_was_opened_is_looked_for_in_the_next(
+    monkeypatch: pytest.MonkeyPatch, holder: str | None
+) -> None:
+    """Which cabinet is the one with a jar is seen once it stands open: they are opened in turn, the nearest first."""
+    policy, known, opened = reactive(), KnowledgeBase(), list[str]()
+    for k, name in enumerate(("near", "middle", "far")):
+        known.put(Entry(name, ("cabinet",), "fixture", np.full(3, float(k)), np.full(3, k + 0.5)))
+    work = Work(policy._seen, Motion(KinematicRobot().proprioception()), np.random.default_rng(0), policy._seen)
+    monkeypatch.setattr(policy._seen, "knowledge", lambda: known)
+    monkeypatch.setattr(policy._seen, "within", lambda name: [])
+    monkeypatch.setattr(Work, "stands_open", lambda self, name: name in opened)
+
+    def do(work: Work, call: SkillCall) -> Generator[Array, None, bool]:
+        yield from ()
+        if call.skill.name == "open":
+            opened.append(work.nearest(call.arguments["object"]))
+            if opened[-1] == holder:
+                known.put(Entry("jar", ("jar",), "object", np.zeros(3), np.ones(3), inside=holder))
+        return True
+
+    def nothing(*_: object) -> Generator[Array, None, bool]:
+        yield from ()
+        return False
+
+    monkeypatch.setattr(policy, "do", do)
+    monkeypatch.setattr(module, "stand_before_open", nothing)
+    monkeypatch.setattr(module, "look_for", nothing)
+    assert not list(policy.perform(work, "open the cabinet with a jar, then pick up a jar"))
+    order = ["near", "middle", "far"]
+    assert opened == (order[: order.index(holder) + 1] if holder else order)

@@ -63,3 +63,14 @@ def test_a_box_is_no_round_thing_with_a_handle() -> None:
     shape = fit(p + [0, 0, ON_M + 0.085], np.zeros((0, 3)), np.array([-1.0, -0.8, 1.3]), ON_M)
     assert shape is not None
     assert [s.kind for s in shape.solids] == ["box"]
+
+
+@pytest.mark.parametrize("height", [0.0, 0.004, 0.02])
+def test_what_is_flat_has_nothing_that_stands_out(height: float) -> None:
+    """Of a disc nothing but its top may be seen."""
+    rng = np.random.default_rng(0)
+    r, about = 0.07 * np.sqrt(rng.uniform(0, 1, 600)), rng.uniform(0, 2 * np.pi, 600)
+    disc = np.stack([r * np.cos(about), r * np.sin(about), ON_M + np.full(600, height)], -1)
+    shape = fit(disc, np.zeros((0, 3)), EYE, ON_M)
+    assert shape is not None
+    assert len(shape.solids) == 1

@@ -11,6 +11,7 @@ import numpy as np
 from mpvi_bt.manipulation.gaze import tilted
 from mpvi_bt.manipulation.in_hand import show
 from mpvi_bt.manipulation.looking import look_for, look_from_elsewhere
+from mpvi_bt.manipulation.openings import stand_before_open
 from mpvi_bt.manipulation.readings import count, readings
 from mpvi_bt.manipulation.scripted import Performance, ScriptedPolicy
 from mpvi_bt.manipulation.seen import Seen
@@ -65,8 +66,17 @@ class ReactivePolicy(ScriptedPolicy):
         if any(call.skill.hands for call in calls):
             yield from self._look_at_hands(work)
         left = [(call, _TRIES) for call in calls for _ in range(count(call))]
+        opened: SkillCall | None = None
         while left:
             k = self._first_grounded(left)
+            if k is None and opened is not None:
+                again, opened = opened, None
+                with contextlib.suppress(MotionFailure):
+                    yield from stand_before_open(work, work.nearest(again.arguments["object"], ajar=True))
+                k = self._first_grounded(left)
+                if k is None and not work.stands_open(work.nearest(again.arguments["object"])):
+                    left.insert(0, (again, 1))  # it is not in there: another may be meant
+                    continue
             if k is None:
                 self.note = f"looking for {', '.join(dict.fromkeys(p for c, _ in left for p in self._needed(c)))}"
                 yield from look_for(work, lambda: self._first_grounded(left) is not None, self._seen.passable)
@@ -78,6 +88,7 @@ class ReactivePolicy(ScriptedPolicy):
             understood = self._grounded(call)
             assert understood is not None
             if (yield from self.do(work, understood)):
+                opened = understood if call.skill.name == "open" else None
                 del left[k]
             elif tries > 1:
                 left[k] = (call, tries - 1)

@@ -125,19 +125,21 @@ class Work:
         found = self._as_said(found, phrase)
         some = [e for e in found if known.away(e) == known.away(found[0])]
         if ajar and len(some) > 1:
-            some = [e for e in some if np.linalg.norm(e.center[:2] - here) < NEAR_M and self._ajar(e.name)] or some
+            some = [
+                e for e in some if np.linalg.norm(e.center[:2] - here) < NEAR_M and self.stands_open(e.name)
+            ] or some
         hands = np.append(here, EASY_M)
         return [e.name for e in sorted(some, key=lambda e: float(np.linalg.norm(e.center - hands)))]
 
     def _as_said(self, found: list[Entry], phrase: str) -> list[Entry]:
         """Those that are empty, open or shut, or with something in them, where a phrase says so; all if none is."""
-        fitting = self.scene.knowledge().filled_so(found, phrase, self.scene.within)
+        fitting = self.scene.knowledge().filled_so(found, phrase, self.scene.within, self.stands_open)
         reading = read(phrase)
         if reading is not None and (state := dict(reading.qualities).get("state")) is not None:
-            fitting = [e for e in fitting if self._ajar(e.name) == (state == "open")] or fitting
+            fitting = [e for e in fitting if self.stands_open(e.name) == (state == "open")] or fitting
         return fitting
 
-    def _ajar(self, name: str) -> bool:
+    def stands_open(self, name: str) -> bool:
         """Whether a door, drawer or lid of a thing stands open."""
         return any(door.position > _AJAR * door.limit for door in self.scene.doors(name))
 

@@ -81,8 +81,8 @@ def _small(points: Array, around: Array, eye: Array, support: float, large: bool
     if large:
         return furniture(points, support)
     grain = _GRAIN_PER_M * float(np.median(((points - eye) ** 2).sum(1)))
-    wide = float(seen.sides[0]) > _HAND_M and not _flat_sided(points[points[:, 2] < top - 0.01, :2], grain)
-    if wide and (parts := stand_out(points, top, grain)):
+    parts = stand_out(points, top, grain) if float(seen.sides[0]) > _HAND_M else []
+    if parts and not _flat_sided(points[points[:, 2] < top - 0.01, :2], grain):
         round_ = points[~np.any(parts, axis=0)]
         body = _column(round_, outline(trimmed(round_[:, :2])), support, top, grain)
         if body is not None:

@@ -120,14 +120,16 @@ class KnowledgeBase:
         return entry.held or any(e.laid for e in self if e.inside == entry.inside)
 
     def filled_so(
-        self, found: list[Entry], phrase: str, within: Callable[[str], Collection[str]] | None = None
-    ) -> list[Entry]:
+        self, found: list[Entry], phrase: str, within: Callable[[str], Collection[str]] | None = None,
+        stands_open: Callable[[str], bool] | None = None,
+    ) -> list[Entry]:  # fmt: skip
         """Those that are empty, or with or without something in them, where a phrase says so; all if none is.
 
         Args:
             found: What the phrase may mean.
             phrase: Such as "the empty bowl" or "a basket without a candle".
             within: Says what lies in a thing; by default what is `inside` it here.
+            stands_open: Says what does: where nothing is known to have in it what the phrase says, what is shut may.
         """
         reading = read(phrase)
         if reading is None or len(found) < 2:
@@ -138,7 +140,10 @@ class KnowledgeBase:
             fitting = [e for e in fitting if not inside(e.name)]
         if (said := _CONTENTS.match(reading.place)) is not None:
             named, wanted = {e.name for e in self.find(said["what"])}, said["how"] != "without"
-            fitting = [e for e in fitting if bool(named & set(inside(e.name))) == wanted]
+            so = [e for e in fitting if bool(named & set(inside(e.name))) == wanted]
+            if not so and wanted and stands_open is not None:
+                so = [e for e in fitting if not stands_open(e.name)]
+            fitting = so
         return fitting or found
 
     def joined(self, places: list[Entry]) -> list[Entry]:
