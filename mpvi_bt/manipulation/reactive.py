@@ -28,6 +28,7 @@ from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
 _TRIES = 3  # of a clause
+_OTHERS = 4  # things that are opened because something is not in what was
 _HANDS_RAD = 0.9  # the head's tilt to see what folded hands hold
 _NAMES = ("object", "container", "surface", "target", "tool", "source")  # slots that name things to look for
 _HIDDEN = {  # these need not be seen: what is in a vessel, mere dirt, and what driving looks for itself
@@ -67,6 +68,7 @@ class ReactivePolicy(ScriptedPolicy):
             yield from self._look_at_hands(work)
         left = [(call, _TRIES) for call in calls for _ in range(count(call))]
         opened: SkillCall | None = None
+        others = _OTHERS
         while left:
             k = self._first_grounded(left)
             if k is None and opened is not None:
@@ -74,8 +76,9 @@ class ReactivePolicy(ScriptedPolicy):
                 with contextlib.suppress(MotionFailure):
                     yield from stand_before_open(work, work.nearest(again.arguments["object"], ajar=True))
                 k = self._first_grounded(left)
-                if k is None and not work.stands_open(work.nearest(again.arguments["object"])):
+                if k is None and others and self._shut(work, again.arguments["object"]):
                     left.insert(0, (again, 1))  # it is not in there: another may be meant
+                    others -= 1
                     continue
             if k is None:
                 self.note = f"looking for {', '.join(dict.fromkeys(p for c, _ in left for p in self._needed(c)))}"
@@ -98,6 +101,12 @@ class ReactivePolicy(ScriptedPolicy):
             else:
                 return None
         return calls[-1]
+
+    def _shut(self, work: Work, phrase: str) -> bool:
+        """Whether the thing that a phrase is now taken to name is shut."""
+        with contextlib.suppress(MotionFailure):  # it may be known no more
+            return not work.stands_open(work.nearest(phrase))
+        return False
 
     def _phrases(self, call: SkillCall, slots: Iterable[str]) -> list[str]:
         """What a call names in some slots, but for the floor."""

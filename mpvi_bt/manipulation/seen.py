@@ -186,9 +186,9 @@ class Seen(Memory):
         return Together([self._field[1], Surroundings([*unseen, *leaves])])
 
     def _around(self, without: Collection[str], *ranges: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """`Remembered.around`, less what the things `without` explain."""
+        """`Remembered.around`, less what the things `without` explain where they stand; none is where it is carried."""
         stays, shown = self._remembered.around(*ranges)
-        for name in sorted(n for n in without if n in self._things):
+        for name in sorted(n for n in without if n in self._things and n not in self._held()):
             explained = Surroundings([*self.solids(name), *self._leaves(name)])
             margin = _EXPLAINED_M if self._known(name).shape.kind == "furniture" else _ROUGHLY_M
             for cells in (stays, shown):

@@ -125,9 +125,8 @@ class Work:
         found = self._as_said(found, phrase)
         some = [e for e in found if known.away(e) == known.away(found[0])]
         if ajar and len(some) > 1:
-            some = [
-                e for e in some if np.linalg.norm(e.center[:2] - here) < NEAR_M and self.stands_open(e.name)
-            ] or some
+            near = [e for e in some if np.linalg.norm(e.center[:2] - here) < NEAR_M]
+            some = [e for e in near if self.stands_open(e.name)] or some
         hands = np.append(here, EASY_M)
         return [e.name for e in sorted(some, key=lambda e: float(np.linalg.norm(e.center - hands)))]
 
