@@ -167,7 +167,7 @@ class Seen(Memory):
                 [field.View(f.image, self._transparent(f, {*without, *faces}, beside), self._in_hand(f)) for f in some]
                 for some in (frames, self._before(frames) if self._remembering else [])
             )
-            known = partial(self._around, without)
+            known = partial(self._around, {*without, *faces})
             coarse = Field(views, xy, thick_m=thick, before=before, known=known)
             if self._focus is None:
                 self._field = (key, coarse)
@@ -185,12 +185,12 @@ class Seen(Memory):
         leaves = [s for n in faces if n not in left_out for s in self._leaves(n)]
         return Together([self._field[1], Surroundings([*unseen, *leaves])])
 
-    def _around(self, without: Collection[str], *ranges: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """`Remembered.around`, less what the things `without` explain where they stand; none is where it is carried."""
+    def _around(self, told: Collection[str], *ranges: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """`Remembered.around`, less what things that are `told` of better explain where they stand, not in a hand."""
         stays, shown = self._remembered.around(*ranges)
-        for name in sorted(n for n in without if n in self._things and n not in self._held()):
+        for name in sorted(n for n in told if n in self._things and n not in self._held()):
             explained = Surroundings([*self.solids(name), *self._leaves(name)])
-            margin = _EXPLAINED_M if self._known(name).shape.kind == "furniture" else _ROUGHLY_M
+            margin = 2 * _EXPLAINED_M if self._known(name).shape.kind == "furniture" else _ROUGHLY_M
             for cells in (stays, shown):
                 at = np.nonzero(cells)
                 p = np.column_stack([values[i] for values, i in zip(ranges, at, strict=True)])
