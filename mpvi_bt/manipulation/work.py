@@ -122,7 +122,7 @@ class Work:
         if source is not None:
             places = known.find(source)
             found = [e for e in found if any(_there(e, place) for place in places)] or found
-        found = self._as_said(found, phrase)
+        found = self._as_said(found, phrase, ajar)
         some = [e for e in found if known.away(e) == known.away(found[0])]
         if ajar and len(some) > 1:
             near = [e for e in some if np.linalg.norm(e.center[:2] - here) < NEAR_M]
@@ -130,9 +130,10 @@ class Work:
         hands = np.append(here, EASY_M)
         return [e.name for e in sorted(some, key=lambda e: float(np.linalg.norm(e.center - hands)))]
 
-    def _as_said(self, found: list[Entry], phrase: str) -> list[Entry]:
+    def _as_said(self, found: list[Entry], phrase: str, ajar: bool) -> list[Entry]:
         """Those that are empty, open or shut, or with something in them, where a phrase says so; all if none is."""
-        fitting = self.scene.knowledge().filled_so(found, phrase, self.scene.within, self.stands_open)
+        told = None if ajar else self.stands_open
+        fitting = self.scene.knowledge().filled_so(found, phrase, self.scene.within, told)
         reading = read(phrase)
         if reading is not None and (state := dict(reading.qualities).get("state")) is not None:
             fitting = [e for e in fitting if self.stands_open(e.name) == (state == "open")] or fitting
