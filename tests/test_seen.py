@@ -315,9 +315,11 @@ def test_walls_are_known_from_one_prompt_to_the_next() -> None:
         world.refresh()
         look(world, seen)
     assert not list(seen.knowledge())
-    for trusting in (contextlib.nullcontext(), seen.trusting()):
+    for trusting in (contextlib.nullcontext(), seen.trusting(remembering=True)):
         with trusting:
             assert seen.obstacles(at, 1.7).distance(wall) < 0.03
+    with seen.trusting():
+        assert seen.obstacles(at, 1.7).distance(wall) > 0.1
 
 
 def tall_cabinet(x: float, y: float, yaw: float) -> World:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from itertools import islice, product
 
@@ -71,7 +71,10 @@ def _settle(work: Work, without: Collection[str], feeling: bool = False) -> Acti
     held = work.held()
     for side in (s for s in work.motion.robot.sides if s not in held):
         if np.abs(work.motion.arm(side) - work.motion.robot.travel_arm[side]).max() > 0.02:
-            yield from work.motion.follow(side, _fold(work, side, without))
+            # a base that has come to stand against a wall does not fold by what it takes the wall to be
+            with work.sight.trusting() if feeling and work.sight is not None else nullcontext():
+                path = _fold(work, side, without)
+            yield from work.motion.follow(side, path)
     upright = _upright(work)
     arms = _homeward(work, upright, without)
     if arms is None and (held or not feeling):

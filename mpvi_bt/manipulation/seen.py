@@ -188,6 +188,7 @@ class Seen(Memory):
     def _around(self, told: Collection[str], *ranges: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """`Remembered.around`, less what things that are `told` of better explain where they stand, not in a hand."""
         stays, shown = self._remembered.around(*ranges)
+        stays &= self._remembering
         for name in sorted(n for n in told if n in self._things and n not in self._held()):
             explained = Surroundings([*self.solids(name), *self._leaves(name)])
             margin = 2 * _EXPLAINED_M if self._known(name).shape.kind == "furniture" else _ROUGHLY_M
