@@ -58,7 +58,10 @@ class ReactivePolicy(ScriptedPolicy):
         return super().infer(observation)
 
     def perform(self, work: Work, prompt: str) -> Performance:
-        """Do the first clause that can be grounded in view, then the next such one; look around if there is none."""
+        """Do the first clause that can be grounded in view, then the next such one; look around if there is none.
+
+        What is not in the thing that was opened last is looked for in the next one that is called so, before that.
+        """
         calls = [c for clause in clauses(prompt, self._skills) if (c := match(clause, self._skills)) is not None]
         if not calls:
             self.note = f"no skill for {prompt[:60]!r}"

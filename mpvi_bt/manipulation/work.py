@@ -132,8 +132,8 @@ class Work:
 
     def _as_said(self, found: list[Entry], phrase: str, ajar: bool) -> list[Entry]:
         """Those that are empty, open or shut, or with something in them, where a phrase says so; all if none is."""
-        told = None if ajar else self.stands_open
-        fitting = self.scene.knowledge().filled_so(found, phrase, self.scene.within, told)
+        looked_into = None if ajar else self.stands_open  # where something is put, or what is to be shut, stands open
+        fitting = self.scene.knowledge().filled_so(found, phrase, self.scene.within, looked_into)
         reading = read(phrase)
         if reading is not None and (state := dict(reading.qualities).get("state")) is not None:
             fitting = [e for e in fitting if self.stands_open(e.name) == (state == "open")] or fitting

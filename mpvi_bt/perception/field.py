@@ -77,7 +77,7 @@ class Field:
         for cells, view, thick in seen:
             image = view.image
             depth = np.where(view.through, -np.abs(image.depth), image.depth).astype(np.float32)
-            own = view.through & False if view.own is None else view.own
+            own = np.zeros_like(view.through) if view.own is None else view.own
             T_camera_grid = kin.inverse(image.T_world_camera) @ kin.transform(np.eye(3), self._low + cell_m / 2)
             camera = np.array([image.K[0, 0], image.K[1, 1], image.K[0, 2], image.K[1, 2]])
             kernels()["carve"](cells, depth, own, T_camera_grid, camera, cell_m, surface_m, _NOISE_PER_M, thick)

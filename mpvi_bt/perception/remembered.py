@@ -22,12 +22,12 @@ _OVERHEAD_M = 1.2  # things that are moved, chairs and what stands on desks amon
 
 
 class Remembered:
-    """Where surfaces were seen that no name was asked for, on a grid that goes with the robot.
+    """Where surfaces of furniture and of what no name was asked for were seen, on a grid that goes with the robot.
 
     Our choice: it serves where pictures from the present place have nothing to tell. A base that is led along a wall
     which is out of view by now would run into it, and an arm that carries something hides from the head the very edge
-    that it then meets. Of what is out of view only what is tall or overhead counts: other things may have
-    moved since.
+    that it then meets. Of what is out of view only what is tall or overhead counts: other things may
+    have moved since.
     """
 
     def __init__(self) -> None:
