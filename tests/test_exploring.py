@@ -333,6 +333,20 @@ def test_who_carries_the_only_one_does_not_look_for_ever(monkeypatch: pytest.Mon
     assert play(robot, navigator, "cup", most_s=20.0)[0].progress is Progress.SUCCEEDED
 
 
+def test_who_left_one_lying_looks_for_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It finds the one in the other room; where there is none it goes back to the one that it left, after a while."""
+    monkeypatch.setattr("mpvi_bt.navigation.exploring._OTHER_S", 30.0)
+    left = thing("cup #9", (1.0, 0.5, 0.06), (0.1, 0.1, 0.12))
+    left.phrases = ("cup",)
+    for others, another in (((CUP,), CUP), ((), left)):
+        grid_map, boxes = house(left, *others)
+        robot = Seeing(1.0, 2.0, -1.6, boxes)
+        navigator = exploring(robot, BoxDetector(left, *others), grid_map, KITCHEN, LIVING_ROOM)
+        for said, expected in (("cup", left), ("another cup", another)):
+            assert play(robot, navigator, said, most_s=200.0)[0].progress is Progress.SUCCEEDED
+            assert distance_to(expected, robot.pose[:2]) < 1.3
+
+
 class Erring(BoxDetector):
     """Sees a cup in some pixels of the first picture, where none is."""
 

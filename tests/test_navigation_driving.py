@@ -291,7 +291,7 @@ def test_the_fixture_that_it_was_at_is_meant_again() -> None:
     drive(robot, navigator, "cabinet")
     assert distance_to(first, robot.pose[:2]) <= HANDOFF.distance_m
     been = navigator.save()
-    none: dict[str, object] = {"been": {}}
+    none = been | {"been": {}}
     for remembers, said, expected in (
         (been, "the cabinet", first),
         (been, "another cabinet", other),
@@ -302,6 +302,34 @@ def test_the_fixture_that_it_was_at_is_meant_again() -> None:
         navigator.restore(remembers)
         drive(robot, navigator, said)
         assert distance_to(expected, robot.pose[:2]) <= HANDOFF.distance_m
+
+
+def test_another_is_one_that_was_not_left_lying() -> None:
+    """What it came away from as it came is gone to again only when nothing else is called so, also after a restart."""
+    near, far = (thing(f"can_{y}", (2.0, y, 0.06), (0.07, 0.07, 0.12)) for y in (0.8, 3.2))
+    near.phrases = far.phrases = ("can",)
+
+    def gone_to(said: str, left: dict[str, object], *cans: Entry) -> KinematicRobot:
+        robot = KinematicRobot(0.8, 1.0)
+        navigator = KnownPlaceNavigator(robot, two_rooms(), knowing(*cans))
+        navigator.restore(left)
+        assert drive(robot, navigator, said)[0].progress is Progress.SUCCEEDED
+        return robot
+
+    robot = KinematicRobot(0.8, 1.0)
+    navigator = KnownPlaceNavigator(robot, two_rooms(), knowing(near, far))
+    drive(robot, navigator, "can")
+    assert distance_to(near, robot.pose[:2]) <= HANDOFF.distance_m
+    came = navigator.save()
+    for said, cans, expected in (
+        ("another can", (near, far), far),
+        ("the last can", (near, far), far),
+        ("can", (near, far), near),
+        ("another can", (near,), near),
+    ):
+        assert distance_to(expected, gone_to(said, came, *cans).pose[:2]) <= HANDOFF.distance_m
+    took = came | {"held": 1}  # as if it had come with a full hand and let go of that: it did something there
+    assert distance_to(near, gone_to("another can", took, near, far).pose[:2]) <= HANDOFF.distance_m
 
 
 def test_the_basket_that_lacks_something_is_driven_to() -> None:

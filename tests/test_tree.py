@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt import paths
-from mpvi_bt.behaviors.parameters import Criterion, Limit, Memory, NoParameters, Prompt, Value
+from mpvi_bt.behaviors.parameters import Criterion, Limit, Memory, NavigateTo, NoParameters, Prompt, Value
 from mpvi_bt.behaviors.references import fill, resolve
 from mpvi_bt.behaviors.registry import node_type, node_types
 from mpvi_bt.drawing.text import ascii_tree
@@ -151,6 +151,21 @@ def test_a_group_joins_descriptions_and_ends_as_its_last_segment() -> None:
     assert check.parameters == Criterion(criterion="a can of soda is in the trash can", skill="place_in")
     assert timeout.parameters == Limit(limit=SKILLS["pick"].timeout_s + SKILLS["place_in"].timeout_s)
     assert (attempt.segments, check.segments) == ((3, 4), (4,))
+
+
+def test_what_a_description_calls_another_is_driven_to_as_another() -> None:
+    """Language models leave it out of the target, as they are told to name that in few words."""
+    for description, target in (
+        ("go to another cup", "another cup"),
+        ("go to the last cup", "another cup"),
+        ("go to the cup next to the other plate", "cup"),
+        ("go to a cup", "cup"),
+    ):
+        going = Navigation(
+            type="navigation", description=description, completion_criterion="the robot is at a cup", target="cup"
+        )
+        tree = compile_plan(Plan(task_name="cups", instruction="Go.", segments=(going,)), {})
+        assert tree.root.children[0].children[0].children[0].parameters == NavigateTo(target=target)
 
 
 def test_without_a_skill_the_default_time_and_all_triggers_hold() -> None:

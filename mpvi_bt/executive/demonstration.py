@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from mpvi_bt.behaviors.parameters import NavigateTo, Prompt
 from mpvi_bt.errors import BackendError
 from mpvi_bt.executive.loop import Outcome, Watcher, World
+from mpvi_bt.perception.phrases import OTHER
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Proprioception
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
@@ -130,7 +131,8 @@ def subtask(tree: Tree) -> str:
             if isinstance(node.spec.parameters, Prompt):
                 return node.spec.parameters.prompt
             if isinstance(node.spec.parameters, NavigateTo):
-                return f"go to the {node.spec.parameters.target}"
+                target = node.spec.parameters.target
+                return f"go to {target}" if OTHER.match(target) else f"go to the {target}"
     return ""
 
 

@@ -28,7 +28,7 @@ from mpvi_bt.robot.protocol import CameraImage, Robot
 from mpvi_bt.robot.solids import Array
 
 _LOOKS = 4  # at what was gone to: a detector that sees it nine times of ten misses it once in ten thousand such
-_OTHER_S = 60.0  # that another one is looked for by who carries one: it may be the other one already
+_OTHER_S = 60.0  # that another one is looked for by who carries or left one: it may be the other one already
 _TRIES = 8  # drives to what was seen: it may be elsewhere, not be there, or no way to it be known yet
 
 
@@ -138,7 +138,7 @@ class ExploringNavigator(KnownPlaceNavigator):
             if not entries and room is not None and room == trip.target:
                 yield from self._drive_to(trip, [], room)
                 return
-            if not self._at_hand(entries, room):
+            if not self._at_hand(trip, entries, room):
                 yield from self._find(trip, room)
                 entries, room = self._look_up(trip)
                 if not entries:
@@ -161,17 +161,18 @@ class ExploringNavigator(KnownPlaceNavigator):
         raise self._not_found(trip)
 
     def _find(self, trip: Trip, room: str | None) -> Iterator[Report]:
-        """Look for the target where it was said to be, then everywhere; no longer than a while where one is carried."""
+        """Look for the target where it was said to be, then everywhere; no longer than a while where one is known."""
         feedback = f"looking for {trip.target}"
-        carried = any(entry.held for entry in self._knowledge().find(trip.target))
-        until_s = self.lookout.looked_s + _OTHER_S if carried else math.inf
+        passed_over = self._passed_over(trip)
+        one = any(entry.held or entry.name in passed_over for entry in self._knowledge().find(trip.target))
+        until_s = self.lookout.looked_s + _OTHER_S if one else math.inf
 
         answers: dict[str | None, tuple[int, bool]] = {}  # asked for each step; only pictures change them
 
         def found(where: str | None = None) -> bool:
             pictures, answer = answers.get(where, (-1, False))
             if pictures != self.lookout.pictures:
-                answer = self._at_hand(self._look_up(trip)[0], where) or self.lookout.looked_s > until_s
+                answer = self._at_hand(trip, self._look_up(trip)[0], where) or self.lookout.looked_s > until_s
                 answers[where] = self.lookout.pictures, answer
             return answer
 
@@ -267,15 +268,15 @@ class ExploringNavigator(KnownPlaceNavigator):
         yield from self.search.run(can_be_reached, feedback)
         return learned
 
-    def _at_hand(self, entries: list[Entry], room: str | None = None) -> bool:
+    def _at_hand(self, trip: Trip, entries: list[Entry], room: str | None = None) -> bool:
         """Whether there is something to go to: not only what it put into something, such as the cans in the bin.
 
-        Nor what it carries: who is sent to a shoe with a shoe in hand is sent to another one. With a room, what was
-        seen in another one does not count.
+        Nor what it carries: who is sent to a shoe with a shoe in hand is sent to another one. Nor what it left lying,
+        where another is meant. With a room, what was seen in another one does not count.
         """
-        known = self._knowledge()
+        known, passed_over = self._knowledge(), self._passed_over(trip)
         some = [e for e in entries if not room or e.source == "prior" or e.room in (None, room)]
-        return any(not (entry.held or known.put_in(entry)) for entry in some)
+        return any(not (entry.held or entry.name in passed_over or known.put_in(entry)) for entry in some)
 
     def _are_gone(self, names: set[str]) -> bool:
         """Whether none of the entries is believed in any more."""

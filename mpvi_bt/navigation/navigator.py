@@ -16,7 +16,7 @@ from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, normalize
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.perception.phrases import OTHER
-from mpvi_bt.robot.protocol import Robot
+from mpvi_bt.robot.protocol import SIDES, Robot
 from mpvi_bt.robot.solids import Array
 
 
@@ -38,7 +38,8 @@ class KnownPlaceNavigator:
     Order (Paper, Navigation appendix): done if the base is at the target already; else the knowledge base is asked; a
     target that it does not hold is looked up once more from inside the room that was named with it. Of several fixtures
     that are called so, it is the one that it was at before: a plan that says "the cabinet" again means the same, and
-    one that says "another cabinet" does not.
+    one that says "another cabinet" does not. Of objects "another" and "the last" are such as it has not been at and
+    left lying: what could not be picked up is not gone to again before the rest of its kind (our choice).
 
     Fails with `unknown_target`, or as its `Driver` does.
     """
@@ -70,14 +71,18 @@ class KnownPlaceNavigator:
         self._trip = Trip("", None)
         self._last = Report(Progress.FAILED, "not_started")
         self._been: dict[str, str] = {}  # phrases to the fixture so called that it was at last
+        self._at, self._held = "", 0  # the object that it has arrived at, and how many hands held something then
+        self._left: set[str] = set()  # objects that it came away from with as much in its hands
 
     def save(self) -> dict[str, Any]:
-        """Which fixtures it was at, as JSON values; a drive begins anew."""
-        return {"been": self._been}
+        """Where it was, as JSON values; a drive begins anew."""
+        return {"been": self._been, "at": self._at, "held": self._held, "left": sorted(self._left)}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Go on with that. Raises KeyError, TypeError or ValueError if it is not as `save` writes it."""
         self._been = {str(phrase): str(name) for phrase, name in dict(saved["been"]).items()}
+        self._at, self._held = str(saved["at"]), int(saved["held"])
+        self._left = set(map(str, saved["left"]))
 
     @property
     def goal(self) -> Array | None:
@@ -92,7 +97,9 @@ class KnownPlaceNavigator:
     def start(self, target: str, room: str | None) -> None:
         """Begin driving to `target`; see `Navigator`."""
         self._driver.forget()
-        self._trip = Trip(target, room)
+        if self._at and self._hands() == self._held:
+            self._left.add(self._at)
+        self._at, self._trip = "", Trip(target, room)
         self._work = self._drive(self._trip)
 
     def feel(self) -> None:
@@ -136,12 +143,25 @@ class KnownPlaceNavigator:
         yield from self._drive_to(trip, entries, room)
 
     def _remember(self, trip: Trip) -> None:
-        """Keep which of several fixtures is nearest now: skills, too, take a phrase for the nearest that it names."""
-        fixtures = [e for e in self._look_up(trip)[0] if e.kind == "fixture"]
-        if len(fixtures) > 1:
-            here = self._robot.proprioception().base_pose[:2]
-            nearest_one = min(fixtures, key=lambda e: float(np.linalg.norm(e.center[:2] - here)))
+        """Keep which of several is nearest now: skills, too, take a phrase for the nearest that it names."""
+        entries = [e for e in self._look_up(trip)[0] if not e.held]
+        if not entries:
+            return
+        here = self._robot.proprioception().base_pose[:2]
+        nearest_one = min(entries, key=lambda e: float(np.linalg.norm(e.center[:2] - here)))
+        if nearest_one.kind == "object":
+            self._at, self._held = nearest_one.name, self._hands()
+        elif len(entries) > 1:
             self._been[_said(trip.target)] = nearest_one.name
+
+    def _hands(self) -> int:
+        """How many hands feel something between their fingers."""
+        felt = self._robot.proprioception()
+        return sum(felt.holds(side) for side in SIDES)
+
+    def _passed_over(self, trip: Trip) -> set[str]:
+        """Objects that are not meant as long as there are others."""
+        return self._left if OTHER.match(trip.target) else set()
 
     def _drive_to(
         self, trip: Trip, entries: list[Entry], room: str | None, until: Callable[[], bool] = never
@@ -206,6 +226,7 @@ class KnownPlaceNavigator:
         if hits and hits[0].kind == "fixture":
             been, other = self._been.get(_said(trip.target)), bool(OTHER.match(trip.target))
             best = [h for h in best if been and (h.name == been) != other] or knowledge.joined(best)
+        best = [h for h in best if h.name not in self._passed_over(trip)] or best
         return best, rooms.get(normalize(trip.room)) if trip.room else None
 
     def _is_there(self, entries: list[Entry], room: str | None, slack_m: float = 0.0) -> bool:

@@ -25,7 +25,7 @@ import yaml
 
 MOST_CHARACTERS = 300  # a longer phrase names nothing
 
-OTHER = re.compile(r"(?:the )?(?:another|other|next)\b", re.IGNORECASE)  # said of one that was not meant before
+OTHER = re.compile(r"(?:the )?(?:another|other|next|last)\b", re.IGNORECASE)  # said of one that was not meant before
 
 _ARTICLES = re.compile(r"^(?:an?|the|one|another|some|any|next|first|second|third|last)\s+")
 

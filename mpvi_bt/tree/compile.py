@@ -9,6 +9,7 @@ from typing import Literal
 from mpvi_bt.behaviors.parameters import Criterion, Limit, Memory, NavigateTo, NoParameters, OnFailure, Prompt, Tries
 from mpvi_bt.behaviors.references import escaped
 from mpvi_bt.errors import UserError, nearest, shown
+from mpvi_bt.perception.phrases import OTHER
 from mpvi_bt.plan.primitives import Primitive, primitives, units
 from mpvi_bt.plan.schema import Navigation, Plan, Segment
 from mpvi_bt.plan.skills import Skill
@@ -123,12 +124,19 @@ def _unit(
             node = _by_policy(parts, numbers, skills.get(DRIVING))
         else:
             room = first.room and escaped(first.room)
-            node = NodeSpec("navigate", NavigateTo(target=escaped(first.target), room=room), segments=numbers)
+            node = NodeSpec("navigate", NavigateTo(target=escaped(_meant(first)), room=room), segments=numbers)
     else:
         known = [call.skill if (call := found[i].call) else None for i in segments]
         seconds = sum(skill.timeout_s if skill else MANIPULATION_TIMEOUT_S for skill in known)
         node = _by_policy(parts, numbers, known[-1])
     return NodeSpec("timeout", Limit(limit=seconds), "", (node,), numbers)
+
+
+def _meant(segment: Navigation) -> str:
+    """What to drive to: "go to the last cup", with no more than "cup" as its target, is about another cup."""
+    target = segment.target
+    said = re.search(rf"{OTHER.pattern} {re.escape(target)}", segment.description, re.IGNORECASE)
+    return f"another {target}" if said else target
 
 
 def _by_policy(parts: Sequence[Segment], numbers: tuple[int, ...], last: Skill | None) -> NodeSpec:
