@@ -63,6 +63,21 @@ def test_what_is_gone_is_cleared_once_seen_through_and_not_before() -> None:
     np.testing.assert_array_equal(occupancy.map.occupied, house.occupied)
 
 
+def test_a_chair_of_the_map_is_cleared_where_it_was_pushed_away_and_not_where_it_stands() -> None:
+    """Walls stay; the chair's new place is added. One that stands as mapped stays, also where only its feet hide."""
+    bare, chair = two_rooms(), ((2.0, 1.8, 0.0), (2.4, 2.2, 0.45))
+    house = replace(bare, occupied=bare.occupied | box_cells(Occupancy.prior(bare), chair))
+    pushed: Box = ((2.6, 1.8, 0.0), (3.0, 2.2, 0.45))
+    for now, (at, other) in ((chair, (chair, pushed)), (pushed, (pushed, chair))):
+        occupancy = Occupancy.prior(house, bare.occupied)
+        np.testing.assert_array_equal(occupancy.map.occupied, house.occupied)
+        for x in (0.7, 1.1, 1.4):
+            occupancy.update(picture((x, 2.0, 0.0), [*walls(bare), now]))
+        assert occupancy.map.occupied[box_cells(occupancy, at)].mean() > 0.9
+        assert not occupancy.map.occupied[box_cells(occupancy, other)].any()
+        assert occupancy.map.occupied[bare.occupied].all()
+
+
 def test_what_was_taken_away_is_cleared_unseen_and_walls_beside_it_are_not() -> None:
     """With the crate goes all that depth had shown of it, though only its front was known; the wall stays."""
     house = two_rooms()

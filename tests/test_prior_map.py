@@ -60,6 +60,19 @@ def test_what_is_occupied_is_near_something_solid(house: House, map_: OccupancyM
         assert np.any(np.all((rectangles[:, 0] < center + half) & (rectangles[:, 1] > center - half), axis=1))
 
 
+def test_what_can_be_moved_can_be_left_out(house: House, map_: OccupancyMap) -> None:
+    """Without what is loose, less is occupied, and all that is less is under chairs and the like."""
+    fixed = prior_map(house, loose=False)
+    assert not (fixed.occupied & ~map_.occupied).any()
+    rows, columns = np.nonzero(map_.occupied & ~fixed.occupied)
+    boxes = [f.extent()[:, :2] for f in house.fixtures.values() if f.entry.mass_kg is not None]
+    assert len(rows) > 0
+    half = map_.resolution_m
+    for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
+        center = map_.center(row, column)
+        assert any((low - half < center).all() and (center < high + half).all() for low, high in boxes)
+
+
 def test_doorways_are_free(house: House, map_: OccupancyMap) -> None:
     """The middle of every doorway is free, as is a disk of 0.4 m around it."""
     for doorway in house.doorways:

@@ -21,6 +21,7 @@ from mpvi_bt.robot.solids import Array
 BAND_M = (0.06, 1.6)  # heights of what is in the way: lower things the base drives over, higher ones it passes under
 REACH_M = 5.0  # beyond, the noise of depth is as large as a cell
 _RISE = 0.025  # the band begins no lower than this share of the range: a camera is easily mounted a degree off
+_LOOSE_M = (0.06, 0.40)  # heights at which something of all that can be moved is: seats are higher
 _HITS = 2  # of pixels, before a cell counts as occupied
 _SAME_M = 0.10  # what is seen so near to something of the prior map is that, a little off
 _THROUGH_M, _THROUGH_PER_M = 0.10, 0.01  # so far behind something, growing with range squared, it must be seen through
@@ -31,9 +32,9 @@ class Occupancy:
     """What is known of where the base may go.
 
     Points of depth between 6 cm and 1.6 m above the floor are obstacles. A cell that has two of them becomes occupied,
-    and is free again once a picture sees through where they were. What a prior map has stays; points within 10 cm of it
-    are taken for it, or errors of the pose would narrow every doorway. Without a prior map floor is known once it is
-    seen; what is not known counts as occupied for driving, and the robot's own place as free.
+    and is free again once a picture sees through where they were. What is fixed of a prior map stays; points within
+    10 cm of it are taken for it, or errors of the pose would narrow every doorway. Without a prior map floor is known
+    once it is seen; what is not known counts as occupied for driving, and the robot's own place as free.
 
     Attributes:
         map: What to drive by; another object after each change.
@@ -52,9 +53,17 @@ class Occupancy:
         self._highest_cm = np.zeros(fixed.shape, np.uint8)
 
     @classmethod
-    def prior(cls, grid_map: OccupancyMap) -> Occupancy:
-        """Start with a map; nothing in it is ever cleared."""
-        return cls(grid_map, np.ones(grid_map.occupied.shape, bool), grid_map.occupied.copy())
+    def prior(cls, grid_map: OccupancyMap, fixed: NDArray[np.bool_] | None = None) -> Occupancy:
+        """Start with a map, of which (H, W) `fixed` is never cleared; None: nothing of it is.
+
+        The rest, such as chairs, is free once it is seen through up to the height of a seat.
+        """
+        fixed = grid_map.occupied if fixed is None else fixed
+        occupancy = cls(grid_map, np.ones(fixed.shape, bool), fixed.copy())
+        loose = grid_map.occupied & ~fixed
+        occupancy._hits[loose] = _HITS
+        occupancy._lowest_cm[loose], occupancy._highest_cm[loose] = (round(100 * height) for height in _LOOSE_M)
+        return occupancy
 
     @classmethod
     def unknown(

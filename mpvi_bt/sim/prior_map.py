@@ -22,17 +22,22 @@ BAND_M = (0.05, 1.5)  # heights that the robot's body passes through; lower thin
 MARGIN_M = 0.5
 
 
-def prior_map(house: House, resolution_m: float = RESOLUTION_M) -> OccupancyMap:
+def prior_map(house: House, resolution_m: float = RESOLUTION_M, *, loose: bool = True) -> OccupancyMap:
     """Occupancy of walls and fixtures (doors closed) between 0.05 and 1.5 m, and rooms.
 
     A cell is occupied if any of it lies under a solid of that band. Outside all rooms everything is occupied.
+
+    Args:
+        house: The house.
+        resolution_m: Edge of a cell.
+        loose: With fixtures that can be moved, such as chairs that roll.
     """
-    grid = _prior_map(house, resolution_m)
+    grid = _prior_map(house, resolution_m, loose)
     return replace(grid, occupied=grid.occupied.copy(), rooms=grid.rooms.copy())
 
 
 @lru_cache(maxsize=4)
-def _prior_map(house: House, resolution_m: float) -> OccupancyMap:
+def _prior_map(house: House, resolution_m: float, loose: bool) -> OccupancyMap:
     x0, y0, x1, y1 = house.bounds()
     origin = np.floor((np.array([x0, y0]) - MARGIN_M) / resolution_m) * resolution_m
     width, height = (np.ceil((np.array([x1, y1]) + MARGIN_M - origin) / resolution_m)).astype(int)
@@ -43,7 +48,7 @@ def _prior_map(house: House, resolution_m: float) -> OccupancyMap:
         u0, v0, u1, v1 = room.rect
         rooms[np.ix_((v0 <= ys) & (ys < v1), (u0 <= xs) & (xs < u1))] = k
     occupied = rooms < 0
-    for solid in obstacles(house):
+    for solid in obstacles(house, loose):
         _mark(occupied, solid, origin, resolution_m)
     return OccupancyMap(occupied, rooms, tuple(house.rooms), resolution_m, origin)
 
@@ -57,12 +62,14 @@ def marked(grid_map: OccupancyMap, solids: Iterable[Solid]) -> OccupancyMap:
     return replace(grid_map, occupied=occupied)
 
 
-def obstacles(house: House) -> Iterator[Solid]:
-    """Solids of walls and fixtures that reach into the robot's band of heights."""
+def obstacles(house: House, loose: bool = True) -> Iterator[Solid]:
+    """Solids of walls and of fixtures, also of `loose` ones, that reach into the robot's band of heights."""
     for wall in house.walls:
         if _in_band(wall.solid):
             yield wall.solid
     for fixture in house.fixtures.values():
+        if fixture.entry.mass_kg is not None and not loose:
+            continue
         for solid in fixture.solids():
             if _in_band(solid):
                 yield solid

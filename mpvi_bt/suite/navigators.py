@@ -58,7 +58,7 @@ def explorer(
     """
     robot = world.robot
     if map_ == "prior":
-        occupancy = Occupancy.prior(prior_map(house))
+        occupancy = Occupancy.prior(prior_map(house), prior_map(house, loose=False).occupied)
         base = KnowledgeBase({entry.name: entry for entry in prior_knowledge(house)})
     else:
         occupancy = Occupancy.unknown(robot.proprioception().base_pose[:2])
