@@ -264,6 +264,57 @@ def test_what_has_rolled_elsewhere_in_a_basket_is_not_where_it_was() -> None:
     assert abs(seen.pose(egg)[1, 3] - T[1, 3]) < 0.02
 
 
+def test_a_vessel_that_was_filled_is_laden_when_it_is_taken_up_later() -> None:
+    """Also under another prompt, which does not name what is in it; and where it was set down meanwhile."""
+    world = basket((0.0, -0.5))
+    seen = looking(world, "trash can", "Easter egg")
+    (bin_,), (egg,) = names(seen, "trash can"), names(seen, "Easter egg")
+    middle, rim = (seen._things[bin_].shape.box().mean(0) for _ in range(2))
+    rim[1] = seen._things[bin_].shape.box()[1, 1]
+    begin = world.robot.proprioception()
+
+    def close(at: Array, name: str | None) -> None:
+        """The right hand above a place (2,), closed on a thing that is brought there, or open."""
+        tcp = (kin.base(begin.base_pose) @ R1.tcp(begin.torso, begin.arm["right"], "right"))[:3, 3]
+        felt = replace(
+            begin,
+            base_pose=begin.base_pose + np.append(at[:2] - tcp[:2], 0.0),
+            gripper_command={**begin.gripper_command, "right": 1.0 if name is None else -1.0},
+            gripper_width={**begin.gripper_width, "right": 0.1 if name is None else 0.03},
+        )
+        if name is not None and seen.holding("right") is None:
+            box = seen._things[name].shape.box()
+            off = np.append(tcp[:2] + felt.base_pose[:2] - begin.base_pose[:2] - box.mean(0)[:2], tcp[2] - box[1, 2])
+            off[:2] *= name == egg  # the basket is raised where it stands
+            seen._things[name].shape = seen._things[name].shape.moved(kin.transform(np.eye(3), off))
+        seen.feel(felt)
+
+    def taken_up(at: Array) -> bool:
+        close(at, None)
+        (name,) = names(seen, "trash can")
+        close(at, name)
+        assert seen.holding("right") == name
+        return seen.laden(name)
+
+    assert not taken_up(rim)
+    close(rim, None)
+    seen.forget(["trash can", "Easter egg"])
+    look(world, seen)
+    (bin_,), (egg,) = names(seen, "trash can"), names(seen, "Easter egg")
+    close(middle, egg)
+    close(middle, None)
+    assert seen.within(bin_) == [egg]
+    seen.forget(["trash can"])
+    look(world, seen)
+    assert taken_up(rim)
+    close(rim + [0.0, 1.0, 0.0], names(seen, "trash can")[0])
+    close(rim + [0.0, 1.0, 0.0], None)
+    assert taken_up(rim + [0.0, 1.0, 0.0])
+    seen.forget(["trash can"])
+    look(world, seen)
+    assert not taken_up(rim)
+
+
 def test_the_near_wall_of_a_basket_is_in_the_way_though_only_its_rim_is_seen() -> None:
     """What hides below a rim is known by the shape of what it belongs to, also where hidden space is trusted."""
     world = basket()

@@ -164,7 +164,7 @@ def _swing_home(work: Work, without: Collection[str]) -> Actions:
     for side, held in work.held().items():
         if _homeward(work, upright, without) is not None:
             return
-        if work.scene.within(held.name):
+        if held.laden:
             continue
         body = work.body(without)
         home = [kin.inverse(body.robot.chest(upright)) @ T for T in _carries(work, side, body)]

@@ -50,6 +50,7 @@ _SET_DOWN_M = 0.03  # what is let go of no higher than that stays where it is
 _DEEPER_M = 0.1  # than it seems a vessel in hand may be
 _OUTER = 1.2  # what contains a thing covers that much more floor than it
 _OUTSIDE_M = 0.05  # a leg may stand so far outside of what is seen of a table's top
+_THERE_M = 0.1  # from where a vessel stood that was filled, seen from elsewhere
 _SAME_M = 0.015  # a vessel whose outside is seen that near to where it was stands there still
 _RECENTERED_M = 0.04  # fingers that close shift what they take by less than this
 
@@ -85,6 +86,10 @@ class Memory:
         """See through `detector`."""
         self._detector = detector
         self._remembered = Remembered()
+        self._filled: list[
+            Array
+        ] = []  # (2,) where vessels stand into which something was put, also under older prompts
+        self._laden: set[Side] = set()  # hands that hold such a one
         self.forget(())
 
     def forget(self, phrases: Iterable[str]) -> None:
@@ -124,6 +129,8 @@ class Memory:
                 self._release(side, dropped=felt.gripper_width[side] <= EMPTY_M)
             elif closed and gripped and side not in self._grip:
                 self._grasp(side)
+            if not gripped:
+                self._laden.discard(side)
         if squeezes(felt) != (self._both is not None):
             self._press()
 
@@ -192,6 +199,10 @@ class Memory:
                 thing.shape = thing.shape.moved(kin.transform(np.eye(3), -aside * T[:3, 1]))
         self._grip[side] = (thing.name, kin.inverse(T))
         thing.inside = None  # its views stay: where it stood it stands no more
+        at = [p for p in self._filled if np.linalg.norm(p - thing.shape.box().mean(0)[:2]) < _THERE_M]
+        if at and thing.shape.kind == "vessel":
+            self._laden.add(side)
+            self._filled = [p for p in self._filled if not any(p is q for q in at)]
 
     def _gap(self, name: str, p_world: Array) -> float:
         """Distance of a point (3,) to a thing [m]: to its shape, or to what is seen of it where that misses a part."""
@@ -224,6 +235,8 @@ class Memory:
         self._shown.pop(side, None)
         thing.views = []
         middle = thing.shape.box().mean(0)
+        if side in self._laden:
+            self._filled.append(middle[:2])
         for other in self._things.values():
             for volume in self.volumes(other.name) if other is not thing else ():
                 low, high = volume.aabb()
@@ -232,6 +245,9 @@ class Memory:
                     thing.shape = thing.shape.moved(kin.transform(np.eye(3), (0.0, 0.0, -float(fall))))
                     thing.stands = abs(fall) < _SET_DOWN_M
                     self._put(thing, other.name)
+                    if other.shape.kind == "vessel":
+                        self._laden |= {s for s, (held, _) in self._grip.items() if held == other.name}
+                        self._filled.append(self._shape(other.name).box().mean(0)[:2])
                     return
 
     def _put(self, thing: Thing, container: str) -> None:

@@ -85,7 +85,7 @@ def leaning(work: Work, held: Held, lean: float) -> Array | None:
     size = np.ptp(bounds(s.moved(kin.transform(upright, (0.0, 0.0, 0.0)) @ frame) for s in held.solids), axis=0)
     stands = abs(lean) < _STANDS * float(np.arctan2(size[:2].min(), size[2]))
     hangs = float(Rotation.from_matrix(upright.T @ now).magnitude())
-    if work.scene.within(held.name) and not (stands and abs(lean) < hangs + _HARDLY_RAD):
+    if held.laden and not (stands and abs(lean) < hangs + _HARDLY_RAD):
         return None
     closing = upright @ frame[:3, 1] * [1, 1, 0]
     if (length := float(np.linalg.norm(closing))) < 0.5:

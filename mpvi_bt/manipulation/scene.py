@@ -64,6 +64,10 @@ class Scene(Protocol):
         """The movable things that lie in a thing's container volumes."""
         ...
 
+    def laden(self, name: str) -> bool:
+        """Whether something lies in what a hand holds, that falls out if it is tipped."""
+        ...
+
     def obstacles(
         self, xy: Array, radius_m: float, without: Collection[str] = (), beside: str | None = None
     ) -> Obstacles:

@@ -145,6 +145,10 @@ class Seen(Memory):
         """As `Scene` says: what was let go over it, or is seen in it."""
         return [n for n, t in self._things.items() if t.inside == name]
 
+    def laden(self, name: str) -> bool:
+        """As `Scene` says: with what is known to be in it, or what was put in it under an earlier prompt."""
+        return bool(self.within(name)) or any(held == name for s, (held, _) in self._grip.items() if s in self._laden)
+
     def obstacles(
         self, xy: Array, radius_m: float, without: Collection[str] = (), beside: str | None = None
     ) -> Obstacles:

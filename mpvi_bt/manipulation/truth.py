@@ -71,6 +71,10 @@ class TrueScene:
         self.handles, self.doors, self.switches = truth.handles, truth.doors, truth.switches
         self.holding, self.between, self.within = truth.holding, truth.between, truth.within
 
+    def laden(self, name: str) -> bool:
+        """As `Scene` says."""
+        return bool(self.within(name))
+
     def is_on(self, name: str) -> bool:
         """As `Scene` says."""
         return self.truth.toggled_on(name)

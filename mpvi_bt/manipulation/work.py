@@ -179,7 +179,8 @@ class Work:
                 inner = self.scene.within(name)
                 solids = tuple(s.moved(frame) for n in (name, *inner) for s in self.scene.solids(n))
                 volumes = [v.moved(frame) for v in self.scene.volumes(name)]
-                out[side] = Held(name, side, frame @ self.scene.pose(name), solids, Load(solids, volumes), bool(inner))
+                load, laden = Load(solids, volumes), self.scene.laden(name)
+                out[side] = Held(name, side, frame @ self.scene.pose(name), solids, load, laden)
         return out
 
     def load(self, side: Side) -> Held:
