@@ -86,9 +86,7 @@ class Memory:
         """See through `detector`."""
         self._detector = detector
         self._remembered = Remembered()
-        self._filled: list[
-            Array
-        ] = []  # (2,) where vessels stand into which something was put, also under older prompts
+        self._filled: list[Array] = []  # (2,) where vessels stand that something was put into, under any prompt
         self._laden: set[Side] = set()  # hands that hold such a one
         self.forget(())
 
