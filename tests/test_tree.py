@@ -160,6 +160,8 @@ def test_what_a_description_calls_another_is_driven_to_as_another() -> None:
         ("go to the last cup", "another cup"),
         ("go to the cup next to the other plate", "cup"),
         ("go to a cup", "cup"),
+        ("go to the outlast cup", "cup"),
+        ("go to the other cupboard", "cup"),
     ):
         going = Navigation(
             type="navigation", description=description, completion_criterion="the robot is at a cup", target="cup"

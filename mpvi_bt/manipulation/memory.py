@@ -197,10 +197,11 @@ class Memory:
                 thing.shape = thing.shape.moved(kin.transform(np.eye(3), -aside * T[:3, 1]))
         self._grip[side] = (thing.name, kin.inverse(T))
         thing.inside = None  # its views stay: where it stood it stands no more
-        at = [p for p in self._filled if np.linalg.norm(p - thing.shape.box().mean(0)[:2]) < _THERE_M]
-        if at and thing.shape.kind == "vessel":
+        middle = thing.shape.box().mean(0)[:2]
+        elsewhere = [p for p in self._filled if np.linalg.norm(p - middle) >= _THERE_M]
+        if thing.shape.kind == "vessel" and len(elsewhere) < len(self._filled):
             self._laden.add(side)
-            self._filled = [p for p in self._filled if not any(p is q for q in at)]
+            self._filled = elsewhere
 
     def _gap(self, name: str, p_world: Array) -> float:
         """Distance of a point (3,) to a thing [m]: to its shape, or to what is seen of it where that misses a part."""

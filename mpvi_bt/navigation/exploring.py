@@ -24,6 +24,7 @@ from mpvi_bt.navigation.ways import stuck
 from mpvi_bt.perception.detector import Detection
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, normalize
 from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.perception.phrases import OTHER
 from mpvi_bt.robot.protocol import CameraImage, Robot
 from mpvi_bt.robot.solids import Array
 
@@ -294,7 +295,8 @@ class ExploringNavigator(KnownPlaceNavigator):
         share, area = self.search.coverage()
         near = nearest(normalize(trip.target), self._names())
         hint = f"; something near it is called {near!r}" if near else ""
-        said = f"no {trip.target} in {self.lookout.pictures} pictures of {share:.0%} of the {area:.0f} m² within reach"
+        name = OTHER.sub("", trip.target).strip()
+        said = f"no {name} in {self.lookout.pictures} pictures of {share:.0%} of the {area:.0f} m² within reach"
         discoveries = self.lookout.discoveries
         failed = (
             f"; the detector failed on {discoveries.errors} ({discoveries.last_error})" if discoveries.errors else ""

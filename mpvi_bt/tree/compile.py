@@ -135,7 +135,7 @@ def _unit(
 def _meant(segment: Navigation) -> str:
     """What to drive to: "go to the last cup", with no more than "cup" as its target, is about another cup."""
     target = segment.target
-    said = re.search(rf"{OTHER.pattern} {re.escape(target)}", segment.description, re.IGNORECASE)
+    said = re.search(rf"\b{OTHER.pattern} {re.escape(target)}(?!\w)", segment.description, re.IGNORECASE)
     return f"another {target}" if said else target
 
 
