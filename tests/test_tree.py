@@ -153,7 +153,7 @@ def test_a_group_joins_descriptions_and_ends_as_its_last_segment() -> None:
     assert (attempt.segments, check.segments) == ((3, 4), (4,))
 
 
-def test_what_a_description_calls_another_is_driven_to_as_another() -> None:
+def test_what_a_description_says_of_a_target_is_driven_to() -> None:
     """Language models leave it out of the target, as they are told to name that in few words."""
     for description, target in (
         ("go to another cup", "another cup"),
@@ -162,6 +162,11 @@ def test_what_a_description_calls_another_is_driven_to_as_another() -> None:
         ("go to a cup", "cup"),
         ("go to the outlast cup", "cup"),
         ("go to the other cupboard", "cup"),
+        ("go to an empty cup", "empty cup"),
+        ("go to the other empty cup", "another empty cup"),
+        ("go to the cup with the pens", "cup with the pens"),
+        ("go to a cup without a pen", "cup without a pen"),
+        ("go to the cupboard with the pens", "cup"),
     ):
         going = Navigation(
             type="navigation", description=description, completion_criterion="the robot is at a cup", target="cup"

@@ -133,10 +133,20 @@ def _unit(
 
 
 def _meant(segment: Navigation) -> str:
-    """What to drive to: "go to the last cup", with no more than "cup" as its target, is about another cup."""
-    target = segment.target
-    said = re.search(rf"\b{OTHER.pattern} {re.escape(target)}(?!\w)", segment.description, re.IGNORECASE)
-    return f"another {target}" if said else target
+    """What to drive to: a target with what the description says of it besides.
+
+    Of a "cup" the description may say that it is another one ("the last cup"), empty, or what is in it ("the cup with
+    the pens"). Where it says nothing of the kind it is the target itself.
+    """
+    target = re.escape(segment.target)
+    said = re.search(
+        rf"\b(?P<other>{OTHER.pattern} )?(?P<empty>empty )?{target}(?!\w)(?P<contents> with(?:out)? .+)?",
+        segment.description,
+        re.IGNORECASE,
+    )
+    if said is None:
+        return segment.target
+    return ("another " if said["other"] else "") + (said["empty"] or "") + segment.target + (said["contents"] or "")
 
 
 def _by_policy(parts: Sequence[Segment], numbers: tuple[int, ...], last: Skill | None) -> NodeSpec:
