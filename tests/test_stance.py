@@ -329,6 +329,23 @@ def test_a_search_is_the_same_whatever_order_what_is_touched_is_told_in() -> Non
         np.testing.assert_array_equal(solid.T, same.T)
 
 
+def test_a_search_leaves_a_part_of_its_effort_to_the_next() -> None:
+    """Half of what is left is out of its reach, and is there again afterwards, also if it fails."""
+    effort = Effort(10.0)
+    with effort.sparing(0.5):
+        effort.left -= 5.5
+        assert effort.left <= 0
+    assert effort.left == 4.5
+    with pytest.raises(ZeroDivisionError), effort.sparing(0.5):
+        effort.left /= 0
+    assert effort.left == 4.5
+    with (spent := Effort(-1.0)).sparing(0.5):
+        assert spent.left == -1.0
+    with (endless := Effort()).sparing(0.5):
+        assert endless.left == np.inf
+    assert endless.left == np.inf
+
+
 def approaching(z: float, effort: float) -> tuple[Work, Actions]:
     """A robot that is to find a stance to pick a cup up at a height, with so much that the search may take."""
     world = small_world({"cup": placed("coffee_cup", 0.0, 0.0, z)}, (-0.9, 0.0, 0.0))

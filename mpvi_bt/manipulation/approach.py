@@ -20,6 +20,7 @@ from mpvi_bt.robot.solids import Array
 
 LEGS = 2  # around what is out of reach
 _LOOKS = 4  # at a thing that is only seen, with a drive between two
+_SPARED = 0.5  # of what a search takes, for the one that gives hidden space the benefit of the doubt
 _PAUSE_S = 10.0  # to earn what a search takes: one that fails as it may take no more has not looked everywhere
 _REFINED = 10  # options near the planned one that a correction may take instead
 _CORRECTED = 0.8  # how far such a one may be off, see `_apart`
@@ -72,7 +73,8 @@ def close_in(
     for looks in range(_LOOKS):
         yield from study(work, about)
         search = replace(work.search(side, touched), tried=list(tried))
-        stance = None if trusting else find(search, looks > 0)
+        with work.effort.sparing(_SPARED if work.sight is not None else 0.0):
+            stance = None if trusting else find(search, looks > 0)
         if stance is None and work.effort.left <= 0:
             yield from work.motion.wait(_PAUSE_S)
             stance = None if trusting else find(search, looks > 0)

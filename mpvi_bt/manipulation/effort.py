@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,3 +23,13 @@ class Effort:
 
     left: float = np.inf
     failed: dict[bytes, list[Array]] = field(default_factory=dict)
+
+    @contextmanager
+    def sparing(self, part: float) -> Iterator[None]:
+        """What is searched for within this leaves a part (0 to 1) of what is left for what comes after it."""
+        spared = part * max(self.left, 0.0) if np.isfinite(self.left) else 0.0
+        self.left -= spared
+        try:
+            yield
+        finally:
+            self.left += spared

@@ -32,8 +32,8 @@ _PUTS = ("place_in", "place_on", "place_next_to", "place_under")  # and that put
 _ATTEMPTS = 4  # of one skill
 _ROUNDS = 3  # of a whole prompt
 _SHOWN = 3  # times that what has been filled is held out
-_CHECKS = 100.0  # base poses that searches for a prompt may check at the start,
-_EARNED = 2.0 / CONTROL_HZ  # and more with every step: planning keeps well ahead of playing
+_CHECKS = 300.0  # base poses that searches for a prompt may check at the start,
+_EARNED = 6.0 / CONTROL_HZ  # and more with every step: planning keeps well ahead of playing
 Performance = Generator[Array, None, SkillCall | None]
 # Backing off mends none of these.
 _ANYWHERE = ("unknown_object", "unknown_skill", "not_a_container", "not_held", "hands_full", "not_found")
