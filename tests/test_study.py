@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.hands.holding import put_in_hands
 from mpvi_bt.manipulation.approach import close_in
-from mpvi_bt.manipulation.gaze import study
+from mpvi_bt.manipulation.gaze import studied, study
 from mpvi_bt.manipulation.inside import Look, looks_inside
 from mpvi_bt.manipulation.looking import look_from_elsewhere
 from mpvi_bt.manipulation.place import place_in
@@ -42,6 +42,25 @@ class Blind:
     def trusting(self, remembering: bool = False) -> AbstractContextManager[None]:
         """As `Sight` says."""
         return nullcontext()
+
+
+def test_what_was_just_studied_is_not_studied_again_from_there() -> None:
+    """Only once: as soon as the base or an arm has moved, or for another thing, there is something to see again."""
+    world = small_world({"can": placed("can_of_soda", 1.0, 0.0)})
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0), Blind())
+    work.images = {"head": None}  # type: ignore[dict-item]
+    assert not studied(work, "can")
+    for action in study(work, "can"):
+        work.motion.felt = replace(work.motion.felt, torso=action[ActionLayout.TORSO])
+    assert studied(work, "can")
+    assert not studied(work, None)
+    there = work.motion.felt
+    work.motion.felt = replace(there, base_pose=there.base_pose + [0.02, 0.0, 0.0])
+    assert not studied(work, "can")
+    work.motion.felt = replace(there, arm={**there.arm, "left": there.arm["left"] + 0.02})
+    assert not studied(work, "can")
+    work.motion.felt = there
+    assert studied(work, "can")
 
 
 @pytest.mark.parametrize("board_m", [0.4, 0.9, 1.35, 1.6])

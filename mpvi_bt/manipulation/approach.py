@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mpvi_bt.manipulation.gaze import study
+from mpvi_bt.manipulation.gaze import studied, study
 from mpvi_bt.manipulation.search import Search
 from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.manipulation.work import Work
@@ -71,7 +71,8 @@ def close_in(
     """
     trusting = False  # once the benefit of the doubt was needed it stays given, or every look finds another stance
     for looks in range(_LOOKS):
-        yield from study(work, about)
+        if looks or not studied(work, about):
+            yield from study(work, about)
         search = replace(work.search(side, touched), tried=list(tried))
         with work.effort.sparing(_SPARED if work.sight is not None else 0.0):
             stance = None if trusting else find(search, looks > 0)

@@ -15,6 +15,7 @@ _HEAD_UP_RAD, _HEAD_DOWN_RAD = 0.5, 0.65
 _FLOOR_RAD = 0.9
 _EYES_M = 0.80  # a thing that much above the lift's height is well before the eyes
 _ABOVE = np.array([[0.0, 0.0, z] for z in (0.2, 0.28, 0.36, 0.44)])  # a thing, where a board may be
+_STILL = 0.01  # [m, rad] is what base and joints may move while they stand
 _LEVEL_RAD = 0.3  # a head that is tilted less does not see the floor before it
 _HANDS_RAD = 0.9  # so far down from the chest's horizon the head sees past the folded hands
 _OVERLOOKS = ((0.42, 0.0), (0.42, 0.5), (0.42, 0.8), (0.25, 0.8), (0.25, 1.1), (0.1, 1.1))  # lift [m], pitch [rad]
@@ -41,11 +42,28 @@ def study(work: Work, name: str | None) -> Actions:
             torso[:3] = [np.clip(work.middle(name)[2] - _EYES_M, *work.motion.robot.torso_limits[0]), 0.0, 0.0]
             yield from work.motion.stand(torso)
             yield from look_at(work, name)
+            work.studied = (name, _stands(work))
             return
     torso = work.motion.torso
     torso[3] += _HEAD_DOWN_RAD if torso[3] < _LEVEL_RAD else -_HEAD_UP_RAD
     yield from work.motion.stand(torso)
     yield from work.see("head")
+    work.studied = (name, _stands(work))
+
+
+def studied(work: Work, name: str | None) -> bool:
+    """Whether a thing was the last to be studied, and neither base nor arms have moved since."""
+    return (
+        work.studied is not None
+        and work.studied[0] == name
+        and bool(np.abs(work.studied[1] - _stands(work)).max() < _STILL)
+    )
+
+
+def _stands(work: Work) -> Array:
+    """How base and arms stand, as felt [m, rad]."""
+    felt = work.motion.felt
+    return np.concatenate([felt.base_pose, *(felt.arm[side] for side in felt.sides)])
 
 
 def look_into(work: Work, name: str) -> Actions:

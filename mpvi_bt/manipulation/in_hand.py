@@ -14,6 +14,7 @@ from mpvi_bt.perception.outlines import main_cluster
 from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.motion import Actions
 from mpvi_bt.robot.protocol import Side
@@ -22,6 +23,7 @@ from mpvi_bt.robot.solids import Array
 _REACH_M = 0.35  # what a mask shows that far from the hand is something else
 _KEPT = 8  # pictures of it remembered: what hangs in a hand swings a little
 _SEEN_PX = 6  # a mask of fewer pixels is not looked at
+_ALIKE, _ALIKE_M = 0.9, 0.008  # of the points of a thing so many are at most that far from its surface
 _LONG = 2.0  # times as long as wide
 _SLANTED_RAD = (0.06, 1.0)  # from upright; what lies across in the hand is level
 # How a thing is held out to the head: turned about the vertical [rad], at which height [m].
@@ -78,6 +80,14 @@ def _slant(points: Array) -> Array:
     if spread[2] < _LONG**2 * spread[1] or not _SLANTED_RAD[0] < angle < _SLANTED_RAD[1]:
         return np.eye(3)
     return np.asarray(Rotation.from_rotvec(turn / np.linalg.norm(turn) * angle).as_matrix())
+
+
+def is_of(points: Array, shape: Shape) -> bool:
+    """Whether points (n, 3) of what is seen in a hand are those of a shape: it has not slipped or turned there."""
+    if len(points) < _SEEN_PX:
+        return False
+    gaps = np.abs(Surroundings(shape.solids).distance(main_cluster(points)))
+    return bool(np.quantile(gaps, _ALIKE) < _ALIKE_M)
 
 
 def show(work: Work, side: Side) -> Actions:

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from mpvi_bt.manipulation.fitting import View, fitted
 from mpvi_bt.manipulation.frames import Frame, take
-from mpvi_bt.manipulation.in_hand import InHand
+from mpvi_bt.manipulation.in_hand import InHand, is_of
 from mpvi_bt.perception.detector import Detector, switch_of
 from mpvi_bt.perception.fit import fit
 from mpvi_bt.perception.outlines import main_cluster
@@ -88,16 +88,26 @@ class Memory:
         self._remembered = Remembered()
         self._filled: list[Array] = []  # (2,) where vessels stand that something was put into, under any prompt
         self._laden: set[Side] = set()  # hands that hold such a one
+        self._grip: dict[Side, tuple[str, Array]] = {}  # thing, and its motion's inverse at the grasp
+        self._laid: list[
+            tuple[str, Array]
+        ] = []  # phrases, and the middles (3,) of what hands put down under any prompt
+        self._kept: dict[Side, tuple[str, Shape]] = {}  # phrase of what was taken under an earlier prompt, in the hand
         self.forget(())
 
     def forget(self, phrases: Iterable[str]) -> None:
-        """Begin anew, with no thing known; from now on look for `phrases`, of which no two mean the same things."""
+        """Begin anew, with no thing known; from now on look for `phrases`, of which no two mean the same things.
+
+        What a hand holds is known again once it is seen there.
+        """
+        for side, (name, _) in self._grip.items():
+            self._kept[side] = self._things[name].phrase, self._shape(name).moved(kin.inverse(self._tcp(side)))
         self._phrases = tuple(dict.fromkeys(phrases))
         self._asked = (*self._phrases, *map(switch_of, self._phrases))
         self._frames: list[Frame] = []
         self._things: dict[str, Thing] = {}
         self._count: dict[str, int] = {}
-        self._grip: dict[Side, tuple[str, Array]] = {}  # thing, and its motion's inverse at the grasp
+        self._grip = {}
         self._shown: dict[Side, InHand] = {}  # what was first seen in a hand
         self._both: tuple[str, Array] | None = None  # likewise between both hands, by the left one's motion
         self._stand, self._stood, self._way_m = 0, np.full(3, np.inf), 0.0
@@ -129,6 +139,7 @@ class Memory:
                 self._grasp(side)
             if not gripped:
                 self._laden.discard(side)
+                self._kept.pop(side, None)
         if squeezes(felt) != (self._both is not None):
             self._press()
 
@@ -144,7 +155,9 @@ class Memory:
         before = set(self._grip)
         self._feel_hands(felt)  # they may hold what has been seen only now
         for side in [s for s in self._grip if s not in before]:
-            thing, self._shown[side] = self._things[self._grip[side][0]], InHand(felt.gripper_width[side])
+            thing = self._things[self._grip[side][0]]
+            if not self._recognize(side, thing):
+                self._shown[side] = InHand(felt.gripper_width[side])
             for frame, mask in thing.views:
                 self._regard(thing, frame, mask)
             thing.views = []
@@ -153,6 +166,19 @@ class Memory:
                 vessels = [n for n, t in self._things.items() if t.shape.kind == "vessel" and self._holds(t, thing)]
                 if (vessel := next((n for n in vessels if self._lies_in(thing.shape, n)), None)) is not None:
                     self._put(thing, vessel)
+
+    def _recognize(self, side: Side, thing: Thing) -> bool:
+        """Take what is seen in a hand for what that took under an earlier prompt, unless it looks otherwise now."""
+        phrase, shape = self._kept.get(side, ("", thing.shape))
+        now = shape.moved(self._tcp(side))
+        if phrase != thing.phrase or not is_of(np.concatenate([f.of(m) for f, m in thing.views]), now):
+            return False
+        thing.shape, self._grip[side] = now, (thing.name, kin.inverse(self._tcp(side)))
+        return True
+
+    def recognized(self, side: Side) -> bool:
+        """Whether what a hand holds is known from when it was taken, and need not be shown from all sides."""
+        return side in self._grip and side in self._kept and side not in self._shown
 
     def _loose(self, frame: Frame) -> NDArray[np.bool_]:
         """(H, W) bool: where a picture shows what was asked for, but for furniture: that stays where it is."""
@@ -197,6 +223,7 @@ class Memory:
                 thing.shape = thing.shape.moved(kin.transform(np.eye(3), -aside * T[:3, 1]))
         self._grip[side] = (thing.name, kin.inverse(T))
         thing.inside = None  # its views stay: where it stood it stands no more
+        self._laid = [laid for laid in self._laid if not self._is_laid(thing, laid)]
         middle = thing.shape.box().mean(0)[:2]
         elsewhere = [p for p in self._filled if np.linalg.norm(p - middle) >= _THERE_M]
         if thing.shape.kind == "vessel" and len(elsewhere) < len(self._filled):
@@ -227,8 +254,13 @@ class Memory:
 
     def _release(self, side: Side, dropped: bool) -> None:
         """The hand has let go: what it held is where it was held, or has fallen into what is below it."""
-        name, _ = self._grip[side]
-        thing = self._things[name]
+        thing = self._things[self._grip[side][0]]
+        self._let_go(side, thing, dropped)
+        if not dropped:
+            self._laid.append((thing.phrase, self._shape(thing.name).box().mean(0)))
+
+    def _let_go(self, side: Side, thing: Thing, dropped: bool) -> None:
+        name = thing.name
         self._lay(name)
         del self._grip[side]
         self._shown.pop(side, None)
@@ -248,6 +280,13 @@ class Memory:
                         self._laden |= {s for s, (held, _) in self._grip.items() if held == other.name}
                         self._filled.append(self._shape(other.name).box().mean(0)[:2])
                     return
+
+    def _is_laid(self, thing: Thing, laid: tuple[str, Array]) -> bool:
+        """Whether a thing is one that was put down, by what it is called and where it is."""
+        phrase, middle = laid
+        return (
+            phrase == thing.phrase and float(np.linalg.norm(self._shape(thing.name).box().mean(0) - middle)) < _THERE_M
+        )
 
     def _put(self, thing: Thing, container: str) -> None:
         """Take a thing, whose shape is known where it is now, to be in a container, and to be carried along with it."""

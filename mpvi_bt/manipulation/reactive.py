@@ -168,5 +168,6 @@ class ReactivePolicy(ScriptedPolicy):
                 yield from motion.stand(torso)
             yield from work.see("head", *sides)
             for side in sides:
-                with contextlib.suppress(MotionFailure):  # what is not seen is not known
-                    yield from show(work, side)
+                if not self._seen.recognized(side):
+                    with contextlib.suppress(MotionFailure):  # what is not seen is not known
+                        yield from show(work, side)

@@ -54,9 +54,10 @@ class Seen(Memory):
         for name, thing in self._things.items():
             low, high = self._shape(name).box()
             held = name in carried or thing.inside in carried
+            laid = not held and any(self._is_laid(thing, laid) for laid in self._laid)
             kind: Literal["fixture", "object"] = "fixture" if thing.shape.kind == "furniture" else "object"
             base.put(Entry(name, (thing.phrase,), kind, low, high, source=self._detector.name, held=held,
-                           inside=thing.inside))  # fmt: skip
+                           inside=thing.inside, laid=laid))  # fmt: skip
         return base
 
     def pose(self, name: str) -> Array:

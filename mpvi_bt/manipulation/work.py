@@ -46,6 +46,7 @@ class Work:
         bearings: Directions in the world [rad] that words such as "left" had when they were first heeded.
         meant: What phrases for where things go have named so far.
         grasped: How each hand was turned (3, 3) in the world when it last closed on something.
+        studied: What was looked at closely last, and how base and arms stood then.
     """
 
     scene: Scene
@@ -60,6 +61,7 @@ class Work:
     bearings: dict[str, float] = field(default_factory=dict)
     meant: dict[str, str] = field(default_factory=dict)
     grasped: dict[Side, Array] = field(default_factory=dict)
+    studied: tuple[str | None, Array] | None = None
 
     @property
     def base(self) -> Array:
