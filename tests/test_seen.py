@@ -432,11 +432,11 @@ def test_walls_are_known_from_one_prompt_to_the_next() -> None:
         assert seen.obstacles(at, 1.7).distance(wall) > 0.1
 
 
-def tall_cabinet(x: float, y: float, yaw: float) -> World:
+def tall_cabinet(x: float, y: float, yaw: float, opened: float = 0.7) -> World:
     """One that stands open, seen from somewhere."""
     cabinet = "{entry: tall_cabinet, at: [1.0, 0.0], yaw_deg: 180, shape: {hinge: left}}"
     world = small_world(base=(x, y, yaw), render=True, cabinet=cabinet)
-    world.set_opening("cabinet", "door", 0.7)
+    world.set_opening("cabinet", "door", opened)
     world.refresh()
     return tilted(world, 0.3)
 
@@ -454,6 +454,20 @@ def test_who_has_seen_into_furniture_knows_its_room(places: tuple[tuple[float, f
     (name,) = names(seen, "cabinet")
     assert len(seen.volumes(name)) >= 3
     assert len(seen.spots(name, 0.05, 0.2, np.zeros(2))) > 5
+
+
+@pytest.mark.parametrize("place", [(-0.5, 0.0, 0.0), (-0.4, -0.6, 0.4)])
+def test_a_cabinet_that_was_opened_is_the_one_that_was_closed(place: tuple[float, float, float]) -> None:
+    """Known by its front alone: its open door reaches out far before that, and one sees far behind it."""
+    seen = Seen(SegmentationDetector({"cabinet": ("cabinet",)}, least_px=1))
+    seen.forget(["cabinet"])
+    look(tall_cabinet(*FRONT, opened=0.0), seen)
+    (name,) = names(seen, "cabinet")
+    (closed,) = seen.doors(name)
+    assert closed.position < 0.1
+    look(tall_cabinet(*place, opened=0.9), seen)
+    assert names(seen, "cabinet") == [name]
+    assert any(door.position > 0.5 * door.limit for door in seen.doors(name))
 
 
 @pytest.mark.parametrize("near", [None, (0.1, -0.3, -0.7), (0.25, -0.35, -0.5)])

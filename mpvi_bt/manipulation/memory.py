@@ -20,7 +20,7 @@ from mpvi_bt.manipulation.in_hand import InHand, is_of
 from mpvi_bt.perception.detector import Detector, switch_of
 from mpvi_bt.perception.fit import fit
 from mpvi_bt.perception.outlines import main_cluster
-from mpvi_bt.perception.parts import Door
+from mpvi_bt.perception.parts import Door, to_and_behind
 from mpvi_bt.perception.remembered import Remembered
 from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot import kinematics as kin
@@ -359,12 +359,30 @@ class Memory:
                     done |= {i, name}
                     self._update(self._things[name], frame, seen[i][0])
             for i, (mask, points) in enumerate(seen):
-                if i not in done:
+                if i in done:
+                    continue
+                opened = [t for t in known if t.name not in done and self._opened(t, points)]
+                if opened:
+                    done.add(opened[0].name)
+                    self._update(opened[0], frame, mask)
+                else:
                     self._discover(phrase, frame, mask, points)
         for name in [n for n, t in self._things.items() if not (t.views and t.views[-1][0] is frame)]:
             self._missed(name, frame)
         for name in [n for n, t in self._things.items() if any(_is_part(t, other) for other in self._things.values())]:
             del self._things[name]
+
+    def _opened(self, thing: Thing, points: Array) -> bool:
+        """Whether points (n, 3) may be those of a thing that was closed and of which a door stands open now.
+
+        Of what was known by its front alone, most of what shows then is far from that: its door, and what is behind.
+        """
+        rooms = [to_and_behind(door) for door in self.doors(thing.name)]
+        return bool(rooms) and float(np.median(Surroundings(rooms).distance(points))) < _NEAR_M
+
+    def doors(self, name: str) -> Sequence[Door]:
+        """What is known of a thing that opens."""
+        return ()
 
     def _discover(self, phrase: str, frame: Frame, mask: NDArray[np.bool_], points: Array) -> None:
         shape = fit(points, frame.points[frame.measured & ~mask], frame.eye)

@@ -83,15 +83,17 @@ def _plain(phrase: str) -> str:
 
 
 def look_over(work: Work, thing: str) -> Actions:
-    """See the whole front of a thing: turn to it and look until it is in the picture. The truth needs no look."""
+    """See the whole front of a thing: look, and turn to where it then shows to be. The truth needs no look."""
     if work.sight is None:
         return
-    for _ in range(_LOOKS):
+    for looks in range(_LOOKS):
         middle = work.middle(thing)[:2]
         x, y, yaw = work.motion.felt.base_pose
         bearing = float(np.arctan2(middle[1] - y, middle[0] - x))
         if abs(kin.wrap(bearing - yaw)) > _FACING_RAD:
             yield from work.motion.drive(np.array([x, y, bearing]))
+        elif looks:
+            return
         yield from study(work, thing)
 
 

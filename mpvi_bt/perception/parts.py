@@ -6,7 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+import numpy as np
+
 from mpvi_bt.robot.solids import Array, Solid
+
+_DEEP_M = 0.6  # what shows behind a door once it is open, at the most
 
 
 class Bar(Protocol):
@@ -56,3 +60,18 @@ class Door:
     limit: float
     bar: Bar | None
     solids: Sequence[Solid]
+
+
+def to_and_behind(door: Door) -> Solid:
+    """The box, in the world, that a closed door's panel may pass through as it opens, and that one sees into then."""
+    panel = max(door.solids, key=lambda s: float(np.sort(s.half_m)[1:].prod()))
+    arm = panel.T[:3, 3] - door.origin
+    if door.kind == "slide":
+        out, reach = door.axis, door.limit
+    else:
+        arm = arm - door.axis * (door.axis @ arm)
+        out, reach = np.cross(door.axis, arm) / np.linalg.norm(arm), 2 * float(np.linalg.norm(arm))
+    k, half, T = int(np.abs(out @ panel.T[:3, :3]).argmax()), panel.half_m.copy(), panel.T.copy()
+    half[k] = (reach + _DEEP_M) / 2
+    T[:3, 3] += out * (reach - _DEEP_M) / 2
+    return Solid("box", half, T)
