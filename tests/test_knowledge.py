@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt.perception.belief import Belief
-from mpvi_bt.perception.knowledge import LIKELY, Entry, KnowledgeBase, laid_down
+from mpvi_bt.perception.knowledge import LIKELY, Entry, KnowledgeBase, contents, laid_down
+from mpvi_bt.perception.phrases import normalize
 from tests.navigation_maps import thing
 
 
@@ -71,6 +72,20 @@ def test_what_is_said_to_be_in_a_thing_tells_it_apart(phrase: str, meant: str) -
     cans = [replace(can(f"can_{name}", inside=name), phrases=("can",)) for name in "ac"]
     known = base(*bins, *cans, replace(can("egg", inside="c"), phrases=("egg",)))
     assert "".join(e.name for e in known.filled_so(known.find(phrase), phrase)) == meant
+    for entry in known:  # what was put into them may be out of view, or called by its color
+        entry.filled = {"a": ("red can",), "c": ("can", "egg")}.get(entry.name, ())
+        entry.inside = None
+    assert "".join(e.name for e in known.filled_so(known.find(phrase), phrase)) == meant
+
+
+@pytest.mark.parametrize(
+    ("phrase", "inner"),
+    [("the bowl with the leeks", "leeks"), ("a bin without an egg", "egg"), ("bin", None), ("can on a table", None)],
+)
+def test_what_a_thing_is_told_apart_by_is_known_by_its_phrase(phrase: str, inner: str | None) -> None:
+    """Who is to see it has to look for that, too."""
+    said = contents(phrase)
+    assert (None if said is None else normalize(said)) == inner
 
 
 def test_what_stands_open_and_shows_nothing_is_not_the_one_with_something_in_it() -> None:

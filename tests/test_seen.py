@@ -307,6 +307,7 @@ def test_a_vessel_that_was_filled_is_laden_when_it_is_taken_up_later() -> None:
     assert seen.within(bin_) == [egg]
     seen.forget(["trash can"])
     look(world, seen)
+    assert seen.knowledge().find("trash can")[0].filled == ("Easter egg",)
     assert taken_up(rim)
     close(rim + [0.0, 1.0, 0.0], names(seen, "trash can")[0])
     close(rim + [0.0, 1.0, 0.0], None)

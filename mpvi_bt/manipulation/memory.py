@@ -86,8 +86,9 @@ class Memory:
         """See through `detector`."""
         self._detector = detector
         self._remembered = Remembered()
-        self._filled: list[Array] = []  # (2,) where vessels stand that something was put into, under any prompt
-        self._laden: set[Side] = set()  # hands that hold such a one
+        # (2,) where vessels stand that something was put into, under any prompt, and what that is called;
+        self._filled: list[tuple[Array, str]] = []
+        self._laden: dict[Side, list[str]] = {}  # likewise by the hand that holds such a one
         self._grip: dict[Side, tuple[str, Array]] = {}  # thing, and its motion's inverse at the grasp
         self._laid: list[
             tuple[str, Array]
@@ -138,7 +139,7 @@ class Memory:
             elif closed and gripped and side not in self._grip:
                 self._grasp(side)
             if not gripped:
-                self._laden.discard(side)
+                self._laden.pop(side, None)
                 self._kept.pop(side, None)
         if squeezes(felt) != (self._both is not None):
             self._press()
@@ -225,10 +226,9 @@ class Memory:
         thing.inside = None  # its views stay: where it stood it stands no more
         self._laid = [laid for laid in self._laid if not self._is_laid(thing, laid)]
         middle = thing.shape.box().mean(0)[:2]
-        elsewhere = [p for p in self._filled if np.linalg.norm(p - middle) >= _THERE_M]
-        if thing.shape.kind == "vessel" and len(elsewhere) < len(self._filled):
-            self._laden.add(side)
-            self._filled = elsewhere
+        if thing.shape.kind == "vessel" and (put := self._put_into(middle)):
+            self._laden[side] = put
+            self._filled = [(at, what) for at, what in self._filled if np.linalg.norm(at - middle) >= _THERE_M]
 
     def _gap(self, name: str, p_world: Array) -> float:
         """Distance of a point (3,) to a thing [m]: to its shape, or to what is seen of it where that misses a part."""
@@ -266,8 +266,7 @@ class Memory:
         self._shown.pop(side, None)
         thing.views = []
         middle = thing.shape.box().mean(0)
-        if side in self._laden:
-            self._filled.append(middle[:2])
+        self._filled += [(middle[:2], what) for what in self._laden.get(side, ())]
         for other in self._things.values():
             for volume in self.volumes(other.name) if other is not thing else ():
                 low, high = volume.aabb()
@@ -277,9 +276,14 @@ class Memory:
                     thing.stands = abs(fall) < _SET_DOWN_M
                     self._put(thing, other.name)
                     if other.shape.kind == "vessel":
-                        self._laden |= {s for s, (held, _) in self._grip.items() if held == other.name}
-                        self._filled.append(self._shape(other.name).box().mean(0)[:2])
+                        for holder in [s for s, (held, _) in self._grip.items() if held == other.name]:
+                            self._laden.setdefault(holder, []).append(thing.phrase)
+                        self._filled.append((self._shape(other.name).box().mean(0)[:2], thing.phrase))
                     return
+
+    def _put_into(self, xy: Array) -> list[str]:
+        """What was put into the vessel that stands at a place (2,), under any prompt, as it was called."""
+        return [what for at, what in self._filled if np.linalg.norm(at - xy) < _THERE_M]
 
     def _is_laid(self, thing: Thing, laid: tuple[str, Array]) -> bool:
         """Whether a thing is one that was put down, by what it is called and where it is."""

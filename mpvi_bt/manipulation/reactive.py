@@ -18,6 +18,7 @@ from mpvi_bt.manipulation.seen import Seen
 from mpvi_bt.manipulation.spots import is_floor
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.detector import Detector
+from mpvi_bt.perception.knowledge import contents
 from mpvi_bt.perception.phrases import kinds
 from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.plan.clauses import clauses, match
@@ -66,7 +67,8 @@ class ReactivePolicy(ScriptedPolicy):
         if not calls:
             self.note = f"no skill for {prompt[:60]!r}"
             return None
-        self._seen.forget(kinds(p for call in calls for r in readings(call) for p in self._phrases(r, _NAMES)))
+        named = [p for call in calls for r in readings(call) for p in self._phrases(r, _NAMES)]
+        self._seen.forget(kinds([*named, *filter(None, map(contents, named))]))
         if any(call.skill.hands for call in calls):
             yield from self._look_at_hands(work)
         left = [(call, _TRIES) for call in calls for _ in range(count(call))]

@@ -55,9 +55,10 @@ class Seen(Memory):
             low, high = self._shape(name).box()
             held = name in carried or thing.inside in carried
             laid = not held and any(self._is_laid(thing, laid) for laid in self._laid)
+            put = self._put_into((low + high)[:2] / 2) if thing.shape.kind == "vessel" and not held else ()
             kind: Literal["fixture", "object"] = "fixture" if thing.shape.kind == "furniture" else "object"
             base.put(Entry(name, (thing.phrase,), kind, low, high, source=self._detector.name, held=held,
-                           inside=thing.inside, laid=laid))  # fmt: skip
+                           inside=thing.inside, laid=laid, filled=tuple(put)))  # fmt: skip
         return base
 
     def pose(self, name: str) -> Array:

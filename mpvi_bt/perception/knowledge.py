@@ -40,6 +40,7 @@ class Entry:
         held: Carried by the robot now, or inside something that is.
         inside: Name of the movable container that it is in, or None.
         laid: Put down by the robot, away from where it had taken it.
+        filled: What the robot put into it, as it was called, though nothing known may be `inside` it.
         confidence: Probability that it is there, 0 to 1.
         seen_s: Simulated time at which it was last seen; None if it never was.
         view: (3,) base pose x, y [m] and yaw [rad] that it was last seen from.
@@ -56,6 +57,7 @@ class Entry:
     held: bool = False
     inside: str | None = None
     laid: bool = False
+    filled: tuple[str, ...] = ()
     confidence: float = 1.0
     seen_s: float | None = None
     view: Array | None = None
@@ -137,10 +139,14 @@ class KnowledgeBase:
         inside = within or (lambda name: [e.name for e in self if e.inside == name])
         fitting = found
         if ("filling", "empty") in reading.qualities:
-            fitting = [e for e in fitting if not inside(e.name)]
+            fitting = [e for e in fitting if not inside(e.name) and not e.filled]
         if (said := _CONTENTS.match(reading.place)) is not None:
             named, wanted = {e.name for e in self.find(said["what"])}, said["how"] != "without"
-            so = [e for e in fitting if bool(named & set(inside(e.name))) == wanted]
+
+            def has(e: Entry) -> bool:
+                return bool(named & set(inside(e.name))) or any(calls((put,), said["what"]) for put in e.filled)
+
+            so = [e for e in fitting if has(e) == wanted]
             if not so and wanted and stands_open is not None:
                 so = [e for e in fitting if not stands_open(e.name)]
             fitting = so
@@ -195,6 +201,13 @@ def _at(p: Array, place: Entry) -> bool:
     return bool(((place.lowest - _AT_M < p) & (p < place.highest + _AT_M))[:2].all())
 
 
+def contents(phrase: str) -> str | None:
+    """What is said to be in a thing, or not to be: "leeks" of "the bowl with the leeks"; None of other phrases."""
+    reading = read(phrase)
+    said = None if reading is None else _CONTENTS.match(reading.place)
+    return said["what"] if said is not None else None
+
+
 @lru_cache(maxsize=10_000)
 def calls(phrases: tuple[str, ...], query: str) -> bool:
     """Whether a thing with these names may be what `query` means, by the rule of `mpvi_bt.perception.phrases`."""
@@ -217,6 +230,7 @@ class SavedEntry(Record):
     held: bool
     inside: str | None
     laid: bool = False
+    filled: tuple[str, ...] = ()
     confidence: Annotated[float, Field(ge=0, le=1)]
     seen_s: FiniteFloat | None
     view: Place | None
