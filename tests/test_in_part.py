@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mpvi_bt.manipulation import memory
 from mpvi_bt.manipulation.seen import Seen
 from mpvi_bt.perception.segmentation import SegmentationDetector
+from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot.protocol import ActionLayout
+from mpvi_bt.robot.solids import box
 from mpvi_bt.sim.world import World
 from tests.small_house import run, small_world
 
@@ -49,3 +52,14 @@ def test_a_strip_of_a_thing_becomes_the_thing(opened: float) -> None:
         assert np.prod(high - low) > 0.6 * 0.28 * 0.56 * 0.32
     else:
         assert np.ptp([entry.lowest[2], entry.highest[2]]) > 0.5
+
+
+@pytest.mark.parametrize(("deep_m", "part"), [(0.11, True), (0.3, False)])
+def test_a_strip_of_the_room_in_a_thing_is_a_part_of_it(deep_m: float, part: bool) -> None:
+    """A bowl in hand hides most of the sink that it is to be put into: the room that was seen before is there still."""
+
+    def sink(deep_m: float) -> Shape:
+        basin = box((0.0, 0.0, 0.8), (0.52, deep_m, 0.2))
+        return Shape("furniture", np.eye(4), (box((0.0, 0.0, 0.9), (0.6, 0.6, 0.04)),), 0.0, (basin,))
+
+    assert memory._in_part(sink(deep_m), sink(0.38)) is part

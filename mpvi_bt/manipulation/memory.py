@@ -36,6 +36,7 @@ _MOVED = (0.01, 0.015)  # a base that has moved farther than this [m, rad] stand
 _NEAR_M = 0.12  # a mask this near to where a thing was is that thing, from the same place
 _FAR_M = 0.30  # likewise after a drive
 _RECENT_M = 1.2  # of driving: what was seen before is still good enough to be fitted to what is seen now
+_IN_VIEW = 0.5  # furniture of which less room is seen than that is only seen in part
 _SHRUNK = 0.9  # a thing that seems so much smaller than before is partly hidden
 _TALLER = 1.3  # of two views of furniture, one so many times as tall as the other shows more of it
 _SEEN_PX = 6  # a mask of fewer pixels is not looked at
@@ -414,8 +415,6 @@ class Memory:
         shape = fitted(here, thing.shape.support_m)
         if len(here) < len(thing.views) and (shape is None or _shrunk(shape, thing.shape)):
             shape = fitted(thing.views, thing.shape.support_m) or shape  # something hides a part of it now
-        if shape is not None and shape.volumes:
-            thing.inner = here
         if shape is not None:
             thing.lowest_m = min(thing.lowest_m, shape.support_m)
         if thing.shape.kind == "furniture" and (shape is None or _in_part(shape, thing.shape)):
@@ -423,6 +422,7 @@ class Memory:
         if thing.shape.kind == "vessel" and shape is not None and _as_outside(shape, thing.shape):
             return  # from low or far off only its outside is
         if shape is not None:
+            thing.inner = here if shape.volumes else thing.inner
             thing.shape, container, thing.inside = shape, thing.inside, None
             if container is not None and self._lies_in(shape, container):
                 self._put(thing, container)
@@ -487,7 +487,14 @@ def _in_part(shape: Shape, before: Shape) -> bool:
     if bool(before.volumes) != bool(shape.volumes):
         return bool(before.volumes)
     now, then = (float(np.ptp(s.box()[:, 2])) for s in (shape, before))
-    return now * _TALLER < then or (now < then * _TALLER and _shrunk(shape, before))
+    # what a hand holds may hide most of the room in a sink
+    less = _shrunk(shape, before) or (bool(shape.volumes) and _room(shape) < _IN_VIEW * _room(before))
+    return now * _TALLER < then or (now < then * _TALLER and less)
+
+
+def _room(shape: Shape) -> float:
+    """How much floor the room in a thing takes up [m^2]."""
+    return float(np.prod(np.ptp(bounds(shape.volumes), axis=0)[:2]))
 
 
 def _as_outside(shape: Shape, vessel: Shape) -> bool:
