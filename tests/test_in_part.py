@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation import memory
 from mpvi_bt.manipulation.seen import Seen
+from mpvi_bt.perception.in_part import in_part
 from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot.protocol import ActionLayout
@@ -62,4 +62,4 @@ def test_a_strip_of_the_room_in_a_thing_is_a_part_of_it(deep_m: float, part: boo
         basin = box((0.0, 0.0, 0.8), (0.52, deep_m, 0.2))
         return Shape("furniture", np.eye(4), (box((0.0, 0.0, 0.9), (0.6, 0.6, 0.04)),), 0.0, (basin,))
 
-    assert memory._in_part(sink(deep_m), sink(0.38)) is part
+    assert in_part(sink(deep_m), sink(0.38)) is part

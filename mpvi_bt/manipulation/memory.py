@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from mpvi_bt.manipulation.deeds import Deeds
 from mpvi_bt.manipulation.fitting import View, fitted
 from mpvi_bt.manipulation.frames import Frame, take
 from mpvi_bt.manipulation.in_hand import InHand, is_of
 from mpvi_bt.perception.detector import Detector, switch_of
 from mpvi_bt.perception.fit import fit
+from mpvi_bt.perception.in_part import as_outside, in_part, shrunk
 from mpvi_bt.perception.outlines import main_cluster
 from mpvi_bt.perception.parts import Door, to_and_behind
 from mpvi_bt.perception.remembered import Remembered
@@ -36,9 +38,6 @@ _MOVED = (0.01, 0.015)  # a base that has moved farther than this [m, rad] stand
 _NEAR_M = 0.12  # a mask this near to where a thing was is that thing, from the same place
 _FAR_M = 0.30  # likewise after a drive
 _RECENT_M = 1.2  # of driving: what was seen before is still good enough to be fitted to what is seen now
-_IN_VIEW = 0.5  # furniture of which less room is seen than that is only seen in part
-_SHRUNK = 0.9  # a thing that seems so much smaller than before is partly hidden
-_TALLER = 1.3  # of two views of furniture, one so many times as tall as the other shows more of it
 _SEEN_PX = 6  # a mask of fewer pixels is not looked at
 _THROUGH_M = 0.06  # where the depth is that much farther than the middle of a hollow thing, it is gone,
 _BEHIND_M = 0.01  # and that much farther than that of another,
@@ -51,8 +50,6 @@ _SET_DOWN_M = 0.03  # what is let go of no higher than that stays where it is
 _DEEPER_M = 0.1  # than it seems a vessel in hand may be
 _OUTER = 1.2  # what contains a thing covers that much more floor than it
 _OUTSIDE_M = 0.05  # a leg may stand so far outside of what is seen of a table's top
-_THERE_M = 0.1  # from where a vessel stood that was filled, seen from elsewhere
-_SAME_M = 0.015  # a vessel whose outside is seen that near to where it was stands there still
 _RECENTERED_M = 0.04  # fingers that close shift what they take by less than this
 
 
@@ -87,14 +84,8 @@ class Memory:
         """See through `detector`."""
         self._detector = detector
         self._remembered = Remembered()
-        # (2,) where vessels stand that something was put into, under any prompt, and what that is called;
-        self._filled: list[tuple[Array, str]] = []
-        self._laden: dict[Side, list[str]] = {}  # likewise by the hand that holds such a one
+        self._deeds = Deeds()
         self._grip: dict[Side, tuple[str, Array]] = {}  # thing, and its motion's inverse at the grasp
-        self._laid: list[
-            tuple[str, Array]
-        ] = []  # phrases, and the middles (3,) of what hands put down under any prompt
-        self._kept: dict[Side, tuple[str, Shape]] = {}  # phrase of what was taken under an earlier prompt, in the hand
         self.forget(())
 
     def forget(self, phrases: Iterable[str]) -> None:
@@ -103,7 +94,8 @@ class Memory:
         What a hand holds is known again once it is seen there.
         """
         for side, (name, _) in self._grip.items():
-            self._kept[side] = self._things[name].phrase, self._shape(name).moved(kin.inverse(self._tcp(side)))
+            shape = self._shape(name).moved(kin.inverse(self._tcp(side)))
+            self._deeds.taken[side] = self._things[name].phrase, shape
         self._phrases = tuple(dict.fromkeys(phrases))
         self._asked = (*self._phrases, *map(switch_of, self._phrases))
         self._frames: list[Frame] = []
@@ -140,8 +132,7 @@ class Memory:
             elif closed and gripped and side not in self._grip:
                 self._grasp(side)
             if not gripped:
-                self._laden.pop(side, None)
-                self._kept.pop(side, None)
+                self._deeds.empty(side)
         if squeezes(felt) != (self._both is not None):
             self._press()
 
@@ -171,7 +162,7 @@ class Memory:
 
     def _recognize(self, side: Side, thing: Thing) -> bool:
         """Take what is seen in a hand for what that took under an earlier prompt, unless it looks otherwise now."""
-        phrase, shape = self._kept.get(side, ("", thing.shape))
+        phrase, shape = self._deeds.taken.get(side, ("", thing.shape))
         now = shape.moved(self._tcp(side))
         if phrase != thing.phrase or not is_of(np.concatenate([f.of(m) for f, m in thing.views]), now):
             return False
@@ -180,7 +171,7 @@ class Memory:
 
     def recognized(self, side: Side) -> bool:
         """Whether what a hand holds is known from when it was taken, and need not be shown from all sides."""
-        return side in self._grip and side in self._kept and side not in self._shown
+        return side in self._grip and side in self._deeds.taken and side not in self._shown
 
     def _loose(self, frame: Frame) -> NDArray[np.bool_]:
         """(H, W) bool: where a picture shows what was asked for, but for furniture: that stays where it is."""
@@ -225,11 +216,7 @@ class Memory:
                 thing.shape = thing.shape.moved(kin.transform(np.eye(3), -aside * T[:3, 1]))
         self._grip[side] = (thing.name, kin.inverse(T))
         thing.inside = None  # its views stay: where it stood it stands no more
-        self._laid = [laid for laid in self._laid if not self._is_laid(thing, laid)]
-        middle = thing.shape.box().mean(0)[:2]
-        if thing.shape.kind == "vessel" and (put := self._put_into(middle)):
-            self._laden[side] = put
-            self._filled = [(at, what) for at, what in self._filled if np.linalg.norm(at - middle) >= _THERE_M]
+        self._deeds.take(side, thing.phrase, thing.shape.box().mean(0), thing.shape.kind == "vessel")
 
     def _gap(self, name: str, p_world: Array) -> float:
         """Distance of a point (3,) to a thing [m]: to its shape, or to what is seen of it where that misses a part."""
@@ -255,43 +242,31 @@ class Memory:
 
     def _release(self, side: Side, dropped: bool) -> None:
         """The hand has let go: what it held is where it was held, or has fallen into what is below it."""
-        thing = self._things[self._grip[side][0]]
-        self._let_go(side, thing, dropped)
-        if not dropped:
-            self._laid.append((thing.phrase, self._shape(thing.name).box().mean(0)))
-
-    def _let_go(self, side: Side, thing: Thing, dropped: bool) -> None:
-        name = thing.name
+        name, _ = self._grip[side]
+        thing = self._things[name]
         self._lay(name)
         del self._grip[side]
         self._shown.pop(side, None)
         thing.views = []
+        if not dropped:
+            self._fall(thing)
+        self._deeds.put_down(side, thing.phrase, self._shape(name).box().mean(0), dropped)
+
+    def _fall(self, thing: Thing) -> None:
+        """What was let go of falls into what is below it, if that is open there."""
         middle = thing.shape.box().mean(0)
-        self._filled += [(middle[:2], what) for what in self._laden.get(side, ())]
         for other in self._things.values():
             for volume in self.volumes(other.name) if other is not thing else ():
                 low, high = volume.aabb()
-                if not dropped and ((middle[:2] > low[:2]) & (middle[:2] < high[:2])).all() and middle[2] > low[2]:
+                if ((middle[:2] > low[:2]) & (middle[:2] < high[:2])).all() and middle[2] > low[2]:
                     fall = thing.shape.box()[0, 2] - low[2]
                     thing.shape = thing.shape.moved(kin.transform(np.eye(3), (0.0, 0.0, -float(fall))))
                     thing.stands = abs(fall) < _SET_DOWN_M
                     self._put(thing, other.name)
                     if other.shape.kind == "vessel":
-                        for holder in [s for s, (held, _) in self._grip.items() if held == other.name]:
-                            self._laden.setdefault(holder, []).append(thing.phrase)
-                        self._filled.append((self._shape(other.name).box().mean(0)[:2], thing.phrase))
+                        holders = [side for side, (held, _) in self._grip.items() if held == other.name]
+                        self._deeds.fill(thing.phrase, self._shape(other.name).box().mean(0), holders)
                     return
-
-    def _put_into(self, xy: Array) -> list[str]:
-        """What was put into the vessel that stands at a place (2,), under any prompt, as it was called."""
-        return [what for at, what in self._filled if np.linalg.norm(at - xy) < _THERE_M]
-
-    def _is_laid(self, thing: Thing, laid: tuple[str, Array]) -> bool:
-        """Whether a thing is one that was put down, by what it is called and where it is."""
-        phrase, middle = laid
-        return (
-            phrase == thing.phrase and float(np.linalg.norm(self._shape(thing.name).box().mean(0) - middle)) < _THERE_M
-        )
 
     def _put(self, thing: Thing, container: str) -> None:
         """Take a thing, whose shape is known where it is now, to be in a container, and to be carried along with it."""
@@ -413,13 +388,13 @@ class Memory:
         thing.views.append((frame, mask))
         here = [v for v in thing.views if v[0].stand == frame.stand]
         shape = fitted(here, thing.shape.support_m)
-        if len(here) < len(thing.views) and (shape is None or _shrunk(shape, thing.shape)):
+        if len(here) < len(thing.views) and (shape is None or shrunk(shape, thing.shape)):
             shape = fitted(thing.views, thing.shape.support_m) or shape  # something hides a part of it now
         if shape is not None:
             thing.lowest_m = min(thing.lowest_m, shape.support_m)
-        if thing.shape.kind == "furniture" and (shape is None or _in_part(shape, thing.shape)):
+        if thing.shape.kind == "furniture" and (shape is None or in_part(shape, thing.shape)):
             return  # from near only a part of it is in view
-        if thing.shape.kind == "vessel" and shape is not None and _as_outside(shape, thing.shape):
+        if thing.shape.kind == "vessel" and shape is not None and as_outside(shape, thing.shape):
             return  # from low or far off only its outside is
         if shape is not None:
             thing.inner = here if shape.volumes else thing.inner
@@ -477,33 +452,3 @@ def _is_part(thing: Thing, furniture: Thing) -> bool:
         return False
     (low, high), middle = furniture.shape.box(), thing.shape.box().mean(0)
     return bool((middle[:2] > low[:2] - _OUTSIDE_M).all() and (middle < high + _OUTSIDE_M).all())
-
-
-def _in_part(shape: Shape, before: Shape) -> bool:
-    """Whether only a part of furniture is seen now: nothing of its inside or, by its height or from above, less of it.
-
-    Who sees into it sees more than its outside, however large that is.
-    """
-    if bool(before.volumes) != bool(shape.volumes):
-        return bool(before.volumes)
-    now, then = (float(np.ptp(s.box()[:, 2])) for s in (shape, before))
-    # what a hand holds may hide most of the room in a sink
-    less = _shrunk(shape, before) or (bool(shape.volumes) and _room(shape) < _IN_VIEW * _room(before))
-    return now * _TALLER < then or (now < then * _TALLER and less)
-
-
-def _room(shape: Shape) -> float:
-    """How much floor the room in a thing takes up [m^2]."""
-    return float(np.prod(np.ptp(bounds(shape.volumes), axis=0)[:2]))
-
-
-def _as_outside(shape: Shape, vessel: Shape) -> bool:
-    """Whether a shape may be the outside of a vessel that stands where it stood: nothing hollow, and no larger."""
-    low, high = vessel.box()
-    now = shape.box()
-    return not shape.volumes and bool((now[0] > low - _SAME_M).all() and (now[1] < high + _SAME_M).all())
-
-
-def _shrunk(shape: Shape, before: Shape) -> bool:
-    """Whether a thing seems so much smaller than before, seen from above, that it must be partly hidden."""
-    return bool((np.ptp(shape.box(), axis=0) < _SHRUNK * np.ptp(before.box(), axis=0))[:2].any())

@@ -54,8 +54,8 @@ class Seen(Memory):
         for name, thing in self._things.items():
             low, high = self._shape(name).box()
             held = name in carried or thing.inside in carried
-            laid = not held and any(self._is_laid(thing, laid) for laid in self._laid)
-            put = self._put_into((low + high)[:2] / 2) if thing.shape.kind == "vessel" and not held else ()
+            laid = not held and self._deeds.is_laid(thing.phrase, (low + high) / 2)
+            put = self._deeds.put_into((low + high) / 2) if thing.shape.kind == "vessel" and not held else ()
             kind: Literal["fixture", "object"] = "fixture" if thing.shape.kind == "furniture" else "object"
             base.put(Entry(name, (thing.phrase,), kind, low, high, source=self._detector.name, held=held,
                            inside=thing.inside, laid=laid, filled=tuple(put)))  # fmt: skip
@@ -149,7 +149,9 @@ class Seen(Memory):
 
     def laden(self, name: str) -> bool:
         """As `Scene` says: with what is known to be in it, or what was put in it under an earlier prompt."""
-        return bool(self.within(name)) or any(held == name for s, (held, _) in self._grip.items() if s in self._laden)
+        return bool(self.within(name)) or any(
+            held == name for s, (held, _) in self._grip.items() if s in self._deeds.laden
+        )
 
     def obstacles(
         self, xy: Array, radius_m: float, without: Collection[str] = (), beside: str | None = None
