@@ -164,7 +164,8 @@ class Memory:
         """Take what is seen in a hand for what that took under an earlier prompt, unless it looks otherwise now."""
         phrase, shape = self._deeds.taken.get(side, ("", thing.shape))
         now = shape.moved(self._tcp(side))
-        if phrase != thing.phrase or not is_of(np.concatenate([f.of(m) for f, m in thing.views]), now):
+        points = np.concatenate([np.empty((0, 3)), *(frame.of(mask) for frame, mask in thing.views)])
+        if phrase != thing.phrase or not is_of(points, now):
             return False
         thing.shape, self._grip[side] = now, (thing.name, kin.inverse(self._tcp(side)))
         return True
