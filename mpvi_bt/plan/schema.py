@@ -33,7 +33,8 @@ class Navigation(Record):
     Attributes:
         description: What to do, for a person.
         completion_criterion: The state of the world that ends it, such as "the robot is at the fridge".
-        target: What to drive to, such as "fridge"; another one of these where the description says "another fridge".
+        target: What to drive to, such as "fridge"; another one of these where the description says "another fridge",
+            and likewise an empty bowl, or the bowl with the leeks.
         room: Where to look for it first, such as "kitchen".
     """
 
