@@ -161,11 +161,14 @@ class Memory:
                     self._put(thing, vessel)
 
     def _recognize(self, side: Side, thing: Thing) -> bool:
-        """Take what is seen in a hand for what that took under an earlier prompt, unless it looks otherwise now."""
+        """Take what is seen in a hand for what that took under an earlier prompt, unless it looks otherwise now.
+
+        Vessels are shown anew: they swing by their rims and bails, and things are to fall into them.
+        """
         phrase, shape = self._deeds.taken.get(side, ("", thing.shape))
         now = shape.moved(self._tcp(side))
         points = np.concatenate([np.empty((0, 3)), *(frame.of(mask) for frame, mask in thing.views)])
-        if phrase != thing.phrase or not is_of(points, now):
+        if phrase != thing.phrase or shape.kind == "vessel" or not is_of(points, now):
             return False
         thing.shape, self._grip[side] = now, (thing.name, kin.inverse(self._tcp(side)))
         return True
