@@ -214,7 +214,8 @@ def test_no_content_brings_it_down(tmp_path: Path, content: bytes, code: str) ->
     """Whatever is in a file, it is one problem or more with a code, and is shown."""
     path = tmp_path / "t.yaml"
     path.write_bytes(content)
-    assert code in [p.code for p in problems_in(str(path))]
+    problems = problems_in(str(path))
+    assert code in [p.code for p in problems], problems
     returned, output = run(path)
     assert returned == 1
     assert all(len(line) <= 500 for line in output.splitlines())
