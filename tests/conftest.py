@@ -22,7 +22,8 @@ __all__ = ["log", "mpvi", "real_chat_server", "scripted_chat_server"]
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# The same examples in every run, so that nobody's tests fail by chance; HYPOTHESIS_PROFILE=explore looks further.
+# The same examples whenever the same files are run, so that nobody's tests fail by chance (numbers that stand in loaded
+# modules are tried, too: other files, other examples); HYPOTHESIS_PROFILE=explore looks further.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None, max_examples=1000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))

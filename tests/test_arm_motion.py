@@ -141,7 +141,7 @@ def test_a_line_out_of_reach_is_none() -> None:
     assert trace(R1, TORSO, "left", r1.TRAVEL_ARM["left"], level(2.0, 0.2, 1.0, "left")) is None
 
 
-# Which examples are drawn hangs on the modules loaded so far; nine in sixty of them with a path is no fault of ours.
+# Examples hang on which modules are loaded (tests/conftest.py): with some, only 9 of 59 have a path.
 @settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.filter_too_much])
 @given(seeds, sides)
 def test_a_level_path_never_tips_what_is_held(seed: int, side: Side) -> None:
