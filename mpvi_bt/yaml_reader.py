@@ -140,6 +140,9 @@ class _Reader:
         # At the end of a text without a last newline libyaml points at a line that is not there.
         end = len(self.text.rstrip())
         place = place_in(self.text, min(mark.index, end)) if mark else (1, 1)
+        if "nesting depth" in what:  # libyaml of PyYAML 6.0.4 has a limit of its own, and reads ahead up to it
+            self.problems.append(self._problem(*place, "too-deep", f"nested more than {MAX_DEPTH} deep"))
+            return
         self.problems.append(self._problem(*place, "syntax", f"not valid YAML: {what}"))
         scanning = (error.context or "").startswith("while scanning")
         if start and mark and (scanning or mark.index >= end) and start.line + 1 < place[0]:
