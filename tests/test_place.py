@@ -423,8 +423,16 @@ def test_a_hand_is_raised_as_far_as_its_arm_reaches(
         assert went == [pytest.approx(rises_m)]
 
 
-def test_what_has_fallen_in_is_in_though_the_hand_does_not_come_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A hand at the end of its arm over a toolbox had let the hammer fall, and was told to put it in again."""
+@pytest.mark.parametrize(("above", "times"), [((True,), 1), ((False, True), 2), ((False, False), 2)])
+def test_what_has_fallen_in_is_in_though_the_hand_does_not_come_up(
+    monkeypatch: pytest.MonkeyPatch, above: tuple[bool, ...], times: int
+) -> None:
+    """A hand at the end of its arm over a toolbox had let the hammer fall, and was told to put it in again.
+
+    One that had pushed the toolbox on its way let go where that had stood: it looks, and goes there once more.
+    """
+    taken: list[None] = []
+    seen = iter(above)
     world = small_world()
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
 
@@ -439,10 +447,18 @@ def test_what_has_fallen_in_is_in_though_the_hand_does_not_come_up(monkeypatch: 
         raise MotionFailure("no_reach")
 
     monkeypatch.setattr(drop, "close_in", found)
-    for name in ("take_up", "lines", "look_at", "release"):
+
+    def take_up(*_: object) -> Actions:
+        taken.append(None)
+        yield from ()
+
+    for name in ("lines", "look_at", "release"):
         monkeypatch.setattr(drop, name, nothing)
+    monkeypatch.setattr(drop, "take_up", take_up)
+    monkeypatch.setattr(drop, "_above", lambda *_: next(seen))
     monkeypatch.setattr(work, "rise", rise)
     going = drop.drop_in(work, "left", "box", [])
     with pytest.raises(StopIteration) as end:
         next(going)
     assert end.value.value is True
+    assert len(taken) == times

@@ -294,6 +294,16 @@ def test_parts_of_furniture_that_an_arm_splits_belong_together() -> None:
     np.testing.assert_array_equal(kept, np.concatenate([door, inside]))
 
 
+def test_a_foot_below_what_hides_the_rest_belongs_to_the_thing() -> None:
+    """From in front and above, a drill shows its body and its foot, and hides the grip between them."""
+    rng = np.random.default_rng(0)
+    top = rng.uniform(-0.5, 0.5, (300, 3)) * [0.08, 0.14, 0.05] + [0.0, 0.0, 0.15]
+    foot = rng.uniform(-0.5, 0.5, (150, 3)) * [0.06, 0.09, 0.03] + [0.0, 0.0, 0.02]
+    beside = foot + [0.2, 0.0, 0.0]
+    for some in ([top, foot], [foot, top]):
+        assert len(main_cluster(np.concatenate([*some, beside]))) == len(top) + len(foot)
+
+
 def test_a_near_picture_does_not_outvote_a_far_one() -> None:
     """After thinning a patch has as many points however often it was seen."""
     patch = np.random.default_rng(0).uniform(0, 0.04, (3000, 3)) * [1, 1, 0]

@@ -69,20 +69,32 @@ def drop_in(
         focus = np.mean([o.waypoints[1, :2, 3] for o in options], axis=0)
         return search.find(focus, options, here_first)
 
-    try:
-        stance, search = yield from close_in(work, side, {container}, container, find, tried)
-    except MotionFailure as failure:
-        if failure.reason != "no_stance":
-            raise
-        return False
-    yield from take_up(work, stance, search)
-    yield from lines(work, side, stance, [1])
-    yield from look_at(work, container)
+    for again in (False, True):
+        try:
+            stance, search = yield from close_in(work, side, {container}, container, find, tried)
+        except MotionFailure as failure:
+            if failure.reason != "no_stance" or again:
+                raise
+            return False
+        yield from take_up(work, stance, search)
+        yield from lines(work, side, stance, [1])
+        yield from look_at(work, container)
+        if again or _above(work, side, container):
+            break
+        with suppress(MotionFailure):  # the container was pushed on the way there
+            yield from lines(work, side, stance, [0])
     yield from release(work, side)
     with suppress(MotionFailure):  # it has fallen in all the same
         yield from work.rise(side)
     yield from work.see("head")
     return True
+
+
+def _above(work: Work, side: Side, container: str) -> bool:
+    """Whether what a hand holds is over the opening of a container, as far as that is known now."""
+    volumes = [v for v in work.scene.volumes(container) if v.T[2, 2] > _UPRIGHT]
+    rows = outline([s.moved(work.hand(side)) for s in work.load(side).solids])[None]
+    return not volumes or any(_spare(v, (rows - v.T[:2, 3]) @ v.T[:2, :2], np.empty((0, 2, 3)))[0] > 0 for v in volumes)
 
 
 def reach_over(work: Work, side: Side, releases: Sequence[tuple[Array, float]], container: str) -> Actions:

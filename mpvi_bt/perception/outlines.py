@@ -22,8 +22,9 @@ _LITTLE = 0.1  # where they are not, they are believed unless a face below them 
 def main_cluster(points: Array) -> Array:
     """The largest part of points (n, 3) that hangs together: drops what a mask catches of the background.
 
-    Of furniture that is seen in several parts, such as a door that stands open and, past an arm, the inside behind it,
-    those that are large belong together.
+    A large part right below or above it belongs to it: a power drill, seen from in front, hides its own grip, but not
+    its foot. Of furniture that is seen in several parts, such as a door that stands open and, past an arm, the inside
+    behind it, those that are large belong together.
     """
     if len(points) < 4:
         return points
@@ -40,10 +41,19 @@ def main_cluster(points: Array) -> Array:
         return points
     own = parts[tuple(cells.T)]
     counts = np.bincount(own)
-    largest = points[own == counts.argmax()]
-    if np.ptp(largest, axis=0).max() < _HUGE_M:
-        return largest
-    return points[counts[own] > _PART * counts.max()]
+    main = int(counts.argmax())
+    belongs = counts > _PART * counts.max()
+    if np.ptp(points[own == main], axis=0).max() < _HUGE_M:
+        largest = points[own == main, :2]
+        for k in np.flatnonzero(belongs):
+            part = points[own == k, :2]
+            belongs[k] = _within(part, largest) or _within(largest, part)
+    return points[belongs[own]]
+
+
+def _within(xy: Array, other: Array) -> bool:
+    """Whether points (n, 2) lie in the box about others (m, 2)."""
+    return bool((xy > other.min(0) - _CELL_M).all() and (xy < other.max(0) + _CELL_M).all())
 
 
 def thinned(points: Array, cell_m: float = THIN_M) -> Array:
