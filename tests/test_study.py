@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from benchmarks.hands.holding import put_in_hands
 from mpvi_bt.manipulation.approach import close_in
@@ -38,6 +39,10 @@ class Blind:
     def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:
         """As `Sight` says."""
         self.lifts.append(float(felt.torso[0]))
+
+    def covered(self, places: Array, radius_m: float) -> NDArray[np.bool_]:
+        """As `Sight` says."""
+        return np.zeros(len(places), bool)
 
     def trusting(self, remembering: bool = False) -> AbstractContextManager[None]:
         """As `Sight` says."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from mpvi_bt.manipulation import close as closing
 from mpvi_bt.manipulation.close import close, is_closed, pushes
@@ -21,7 +22,7 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.robot.motion import Motion, MotionFailure
 from mpvi_bt.robot.protocol import CameraImage, Proprioception
-from mpvi_bt.robot.solids import box
+from mpvi_bt.robot.solids import Array, box
 from mpvi_bt.sim.world import World
 from tests.small_house import small_world
 
@@ -61,6 +62,10 @@ class Glances:
     def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:
         """Take in pictures."""
         self.count += len(images)
+
+    def covered(self, places: Array, radius_m: float) -> NDArray[np.bool_]:
+        """Nothing is hidden from the truth."""
+        return np.zeros(len(places), bool)
 
     @contextlib.contextmanager
     def trusting(self, remembering: bool = False) -> Iterator[None]:

@@ -34,6 +34,7 @@ class Eyesight:
         gap_m: Fingers closer than this have nothing between them.
         touch_m: Neighboring pixels this near each other in space belong to things that touch.
         covers_m, covers: A hand is seen no farther than this before what it may hold, along so much of its outline.
+        held_m: What is longer than this is not held so that an arm across it hides the hand.
         beside_m: Hands seen no farther than this from both sides of a thing press it, under a lid that hides how.
         hangs_m: What is seen right below a thing lies so far behind it if the thing hangs in the air.
         rim_m: How far above a container's rim a thing inside may stick out, if its own size is less.
@@ -54,6 +55,7 @@ class Eyesight:
     touch_m: float = 0.03
     covers_m: float = 0.15
     covers: float = 0.2
+    held_m: float = 0.5
     beside_m: float = 0.06
     hangs_m: float = 0.1
     rim_m: float = 0.06
@@ -217,10 +219,9 @@ class _Picture:
 
     def nextto(self, name: str, other: str) -> Judgement:
         """Whether the gap between what is seen of the two is small for their size, and they are at one height."""
-        if self._may_be_held(name):
-            return Judgement(False, f"{name} is seen in a gripper")
-        if self._lifted(other).complete:
-            return Judgement(False, f"{other} is seen in a gripper")
+        for either in (name, other):  # of two sandals a hand may hold the one that is asked for second
+            if self._may_be_held(either):
+                return Judgement(False, f"{either} is seen in a gripper")
         if self._hangs(name):
             return Judgement(False, f"{name} is seen in the air")
         a, b = self._box(name), self._box(other)
@@ -352,7 +353,18 @@ class _Picture:
     def _may_be_held(self, name: str) -> bool:
         """Whether a hand is seen on a thing, or right before a good part of it: its fingers may be around that."""
         touching, outline = self._borders(name, self._sight.covers_m)
-        return self._gripped(name) or touching > self._sight.covers * outline
+        return self._gripped(name) or touching > self._sight.covers * outline or self._parted(name)
+
+    def _parted(self, name: str) -> bool:
+        """Whether an arm is seen across a thing that a hand can hold: what it hides in the middle may be that hand."""
+        mask, robot = self._mask(name), self._mask(ROBOT)
+        if float(np.ptp(self._box(name), axis=0).max()) > self._sight.held_m:
+            return False
+        parts, count = ndimage.label(mask)
+        sizes = np.bincount(parts.ravel(), minlength=count + 1)
+        large = [k for k in range(1, count + 1) if sizes[k] >= self._sight.seen_px]
+        whole, _ = ndimage.label(mask | robot)
+        return len(large) > len({int(whole[parts == k][0]) for k in large})
 
     def _flanked(self, name: str) -> bool:
         """Whether the robot is seen right beside a thing to its left and to its right."""

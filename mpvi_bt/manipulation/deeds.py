@@ -1,4 +1,4 @@
-"""What the hands have done under any prompt: what they hold, where they put things down, what they put into vessels."""
+"""What the hands have done under any prompt: what they hold, and what they put where."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
+_FLOOR_M = 0.03  # what begins no higher lies on the floor
 _THERE_M = 0.1  # from where a thing was put down, or a vessel stood that was filled, seen from elsewhere
 
 
@@ -26,7 +28,7 @@ class Deeds:
 
     taken: dict[Side, tuple[str, Shape]] = field(default_factory=dict)
     laden: dict[Side, list[str]] = field(default_factory=dict)
-    _laid: list[tuple[str, Array]] = field(default_factory=list)  # what was put down, and its middle (3,)
+    _laid: list[tuple[str, Array]] = field(default_factory=list)  # what was put down, and the box (2, 3) about it
     _filled: list[tuple[str, Array]] = field(default_factory=list)  # likewise into a vessel, and that one's place (2,)
 
     def empty(self, side: Side) -> None:
@@ -36,16 +38,24 @@ class Deeds:
 
     def take(self, side: Side, phrase: str, middle: Array, vessel: bool) -> None:
         """A hand has taken what had its middle (3,) there."""
-        self._laid = [laid for laid in self._laid if laid[0] != phrase or not _there(laid[1], middle)]
+        self.take_up(phrase, middle)
         if vessel and (put := self.put_into(middle)):
             self.laden[side] = put
             self._filled = [(what, at) for what, at in self._filled if not _there(at, middle[:2])]
 
-    def put_down(self, side: Side, phrase: str, middle: Array, dropped: bool) -> None:
-        """A hand has let go of a thing that has its middle (3,) there now; `dropped`: it was to hold it still."""
-        self._filled += [(what, middle[:2]) for what in self.laden.get(side, ())]
+    def take_up(self, phrase: str, middle: Array) -> None:
+        """What had its middle (3,) there lies there no more."""
+        self._laid = [laid for laid in self._laid if laid[0] != phrase or not _there(laid[1].mean(0), middle)]
+
+    def put_down(self, side: Side, phrase: str, box: Array, dropped: bool) -> None:
+        """A hand has let go of a thing that is in a box (2, 3) now; `dropped`: it was to hold it still."""
+        self._filled += [(what, box.mean(0)[:2]) for what in self.laden.get(side, ())]
         if not dropped:
-            self._laid.append((phrase, middle))
+            self.lay(phrase, box)
+
+    def lay(self, phrase: str, box: Array) -> None:
+        """A thing was put down, and is in a box (2, 3) there."""
+        self._laid.append((phrase, box))
 
     def fill(self, phrase: str, middle: Array, holders: Iterable[Side]) -> None:
         """Something was put into a vessel with its middle (3,) there, which some hands hold."""
@@ -55,7 +65,15 @@ class Deeds:
 
     def is_laid(self, phrase: str, middle: Array) -> bool:
         """Whether what is called so and has its middle (3,) there was put there."""
-        return any(called == phrase and _there(at, middle) for called, at in self._laid)
+        return any(called == phrase and _there(box.mean(0), middle) for called, box in self._laid)
+
+    def covered(self, places: Array, radius_m: float) -> NDArray[np.bool_]:
+        """(n,) bool: whether discs about places (n, 2) of the floor meet what was put down on it."""
+        out = np.zeros(len(places), bool)
+        for low, high in (box[:, :2] for _, box in self._laid if box[0, 2] < _FLOOR_M):
+            off = np.maximum(np.maximum(low - places, places - high), 0)
+            out |= np.linalg.norm(off, axis=1) < radius_m
+        return out
 
     def put_into(self, middle: Array) -> list[str]:
         """What was put into the vessel that has its middle (3,) there."""

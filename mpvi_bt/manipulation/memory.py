@@ -234,6 +234,7 @@ class Memory:
         if self._both is not None:
             thing = self._things[self._both[0]]
             self._lay(thing.name)
+            self._deeds.lay(thing.phrase, thing.shape.box())
             self._both = None
             thing.views = []
             return
@@ -243,6 +244,7 @@ class Memory:
         if nearest is not None and gaps[nearest] < _PRESSED_M:
             self._both = (nearest, kin.inverse(self._tcp("left")))
             self._things[nearest].inside = None
+            self._deeds.take_up(self._things[nearest].phrase, self._things[nearest].shape.box().mean(0))
 
     def _release(self, side: Side, dropped: bool) -> None:
         """The hand has let go: what it held is where it was held, or has fallen into what is below it."""
@@ -254,7 +256,7 @@ class Memory:
         thing.views = []
         if not dropped:
             self._fall(thing)
-        self._deeds.put_down(side, thing.phrase, self._shape(name).box().mean(0), dropped)
+        self._deeds.put_down(side, thing.phrase, self._shape(name).box(), dropped)
 
     def _fall(self, thing: Thing) -> None:
         """What was let go of falls into what is below it, if that is open there."""

@@ -6,6 +6,9 @@ from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.parts import Bar, Door
 from mpvi_bt.robot.collision import Obstacles
@@ -87,6 +90,10 @@ class Sight(Protocol):
 
     def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:
         """Take in pictures, by camera, and what the robot felt when they were taken."""
+        ...
+
+    def covered(self, places: Array, radius_m: float) -> NDArray[np.bool_]:
+        """(n,) bool: whether discs about places (n, 2) of the floor meet what was put there, and may look like it."""
         ...
 
     def trusting(self, remembering: bool = False) -> AbstractContextManager[None]:

@@ -80,6 +80,10 @@ class Seen(Memory):
             self._bodies[name] = known = (seen, layers(np.concatenate([f.of(m) for f, m in views]), thing.lowest_m))
         return known[1] or self.solids(name)
 
+    def covered(self, places: Array, radius_m: float) -> NDArray[np.bool_]:
+        """As `Sight` says."""
+        return self._deeds.covered(places, radius_m)
+
     def volumes(self, name: str) -> Sequence[Solid]:
         """As `Scene` says; what is drawn out of furniture is seen by its face, for that hides what is behind it."""
         own = super().volumes(name)

@@ -107,9 +107,15 @@ def on_floor(work: Work, held: Held, leans: Sequence[float]) -> Iterator[list[Po
     grid = grid[(far > 0.45) & (far < _FLOOR_REACH_M)]
     ahead = grid @ [np.cos(here[2]), np.sin(here[2])] / np.linalg.norm(grid, axis=1)
     places = here[:2] + grid[np.argsort(np.abs(np.linalg.norm(grid, axis=1) - 0.6) + 0.3 * (1 - ahead))]
-    spots = np.column_stack([places, np.zeros(len(places))])
+    spots = _bare(work, places, size([s.moved(work.hand(held.side)) for s in held.solids])[1])
     for spot in spots[_room(work, held, spots, _CLEAR_M)]:
         yield list(poses(work, held, spot, leans))
+
+
+def _bare(work: Work, places: Array, radius_m: float) -> Array:
+    """Places (n, 2) as spots (m, 3) on the floor, but for those where something flat was put down."""
+    spots = np.column_stack([places, np.zeros(len(places))])
+    return spots if work.sight is None else spots[~work.sight.covered(spots[:, :2], radius_m)]
 
 
 def is_floor(phrase: str) -> bool:
@@ -136,7 +142,7 @@ def floor_around(work: Work, phrase: str, radius_m: float, height_m: float, plac
         low, high = np.array([e.lowest[:2] for e in rooms]), np.array([e.highest[:2] for e in rooms])
         within = (places[:, None] > low + radius_m) & (places[:, None] < high - radius_m)
         places = places[within.all(-1).any(1)]
-    spots = np.column_stack([places, np.zeros(len(places))])
+    spots = _bare(work, places, radius_m)
     others = work.scene.obstacles(here, _NEAR_M + 2 * radius_m, without=work.carried())
     for z in np.linspace(0.02, max(0.04, height_m), 4):
         spots = spots[others.distance(spots + [0.0, 0.0, z]) > radius_m]
