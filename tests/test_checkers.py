@@ -241,6 +241,16 @@ def test_what_lies_next_to_a_thing_in_a_hand_is_next_to_nothing_yet() -> None:
     assert see("a can of soda is next to another can of soda", both).complete
 
 
+@pytest.mark.parametrize(("shown", "done"), [(True, False), (False, True)])
+def test_what_an_arm_is_seen_across_may_still_be_held(shown: bool, done: bool) -> None:
+    """The hand on the second sandal was hidden by its own forearm, and swept it away again."""
+    other: Box = ("can_1", (-0.1, 0.012, 0.0), (0.2, 0.09, 0.03))
+    crossed: Box = ("can_2", (-0.1, -0.09, 0.0), (0.2, 0.0, 0.03))
+    arm: Box = ("robot", (-0.24, -0.3, 0.5), (-0.21, 0.005, 0.53))
+    boxes = [FLOOR, other, crossed, *([arm] if shown else [])]
+    assert see("a can of soda is next to another can of soda", head(boxes)).complete is done
+
+
 def test_a_bin_in_the_air_holds_its_can_too() -> None:
     """The container may be carried: its own rim counts, not its height."""
     image = head([FLOOR, *trash_can(z=0.3), can(0.04, 0.0, 0.31)])
