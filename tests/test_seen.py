@@ -12,6 +12,7 @@ from benchmarks.hands.holding import put_in_hands
 from mpvi_bt.manipulation import memory
 from mpvi_bt.manipulation import seen as module
 from mpvi_bt.manipulation.seen import Seen
+from mpvi_bt.perception.furniture import furniture
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.phrases import kinds
 from mpvi_bt.perception.segmentation import SegmentationDetector
@@ -94,6 +95,24 @@ def test_a_leg_of_a_table_is_no_other_table(tilts: tuple[float, float]) -> None:
     look(tilted(world, tilts[1]), seen)
     (table,) = names(seen, "table")
     assert seen.spots(table, 0.08, 0.3, np.zeros(2))
+
+
+@pytest.mark.parametrize(("apart_m", "count"), [(0.25, 1), (0.95, 2)])
+def test_two_ends_of_a_table_are_no_two_tables(apart_m: float, count: int) -> None:
+    """The head saw the one, a hand the other: what was set down on the second one found no place on it.
+
+    Two tables side by side stay two.
+    """
+    world = small_world({}, base=(-3.0, 0.0, 0.0), render=True)
+    seen = looking(world, "table")
+    for k in range(2):
+        points = np.random.default_rng(k).uniform(0, 1, (800, 3)) * [0.9, 0.6, 0.4] + [1.0 + k * apart_m, 0.0, 0.0]
+        shape = furniture(points)
+        assert shape is not None
+        name = f"table {k + 1}"
+        seen._things[name] = memory.Thing(name, "table", shape)
+    look(world, seen)
+    assert len(names(seen, "table")) == count
 
 
 def test_what_is_not_asked_for_is_no_thing() -> None:

@@ -49,6 +49,7 @@ _SPANS = 0.8  # what is smaller than this share of the gap between the fingers i
 _SET_DOWN_M = 0.03  # what is let go of no higher than that stays where it is
 _DEEPER_M = 0.1  # than it seems a vessel in hand may be
 _OUTER = 1.2  # what contains a thing covers that much more floor than it
+_SHARED = 0.6  # of the length, width and height of the smaller one of two
 _OUTSIDE_M = 0.05  # a leg may stand so far outside of what is seen of a table's top
 _RECENTERED_M = 0.04  # fingers that close shift what they take by less than this
 
@@ -357,6 +358,10 @@ class Memory:
             self._missed(name, frame)
         for name in [n for n, t in self._things.items() if any(_is_part(t, other) for other in self._things.values())]:
             del self._things[name]
+        known = sorted(self._things.values(), key=lambda t: -sum(f.image.camera == "head" for f, _ in t.views))
+        for k, thing in enumerate(known):
+            if any(_is_again(thing, other) for other in known[:k]):
+                del self._things[thing.name]
 
     def _opened(self, thing: Thing, points: Array) -> bool:
         """Whether points (n, 3) may be those of a thing that was closed and of which a door stands open now.
@@ -450,6 +455,16 @@ def _apart(part: Array, whole: cKDTree) -> float:
     """How far points (n, 3) of a part of a thing are from all points of it [m], the median."""
     sample = part[:: max(1, len(part) // _SAMPLED)]
     return float(np.median(whole.query(sample)[0])) if len(part) else np.inf
+
+
+def _is_again(thing: Thing, furniture: Thing) -> bool:
+    """Whether a thing is furniture once more: the ends of a table, seen by head and hand, are no two tables."""
+    shapes = thing.shape.extent, furniture.shape.extent
+    if thing.phrase != furniture.phrase or shapes[0] is None or shapes[1] is None:
+        return False
+    (low, high), (low2, high2) = (shape.aabb() for shape in shapes if shape is not None)
+    shared = np.minimum(high, high2) - np.maximum(low, low2)
+    return bool((shared > _SHARED * np.minimum(high - low, high2 - low2)).all())
 
 
 def _is_part(thing: Thing, furniture: Thing) -> bool:
