@@ -102,6 +102,25 @@ def test_a_hand_that_holds_far_out_is_drawn_back_first(at: tuple[float, float], 
     np.testing.assert_allclose(moved[1:], 0.0, atol=0.02)
 
 
+@pytest.mark.parametrize("side", SIDES)
+def test_a_torso_straightens_up_though_what_is_held_cannot_stay_where_it_is(side: Side) -> None:
+    """A bottle just taken from a low board: the robot drove on bent down, dragged it along a door, and saw nothing."""
+    home = world(**{side: -1.0})
+    action = home.robot.action
+    action[ActionLayout.TORSO] = torso = np.array([0.2, 0.0, 0.9, 0.0])
+    T = kin.transform(kin.hand_rotation((1, 0, 0), (0, 1, 0)), (0.53, 0.2 * SIGN[side], 0.55))
+    q = R1.nearest_posture(kin.inverse(R1.chest(torso)) @ T, side, r1.TRAVEL_ARM[side])
+    assert q is not None
+    action[ActionLayout.ARM[side]], action[ActionLayout.ARM[other(side)]] = q, r1.TRAVEL_ARM[other(side)]
+    for _ in range(60):
+        home.step(action)
+    home.robot.act(action)
+    stow(home)
+    felt = home.robot.proprioception()
+    np.testing.assert_allclose(felt.torso, r1.TRAVEL_TORSO, atol=1e-6)
+    np.testing.assert_allclose(R1.tcp(felt.torso, felt.arm[side], side)[:3, :3], T[:3, :3], atol=0.02)
+
+
 def test_a_stowed_robot_does_not_move() -> None:
     """Once folded, stowing again is done soon and leaves arms and base in place."""
     home = world()

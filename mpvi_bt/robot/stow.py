@@ -108,11 +108,7 @@ class ArmStow:
                     yield from _home(motion, side, rng)
         for side in out:
             yield from _bring_in(motion, side)
-        body = motion.body()
-        arms = arm_motion.sweep(body, robot.travel_torso, {s: arm_motion.stay(motion.hand(s)) for s in held})
-        if arms is None:
-            raise MotionFailure("no_reach")
-        yield from motion.stand(robot.travel_torso, arms)
+        yield from motion.stand(robot.travel_torso, _level(motion, held))
 
 
 def _draw_back(motion: Motion, by_m: float, turns: Sequence[float] = (0.0,)) -> Actions:
@@ -178,6 +174,25 @@ def _bring_in(motion: Motion, side: Side) -> Actions:
         if (path := arm_motion.plan_level(body, side, goal)) is not None:
             yield from motion.follow(side, path)
             return
+
+
+def _level(motion: Motion, held: Sequence[Side]) -> dict[Side, list[Array]]:
+    """Postures of the arms that keep what they hold level while the torso straightens up, where it is or closer by.
+
+    Raises:
+        MotionFailure: "no_reach" if there are none.
+    """
+    body, torso = motion.body(), motion.robot.travel_torso
+    stays = {s: arm_motion.stay(motion.hand(s)) for s in held}
+    if (arms := arm_motion.sweep(body, torso, stays)) is not None:
+        return arms
+    for side, (x, y), z in product(held, _BEFORE_M, _LEVELS_M):  # a torso that stays bent drives on blindly
+        goal = motion.hand(side)
+        goal[:3, 3] = x, y * SIGN[side], z
+        arms = arm_motion.sweep(body, torso, {**stays, side: arm_motion.glide(motion.hand(side), goal)})
+        if arms is not None:
+            return arms
+    raise MotionFailure("no_reach")
 
 
 def _far_out(T_base_tcp: Array) -> bool:
