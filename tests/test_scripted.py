@@ -177,3 +177,22 @@ def _returned(performance: Performance) -> SkillCall | None:
             next(performance)
         except StopIteration as end:
             return cast("SkillCall | None", end.value)
+
+
+def test_what_it_is_doing_ends_when_it_is_closed_and_not_after_its_world() -> None:
+    """A pick that was cut short asks the hand what it holds: of a simulator that is gone nothing can be asked."""
+    ended = []
+
+    class Holds(Told):
+        def attempt(self, work: Work, call: SkillCall) -> Any:
+            try:
+                while True:
+                    yield work.motion.still()
+            finally:
+                ended.append(call.skill)
+
+    policy = Holds("")
+    policy.infer(observation(PROMPT))
+    assert not ended
+    policy.close()
+    assert len(ended) == 1

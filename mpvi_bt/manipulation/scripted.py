@@ -86,6 +86,10 @@ class ScriptedPolicy:
         self.ended = self.gave_up = False
         self._actions: Actions = iter(())
 
+    def close(self) -> None:
+        """Break off what is being done, while the world still tells what was taken."""
+        self._actions = iter(())
+
     def infer(self, observation: Mapping[str, Any]) -> Array:
         """The next action as a chunk of one, (1, 23)."""
         felt: Proprioception = observation["proprioception"]
