@@ -11,6 +11,7 @@ from typing import cast
 import numpy as np
 import pytest
 
+from benchmarks.hands.holding import put_in_hands
 from mpvi_bt.manipulation import drop, place, placing
 from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.held import Held
@@ -421,6 +422,18 @@ def test_a_hand_is_raised_as_far_as_its_arm_reaches(
     else:
         list(work.rise("left"))
         assert went == [pytest.approx(rises_m)]
+
+
+@pytest.mark.parametrize(("aside_m", "over"), [(0.0, True), (0.06, True), (0.2, False), (0.6, False)])
+def test_a_hand_is_over_a_bin_where_what_it_holds_is_clear_of_its_rim(aside_m: float, over: bool) -> None:
+    """However far the bin was pushed from where it stood."""
+    world = small_world({"bin": placed("trash_can", 2.0, 0.0), "can": placed("can_of_soda", 3.0, 0.0)})
+    put_in_hands(world, {"left": "can"})
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    at = world.pose("bin")
+    at[:2, 3] = world.pose("can")[:2, 3] + [aside_m, 0.0]
+    world.place("bin", at)
+    assert drop._above(work, "left", "bin") is over
 
 
 @pytest.mark.parametrize(("above", "times"), [((True,), 1), ((False, True), 2), ((False, False), 2)])

@@ -111,8 +111,10 @@ def test_two_ends_of_a_table_are_no_two_tables(apart_m: float, count: int) -> No
         assert shape is not None
         name = f"table {k + 1}"
         seen._things[name] = memory.Thing(name, "table", shape)
+    seen._things["can 1"] = memory.Thing("can 1", "can", shape, inside="table 2")
     look(world, seen)
     assert len(names(seen, "table")) == count
+    assert seen._things["can 1"].inside == f"table {count}"
 
 
 def test_what_is_not_asked_for_is_no_thing() -> None:

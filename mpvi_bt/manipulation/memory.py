@@ -360,8 +360,10 @@ class Memory:
             del self._things[name]
         known = sorted(self._things.values(), key=lambda t: -sum(f.image.camera == "head" for f, _ in t.views))
         for k, thing in enumerate(known):
-            if any(_is_again(thing, other) for other in known[:k]):
+            if (first := next((other for other in known[:k] if _is_again(thing, other)), None)) is not None:
                 del self._things[thing.name]
+                for inner in (t for t in self._things.values() if t.inside == thing.name):
+                    inner.inside = first.name
 
     def _opened(self, thing: Thing, points: Array) -> bool:
         """Whether points (n, 3) may be those of a thing that was closed and of which a door stands open now.
@@ -439,6 +441,8 @@ class Memory:
 
     def _lies_in(self, shape: Shape, container: str) -> bool:
         """Whether what has a shape, where it is now, is in a container; how deep one in hand is may be out of view."""
+        if container not in self._things:  # it was forgotten, not what was in it
+            return False
         middle, deeper = shape.box().mean(0), _DEEPER_M if container in self._held() else 0.0
         for volume in self.volumes(container):
             low, high = volume.aabb()

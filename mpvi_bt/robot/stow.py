@@ -36,8 +36,8 @@ class ArmStow:
 
     It knows nothing of the surroundings: from an unknown posture, and with a hand that holds something far out, it
     first draws back from where the hands worked; an empty hand that still points there is drawn off along its fingers
-    before that. What is held far out is brought in, level, before the base turns. Where there is no room to go back,
-    arms and torso are brought home as far as they get.
+    before that. What is held far out is brought in, level, before the base turns, and so is what the torso cannot
+    straighten up around. Where there is no room to go back, arms and torso are brought home as far as they get.
     """
 
     def __init__(self, robot: Robot, seed: int = 0, carries: Callable[[Side], bool] | None = None) -> None:
