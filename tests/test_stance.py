@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.hands.rooms import things
-from mpvi_bt.manipulation.approach import approach
+from mpvi_bt.manipulation.approach import approach, go_around
 from mpvi_bt.manipulation.detour import Detours
 from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.grasps import grasps
@@ -413,6 +413,23 @@ def test_what_is_behind_a_wall_is_gone_around_to(open_m: float) -> None:
     assert around[-1][0] > 0.8
     again = search.go_around(focus, [around[-1]])
     assert again is None or np.linalg.norm(again[-1][:2] - around[-1][:2]) > 0.4
+
+
+def test_what_opens_of_a_thing_is_in_the_way_of_going_around_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hand that works on a cabinet may touch its leaf; a base that drives around it, and what it carries, may not."""
+    around = work(small_world({"can": placed("can_of_soda", 1.5, 0.0)}, (0.0, 0.0, 0.0)))
+    leaves, went = walls(0.75), [np.zeros(3)]
+
+    def drive(goal: Array, speed: float = 0.5) -> Actions:
+        went.append(goal)
+        yield from ()
+
+    monkeypatch.setattr(around.motion, "drive", drive)
+    monkeypatch.setattr(around, "near", lambda without: Surroundings([] if "can" in without else leaves))
+    list(go_around(around, "can", []))
+    search = replace(around.search("right", ()), obstacles=Surroundings(leaves))
+    assert len(went) > 1
+    assert all(search.drivable(a, b) for a, b in pairwise(went))
 
 
 def walls(open_m: float) -> list[Solid]:

@@ -173,6 +173,39 @@ def test_a_stance_that_needed_the_benefit_of_the_doubt_is_not_left_for_a_surer_o
     assert len(went) == 1
 
 
+def test_the_base_does_not_drive_into_what_is_remembered_though_hidden_space_is_trusted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """An arm that is stretched into a compartment needs the benefit of the doubt; the cabinet beside it stands there.
+
+    What is out of view from before a door was seen on the way there.
+    """
+    work, sight = with_can(HUNG)
+    remembers, searched = [True], list[Search]()
+    post = Solid("cylinder", np.array([0.05, 0.05, 0.5]), pose((0.0, 1.0, 0.5)))
+
+    @contextmanager
+    def trusting(remembering: bool = False) -> Iterator[None]:
+        remembers[0] = remembering
+        yield
+        remembers[0] = True
+
+    def find(search: Search, here_first: bool) -> Stance | None:
+        searched.append(search)
+        return None
+
+    sight.trusting = trusting  # type: ignore[method-assign]
+    monkeypatch.setattr(work, "near", lambda without: Surroundings([post] if remembers[0] else []))
+    with pytest.raises(MotionFailure, match="no_stance"):
+        obeyed(work, close_in(work, "left", (), None, find, []))
+    surely, trusted = searched
+    beside = np.array([[0.0, 0.7, 1.57], [0.0, -0.7, 1.57]])
+    np.testing.assert_array_equal(surely.stands(beside), [False, True])
+    np.testing.assert_array_equal(trusted.stands(beside), [False, True])
+    at = np.array([[0.0, 1.0, 0.5]])
+    assert surely.everything.distance(at) == 0 < trusted.everything.distance(at)
+
+
 @pytest.mark.parametrize(("around_m", "far_m"), [((), 0.9), ((0.9,), 1.3), ((0.9, 1.3, 1.8), None)])
 def test_what_is_closed_in_is_looked_at_from_farther_off(around_m: tuple[float, ...], far_m: float | None) -> None:
     """From the nearest circle about the place on which something is free to go to; from nowhere if there is none."""

@@ -80,9 +80,11 @@ def close_in(
             yield from work.motion.wait(_PAUSE_S)
             stance = None if trusting else find(search, looks > 0)
         if stance is None and work.sight is not None:
+            with work.sight.trusting(remembering=True):  # the base goes where little is in view from here
+                underfoot = work.search(side, touched).obstacles
             with work.sight.trusting():
                 work.effort.failed.clear()
-                search = replace(search, obstacles=work.search(side, touched).obstacles)
+                search = replace(search, obstacles=work.search(side, touched).obstacles, underfoot=underfoot)
                 stance = find(search, looks > 0)
                 trusting = True
         if stance is None:
@@ -111,7 +113,7 @@ def go_around(work: Work, name: str, been: list[Array]) -> Generator[Array, None
     Raises:
         MotionFailure: A drive's own reason.
     """
-    way = work.search("right", {name}).go_around(work.middle(name)[:2], been)
+    way = work.search("right", ()).go_around(work.middle(name)[:2], been)
     been.append(work.motion.felt.base_pose.copy())
     for base in way or ():
         yield from work.motion.drive(base)

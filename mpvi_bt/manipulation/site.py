@@ -58,6 +58,7 @@ class Site:
         rng: Randomness of arm planning.
         tried: Base poses (3,) that did not do.
         effort: What it may take.
+        underfoot: What is in the way of the base besides, in the world.
     """
 
     motion: Motion
@@ -68,6 +69,7 @@ class Site:
     rng: np.random.Generator
     tried: list[Array] = field(default_factory=list)
     effort: Effort = field(default_factory=Effort)
+    underfoot: Obstacles = field(default=NOTHING, kw_only=True)
 
     @property
     def other(self) -> Side | None:
@@ -179,7 +181,7 @@ class Site:
 
     @cached_property
     def _standing(self) -> Obstacles:
-        return Together([self.obstacles, Surroundings(self.touched)])
+        return Together([self.obstacles, self.underfoot, Surroundings(self.touched)])
 
     @cached_property
     def everything(self) -> Obstacles:
