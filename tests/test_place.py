@@ -475,3 +475,29 @@ def test_what_has_fallen_in_is_in_though_the_hand_does_not_come_up(
         next(going)
     assert end.value.value is True
     assert len(taken) == times
+
+
+@pytest.mark.parametrize(
+    ("low_m", "high_m", "missed"),
+    [(0.0, 0.2, False), (0.15, 0.2, False), (0.0, 0.07, False), (-0.4, -0.33, True), (0.1, 0.3, True)],
+)
+def test_what_an_arm_hides_half_of_is_where_it_was_set_down(
+    monkeypatch: pytest.MonkeyPatch, low_m: float, high_m: float, missed: bool
+) -> None:
+    """Of a bottle behind an arm the cap is seen, of one that fell over the side; one on the floor was missed."""
+    table_m, bottle = 0.42, SimpleNamespace(name="bottle")
+    seen = box((0.5, 0.0, table_m + (low_m + high_m) / 2), (0.07, 0.07, high_m - low_m))
+    scene = SimpleNamespace(solids=lambda name: [seen])
+
+    def nothing(*_: object, **__: object) -> Actions:
+        yield from ()
+
+    def place_at(*_: object) -> Generator[Array, None, Array]:
+        yield from ()
+        return np.array([table_m, table_m + 0.2])
+
+    for name, stand_in in (("place_at", place_at), ("draw_in", nothing), ("settle", nothing), ("come_out", nothing)):
+        monkeypatch.setattr(place, name, stand_in)
+    work = cast("Work", SimpleNamespace(load=lambda side: bottle, see=nothing, scene=scene))
+    with pytest.raises(MotionFailure, match="missed") if missed else nullcontext():
+        list(place.set_on_floor(work, "left", []))

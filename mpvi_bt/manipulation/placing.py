@@ -116,7 +116,7 @@ def poses(work: Work, held: Held, spot: Array, leans: Sequence[float] = UPRIGHT)
 
 def place_at(
     work: Work, side: Side, about: str | None, groups: Callable[[Held], Iterable[Sequence[Pose]]], tried: list[Array]
-) -> Generator[Array, None, float]:
+) -> Generator[Array, None, Array]:
     """Set what a hand holds down in the first of some poses that can be reached, open the hand and come away.
 
     Args:
@@ -128,7 +128,8 @@ def place_at(
         tried: Base poses that did not do; the one taken is added.
 
     Returns:
-        Height of the thing's underside in that pose [m]. The arm is not folded: what came of it can be looked at first.
+        Heights (2,) of the thing's underside and of its top in that pose [m]. The arm is not folded: what came of it
+        can be looked at first.
 
     Raises:
         MotionFailure: "no_free_spot" if there are no poses, "no_stance", "not_released", or a motion's own reason.
@@ -179,7 +180,7 @@ def place_at(
         yield from withdraw(work, side, stance)
         raise
     yield from leave(work, stance)
-    return float(min(s.moved(goal @ kin.inverse(held.T_tcp_thing)).aabb()[0, 2] for s in held.solids))
+    return bounds(s.moved(goal @ kin.inverse(held.T_tcp_thing)) for s in held.solids)[:, 2]
 
 
 def release(work: Work, side: Side, opening_m: float = FULL_M, falls_s: float = 0.5) -> Actions:
