@@ -53,7 +53,8 @@ class Entry:
         shape: The family's parameters.
         mass_kg: None for fixtures, which stand where they are.
         friction: Of its surface, static and dynamic.
-        rolling_damping: Angular damping [1/s]: stands for rolling resistance, which the physics engine lacks.
+        rolling_damping: Angular damping [1/s]: stands for rolling resistance, which the physics engine lacks. Slender
+            round things need 3: their rim gains energy as it rolls on a box.
         abilities: BEHAVIOR's, such as "fillable" or "openable".
         at_back: Whether it is set up at the back of what it stands on, such as a monitor, and nobody carries it.
     """
