@@ -194,7 +194,7 @@ def test_the_base_does_not_drive_into_what_is_remembered_though_hidden_space_is_
         searched.append(search)
         return None
 
-    sight.trusting = trusting  # type: ignore[method-assign]
+    monkeypatch.setattr(sight, "trusting", trusting)
     monkeypatch.setattr(work, "near", lambda without: Surroundings([post] if remembers[0] else []))
     with pytest.raises(MotionFailure, match="no_stance"):
         obeyed(work, close_in(work, "left", (), None, find, []))
