@@ -16,6 +16,7 @@ from mpvi_bt.report.figures import figures
 from mpvi_bt.report.official import official_summary
 from mpvi_bt.report.paper import paper_mean, paper_scores
 from mpvi_bt.report.runs import MEASURES, Runs
+from mpvi_bt.report.tables import instance_table
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.result import Failure, GoalCondition, Result, Score
 from mpvi_bt.suite.store import Fault, Store
@@ -45,6 +46,15 @@ def test_pairs_are_of_the_same_task_instance_and_seed() -> None:
     assert [pairs.baseline, pairs.method] == pytest.approx([1 / 2, 1 / 3])
     assert pairs.difference.mean == pytest.approx(-1 / 6)
     assert compare(a, of_q("c", {("w", 0, 0): 1.0})) is None
+
+
+def test_each_instance_is_told_by_its_number() -> None:
+    """Means over its seeds, in order, "-" where it has no result; nothing where there is but one instance."""
+    scores = {("t", 7, 0): 1.0, ("t", 2, 0): 0.0, ("t", 2, 1): 1 / 3, ("u", 5, 0): 0.0}
+    table = instance_table(figures("s", [of_q("mine", scores)]).methods[0])
+    assert table.head == ["task", "2", "5", "7"]
+    assert table.rows == [["t", "0.17", "-", "1"], ["u", "-", "0", "-"]]
+    assert not instance_table(figures("s", [of_q("mine", {("t", 2, 0): 1.0})]).methods[0]).rows
 
 
 def test_improvement_counts_tasks_as_the_paper_does() -> None:

@@ -38,7 +38,6 @@ class Group:
         finished: That have a result.
         successes: Of these.
         q_with_missing: Mean q, episodes without a result counted as 0, as BEHAVIOR's leaderboard does.
-        q_instances: Mean q of each instance that has a result; of all tasks together, of each task.
         measures: Means of what was measured over seeds, instances, then tasks, of episodes that have a result.
     """
 
@@ -46,7 +45,6 @@ class Group:
     finished: int
     successes: int
     q_with_missing: float
-    q_instances: list[float]
     measures: dict[str, Estimate | None]
 
 
@@ -61,6 +59,7 @@ class MethodFigures:
         assisted: Whether grasps were assisted.
         overall: All its episodes.
         tasks: Those of each task.
+        instances: Mean q of each instance that has a result, by task.
         paper: The paper's mean q of the method of that name over these tasks, or None.
         failures: Over all its results.
         failures_by_task: Those of each task.
@@ -77,6 +76,7 @@ class MethodFigures:
     assisted: bool
     overall: Group
     tasks: dict[str, Group]
+    instances: dict[str, dict[int, float]]
     paper: float | None
     failures: Failures
     failures_by_task: dict[str, Failures]
@@ -167,6 +167,7 @@ def _method(runs: Runs) -> MethodFigures:
         assisted=any(config.assisted for config in runs.episodes),
         overall=_group(runs, runs.episodes),
         tasks={task: _group(runs, configs) for task, configs in of_task.items()},
+        instances={task: _instances(runs, configs) for task, configs in of_task.items()},
         paper=paper_mean(runs.method, runs.tasks),
         failures=count_failures(results),
         failures_by_task={
@@ -190,13 +191,11 @@ def _group(runs: Runs, configs: Sequence[EpisodeConfig]) -> Group:
     zeros = by_instance(
         ((c.task_name, c.instance, c.seed), (runs.results[c].q if c in runs.results else 0.0,)) for c in configs
     )
-    scores = list(by_instance((key, (result.q,)) for key, result in rows).values())
     return Group(
         episodes=len(configs),
         finished=len(done),
         successes=sum(result.success for _, result in done),
         q_with_missing=found.mean if (found := estimate(list(zeros.values()), resamples=1)) else 0.0,
-        q_instances=[float(q) for table in scores for q in (table[:, 0] if len(zeros) == 1 else table.mean(0))],
         measures={
             measure.key: estimate(
                 list(by_instance((key, (x,)) for key, r in rows if (x := measure.of(r)) is not None).values())
@@ -204,6 +203,15 @@ def _group(runs: Runs, configs: Sequence[EpisodeConfig]) -> Group:
             for measure in MEASURES
         },
     )
+
+
+def _instances(runs: Runs, configs: Sequence[EpisodeConfig]) -> dict[int, float]:
+    """Instance to its mean q over seeds, of one task's episodes that have a result."""
+    scores: defaultdict[int, list[float]] = defaultdict(list)
+    for config in configs:
+        if config in runs.results:
+            scores[config.instance].append(runs.results[config].q)
+    return {instance: sum(scores[instance]) / len(scores[instance]) for instance in sorted(scores)}
 
 
 def _shared(configs: Iterable[Mapping[str, Any]]) -> dict[str, Any]:

@@ -61,6 +61,7 @@ def _blocks(figures: Figures, stem: str, running: bool, plots: dict[str, str]) -
         yield _picture(f"{stem}.methods.svg", method_plot(figures, alone=True), "q of every method", plots)
     yield "## Tasks"
     yield _table(t.task_table(figures))
+    yield from (_table(table) for method in figures.methods if (table := t.instance_table(method)).rows)
     yield "## Time and distances"
     yield _table(t.efficiency_table(figures))
     for task in figures.tasks:

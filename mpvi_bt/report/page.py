@@ -89,7 +89,13 @@ def _sections(
         "Methods on each task",
         _both(method_plot(figures), method_plot(figures, NARROW)) + _omitted(figures) if done else "",
     )
-    yield "Tasks", _table(t.task_table(figures))
+    tasks = [_table(t.task_table(figures))]
+    tasks += [
+        _folded(table.title, _table(table, titled=False))
+        for method in figures.methods
+        if (table := t.instance_table(method)).rows
+    ]
+    yield "Tasks", "".join(tasks)
     efficiency = _table(t.efficiency_table(figures)) + "".join(
         _folded(task, _table(t.efficiency_table(figures, task), titled=False)) for task in figures.tasks
     )

@@ -9,11 +9,12 @@ from collections.abc import Callable, Iterator
 
 from mpvi_bt.report.compare import SAME_Q, Comparison, TaskPairs
 from mpvi_bt.report.drawing import Drawing, method_color
-from mpvi_bt.report.figures import Figures, Group
+from mpvi_bt.report.figures import Figures, Group, MethodFigures
 
 WIDE, NARROW = 832, 316  # pixels: of a page, and of a telephone
 _ROW, _LABEL, _VALUE = 22.0, 270.0, 52.0
 _BAR, _GAP, _PANEL, _AXIS, _SPARE = 16.0, 4.0, 112.0, 150.0, 26.0
+_Bar = tuple[Group | None, list[float], float | None]  # of a method, its points, and the paper's mean
 
 
 def improvement_plot(comparison: Comparison, width: int = WIDE, alone: bool = False) -> str:
@@ -71,26 +72,27 @@ def method_plot(figures: Figures, width: int = WIDE, alone: bool = False) -> str
     if any(method.name in figures.paper for method in methods):
         marks.append(("diamond", "the paper's"))
     y = drawing.legend(0, marks) + 14
-    panels: list[tuple[str, list[Group | None], list[float | None]]] = [
-        ("all tasks", [method.overall for method in methods], [method.paper for method in methods])
-    ]
+    bars: list[_Bar] = [(m.overall, _points(m), m.paper) for m in methods]
+    panels = [("all tasks", bars)]
     for task in shown_tasks(figures):
-        theirs = [figures.paper.get(method.name, {}).get(task) for method in methods]
-        panels.append((task, [method.tasks.get(task) for method in methods], theirs))
+        panels.append((task, [
+            (m.tasks.get(task), list(m.instances.get(task, {}).values()), figures.paper.get(m.name, {}).get(task))
+            for m in methods
+        ]))  # fmt: skip
     wide = max(_PANEL, len(methods) * (_BAR + _GAP) + 16)
     across = max(1, int((width - _SPARE) // wide))
-    labels = [_folded(name, int((wide - 8) / 6.4)) for name, _, _ in panels]
+    labels = [_folded(name, int((wide - 8) / 6.4)) for name, _ in panels]
     tall = _AXIS + 26 + 13 * max(map(len, labels))
-    for k, (_, groups, papers) in enumerate(panels):
+    for k, (_, bars) in enumerate(panels):
         x = _SPARE + (k % across) * wide
         if k and k % across == 0:
             y += tall
         _axis(drawing, x, y, wide, k % across == 0)
         start = x + (wide - 8 - len(methods) * (_BAR + _GAP) + _GAP) / 2
-        for i, (group, paper) in enumerate(zip(groups, papers, strict=True)):
-            _bar(drawing, start + i * (_BAR + _GAP), y, method_color(i), group, paper, methods[i].name)
-            if group is not None and not k:
-                _interval(drawing, start + i * (_BAR + _GAP) + _BAR / 2, y, group)
+        for i, bar in enumerate(bars):
+            _bar(drawing, start + i * (_BAR + _GAP), y, method_color(i), bar, methods[i].name)
+            if bar[0] is not None and not k:
+                _interval(drawing, start + i * (_BAR + _GAP) + _BAR / 2, y, bar[0])
         for j, line in enumerate(labels[k]):
             look = "small" if k else "strong small"
             drawing.text(x + (wide - 8) / 2, y + _AXIS + 16 + 13 * j, line, look, "middle", room=wide)
@@ -102,7 +104,7 @@ def shown_tasks(figures: Figures) -> list[str]:
     return [
         task
         for task in figures.tasks
-        if any((group := method.tasks.get(task)) and any(group.q_instances) for method in figures.methods)
+        if any(any(method.instances.get(task, {}).values()) for method in figures.methods)
     ]
 
 
@@ -145,10 +147,15 @@ def _axis(drawing: Drawing, x: float, y: float, wide: float, named: bool) -> Non
             drawing.text(x - 6, at + 4, f"{share:g}", "dim small", "end")
 
 
-def _bar(
-    drawing: Drawing, x: float, y: float, look: str, group: Group | None, paper: float | None, method: str
-) -> None:
+def _points(method: MethodFigures) -> list[float]:
+    """What the mean over all tasks is of: the tasks' means, or the instances where there is but one task."""
+    tasks = [list(instances.values()) for instances in method.instances.values()]
+    return tasks[0] if len(tasks) == 1 else [sum(scores) / len(scores) for scores in tasks if scores]
+
+
+def _bar(drawing: Drawing, x: float, y: float, look: str, bar: _Bar, method: str) -> None:
     """A method's bar in a panel; nothing where it has no result."""
+    group, points, paper = bar
     q = group.measures["q_score"] if group else None
 
     def at(share: float) -> float:
@@ -157,7 +164,7 @@ def _bar(
     if group is not None and q is not None:
         told = f"{method}: {q.mean:.3f}, {group.successes} of {group.finished} succeeded"
         drawing.rect(x, at(q.mean), _BAR, _AXIS * q.mean, f"{look} bar", told)
-        for value, count in Counter(group.q_instances).items():
+        for value, count in Counter(points).items():
             apart = min(4.0, (_BAR - 4) / count)
             for j in range(count):
                 drawing.dot(x + _BAR / 2 + (j - (count - 1) / 2) * apart, at(value), 1.7, "dot")

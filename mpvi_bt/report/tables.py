@@ -116,6 +116,17 @@ def task_table(figures: Figures) -> Table:
     return Table("", head, rows, note)
 
 
+def instance_table(method: MethodFigures) -> Table:
+    """A method's q on every instance, which a bare mean hides; no rows where there is one instance only."""
+    instances = sorted({instance for scores in method.instances.values() for instance in scores})
+    rows = [
+        [task, *(f"{round(scores[i], 2):g}" if i in scores else NONE for i in instances)]
+        for task, scores in method.instances.items()
+        if scores and len(instances) > 1
+    ]
+    return Table(f"{method.name}, instance by instance", ["task", *map(str, instances)], rows)
+
+
 def efficiency_table(figures: Figures, task: str | None = None) -> Table:
     """Time and distances of each method, on one task with people's beside them, or over all."""
     measures = [BY_KEY[key] for key in _EFFICIENCY]
