@@ -16,8 +16,8 @@ from mpvi_bt.manipulation.grasps import MAX_WIDTH_M
 from mpvi_bt.manipulation.hand_over import takes
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.in_hand import InHand
-from mpvi_bt.manipulation.memory import Thing
 from mpvi_bt.manipulation.seen import Seen
+from mpvi_bt.manipulation.thing import Thing
 from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot import kinematics as kin

@@ -12,6 +12,7 @@ from benchmarks.hands.holding import put_in_hands
 from mpvi_bt.manipulation import memory
 from mpvi_bt.manipulation import seen as module
 from mpvi_bt.manipulation.seen import Seen
+from mpvi_bt.manipulation.thing import Thing
 from mpvi_bt.perception.furniture import furniture
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.phrases import kinds
@@ -110,8 +111,8 @@ def test_two_ends_of_a_table_are_no_two_tables(apart_m: float, count: int) -> No
         shape = furniture(points)
         assert shape is not None
         name = f"table {k + 1}"
-        seen._things[name] = memory.Thing(name, "table", shape)
-    seen._things["can 1"] = memory.Thing("can 1", "can", shape, inside="table 2")
+        seen._things[name] = Thing(name, "table", shape)
+    seen._things["can 1"] = Thing("can 1", "can", shape, inside="table 2")
     look(world, seen)
     assert len(names(seen, "table")) == count
     assert seen._things["can 1"].inside == f"table {count}"

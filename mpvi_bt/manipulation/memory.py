@@ -7,7 +7,6 @@ which thing in the next picture is told by where it is.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +14,10 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from mpvi_bt.manipulation.deeds import Deeds
-from mpvi_bt.manipulation.fitting import View, fitted
+from mpvi_bt.manipulation.fitting import fitted
 from mpvi_bt.manipulation.frames import Frame, take
 from mpvi_bt.manipulation.in_hand import InHand, is_of
+from mpvi_bt.manipulation.thing import Thing, apart, is_again, is_part
 from mpvi_bt.perception.detector import Detector, switch_of
 from mpvi_bt.perception.fit import fit
 from mpvi_bt.perception.in_part import as_outside, in_part, shrunk
@@ -42,40 +42,13 @@ _SEEN_PX = 6  # a mask of fewer pixels is not looked at
 _THROUGH_M = 0.06  # where the depth is that much farther than the middle of a hollow thing, it is gone,
 _BEHIND_M = 0.01  # and that much farther than that of another,
 _NOISE_PER_M = 0.004  # and so much more for every square meter of range
-_SAMPLED = 500  # points of a part are enough to say where that is
 _PRESSED_M = 0.06  # what two hands press is this near to both of them
 _GRASPED_M = 0.06  # what a closing hand takes hold of is this near its tcp, by what was seen of it
 _SPANS = 0.8  # what is smaller than this share of the gap between the fingers is likely not what they hold
 _SET_DOWN_M = 0.03  # what is let go of no higher than that stays where it is
 _DEEPER_M = 0.1  # than it seems a vessel in hand may be
 _OUTER = 1.2  # what contains a thing covers that much more floor than it
-_SHARED = 0.6  # of the length, width and height of the smaller one of two
-_OUTSIDE_M = 0.05  # a leg may stand so far outside of what is seen of a table's top
 _RECENTERED_M = 0.04  # fingers that close shift what they take by less than this
-
-
-@dataclass(eq=False)
-class Thing:
-    """One thing that was seen.
-
-    Attributes:
-        name, phrase: "can of soda 1", "can of soda".
-        shape: What it is taken to be, where it was seen or put last.
-        views: Frames that show it, with its mask, newest last.
-        inner: Those that showed the room in it last: from elsewhere only a door of furniture, or a side, is in view.
-        inside: The container that it is in.
-        stands: It was set down in there, and did not fall.
-        lowest_m: How far down furniture was ever seen: from near its foot is out of view.
-    """
-
-    name: str
-    phrase: str
-    shape: Shape
-    views: list[View] = field(default_factory=list)
-    inner: list[View] = field(default_factory=list)
-    inside: str | None = None
-    stands: bool = False
-    lowest_m: float = np.inf
 
 
 class Memory:
@@ -336,7 +309,7 @@ class Memory:
                     solids = shape.solids if shape.extent is None else [shape.extent]
                     gap = float(np.median(Surroundings(solids).distance(points)))
                     if tree is not None and thing.name in parts:
-                        gap = min(gap, _apart(parts[thing.name], tree))
+                        gap = min(gap, apart(parts[thing.name], tree))
                     fresh = bool(thing.views) and thing.views[-1][0].stand == frame.stand
                     if gap < (_NEAR_M if fresh or thing.name in self._held() else _FAR_M):
                         pairs.append((gap, i, thing.name))
@@ -356,11 +329,11 @@ class Memory:
                     self._discover(phrase, frame, mask, points)
         for name in [n for n, t in self._things.items() if not (t.views and t.views[-1][0] is frame)]:
             self._missed(name, frame)
-        for name in [n for n, t in self._things.items() if any(_is_part(t, other) for other in self._things.values())]:
+        for name in [n for n, t in self._things.items() if any(is_part(t, other) for other in self._things.values())]:
             del self._things[name]
         known = sorted(self._things.values(), key=lambda t: -sum(f.image.camera == "head" for f, _ in t.views))
         for k, thing in enumerate(known):
-            if (first := next((other for other in known[:k] if _is_again(thing, other)), None)) is not None:
+            if (first := next((other for other in known[:k] if is_again(thing, other)), None)) is not None:
                 del self._things[thing.name]
                 for inner in (t for t in self._things.values() if t.inside == thing.name):
                     inner.inside = first.name
@@ -453,27 +426,3 @@ class Memory:
             ):
                 return True
         return False
-
-
-def _apart(part: Array, whole: cKDTree) -> float:
-    """How far points (n, 3) of a part of a thing are from all points of it [m], the median."""
-    sample = part[:: max(1, len(part) // _SAMPLED)]
-    return float(np.median(whole.query(sample)[0])) if len(part) else np.inf
-
-
-def _is_again(thing: Thing, furniture: Thing) -> bool:
-    """Whether a thing is furniture once more: the ends of a table, seen by head and hand, are no two tables."""
-    shapes = thing.shape.extent, furniture.shape.extent
-    if thing.phrase != furniture.phrase or shapes[0] is None or shapes[1] is None:
-        return False
-    (low, high), (low2, high2) = (shape.aabb() for shape in shapes if shape is not None)
-    shared = np.minimum(high, high2) - np.maximum(low, low2)
-    return bool((shared > _SHARED * np.minimum(high - low, high2 - low2)).all())
-
-
-def _is_part(thing: Thing, furniture: Thing) -> bool:
-    """Whether a thing is but a part of furniture of that name: a leg of a table, seen by a hand, is no other table."""
-    if thing.phrase != furniture.phrase or thing.shape.kind == "furniture" or furniture.shape.kind != "furniture":
-        return False
-    (low, high), middle = furniture.shape.box(), thing.shape.box().mean(0)
-    return bool((middle[:2] > low[:2] - _OUTSIDE_M).all() and (middle < high + _OUTSIDE_M).all())

@@ -14,7 +14,8 @@ from scipy import ndimage
 from mpvi_bt.manipulation.faces import room
 from mpvi_bt.manipulation.fitting import View
 from mpvi_bt.manipulation.frames import FLOOR_M, Frame
-from mpvi_bt.manipulation.memory import Memory, Thing
+from mpvi_bt.manipulation.memory import Memory
+from mpvi_bt.manipulation.thing import Thing
 from mpvi_bt.perception import field
 from mpvi_bt.perception.detector import switch_of
 from mpvi_bt.perception.field import Field, FineField
