@@ -168,12 +168,18 @@ def _bring_in(motion: Motion, side: Side) -> Actions:
     body = motion.body()
     T = motion.hand(side)
     here = float(np.clip(T[2, 3], min(_LEVELS_M), max(_LEVELS_M)))
-    for (x, y), z in product(_BEFORE_M, (here, *_LEVELS_M)):
-        goal = T.copy()
-        goal[:3, 3] = x, y * SIGN[side], z
+    for goal in _before(T, side, (here, *_LEVELS_M)):
         if (path := arm_motion.plan_level(body, side, goal)) is not None:
             yield from motion.follow(side, path)
             return
+
+
+def _before(T_base_tcp: Array, side: Side, levels: Sequence[float]) -> Iterator[Array]:
+    """Poses of a hand before the body at these heights [m], turned as it is."""
+    for (x, y), z in product(_BEFORE_M, levels):
+        goal = T_base_tcp.copy()
+        goal[:3, 3] = x, y * SIGN[side], z
+        yield goal
 
 
 def _level(motion: Motion, held: Sequence[Side]) -> dict[Side, list[Array]]:
@@ -186,12 +192,11 @@ def _level(motion: Motion, held: Sequence[Side]) -> dict[Side, list[Array]]:
     stays = {s: arm_motion.stay(motion.hand(s)) for s in held}
     if (arms := arm_motion.sweep(body, torso, stays)) is not None:
         return arms
-    for side, (x, y), z in product(held, _BEFORE_M, _LEVELS_M):  # a torso that stays bent drives on blindly
-        goal = motion.hand(side)
-        goal[:3, 3] = x, y * SIGN[side], z
-        arms = arm_motion.sweep(body, torso, {**stays, side: arm_motion.glide(motion.hand(side), goal)})
-        if arms is not None:
-            return arms
+    for side in held:  # a torso that stays bent drives on blindly
+        T = motion.hand(side)
+        for goal in _before(T, side, _LEVELS_M):
+            if (arms := arm_motion.sweep(body, torso, {**stays, side: arm_motion.glide(T, goal)})) is not None:
+                return arms
     raise MotionFailure("no_reach")
 
 
