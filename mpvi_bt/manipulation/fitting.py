@@ -35,10 +35,10 @@ def fitted(views: Sequence[View], support_m: float) -> Shape | None:
     Returns:
         The shape, or None if there is too little to see.
     """
-    newest = views[-1][0].stand
     views = [(f, m) for f, m in views if len(f.of(m)) >= _SEEN_PX]  # what turned out to be in hand is no view of it
     if not views:
         return None
+    newest = views[-1][0].stand
     whole = [(f, m) for f, m in views if not f.cut(m)]
     whole = whole if any(f.stand == newest or f.image.camera == "head" for f, _ in whole) else list(views)
     head = [(f, m) for f, m in whole if f.image.camera == "head"]
