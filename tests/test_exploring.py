@@ -280,6 +280,20 @@ def test_what_was_taken_away_is_looked_for_anew() -> None:
     assert distance_to(moved, robot.pose[:2]) < 1.3
 
 
+def test_who_finds_nothing_where_it_was_goes_on_to_what_the_map_has() -> None:
+    """A lid that was raised looked like another car; it was gone, and the base had "arrived" 7 m from the car."""
+    seen = Entry("cupboard #1", ("cupboard",), "fixture", np.array([0.8, 0.4, 0.0]), np.array([1.2, 0.6, 0.8]),
+                 source="boxes")  # fmt: skip
+    known = Entry("cupboard_1", ("cupboard",), "fixture", np.array([6.0, 0.3, 0.0]), np.array([6.3, 1.7, 1.0]),
+                  source="prior")  # fmt: skip
+    grid_map, boxes = house()
+    robot = Seeing(1.0, 2.0, -1.6, boxes)
+    navigator = exploring(robot, BoxDetector(), grid_map, KITCHEN, LIVING_ROOM, seen, known)
+    navigator.restore(navigator.save() | {"been": {"cupboard": "cupboard #1"}})
+    assert play(robot, navigator, "cupboard")[0].progress is Progress.SUCCEEDED
+    assert distance_to(known, robot.pose[:2]) < 1.3
+
+
 class Laden(Seeing):
     """A robot that carries a thing before it."""
 

@@ -155,7 +155,9 @@ class ExploringNavigator(KnownPlaceNavigator):
             yield from self._look_again(trip, names)
             entries, room = self._look_up(trip)
             here = [e for e in entries if e.name in names or not e.held]  # what is carried along is there everywhere
-            if ((here or not entries) and self._is_there(here, room, slack_m)) or not _seen(entries):
+            if (here or not entries) and self._is_there(here, room, slack_m):
+                return
+            if not _seen([e for e in entries if e.name in names]):  # those that the drive was to
                 return
         if entries:
             raise GaveUp("not_reached", f"{trip.target} was elsewhere each time that it was gone to")
