@@ -98,6 +98,19 @@ def test_a_leg_of_a_table_is_no_other_table(tilts: tuple[float, float]) -> None:
     assert seen.spots(table, 0.08, 0.3, np.zeros(2))
 
 
+@pytest.mark.parametrize("yaw", [2.0, 2.8, 4.0])
+def test_what_is_open_at_its_side_has_a_top_to_set_things_on(yaw: float) -> None:
+    """Past the jug one sees into a coffee maker, which was then taken for a vessel without a top."""
+    objects = {"maker": placed("coffee_maker", 1.0, 0.1, 0.92, yaw=yaw)}
+    world = tilted(small_world(objects, render=True, worktop="{entry: counter, at: [1.2, 0.0]}"), 0.3)
+    seen = Seen(SegmentationDetector({"maker": ("coffee maker",)}, least_px=1))
+    seen.forget(("coffee maker",))
+    look(world, seen)
+    (maker,) = names(seen, "coffee maker")
+    assert seen.volumes(maker)
+    assert any(spot[2] == pytest.approx(1.14, abs=0.015) for spot in seen.spots(maker, 0.04, 0.1, np.zeros(2)))
+
+
 @pytest.mark.parametrize(("apart_m", "count"), [(0.25, 1), (0.95, 2)])
 def test_two_ends_of_a_table_are_no_two_tables(apart_m: float, count: int) -> None:
     """The head saw the one, a hand the other: what was set down on the second one found no place on it.

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.hands.holding import put_in_hands
 from benchmarks.hands.rows import Job
 from benchmarks.hands.runner import run_job
 from benchmarks.hands.two_hands import large_things
@@ -108,6 +109,15 @@ def test_what_no_hand_spans_is_fetched_with_both() -> None:
     policy = ExpertPolicy(world, load_skills())
     assert not policy._graspable(work, "drinks crate")
     assert policy._graspable(work, "can of soda")
+
+
+def test_who_holds_something_does_not_try_to_fetch_with_both() -> None:
+    """A saucer that had been dropped, seen in part, was no thing for one hand; the other one held the cup."""
+    crate = Placement(large_things("tuning")["drinks_crate"], kin.transform(np.eye(3), (1.0, 0.3, 0.001)))
+    world = small_world({"crate": crate, "can": placed("can_of_soda", 1.0, -0.3)})
+    put_in_hands(world, {"right": "can"})
+    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
+    assert ExpertPolicy(world, load_skills())._graspable(work, "drinks crate")
 
 
 def test_a_failure_leaves_between_the_hands_what_they_hold() -> None:

@@ -331,7 +331,8 @@ class Memory:
             self._missed(name, frame)
         for name in [n for n, t in self._things.items() if any(is_part(t, other) for other in self._things.values())]:
             del self._things[name]
-        known = sorted(self._things.values(), key=lambda t: -sum(f.image.camera == "head" for f, _ in t.views))
+        still = [t for t in self._things.values() if t.name not in self._held() and t.inside not in self._held()]
+        known = sorted(still, key=lambda t: -sum(f.image.camera == "head" for f, _ in t.views))
         for k, thing in enumerate(known):
             if (first := next((other for other in known[:k] if is_again(thing, other)), None)) is not None:
                 del self._things[thing.name]

@@ -224,8 +224,10 @@ class ScriptedPolicy:
             self.note = skill.name
 
     def _graspable(self, work: Work, phrase: str) -> bool:
-        """Whether one hand is to fetch what a phrase names: it fits between the fingers, or no skill is for both."""
-        if "lift" not in self._skills or not (found := self._scene.knowledge().find(phrase)):
+        """Whether one hand is to fetch what a phrase names: it fits between the fingers, or both are not to be had."""
+        if "lift" not in self._skills or work.carried():
+            return True
+        if not (found := self._scene.knowledge().find(phrase)):
             return True
         return any(grasps(self._scene, e.name, float(work.motion.felt.base_pose[2])) for e in found)
 

@@ -290,9 +290,12 @@ class Seen(Memory):
             return []
         found: list[tuple[float, Array]] = []
         hidden = [f.robot | self._in_hand(f) for f, _ in views]
-        for board in thing.shape.solids:
-            if thing.shape.kind == "furniture" or board is thing.shape.solids[0]:
-                found += room(views, hidden, float(board.aabb()[1, 2]), radius_m, height_m, near)
+        boards = thing.shape.solids if thing.shape.kind == "furniture" else thing.shape.solids[:1]
+        tops = [float(board.aabb()[1, 2]) for board in boards]
+        if thing.shape.kind == "vessel":  # it may be open at its side, and have a top
+            tops.append(float(thing.shape.box()[1, 2]))
+        for top in tops:
+            found += room(views, hidden, top, radius_m, height_m, near)
         found = sorted(found, key=lambda f: f[0])
         self._focus = found[0][1] if found else self._focus
         return [spot for _, spot in found]

@@ -12,7 +12,8 @@ from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot.solids import Array
 
 _SAMPLED = 500  # points of a part are enough to say where that is
-_SHARED = 0.6  # of the length, width and height of the smaller one of two
+_SHARED = 0.6  # of the length, width and height of the smaller one of two pieces of furniture,
+_ALIKE = 0.8  # and of two other things: bowls that stand in one another share less of their height
 _OUTSIDE_M = 0.05  # a leg may stand so far outside of what is seen of a table's top
 
 
@@ -46,14 +47,19 @@ def apart(part: Array, whole: cKDTree) -> float:
     return float(np.median(whole.query(sample)[0])) if len(part) else np.inf
 
 
-def is_again(thing: Thing, furniture: Thing) -> bool:
-    """Whether a thing is furniture once more: the ends of a table, seen by head and hand, are no two tables."""
-    shapes = thing.shape.extent, furniture.shape.extent
-    if thing.phrase != furniture.phrase or shapes[0] is None or shapes[1] is None:
+def is_again(thing: Thing, other: Thing) -> bool:
+    """Whether a thing is another once more: the ends of a table, seen by head and hand, are no two tables.
+
+    Nor are the foot of a coffee maker and its top, with the kettle before it, two coffee makers once all of it is seen.
+    """
+    large = [shape.extent for shape in (thing.shape, other.shape) if shape.extent is not None]
+    if thing.phrase != other.phrase or len(large) == 1:
         return False
-    (low, high), (low2, high2) = (shape.aabb() for shape in shapes if shape is not None)
+    (low, high), (low2, high2) = (
+        [extent.aabb() for extent in large] if large else [thing.shape.box(), other.shape.box()]
+    )
     shared = np.minimum(high, high2) - np.maximum(low, low2)
-    return bool((shared > _SHARED * np.minimum(high - low, high2 - low2)).all())
+    return bool((shared > (_SHARED if large else _ALIKE) * np.minimum(high - low, high2 - low2)).all())
 
 
 def is_part(thing: Thing, furniture: Thing) -> bool:
