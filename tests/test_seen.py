@@ -111,6 +111,25 @@ def test_what_is_open_at_its_side_has_a_top_to_set_things_on(yaw: float) -> None
     assert any(spot[2] == pytest.approx(1.14, abs=0.015) for spot in seen.spots(maker, 0.04, 0.1, np.zeros(2)))
 
 
+def test_what_lies_in_a_vessel_goes_along_with_it_though_nobody_asked_for_it() -> None:
+    """A carton stood in a sack, in the way of lifting the sack, and no stance was found; then none to carry it from."""
+    objects = {"basket": placed("wicker_basket", 0.9, 0.0), "can": placed("can_of_soda", 0.9, 0.0, 0.03)}
+    world = tilted(small_world(objects, render=True), 0.9)
+    seen = Seen(SegmentationDetector({"basket": ("basket",), "can": ("can of soda",)}, least_px=1))
+    seen.forget(("basket",))
+    look(world, seen)
+    (basket,) = names(seen, "basket")
+    can = world.pose("can")[None, :3, 3]
+    here = np.zeros(2)
+    assert seen.obstacles(here, 1.5, {basket}).distance(can) == pytest.approx(0.0, abs=0.01)
+    (others,) = seen.within(basket)
+    assert (np.abs(bounds(seen.solids(others)).mean(0)[:2] - can[0, :2]) < 0.03).all()
+    assert seen.obstacles(here, 1.5, {basket, others}).distance(can)[0] > 0.03
+    assert not any(entry.name == others for entry in seen.knowledge())
+    seen._take_along(seen._things[basket])
+    assert seen.obstacles(here, 1.5, {basket}).distance(can)[0] > 0.03
+
+
 @pytest.mark.parametrize(("apart_m", "count"), [(0.25, 1), (0.95, 2)])
 def test_two_ends_of_a_table_are_no_two_tables(apart_m: float, count: int) -> None:
     """The head saw the one, a hand the other: what was set down on the second one found no place on it.

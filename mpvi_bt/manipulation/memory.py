@@ -48,6 +48,7 @@ _SPANS = 0.8  # what is smaller than this share of the gap between the fingers i
 _SET_DOWN_M = 0.03  # what is let go of no higher than that stays where it is
 _DEEPER_M = 0.1  # than it seems a vessel in hand may be
 _OUTER = 1.2  # what contains a thing covers that much more floor than it
+_BESIDE_M, _ABOVE_M = 0.025, 0.01  # points this near to a vessel and what is in it, and above its support, are theirs
 _RECENTERED_M = 0.04  # fingers that close shift what they take by less than this
 
 
@@ -84,6 +85,7 @@ class Memory:
         self._fronts: dict[str, tuple[list[Frame], list[Door]]] = {}  # of furniture, as these pictures show it
         self._bodies: dict[str, tuple[tuple[list[Frame], float], list[Solid]]] = {}  # likewise, seen down to so far
         self._ajar: dict[str, list[tuple[Frame, Door]]] = {}  # likewise, where something was seen to stand open
+        self._others: dict[str, tuple[list[Frame | Shape], list[Solid]]] = {}  # in vessels, likewise
         self._trusting, self._remembering = False, True
         self._focus: Array | None = None  # what is worked on: obstacles are seen more finely around it
 
@@ -192,9 +194,25 @@ class Memory:
             aside = float(bounds(s.moved(kin.inverse(T)) for s in thing.shape.solids).mean(0)[1])
             if abs(aside) < _RECENTERED_M:
                 thing.shape = thing.shape.moved(kin.transform(np.eye(3), -aside * T[:3, 1]))
+        self._take_along(thing)
         self._grip[side] = (thing.name, kin.inverse(T))
         thing.inside = None  # its views stay: where it stood it stands no more
         self._deeds.take(side, thing.phrase, thing.shape.box().mean(0), thing.shape.kind == "vessel")
+
+    def _take_along(self, vessel: Thing) -> None:
+        """What pictures show in a vessel that a hand takes is as good as a part of the robot: it goes along."""
+        if not (others := self._contents(vessel.name)):
+            return
+        solids = [*vessel.shape.solids, *others]
+        low, high = bounds(solids) + [[-_BESIDE_M], [_BESIDE_M]]
+        low[2] = vessel.shape.support_m + _ABOVE_M
+        around = Surroundings(solids)
+        for frame in self._frames:
+            rows, columns = np.nonzero(((frame.points > low) & (frame.points < high)).all(-1))
+            own = around.distance(frame.points[rows, columns]) < _BESIDE_M
+            frame.robot[rows[own], columns[own]] = True
+        self._remembered.forget(low, high)
+        self._field = None
 
     def _gap(self, name: str, p_world: Array) -> float:
         """Distance of a point (3,) to a thing [m]: to its shape, or to what is seen of it where that misses a part."""
@@ -349,6 +367,10 @@ class Memory:
 
     def doors(self, name: str) -> Sequence[Door]:
         """What is known of a thing that opens."""
+        return ()
+
+    def _contents(self, name: str) -> Sequence[Solid]:
+        """What is seen in a vessel of things that nobody asked for."""
         return ()
 
     def _discover(self, phrase: str, frame: Frame, mask: NDArray[np.bool_], points: Array) -> None:

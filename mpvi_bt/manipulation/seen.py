@@ -17,6 +17,7 @@ from mpvi_bt.manipulation.frames import FLOOR_M, Frame
 from mpvi_bt.manipulation.memory import Memory
 from mpvi_bt.manipulation.thing import Thing
 from mpvi_bt.perception import field
+from mpvi_bt.perception.contents import contents
 from mpvi_bt.perception.detector import switch_of
 from mpvi_bt.perception.field import Field, FineField
 from mpvi_bt.perception.fronts import fronts, switch
@@ -25,11 +26,12 @@ from mpvi_bt.perception.layers import layers
 from mpvi_bt.perception.leaves import leaf, with_leaf, within_drawer
 from mpvi_bt.perception.lids import lid
 from mpvi_bt.perception.parts import Door
-from mpvi_bt.perception.shape import SeenBar
+from mpvi_bt.perception.shape import SeenBar, Shape
 from mpvi_bt.robot.collision import Obstacles, Surroundings, Together
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
 
+_IN = "what is in "  # a thing that is known: all else that is seen in it, as one thing
 _PASSED_M = 1.0  # of driving: pictures that old still tell where the base can go
 _CARVED = 4  # pictures of the head that the field of obstacles is carved from
 _NEAR_M = 0.12  # a mask this near to where a thing was is that thing, from the same place
@@ -68,7 +70,7 @@ class Seen(Memory):
 
     def solids(self, name: str) -> Sequence[Solid]:
         """As `Scene` says."""
-        return self._shape(name).solids
+        return self._contents(name.removeprefix(_IN)) if name.startswith(_IN) else self._shape(name).solids
 
     def body(self, name: str) -> Sequence[Solid]:
         """As `Scene` says: of furniture all that its views show, the trunk below a crown and the side of a bed."""
@@ -149,12 +151,29 @@ class Seen(Memory):
         return self._both[0] if self._both is not None else None
 
     def within(self, name: str) -> Sequence[str]:
-        """As `Scene` says: what was let go over it, or is seen in it."""
+        """As `Scene` says: what was let go over it, or is seen in it; all that was not asked for as one thing."""
+        vessel = name in self._things and self._things[name].shape.kind == "vessel" and name not in self._held()
+        return [*self._inside(name), *([_IN + name] if vessel else [])]
+
+    def _inside(self, name: str) -> list[str]:
         return [n for n, t in self._things.items() if t.inside == name]
+
+    def _contents(self, name: str) -> list[Solid]:
+        """By the newest pictures of the head; of what is in a hand that is part of that."""
+        if name not in self._things or self._things[name].shape.kind != "vessel" or name in self._held():
+            return []
+        frames, inside = self._carved(), [self._shape(n) for n in self._inside(name)]
+        key: list[Frame | Shape] = [*frames, self._things[name].shape, *inside]
+        if (known := self._others.get(name)) is None or known[0] != key:
+            points = np.concatenate([np.empty((0, 3)), *(f.points[f.measured] for f in frames)])
+            own = [s for shape in (self._shape(name), *inside) for s in shape.solids]
+            found = [c for room in super().volumes(name) for c in contents(points, room, own)]
+            self._others[name] = known = (key, found)
+        return known[1]
 
     def laden(self, name: str) -> bool:
         """As `Scene` says: with what is known to be in it, or what was put in it under an earlier prompt."""
-        return bool(self.within(name)) or any(
+        return bool(self._inside(name)) or any(
             held == name for s, (held, _) in self._grip.items() if s in self._deeds.laden
         )
 
@@ -264,7 +283,9 @@ class Seen(Memory):
         through = frame.robot | frame.floor
         solids: list[Solid] = [] if whole is None else list(self.body(whole))
         for name in without:
-            if (thing := self._things.get(name)) is not None:
+            if name.startswith(_IN):
+                solids += self.solids(name)
+            elif (thing := self._things.get(name)) is not None:
                 solids += self.solids(name)
                 solids += self._leaves(name)
                 solids += [Solid("sphere", np.full(3, _BUTTON_M), T) for T in self.switches(name)]

@@ -73,6 +73,13 @@ class Remembered:
             stays |= shown & (z > _OVERHEAD_M)
         return stays, shown
 
+    def forget(self, low: Array, high: Array) -> None:
+        """Forget what was seen between two corners (3,) of a box in the world: it has been taken away."""
+        if not np.isnan(self._low).any():
+            corners = [np.floor((p - np.append(self._low, _LOW_M)) / _CELL_M).astype(int) for p in (low, high)]
+            begin, end = (np.clip(n, 0, self._score.shape) for n in (corners[0], corners[1] + 1))
+            self._score[tuple(slice(*ends) for ends in zip(begin, end, strict=True))] = 0
+
     def _come_along(self, xy: Array) -> None:
         """Keep the grid about a place (2,); what falls off its edge is forgotten."""
         middle = self._low + _CELL_M * _CELLS / 2
