@@ -122,7 +122,8 @@ def test_what_lies_in_a_vessel_goes_along_with_it_though_nobody_asked_for_it() -
     can = world.pose("can")[None, :3, 3]
     here = np.zeros(2)
     assert seen.obstacles(here, 1.5, {basket}).distance(can) == pytest.approx(0.0, abs=0.01)
-    (others,) = seen.within(basket)
+    (others,) = seen.others(basket)
+    assert not seen.within(basket)
     assert (np.abs(bounds(seen.solids(others)).mean(0)[:2] - can[0, :2]) < 0.03).all()
     assert seen.obstacles(here, 1.5, {basket, others}).distance(can)[0] > 0.03
     assert not any(entry.name == others for entry in seen.knowledge())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 
@@ -39,6 +39,10 @@ class Blind:
     def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:
         """As `Sight` says."""
         self.lifts.append(float(felt.torso[0]))
+
+    def others(self, name: str) -> Sequence[str]:
+        """None."""
+        return ()
 
     def covered(self, places: Array, radius_m: float) -> NDArray[np.bool_]:
         """As `Sight` says."""

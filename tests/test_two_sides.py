@@ -63,6 +63,10 @@ class Glances:
         """Take in pictures."""
         self.count += len(images)
 
+    def others(self, name: str) -> Sequence[str]:
+        """None."""
+        return ()
+
     def covered(self, places: Array, radius_m: float) -> NDArray[np.bool_]:
         """Nothing is hidden from the truth."""
         return np.zeros(len(places), bool)

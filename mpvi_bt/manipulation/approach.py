@@ -49,7 +49,7 @@ def approach(
     def find(search: Search, here_first: bool) -> Stance | None:
         return search.find(work.scene.pose(name)[:2, 3], options(), here_first)
 
-    return (yield from close_in(work, side, {name, *work.scene.within(name)}, name, find, tried))
+    return (yield from close_in(work, side, work.along(name), name, find, tried))
 
 
 def close_in(

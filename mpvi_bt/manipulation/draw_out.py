@@ -88,7 +88,7 @@ def options(work: Work, name: str) -> list[Option]:
 
 
 def _swings(work: Work, name: str) -> Iterator[_Swing]:
-    near = work.scene.obstacles(work.motion.felt.base_pose[:2], _NEAR_M, without={name, *work.scene.within(name)})
+    near = work.scene.obstacles(work.motion.felt.base_pose[:2], _NEAR_M, without=work.along(name))
     for box in boxes_about(work.scene.pose(name), list(work.scene.solids(name))):
         ahead = np.array([np.cos(box.heading), np.sin(box.heading), 0.0])
         back = box.middle - ahead * box.length / 2

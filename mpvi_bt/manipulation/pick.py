@@ -164,7 +164,7 @@ def options(work: Work, name: str) -> list[Option]:
     then, as every way more makes each search longer.
     """
     found = _ways(work, name, off_center=False)
-    if not work.search("right", {name, *work.scene.within(name)}).admits(found):
+    if not work.search("right", work.along(name)).admits(found):
         found += _ways(work, name, off_center=True)
     if not found:
         raise MotionFailure("no_grasp")
@@ -173,7 +173,7 @@ def options(work: Work, name: str) -> list[Option]:
 
 def _ways(work: Work, name: str, off_center: bool) -> list[Option]:
     at, here = work.scene.pose(name)[:2, 3], work.motion.felt.base_pose
-    parts = [s for n in (name, *work.scene.within(name)) for s in work.scene.solids(n)]
+    parts = [s for n in work.along(name) for s in work.scene.solids(n)]
     found = []
     for grasp in grasps(work.scene, name, float(np.arctan2(at[1] - here[1], at[0] - here[0])), off_center):
         T = grasp.T_world_tcp

@@ -147,8 +147,8 @@ def _beginning(
 
 
 def _search(work: Work, name: str, side: Side, tried: list[Array]) -> CourseSearch:
-    moved = {name, *work.scene.within(name)}
-    near = work.scene.obstacles(work.motion.felt.base_pose[:2], 2.5, without=work.carried() | moved)
+    moved = work.along(name)
+    near = work.scene.obstacles(work.motion.felt.base_pose[:2], 2.5, without=work.carried().union(moved))
     touched = [s for n in moved for s in work.scene.solids(n)]
     return CourseSearch(work.motion, side, work.held(), near, touched, work.rng, list(tried), work.effort)
 

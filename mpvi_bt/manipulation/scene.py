@@ -96,6 +96,10 @@ class Sight(Protocol):
         """(n,) bool: whether discs about places (n, 2) of the floor meet what was put there, and may look like it."""
         ...
 
+    def others(self, name: str) -> Sequence[str]:
+        """What is seen in a vessel besides the things that were asked for, as names whose `solids` the scene knows."""
+        ...
+
     def trusting(self, remembering: bool = False) -> AbstractContextManager[None]:
         """While this lasts, obstacles are only what is seen from here, not what may be hidden behind it.
 

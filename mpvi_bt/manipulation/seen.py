@@ -151,18 +151,19 @@ class Seen(Memory):
         return self._both[0] if self._both is not None else None
 
     def within(self, name: str) -> Sequence[str]:
-        """As `Scene` says: what was let go over it, or is seen in it; all that was not asked for as one thing."""
-        vessel = name in self._things and self._things[name].shape.kind == "vessel" and name not in self._held()
-        return [*self._inside(name), *([_IN + name] if vessel else [])]
-
-    def _inside(self, name: str) -> list[str]:
+        """As `Scene` says: what was let go over it, or is seen in it."""
         return [n for n, t in self._things.items() if t.inside == name]
+
+    def others(self, name: str) -> Sequence[str]:
+        """As `Sight` says: all of it as one thing."""
+        vessel = name in self._things and self._things[name].shape.kind == "vessel"
+        return [_IN + name] if vessel and name not in self._held() else []
 
     def _contents(self, name: str) -> list[Solid]:
         """By the newest pictures of the head; of what is in a hand that is part of that."""
-        if name not in self._things or self._things[name].shape.kind != "vessel" or name in self._held():
+        if not self.others(name):
             return []
-        frames, inside = self._carved(), [self._shape(n) for n in self._inside(name)]
+        frames, inside = self._carved(), [self._shape(n) for n in self.within(name)]
         key: list[Frame | Shape] = [*frames, self._things[name].shape, *inside]
         if (known := self._others.get(name)) is None or known[0] != key:
             points = np.concatenate([np.empty((0, 3)), *(f.points[f.measured] for f in frames)])
@@ -173,7 +174,7 @@ class Seen(Memory):
 
     def laden(self, name: str) -> bool:
         """As `Scene` says: with what is known to be in it, or what was put in it under an earlier prompt."""
-        return bool(self._inside(name)) or any(
+        return bool(self.within(name)) or any(
             held == name for s, (held, _) in self._grip.items() if s in self._deeds.laden
         )
 

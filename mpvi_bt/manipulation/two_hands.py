@@ -141,7 +141,7 @@ def _near(work: Work, name: str, tried: Sequence[Array]) -> Generator[Array, Non
         boxes = [box for box in sides if _WIDTHS_M[0] < box.width < _WIDTHS_M[1]]
         if not boxes:
             raise MotionFailure("no_grasp")
-        search = work.search("right", {name, *work.scene.within(name)})
+        search = work.search("right", work.along(name))
         search.tried.extend(tried)
         usual, rare = (_bases(motion.felt.base_pose, boxes, places) for places in (_PLACES_M, _RARE_PLACES_M))
         if (grip := _find(work, search, usual) or _find(work, search, rare)) is not None:

@@ -200,6 +200,10 @@ class Work:
         names = [*map(self.scene.holding, SIDES), self.scene.between()]
         return {n for name in names if name is not None for n in (name, *self.scene.within(name))}
 
+    def along(self, name: str) -> list[str]:
+        """A thing, and all in it that goes along where it is moved."""
+        return [name, *self.scene.within(name), *([] if self.sight is None else self.sight.others(name))]
+
     def near(self, without: Collection[str] = ()) -> Obstacles:
         """What is in the way near the robot, in the world, but for what it carries and the things `without`."""
         without = self.carried().union(without)
