@@ -4,29 +4,30 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import imageio_ffmpeg
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from mpvi_bt.cli.dataset import dataset
-from mpvi_bt.errors import UserError
+from mpvi_bt.cli.group import run
+from mpvi_bt.errors import FileProblems, UserError
 from mpvi_bt.executive.demonstration import CAMERAS, Demonstration, state
 from mpvi_bt.executive.loop import Outcome
 from mpvi_bt.paths import find
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout, Proprioception, Side
-from mpvi_bt.suite.dataset import (
-    QUANTILES,
-    VECTORS,
-    find_demonstrations,
-    read_demonstration,
-    write_dataset,
-)
+from mpvi_bt.suite.dataset import QUANTILES, VECTORS, write_dataset
+from mpvi_bt.suite.demonstrations import check_demonstrations, find_demonstrations, read_demonstration
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.yaml_io import load_tree
 
@@ -66,11 +67,13 @@ class Moving:
         return SimpleNamespace(rgb=np.full((*SIZES[camera], 3), 8 * (self.steps // 3) % 256, np.uint8))
 
 
-def recorded(folder: Path, frames: int, q: float = 1.0, fps: int = 10, **about: object) -> Path:
+def recorded(
+    folder: Path, frames: int, q: float = 1.0, fps: int = 10, cameras: Sequence[str] = CAMERAS, **about: object
+) -> Path:
     """A demonstration of so many frames, in a folder."""
     tree, world = Tree(load_tree(find("trees", "hello"))), cast("Any", Moving())
     told = {"task": "hello", "instance": 0, "seed": 0, "instruction": "Wave.", **about}
-    demonstration = Demonstration(folder, told, fps)
+    demonstration = Demonstration(folder, told, fps, cameras)
     demonstration.start(tree, world)
     for _ in range((frames - 1) * (30 // fps) + 1):
         demonstration.step(tree, world)
@@ -141,7 +144,7 @@ def test_a_dataset_holds_every_row_of_its_episodes(tmp_path: Path) -> None:
             assert info["features"][key]["shape"] == [len(names)] == [frames[name].shape[1]]
         assert set(table.columns) | {f"observation.images.{c}" for c in CAMERAS} == info["features"].keys()
         assert np.allclose(table["timestamp"], np.arange(len(table)) / 10)
-        assert tasks.iloc[table["task_index"][0]].name == read_demonstration(folder).about["instruction"]
+        assert tasks.iloc[table["task_index"][0]].name == read_demonstration(folder).about.instruction
         assert row["dataset_to_index"] - row["dataset_from_index"] == row["length"] == len(table)
         index += table["index"].tolist()
         for camera in CAMERAS:
@@ -193,35 +196,170 @@ def test_only_what_reached_its_goal_is_taken_unless_all_is_asked_for(tmp_path: P
     pytest.importorskip("pandas")
     recorded(tmp_path / "demos/good", 3)
     recorded(tmp_path / "demos/bad", 3, q=0.5)
-    run = CliRunner().invoke
-    done = run(dataset, [str(tmp_path / "demos"), "--out", str(tmp_path / "set"), "--json"])
+    invoke = CliRunner().invoke
+    done = invoke(dataset, [str(tmp_path / "demos"), "--out", str(tmp_path / "set"), "--json"])
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout)["episodes"] == 1
     assert json.loads(done.stdout)["left_out"] == [str(tmp_path / "demos/bad")]
-    done = run(dataset, [str(tmp_path / "demos"), "--out", str(tmp_path / "all"), "--all"])
+    done = invoke(dataset, [str(tmp_path / "demos"), "--out", str(tmp_path / "all"), "--all"])
     assert "2 episodes, 6 frames" in done.output
 
 
-@pytest.mark.parametrize(
-    ("spoil", "said"),
-    [
-        (lambda f: (f / "episode.json").write_text("{"), "no description of a demonstration"),
-        (lambda f: (f / "episode.json").write_text('{"version": 99}'), "version 99"),
-        (lambda f: (f / "frames.npz").write_bytes(b"PK"), "cannot be read"),
-        (lambda f: (f / "frames.npz").unlink(), "cannot be read"),
-        (lambda f: np.savez(f / "frames.npz", state=np.zeros((3, 2))), "state is not"),
-    ],
-)
-def test_a_broken_demonstration_is_told_and_nothing_is_left(
-    tmp_path: Path, spoil: Callable[[Path], object], said: str
+@pytest.fixture(scope="session")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A demonstration of three frames by one camera, to spoil copies of."""
+    return recorded(tmp_path_factory.mktemp("whole") / "one", 3, cameras=["head"])
+
+
+def told(**changes: object) -> Callable[[Path], object]:
+    """Write `episode.json` with other entries; None leaves one out."""
+
+    def spoil(folder: Path) -> None:
+        file = folder / "episode.json"
+        about = {**json.loads(file.read_text()), **changes}
+        file.write_text(json.dumps({key: value for key, value in about.items() if value is not None}))
+
+    return spoil
+
+
+def held(**changes: object) -> Callable[[Path], object]:
+    """Write `frames.npz` with other arrays; None leaves one out."""
+
+    def spoil(folder: Path) -> None:
+        with np.load(folder / "frames.npz") as file:
+            arrays: dict[str, Any] = {**file, **changes}
+        np.savez(folder / "frames.npz", **{key: array for key, array in arrays.items() if array is not None})
+
+    return spoil
+
+
+def cut(name: str, share: float) -> Callable[[Path], object]:
+    """Leave only the first part of a file."""
+    return lambda f: os.truncate(f / name, int((f / name).stat().st_size * share))
+
+
+def filmed(*options: str) -> Callable[[Path], object]:
+    """Have ffmpeg write the video anew."""
+    return lambda f: (
+        subprocess.run(
+            [
+                imageio_ffmpeg.get_ffmpeg_exe(),
+                "-v",
+                "error",
+                "-y",
+                "-i",
+                str(f / "head.mp4"),
+                *options,
+                str(f / "new.mp4"),
+            ],
+            check=True,
+        )
+        and (f / "new.mp4").replace(f / "head.mp4")
+    )
+
+
+def pipe(name: str) -> Callable[[Path], object]:
+    """Put a pipe in a file's place, which would be waited for for ever."""
+    return lambda f: ((f / name).unlink(), os.mkfifo(f / name))
+
+
+SPOILED = {
+    "cut json": ("episode.json", cut("episode.json", 0.5), "not valid JSON"),
+    "empty json": ("episode.json", cut("episode.json", 0), "empty"),
+    "list as json": ("episode.json", lambda f: (f / "episode.json").write_text("[]"), "a mapping"),
+    "other version": ("episode.json", told(version=99), "version 99; this mpvi_bt reads 1"),
+    "no instruction": ("episode.json", told(instruction=None), "missing key 'instruction'"),
+    "empty instruction": ("episode.json", told(instruction=""), "should have 1 character or more"),
+    "no subtasks": ("episode.json", told(subtasks=[]), "should have 1 item or more, not 0"),
+    "numbered subtask": ("episode.json", told(subtasks=[1]), "text, not 1"),
+    "text as frames": ("episode.json", told(frames="3"), "a whole number"),
+    "true as frames": ("episode.json", told(frames=True), "a whole number"),
+    "no frames": ("episode.json", told(frames=0), "greater than 0, not 0"),
+    "no rate": ("episode.json", told(fps=0), "greater than 0, not 0"),
+    "text as success": ("episode.json", told(success="yes"), "true or false"),
+    "size in words": ("episode.json", told(cameras={"head": "240x320"}), "a list"),
+    "half a size": ("episode.json", told(cameras={"head": [240]}), "should have 2 items or more, not 1"),
+    "camera elsewhere": ("episode.json", told(cameras={"../../head": [240, 320]}), "pattern"),
+    "more rows told": ("frames.npz", told(frames=4), "of shape (3, 23), not (4, 23)"),
+    "cut arrays": ("frames.npz", cut("frames.npz", 0.5), "cannot be read"),
+    "empty arrays": ("frames.npz", cut("frames.npz", 0), "cannot be read"),
+    "one array": ("frames.npz", lambda f: np.save((f / "frames.npz").open("wb"), np.zeros(3)), "cannot be read"),
+    "no arrays": ("frames.npz", lambda f: (f / "frames.npz").unlink(), "no such file"),
+    "piped arrays": ("frames.npz", pipe("frames.npz"), "no such file"),
+    "no actions": ("frames.npz", held(action=None), "no array 'action'"),
+    "no histogram": ("frames.npz", held(**{"histogram/head": None}), "no array 'histogram/head'"),
+    "narrow state": ("frames.npz", held(state=np.zeros((3, 2), np.float32)), "of shape (3, 2)"),
+    "state in words": ("frames.npz", held(state=np.full((3, ACTION_SIZE), "1")), "not floating-point numbers"),
+    "objects": ("frames.npz", held(state=np.full((3, ACTION_SIZE), None)), "cannot be read"),
+    "endless action": ("frames.npz", held(action=np.full((3, ACTION_SIZE), np.inf, np.float32)), "not finite"),
+    "huge action": ("frames.npz", held(action=np.full((3, ACTION_SIZE), 1e300)), "not finite"),
+    "subtask too many": ("frames.npz", held(subtask=np.array([0, 0, 1])), "number 1; there are 0 to 0"),
+    "subtask below 0": ("frames.npz", held(subtask=np.array([0, -1, 0])), "number -1; there are 0 to 0"),
+    "half a subtask": ("frames.npz", held(subtask=np.zeros(3)), "not whole numbers"),
+    "other histogram": ("frames.npz", held(**{"histogram/head": np.zeros((3, 256), int)}), "3 pictures of 240 x 320"),
+    "no video": ("head.mp4", lambda f: (f / "head.mp4").unlink(), "no such file"),
+    "piped video": ("head.mp4", pipe("head.mp4"), "no such file"),
+    "empty video": ("head.mp4", cut("head.mp4", 0), "cannot be played to its end"),
+    "cut video": ("head.mp4", cut("head.mp4", 0.6), "cannot be played to its end"),
+    "no video but text": ("head.mp4", lambda f: (f / "head.mp4").write_text("#EXTM3U"), "cannot be played"),
+    "a picture short": ("head.mp4", filmed("-frames:v", "2"), "2 pictures; episode.json says 3 frames"),
+    "small pictures": ("head.mp4", filmed("-s", "160x120"), "160x120 pixels; episode.json says 320x240"),
+    "other codec": ("head.mp4", filmed("-c:v", "mpeg4"), "encoded as mpeg4"),
+    "later pictures": ("head.mp4", filmed("-vf", "setpts=2*PTS", "-fps_mode", "passthrough"), "not 10 a second"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", SPOILED)
+def test_a_broken_demonstration_is_told_and_nothing_is_written(
+    tmp_path: Path, whole: Path, kind: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The file and what is wrong with it are named, and no half a dataset stays."""
+    """The file and what is wrong with it are named, the exit code is 2, and there is no trace of a dataset."""
     pytest.importorskip("pandas")
-    folder = recorded(tmp_path / "one", 3)
+    name, spoil, said = SPOILED[kind]
+    folder = shutil.copytree(whole, tmp_path / "one")
     spoil(folder)
-    with pytest.raises(UserError, match=said):
-        write_dataset(find_demonstrations([folder]), tmp_path / "set")
+    monkeypatch.chdir(tmp_path)
+    assert run(["dataset", "one", "--out", "set"]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    first = next(line for line in lines if not line.startswith("checked")).removeprefix("mpvi: ")
+    assert first.startswith(f"one/{name}:"), lines
+    assert said in first
     assert [path.name for path in tmp_path.iterdir()] == ["one"]
+
+
+@given(data=st.data())
+@settings(max_examples=40)
+def test_no_broken_byte_breaks_more_than_an_error(whole: Path, data: st.DataObject) -> None:
+    """Whatever is cut off, or overwritten, in whatever file, is found whole or told as a problem of that file."""
+    with tempfile.TemporaryDirectory() as place:
+        folder = shutil.copytree(whole, Path(place, "one"))
+        file = folder / data.draw(st.sampled_from(["episode.json", "frames.npz", "head.mp4"]))
+        content = bytearray(file.read_bytes())
+        at = data.draw(st.integers(0, len(content)))
+        content[at : at + data.draw(st.integers(1, 60))] = data.draw(st.binary(max_size=60))
+        file.write_bytes(content)
+        try:
+            check_demonstrations(find_demonstrations([folder]))
+        except FileProblems as error:
+            assert {problem.file for problem in error.problems} <= {str(file), str(folder / "frames.npz")}
+        except UserError as error:
+            assert f"{file}: a demonstration of version" in str(error)
+
+
+def test_every_broken_episode_is_told_at_once(tmp_path: Path, whole: Path) -> None:
+    """One run of the command names all files that have to be mended; an episode that is named twice counts once."""
+    for name in ("a", "b", "c"):
+        shutil.copytree(whole, tmp_path / "demos" / name)
+    (tmp_path / "demos/a/head.mp4").unlink()
+    (tmp_path / "demos/c/frames.npz").unlink()
+    found = find_demonstrations([tmp_path / "demos", tmp_path / "demos/b"])
+    assert [episode.folder.name for episode in found] == ["a", "b", "c"]
+    with pytest.raises(FileProblems) as told:
+        check_demonstrations(found)
+    assert [Path(problem.file).parts[-2:] for problem in told.value.problems] == [
+        ("a", "head.mp4"),
+        ("c", "frames.npz"),
+    ]
 
 
 def test_episodes_that_do_not_go_together_are_refused(tmp_path: Path) -> None:

@@ -22,17 +22,18 @@ def dataset(folders: tuple[Path, ...], out: Path, every: bool, as_json: bool) ->
 
     `mpvi run --demonstration DIR` records one, `mpvi suite run --demonstrations` one an episode.
     """
-    from mpvi_bt.suite.dataset import Demonstrated, find_demonstrations, require_pandas, write_dataset
+    from mpvi_bt.suite.dataset import require_pandas, write_dataset
+    from mpvi_bt.suite.demonstrations import Demonstrated, find_demonstrations
 
     require_pandas()
     found = find_demonstrations(folders)
-    taken = [episode for episode in found if every or episode.about["success"]]
+    taken = [episode for episode in found if every or episode.about.success]
 
-    def tell(number: int, episode: Demonstrated) -> None:
-        click.echo(f"{number + 1}/{len(taken)}  {episode.folder.name}  {episode.about['frames']} frames", err=True)
+    def tell(what: str, number: int, episode: Demonstrated) -> None:
+        click.echo(f"{what} {number + 1}/{len(taken)}  {episode.folder.name}  {episode.about.frames} frames", err=True)
 
     write_dataset(taken, out, tell)
-    frames = sum(episode.about["frames"] for episode in taken)
+    frames = sum(episode.about.frames for episode in taken)
     if as_json:
         left = [str(episode.folder) for episode in found if episode not in taken]
         said = {"dataset": str(out), "episodes": len(taken), "frames": frames, "left_out": left}

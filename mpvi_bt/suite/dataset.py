@@ -11,9 +11,7 @@ import importlib.util
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.errors import UserError
-from mpvi_bt.executive.demonstration import VERSION
-from mpvi_bt.robot.protocol import ACTION_SIZE
+from mpvi_bt.suite.demonstrations import CODEC, Demonstrated, check_demonstrations
 from mpvi_bt.writing import unwritable, write_whole
 
 CODEBASE_VERSION = "v3.0"
@@ -41,71 +38,6 @@ COUNTERS = ("frame_index", "episode_index", "index", "task_index", "subtask_inde
 Statistics = dict[str, NDArray[Any]]
 
 
-@dataclass(frozen=True)
-class Demonstrated:
-    """One recorded episode: the folder that `executive.demonstration` wrote.
-
-    Attributes:
-        folder: Where it is.
-        about: Its `episode.json`.
-    """
-
-    folder: Path
-    about: Mapping[str, Any]
-
-    @cached_property
-    def frames(self) -> Mapping[str, NDArray[Any]]:
-        """Arrays by name: state (n, 23), base_pose (n, 3), action (n, 23), subtask (n,), histogram/CAMERA (3, 256)."""
-        try:
-            with np.load(self.folder / "frames.npz", allow_pickle=False) as file:
-                frames = {key: file[key] for key in file.files}
-        except (OSError, ValueError, EOFError) as error:
-            raise UserError(f"{self.folder / 'frames.npz'}: cannot be read: {error}") from None
-        n = self.about["frames"]
-        shapes = {"state": (n, ACTION_SIZE), "base_pose": (n, 3), "action": (n, ACTION_SIZE), "subtask": (n,)}
-        for name, shape in shapes.items():
-            if name not in frames or frames[name].shape != shape or not np.isfinite(frames[name]).all():
-                raise UserError(f"{self.folder / 'frames.npz'}: {name} is not {shape} finite numbers")
-        return frames
-
-
-def read_demonstration(folder: Path) -> Demonstrated:
-    """A recorded episode.
-
-    Raises:
-        UserError: There is none in the folder, or one of another version of this package.
-    """
-    file = folder / "episode.json"
-    try:
-        about = json.loads(file.read_text(encoding="utf-8"))
-        if about["version"] != VERSION:
-            raise UserError(f"{file}: a demonstration of version {about['version']}; this mpvi_bt reads {VERSION}")
-        kinds = {"instruction": str, "fps": int, "frames": int, "cameras": dict, "subtasks": list, "success": bool}
-        for key, kind in kinds.items():
-            if not isinstance(about[key], kind):
-                raise UserError(f"{file}: {key} is no {kind.__name__}")
-    except OSError:
-        raise UserError(f"{folder}: no demonstration there (no episode.json)") from None
-    except (ValueError, KeyError, TypeError) as error:
-        raise UserError(f"{file}: no description of a demonstration: {error!r}") from None
-    return Demonstrated(folder, about)
-
-
-def find_demonstrations(folders: Iterable[Path]) -> list[Demonstrated]:
-    """Those in the folders and right below them, sorted by name.
-
-    Raises:
-        UserError: A folder has none, or one that cannot be read.
-    """
-    found = []
-    for folder in folders:
-        files = sorted([*folder.glob("episode.json"), *folder.glob("*/episode.json")])
-        if not files:
-            raise UserError(f"{folder}: no demonstrations there; `mpvi suite run SUITE --demonstrations` records some")
-        found += [read_demonstration(file.parent) for file in files]
-    return found
-
-
 def require_pandas() -> None:
     """Raise UserError unless what writes tables is installed."""
     if importlib.util.find_spec("pandas") is None or importlib.util.find_spec("pyarrow") is None:
@@ -113,17 +45,18 @@ def require_pandas() -> None:
 
 
 def write_dataset(
-    episodes: Sequence[Demonstrated], out: Path, tell: Callable[[int, Demonstrated], None] = lambda i, e: None
+    episodes: Sequence[Demonstrated], out: Path, tell: Callable[[str, int, Demonstrated], None] = lambda *told: None
 ) -> None:
-    """Write a dataset; a killed run leaves nothing at `out`.
+    """Write a dataset once all its episodes were found whole; a killed run leaves nothing at `out`.
 
     Args:
         episodes: In their order. All have the same rate and cameras.
         out: Its folder, which must not exist yet.
-        tell: Is told the number and the episode that is written next.
+        tell: Is told what was done ("checked" or "wrote"), and the number and the episode that it was done to.
 
     Raises:
         UserError: There are no episodes, they do not go together, or `out` exists or cannot be written.
+        FileProblems: Everything that is wrong with the episodes' files.
         BackendError: The disk is full or broken.
     """
     require_pandas()
@@ -132,10 +65,11 @@ def write_dataset(
     first = episodes[0].about
     for episode in episodes:
         for key in ("fps", "cameras"):
-            if episode.about[key] != first[key]:
-                raise UserError(f"{episode.folder}: {key} {episode.about[key]}, but {episodes[0].folder}: {first[key]}")
+            if (its := getattr(episode.about, key)) != getattr(first, key):
+                raise UserError(f"{episode.folder}: {key} {its}, but {episodes[0].folder}: {getattr(first, key)}")
     if out.exists():
         raise UserError(f"{out}: exists; choose another folder")
+    check_demonstrations(episodes, lambda number, episode: tell("checked", number, episode))
     partial = out.with_name(f".{out.name}.{os.getpid()}.tmp")
     try:
         partial.mkdir(parents=True)
@@ -147,22 +81,21 @@ def write_dataset(
         shutil.rmtree(partial, ignore_errors=True)
 
 
-def _write(episodes: Sequence[Demonstrated], out: Path, tell: Callable[[int, Demonstrated], None]) -> None:
+def _write(episodes: Sequence[Demonstrated], out: Path, tell: Callable[[str, int, Demonstrated], None]) -> None:
     import pandas as pd
 
     first = episodes[0].about
-    tasks = list(dict.fromkeys(e.about["instruction"] for e in episodes))
-    subtasks = list(dict.fromkeys(name for e in episodes for name in e.about["subtasks"]))
+    tasks = list(dict.fromkeys(e.about.instruction for e in episodes))
+    subtasks = list(dict.fromkeys(name for e in episodes for name in e.about.subtasks))
     rows, begin = [], 0
     for number, episode in enumerate(episodes):
-        tell(number, episode)
         table = _table(episode, number, begin, tasks, subtasks)
         chunk, file = divmod(number, FILES_A_CHUNK)
         _parquet(_frame(table), out / f"data/chunk-{chunk:03d}/file-{file:03d}.parquet")
         length = len(table["index"])
         row: dict[str, Any] = {
             "episode_index": number,
-            "tasks": [episode.about["instruction"]],
+            "tasks": [episode.about.instruction],
             "length": length,
             "data/chunk_index": chunk,
             "data/file_index": file,
@@ -171,17 +104,18 @@ def _write(episodes: Sequence[Demonstrated], out: Path, tell: Callable[[int, Dem
             "meta/episodes/chunk_index": 0,
             "meta/episodes/file_index": 0,
         }
-        for camera in first["cameras"]:
+        for camera in first.cameras:
             key = f"observation.images.{camera}"
             target = out / f"videos/{key}/chunk-{chunk:03d}/file-{file:03d}.mp4"
             target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(episode.folder / f"{camera}.mp4", target)
+            target.write_bytes(_content(episode.folder / f"{camera}.mp4"))
             row |= {f"videos/{key}/chunk_index": chunk, f"videos/{key}/file_index": file}
-            row |= {f"videos/{key}/from_timestamp": 0.0, f"videos/{key}/to_timestamp": length / first["fps"]}
+            row |= {f"videos/{key}/from_timestamp": 0.0, f"videos/{key}/to_timestamp": length / first.fps}
         for key, found in (_statistics(table) | _seen([episode])).items():
             row |= {f"stats/{key}/{name}": value.tolist() for name, value in found.items()}
         rows.append(row)
         begin += length
+        tell("wrote", number, episode)
     _parquet(pd.DataFrame(rows), out / "meta/episodes/chunk-000/file-000.parquet")
     _parquet(pd.DataFrame({"task_index": range(len(tasks))}, index=tasks), out / "meta/tasks.parquet")
     _parquet(pd.DataFrame({"subtask_index": range(len(subtasks))}, index=subtasks), out / "meta/subtasks.parquet")
@@ -199,13 +133,13 @@ def _write(episodes: Sequence[Demonstrated], out: Path, tell: Callable[[int, Dem
             "chunks_size": FILES_A_CHUNK,
             "data_files_size_in_mb": 100,
             "video_files_size_in_mb": 200,
-            "fps": first["fps"],
+            "fps": first.fps,
             "splits": {"train": f"0:{len(episodes)}"},
             "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
             "video_path": "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
-            if first["cameras"]
+            if first.cameras
             else None,
-            "features": features(first["cameras"], first["fps"]),
+            "features": features(first.cameras, first.fps),
         },
         out,
         "info",
@@ -231,7 +165,7 @@ def features(cameras: Mapping[str, Sequence[int]], fps: int) -> dict[str, Any]:
             "info": {
                 "video.height": height,
                 "video.width": width,
-                "video.codec": "h264",
+                "video.codec": CODEC,
                 "video.pix_fmt": "yuv420p",
                 "video.is_depth_map": False,
                 "video.fps": fps,
@@ -249,16 +183,16 @@ def _table(
     episode: Demonstrated, number: int, begin: int, tasks: Sequence[str], subtasks: Sequence[str]
 ) -> dict[str, NDArray[Any]]:
     """Columns of an episode's rows, (n,) or (n, size)."""
-    frames, n = episode.frames, episode.about["frames"]
+    frames, n = episode.frames, episode.about.frames
     steps = np.arange(n)
-    renumbered = np.array([subtasks.index(name) for name in episode.about["subtasks"]], np.int64)
+    renumbered = np.array([subtasks.index(name) for name in episode.about.subtasks], np.int64)
     return {
         **{key: frames[name].astype(np.float32) for key, (name, _) in VECTORS.items()},
-        "timestamp": (steps / episode.about["fps"]).astype(np.float32),
+        "timestamp": (steps / episode.about.fps).astype(np.float32),
         "frame_index": steps,
         "episode_index": np.full(n, number),
         "index": begin + steps,
-        "task_index": np.full(n, tasks.index(episode.about["instruction"])),
+        "task_index": np.full(n, tasks.index(episode.about.instruction)),
         "subtask_index": renumbered[frames["subtask"]],
     }
 
@@ -287,7 +221,7 @@ def _seen(episodes: Sequence[Demonstrated]) -> dict[str, Statistics]:
     """The same of pictures: over all their pixels, by channel (3, 1, 1), black 0 to white 1."""
     found = {}
     shade = np.arange(256) / 255
-    for camera in episodes[0].about["cameras"]:
+    for camera in episodes[0].about.cameras:
         histogram = np.stack([e.frames[f"histogram/{camera}"] for e in episodes]).astype(np.float64).sum(0)
         share = histogram / histogram.sum(1, keepdims=True)
         up_to = share.cumsum(1)
@@ -301,7 +235,7 @@ def _seen(episodes: Sequence[Demonstrated]) -> dict[str, Statistics]:
         }
         key = f"observation.images.{camera}"
         found[key] = {name: value.reshape(3, 1, 1) for name, value in each.items()}
-        found[key]["count"] = np.array([sum(e.about["frames"] for e in episodes)])
+        found[key]["count"] = np.array([sum(e.about.frames for e in episodes)])
     return found
 
 
@@ -309,6 +243,14 @@ def _frame(table: Mapping[str, NDArray[Any]]) -> Any:
     import pandas as pd
 
     return pd.DataFrame({key: list(column) if column.ndim > 1 else column for key, column in table.items()})
+
+
+def _content(file: Path) -> bytes:
+    """A file of an episode. Raises UserError: it was there when it was checked."""
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise UserError(f"{file}: cannot be read: {(error.strerror or str(error)).lower()}") from None
 
 
 def _parquet(frame: Any, file: Path) -> None:
