@@ -34,25 +34,30 @@ def suite() -> None:
 
 
 def _shared(command: Any) -> Any:
-    """The argument and options that name a suite's episodes and their folder."""
-    command = backends(command)
-    command = click.option(
-        "--tree", type=Name("trees", file=True), metavar="FILE", help="Run this tree instead of the plan's."
-    )(command)
-    command = click.option(
-        "--plan",
-        type=Name("tasks/plans", file=True),
-        metavar="FILE",
-        help="Compile this plan instead of the task's own.",
-    )(command)
+    """The argument and options that name a suite and its folder."""
     command = click.option("--json", "as_json", is_flag=True, help="Write the report as JSON.")(command)
     out = click.Path(file_okay=False, path_type=Path)
     command = click.option("--out", type=out, help="Folder of the results.  [default: runs/SUITE]")(command)
     return click.argument("name", type=File("tasks/suites"), metavar="SUITE")(command)
 
 
+def _played(command: Any) -> Any:
+    """The options that say how episodes are played."""
+    command = backends(command)
+    command = click.option(
+        "--tree", type=Name("trees", file=True), metavar="FILE", help="Run this tree instead of the plan's."
+    )(command)
+    return click.option(
+        "--plan",
+        type=Name("tasks/plans", file=True),
+        metavar="FILE",
+        help="Compile this plan instead of the task's own.",
+    )(command)
+
+
 @suite.command()
 @_shared
+@_played
 @click.option(
     "--task",
     "tasks",
@@ -202,10 +207,10 @@ def _engine(
 
 @suite.command()
 @_shared
-def status(name: str, out: Path | None, as_json: bool, **options: Any) -> None:
+def status(name: str, out: Path | None, as_json: bool) -> None:
     """Say how far SUITE, or the folder of its results, is: what is done, broken, to do."""
     name, out = _meant(name, out)
-    title, store, episodes = _open(name, out, options, as_run=True)
+    title, store, episodes = _open(name, out)
     results = {c: r for c in episodes if (r := store.result(c)) is not None}
     faults = {c: f for c in episodes if c not in results and (f := store.fault(c)) is not None}
     methods = list(dict.fromkeys(c.method for c in episodes))
@@ -267,7 +272,6 @@ def report(
     html: Path | None,
     markdown: Path | None,
     baseline: str | None,
-    **options: Any,
 ) -> None:
     """Tabulate the results of SUITE, or of the folder that they are in, so far.
 
@@ -275,7 +279,7 @@ def report(
     episodes that both have finished.
     """
     name, out = _meant(name, out)
-    title, store, episodes = _open(name, out, options, as_run=True)
+    title, store, episodes = _open(name, out)
     results = {c: r for c in episodes if (r := store.result(c)) is not None}
     faults = {c: f for c in episodes if c not in results and (f := store.fault(c)) is not None}
     told = Told.of(title, store, episodes, results, faults, name, baseline)
@@ -299,16 +303,14 @@ def _meant(name: str, out: Path | None) -> tuple[str, Path | None]:
     return manifest.suite, Path(name)
 
 
-def _open(
-    name: str, out: Path | None, options: dict[str, Any], as_run: bool = False
-) -> tuple[str, Any, list[EpisodeConfig]]:
+def _open(name: str, out: Path | None, options: dict[str, Any] | None = None) -> tuple[str, Any, list[EpisodeConfig]]:
     """The suite's title, its store and its episodes, all names checked.
 
     Args:
         name: Of a suite, or its file.
         out: Folder of its results, or None: the usual one.
-        options: What the command line says of methods and backends.
-        as_run: Whether to take the episodes as they were run in that folder, where the command line says nothing else.
+        options: What the command line says of methods and backends; None: episodes are as they were run in that
+            folder.
     """
     from mpvi_bt.suite.manifest import read_manifest
     from mpvi_bt.suite.store import Store
@@ -317,14 +319,15 @@ def _open(
     loaded = load_suite(name)
     title = Path(name).stem
     store = Store(out or Path("runs") / title)
+    if options is None and (manifest := read_manifest(store.out)) is not None:
+        return title, store, manifest.episodes()
     context = click.get_current_context()
     given = {
         key: value
-        for key, value in options.items()
+        for key, value in (options or {}).items()
         if context.get_parameter_source(key) is not click.core.ParameterSource.DEFAULT
     }
-    manifest = read_manifest(store.out) if as_run and not given else None
-    return title, store, manifest.episodes() if manifest else loaded.episodes(**given)
+    return title, store, loaded.episodes(**given)
 
 
 def _print_json(data: Any) -> None:
