@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from mpvi_bt import paths
-from mpvi_bt.cli.check import problems_in
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import protocol
+from mpvi_bt.suite.checking import problems_in
 from mpvi_bt.suite.planners import ground
 from mpvi_bt.suite.tasks import load_task
 from mpvi_bt.tree import lint

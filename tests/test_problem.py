@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt import paths
-from mpvi_bt.cli.check import below, problems_in
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.goals.evaluate import snapshot
 from mpvi_bt.goals.formula import All, Formula, Literal
 from mpvi_bt.goals.problem import Problem, load_problem, parse_problem
+from mpvi_bt.suite.checking import below, problems_in
 from mpvi_bt.suite.human import human_stats
 
 TINY = """

@@ -89,8 +89,8 @@ def _whose(path: Path) -> str:
 
 def _about(path: Path) -> str:
     """The line that a file says of itself: its `about`, `description` or `instruction`, or its first comment."""
-    from mpvi_bt.cli.check import problems_in
     from mpvi_bt.marked_yaml import parse_marked, read_text
+    from mpvi_bt.suite.checking import problems_in
 
     broken = f"(broken; see `mpvi check {path}`)"
     if path.parent.name != "trees" and problems_in(str(path)):  # of trees, these may be mere warnings
