@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, UnknownName
 from mpvi_bt.plan.clauses import clauses, match
-from mpvi_bt.plan.phrases import pattern
+from mpvi_bt.plan.pattern import pattern
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.primitives import primitives
 from mpvi_bt.plan.schema import Manipulation, Navigation, Plan, load_plan

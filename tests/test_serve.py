@@ -197,6 +197,10 @@ BAD = {
     "no_mapping": ([1, 2], "the observation: a list is given"),
     "no_prompt": (_without(GOOD, "prompt"), "prompt is missing"),
     "misspelled": ({**GOOD, "promt": "a"}, "Did you mean 'prompt'"),
+    "endless_prompt": (
+        _with("pick up the cup " * 17_500, "prompt"),
+        "prompt: 280000 characters are given, at most 65000",
+    ),
     "number_for_prompt": (_with(3, "prompt"), "prompt: 3 is given, a text is wanted"),
     "reset_message_of_behavior": ({"reset": True}, "prompt is missing"),
     "no_body": (_without(GOOD, "proprioception"), "proprioception is missing"),

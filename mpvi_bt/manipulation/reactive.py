@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mpvi_bt.errors import shown
 from mpvi_bt.manipulation.gaze import tilted
 from mpvi_bt.manipulation.in_hand import show
 from mpvi_bt.manipulation.looking import look_for, look_from_elsewhere
@@ -65,7 +66,7 @@ class ReactivePolicy(ScriptedPolicy):
         """
         calls = [c for clause in clauses(prompt, self._skills) if (c := match(clause, self._skills)) is not None]
         if not calls:
-            self.note = f"no skill for {prompt[:60]!r}"
+            self.note = f"no skill for {shown(prompt)}"
             return None
         named = [p for call in calls for r in readings(call) for p in self._phrases(r, _NAMES)]
         self._seen.forget(kinds([*named, *filter(None, map(contents, named))]))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mpvi_bt.errors import shown
 from mpvi_bt.manipulation.carry import back_off, come_out, settle, step_back, tuck
 from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.follow import around, draw_off
@@ -134,7 +135,7 @@ class ScriptedPolicy:
         for clause in clauses(prompt, self._skills):
             call = match(clause, self._skills)
             if call is None:
-                self.note = f"no skill for {clause!r}"
+                self.note = f"no skill for {shown(clause)}"
                 return None
             calls.append(call)
         if not calls:

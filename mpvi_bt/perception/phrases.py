@@ -27,7 +27,7 @@ MOST_CHARACTERS = 300  # a longer phrase names nothing
 
 OTHER = re.compile(r"(?:the )?(?:another|other|next|last)\b", re.IGNORECASE)  # said of one that was not meant before
 
-_ARTICLES = re.compile(r"^(?:an?|the|one|another|some|any|next|first|second|third|last)\s+")
+_ARTICLES = re.compile(r"^(?:(?:an?|the|one|another|some|any|next|first|second|third|last)\s+)+")
 
 _WHERE = r"(?:front|top|upper|middle|lower|bottom|left|right)"
 _PART = rf"(?:{_WHERE} )?(?:door|lid|drawer|cover|flap|handle)s?"
@@ -166,10 +166,7 @@ def whole(phrase: str) -> str | None:
 @lru_cache(maxsize=10_000)  # asked for each entry of a knowledge base, each step
 def normalize(phrase: str) -> str:
     """Lower case, words split by single spaces, without leading articles and counting words."""
-    text = " ".join(re.sub(r"[_\W]+", " ", phrase.lower()).split())
-    while (shorter := _ARTICLES.sub("", text)) != text:
-        text = shorter
-    return text
+    return _ARTICLES.sub("", " ".join(re.sub(r"[_\W]+", " ", phrase.lower()).split()))
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from mpvi_bt.plan.phrases import LISTED
+from mpvi_bt.perception.phrases import MOST_CHARACTERS
+from mpvi_bt.plan.pattern import LISTED
 from mpvi_bt.plan.skills import Skill, SkillCall
 
 _ARTICLE = re.compile(r"(?:an?|the|its|your|my)\s+", re.IGNORECASE)
@@ -32,15 +33,17 @@ def clauses(prompt: str, skills: Mapping[str, Skill]) -> list[str]:
     several things the last that the clause does not name itself.
     """
     found: list[str] = []
-    things: list[str] = []
+    things: dict[str, None] = {}  # the last one last
     for clause in _parts(prompt, skills):
-        if things and _PRONOUN.search(clause):
-            thing = next((t for t in reversed(things) if t.lower() not in clause.lower()), things[-1])
+        if things and len(clause) <= MOST_CHARACTERS and _PRONOUN.search(clause):
+            said = clause.lower()
+            thing = next((t for t in reversed(things) if t.lower() not in said), next(reversed(things)))
             clause = _PRONOUN.sub(lambda _, thing=thing: f"the {thing}", clause)  # type: ignore[misc]
         found.append(clause)
         call = _call(clause, skills)
         if call is not None and (thing := _head(call.arguments)):
-            things.append(thing)
+            things.pop(thing, None)
+            things[thing] = None
     return found
 
 
@@ -80,12 +83,14 @@ def _is_clause(words: str, joined: bool, skills: Mapping[str, Skill]) -> bool:
 
 
 def _call(text: str, skills: Mapping[str, Skill]) -> SkillCall | None:
-    """As `match`, of a single clause."""
+    """As `match`, of a single clause; None of one that is longer than `MOST_CHARACTERS`."""
+    if len(text) > MOST_CHARACTERS:
+        return None
     readings: list[tuple[int, int, int, SkillCall]] = []
     for skill in skills.values():
-        for regex in skill.patterns:
-            if found := regex.fullmatch(text):
-                words = {slot: _bare(value) for slot, value in found.groupdict().items() if value is not None}
+        for pattern in skill.patterns:
+            if (found := pattern.match(text)) is not None:
+                words = {slot: _bare(value) for slot, value in found.items()}
                 letters = sum(map(len, words.values()))
                 readings.append((len(_head(words)), -len(words), letters, SkillCall(skill, words)))
     return min(readings, key=lambda r: r[:3])[3] if readings else None

@@ -14,72 +14,10 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from mpvi_bt.errors import UnknownName
+from mpvi_bt.plan.pattern import SLOTS, pattern
 
-SLOTS = ("object", "container", "surface", "target", "source", "tool", "hand", "to_hand", "state", "direction")
-_WORDS = {
-    "hand": "left|right",
-    "to_hand": "left|right",
-    "state": "on|off",
-    "direction": "left|right|forward|backward|away|aside",
-}
-LISTED = set("|".join(_WORDS.values()).split("|"))
-_TOKEN = re.compile(r"\{(\w*)(?::([\w\s|-]+))?\}|[\[\]()|]|[^\[\](){}|]+|.")
 _SLOT = re.compile(r"\{(\w*)\}")
 _ENDING = re.compile(r"\{\w*:([\w\s-]+)[^{}]*\}")
-_BRACKETS = {"[": "(?:", "]": ")?", "(": "(?:", ")": ")", "|": "|"}
-_ITS_ARTICLE = r"(?>(?:(?:an?|the|its|your|my)\s+)?)"  # no thing alone: "press the button" is no button of "the"
-
-# What names a thing begins with no preposition ("in the chair"), has none of motion in it ("box across the table") and
-# ends in no word that belongs to the verb ("door open").
-_BEFORE = (
-    r"(?!(?:in|into|inside|within|on|onto|upon|off|out|of|from|to|towards?|at|by|with|using|under|underneath|beneath|"
-    r"below|over|above|across|along|against|behind|between|beside|near|next|through|up|down|away|and|then)(?:\s|$))"
-)
-_WITHIN = r"(?:(?!\s(?:into|onto|off|out|towards?|across|through|until)\s).)*?"
-_VERBAL = "in|into|on|onto|off|out|up|down|over|away|back|open|shut|closed|upside"
-_AFTER = "".join(rf"(?<!\s{word})" for word in _VERBAL.split("|"))
-# Where something comes from or goes to is no side of itself, nor a side of nothing.
-_NOT_A_SIDE = r"(?!its\s|(?:the\s+)?(?:left|right|side|front)(?:\s+side)?(?:$|\s+(?:of|with|using)\s))"
-_PLACES = ("source", "surface", "container")
-
-
-def pattern(phrase: str) -> re.Pattern[str]:
-    """The regular expression of a phrase.
-
-    Raises:
-        ValueError: An unknown slot, one slot twice, or brackets or braces that do not close.
-    """
-    source = ""
-    seen: set[str] = set()
-    for token in _TOKEN.finditer(" ".join(phrase.split())):
-        text, slot = token.group(), token.group(1)
-        if slot is not None:
-            if slot not in SLOTS:
-                raise ValueError(str(UnknownName("slot", slot, SLOTS)))
-            if slot in seen:
-                raise ValueError(f"slot {slot!r} twice in one phrase")
-            seen.add(slot)
-            source += f"(?P<{slot}>{_named(slot, token.group(2))})"
-        elif text in "{}":
-            raise ValueError(f"a {text!r} without its other half; a slot is written {{object}}")
-        else:
-            source += _BRACKETS.get(text) or re.escape(text)
-    try:
-        return re.compile(source, re.IGNORECASE)
-    except re.error:
-        raise ValueError("brackets that do not match; known: (a|b), [may be left out], {slot}") from None
-
-
-def _named(slot: str, ending: str | None) -> str:
-    """What the words of a slot may be, as a regular expression."""
-    if slot in _WORDS:
-        return _WORDS[slot]
-    before = _BEFORE + (_NOT_A_SIDE if slot in _PLACES else "")
-    if ending is not None:
-        words = "|".join(re.escape(word.strip()) for word in ending.split("|"))
-        return rf"{before}{_ITS_ARTICLE}(?:\S{_WITHIN}\s)?(?:{words})"
-    return rf"{before}{_ITS_ARTICLE}\S(?:{_WITHIN}\S)?{_AFTER}"
 
 
 def example(phrase: str) -> str:
@@ -121,10 +59,10 @@ def filled(template: str, arguments: Mapping[str, str]) -> str | None:
 
 def checked_phrase(phrase: str) -> str:
     """The phrase. Raises ValueError as `pattern` does, and for one that fits a text without a word of its own."""
-    regex = pattern(phrase)
-    if regex.fullmatch(""):
+    read = pattern(phrase)
+    if read.match("") is not None:
         raise ValueError("a phrase must not match an empty text")
-    if any(regex.fullmatch(" ".join(["%"] * count)) for count in range(1, len(SLOTS) + 1)):
+    if any(read.match(" ".join(["%"] * count)) is not None for count in range(1, len(SLOTS) + 1)):
         raise ValueError("a phrase needs a word of its own: slots alone catch every sentence")
     return phrase
 

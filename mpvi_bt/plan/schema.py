@@ -21,9 +21,11 @@ def _one_line(text: str) -> str:
 Phrase = Annotated[
     str, StringConstraints(strip_whitespace=True, min_length=1, max_length=300), AfterValidator(_one_line)
 ]
-# Enough for 200 segments joined, every dollar sign doubled.
-Paragraph = Annotated[
-    str, StringConstraints(strip_whitespace=True, min_length=1, max_length=130_000), AfterValidator(_one_line)
+MOST_OF_PROMPT = 65_000  # characters: enough for 200 segments joined
+Paragraph = Annotated[  # a prompt with every dollar sign doubled
+    str,
+    StringConstraints(strip_whitespace=True, min_length=1, max_length=2 * MOST_OF_PROMPT),
+    AfterValidator(_one_line),
 ]
 
 

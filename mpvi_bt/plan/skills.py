@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,7 +13,8 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 from mpvi_bt.errors import FileProblems
 from mpvi_bt.file_kinds import expect
 from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
-from mpvi_bt.plan.phrases import checked_phrase, checked_template, filled, first_words, pattern, slots
+from mpvi_bt.plan.pattern import Pattern, pattern
+from mpvi_bt.plan.phrases import checked_phrase, checked_template, filled, first_words, slots
 from mpvi_bt.plan.schema import Phrase
 
 
@@ -61,15 +61,15 @@ class Skill(Record):
     @classmethod
     def _is_said(cls, shows: str | None, info: ValidationInfo) -> str | None:
         """Raises ValueError for a slot that no phrase has words for: the judge would never be told anything."""
-        given = [slot for phrase in info.data.get("phrases", ()) for slot in pattern(phrase).groupindex]
+        given = [slot for phrase in info.data.get("phrases", ()) for slot in pattern(phrase).slots]
         for slot in slots(shows or "") if given else ():
             if slot not in given:
                 raise ValueError(f"no phrase gives {slot!r}; they give: {', '.join(dict.fromkeys(given))}")
         return shows
 
     @cached_property
-    def patterns(self) -> tuple[re.Pattern[str], ...]:
-        """Its phrases as regular expressions."""
+    def patterns(self) -> tuple[Pattern, ...]:
+        """Its phrases, read."""
         return tuple(map(pattern, self.phrases))
 
     @cached_property

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from mpvi_bt.errors import BadMessage, UnknownName, shown
+from mpvi_bt.plan.schema import MOST_OF_PROMPT
 from mpvi_bt.remote.settings import CAMERAS
 from mpvi_bt.robot.protocol import SIDES, CameraImage, Proprioception, Side
 from mpvi_bt.robot.solids import Array
@@ -78,13 +79,15 @@ def read_observation(message: Any) -> Question:
             be right.
     """
     top = _mapping(message, "", ("prompt", "proprioception"), ("images", "reset", "vocabulary"))
-    if not isinstance(top["prompt"], str):
-        raise _wrong("prompt", top["prompt"], "a text")
+    if not isinstance(prompt := top["prompt"], str):
+        raise _wrong("prompt", prompt, "a text")
+    if len(prompt) > MOST_OF_PROMPT:
+        raise BadMessage(f"prompt: {len(prompt)} characters are given, at most {MOST_OF_PROMPT} are wanted")
     if not isinstance(reset := top.get("reset", False), bool):
         raise _wrong("reset", reset, "true or false")
     images = _mapping(top.get("images", {}), "images", (), CAMERAS)
     observation = {
-        "prompt": top["prompt"],
+        "prompt": prompt,
         "proprioception": _read_body(top["proprioception"]),
         "images": {camera: _read_image(camera, image) for camera, image in images.items()},
     }
