@@ -28,9 +28,12 @@ _OURS = Path(__file__).absolute().parent
 
 
 class MpviError(Exception):
-    """Base of every error here; `exit_code` is what the command line ends with."""
+    """Base of every error here; `exit_code` is what the command line ends with. No line of its message is long."""
 
     exit_code = 3
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(bounded(message))
 
 
 class UserError(MpviError):
@@ -81,6 +84,9 @@ class Problem:
     nearest: str | None = None
     known: tuple[str, ...] = ()
     pointer: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "message", bounded(self.message))
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
@@ -192,6 +198,22 @@ def nearest(given: str, known: Iterable[str]) -> str | None:
         return None
     matches = difflib.get_close_matches(given, list(known), n=1, cutoff=0.55)
     return matches[0] if matches else None
+
+
+_LONGEST = 2000  # Our choice: a screen full
+
+
+def bounded(text: str, longest: int = _LONGEST) -> str:
+    """A message of which no line is longer than about so many characters: the middle of one that is, is left out."""
+    if len(text) <= longest:
+        return text
+    head, tail = 3 * longest // 4, longest // 4
+    return "\n".join(
+        line
+        if len(line) <= longest
+        else f"{line[:head]} ... ({len(line) - head - tail} characters left out) ... {line[-tail:]}"
+        for line in text.split("\n")
+    )
 
 
 _BESIDE = 40  # characters

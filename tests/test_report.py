@@ -98,7 +98,7 @@ def test_a_terminal_obeys_nothing_that_a_model_wrote() -> None:
     changed = RESULTS[EPISODES[1]].model_copy(update={"failures": failures})
     words = report_text("four", EPISODES, {**RESULTS, EPISODES[1]: changed}, FAULTS)
     assert "\x1b" not in words
-    assert "timeout: \\x1b[2J gone new line" in words
+    assert "timeout: \\u001b[2J gone new line" in words
 
 
 def test_methods_are_told_apart() -> None:

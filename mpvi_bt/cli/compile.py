@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mpvi_bt.cli.given import File, drive, on_failure
+from mpvi_bt.drawing.terminal import give
 from mpvi_bt.writing import write_whole
 
 if TYPE_CHECKING:
@@ -37,4 +38,4 @@ def compile_(plan: str, on_failure: str, drive: Drive, out: str | None, as_json:
     if as_json:
         click.echo(json.dumps({"yaml": text, "out": out}))
     elif out is None:
-        click.echo(text, nl=False)
+        give(text)

@@ -11,6 +11,7 @@ import click
 
 from mpvi_bt import paths
 from mpvi_bt.cli.given import File
+from mpvi_bt.drawing.terminal import give
 from mpvi_bt.errors import Problem, UserError
 from mpvi_bt.writing import write_whole
 
@@ -45,7 +46,7 @@ def convert(tree: str, out: str | None, to: str | None, force: bool, as_json: bo
         click.echo(json.dumps(told, indent=2))
         return
     if out is None:
-        click.echo(main, nl=False)
+        give(main)
     for file in files[1:]:
         click.echo(f"wrote {file} too: a subtree", err=True)
     for line in grouped(warnings):

@@ -16,6 +16,9 @@ from pathlib import Path
 import click
 
 from mpvi_bt import __version__, paths
+from mpvi_bt.drawing.cells import one_line
+from mpvi_bt.drawing.colors import wants_color
+from mpvi_bt.drawing.terminal import draw
 from mpvi_bt.errors import MpviError, UserError
 from mpvi_bt.language.endpoint import BASE_URL, base_url
 
@@ -83,7 +86,9 @@ def doctor(as_json: bool) -> int:
 
 def _show(check: Check) -> None:
     word, color = ("ok", "green") if check.ok else ("missing", "red") if check.core else ("missing", "yellow")
-    click.echo(f"  {click.style(f'{word:8}', fg=color)} {check.name:10} {check.found}")
+    word = f"{word:8}"
+    word = click.style(word, fg=color) if wants_color(sys.stdout) else word
+    draw(sys.stdout, f"  {word} {check.name:10} {one_line(check.found)}\n")
     if check.mend:
         click.echo(f"{'':22}-> {check.mend}")
 

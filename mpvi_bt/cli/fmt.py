@@ -13,6 +13,7 @@ import click
 
 from mpvi_bt.cli import problems as show
 from mpvi_bt.cli.given import File
+from mpvi_bt.drawing.terminal import give
 from mpvi_bt.errors import FileProblems, Problem, UserError
 from mpvi_bt.file_kinds import kind_of
 from mpvi_bt.marked_yaml import parse_marked, read_text
@@ -58,11 +59,11 @@ def fmt(files: tuple[str, ...], only_check: bool, only_diff: bool, as_json: bool
         if result is not None and result != (text if file == "-" else _as_it_is(file)):
             changed.append(file)
             if only_diff and not as_json:
-                click.echo("".join(_diff(text, result, file)), nl=False)
+                give("".join(_diff(text, result, file)))
             elif file != "-" and not (only_check or only_diff):
                 write_whole(file, result)
         if file == "-" and result is not None and not (only_check or only_diff or as_json):
-            click.echo(result, nl=False)
+            give(result)
     _report(changed, problems, texts, count, only_check or only_diff, as_json)
     return 2 if problems else int(only_check and bool(changed))
 

@@ -15,6 +15,7 @@ import click
 
 from mpvi_bt import __version__
 from mpvi_bt.cli import COMMANDS, INTERRUPTED, NOBODY_READS, help_text
+from mpvi_bt.drawing.terminal import guarded
 from mpvi_bt.errors import FileProblems, MpviError, NodeError, UnknownName, UserError
 from mpvi_bt.writing import unwritable
 
@@ -65,7 +66,8 @@ def cli() -> None:
 
 def run(args: Sequence[str]) -> int:
     """Run one command and say how it ended; a command returns its exit code, or None for 0."""
-    code = _run(list(args))
+    with guarded():
+        code = _run(list(args))
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

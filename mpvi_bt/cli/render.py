@@ -13,6 +13,7 @@ import click
 
 from mpvi_bt import paths
 from mpvi_bt.cli.given import File, arguments, complete_param
+from mpvi_bt.drawing.terminal import give
 from mpvi_bt.errors import UserError
 from mpvi_bt.writing import write_whole
 
@@ -97,7 +98,7 @@ def render(
         width = min(shutil.get_terminal_size().columns, _WIDEST) if out is None and sys.stdout.isatty() else _WIDTH
     text = json.dumps(_described(picture), indent=2) if as_json else _drawn(picture, form, width)
     if out is None:
-        click.echo(text)
+        give(text + "\n")
         return
     write_whole(out, text + "\n")
 

@@ -19,6 +19,7 @@ from mpvi_bt.cli.given import File
 from mpvi_bt.drawing.cells import cut, one_line
 from mpvi_bt.drawing.colors import obeys_escapes, painted, wants_color
 from mpvi_bt.drawing.marks import legend
+from mpvi_bt.drawing.terminal import draw
 from mpvi_bt.drawing.text import left_out, node_line, tree_lines, where, window
 from mpvi_bt.trace.lines import Tick
 from mpvi_bt.trace.read import Trace, read_trace
@@ -167,21 +168,20 @@ class Player:
 
     def play(self) -> None:
         """Draw and obey keys until q. The screen is left as it was."""
-        write, keyboard = sys.stdout.write, sys.stdin.fileno()
+        keyboard = sys.stdin.fileno()
         before = termios.tcgetattr(keyboard)
         tty.setcbreak(keyboard)  # all the time, unlike click.getchar: keys typed while it draws are not lost
-        write("\x1b[?1049h\x1b[?25l")  # another screen, no cursor
+        draw(sys.stdout, "\x1b[?1049h\x1b[?25l")  # another screen, no cursor
         try:
             while True:
-                write("\x1b[H" + "\x1b[K\n".join(self.screen(shutil.get_terminal_size())) + "\x1b[K\x1b[J")
-                sys.stdout.flush()
+                screen = "\x1b[K\n".join(self.screen(shutil.get_terminal_size()))
+                draw(sys.stdout, f"\x1b[H{screen}\x1b[K\x1b[J")
                 for key in _KEY.findall(os.read(keyboard, 64).decode(errors="replace")) or ["q"]:  # nothing: hung up
                     if key == "q":
                         return
                     self.press(key)
         finally:
-            write("\x1b[?25h\x1b[?1049l")
-            sys.stdout.flush()
+            draw(sys.stdout, "\x1b[?25h\x1b[?1049l")
             termios.tcsetattr(keyboard, termios.TCSADRAIN, before)
 
     def press(self, key: str) -> None:

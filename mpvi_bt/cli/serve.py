@@ -15,6 +15,8 @@ import click
 from click.shell_completion import CompletionItem
 
 from mpvi_bt.cli.given import Choice, File
+from mpvi_bt.drawing.cells import one_line
+from mpvi_bt.drawing.terminal import draw
 from mpvi_bt.errors import PolicyError, UserError
 from mpvi_bt.suite.backends import BACKENDS, choose
 
@@ -129,13 +131,13 @@ class Status:
 
     def draw(self, server: PolicyServer) -> None:
         """How the server stands."""
-        line = server.metrics.summary()[: shutil.get_terminal_size().columns - 1]
+        line = one_line(server.metrics.summary())[: shutil.get_terminal_size().columns - 1]
         if self._live and line != self._drawn:
-            click.echo(f"\r\x1b[2K{line}", err=True, nl=False)
+            draw(sys.stderr, f"\r\x1b[2K{line}")
             self._drawn = line
 
     def clear(self) -> None:
         """Take the drawn line away."""
         if self._drawn:
-            click.echo("\r\x1b[2K", err=True, nl=False)
+            draw(sys.stderr, "\r\x1b[2K")
             self._drawn = ""

@@ -2,20 +2,35 @@
 
 from __future__ import annotations
 
+import unicodedata
+
 _JOINERS = "\u200c\u200d"  # they join letters and emoji; every other invisible character is escaped
 
 
-def one_line(text: str) -> str:
-    """The text on one line, with nothing in it that a terminal would obey: labels and feedback come from models.
+def harmless(text: str) -> str:
+    """The text with nothing in it that a terminal would obey, but for line ends and tabs.
 
-    White space becomes single spaces. Control characters, lone surrogates and marks that turn the writing direction
-    become escapes of Python's, a backslash and a number.
+    Control characters (of C1, too), lone surrogates and marks that turn the writing direction become JSON's escapes: so
+    JSON stays what it is.
     """
-    if text.isprintable():
+    if text.replace("\n", "").replace("\t", "").isprintable():
         return text
-    return "".join(
-        c if c.isprintable() or c in _JOINERS else c.encode("unicode_escape").decode() for c in " ".join(text.split())
-    )
+    return "".join(c if c.isprintable() or _is_harmless(c) else escape(c) for c in text)
+
+
+def one_line(text: str) -> str:
+    """The same on one line: labels and feedback come from models. White space becomes single spaces."""
+    return text if text.isprintable() else harmless(" ".join(text.split()))
+
+
+def escape(character: str) -> str:
+    """A character as JSON writes it in ASCII, such as a backslash and u001b."""
+    units = character.encode("utf-16-be", "surrogatepass").hex()
+    return "".join(f"\\u{units[i : i + 4]}" for i in range(0, len(units), 4))
+
+
+def _is_harmless(character: str) -> bool:
+    return character in "\n\t" or character in _JOINERS or unicodedata.category(character) == "Zs"
 
 
 def columns(text: str) -> int:

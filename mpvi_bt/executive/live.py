@@ -8,9 +8,10 @@ import time
 from collections.abc import Iterable
 from typing import TextIO
 
-from mpvi_bt.drawing.cells import cut
+from mpvi_bt.drawing.cells import cut, one_line
 from mpvi_bt.drawing.colors import obeys_escapes, painted, wants_color
 from mpvi_bt.drawing.marks import legend
+from mpvi_bt.drawing.terminal import draw
 from mpvi_bt.drawing.text import left_out, node_line, tree_lines, where, window
 from mpvi_bt.executive.loop import Outcome, World
 from mpvi_bt.tree.build import Tree
@@ -36,7 +37,7 @@ class LiveTree:
     """
 
     def __init__(self, stream: TextIO, title: str = "", unicode: bool = False, redraw: bool = True) -> None:
-        self._stream, self._title, self._unicode = stream, title, unicode
+        self._stream, self._title, self._unicode = stream, one_line(title), unicode
         self._terminal = redraw and stream.isatty() and obeys_escapes()
         self._colored = wants_color(stream)
         self._height = 0  # lines drawn, to go up before the next drawing
@@ -121,5 +122,4 @@ class LiveTree:
 
     def _print(self, text: str) -> None:
         with contextlib.suppress(OSError):  # full, or nobody reads it any more: that is no reason to end a run
-            self._stream.write(text)
-            self._stream.flush()
+            draw(self._stream, text)

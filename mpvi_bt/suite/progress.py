@@ -9,6 +9,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TextIO
 
+from mpvi_bt.drawing.cells import one_line
+from mpvi_bt.drawing.terminal import draw
+from mpvi_bt.errors import bounded
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.result import Result
 from mpvi_bt.suite.schedule import Pace
@@ -98,7 +101,7 @@ class Progress:
 
     def _print(self, line: str) -> None:
         self._clear()
-        self._write(line + "\n")
+        self._write(bounded(one_line(line)) + "\n")
 
     def _clear(self) -> None:
         if self.drawn:
@@ -106,8 +109,7 @@ class Progress:
             self.drawn = ""
 
     def _write(self, text: str) -> None:
-        self.stream.write(text)
-        self.stream.flush()
+        draw(self.stream, text)
 
 
 def _name(config: EpisodeConfig) -> str:

@@ -1,0 +1,83 @@
+"""Text on its way to a terminal: nothing that comes from a file, a model or a server is obeyed there.
+
+While a command runs, `guarded` stands before its output: whatever is printed by whomever goes through `cells.harmless`,
+whether a terminal is at the other end or a pipe to one. Two doors lead past it: `draw` for our own colors and moves of
+the cursor, and `give` for data that a program is to get as they are.
+"""
+
+from __future__ import annotations
+
+import codecs
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, TextIO, cast
+
+from mpvi_bt.drawing.cells import escape, harmless
+from mpvi_bt.errors import bounded
+
+_ESCAPED = "mpvi_bt.escaped"  # what becomes of characters that an encoding lacks
+
+
+def _escaped(error: UnicodeError) -> tuple[str, int]:
+    assert isinstance(error, UnicodeEncodeError)
+    return "".join(map(escape, error.object[error.start : error.end])), error.end
+
+
+codecs.register_error(_ESCAPED, _escaped)
+
+
+class Guarded:
+    """A stream that writes text so that no terminal obeys it; what the stream's encoding lacks is escaped, too.
+
+    Args:
+        stream: Where to.
+        short: Whether lines are kept short: no diagnosis needs a screen full.
+    """
+
+    encoding = "utf-8"  # any text will do; where the stream says ASCII, click would write past us
+
+    def __init__(self, stream: TextIO, short: bool = False) -> None:
+        self.stream, self._short = stream, short
+
+    def write(self, text: str) -> int:
+        """Write it."""
+        self.stream.write(_encodable(harmless(bounded(text) if self._short else text), self.stream))
+        return len(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+
+@contextmanager
+def guarded() -> Iterator[None]:
+    """Put a guard before this process's output, once, for as long as the context lasts."""
+    before = sys.stdout, sys.stderr
+    if not isinstance(before[0], Guarded):
+        sys.stdout, sys.stderr = cast("TextIO", Guarded(before[0])), cast("TextIO", Guarded(before[1], short=True))
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = before
+
+
+def draw(stream: TextIO, text: str) -> None:
+    """Write text with our own escape sequences in it. All that is not ours went through `cells.one_line` before."""
+    stream = _behind(stream)
+    stream.write(_encodable(text, stream))
+    stream.flush()
+
+
+def give(text: str) -> None:
+    """Write data to the standard output: to a program as they are, to a terminal so that it obeys nothing in them."""
+    stream = _behind(sys.stdout)
+    draw(stream, harmless(text) if stream.isatty() else text)
+
+
+def _behind(stream: TextIO) -> TextIO:
+    return stream.stream if isinstance(stream, Guarded) else stream
+
+
+def _encodable(text: str, stream: TextIO) -> str:
+    encoding = getattr(stream, "encoding", None) or "utf-8"
+    return text.encode(encoding, _ESCAPED).decode(encoding)
