@@ -69,7 +69,8 @@ class Problem:
         column: 1-based column, 0 likewise.
         code: Stable, such as "unknown-key"; docs/codes.md says how each is mended.
         message: What was given and what would be valid.
-        severity: "error", or "warning": the file can be used, but hardly does what was meant.
+        severity: "error"; "warning": the file can be used, but hardly does what was meant; or "note": it is as it
+            should be, and there is something to know about it.
         nearest: The valid name closest to what was given, if a name was.
         known: Every valid name, if a name was given.
         pointer: Where in the file's data it is, as a JSON pointer such as "/root/children/0/navigate"; "" is all of it.
@@ -80,7 +81,7 @@ class Problem:
     column: int
     code: str
     message: str
-    severity: Literal["error", "warning"] = "error"
+    severity: Literal["error", "warning", "note"] = "error"
     nearest: str | None = None
     known: tuple[str, ...] = ()
     pointer: str = ""
@@ -88,9 +89,27 @@ class Problem:
     def __post_init__(self) -> None:
         object.__setattr__(self, "message", bounded(self.message))
 
+    @classmethod
+    def unknown(
+        cls,
+        file: str,
+        place: tuple[int, int],
+        kind: str,
+        given: str,
+        known: Iterable[str],
+        whose: str = "",
+        **more: Any,
+    ) -> Problem:
+        """The problem of a name that is not known, such as a room that the house does not have; `whose`: " of it"."""
+        names = sorted(known)
+        near = nearest(given, names)
+        message = f"unknown {kind} {shown(given)}{whose}.{did_you_mean(near, names)}"
+        code = f"unknown-{kind.replace(' ', '-')}"
+        return cls(file, *place, code, message, nearest=near, known=tuple(names), **more)
+
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
-        kind = "warning: " if self.severity == "warning" else ""
+        kind = "" if self.severity == "error" else f"{self.severity}: "
         return f"{place}: {kind}{self.message} [{self.code}]"
 
 

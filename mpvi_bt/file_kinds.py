@@ -23,6 +23,7 @@ class Kind:
         use: What takes it.
         check: "module:function", called with the data and the marks of a file; raises FileProblems. None: they are
             written by mpvi_bt and have nothing to check.
+        lint: "module:function", called with the same of a file without errors; returns what else there is to say.
     """
 
     name: str
@@ -30,6 +31,7 @@ class Kind:
     folder: str
     use: str
     check: str | None = None
+    lint: str | None = None
 
     @property
     def noun(self) -> str:
@@ -48,6 +50,7 @@ KINDS = (
         "skills",
         "a folder skills/ in MPVI_PATH",
         "mpvi_bt.plan.skills:check_skill",
+        "mpvi_bt.suite.doers:lint_skill",
     ),
     Kind("a house", frozenset({"rooms", "doorways"}), "houses", "a task's 'house'", "mpvi_bt.sim.house:check_house"),
     Kind(
@@ -71,6 +74,7 @@ KINDS = (
         "catalogues",
         "a folder tasks/catalogues/ in MPVI_PATH",
         "mpvi_bt.sim.catalogue:check_catalogue",
+        "mpvi_bt.sim.catalogue:lint_catalogue",
     ),
     Kind(
         "a file of rules",

@@ -14,7 +14,7 @@ from pathlib import Path
 from mpvi_bt.errors import UnknownName, UserError
 
 _PACKAGE = Path(__file__).resolve().parent
-_SUFFIXES = (".yaml", ".json")
+SUFFIXES = (".yaml", ".yml", ".json")  # of data files; of namesakes in one folder the first one counts
 _FOLDERS = ("trees", "skills", "tasks", "policies")
 
 
@@ -45,10 +45,20 @@ def caches() -> list[Path]:
     return [Path(cache_home) / "mpvi_bt", Path(tempfile.gettempdir()) / f"mpvi_bt-{os.getuid()}"]
 
 
+def files(folder: str) -> list[Path]:
+    """The YAML and JSON files in `folder`, such as "tasks/plans", of every root: of namesakes the first one counts."""
+    return [path for root in roots() for path in files_in(root / folder)]
+
+
+def files_in(folder: Path) -> list[Path]:
+    """The YAML and JSON files in one folder, by name: of namesakes the first one counts."""
+    found = [p for p in folder.glob("*") if p.suffix in SUFFIXES and is_file(p) and not p.name.startswith(".")]
+    return sorted(found, key=lambda path: (path.stem, SUFFIXES.index(path.suffix)))
+
+
 def names(folder: str) -> list[str]:
-    """Stems of the YAML and JSON files in `folder`, such as "tasks/plans", of every root; sorted, each once."""
-    files = (path for root in roots() for path in (root / folder).glob("*") if path.suffix in _SUFFIXES)
-    return sorted({path.stem for path in files if is_file(path) and not path.name.startswith(".")})
+    """Stems of the YAML and JSON files in `folder` of every root; sorted, each once."""
+    return sorted({path.stem for path in files(folder)})
 
 
 def is_file(path: Path) -> bool:
@@ -70,11 +80,9 @@ def find(folder: str, name: str, kind: str = "") -> Path:
     Raises:
         UnknownName: No root has such a file.
     """
-    known = names(folder)
-    if name not in known:
-        raise UnknownName(kind or Path(folder).name.removesuffix("s"), name, known)
-    places = [root / folder / f"{name}{suffix}" for root in roots() for suffix in _SUFFIXES]
-    return next(path for path in places if is_file(path))
+    if (found := next((path for path in files(folder) if path.stem == name), None)) is None:
+        raise UnknownName(kind or Path(folder).name.removesuffix("s"), name, names(folder))
+    return found
 
 
 def find_or_file(folder: str, given: str, kind: str = "") -> Path:
@@ -87,7 +95,7 @@ def find_or_file(folder: str, given: str, kind: str = "") -> Path:
         UnknownName: It looks like a name and no root has it.
     """
     path = Path(given)
-    is_path = os.sep in given or given.endswith(_SUFFIXES)
+    is_path = os.sep in given or given.endswith(SUFFIXES)
     if not is_path and given in names(folder):
         return find(folder, given, kind)
     try:
@@ -100,7 +108,7 @@ def find_or_file(folder: str, given: str, kind: str = "") -> Path:
         return path
     if is_path or path.suffix:
         raise UserError(f"{given}: there is no such file.")
-    beside = [f"{given}{suffix}" for suffix in _SUFFIXES if is_file(Path(f"{given}{suffix}"))]
+    beside = [f"{given}{suffix}" for suffix in SUFFIXES if is_file(Path(f"{given}{suffix}"))]
     if beside:
         what = kind or Path(folder).name.removesuffix("s")
         raise UserError(f"unknown {what} {given!r}, but there is a file {beside[0]}: name it with its suffix.")

@@ -15,7 +15,7 @@ from typing import Any
 
 import yaml
 
-from mpvi_bt.errors import FileProblems, Problem, did_you_mean, nearest, shown
+from mpvi_bt.errors import FileProblems, Problem
 
 MAX_BYTES = 2 * 2**20
 MAX_NODES = 40_000
@@ -82,11 +82,9 @@ class Marks:
         whose: str = "",
     ) -> Problem:
         """The problem of a name that is not known, such as a room that the house does not have; `whose`: " of it"."""
-        names = sorted(known)
-        near = nearest(given, names)
-        message = f"unknown {kind} {shown(given)}{whose}.{did_you_mean(near, names)}"
-        code = f"unknown-{kind.replace(' ', '-')}"
-        return self.problem(location, code, message, key, nearest=near, known=tuple(names))
+        location = tuple(location)
+        at = pointer(self.known(location))
+        return Problem.unknown(self.file, self.at(location, key), kind, given, known, whose, pointer=at)
 
 
 def pointer(location: Location) -> str:

@@ -7,14 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from mpvi_bt import paths
+from mpvi_bt.cli.check import check
 from mpvi_bt.errors import FileProblems, UnknownName
 from mpvi_bt.sim.catalogue import Entry, load_catalogue
 from mpvi_bt.sim.description import Body
 from mpvi_bt.sim.families import FAMILIES, describe, family
+from mpvi_bt.suite.checking import problems_in
+from mpvi_bt.suite.tasks import load_task
 
 ENTRIES = list(load_catalogue())
 JOINTED = [entry for entry in ENTRIES if entry.description.jointed]
@@ -134,3 +139,75 @@ def test_a_changed_shape_is_another_entry() -> None:
     tall = catalogue["can_of_soda"].reshaped({"height_m": 0.2})
     assert tall.description.extent()[1, 2] == pytest.approx(0.2)
     assert catalogue["can_of_soda"].description.extent()[1, 2] == pytest.approx(0.122)
+
+
+BALL = "{synset: %s, family: ball, shape: {diameter_m: 0.1, color: '#123456'}%s}"
+
+
+def catalogue_file(root: Path, name: str, **entries: str) -> Path:
+    """A file of the catalogue of a root: entries by name, each as YAML."""
+    path = root / "tasks" / "catalogues" / f"{name}.yaml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("".join(["entries:\n", *(f"  {name}: {entry}\n" for name, entry in entries.items())]))
+    return path
+
+
+def said(path: Path) -> list[str]:
+    """What `mpvi check` says of a file, without its name."""
+    return [str(problem).removeprefix(f"{path}:") for problem in problems_in(str(path))]
+
+
+def exit_code(path: Path) -> int:
+    """Of `mpvi check`."""
+    code: int = CliRunner().invoke(check, [str(path)], standalone_mode=False).return_value
+    return code
+
+
+def test_names_that_behavior_does_not_have_are_told(tmp_path: Path) -> None:
+    """A misspelt synset is a warning, as a thing of one's own may have its own; a misspelt ability is an error."""
+    path = catalogue_file(
+        tmp_path, "mine", a=BALL % ("basebal.n.02", ""), b=BALL % ("ball.n.01", ", abilities: [filable]")
+    )
+    assert said(path) == ["3:96: unknown ability 'filable'. Did you mean 'fillable'? [unknown-ability]"]
+    path = catalogue_file(tmp_path, "mine", a=BALL % ("basebal.n.02", ""), b=BALL % ("zzzzz.n.01", ""))
+    assert said(path) == [
+        "2:15: warning: unknown synset 'basebal.n.02'. Did you mean 'baseball.n.02'? [unknown-synset]",
+        "3:15: warning: unknown synset 'zzzzz.n.01'. It is none of BEHAVIOR's. [unknown-synset]",
+    ]
+    assert [entry.synset for entry in load_catalogue(path)] == ["basebal.n.02", "zzzzz.n.01"]
+
+
+def test_catalogues_of_all_roots_are_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every file under tasks/catalogues/ of every root is read; of namesakes the first counts, which check notes."""
+    one, two = tmp_path / "one", tmp_path / "two"
+    first = catalogue_file(one, "a", marble=BALL % ("pool_ball.n.01", ""), plate=BALL % ("baseball.n.02", ""))
+    second = catalogue_file(one, "b", marble=BALL % ("baseball.n.02", ""))
+    third = catalogue_file(two, "objects", marble=BALL % ("tennis_ball.n.01", ""), globe=BALL % ("globe.n.03", ""))
+    monkeypatch.setenv("MPVI_PATH", f"{one}:{two}")
+    catalogue = load_catalogue()
+    assert {name: catalogue[name].synset for name in ("marble", "plate", "globe", "can_of_soda")} == {
+        "marble": "pool_ball.n.01", "plate": "baseball.n.02", "globe": "globe.n.03",
+        "can_of_soda": "can__of__soda.n.01",
+    }  # fmt: skip
+    shipped = paths.shipped() / "tasks" / "catalogues" / "objects.yaml"
+    line = shipped.read_text().splitlines().index("  plate:") + 1
+    assert said(first) == [
+        f"2:3: note: 'marble' takes the place of that in {second}:2 [shadows]",
+        f"2:3: note: 'marble' takes the place of that in {third}:2 [shadows]",
+        f"3:3: note: 'plate' takes the place of that in {shipped}:{line} [shadows]",
+    ]
+    assert said(second)[0] == f"2:3: warning: 'marble' is not used: that in {first}:2 comes first [shadowed]"
+    assert said(third)[0] == f"2:3: note: 'marble' is not used: that in {first}:2 comes first [shadowed]"
+    assert exit_code(first) == 0
+    assert exit_code(second) == 1
+    catalogue_file(two, "objects", cube=BALL % ("cube.n.05", ""))
+    assert "cube" in load_catalogue().entries  # what has changed is read again
+
+
+def test_a_task_may_be_about_things_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An entry of a second file is found by tasks."""
+    catalogue_file(tmp_path, "mine", my_can=BALL % ("can__of__soda.n.01", ""))
+    monkeypatch.setenv("MPVI_PATH", str(tmp_path))
+    path = tmp_path / "tasks" / "mine.yaml"
+    path.write_text(paths.find("tasks", "picking_up_trash").read_text().replace(": can_of_soda", ": my_can"))
+    assert load_task("mine").bindings["can__of__soda.n.01"] == "my_can"

@@ -20,7 +20,7 @@ PACKAGE = Path(mpvi_bt.__file__).parent
 PAGE = (PACKAGE.parent / "docs" / "codes.md").read_text()
 LISTED = re.findall(r"^\| `([a-z-]+)` \|", PAGE, re.MULTILINE)
 ELSEWHERE = ("btcpp/*.py", "trace/*.py")  # have pages of their own
-SAYS = {"problem", "_problem", "_refuse", "_stop", "head"}  # methods
+SAYS = {"problem", "_problem", "_refuse", "_stop", "stop", "head"}  # methods
 NAMES_OF_TASKS = {"problem", "house", "plan", "tree"}  # `check_task` looks these up in a loop
 
 

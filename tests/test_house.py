@@ -148,6 +148,15 @@ def test_walls_and_doorway_make_up_the_edges(
         assert not (across and ly < middle + width / 2 - 1e-6 and hy > middle - width / 2 + 1e-6 and hy - ly > 0.06)
 
 
+DOORWAY = "  - {between: [hall, den], at: [4.0, 2.0], width_m: 1.0}\n"
+
+
+def test_two_doorways_may_lie_in_one_wall(tmp_path: Path) -> None:
+    """As long as there is wall between them."""
+    more = f"{DOORWAY}  - {{between: [den, hall], at: [4.0, 3.2], width_m: 0.9}}\n"
+    assert len(load_house(small(tmp_path, (DOORWAY, more))).doorways) == 2
+
+
 def test_small_house_is_valid(tmp_path: Path) -> None:
     """The house that the tests below spoil has nothing wrong with it."""
     assert set(load_house(small(tmp_path)).rooms) == {"hall", "den"}
@@ -162,6 +171,8 @@ def test_small_house_is_valid(tmp_path: Path) -> None:
         ("doorway-in-no-wall", 3, ("at: [4.0, 2.0]", "at: [4.0, 3.8]")),
         ("doorway-in-no-wall", 3, ("rect: [4, 0, 8, 4]", "rect: [5, 0, 8, 4]")),
         ("unknown-room", 3, ("[hall, den]", "[hall, dne]")),
+        ("doorway-overlap", 4, (DOORWAY, DOORWAY + DOORWAY)),
+        ("doorway-overlap", 4, (DOORWAY, f"{DOORWAY}  - {{between: [den, hall], at: [4.0, 2.9], width_m: 0.9}}\n")),
         ("fixture-outside-room", 10, ("at: [2, 0.6]", "at: [2, 0.3]")),
         ("unknown-catalogue-entry", 10, ("entry: sofa", "entry: sofe")),
         ("unknown-key", 10, ("yaw_deg", "yaw_dge")),

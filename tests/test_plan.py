@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -41,6 +42,21 @@ plans = st.builds(
     instruction=words | st.just(""),
     segments=st.lists(navigations | manipulations, min_size=1, max_size=6).map(tuple),
 )
+
+
+@pytest.mark.parametrize("suffix", ["yaml", "yml", "json"])
+def test_a_plan_that_passes_check_is_found_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    """Whatever the suffix of its file is, of those that check reads: by planners, by tasks, and in a folder."""
+    plan = load_plan(PLANS[0]).model_copy(update={"task_name": "mine"})
+    path = tmp_path / "tasks" / "plans" / f"mine.{suffix}"
+    path.parent.mkdir(parents=True)
+    path.write_text(plan.to_json() if suffix == "json" else yaml.safe_dump(plan.model_dump(exclude_none=True)))
+    monkeypatch.setenv("MPVI_PATH", str(tmp_path))
+    assert RecordedPlanner().plan("mine") == RecordedPlanner(path.parent).plan("mine") == plan
+    assert plan in RecordedPlanner().all()
+    assert paths.find("tasks/plans", "mine") == path
 
 
 @given(plan=plans)

@@ -7,14 +7,16 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt import paths
-from mpvi_bt.errors import UnknownName, UserError
+from mpvi_bt.cli.check import check
+from mpvi_bt.errors import FileProblems, UnknownName, UserError
 from mpvi_bt.goals.evaluate import snapshot
 from mpvi_bt.goals.formula import All, Formula, Literal
-from mpvi_bt.goals.problem import Problem, load_problem, parse_problem
+from mpvi_bt.goals.problem import Problem, activities, load_problem, parse_problem
 from mpvi_bt.suite.checking import below, problems_in
 from mpvi_bt.suite.human import human_stats
 
@@ -181,26 +183,144 @@ def test_what_is_wrong_is_said(goal: str, words: str) -> None:
 
 
 def test_a_start_names_declared_objects_only() -> None:
-    """A misspelled object of :init is told at once, not when a start state is sought."""
-    with pytest.raises(UserError, match=r"tiny: :init: unknown object 'cup.n.01_3'. Did you mean 'cup.n.01_[12]'"):
-        parse_problem((TINY % "(open shelf.n.01_1)").replace("ontop cup.n.01_1", "ontop cup.n.01_3"), "tiny")
+    """A misspelled object of :init is told at once, not when a start state is sought; of its second argument, too."""
+    for wrong in ("(ontop cup.n.01_3 floor.n.01_1)", "(ontop cup.n.01_1 flor.n.01_1)"):
+        with pytest.raises(FileProblems, match=r"tiny:11:(16|27): unknown object '.*'\. Did you mean '(cup|floor)"):
+            parse_problem((TINY % "(open shelf.n.01_1)").replace("(ontop cup.n.01_1 floor.n.01_1)", wrong), "tiny")
+
+
+GOOD = """\
+(define (problem tea-0)
+  (:domain omnigibson)
+  (:objects
+    teacup.n.02_1 teacup.n.02_2 - teacup.n.02
+    cabinet.n.01_1 - cabinet.n.01
+    shelf.n.01_1 shelf.n.01_* - shelf.n.01
+    floor.n.01_1 - floor.n.01
+    agent.n.01_1 - agent.n.01)
+  (:init
+    (ontop teacup.n.02_1 floor.n.01_1)
+    (inside teacup.n.02_2 cabinet.n.01_1)
+    (not (open cabinet.n.01_1))
+    (inroom cabinet.n.01_1 kitchen)
+    (inroom shelf.n.01_1 kitchen)
+    (inroom shelf.n.01_* kitchen)
+    (inroom floor.n.01_1 kitchen)
+    (ontop agent.n.01_1 floor.n.01_1))
+  (:goal
+    (and
+      (forn (1) (?cup - teacup.n.02) (inside ?cup cabinet.n.01_1))
+      (or (open cabinet.n.01_1) (not (ontop teacup.n.02_1 floor.n.01_1))))))
+"""
+
+
+def checked(folder: Path, text: str) -> list[str]:
+    """What `mpvi check` says of a problem, without the name of its file: "4:5: message [code]"."""
+    path = folder / "tea.bddl"
+    path.write_text(text)
+    assert below(str(folder)) == [str(path)]
+    return [str(problem).removeprefix(f"{path}:") for problem in problems_in(str(path))]
+
+
+def test_a_good_problem_of_ones_own_is_good(tmp_path: Path) -> None:
+    """`mpvi check` reads .bddl files, those below a folder too, and finds nothing in one that is right."""
+    assert checked(tmp_path, GOOD) == []
+    assert checked(tmp_path, GOOD.replace("(and", "(AND").replace("(inroom", "(Inroom")) == []
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "words"),
-    [
-        (TINY % "(open shelf.n.01_7)", 0, "unknown object 'shelf.n.01_7'"),
-        ("(define\n(:objects)))", 2, "')' closes nothing"),
+    ("old", "new", "said"),
+    [  # the place is that of the word, the nearest name is given
+        ("(inside teacup.n.02_2", "(insde teacup.n.02_2", "11:6: unknown predicate 'insde'. Did you mean 'inside'?"),
+        ("(inside ?cup", "(insid ?cup", "20:39: unknown predicate 'insid'. Did you mean 'inside'?"),
+        ("(not (open", "(no (open", "12:6: unknown predicate 'no'. Did you mean 'not'?"),
+        ("(or (open", "(orr (open", "21:8: unknown predicate 'orr'. Did you mean 'or'?"),
+        ("cabinet.n.01_1 kitchen", "cabinet.n.01_1 kichen", "13:28: unknown room 'kichen'. Did you mean 'kitchen'?"),
+        ("- teacup.n.02\n", "- teacp.n.02\n", "4:35: unknown synset 'teacp.n.02'. Did you mean 'teacup.n.02'?"),
+        ("- teacup.n.02)", "- teacu.n.02)", "20:25: unknown synset 'teacu.n.02'. Did you mean 'teacup.n.02'?"),
+        ("(ontop agent.n.01_1 floor", "(ontop agent.n.01_1 flor", "17:25: unknown object 'flor.n.01_1'. Did you me"),
+        ("(inside ?cup cab", "(inside ?cp cab", "20:46: unknown object 'cp'. Did you mean 'cup'?"),
+        ("(inside ?cup cabinet.n.01_1)", "(inside ?cup)", "20:38: '(inside cup)': inside takes two objects"),
+        ("(open cabinet.n.01_1) (", "(open) (", "21:11: '(open)' is no (predicate object ...)"),
+        ("(not (open cabinet.n.01_1))", "(not (open cabinet.n.01_1 floor.n.01_1))", "12:10: '(open cabinet.n.01_1"),
+        ("(inroom shelf.n.01_1 kitchen)", "(inroom shelf.n.01_1)", "14:5: '(inroom shelf.n.01_1)': inroom takes"),
+        ("(inroom cabinet.n.01_1 kitchen)", "", "5:5: :init does not say in which room cabinet.n.01_1 is: (inroom cab"),
+        ("(inroom shelf.n.01_* kitchen)", "", "6:18: :init does not say in which room shelf.n.01_* is"),
+        ("(inroom floor.n.01_1 kitchen)", "", "7:5: :init does not say in which room floor.n.01_1 is"),
+        ("(inside teacup.n.02_2 cabinet.n.01_1)", "", "4:19: :init does not say where teacup.n.02_2 is"),
+        ("(ontop agent.n.01_1 floor.n.01_1)", "", "8:5: :init does not say where agent.n.01_1 is"),
+        ("(not (open cabinet.n.01_1))", "(inroom cabinet.n.01_1 garage)", "13:5: cabinet.n.01_1 is in the garage al"),
+        ("(or (open cabinet.n.01_1) (not (ontop teacup.n.02_1 floor.n.01_1)))", "(and)", "21:7: an empty 'and'"),
+        ("(forn (1)", "(forn (3)", "20:13: 3 of teacup.n.02, of which :objects has 2: that can never be"),
+        ("(forn (1)", "(forn", "20:7: '(forn (cup - teacup.n.02) (inside cup cabinet.n.01_1))' is no formula: wr"),
+        ("(forn (1)", "(forn (one)", "20:13: 'one' in :goal is no whole number"),
+        ("- shelf.n.01\n", "\n", "6:5: shelf.n.01_1 is listed as floor.n.01: is '- shelf.n.01' missing"),
+        ("    agent.n.01_1 - agent.n.01)", "    agent.n.01_1)", "8:5: '- SYNSET' is missing after agent.n.01_1"),
+        ("cabinet.n.01_1 - cabinet.n.01", "teacup.n.02_1 - cabinet.n.01", "5:5: teacup.n.02_1 is a teacup.n.02"),
+        ("(:init", "(:intit", "9:4: unknown section ':intit'. Did you mean ':init'?"),
+        ("  (:goal", "  (:goal (open cabinet.n.01_1))\n  (:goal", "19:3: a second :goal; the first is on line 18"),
+        ("  (:goal\n", "  (:goal (open cabinet.n.01_1)\n", "19:5: warning: only the first formula of a goal counts"),
+        ("floor.n.01_1))))))\n", "floor.n.01_1)))))) (done)\n", "21:78: '(done)' stands after the ')' that closes '("),
+        ("kitchen)\n    (inroom shelf.n.01_1", "kitchen\n    (inroom shelf.n.01_1", "13:5: '(inroom' is not closed"),
+        ("floor.n.01_1))\n  (:goal", "floor.n.01_1)\n  (:goal", "9:3: '(:init' is not closed before '(:goal' on"),
+        ("floor.n.01_1))))))\n", "floor.n.01_1)))))))\n", "21:77: ')' closes nothing; '(define' is closed on line 21"),
     ],
-)
-def test_check_tells_what_is_wrong_with_a_problem(tmp_path: Path, text: str, line: int, words: str) -> None:
-    """`mpvi check` reads .bddl files, those below a folder too."""
-    path = tmp_path / "mine.bddl"
-    path.write_text(text)
-    assert below(str(tmp_path)) == [str(path)]
-    (problem,) = problems_in(str(path))
-    assert (problem.file, problem.line, problem.code) == (str(path), line, "invalid-value")
-    assert words in problem.message
+)  # fmt: skip
+def test_check_tells_what_is_wrong_with_a_problem(tmp_path: Path, old: str, new: str, said: str) -> None:
+    """Line and column of the word that is meant, what would be valid, the nearest name."""
+    assert GOOD.count(old) == 1
+    found = checked(tmp_path, GOOD.replace(old, new))
+    assert any(line.startswith(said) for line in found), found
+
+
+def test_all_problems_of_a_problem_come_at_once(tmp_path: Path) -> None:
+    """Each once, whatever the number of things that a quantifier is about."""
+    text = GOOD.replace("(inside ?cup", "(insid ?cup").replace("cabinet.n.01_1 kitchen", "cabinet.n.01_1 kichen")
+    assert [line.split(":")[0] for line in checked(tmp_path, text.replace("(:goal", "x (:goal"))] == ["13", "18", "20"]
+
+
+def test_an_object_may_be_listed_twice(tmp_path: Path) -> None:
+    """As `bddl` takes it: it is one object, and that is a note, no problem."""
+    twice = GOOD.replace("teacup.n.02_1 teacup.n.02_2 -", "teacup.n.02_1 teacup.n.02_2 teacup.n.02_1 -")
+    assert parse_problem(twice, "tea") == parse_problem(GOOD, "tea")
+    assert checked(tmp_path, twice) == ["4:33: note: teacup.n.02_1 is listed twice [repeated]"]
+    assert CliRunner().invoke(check, [str(tmp_path)], standalone_mode=False).return_value == 0
+
+
+def test_a_goal_too_large_to_be_written_out_is_refused(tmp_path: Path) -> None:
+    """Quantifiers within quantifiers multiply; whoever sends such a file does not stop the machine."""
+    cups = " ".join(f"teacup.n.02_{i}" for i in range(1, 40))
+    goal = "(open cabinet.n.01_1)"
+    for name in "abcdef":
+        goal = f"(forall (?{name} - teacup.n.02) {goal})"
+    found = checked(
+        tmp_path, GOOD.replace("teacup.n.02_1 teacup.n.02_2", cups).replace("(forn (1) (", f"{goal} (forn (1) (")
+    )
+    assert [line for line in found if "[too-large]" in line]
+
+
+def test_behaviors_own_problems_pass() -> None:
+    """All 50 of the challenge, as they are shipped, without errors or warnings."""
+    files = activities()
+    for activity in human_stats():
+        found = problems_in(str(files[activity]))
+        assert [str(p) for p in found if p.severity != "note"] == []
+
+
+def test_names_of_ones_own_are_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A synset of the user's catalogue and a room of the user's house are no misspellings."""
+    text = GOOD.replace("teacup.n.02", "moka_pot.n.01").replace(" kitchen)", " workshop)")
+    found = checked(tmp_path, text)
+    assert any("unknown synset 'moka_pot.n.01'" in line for line in found)
+    assert any("unknown room 'workshop'" in line for line in found)
+    for folder in ("catalogues", "houses"):
+        (tmp_path / "root" / "tasks" / folder).mkdir(parents=True)
+    entry = "{synset: moka_pot.n.01, family: can, shape: {diameter_m: 0.1, height_m: 0.2, color: '#888888'}}"
+    (tmp_path / "root/tasks/catalogues/mine.yaml").write_text(f"entries:\n  moka_pot: {entry}\n")
+    (tmp_path / "root/tasks/houses/mine.yaml").write_text("rooms:\n  workshop: {}\n")
+    monkeypatch.setenv("MPVI_PATH", str(tmp_path / "root"))
+    path = tmp_path / "tea.bddl"
+    assert problems_in(str(path)) == []
 
 
 def test_unknown_activity_names_the_nearest() -> None:

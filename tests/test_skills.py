@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt import paths
+from mpvi_bt.marked_yaml import Marks
 from mpvi_bt.plan.clauses import match
 from mpvi_bt.plan.phrases import example, filled
 from mpvi_bt.plan.skills import Skill, SkillCall, load_skill, load_skills
+from mpvi_bt.suite import doers
+from mpvi_bt.suite.checking import problems_in
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.tree.yaml_io import check_tree
 
 SKILLS = load_skills()
 PHRASES = [(skill.name, phrase) for skill in SKILLS.values() for phrase in skill.phrases]
@@ -138,3 +145,43 @@ def test_skills_that_take_two_hands_say_so() -> None:
         {"name": "x", "about": "x", "phrases": ["x"], "timeout_s": 1, "triggers": [{"event": "rest", "camera": "head"}]}
     )
     assert SkillCall(one, {}).criterion is None
+
+
+WAVE = """\
+name: wave_at
+about: Wave a hand at something.
+phrases: ["wave (at|to) {object}"]
+triggers: [{event: rest, camera: head}]
+timeout_s: 20
+"""
+
+
+def test_a_skill_that_nobody_can_do_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By check as a warning, as a policy's server may know how; and when a tree is run that asks for it."""
+    path = tmp_path / "skills" / "wave_at.yaml"
+    path.parent.mkdir()
+    path.write_text(WAVE)
+    (problem,) = problems_in(str(path))
+    assert (problem.code, problem.severity, problem.line) == ("no-doer", "warning", 1)
+    assert "(expert, reactive) knows how to do 'wave_at'" in problem.message
+    monkeypatch.setenv("MPVI_PATH", str(tmp_path))
+    skills = load_skills()
+    data = {"tree": "t", "root": {"manipulate": "pick up the cup and wave at the vase"}}
+    spec = check_tree(data, Marks("t.yaml"), skills)
+    for policy, told in (("expert", True), ("reactive", True), ("openpi:ws://localhost:1", False)):
+        doubt = doers.doubt(EpisodeConfig("", policy=policy), spec, skills)
+        assert ("does not know how to do 'wave_at'" in doubt) is told
+    assert (
+        doers.doubt(EpisodeConfig(""), check_tree({**data, "root": {"say": "hi"}}, Marks("t.yaml"), skills), skills)
+        == ""
+    )
+
+
+@pytest.mark.parametrize("suffix", ["yaml", "yml", "json"])
+def test_a_skill_that_passes_check_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str) -> None:
+    """Whatever the suffix of its file is, of those that check reads."""
+    (tmp_path / "skills").mkdir()
+    text = json.dumps(yaml.safe_load(WAVE)) if suffix == "json" else WAVE
+    (tmp_path / "skills" / f"wave_at.{suffix}").write_text(text)
+    monkeypatch.setenv("MPVI_PATH", str(tmp_path))
+    assert "wave_at" in load_skills()

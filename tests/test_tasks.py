@@ -8,7 +8,7 @@ import pytest
 
 from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, UnknownName, UserError
-from mpvi_bt.goals.problem import load_problem
+from mpvi_bt.goals.problem import activities, load_problem
 from mpvi_bt.suite.tasks import load_suite, load_task
 
 TASK = """\
@@ -74,6 +74,26 @@ def test_what_is_wrong_with_a_task_is_placed(tmp_path: Path, old: str, new: str,
         load_task(str(path))
     assert f"{path}:{place}: " in str(caught.value)
     assert words in str(caught.value)
+
+
+def test_what_is_wrong_with_a_tasks_own_problem_is_said_of_the_problem(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A floor that :init puts in no room is told there, not as a binding that the task lacks."""
+    (tmp_path / "tasks" / "problems").mkdir(parents=True)
+    text = activities()["picking_up_trash"].read_text()
+    lines = [line for line in text.splitlines() if "inroom floor.n.01_1" not in line]
+    file = tmp_path / "tasks" / "problems" / "mine.bddl"
+    file.write_text("\n".join(lines))
+    (tmp_path / "tasks" / "mine.yaml").write_text(
+        TASK.replace("problem: picking_up_trash", "problem: mine\ntime_budget_s: 60")
+    )
+    monkeypatch.setenv("MPVI_PATH", str(tmp_path))
+    with pytest.raises(FileProblems) as caught:
+        load_task("mine")
+    assert [(p.code, p.file) for p in caught.value.problems] == [("missing-room", str(file))]
+    file.write_text(text)
+    assert load_task("mine").budget_s == 60
 
 
 def test_unknown_tasks_and_suites_name_the_nearest() -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mpvi_bt.btcpp.marked_xml import Element
-from mpvi_bt.errors import Problem, did_you_mean, nearest, shown
+from mpvi_bt.errors import Problem, shown
 
 _TREE_ID = "letters, digits, '_' and '-'"
 
@@ -39,9 +39,7 @@ class TreeFile:
 
     def unknown(self, element: Element, what: str, given: str, known: list[str], attribute: str = "") -> None:
         """Note a name that is not known."""
-        near = nearest(given, known)
-        message = f"unknown {what} {shown(given)}.{did_you_mean(near, sorted(known))}"
-        self.problem(element, f"unknown-{what}", message, attribute, nearest=near, known=tuple(sorted(known)))
+        self.problems.append(Problem.unknown(self.name, place_of(element, attribute), what, given, known))
 
     def trees_of(self, root: Element) -> str | None:
         """Fill in `trees`, and give the ID of the main one."""

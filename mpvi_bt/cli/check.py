@@ -38,13 +38,14 @@ def check(files: tuple[str, ...], task: str | None, as_json: bool) -> int:
     else:
         for line in show.as_text(problems, texts):
             click.echo(line)
-        click.echo(_summary(checked.files, len(problems)), err=True)
+        notes = sum(p.severity == "note" for p in problems)
+        click.echo(_summary(checked.files, len(problems) - notes, notes), err=True)
         if max(Counter(p.file for p in problems).values(), default=0) >= MAX_PROBLEMS:
             click.echo(f"of one file only the first {MAX_PROBLEMS} problems are told", err=True)
-    return 2 if checked.missing else 1 if problems else 0
+    return 2 if checked.missing else int(any(p.severity != "note" for p in problems))
 
 
-def _summary(files: int, problems: int) -> str:
+def _summary(files: int, problems: int, notes: int) -> str:
     what = "1 file" if files == 1 else f"{files} files"
     found = {0: "no problems", 1: "1 problem"}.get(problems, f"{problems} problems")
-    return f"{what}: {found}"
+    return f"{what}: {found}" + (f", {notes} note{'s' * (notes > 1)}" if notes else "")

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from mpvi_bt import paths
 from mpvi_bt.cli.given import File, drive, on_failure
 from mpvi_bt.drawing.terminal import give
 from mpvi_bt.writing import write_whole
@@ -30,7 +30,7 @@ def compile_(plan: str, on_failure: str, drive: Drive, out: str | None, as_json:
     from mpvi_bt.tree.compile import compile_plan
     from mpvi_bt.tree.yaml_io import dump_tree
 
-    is_file = Path(plan).suffix in (".json", ".yaml", ".yml") or "/" in plan
+    is_file = plan.endswith(paths.SUFFIXES) or "/" in plan
     loaded = load_plan(plan) if is_file else RecordedPlanner().plan(plan)
     text = dump_tree(compile_plan(loaded, load_skills(), on_failure, drive))
     if out is not None:

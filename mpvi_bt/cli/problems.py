@@ -17,6 +17,7 @@ _LINE_ENDS = re.compile("\r\n|[\r\n\x85\u2028\u2029]")  # as YAML counts lines
 _QUOTED = re.compile(r"""'(?:[^']|'')*'|"(?:[^"\\]|\\.)*\"""")
 _PLAIN = re.compile(r"(?:[^:#]|:(?=\S)|(?<=\S)#)+")
 _NONE: Mapping[str, str] = {}
+_IN_BDDL = re.compile(r"\(?[^\s()]*")
 _IN_FLOW = re.compile(r"[^:#,\[\]{}]+")
 
 
@@ -56,7 +57,7 @@ def as_text(problems: Iterable[Problem], texts: Mapping[str, str] = _NONE) -> It
         yield str(problem)
         line = sources.line(problem)
         if line is not None and line.strip():
-            yield from excerpt(line, problem.line, problem.column)
+            yield from excerpt(line, problem.line, problem.column, problem.file.endswith(".bddl"))
 
 
 def as_json(problems: Sequence[Problem], files: int, texts: Mapping[str, str] = _NONE) -> str:
@@ -70,11 +71,12 @@ def _plain(problem: Problem, line: str | None) -> dict[str, Any]:
     return {**vars(problem), "source": place}
 
 
-def excerpt(line: str, number: int, column: int) -> list[str]:
+def excerpt(line: str, number: int, column: int, bddl: bool = False) -> list[str]:
     """A line of a file as it is shown, no wider than `WIDTH`, and the marks under the text at a 1-based column."""
     gutter = f"{number:>5} | "
     shown, start = _window(line, column, WIDTH - len(gutter))
-    marked = max(min(extent(shown, start), len(shown) - start), 1)
+    length = _IN_BDDL.match(shown, start).end() - start if bddl else extent(shown, start)  # type: ignore[union-attr]
+    marked = max(min(length, len(shown) - start), 1)
     blank = " " * columns(shown[:start])
     return [
         gutter + shown,

@@ -128,10 +128,18 @@ def run(
         raise click.UsageError("A dry run has nothing to film, to draw, to log or to record.")
     stem = config.name if not dry else f"{Path(config.tree or config.plan or config.task).stem}_dry"
     config = replace(config, trace=out / f"{stem}.trace.jsonl" if trace else None, saved=out / f"{stem}.saved.json")
-    from mpvi_bt.suite import checkers
+    from mpvi_bt.suite import checkers, doers
     from mpvi_bt.suite.detectors import make_detector
 
-    notes = () if dry else (make_detector(config.detector, {}, config.seed).note, checkers.doubt(config))
+    notes = (
+        ()
+        if dry
+        else (
+            make_detector(config.detector, {}, config.seed).note,
+            checkers.doubt(config),
+            doers.doubt(config, prepared.spec, prepared.skills),
+        )
+    )
     doubts = [f"{p.pointer}: {p.message} [{p.code}]" for p in (prepared.planned.doubts if prepared.planned else ())]
     for doubt in (prepared.doubt, *doubts, *notes):
         if doubt:

@@ -21,6 +21,14 @@ class Literal:
 
 
 @dataclass(frozen=True)
+class Fact:
+    """A literal that the :init section of a problem states, or denies."""
+
+    literal: Literal
+    positive: bool = True
+
+
+@dataclass(frozen=True)
 class Not:
     """The negation of a formula."""
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from mpvi_bt import paths
 from mpvi_bt.errors import ModelError, Problem, UnknownName, UserError
 from mpvi_bt.language.chat import Answer
 from mpvi_bt.plan.history import History
@@ -73,7 +74,7 @@ class Planner(Protocol):
 
 
 class RecordedPlanner:
-    """Hands out the plan file `<task_name>.json` of a folder."""
+    """Hands out the plan file `<task_name>.json` or `.yaml` of a folder."""
 
     name = "recorded"
 
@@ -105,11 +106,5 @@ class RecordedPlanner:
         return [load_plan(path) for _, path in sorted(self._files().items())]
 
     def _files(self) -> dict[str, Path]:
-        return {path.stem: path for folder in reversed(self._folders()) for path in sorted(folder.glob("*.json"))}
-
-    def _folders(self) -> list[Path]:
-        if self._folder is not None:
-            return [Path(self._folder)]
-        from mpvi_bt.paths import roots
-
-        return [root / "tasks" / "plans" for root in roots()]
+        found = paths.files("tasks/plans") if self._folder is None else paths.files_in(Path(self._folder))
+        return {path.stem: path for path in reversed(found)}

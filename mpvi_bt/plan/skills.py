@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
+from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems
 from mpvi_bt.file_kinds import expect
 from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
@@ -113,7 +114,7 @@ def check_skill(data: object, marks: Marks) -> Skill:
 
 
 def load_skills(folders: Iterable[str | Path] | None = None) -> dict[str, Skill]:
-    """Skills by name, from every `*.yaml` of the folders, the first folder's winning.
+    """Skills by name, from every YAML and JSON file of the folders, the first folder's winning.
 
     Args:
         folders: By default `skills/` of every root (`mpvi_bt.paths.roots`).
@@ -121,13 +122,9 @@ def load_skills(folders: Iterable[str | Path] | None = None) -> dict[str, Skill]
     Raises:
         FileProblems: Everything that is wrong with the files.
     """
-    if folders is None:
-        from mpvi_bt.paths import roots
-
-        folders = [root / "skills" for root in roots()]
+    found = paths.files("skills") if folders is None else [p for f in folders for p in paths.files_in(Path(f))]
     skills: dict[str, Skill] = {}
-    for folder in folders:
-        for path in sorted(Path(folder).glob("*.yaml")):
-            if path.stem not in skills:
-                skills[path.stem] = load_skill(path)
+    for path in found:
+        if path.stem not in skills:
+            skills[path.stem] = load_skill(path)
     return skills

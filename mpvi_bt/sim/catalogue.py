@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Field, StringConstraints
 
 from mpvi_bt import paths
-from mpvi_bt.errors import FileProblems, Problem, UnknownName
+from mpvi_bt.errors import FileProblems, Problem, UnknownName, UserError
+from mpvi_bt.goals.vocabulary import abilities, behavior, unknown_synset
 from mpvi_bt.marked_yaml import Location, Marks, Record, load_marked, validate_data
 from mpvi_bt.perception.knowledge import normalize
 from mpvi_bt.sim.description import Description
 from mpvi_bt.sim.families import FAMILIES, describe, parameters
 
+FOLDER = "tasks/catalogues"
 Synset = Annotated[str, StringConstraints(pattern=r"^\S+\.[nvasr]\.\d\d$")]
 
 
@@ -101,13 +104,26 @@ class Catalogue:
 
 
 def load_catalogue(path: str | Path | None = None) -> Catalogue:
-    """The catalogue of a file; by default the one that comes with mpvi_bt.
+    """The catalogue of a file; by default of all files in `tasks/catalogues/` of every root.
+
+    Of entries of one name that of the first file counts, in the order of search.
 
     Raises:
         UserError: There is no such file.
-        FileProblems: Everything that is wrong with it.
+        FileProblems: Everything that is wrong with it, or with the first file that is wrong.
     """
-    return check_catalogue(*load_marked(path or paths.find("tasks/catalogues", "objects", "catalogue")))
+    if path is not None:
+        return check_catalogue(*load_marked(path))
+    return _merged(tuple((file, file.stat().st_mtime_ns) for file in paths.files(FOLDER)))
+
+
+@lru_cache(maxsize=2)
+def _merged(files: tuple[tuple[Path, int], ...]) -> Catalogue:
+    """The catalogue of files as they were last changed: a suite loads many tasks, each of which asks for it."""
+    entries: dict[str, Entry] = {}
+    for file, _ in reversed(files):
+        entries |= load_catalogue(file).entries
+    return Catalogue(entries)
 
 
 def check_catalogue(data: Any, marks: Marks) -> Catalogue:
@@ -117,6 +133,9 @@ def check_catalogue(data: Any, marks: Marks) -> Catalogue:
     entries: dict[str, Entry] = {}
     for name, given in file.entries.items():
         place: Location = ("entries", name)
+        for i, ability in enumerate(given.abilities):
+            if ability not in abilities():
+                problems.append(marks.unknown((*place, "abilities", i), "ability", ability, abilities()))
         if given.family not in FAMILIES:
             problems.append(marks.unknown((*place, "family"), "family", given.family, FAMILIES))
             continue
@@ -128,6 +147,41 @@ def check_catalogue(data: Any, marks: Marks) -> Catalogue:
     if problems:
         raise FileProblems(problems)
     return Catalogue(entries)
+
+
+def lint_catalogue(data: Any, marks: Marks) -> list[Problem]:
+    """Of a file without errors: synsets that BEHAVIOR does not have, and entries that another file has too."""
+    known = behavior().synsets or ()
+    found = [
+        marks.problem(("entries", name, "synset"), severity="warning", **unknown_synset(given["synset"], known))
+        for name, given in data["entries"].items()
+        if given["synset"] not in known
+    ]
+    return found + list(_namesakes(data["entries"], marks))
+
+
+def _namesakes(entries: Iterable[str], marks: Marks) -> Iterator[Problem]:
+    """Entries of a file of the catalogue that are in another one, too: that counts which comes first."""
+    files, own = paths.files(FOLDER), Path(marks.file).resolve()
+    at = next((i for i, file in enumerate(files) if file.resolve() == own), None)
+    for i, file in enumerate(files if at is not None else ()):
+        if i == at:
+            continue
+        with contextlib.suppress(UserError):  # what is wrong with it is said of it
+            theirs = load_marked(file)[1].keys
+            for name in entries:
+                if (place := ("entries", name)) not in theirs:
+                    continue
+                where = f"{file}:{theirs[place][0]}"
+                if at is not None and i > at:
+                    message = f"{name!r} takes the place of that in {where}"
+                    yield marks.problem(place, "shadows", message, key=True, severity="note")
+                else:
+                    together = file.parent.resolve() == own.parent
+                    message = f"{name!r} is not used: that in {where} comes first"
+                    yield marks.problem(
+                        place, "shadowed", message, key=True, severity="warning" if together else "note"
+                    )
 
 
 def shape_problems(marks: Marks, place: Location, family: str, shape: Mapping[str, Any]) -> list[Problem]:

@@ -170,7 +170,8 @@ def _room_problems(rooms: Mapping[str, Room], marks: Marks) -> list[Problem]:
 
 
 def _doorways(file: HouseFile, rooms: Mapping[str, Room], marks: Marks) -> tuple[list[Doorway], list[Problem]]:
-    doorways, problems = [], []
+    doorways: list[Doorway] = []
+    problems: list[Problem] = []
     for k, given in enumerate(file.doorways):
         place: Location = ("doorways", k)
         strange = [(j, name) for j, name in enumerate(given.between) if name not in rooms]
@@ -194,8 +195,20 @@ def _doorways(file: HouseFile, rooms: Mapping[str, Room], marks: Marks) -> tuple
             )
             problems.append(marks.problem((*place, "at"), "doorway-in-no-wall", message))
             continue
-        doorways.append(Doorway(given.between, given.at, given.width_m, wall))
+        doorway = Doorway(given.between, given.at, given.width_m, wall)
+        if (twice := next((other for other in doorways if _same_hole(doorway, other)), None)) is not None:
+            message = f"a doorway is there already, {twice.width_m:g} m wide at {list(twice.at)}; they overlap"
+            problems.append(marks.problem((*place, "at"), "doorway-overlap", message))
+            continue
+        doorways.append(doorway)
     return doorways, problems
+
+
+def _same_hole(a: Doorway, b: Doorway) -> bool:
+    """Whether two doorways of a house share a part of a wall."""
+    along, across = (0, 1) if a.wall == "x" else (1, 0)
+    apart = abs(a.at[along] - b.at[along]) - (a.width_m + b.width_m) / 2
+    return a.wall == b.wall and abs(a.at[across] - b.at[across]) < 1e-6 and apart < -1e-6
 
 
 def _cut_off(rooms: Mapping[str, Room], doorways: Iterable[Doorway], marks: Marks) -> list[Problem]:

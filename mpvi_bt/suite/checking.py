@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
-import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -92,7 +92,7 @@ def _files(folder: str) -> Iterator[str]:
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         for name in sorted(files):
             path = Path(place, name)
-            if path.suffix in (".yaml", ".yml", ".json", ".bddl") and path.is_file():
+            if path.suffix in (*paths.SUFFIXES, ".bddl") and path.is_file():
                 yield str(path)
 
 
@@ -115,9 +115,10 @@ def problems_in(file: str, site: Grounding | None = None, text: str | None = Non
         if kind.noun == "plan":
             return _plan_problems(data, marks, site)
         if kind.check is not None:
-            module, _, function = kind.check.partition(":")
-            getattr(importlib.import_module(module), function)(data, marks)
-        elif named:
+            _called(kind.check, data, marks)
+            found: list[Problem] = _called(kind.lint, data, marks) if kind.lint is not None else []
+            return sorted(found, key=lambda p: (p.line, p.column))[:MAX_PROBLEMS]
+        if named:
             message = f"this is {kind.name}, which there is nothing to check of; {taken_by(kind)}"
             return [marks.problem((), "wrong-kind", message)]
     except FileProblems as error:
@@ -127,17 +128,24 @@ def problems_in(file: str, site: Grounding | None = None, text: str | None = Non
     return []
 
 
-def _bddl_problems(file: str) -> list[Problem]:
-    from mpvi_bt.goals.problem import parse_problem
+def _called(name: str, data: Any, marks: Marks) -> Any:
+    """What "module:function" says of a file."""
+    module, _, function = name.partition(":")
+    return getattr(importlib.import_module(module), function)(data, marks)
 
-    text = read_text(file)
-    try:
-        parse_problem(text, file)
-    except UserError as error:
-        said = re.fullmatch(r"(?::(\d+))?: (.*)", str(error).removeprefix(file), re.DOTALL)
-        line, message = said.groups() if said else (None, str(error))
-        return [Problem(file, int(line or 0), int(line is not None), "invalid-value", message)]
-    return []
+
+def _bddl_problems(file: str) -> list[Problem]:
+    from mpvi_bt.goals.findings import Findings
+    from mpvi_bt.goals.problem import distributed, parse_problem
+    from mpvi_bt.suite.words import known_words
+
+    text, findings = read_text(file), Findings(file)
+    with contextlib.suppress(FileProblems):  # the findings have them, and what is no error
+        parse_problem(text, Path(file).stem, findings, known_words())
+    path = Path(file).resolve()
+    if (own := distributed().get(path.parent.name)) is not None and own.resolve() == path:  # BEHAVIOR's is as it is
+        return [replace(p, severity="note") if p.severity == "warning" else p for p in findings.problems]
+    return sorted(findings.problems, key=lambda p: (p.line, p.column))[:MAX_PROBLEMS]
 
 
 def _tree_problems(data: Any, marks: Marks, site: Grounding | None) -> list[Problem]:

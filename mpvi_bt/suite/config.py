@@ -6,6 +6,8 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
+from mpvi_bt import paths
+
 EPISODE = "mpvi_bt.suite.episode:run"  # the function that runs one
 
 
@@ -105,7 +107,7 @@ class EpisodeConfig:
     @property
     def task_name(self) -> str:
         """The task's name, the stem of its file."""
-        return Path(self.task).stem if self.task.endswith((".yaml", ".yml", ".json")) else self.task
+        return Path(self.task).stem if self.task.endswith(paths.SUFFIXES) else self.task
 
     @property
     def name(self) -> str:

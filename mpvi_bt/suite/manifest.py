@@ -173,7 +173,7 @@ def _files(config: EpisodeConfig, task: Task) -> Iterator[Path]:
 
 
 def _digest(path: Path) -> str:
-    return _hash(load_marked(path)[0] if path.suffix in (".yaml", ".json") else path.read_text(encoding="utf-8"))
+    return _hash(load_marked(path)[0] if path.suffix in paths.SUFFIXES else path.read_text(encoding="utf-8"))
 
 
 def _hash(data: Any) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,6 +17,7 @@ from mpvi_bt.sim.catalogue import Catalogue, load_catalogue
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.human import human_stats
 from mpvi_bt.suite.methods import load_method
+from mpvi_bt.suite.words import known_words
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]*$", max_length=100)]
 Whole = Annotated[int, Field(ge=0, le=999_999)]
@@ -118,7 +118,7 @@ def check_task(data: Any, marks: Marks) -> Task:
     task = validate_data(data, marks, Task)
     problems = _check_names(task, marks)
     if not problems:
-        problems = _check_bindings(task, load_problem(task.problem), _catalogue(), marks)
+        problems = _check_bindings(task, load_problem(task.problem, known_words()), load_catalogue(), marks)
     if problems:
         raise FileProblems(problems)
     return task
@@ -164,17 +164,6 @@ def check_suite(data: Any, marks: Marks) -> Suite:
     if problems:
         raise FileProblems(problems)
     return suite
-
-
-def _catalogue() -> Catalogue:
-    """The catalogue, read again only when its file has changed: a suite loads many tasks."""
-    path = paths.find("tasks/catalogues", "objects", "catalogue")
-    return _read_catalogue(path, path.stat().st_mtime_ns)
-
-
-@lru_cache(maxsize=1)
-def _read_catalogue(path: Path, changed: int) -> Catalogue:
-    return load_catalogue(path)
 
 
 def _check_names(task: Task, marks: Marks) -> list[FileProblem]:

@@ -34,19 +34,19 @@ def called_file(
 def _find(name: str, at: Location, marks: Marks, reading: Reading) -> Path | None:
     """The file that a subtree names: one beside this file, or a tree of a root."""
     folder = Path(marks.file).parent
-    if "/" in name or Path(name).suffix in (".yaml", ".yml", ".json"):
+    if "/" in name or name.endswith(paths.SUFFIXES):
         if paths.is_file(path := folder / name):
             return path
         reading.add(marks.problem(at, "unknown-tree", f"there is no file {name!r} in {str(folder)!r}"))
         return None
-    if paths.is_file(path := folder / f"{name}.yaml"):
-        return path
+    beside = {p.stem: p for p in reversed(paths.files_in(folder)) if p.suffix != ".json"}  # these are plans
+    if name in beside:
+        return beside[name]
     try:
         return paths.find("trees", name)
     except UnknownName:
-        files = folder.glob("*.yaml") if paths.is_file(Path(marks.file)) else ()
-        beside = {file.stem for file in files if paths.is_file(file)}
-        reading.add(marks.unknown(at, "tree", name, beside | set(paths.names("trees"))))
+        known = {*(beside if paths.is_file(Path(marks.file)) else ()), *paths.names("trees")}
+        reading.add(marks.unknown(at, "tree", name, known))
     except MpviError as error:
         reading.add(marks.problem(at, "unknown-tree", str(error)))
     return None
