@@ -34,6 +34,7 @@ RANKS = [
     {"executive", "testing"},
     {"suite"},
     {"report", "maniskill"},
+    {"api"},
     {"cli"},
 ]
 RANK = {part: rank for rank, parts in enumerate(RANKS) for part in parts}

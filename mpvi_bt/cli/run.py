@@ -127,23 +127,11 @@ def run(
     if dry and (config.video or config.picture or config.rerun or config.demonstration):
         raise click.UsageError("A dry run has nothing to film, to draw, to log or to record.")
     stem = config.name if not dry else f"{Path(config.tree or config.plan or config.task).stem}_dry"
-    config = replace(config, trace=out / f"{stem}.trace.jsonl" if trace else None, saved=out / f"{stem}.saved.json")
-    from mpvi_bt.suite import checkers, doers
-    from mpvi_bt.suite.detectors import make_detector
+    config = config.kept_in(out, stem, trace)
+    from mpvi_bt.suite.prepare import doubts
 
-    notes = (
-        ()
-        if dry
-        else (
-            make_detector(config.detector, {}, config.seed).note,
-            checkers.doubt(config),
-            doers.doubt(config, prepared.spec, prepared.skills),
-        )
-    )
-    doubts = [f"{p.pointer}: {p.message} [{p.code}]" for p in (prepared.planned.doubts if prepared.planned else ())]
-    for doubt in (prepared.doubt, *doubts, *notes):
-        if doubt:
-            _note(doubt)
+    for doubt in doubts(config, prepared, dry):
+        _note(doubt)
     from mpvi_bt.executive.debugger import Debugger
     from mpvi_bt.executive.live import LiveTree
     from mpvi_bt.executive.loop import Last
@@ -202,7 +190,7 @@ def _asked_for(
     if dry:
         _refuse_in_a_dry_run()
     config = EpisodeConfig(task or "", arguments=tuple(values.items()), **settings)
-    config = replace(config, planned=out / f"{config.name}.plan.json")
+    config = config.kept_in(out)
     if not dry:
         return config, prepare_episode(config, _note), dry
     if task is not None:
@@ -247,7 +235,7 @@ def _episode(
 
 def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], stop: Stop, as_json: bool) -> int:
     """Run without robot and simulator, and print how it went."""
-    from mpvi_bt.executive.dry import EmptyWorld, dry_tree, run_dry
+    from mpvi_bt.executive.dry import LIMIT_S, EmptyWorld, dry_tree, run_dry
     from mpvi_bt.executive.recorder import Recorder
     from mpvi_bt.suite.saved import Keeper
 
@@ -259,7 +247,7 @@ def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], 
         }
         told = {"dry": True, **{key: value for key, value in used.items() if value}}
         watchers = [Recorder(config.trace, told, config.seed, saved), *watchers]
-    budget_s = prepared.task.budget_s if prepared.task else 3600.0
+    budget_s = prepared.task.budget_s if prepared.task else LIMIT_S
     world = EmptyWorld()
     with stop:
         keeper = Keeper(stop, config, tree, world)

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from collections import Counter
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Literal
 
 import click
 
 from mpvi_bt import paths
 from mpvi_bt.cli.given import File, Name, backends, demonstration_fps
-from mpvi_bt.cli.suite_report import Told
-from mpvi_bt.errors import BackendError, UnknownName, UserError
-from mpvi_bt.suite.config import EPISODE, EpisodeConfig, SuiteBudget
-
-if TYPE_CHECKING:
-    from mpvi_bt.suite.manifest import Manifest
-    from mpvi_bt.suite.runner import Engine
+from mpvi_bt.errors import BackendError, UserError
+from mpvi_bt.report.told import Told
+from mpvi_bt.suite.config import EPISODE, EpisodeConfig
 
 _FILE = click.Path(dir_okay=False, path_type=Path)
 _NAMED = 20  # episodes at most that `status` names one by one
@@ -123,7 +117,7 @@ def run(
     instances: tuple[int, ...],
     workers: int | None,
     wall_limit: float,
-    engine: str,
+    engine: Literal["processes", "ray"],
     ray_address: str | None,
     episode: str,
     trace: bool,
@@ -140,69 +134,24 @@ def run(
     Prints the report of them at the end. Ends with 3 if an episode could not be finished for a fault of the machine; it
     is tried again by the next run.
     """
-    from mpvi_bt.suite.manifest import make_manifest
-    from mpvi_bt.suite.prepare import check_episode
+    from mpvi_bt.suite.play import Kept, Where, play
     from mpvi_bt.suite.progress import Progress
-    from mpvi_bt.suite.runner import run_suite
-    from mpvi_bt.suite.schedule import Pace, budgets_s, in_rounds
 
-    if ray_address is not None and engine != "ray":
-        raise click.UsageError("--ray-address is where --engine ray plays episodes; it is not chosen.")
-    if ray_address is not None and (suite_calls is not None or suite_tokens is not None):
-        raise click.UsageError(
-            "The nodes of a cluster cannot count calls and tokens together; give --calls or --tokens."
-        )
     title, store, episodes = _open(name, out, options)
-    manifest, budget_s = make_manifest(title, episodes), budgets_s(episodes)
-    budget = SuiteBudget(store.out / "asked.json", suite_calls, suite_tokens)
-    for config in {(c.task, c.method): replace(c, suite_budget=budget) for c in episodes}.values():
-        check_episode(config)  # what is wrong with a tree or a plan is said once, and before workers start
-    episodes = _part(episodes, tasks, instances)
-    wanted = {"trace": (trace, "traces", ".jsonl"), "video": (video, "videos", ".mp4")}
-    wanted |= {"picture": (picture, "pictures", ".png"), "planned": (True, "plans", ".json")}
-    wanted |= {"demonstration": (demonstrations, "demonstrations", "")}
-    episodes = [
-        replace(
-            config,
-            suite_budget=budget,
-            demonstration_fps=demonstration_fps,
-            **{
-                field: store.folder(config) / folder / f"{config.name}{suffix}"
-                for field, (asked, folder, suffix) in wanted.items()
-                if asked
-            },
-        )
-        for config in episodes
-    ]
-    player = _engine(engine, workers, episode, wall_limit, ray_address, manifest)
-    progress = Progress(sys.stderr, Pace(budget_s))
-    outcome = run_suite(episodes, store, player, progress, lambda todo: in_rounds(todo, budget_s), manifest)
-    click.echo(Told.of(title, store, episodes, outcome.results, outcome.faults).told(as_json))
+    outcome = play(
+        title,
+        store,
+        episodes,
+        lambda pace: Progress(sys.stderr, pace),
+        tasks=tasks,
+        instances=instances,
+        where=Where(engine, workers, wall_limit, ray_address, episode),
+        kept=Kept(trace, video, picture, demonstrations, demonstration_fps),
+        calls=suite_calls,
+        tokens=suite_tokens,
+    )
+    click.echo(Told.of(title, store, outcome.episodes, outcome.results, outcome.faults).told(as_json))
     return BackendError.exit_code if outcome.faults else 0
-
-
-def _part(episodes: list[EpisodeConfig], tasks: tuple[str, ...], instances: tuple[int, ...]) -> list[EpisodeConfig]:
-    """Those of some tasks and instances; of all where none are given. Raises UnknownName if the suite lacks one."""
-    for kind, given in (("task", tasks), ("instance", instances)):
-        known = list(dict.fromkeys(str(getattr(config, kind)) for config in episodes))
-        for one in map(str, given):
-            if one not in known:
-                raise UnknownName(f"{kind} of this suite", one, known)
-    return [c for c in episodes if (not tasks or c.task in tasks) and (not instances or c.instance in instances)]
-
-
-def _engine(
-    name: str, workers: int | None, episode: str, wall_limit_s: float, address: str | None, manifest: Manifest
-) -> Engine:
-    """What plays the episodes. Raises UserError if it is not installed."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if name == "ray":
-        from mpvi_bt.suite.ray_engine import RayEngine
-
-        return RayEngine(address, workers, episode, wall_limit_s, manifest)
-    from mpvi_bt.suite.processes import ProcessEngine
-
-    return ProcessEngine(workers or cores, episode, wall_limit_s)
 
 
 @suite.command()

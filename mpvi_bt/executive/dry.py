@@ -21,6 +21,8 @@ from mpvi_bt.tree.compile import Drive
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.substitute import Rules, stand_ins
 
+LIMIT_S = 3600.0  # Our choice: simulated time that a tree alone may take
+
 
 def dry_tree(spec: TreeSpec, rules: Rules | None = None) -> Tree:
     """The tree with a stand-in for every node that needs a robot.
@@ -38,7 +40,7 @@ def run_dry(
     tree: Tree,
     skills: Mapping[str, Skill] | None = None,
     subscribers: Sequence[Subscriber] = (),
-    max_time_s: float = 3600.0,
+    max_time_s: float = LIMIT_S,
     stop: Callable[[], bool] = lambda: False,
     world: EmptyWorld | None = None,
     saved: SavedRun | None = None,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -119,6 +119,22 @@ class EpisodeConfig:
     def backends(self) -> dict[str, str]:
         """Kind to name of every chosen backend."""
         return {kind: getattr(self, kind) for kind in ("planner", "map", "detector", "policy", "checker", "trigger")}
+
+    def kept_in(self, folder: Path, stem: str = "", trace: bool = True) -> EpisodeConfig:
+        """The same, its trace, its plan, and how it stands if it is stopped, written there, beside its result.
+
+        Args:
+            folder: Of the result, `STEM.json`.
+            stem: Of all the files; its `name` by default.
+            trace: Whether to write one.
+        """
+        stem = stem or self.name
+        return replace(
+            self,
+            trace=folder / f"{stem}.trace.jsonl" if trace else None,
+            saved=folder / f"{stem}.saved.json",
+            planned=folder / f"{stem}.plan.json",
+        )
 
     def record(self) -> dict[str, Any]:
         """What a result says of it: everything that can change the outcome, so not where pictures go."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, UserError
-from mpvi_bt.marked_yaml import load_marked
+from mpvi_bt.marked_yaml import Marks, load_marked
 from mpvi_bt.plan.check import plan_problems
 from mpvi_bt.plan.later import LaterPlanner
 from mpvi_bt.plan.planners import Planned, Planner, RecordedPlanner
@@ -18,8 +18,10 @@ from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.suite.backends import NOBODY, choose
 from mpvi_bt.suite.checkers import check_checker_choice
+from mpvi_bt.suite.checkers import doubt as checker_doubt
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.detectors import make_detector
+from mpvi_bt.suite.doers import doubt as doer_doubt
 from mpvi_bt.suite.hands import check_hands
 from mpvi_bt.suite.language import Models, check_language_choice
 from mpvi_bt.suite.planners import ground, make_planner
@@ -69,12 +71,15 @@ class Prepared:
         return f"tree {self.spec.name!r} was made for another instruction than the task's: {own!r}"
 
 
-def prepare(config: EpisodeConfig, tell: Callable[[str], None] = lambda line: None) -> Prepared:
+def prepare(
+    config: EpisodeConfig, tell: Callable[[str], None] = lambda line: None, given: TreeSpec | Plan | None = None
+) -> Prepared:
     """Read and check what a run is made of, and have a plan made if there is none.
 
     Args:
         config: Its task, tree, plan and rules; "" stands for no task: a tree or a plan alone.
         tell: Is told in a line what takes its time.
+        given: The tree or the plan itself, where `config` does not name its file: its name there is as of `named`.
 
     Raises:
         UserError: One of them does not exist or is wrong, a parameter has no value, nothing is there to run, or it is
@@ -94,9 +99,9 @@ def prepare(config: EpisodeConfig, tell: Callable[[str], None] = lambda line: No
             raise UserError("the tree of a file says itself what becomes of failures; --on-failure is for plans.")
         if config.drive != "navigator":
             raise UserError("the tree of a file says itself who drives; --drive is for plans.")
-        spec = _tree(config.tree, task, skills, arguments)
+        spec = _tree(given if isinstance(given, TreeSpec) else config.tree, task, skills, arguments)
     elif config.plan is not None:
-        plan = _plan(config.plan, task, skills, robot_named(config.robot))
+        plan = _plan(given if isinstance(given, Plan) else config.plan, task, skills, robot_named(config.robot))
         spec = compile_plan(plan, skills, config.on_failure, config.drive)
     elif task is not None and config.planner == NOBODY:
         spec = compile_instruction(config.task_name, task.instruction)
@@ -115,7 +120,13 @@ def prepare(config: EpisodeConfig, tell: Callable[[str], None] = lambda line: No
     if config.substitute is not None:
         rules = load_rules(config.substitute)
         rules.check(spec)
-    return Prepared(task, skills, spec, rules, models, planned, planner=_replanner(config, task, models, spec, skills))
+    planner = _replanner(config, task, models, spec, skills, given)
+    return Prepared(task, skills, spec, rules, models, planned, planner=planner)
+
+
+def named(given: TreeSpec | Plan) -> str:
+    """What stands for a tree or a plan that no file holds, where its name or file is told."""
+    return f"<{given.name if isinstance(given, TreeSpec) else given.task_name}>"
 
 
 def _refuse_a_plan(config: EpisodeConfig) -> None:
@@ -127,9 +138,16 @@ def _refuse_a_plan(config: EpisodeConfig) -> None:
         raise UserError(f"--on-failure is for the units of a plan; planner {NOBODY} makes none.")
 
 
-def _tree(name: str, task: Task | None, skills: Mapping[str, Skill], arguments: Mapping[str, str]) -> TreeSpec:
-    data, marks = load_marked(paths.find_or_file("trees", name))
-    spec = check_tree(data, marks, skills, arguments)
+def _tree(
+    given: str | TreeSpec, task: Task | None, skills: Mapping[str, Skill], arguments: Mapping[str, str]
+) -> TreeSpec:
+    if isinstance(given, TreeSpec):
+        spec, marks = given, Marks(named(given))
+        if arguments:
+            raise UserError(f"the parameters of tree {spec.name!r} are filled in where it is loaded, not here.")
+    else:
+        data, marks = load_marked(paths.find_or_file("trees", given))
+        spec = check_tree(data, marks, skills, arguments)
     if wrong := [problem for problem in lint(spec, skills, marks) if problem.severity == "error"]:
         raise FileProblems(wrong)
     if spec.unbound:
@@ -140,13 +158,29 @@ def _tree(name: str, task: Task | None, skills: Mapping[str, Skill], arguments: 
     return spec
 
 
-def _plan(name: str, task: Task | None, skills: Mapping[str, Skill], robot: RobotModel) -> Plan:
-    data, marks = load_marked(paths.find_or_file("tasks/plans", name))
-    plan = check_plan(data, marks)
+def _plan(given: str | Plan, task: Task | None, skills: Mapping[str, Skill], robot: RobotModel) -> Plan:
+    if isinstance(given, Plan):
+        plan, marks = given, Marks(named(given))
+    else:
+        data, marks = load_marked(paths.find_or_file("tasks/plans", given))
+        plan = check_plan(data, marks)
     found = plan_problems(plan, skills, ground(task.house, task, robot.sides) if task else None, marks)
     if wrong := [problem for problem in found if problem.severity == "error"]:
         raise FileProblems(wrong)
     return plan
+
+
+def doubts(config: EpisodeConfig, prepared: Prepared, dry: bool = False) -> list[str]:
+    """What a person should know of a run that can begin, a line each."""
+    of_plan = prepared.planned.doubts if prepared.planned else ()
+    said = [prepared.doubt, *(f"{p.pointer}: {p.message} [{p.code}]" for p in of_plan)]
+    if not dry:
+        said += [
+            make_detector(config.detector, {}, config.seed).note,
+            checker_doubt(config),
+            doer_doubt(config, prepared.spec, prepared.skills),
+        ]
+    return [line for line in said if line]
 
 
 def check_backends(config: EpisodeConfig) -> None:
@@ -162,7 +196,9 @@ def check_backends(config: EpisodeConfig) -> None:
         raise UserError("--map online is built by looking: choose a detector that looks, such as segmentation.")
 
 
-def prepare_episode(config: EpisodeConfig, tell: Callable[[str], None] = lambda line: None) -> Prepared:
+def prepare_episode(
+    config: EpisodeConfig, tell: Callable[[str], None] = lambda line: None, given: TreeSpec | Plan | None = None
+) -> Prepared:
     """As `prepare`, of an episode; its backends and its instance exist.
 
     Raises:
@@ -172,7 +208,7 @@ def prepare_episode(config: EpisodeConfig, tell: Callable[[str], None] = lambda 
     check_backends(config)
     load_task(config.task).check_instance(config.instance)
     check_split(config.split)
-    ready = prepare(config, tell)
+    ready = prepare(config, tell, given)
     _check_replanning(ready)
     return ready
 
@@ -193,7 +229,12 @@ def check_episode(config: EpisodeConfig) -> None:
 
 
 def _replanner(
-    config: EpisodeConfig, task: Task | None, models: Models, spec: TreeSpec, skills: Mapping[str, Skill]
+    config: EpisodeConfig,
+    task: Task | None,
+    models: Models,
+    spec: TreeSpec,
+    skills: Mapping[str, Skill],
+    given: TreeSpec | Plan | None = None,
 ) -> Planner | None:
     """Who makes new plans where the tree wants them; None where it does not, or where there is no plan to go by."""
     if not any(_wants_a_plan(placed) for placed in spec.nodes):
@@ -202,7 +243,8 @@ def _replanner(
         return make_planner(config, task, models)
     robot = robot_named(config.robot)
     if config.plan is not None:
-        return LaterPlanner(_plan(config.plan, task, skills, robot), skills, robot.sides)
+        plan = _plan(given if isinstance(given, Plan) else config.plan, task, skills, robot)
+        return LaterPlanner(plan, skills, robot.sides)
     if task is None or config.tree is not None:
         return None
     return LaterPlanner(RecordedPlanner().plan(task.plan), skills, robot.sides)

@@ -21,6 +21,7 @@ from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.human import human_stats
 from mpvi_bt.suite.metrics import DIRECTIONS, Measurement, ratio
 from mpvi_bt.suite.queries import Queries
+from mpvi_bt.suite.result_html import result_html, result_line
 from mpvi_bt.suite.tasks import Task
 from mpvi_bt.suite.way import Way
 from mpvi_bt.writing import unwritable, write_whole
@@ -201,6 +202,14 @@ class Result(Record):
     def q(self) -> float:
         """Official q."""
         return self.q_score.final
+
+    def __str__(self) -> str:
+        """One line for a person."""
+        return result_line(self)
+
+    def _repr_html_(self) -> str:
+        """What notebooks show."""
+        return result_html(self)
 
 
 def make_result(

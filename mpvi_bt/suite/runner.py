@@ -86,6 +86,7 @@ class Listener(Protocol):
 class Outcome:
     """How the episodes of a suite stand, in their order."""
 
+    episodes: list[EpisodeConfig]
     results: dict[EpisodeConfig, Result]
     faults: dict[EpisodeConfig, Fault]
 
@@ -136,7 +137,7 @@ def run_suite(
         finally:
             listener.end()
         results |= run.results
-    return Outcome({c: results[c] for c in episodes if c in results}, run.faults)
+    return Outcome(episodes, {c: results[c] for c in episodes if c in results}, run.faults)
 
 
 class _Run:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
@@ -12,6 +12,8 @@ from mpvi_bt.behaviors.parameters import Parameters, Value
 from mpvi_bt.behaviors.registry import NodeType, node_types
 
 ParameterType = Literal["text", "number", "integer", "boolean"]
+Drawer = Callable[["TreeSpec"], str]
+_DRAWERS: dict[str, Drawer] = {}  # "text" and "html"
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,19 @@ class TreeSpec:
         placed: list[Placed] = []
         _place(self.root, _own_name(self.root), 0, placed)
         return tuple(placed)
+
+    def __str__(self) -> str:
+        """Its drawing, where one is loaded."""
+        return _DRAWERS["text"](self) if _DRAWERS else repr(self)
+
+    def _repr_html_(self) -> str | None:
+        """What notebooks show."""
+        return _DRAWERS["html"](self) if _DRAWERS else None
+
+
+def draw_by(text: Drawer, html: Drawer) -> None:
+    """Have trees shown so, by `print` and in notebooks: drawings stand above trees, and `drawing.shown` calls this."""
+    _DRAWERS.update(text=text, html=html)
 
 
 def _own_name(node: NodeSpec) -> str:

@@ -1,4 +1,4 @@
-"""What `mpvi suite run` and `mpvi suite report` tell of results: text, JSON, an HTML page, Markdown."""
+"""What the commands of suites and `mpvi_bt.run_suite` tell of results: text, JSON, an HTML page, Markdown."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -63,6 +64,24 @@ class Told:
 
         runs = runs_of(episodes, results, faults, store)
         return cls(figures(title, runs, load_suite(suite).about if suite else "", baseline), runs, store)
+
+    @property
+    def results(self) -> list[Result]:
+        """Of every episode that has one, in the suite's order, method by method."""
+        return [runs.results[config] for runs in self.runs for config in runs.episodes if config in runs.results]
+
+    @property
+    def faults(self) -> dict[str, str]:
+        """What broke the episodes that have no result and are run again by the next run: name to message."""
+        return {config.name: fault.message for runs in self.runs for config, fault in runs.faults.items()}
+
+    def __str__(self) -> str:
+        """The report as text."""
+        return self.told(as_json=False)
+
+    def _repr_html_(self) -> str:
+        """What notebooks show: the same."""
+        return f"<pre>{escape(str(self))}</pre>"
 
     def told(self, as_json: bool) -> str:
         """The report as text for a terminal, or for programs."""
