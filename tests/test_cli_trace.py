@@ -47,7 +47,7 @@ def test_replay_piped_prints_every_change(trace: Path) -> None:
     assert len(changes) == sum(len(tick.nodes) for tick in run.ticks)
     assert all(re.match(r" +\d+\.\d s  ", line) for line in lines[size:-1])
     assert "    0.0 s  blackboard: cups = 0" in lines
-    assert lines[-1] == "failure after 5.0 s"
+    assert lines[-1] == "plan failed after 5.0 s, 1 unit given up"
     assert all(columns(line) <= 80 for line in lines)
 
 
@@ -55,7 +55,7 @@ def test_replay_of_a_cut_trace_says_so(trace: Path) -> None:
     """A reader must not take the last line for the end."""
     trace.write_bytes(trace.read_bytes()[:-40])
     assert RUN.invoke(replay, [str(trace)]).output.splitlines()[-1].startswith("the trace was cut off here")
-    assert "the trace was cut off at 5.0 s" in RUN.invoke(explain_, [str(trace)]).output
+    assert "the trace breaks off after 5.0 s" in RUN.invoke(explain_, [str(trace)]).output
 
 
 def test_replay_shows_a_tick(trace: Path) -> None:
@@ -74,7 +74,7 @@ def test_replay_shows_a_tick(trace: Path) -> None:
         beyond = RUN.invoke(command, [str(trace), "--tick", "99999"])
         assert str(beyond.exception).endswith(f"t.jsonl: there is no tick 99999; the last is {run.last_tick}.")
     last = RUN.invoke(replay, [str(trace), "--tick", str(run.last_tick)]).output
-    assert "failure after 5.0 s" in last
+    assert "plan failed after 5.0 s" in last
     assert "failed: " in last
 
 
@@ -137,7 +137,7 @@ def test_a_trace_without_a_tick_is_shown(trace: Path) -> None:
         assert "change 0 of 0: before the first tick" in player.screen(os.terminal_size((80, 24)))[0]
     assert "cut off" in RUN.invoke(replay, [str(trace)]).output
     assert json.loads(RUN.invoke(replay, [str(trace), "--json"]).output) == []
-    assert RUN.invoke(explain_, [str(trace)]).output == "fetch: the trace was cut off at 0.0 s, tick 0\n"
+    assert RUN.invoke(explain_, [str(trace)]).output == "fetch: the trace breaks off after 0.0 s, tick 0\n"
     assert RUN.invoke(diff_, [str(trace), str(trace)]).output.endswith("they went the same way\n")
 
 
@@ -170,7 +170,7 @@ def test_replay_on_a_terminal(trace: Path) -> None:
     os.write(ours, b"\x1b[D")
     until("change 3 of")
     os.write(ours, b"\x1b[F")
-    until("failure after")
+    until("plan failed after")
     os.write(ours, b"q")
     until("\x1b[?1049l")
     assert process.wait(timeout=20) == 0
@@ -181,7 +181,7 @@ def test_explain_prints_the_chain(trace: Path) -> None:
     """Root to leaf, for people and for programs."""
     done = RUN.invoke(explain_, [str(trace)])
     assert done.exit_code == 0
-    assert done.output.startswith("fetch: FAILURE at 5.0 s, tick 152\n")
+    assert done.output.startswith("fetch: plan failed after 5.0 s, 1 unit given up, tick 152\n")
     told = json.loads(RUN.invoke(explain_, [str(trace), "--json"]).output)
     assert (told["ending"], told["cause"]["path"], told["error"]) == ("failure", "fetch", None)
     assert told["cause"]["below"][0]["reason"] == "all_failed"

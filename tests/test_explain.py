@@ -194,7 +194,7 @@ def test_an_explanation_reads_well(failed: Explanation) -> None:
 
 
 GOLDEN = """
-fetch: FAILURE at 5.0 s, tick 152
+fetch: plan failed after 5.0 s, 1 unit given up, tick 152
 
 {-} fetch                                                         0.0 s to 5.0 s
   {o} get the cup                                                 0.0 s to 5.0 s
@@ -323,7 +323,8 @@ def test_a_difference_reads_well(tmp_path: Path) -> None:
 def test_no_line_ends_between_a_number_and_its_unit(width: int) -> None:
     """However wide it is."""
     link = Link("wait", "-->", "a label of several words", "RUNNING", 2.0, 2.0)
-    text = explanation_text(Explanation("t", "interrupted", 1, 12.5, running=(link,)), width)
+    explanation = Explanation("t", "interrupted", "interrupted after 12.5 s", 1, 12.5, running=(link,))
+    text = explanation_text(explanation, width)
     assert " ".join(text.split()).endswith("since 2.0 s")
     assert not re.search(r"\d$", text.partition("Running then:")[2], re.MULTILINE)
 

@@ -38,7 +38,7 @@ def test_piped_it_prints_changes_only() -> None:
     assert "\x1b" not in text
     assert max(map(len, lines)) <= 80
     assert text.startswith("picking_up_trash, instance 0\n" + ascii_tree(SPEC))
-    assert text.endswith(ascii_tree(SPEC, tree.states()) + f"\nsuccess after {outcome.time_s:.1f} s\n")
+    assert text.endswith(ascii_tree(SPEC, tree.states()) + f"\nplan finished after {outcome.time_s:.1f} s\n")
     changes = [line for line in lines if re.match(r" *\d+\.\d s  ", line)]
     assert len(lines) == len(changes) + 2 * len(SPEC.nodes) + 2
     assert len(changes) < 4 * len(SPEC.nodes)
@@ -91,7 +91,7 @@ def test_on_a_terminal_it_redraws_in_place(monkeypatch: pytest.MonkeyPatch) -> N
     text = b"".join(received).decode()
     assert text.count("\x1b[J") > 3
     assert screen(text, 24) == [
-        f"demo  success after {outcome.time_s:.1f} s",
+        f"demo  plan finished after {outcome.time_s:.1f} s",
         *ascii_tree(SPEC, tree.states()).splitlines(),
         LEGEND,
         "",
@@ -140,7 +140,7 @@ def test_the_end_tells_what_failed() -> None:
     _, world, context = scene()
     run_episode(Tree(spec), world, context, [LiveTree(stream)])
     assert re.fullmatch(r"failed: fail: no_luck.*", stream.getvalue().splitlines()[-2])
-    assert stream.getvalue().splitlines()[-1] == "failure after 0.0 s"
+    assert stream.getvalue().splitlines()[-1] == "tree failed after 0.0 s"
 
 
 @pytest.mark.parametrize(("settings", "colored"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)])

@@ -55,9 +55,9 @@ def test_progress_is_plain_lines_when_piped() -> None:
     assert lines[1] == (
         "picking_up_trash_1_0  its result file is broken; moved to out/quarantine/a.json, and to run again"
     )
-    assert "2/4 done, 1 running, 1 failed, mean q 0.75, " in lines[2]
+    assert "2/4 done, mean q 0.75, 1 reached the goal, 1 running, " in lines[2]
     assert lines[3] == "picking_up_trash_3_0  machine fault: the worker process died (exit code -9); given up"
-    assert "3/4 done, 0 running, 1 failed, 1 machine fault, mean q 0.83" in lines[4]
+    assert "3/4 done, mean q 0.83, 2 reached the goal, 1 machine fault, 0 running" in lines[4]
 
 
 def test_progress_redraws_one_line_on_a_terminal() -> None:

@@ -312,7 +312,7 @@ def test_a_trace_is_drawn_at_its_end_or_at_a_tick(run: Path) -> None:
     """Without --tick how it ended, with it how it stood then; a tick that was not is named with the last that was."""
     assert invoke(run) == (
         "{-} s [x]  no_luck\n    --> wait 5 s [o] 5.0 s\n    --> fail: no_luck [x]  no_luck\n"
-        "failed: fail: no_luck\nfailure after 5.0 s\n"
+        "failed: fail: no_luck\ntree failed after 5.0 s\n"
     )
     assert invoke(run, "--tick", 100).splitlines()[1:] == [
         "    --> wait 5 s [*] 3 s, 2 s left",
@@ -348,7 +348,7 @@ def test_json_has_the_states(run: Path) -> None:
         ("s/wait", "SUCCESS"),
         ("s/fail", "FAILURE"),
     ]
-    assert (told["tick"], told["when"]) == (151, "failure after 5.0 s")
+    assert (told["tick"], told["when"]) == (151, "tree failed after 5.0 s")
     assert "state" not in json.loads(invoke("picking_up_trash", "--json"))["nodes"][0]
 
 

@@ -148,7 +148,7 @@ def test_status_and_report_read_the_folder(mpvi: Shell, tmp_path: Path) -> None:
         store.write(config, fake_result(config))
     store.write_fault(EPISODES[3], FAULTS[EPISODES[3]])
     status = mpvi("suite", "status", "trash10")
-    assert status.stdout.splitlines()[0] == "trash10: 3/10 done, 1 failed, mean q 0.83, 1 machine fault"
+    assert status.stdout.splitlines()[0] == "trash10: 3/10 done, mean q 0.83, 2 reached the goal, 1 machine fault"
     assert "picking_up_trash_3_0: machine fault: the worker process died" in status.stdout
     data = json.loads(mpvi("suite", "status", "trash10", "--json").stdout)
     assert (data["done"], len(data["to_do"]), data["running"]) == (3, 7, False)

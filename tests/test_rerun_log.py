@@ -137,7 +137,7 @@ def test_what_fails_is_logged_with_its_reason_when_it_does(tmp_path: Path) -> No
     for failure in failures:
         assert any(failure.path in text and failure.reason in text and step == round(failure.time_s * 30)
                    for step, text in told), (failure, told)  # fmt: skip
-    assert outcome.ending.replace("_", " ") in told[-1][1]
+    assert outcome.told(SPEC) in told[-1][1]
 
 
 def test_after_ctrl_c_the_recording_is_whole(tmp_path: Path) -> None:

@@ -61,9 +61,9 @@ def test_results_of_several_methods_do_not_collide(tmp_path: Path, log: Path, mp
     assert sum("mpvi picking_up_trash_0_0  q 1.00" in line for line in said) == 1
     status = mpvi("suite", "status", str(suite), "--out", str(out))
     assert status.stdout.splitlines() == [
-        "two: 4/4 done, 2 failed, mean q 0.75",
-        "  expert: 2/2 done, 1 failed, mean q 0.75",
-        "  mpvi: 2/2 done, 1 failed, mean q 0.75",
+        "two: 4/4 done, mean q 0.75, 2 reached the goal",
+        "  expert: 2/2 done, mean q 0.75, 1 reached the goal",
+        "  mpvi: 2/2 done, mean q 0.75, 1 reached the goal",
     ]
 
 
@@ -178,7 +178,7 @@ def test_the_manifest_gives_the_episodes_as_they_were_run(tmp_path: Path, mpvi: 
     store.write(run[0], fake_result(run[0]))
     make_manifest("trash10", run).claim(store.out)
     done = mpvi("suite", "status", "trash10")
-    assert done.stdout.splitlines()[0] == "trash10: 1/10 done, 0 failed, mean q 1.00"
+    assert done.stdout.splitlines()[0] == "trash10: 1/10 done, mean q 1.00, 1 reached the goal"
     for command in ("status", "report"):
         done = mpvi("suite", command, "trash10", "--checker", "visual")
         assert done.returncode == 2

@@ -131,8 +131,7 @@ def _picture(given: str, tick: int | None, values: dict[str, str]) -> _Picture:
     i = trace.index_at(at)
     when = f"tick {tick}, {trace.time_at(at):.1f} s"
     if tick is None:
-        how = trace.end.ending.replace("_", " ") if trace.end else "the trace breaks off"
-        when = f"{how} after {trace.end.time_s if trace.end else trace.time_at(at):.1f} s"
+        when = trace.told
     return _Picture(trace.tree_at(i) if i >= 0 else trace.tree, trace.states_at(at), when, at, trace)
 
 

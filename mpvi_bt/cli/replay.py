@@ -129,7 +129,7 @@ def _ending(trace: Trace) -> str:
     if trace.end is None:
         return "the trace was cut off here: nothing says how the run ended"
     error = f": {one_line(trace.end.error.message)}" if trace.end.error else ""
-    return f"{trace.end.ending.replace('_', ' ')} after {trace.end.time_s:.1f} s{error}"
+    return trace.told + error
 
 
 def _title(trace: Trace, i: int, width: int, tick: int | None = None) -> str:

@@ -261,9 +261,12 @@ def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], 
 
 def _brief(config: EpisodeConfig, prepared: Prepared, outcome: Outcome) -> dict[str, Any]:
     """How a run went that nobody measures."""
+    from mpvi_bt.drawing.endings import is_plan
+
     failures = [*outcome.log.failures, *filter(None, [outcome.failure])]
     return {
         "tree": prepared.spec.name,
+        "plan": is_plan(prepared.spec),
         "success": outcome.ending == "success",
         "ended": outcome.ending,
         "ticks": outcome.ticks,

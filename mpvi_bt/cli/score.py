@@ -8,6 +8,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from mpvi_bt.drawing.endings import ended, gave_up
+
 
 def score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | None = None) -> str:
     """Of an episode.
@@ -21,10 +23,9 @@ def score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | No
     human = f", {normalized:.2f} of human speed" if result["success"] and normalized is not None else ""
     moved = result["agent_distance"]
     met = sum(condition["satisfied"] for condition in result["goal"])
-    ended = result["ended"].replace("_", " ")
     entries = [
         ("goal", f"{met} of {len(result['goal'])} conditions{_credited(result)}"),
-        *(("", f"[{'x' if c['satisfied'] else ' '}] {c['condition']}") for c in result["goal"]),
+        *(("", f"{'met' if c['satisfied'] else 'not met':7}  {c['condition']}") for c in result["goal"]),
         ("time", f"{result['time']['simulator_time']:.1f} s simulated{human}"),
         ("distance", f"base {moved['base']:.1f} m, left hand {moved['left']:.1f} m, right hand {moved['right']:.1f} m"),
         *((("plan", made),) if (made := _planned(result)) else ()),
@@ -40,7 +41,8 @@ def score(result: Mapping[str, Any], trace: Path | None = None, saved: Path | No
         ),
         ("truth", f"read by {', '.join(result['privileged']) or 'none'}"),
     ]
-    head = f"{_verdict(result)}  q = {result['q_score']['final']:.3f}, tree: {ended}"
+    verdict = {"SUCCESS": "goal met", "FAILURE": "goal not met"}.get(said := _verdict(result), said)
+    head = f"q = {result['q_score']['final']:.3f}  {verdict}{_ended(result, '; ')}"
     return "\n".join([head, *(_entry(name, text) for name, text in entries), *_next(result, trace, saved)])
 
 
@@ -48,8 +50,8 @@ def brief_score(
     result: Mapping[str, Any], dry: bool = True, trace: Path | None = None, saved: Path | None = None
 ) -> str:
     """The same of a run that nobody measures: a dry one, or one that an exception ended."""
-    ended = result["ended"].replace("_", " ")
-    head = f"{_verdict(result)}  {'dry run, ' * dry}tree: {ended}"
+    verdict = "FINISHED" if result["success"] and result["failures"] else _verdict(result)
+    head = f"{verdict}{'  dry run' * dry}{_ended(result, ': ' if dry else '  ')}"
     ticks = "1 tick" if result["ticks"] == 1 else f"{result['ticks']} ticks"
     time = f"{result['time']['simulator_time']:.1f} s simulated, {ticks}"
     entries = [("time", time), *_failed(result), *_replanned(result)]
@@ -61,6 +63,13 @@ def _verdict(result: Mapping[str, Any]) -> str:
     return "SUCCESS" if result["success"] else verdicts.get(result["ended"], "FAILURE")
 
 
+def _ended(result: Mapping[str, Any], before: str) -> str:
+    """What became of the plan, or of the tree that was given in its place; "" where the verdict says it."""
+    own = result.get("config", {}).get("tree") or not result.get("plan", True)
+    told = ended(result["ended"], gave_up(result["ended"], len(result["failures"])), plan=not own)
+    return "" if told.upper() == _verdict(result) else before + told
+
+
 def _credited(result: Mapping[str, Any]) -> str:
     """The other two scores, where they say more than the first."""
     scores = [result.get(key, result["q_score"]["final"]) for key in ("goal_fraction", "conditions_met")]
@@ -70,9 +79,10 @@ def _credited(result: Mapping[str, Any]) -> str:
 
 
 def _failed(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    for failure in result["failures"]:
+    given_up = gave_up(result["ended"], len(result["failures"]))
+    for i, failure in enumerate(result["failures"]):
         said = failure["feedback"] or failure["reason"]
-        yield "failed", f"{failure['time_s']:.1f} s: {_part(failure['node'])}: {said}"
+        yield "gave up" if i < given_up else "failed", f"{failure['time_s']:.1f} s: {_part(failure['node'])}: {said}"
 
 
 def _replanned(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -193,16 +193,16 @@ def _stand(
     return {
         "episodes": len(episodes),
         "done": len(done),
-        "failed": sum(not result.success for result in done),
-        "faults": sum(c in faults for c in episodes),
+        "succeeded": sum(result.success for result in done),
+        "broke": dict(Counter(faults[c].kind for c in episodes if c in faults)),
         "mean_q": sum(result.q for result in done) / len(done) if done else None,
     }
 
 
 def _line(stand: dict[str, Any]) -> str:
-    line = f"{stand['done']}/{stand['episodes']} done, {stand['failed']} failed"
-    line += f", mean q {stand['mean_q']:.2f}" if stand["done"] else ""
-    return line + (f", {stand['faults']} machine fault{'s' * (stand['faults'] > 1)}" if stand["faults"] else "")
+    from mpvi_bt.suite.progress import standing
+
+    return standing(stand["done"], stand["episodes"], stand["succeeded"], stand["mean_q"], stand["broke"])
 
 
 def _told(config: EpisodeConfig) -> str:

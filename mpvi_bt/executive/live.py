@@ -91,7 +91,7 @@ class LiveTree:
         if self._tree is None:
             return
         spec, states = self._tree.spec, self._tree.states()
-        how = f"{outcome.ending.replace('_', ' ')} after {outcome.time_s:.1f} s"
+        how = outcome.told(spec)
         if self._terminal:
             self._redraw(spec, states, how, whole=True)
         else:

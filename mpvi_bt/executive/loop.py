@@ -11,11 +11,14 @@ from typing import Any, Protocol
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Context, Failure, Log
+from mpvi_bt.drawing.endings import ended, is_plan
 from mpvi_bt.errors import BackendError, ModelError, NodeError, PolicyError
+from mpvi_bt.goals.evaluate import GoalReport
 from mpvi_bt.robot.protocol import Robot
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.saving import SavedTree, restore
+from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import Ending
 
 
@@ -65,6 +68,7 @@ class Outcome:
         ticks: Updates of the tree.
         failure: Why the root failed, if it did; what the backend failed of.
         error: What ended it, where ending is "error" or "backend_error".
+        goal: How the goal stood at the end; None where there is none, or where an exception ended it.
         log: Segments that were given up, questions to the checker, what hands noticed, actions that were clipped.
         wall_s: Wall time [s] by activity: "stepping" the world; within ticks the behaviors' "navigation", "motion",
             "policy", "rendering", "triggers", "checker", "planner", and "ticking", the rest of it, which is the tree's
@@ -77,6 +81,7 @@ class Outcome:
     ticks: int = 0
     failure: Failure | None = None
     error: Exception | None = None
+    goal: GoalReport | None = None
     log: Log = field(default_factory=Log)
     wall_s: dict[str, float] = field(default_factory=dict)
 
@@ -84,6 +89,11 @@ class Outcome:
     def complete(self) -> bool:
         """The tree ended in SUCCESS and no segment was given up."""
         return self.ending == "success" and not self.log.failures
+
+    def told(self, tree: TreeSpec) -> str:
+        """In a line, of the tree that ran, such as "q = 0.333, plan finished after 15.6 s, 2 units given up"."""
+        q = self.goal.q if self.goal else None
+        return ended(self.ending, len(self.log.failures), is_plan(tree), self.time_s, q)
 
 
 class Subscriber(Protocol):
@@ -138,10 +148,12 @@ def run_episode(
     wall_limit_s: float = float("inf"),
     stop: Callable[[], bool] = lambda: False,
     saved: SavedTree | None = None,
+    score: Callable[[], GoalReport] | None = None,
 ) -> Outcome:
     """Tick the tree and step the world until the tree ends or the time is up.
 
-    However it ends, every behavior is terminated, the robot is told to hold, and every subscriber's `end` is called.
+    However it ends, every behavior is terminated, the robot is told to hold, the goal is scored, and every subscriber's
+    `end` is called.
 
     Args:
         tree: What to tick; it is set up here.
@@ -152,6 +164,7 @@ def run_episode(
         wall_limit_s: A guard against a hung backend, in wall time.
         stop: Asked before every tick; where it says so the run is interrupted, between two ticks.
         saved: How the tree stood when this run was interrupted before; world and context stand so already.
+        score: Judges the goal, once, unless an exception ended the run; None: there is none.
 
     Raises:
         UserError: `saved` is of another tree.
@@ -220,13 +233,23 @@ def run_episode(
             "total": clock() - began,
         }
         outcome.ticks, outcome.time_s, outcome.steps = tree.ticks, world.time_s, world.steps
-        _close(tree, world, started, outcome)
+        _close(tree, world, started, outcome, score)
     return outcome
 
 
-def _close(tree: Tree, world: World, subscribers: Sequence[Subscriber], outcome: Outcome) -> None:
+def _close(
+    tree: Tree,
+    world: World,
+    subscribers: Sequence[Subscriber],
+    outcome: Outcome,
+    score: Callable[[], GoalReport] | None,
+) -> None:
     """Everything is ended, each whatever becomes of the others; then the first error is raised, if nothing else is."""
-    ends: list[Callable[[], object]] = [partial(subscriber.end, outcome) for subscriber in subscribers]
+
+    def judge() -> None:
+        outcome.goal = score() if score is not None and outcome.ending != "error" else None
+
+    ends: list[Callable[[], object]] = [judge, *(partial(subscriber.end, outcome) for subscriber in subscribers)]
     if outcome.ending in ("time_limit", "interrupted", "backend_error", "error"):
         ends.insert(0, tree.interrupt)
     ends.insert(0, world.robot.hold)

@@ -153,7 +153,10 @@ class Canvas:
         framed = np.full((rows + head + foot, columns, 3), 255, np.uint8)
         framed[head : head + rows] = self._rgb
         if title:
-            self._write(framed, title, (round(14 * self._unit), round(34 * self._unit)), 0.9, _INK)
+            left, size = round(14 * self._unit), 0.9
+            wide = self._cv.getTextSize(title, self._cv.FONT_HERSHEY_SIMPLEX, size * self._unit, 2)[0][0]
+            size *= min(1.0, (columns - 2 * left) / wide)
+            self._write(framed, title, (left, round(34 * self._unit)), size, _INK)
         base, left = head + rows + foot // 2, round(14 * self._unit)
         metre = round(self._scale / self._map.resolution_m)
         self._cv.line(framed, (left, base), (left + metre, base), _INK, 4)

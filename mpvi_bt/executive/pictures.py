@@ -55,6 +55,7 @@ class PathPicture(Watcher):
 
     def start(self, tree: Tree, world: World) -> None:
         """Note where everything is."""
+        self._tree = tree.spec
         self._poses = [world.robot.proprioception().base_pose]
         self._before = self._objects()
 
@@ -72,7 +73,7 @@ class PathPicture(Watcher):
         """Draw and write. Raises UserError if the file cannot be written."""
         if not self._poses:
             return
-        how = f"{self._title}   {outcome.ending.replace('_', ' ')} after {outcome.time_s:.0f} s".strip()
+        how = f"{outcome.told(self._tree)}   {self._title}".strip()
         poses = np.array(self._poses)
         picture = path_picture(self._map, poses, self._before, self._objects(), self._goals, how, self._search)
         write_png(self._file, picture)

@@ -133,6 +133,9 @@ class Recorder(Watcher):
     def _end(self, outcome: Outcome) -> None:
         self._record(self._tree.states())  # what changed at a tick that an exception cut short
         last: dict[str, Any] = {"end": outcome.ending, **self._now()}
+        if outcome.goal is not None:
+            last["q"] = outcome.goal.q
+            last["goal"] = [{"condition": c.text, "satisfied": c.satisfied} for c in outcome.goal.conditions]
         if outcome.log.clipped:
             last["clipped"] = outcome.log.clipped
         if outcome.failure is not None:

@@ -117,9 +117,9 @@ class RerunLog(Watcher):
         if self._stream is None:
             return
         self._now()
-        how = f"{outcome.ending.replace('_', ' ')} after {outcome.time_s:.1f} s"
+        how = outcome.told(self._tree.spec)
         why = "" if outcome.failure is None else f": {outcome.failure.reason}: {outcome.failure.evidence}"
-        good = outcome.ending == "success"
+        good = outcome.goal.satisfied if outcome.goal else outcome.complete
         self._stream.log("reasons", self._rr.TextLog(how + why, level="INFO" if good else "ERROR"))
         if outcome.ending != "error":
             self._text()

@@ -97,7 +97,7 @@ class Video(Watcher):
         try:
             if outcome.ending != "error":
                 for _ in range(round(self._fps)):
-                    self._send(*self._last, f"{outcome.ending.replace('_', ' ')} after {outcome.time_s:.1f} s")
+                    self._send(*self._last, outcome.told(self._last[0].spec))
         finally:
             writer, self._writer = self._writer, None
             writer.close()  # waits for ffmpeg to write the index, without which the file does not play

@@ -38,8 +38,7 @@ def episode_html(runs: Runs, config: EpisodeConfig, houses: Mapping[str, House],
     head = (
         f'<span class="pill {"good" if result.success else "bad"}">q {result.q:.2f}</span> '
         f"instance {result.instance_id}, seed {result.rollout_id} "
-        f'<span class="dim">{_ending(result)}'
-        f"{_count(len(result.failures), 'failure')}{' · film' if films else ''}</span>"
+        f'<span class="dim">{escape(one_line(result.told))}{" · film" if films else ""}</span>'
     )
     drawn = way_map(result.way, houses.get(config.task_name)) if result.way else ""
     drawn = drawn or '<p class="dim">The way was not kept.</p>'
@@ -51,13 +50,6 @@ def episode_html(runs: Runs, config: EpisodeConfig, houses: Mapping[str, House],
     ]
     mark = f"{runs.method}-{config.name}"
     return f'<details class="episode" id="{escape(mark)}"><summary>{head}</summary>{"".join(body)}</details>'
-
-
-def _ending(result: Result) -> str:
-    """How the tree ended, which knows nothing of the goal."""
-    ended = escape(one_line(result.ended.replace("_", " ")))
-    tree = "the tree ended in " if result.ended in ("success", "failure") else ""
-    return f"{tree}{ended} after {result.time.simulator_time:.0f} s"
 
 
 def _goal(result: Result) -> str:
@@ -124,7 +116,3 @@ def _film(runs: Runs, config: EpisodeConfig, page: Path | None) -> str:
 
 def _text(text: str) -> str:
     return escape(cut(one_line(text), _LONG))
-
-
-def _count(number: int, what: str) -> str:
-    return f" · {number} {what}{'s' * (number > 1)}" if number else ""

@@ -27,7 +27,7 @@ class Failures:
         episodes: How many.
         reasons: Failures by reason code; an episode may have many.
         failed_with: Episodes by reason code: those in which it came up at least once.
-        ended: Episodes by how they ended.
+        ended: Episodes by how they ended; "gave_up": the plan's end was reached, but not with all of its units.
         unmet: Conditions of the goal that did not hold at the end, by predicate, "not open" apart from "open".
     """
 
@@ -50,7 +50,7 @@ def count_failures(results: Iterable[Result]) -> Failures:
         codes = [reason(failure) for failure in result.failures]
         reasons.update(codes)
         failed_with.update(set(codes))
-        ended[result.ended] += 1
+        ended["gave_up" if result.ended == "success" and result.gave_up else result.ended] += 1
         for condition in result.goal:
             if not condition.satisfied:
                 unmet.update(predicates(condition.condition))

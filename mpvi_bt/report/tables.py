@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from mpvi_bt.drawing.endings import ENDED
 from mpvi_bt.report.compare import Comparison
 from mpvi_bt.report.failures import Failures
 from mpvi_bt.report.figures import Figures, Group, MethodFigures
@@ -191,8 +192,8 @@ def failure_tables(figures: Figures) -> list[Table]:
     tables = [
         _counts("Failures on the way, by reason code", "reason", {n: f.reasons for n, f in counted.items()}, figures,
                 "A failure that a plan passes over counts; an episode may have many."),
-        _counts("How episodes ended", "end", {n: f.ended for n, f in counted.items()}, figures,
-                "Success and failure are the tree's own; whether the goal holds is told by the scores."),
+        _counts("How episodes ended", "end", {n: _ends(f) for n, f in counted.items()}, figures,
+                "What became of the plan; whether the goal holds is told by the scores."),
         _counts("Conditions of the goal that were not met, by predicate", "predicate",
                 {n: f.unmet for n, f in counted.items()}, figures),
     ]  # fmt: skip
@@ -202,7 +203,7 @@ def failure_tables(figures: Figures) -> list[Table]:
 def failure_table_of(method: MethodFigures) -> Table:
     """The failures of one method, task by task: reason codes and unmet predicates, the most frequent first."""
     rows = [
-        [task, str(found.episodes), _listed(found.reasons), _listed(found.unmet), _listed(found.ended)]
+        [task, str(found.episodes), _listed(found.reasons), _listed(found.unmet), _listed(_ends(found))]
         for task, found in method.failures_by_task.items()
         if _short(found)
     ]
@@ -292,6 +293,12 @@ def _counts(title: str, what: str, counted: Mapping[str, Mapping[str, int]], fig
 
 def _listed(counted: Mapping[str, int]) -> str:
     return ", ".join(f"{name} {count}" for name, count in counted.items()) or NONE
+
+
+def _ends(found: Failures) -> dict[str, int]:
+    """Episodes by how they ended, in words."""
+    words = {**ENDED, "gave_up": "finished, units given up"}
+    return {words.get(end, end): count for end, count in found.ended.items()}
 
 
 def _short(found: Failures) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from mpvi_bt.drawing.cells import one_line
+from mpvi_bt.drawing.endings import ENDED
 from mpvi_bt.report.figures import Figures, Group, MethodFigures
 from mpvi_bt.report.runs import Runs
 from mpvi_bt.report.tables import comparison_text
@@ -77,7 +78,7 @@ def _row(config: EpisodeConfig, result: Result | None, fault: Fault | None) -> t
         f"{d.base:.1f}",
         f"{d.left:.1f}",
         f"{d.right:.1f}",
-        result.ended,
+        ENDED.get(result.ended, result.ended) + (f", {result.gave_up} given up" if result.gave_up else ""),
     )
 
 

@@ -20,7 +20,7 @@ from mpvi_bt.executive.rerun_log import RerunLog
 from mpvi_bt.executive.saved import restore_world
 from mpvi_bt.executive.stop import Stop
 from mpvi_bt.executive.video import Video
-from mpvi_bt.goals.evaluate import judge, snapshot
+from mpvi_bt.goals.evaluate import GoalReport, judge, snapshot
 from mpvi_bt.goals.predicates import truth_in
 from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
@@ -142,19 +142,24 @@ def run(
         *_recorders(config, prior_map(house), world, navigator, saved),
         *subscribers,
     ]
+
+    def score() -> GoalReport:
+        world.settle()  # what was let go of in the last step is still falling
+        return judge(problem, before, snapshot(problem, truth))
+
     ready = time.perf_counter()
     try:
         with stop or nullcontext(lambda: False) as asked:
             keeper = Keeper(asked, config, tree, world, meter, audit)
             outcome = run_episode(
-                tree, world, context, watchers, task.budget_s, stop=keeper, saved=saved.run.tree if saved else None
-            )
+                tree, world, context, watchers, task.budget_s, stop=keeper, saved=saved.run.tree if saved else None,
+                score=score,
+            )  # fmt: skip
     except KeyboardInterrupt:
         outcome = last.outcome
     finally:
         getattr(policy, "close", lambda: None)()
-    world.settle()  # what was let go of in the last step is still falling
-    goal = judge(problem, before, snapshot(problem, truth))
+    goal = outcome.goal or score()
     total = time.perf_counter() - began
     result = make_result(
         config,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TextIO
@@ -31,7 +32,8 @@ class Progress:
         self.q: list[float] = []
         self.waiting: dict[EpisodeConfig, None] = {}
         self.running: dict[EpisodeConfig, float] = {}
-        self.total = self.failed = self.faults = 0
+        self.total = self.succeeded = 0
+        self.faults: Counter[str] = Counter()
         self.workers, self.drawn = 1, ""
 
     def begin(self, results: Mapping[EpisodeConfig, Result], todo: Sequence[EpisodeConfig], workers: int) -> None:
@@ -64,7 +66,7 @@ class Progress:
         self.running.pop(config, None)
         if again:
             self.waiting[config] = None
-        self.faults += not again
+        self.faults[fault.kind] += not again
         self._print(f"{_name(config)}  {fault.kind}: {fault.message}; {'trying once more' if again else 'given up'}")
 
     def tick(self, workers: int) -> None:
@@ -81,12 +83,9 @@ class Progress:
         self._clear()
 
     def summary(self) -> str:
-        """Such as "4/10 done, 2 running, 1 failed, mean q 0.75, 2 min left"."""
-        parts = [f"{len(self.q)}/{self.total} done", f"{len(self.running)} running", f"{self.failed} failed"]
-        if self.faults:
-            parts.append(f"{self.faults} machine fault{'s' * (self.faults > 1)}")
-        if self.q:
-            parts.append(f"mean q {sum(self.q) / len(self.q):.2f}")
+        """Such as "4/10 done, mean q 0.75, 3 reached the goal, 2 running, 2 min left"."""
+        mean = sum(self.q) / len(self.q) if self.q else None
+        parts = [standing(len(self.q), self.total, self.succeeded, mean, self.faults), f"{len(self.running)} running"]
         now = time.monotonic()
         left = self.pace.left_s(self.waiting, {c: now - then for c, then in self.running.items()}, self.workers)
         if left > 0 and math.isfinite(left):
@@ -95,7 +94,7 @@ class Progress:
 
     def _count(self, config: EpisodeConfig, result: Result) -> None:
         self.q.append(result.q)
-        self.failed += not result.success
+        self.succeeded += result.success
         if isinstance(wall := result.wall.get("total_s"), int | float):
             self.pace.learn(config, wall)
 
@@ -110,6 +109,22 @@ class Progress:
 
     def _write(self, text: str) -> None:
         draw(self.stream, text)
+
+
+def standing(done: int, total: int, succeeded: int, mean_q: float | None, faults: Mapping[str, int]) -> str:
+    """How far a suite is: q and who reached the goal apart from what broke, which says nothing of any policy.
+
+    Args:
+        done, total: Episodes with a result, and all.
+        succeeded: Of those done, that reached the whole goal.
+        mean_q: Over those done.
+        faults: How many episodes broke, by kind.
+    """
+    parts = [f"{done}/{total} done"]
+    if mean_q is not None:
+        parts += [f"mean q {mean_q:.2f}", f"{succeeded} reached the goal"]
+    parts += [f"{number} {kind}{'s' * (number > 1)}" for kind, number in faults.items() if number]
+    return ", ".join(parts)
 
 
 def _name(config: EpisodeConfig) -> str:

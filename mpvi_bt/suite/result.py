@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, JsonValue, ValidationError
 
 from mpvi_bt import __version__
+from mpvi_bt.drawing.endings import ended, gave_up
 from mpvi_bt.goals.evaluate import GoalReport, conditions_met
 from mpvi_bt.marked_yaml import Record
 from mpvi_bt.plan.planners import Planned
@@ -210,6 +211,16 @@ class Result(Record):
     def _repr_html_(self) -> str:
         """What notebooks show."""
         return result_html(self)
+
+    @property
+    def gave_up(self) -> int:
+        """Units of the plan that were given up."""
+        return gave_up(self.ended, len(self.failures))
+
+    @property
+    def told(self) -> str:
+        """What became of the plan, or of the tree that was given in its place; the goal is another fact."""
+        return ended(self.ended, self.gave_up, not self.config.get("tree"), self.time.simulator_time)
 
 
 def make_result(

@@ -20,7 +20,7 @@ def result_html(result: Result) -> str:
             "goal",
             "<br>".join(_condition(c.condition, c.satisfied) for c in result.goal),
         ),
-        _row("time", f"{result.time.simulator_time:.1f} s simulated, ended by {escape(_words(result.ended))}"),
+        _row("end", escape(result.told)),
         _row("distance", f"base {result.agent_distance.base:.1f} m"),
     ]
     if result.failures:
@@ -41,8 +41,7 @@ def result_line(result: Result) -> str:
     met = sum(condition.satisfied for condition in result.goal)
     return (
         f"{result.task}, instance {result.instance_id}, seed {result.rollout_id}: q = {result.q:.3f}, "
-        f"{met} of {len(result.goal)} conditions, {result.time.simulator_time:.1f} s simulated, "
-        f"ended by {_words(result.ended)}"
+        f"{met} of {len(result.goal)} conditions; {result.told}"
     )
 
 
@@ -52,7 +51,3 @@ def _row(name: str, html: str) -> str:
 
 def _condition(text: str, met: bool) -> str:
     return f'<span style="color:{_MET if met else _MISSED}">{"✓" if met else "✗"} {escape(text)}</span>'
-
-
-def _words(ended: str) -> str:
-    return {"success": "the end of the plan", "failure": "the tree's failure"}.get(ended, ended.replace("_", " "))

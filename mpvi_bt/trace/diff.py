@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from mpvi_bt.drawing.cells import columns, cut, one_line
+from mpvi_bt.drawing.endings import ENDED
 from mpvi_bt.drawing.marks import MARKS, standing
 from mpvi_bt.trace.lines import Tick
 from mpvi_bt.trace.read import Moment, Trace
@@ -132,7 +133,8 @@ def _ending(trace: Trace) -> dict[str, Any]:
     if trace.end is None:
         return {"ending": "cut", "tick": trace.ticks[-1].tick if trace.ticks else 0}
     error = {"error": trace.end.error.message} if trace.end.error else {}
-    return {"ending": trace.end.ending, "tick": trace.end.tick} | error
+    score = {"q": trace.end.q} if trace.end.q is not None else {}
+    return {"ending": trace.end.ending, "tick": trace.end.tick} | score | error
 
 
 def _settings(a: Trace, b: Trace) -> Iterator[ValueDifference]:
@@ -244,6 +246,6 @@ def _stands(state: NodeState) -> str:
 
 
 def _ended(end: Mapping[str, Any]) -> str:
-    how = "the trace was cut off" if end["ending"] == "cut" else end["ending"].replace("_", " ")
+    how = (f"q = {end['q']:.3f}, " if "q" in end else "") + ENDED[end["ending"]]
     error = f": {one_line(end['error'])}" if "error" in end else ""
     return f"{how} after tick {end['tick']}{error}"

@@ -64,6 +64,9 @@ class Explanation:
     Attributes:
         tree: Its name.
         ending: As the run says; "cut" where the trace ends before it does.
+        told: The same in words, q first where there is one.
+        q: Score of the goal, or None.
+        unmet: Conditions of the goal that did not hold at the end; `conditions`: how many it has.
         tick, time_s: The last recorded.
         cause: The failed root; None if it did not fail.
         gave_up: Nodes that passed over a failure and went on (attempt), each as it stood when it did, in order.
@@ -73,8 +76,12 @@ class Explanation:
 
     tree: str
     ending: Ending | Literal["cut"]
+    told: str
     tick: int
     time_s: float
+    q: float | None = None
+    conditions: int = 0
+    unmet: tuple[str, ...] = ()
     cause: Link | None = None
     gave_up: tuple[Link, ...] = ()
     running: tuple[Link, ...] = ()
@@ -95,8 +102,12 @@ def explain(trace: Trace) -> Explanation:
     return Explanation(
         tree=trace.tree.name,
         ending=end.ending if end else "cut",
+        told=trace.told,
         tick=end.tick if end else tick,
         time_s=end.time_s if end else history.moment.time_s,
+        q=end.q if end else None,
+        conditions=len(end.goal) if end else 0,
+        unmet=tuple(c.condition for c in end.goal if not c.satisfied) if end else (),
         cause=history.link(root) if end and end.ending == "failure" else None,
         gave_up=tuple(gave_up),
         running=history.running() if not end or end.ending not in ("success", "failure") else (),

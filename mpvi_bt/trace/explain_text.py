@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TypeVar
 
 from mpvi_bt.drawing.cells import columns, cut, one_line
@@ -11,15 +11,6 @@ from mpvi_bt.trace.explain import Explanation, Link
 
 _Item = TypeVar("_Item")
 
-_TITLES = {
-    "success": "SUCCESS",
-    "failure": "FAILURE",
-    "time_limit": "out of time",
-    "interrupted": "interrupted",
-    "backend_error": "BACKEND ERROR",
-    "error": "ERROR",
-    "cut": "the trace was cut off",
-}
 _WHOLE = 2  # chains of units given up; of more only the reasons are shown; --json has all of everything
 _UNITS = 12  # given up, the last
 _SHOWN = 5  # earlier failures and answers, the last
@@ -32,7 +23,11 @@ def explanation_text(explanation: Explanation, width: int = 80) -> str:
     """The explanation for a person, no line wider than `width`."""
     e = explanation
     text = _Text(width)
-    text.add(f"{e.tree}: {_TITLES[e.ending]} at {e.time_s:.1f} s, tick {e.tick}")
+    text.add(f"{e.tree}: {e.told}, tick {e.tick}")
+    if e.conditions:
+        text.add(f"{e.conditions - len(e.unmet)} of {e.conditions} conditions of the goal hold", 1)
+    for condition in text.first(e.unmet, 1):
+        text.add(f"not met: {condition}", 1)
     if e.error is not None:
         text.add(f"{e.error.reason}: {e.error.message}" if e.error.reason else e.error.message, 1)
         if e.error.path:
@@ -139,6 +134,12 @@ class _Text:
             by = f"after a {answer.event}" + (f", {answer.camera} camera" if answer.camera else "")
             by += f", answered in {answer.latency_s:.1f} s" if answer.latency_s else ""
             self.add(f'asked at {asked.time_s:.1f} s ({by}): "{answer.criterion}"? {said}', depth)
+
+    def first(self, items: Sequence[_Item], depth: int, shown: int = _UNITS) -> Iterator[_Item]:
+        """The first few, and then a line that counts the others."""
+        yield from items[:shown]
+        if len(items) > shown:
+            self.add(f"and {len(items) - shown} more", depth)
 
     def last(self, items: Sequence[_Item], what: str, depth: int, shown: int = _SHOWN) -> Sequence[_Item]:
         """The last few, after a line that counts the others."""

@@ -18,8 +18,9 @@ from importlib import resources
 from typing import Any
 
 from mpvi_bt.drawing.cells import one_line
-from mpvi_bt.drawing.marks import MARKS, sign, standing
+from mpvi_bt.drawing.marks import MARKS, Standing, sign, standing
 from mpvi_bt.drawing.text import ascii_tree
+from mpvi_bt.trace.lines import End
 from mpvi_bt.trace.read import Trace
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
@@ -96,15 +97,22 @@ def _end(trace: Trace) -> dict[str, Any]:
             "tick": last.tick if last else 0, "time": last.time_s if last else 0.0,
         }  # fmt: skip
     end = trace.end
-    stands = end.ending if end.ending in ("success", "failure") else "interrupted"
-    text = end.ending.replace("_", " ")
-    shown = {"text": text, "is": stands, "tick": end.tick, "time": end.time_s}
+    shown = {"text": trace.told, "is": _stood(end, trace.gave_up), "tick": end.tick, "time": end.time_s}
     if end.failure is not None:
         why = ": ".join(filter(None, (end.failure.reason, end.failure.evidence)))
         shown |= {"path": end.failure.path, "why": one_line(why)}
     if end.error is not None:
         shown |= {"is": "failure", "path": end.error.path, "why": one_line(end.error.message)}
     return shown
+
+
+def _stood(end: End, gave_up: int) -> Standing:
+    """What the end comes down to: by the goal where there is one."""
+    if end.ending not in ("success", "failure"):
+        return "interrupted"
+    if end.q is not None:
+        return "success" if end.q == 1 else "failure"
+    return "failure" if end.ending == "failure" else "gave_up" if gave_up else "success"
 
 
 def _facts(trace: Trace) -> Iterable[tuple[str, str]]:

@@ -143,8 +143,21 @@ class Broken:
 
 
 @dataclass(frozen=True)
+class GoalCondition:
+    """One condition of the goal, and whether it held at the end."""
+
+    condition: str
+    satisfied: bool
+
+
+@dataclass(frozen=True)
 class End:
-    """How a run ended, and when: the last tick, simulated time, wall time since recording began; actions clipped."""
+    """How a run ended, and when: the last tick, simulated time, wall time since recording began; actions clipped.
+
+    Attributes:
+        q: Score of the goal; None: there was none.
+        goal: Its conditions.
+    """
 
     __pydantic_config__ = ConfigDict(allow_inf_nan=False)
 
@@ -152,6 +165,8 @@ class End:
     tick: _Count
     time_s: _Time
     wall_s: _Time = 0.0
+    q: Annotated[float, Field(ge=0, le=1)] | None = None
+    goal: tuple[GoalCondition, ...] = ()
     clipped: _Count = 0
     failure: RootFailure | None = None
     error: Broken | None = None

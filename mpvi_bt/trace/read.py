@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import bisect
 import dataclasses
+import functools
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -18,6 +19,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.behaviors.registry import node_types
+from mpvi_bt.drawing.endings import ended, is_plan
 from mpvi_bt.errors import FileProblems, Problem, UserError, shown
 from mpvi_bt.trace.lines import END, HEADER, TICK, End, Header, Tick
 from mpvi_bt.tree.spec import TreeSpec
@@ -133,6 +135,19 @@ class Trace:
     def cut(self) -> bool:
         """Nothing says how the run ended: it was killed, or still goes on."""
         return self.end is None
+
+    @functools.cached_property
+    def gave_up(self) -> int:
+        """How many units were given up."""
+        return sum(state.gave_up for tick in self.ticks for state in tick.nodes.values())
+
+    @property
+    def told(self) -> str:
+        """How the run ended, in a line, q first where there is one."""
+        end = self.end
+        if end is None:
+            return ended("cut", self.gave_up, time_s=self.time_at(self.last_tick))
+        return ended(end.ending, self.gave_up, is_plan(self.tree), end.time_s, end.q)
 
     @property
     def last_tick(self) -> int:
