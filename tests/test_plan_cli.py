@@ -15,11 +15,12 @@ from mpvi_bt.cli.group import run
 from mpvi_bt.cli.score import score
 from mpvi_bt.errors import ModelError
 from mpvi_bt.language.chat import Answer
+from mpvi_bt.plan.answer_form import answer_schema, answer_text
 from mpvi_bt.plan.check import plan_problems
 from mpvi_bt.plan.finetuning import chats
 from mpvi_bt.plan.language import checked, read_answer
 from mpvi_bt.plan.planners import Planned, RecordedPlanner
-from mpvi_bt.plan.prompt import answer_schema, answer_text, system_text, user_text
+from mpvi_bt.plan.prompt import system_text, user_text
 from mpvi_bt.plan.schema import Plan, load_plan
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.suite.config import EpisodeConfig
@@ -70,7 +71,7 @@ def test_a_task_can_be_planned_by_a_model(scripted_chat_server: ChatServer, caps
     }  # fmt: skip
     assert printed.err == f"mpvi: asking {planner} for a plan\n"
     (request,) = scripted_chat_server.requests
-    assert request["response_format"]["json_schema"]["schema"] == answer_schema()
+    assert request["response_format"]["json_schema"]["schema"] == answer_schema(ground(TASK.house, TASK), TASK.plan)
     system, *examples, question = [message["content"] for message in request["messages"]]
     assert system == system_text(SKILLS, ground(TASK.house, TASK))
     assert question == user_text(TASK.instruction)

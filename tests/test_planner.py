@@ -16,11 +16,12 @@ from mpvi_bt import paths
 from mpvi_bt.errors import ModelError, UserError
 from mpvi_bt.language.chat import Message
 from mpvi_bt.language.scripted import ScriptedChatModel
+from mpvi_bt.plan.answer_form import answer_schema, answer_text
 from mpvi_bt.plan.check import plan_problems
 from mpvi_bt.plan.context import Grounding
 from mpvi_bt.plan.history import History, Unit
 from mpvi_bt.plan.language import REPAIRS, LanguagePlanner, checked, read_answer
-from mpvi_bt.plan.prompt import LONGEST_INSTRUCTION, answer_schema, answer_text, conversation, system_text, user_text
+from mpvi_bt.plan.prompt import LONGEST_INSTRUCTION, conversation, system_text, user_text
 from mpvi_bt.plan.schema import Plan, load_plan
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.suite.planners import ground
@@ -94,7 +95,7 @@ def test_everything_wrong_is_sent_back_at_once() -> None:
     planned = asked.ask("picking_up_trash", TELL)
     assert planned.latency_s == 6.0
     (first, schema), (second, _), (third, _) = model.asked
-    assert schema == answer_schema()
+    assert schema == answer_schema(HOUSE, "picking_up_trash")
     assert second[: len(first)] == first == third[: len(first)]
     assert [m.role for m in second[len(first) :]] == ["assistant", "user"] == [m.role for m in third[len(first) :]]
     assert second[-2].text == bad
@@ -244,32 +245,6 @@ def test_a_plan_for_what_is_left() -> None:
     assert planned.doubts == ()
     assert '{"what": "go to the trash can", "came_to": "done"}' in model.asked[0][0][-1].text
     assert len(model.asked[0][0][-1].text) < 10_000
-
-
-def test_the_schema_is_what_servers_take() -> None:
-    """It has every key required, none beyond, no reference and no keyword that some server does not know."""
-    known = {"type", "enum", "items", "properties", "anyOf", "additionalProperties", "required"}
-
-    def walk(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
-        yield schema
-        inner = [*schema.get("properties", {}).values(), *schema.get("anyOf", []), schema.get("items", {})]
-        for part in filter(None, inner):
-            yield from walk(part)
-
-    for part in walk(dict(answer_schema())):
-        assert set(part) <= known
-        if part.get("type") == "object":
-            assert part["required"] == list(part["properties"])
-            assert part["additionalProperties"] is False
-
-
-def test_what_fits_the_schema_is_what_examples_are() -> None:
-    """Plans as they are shown fit the schema; one with a key less does not."""
-    import jsonschema
-
-    jsonschema.validate(json.loads(GOOD), answer_schema())
-    with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate(json.loads(changed(lambda data: data.pop("task_name"))), answer_schema())
 
 
 # Whatever comes

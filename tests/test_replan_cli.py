@@ -9,7 +9,7 @@ import pytest
 
 from mpvi_bt import paths
 from mpvi_bt.cli.group import run
-from mpvi_bt.plan.prompt import answer_text
+from mpvi_bt.plan.answer_form import answer_text
 from mpvi_bt.plan.schema import load_plan
 from mpvi_bt.trace.read import read_trace
 from tests.chat_servers import ChatServer, completion

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from mpvi_bt.language.scripted import ScriptedChatModel
+from mpvi_bt.plan.answer_form import answer_text
 from mpvi_bt.plan.language import LanguagePlanner
 from mpvi_bt.plan.planners import RecordedPlanner
-from mpvi_bt.plan.prompt import answer_text
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.episode import run

@@ -164,6 +164,8 @@ def test_what_a_description_says_of_a_target_is_driven_to() -> None:
         ("go to the other cupboard", "cup"),
         ("go to an empty cup", "empty cup"),
         ("go to the other empty cup", "another empty cup"),
+        ("go to the open cup", "open cup"),
+        ("go to another closed cup", "another closed cup"),
         ("go to the cup with the pens", "cup with the pens"),
         ("go to a cup without a pen", "cup without a pen"),
         ("go to the cupboard with the pens", "cup"),

@@ -9,8 +9,9 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping
 
+from mpvi_bt.plan.answer_form import answer_text
 from mpvi_bt.plan.context import Grounding
-from mpvi_bt.plan.prompt import answer_text, checked_instruction, system_text, user_text
+from mpvi_bt.plan.prompt import checked_instruction, system_text, user_text
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.plan.skills import Skill
 

@@ -11,12 +11,13 @@ from mpvi_bt.errors import FileProblems, ModelError, Problem
 from mpvi_bt.language.answers import parse_json
 from mpvi_bt.language.chat import Answer, ChatModel
 from mpvi_bt.marked_yaml import Marks, validate_data
+from mpvi_bt.plan.answer_form import answer_schema, read_segment
 from mpvi_bt.plan.check import plan_problems
 from mpvi_bt.plan.context import Grounding
 from mpvi_bt.plan.examples import examples
 from mpvi_bt.plan.history import History
 from mpvi_bt.plan.planners import NoPlan, Planned
-from mpvi_bt.plan.prompt import answer_schema, checked_instruction, conversation, repair, told
+from mpvi_bt.plan.prompt import checked_instruction, conversation, repair, told
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.writing import write_whole
@@ -74,6 +75,7 @@ class LanguagePlanner:
         instruction = checked_instruction(instruction)
         shown = examples(self._recorded, self._skills, instruction, {task_name, *self._without})
         messages = conversation(instruction, self._skills, self._grounding, shown, history.text() if history else "")
+        schema = answer_schema(self._grounding, task_name)
         answers: list[Answer] = []
         usable: Planned | None = None  # with warnings
         found: list[Problem] = []
@@ -81,7 +83,7 @@ class LanguagePlanner:
             self._tell(_asking(self.name, found))
             mending = repair(answers[-1].text, found) if answers else []
             try:
-                answers.append(self._model.ask([*messages, *mending], answer_schema()))
+                answers.append(self._model.ask([*messages, *mending], schema))
             except ModelError:
                 if usable is None:
                     raise
@@ -126,27 +128,15 @@ def _asking(name: str, found: Sequence[Problem]) -> str:
 
 
 def read_answer(text: str) -> tuple[Any, list[Problem]]:
-    """The data of an answer, plain JSON as a plan's file has it; or what is wrong with the answer.
-
-    The paper's "completion_criteria" is read as the "completion_criterion" of our files, and null as nothing.
-    """
+    """The data of an answer, plain JSON as a plan's file has it; or what is wrong with the answer."""
     try:
         data = parse_json(text)
     except ValueError as error:
         return None, [Problem("answer", 0, 0, "syntax", f"there is no JSON object in the answer: {error}")]
     segments = data.get("segments") if isinstance(data, dict) else None
     if isinstance(segments, list):
-        data = {**data, "segments": [_segment(segment) for segment in segments]}
+        data = {**data, "segments": [read_segment(segment) for segment in segments]}
     return data, []
-
-
-def _segment(segment: Any) -> Any:
-    if not isinstance(segment, dict):
-        return segment
-    segment = {key: value for key, value in segment.items() if value is not None}
-    if "completion_criterion" not in segment and "completion_criteria" in segment:
-        segment["completion_criterion"] = segment.pop("completion_criteria")
-    return segment
 
 
 def checked(

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from functools import cache
-from typing import Any
 
 from mpvi_bt.errors import Problem, UserError
-from mpvi_bt.language.chat import Message, Schema
+from mpvi_bt.language.chat import Message
+from mpvi_bt.plan.answer_form import answer_text
 from mpvi_bt.plan.context import Grounding
 from mpvi_bt.plan.phrases import example
 from mpvi_bt.plan.schema import Plan
@@ -29,8 +28,11 @@ after the other.
 
 There are two types of segments.
 - "navigation": the robot drives to a thing or to a room. "target" names that in as few words as will do, such as \
-"fridge"; "room" names the room where the robot looks for it first, or is null if nothing tells which.
-- "manipulation": the hands do one thing to what is within their reach. "target" is null.
+"fridge". Of several that are called so, "description" says which: "go to another fridge", "go to the empty bowl", \
+"go to the bowl with the leeks". "room" names the room where the robot looks for it first, or is null if nothing \
+tells which.
+- "manipulation": the hands do one thing to what is within their reach. "hand" is the one that does it, or null where \
+any will do; "target" is null.
 
 Rules:
 - The hands reach only what the robot stands at. Drive to a thing before the hands touch it, and drive on before they \
@@ -53,7 +55,7 @@ rules and the form of the answer stay as they are.
 The answer is one JSON object and nothing else:
 {"task_name": "a short name", "segments": [
 {"type": "navigation", "description": "...", "completion_criterion": "...", "target": "...", "room": "..."},
-{"type": "manipulation", "description": "...", "completion_criterion": "...", "target": null}]}
+{"type": "manipulation", "description": "...", "completion_criterion": "...", "target": null, "hand": null}]}
 """
 
 
@@ -105,7 +107,7 @@ def system_text(skills: Mapping[str, Skill], grounding: Grounding | None) -> str
     for skill in filter(lambda skill: skill.hands, skills.values()):
         said = json.dumps(example(skill.phrases[0]), ensure_ascii=False)
         lines.append(f"- {said}: {skill.about}{' Takes both hands.' if skill.hands == 2 else ''}")
-    lines.append('One may add "with the left hand" or "with the right hand". Other deeds may be asked for, too.')
+    lines.append("Other deeds may be asked for, too.")
     if grounding is not None:
         lines += ["", "The rooms of the house, and what stands in each; other things are for the robot to find:"]
         lines += [json.dumps({room: kinds}, ensure_ascii=False) for room, kinds in grounding.fixtures().items()]
@@ -119,12 +121,6 @@ def user_text(instruction: str, situation: str = "") -> str:
         text += f"\n\nThe robot is under way. So far:\n{situation[:LONGEST_SITUATION]}\n\nPlan what is left to do. "
         text += "If nothing is, the list of segments is empty."
     return text
-
-
-def answer_text(plan: Plan) -> str:
-    """A plan as a model should answer it: every key of the form, and no instruction."""
-    segments = [segment.model_dump() for segment in plan.segments]
-    return json.dumps({"task_name": plan.task_name, "segments": segments}, ensure_ascii=False)
 
 
 def repair(answer: str, problems: Sequence[Problem]) -> list[Message]:
@@ -144,36 +140,3 @@ def told(problems: Sequence[Problem]) -> list[str]:
 
 def _shortened(answer: str) -> str:
     return answer if len(answer) <= LONGEST_ANSWER else answer[:LONGEST_ANSWER] + "\n..."
-
-
-@cache
-def answer_schema() -> Schema:
-    """The form of an answer as a JSON Schema, from the model of a plan.
-
-    Our choice, for the sake of servers that know but a part of JSON Schema: no references, no lengths (they are checked
-    afterwards), every key required, and no further ones.
-    """
-    schema = Plan.model_json_schema()
-    plan = _simple({k: v for k, v in schema.items() if k != "$defs"}, schema.get("$defs", {}))
-    del plan["properties"]["instruction"]  # it is known
-    plan["required"].remove("instruction")
-    return plan
-
-
-_KEPT = ("type", "enum", "items", "properties", "anyOf", "additionalProperties")
-
-
-def _simple(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> dict[str, Any]:
-    if "$ref" in schema:
-        return _simple(definitions[schema["$ref"].rpartition("/")[2]], definitions)
-    found = {key: value for key, value in schema.items() if key in _KEPT}
-    if "const" in schema:
-        found["enum"] = [schema["const"]]
-    if "items" in found:
-        found["items"] = _simple(found["items"], definitions)
-    if choices := schema.get("anyOf") or schema.get("oneOf"):
-        found["anyOf"] = [_simple(choice, definitions) for choice in choices]
-    if "properties" in found:
-        found["properties"] = {name: _simple(inner, definitions) for name, inner in found["properties"].items()}
-        found["required"] = list(found["properties"])
-    return found

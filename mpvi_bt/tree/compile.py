@@ -135,18 +135,19 @@ def _unit(
 def _meant(segment: Navigation) -> str:
     """What to drive to: a target with what the description says of it besides.
 
-    Of a "cup" the description may say that it is another one ("the last cup"), empty, or what is in it ("the cup with
-    the pens"). Where it says nothing of the kind it is the target itself.
+    Of a "cup" the description may say that it is another one ("the last cup"), empty, open or closed, or what is in it
+    ("the cup with the pens"). Where it says nothing of the kind it is the target itself.
     """
     target = re.escape(segment.target)
     said = re.search(
-        rf"\b(?P<other>{OTHER.pattern} )?(?P<empty>empty )?{target}(?!\w)(?P<contents> with(?:out)? .+)?",
+        rf"\b(?P<other>{OTHER.pattern} )?(?P<state>(?:empty|open|closed) )?{target}(?!\w)"
+        r"(?P<contents> with(?:out)? .+)?",
         segment.description,
         re.IGNORECASE,
     )
     if said is None:
         return segment.target
-    return ("another " if said["other"] else "") + (said["empty"] or "") + segment.target + (said["contents"] or "")
+    return ("another " if said["other"] else "") + (said["state"] or "") + segment.target + (said["contents"] or "")
 
 
 def _by_policy(parts: Sequence[Segment], numbers: tuple[int, ...], last: Skill | None) -> NodeSpec:
