@@ -131,9 +131,23 @@ def validate_data(data: Any, marks: Marks, model: type[Model], at: Location = ()
         FileProblems: Everything that is wrong with it.
     """
     try:
-        return model.model_validate(data)
+        made = model.model_validate(data)
     except ValidationError as error:
         raise FileProblems(problems_of(error, marks, model, at)) from None
+    if loose := list(_loose(data, {model}, marks, at)):
+        raise FileProblems(loose[:MAX_PROBLEMS])
+    return made
+
+
+def _loose(value: Any, hints: set[Any], marks: Marks, at: Location) -> Iterator[Problem]:
+    """Where pydantic takes `true` or a quoted "1" for a number. Tuples and models forbid its strict mode."""
+    if isinstance(value, dict | list):
+        parts: Iterable[tuple[Any, Any]] = value.items() if isinstance(value, dict) else enumerate(value)
+        for part, inner in parts:
+            yield from _loose(inner, {t for hint in hints for t in _inside(hint, part)}, marks, (*at, part))
+    elif isinstance(value, bool | str) and hints & {int, float} and hints <= {int, float, type(None)}:
+        wanted = "a number" if float in hints else "a whole number"
+        yield marks.problem(at, "wrong-type", f"should be {wanted}, not {shown(value)}")
 
 
 _CODES = {  # of pydantic to ours, which stay the same whatever pydantic does

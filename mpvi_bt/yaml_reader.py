@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import typing
+import unicodedata
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -26,6 +27,10 @@ Location = tuple[str | int, ...]
 
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _QUOTED = re.compile(r"""(?<=[\s\[{,])(?:"[^"]*"|'[^']*')""")
+# Spaces that are none to YAML, and what has no width: they come in with text that is copied from a page.
+_UNSEEN = "[\u00a0\u00ad\u1680\u2000-\u200f\u202f\u205f\u2060\u3000\ufeff]"
+_UNSEEN_IN_KEY = re.compile(_UNSEEN)
+_UNSEEN_IN_VALUE = re.compile(rf"(?:^[-?]?|:){_UNSEEN}")  # where a value begins; within one it is text
 _NULL = {"", "~", "null", "Null", "NULL"}
 _BOOL = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
 _INT = re.compile(r"[-+]?[0-9]{1,18}")
@@ -141,7 +146,14 @@ class _Reader:
         if "nesting depth" in what:  # libyaml of PyYAML 6.0.4 has a limit of its own, and reads ahead up to it
             self.problems.append(self._problem(*place, "too-deep", f"nested more than {MAX_DEPTH} deep"))
             return
-        self.problems.append(self._problem(*place, "syntax", f"not valid YAML: {what}"))
+        at = min(mark.index, end) if mark else 0
+        self.problems.append(self._problem(*place, "syntax", f"not valid YAML: {_cause(what, self.text, at)}"))
+        around = slice(
+            self.text.rfind("\n", 0, max(self.text.rfind("\n", 0, at), 0)) + 1, at + 1
+        )  # and the line before
+        if unseen := _UNSEEN_IN_KEY.search(self.text[around]):
+            place = place_in(self.text, around.start + unseen.start())
+            self.problems.append(self._problem(*place, "syntax", _unseen(unseen[0])))
         scanning = (error.context or "").startswith("while scanning")
         if start and mark and (scanning or mark.index >= end) and start.line + 1 < place[0]:
             message = f"what begins here is not closed; line {place[0]} no longer fits"
@@ -192,6 +204,7 @@ class _Reader:
         if event.anchor is not None:
             return self._anchored(event, location, depth)
         if kind is yaml.ScalarEvent:
+            self._check_seen(event, _UNSEEN_IN_VALUE)
             return plain_scalar(event.value) if not event.style and event.tag is None else event.value
         if kind is yaml.SequenceStartEvent:
             items: list[Any] = []
@@ -207,6 +220,7 @@ class _Reader:
             if type(key) is not yaml.ScalarEvent:
                 self._stop(*place, "syntax", "a key must be plain text")
             name = str(key.value)
+            self._check_seen(key, _UNSEEN_IN_KEY)
             if name in mapping:
                 first = self.marks.keys[(*location, name)][0]
                 self._refuse(key, "duplicate-key", f"key {name!r} is already on line {first}")
@@ -215,6 +229,13 @@ class _Reader:
             self.marks.keys[here] = place
             mapping[name] = self._node(self._next(), here, depth + 1)
         return mapping
+
+    def _check_seen(self, scalar: Any, unseen: re.Pattern[str]) -> None:
+        """Stop at a character of an unquoted text that nobody sees."""
+        if not scalar.style and not scalar.value.isascii() and unseen.search(scalar.value):
+            found = _UNSEEN_IN_KEY.search(self.text, scalar.start_mark.index)
+            assert found is not None
+            self._stop(*place_in(self.text, found.start()), "syntax", _unseen(found[0]))
 
     def _anchored(self, event: Any, location: Location, depth: int) -> Any:
         """Remember the events of a node, so that its aliases are read again, each counted against the limit."""
@@ -248,6 +269,31 @@ class _Reader:
 
     def _stop(self, line: int, column: int, code: str, message: str) -> typing.NoReturn:
         raise FileProblems([*self.problems, self._problem(line, column, code, message)])
+
+
+_CAUSES = {  # of libyaml's words, what to do
+    "mapping values are not allowed in this context": "a text with ': ' needs quotes, and a key its own line",
+    "while scanning a directive": "a line that begins with '%' is a directive, and a text that does needs quotes",
+    "while scanning an alias": "'*' begins an alias, and a text that begins with it needs quotes",
+    "while scanning an anchor": "'&' begins an anchor, and a text that begins with it needs quotes",
+    "a tab character that violates indentation": "indent with spaces",
+}
+
+
+def _cause(what: str, text: str, at: int) -> str:
+    """The parser's words; of a character that cannot stand where it does its name, and what to write in its place."""
+    char = text[at : at + 1]
+    if "cannot start any token" in what and char:
+        if char == "\t":
+            return "a tab cannot begin anything; indent with spaces"
+        return f"{char!r} cannot begin anything; put a text that begins with it into quotes"
+    return "; ".join([what, *(mend for words, mend in _CAUSES.items() if words in what)])
+
+
+def _unseen(char: str) -> str:
+    mend = "type a plain space" if char.isspace() else "remove it"
+    name = unicodedata.name(char).lower()
+    return f"a{'n' * (name[0] in 'aeiou')} {name} (U+{ord(char):04X}), which YAML takes for a letter; {mend}"
 
 
 def _long_quote(text: str, stop: int) -> tuple[int, int] | None:

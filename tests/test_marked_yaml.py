@@ -288,3 +288,71 @@ def test_the_place_of_a_bad_byte_is_told(tmp_path: Path) -> None:
     with pytest.raises(FileProblems, match="byte 0xe9") as caught:
         load_marked(path)
     assert [(p.line, p.column) for p in caught.value.problems] == [(2, 10)]
+
+
+class Numbers(Record):
+    """Numbers wherever a model may have them."""
+
+    one: int = 0
+    some: tuple[float, ...] = ()
+    named: dict[str, int | None] = {}
+    either: int | str = 0
+    truth: bool = False
+
+
+@pytest.mark.parametrize(
+    ("line", "wanted"),
+    [
+        ("one: true", "a whole number, not true"),
+        ("one: '1'", "a whole number, not '1'"),
+        ("some: [1, 2.5, false]", "a number, not false"),
+        ("named: {a: 1, b: ~, c: true}", "a whole number, not true"),
+    ],
+)
+def test_what_is_no_number_is_none(line: str, wanted: str) -> None:
+    """Neither a truth value nor a quoted number, at any depth; where a text or a truth value may be, both are good."""
+    data, marks = parse_marked(line, "t.yaml")
+    with pytest.raises(FileProblems) as caught:
+        validate_data(data, marks, Numbers)
+    (problem,) = caught.value.problems
+    assert problem.code == "wrong-type"
+    assert problem.message == f"should be {wanted}"
+    assert line[problem.column - 1 :].startswith(wanted.rpartition(" ")[2])
+    good = "one: 1\nsome: [1, 2.5]\nnamed: {a: 1, b: ~}\neither: '1'\ntruth: true\n"
+    assert validate_data(*parse_marked(good, "t.yaml"), Numbers).either == "1"
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "words"),
+    [
+        ("a:\n\tb: 1\n", (2, 1), "a tab cannot begin anything; indent with spaces"),
+        ("r:\n  a: x\n  \tb: 1\n", (3, 3), "indent with spaces"),
+        ("a: @home\n", (1, 4), "'@' cannot begin anything; put a text that begins with it into quotes"),
+        ("a: [x, `y`]\n", (1, 8), "'`' cannot begin anything"),
+        ("a: %x\n", (1, 4), "'%' cannot begin anything"),
+        ("%x: a\n", (1, 3), "a line that begins with '%' is a directive"),
+        ("a: *\n", (1, 5), "'*' begins an alias"),
+        ("a: b: c\n", (1, 5), "a text with ': ' needs quotes"),
+        ("a: 1\n\u00a0b: 1\n", (2, 1), "a no-break space (U+00A0), which YAML takes for a letter; type a plain space"),
+        ("a:\u00a01\n", (1, 3), "a no-break space (U+00A0)"),
+        ("a:\n  -\u00a01\n", (2, 4), "a no-break space (U+00A0)"),
+        ("a: \u20091\n", (1, 4), "a thin space (U+2009)"),
+        ("a: 1\n\u200bb: 1\n", (2, 1), "a zero width space (U+200B), which YAML takes for a letter; remove it"),
+        ("a: 1\n\u00a0\nb: 1\n", (2, 1), "a no-break space (U+00A0)"),
+    ],
+)  # fmt: skip
+def test_a_character_that_cannot_stand_there_is_named(text: str, place: tuple[int, int], words: str) -> None:
+    """With what to write in its place, at its place."""
+    with pytest.raises(FileProblems) as caught:
+        parse_marked(text, "t.yaml")
+    assert any((p.line, p.column) == place and words in p.message for p in caught.value.problems), str(caught.value)
+    assert {p.code for p in caught.value.problems} == {"syntax"}
+
+
+def test_a_no_break_space_within_a_text_is_text() -> None:
+    """Where it separates nothing it is what somebody typed."""
+    assert parse_marked("a: 5\u00a0kg\nb: '\u00a0'\n\"\u00a0\": 1\n", "t.yaml")[0] == {
+        "a": "5\xa0kg",
+        "b": "\xa0",
+        "\xa0": 1,
+    }

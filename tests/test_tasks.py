@@ -118,6 +118,7 @@ def test_an_instance_out_of_range_says_the_range(instance: int) -> None:
         ("tasks: [picking_up_trash]\ninstances: [0, 10]\n", "2:16", "instance 10 is out of range"),
         ("tasks: [picking_up_trash]\ninstances: [1, 2, 1]\n", "2:19", "1 is in instances twice"),
         ("tasks: [picking_up_trash]\ninstances: []\n", "2:12", "1 item or more"),
+        ("tasks: [picking_up_trash]\ninstances: [0, true]\n", "2:16", "should be a whole number, not true"),
         ("tasks: [picking_up_trash]\n", "1:1", "missing key 'instances'"),
     ],
 )
