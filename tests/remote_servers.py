@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
+import hashlib
 import socket
 import ssl
 import subprocess
@@ -170,6 +172,17 @@ def raw_server(talk: Callable[[socket.socket], None]) -> Iterator[str]:
         yield f"ws://{HOST}:{listener.getsockname()[1]}"
     finally:
         listener.close()
+
+
+def agreed(client: socket.socket) -> None:
+    """Agree to a websocket; frames are the caller's to write."""
+    request = b""
+    while not request.endswith(b"\r\n\r\n"):
+        request += client.recv(4096)
+    key = next(line for line in request.split(b"\r\n") if line.lower().startswith(b"sec-websocket-key:"))[18:].strip()
+    accept = base64.b64encode(hashlib.sha1(key + b"258EAFA5-E914-47DA-95CA-C5AB0DC85B11").digest())  # of RFC 6455
+    client.sendall(b"HTTP/1.1 101 Yes\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n")
+    client.sendall(b"Sec-WebSocket-Accept: " + accept + b"\r\n\r\n")
 
 
 def free_port() -> int:

@@ -28,7 +28,17 @@ from mpvi_bt.remote.openpi import OpenpiPolicy
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
 from mpvi_bt.testing import check_policy
 from tests.remote_clients import CHUNK, QUICK, fails, observation, policy_at, quick
-from tests.remote_servers import HOST, PolicyServer, broken, certificate, free_port, packed, raw_server, unpacked
+from tests.remote_servers import (
+    HOST,
+    PolicyServer,
+    agreed,
+    broken,
+    certificate,
+    free_port,
+    packed,
+    raw_server,
+    unpacked,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -452,6 +462,31 @@ def test_a_server_of_another_kind(said: bytes) -> None:
         policy_at(address).reset()
 
 
+BANNERS = {
+    "SSH": b"SSH-2.0-OpenSSH_9.6\r\n",
+    "SMTP": b"220 mail.example.org ESMTP Postfix\r\n",
+    "MySQL": b"J\x00\x00\x00\n8.0.35\x00\x08\x00\x00\x00abcdefgh\x00\xff\xff\xff\x02\x00",
+    "telnet": b"\xff\xfd\x18\xff\xfd\x20",
+}
+
+
+@pytest.mark.parametrize("name", BANNERS)
+def test_a_server_that_speaks_first(name: str, capfd: pytest.CaptureFixture[str]) -> None:
+    """It is no websocket, which is known at once, whoever is quicker with the first word, line end or not."""
+    over = threading.Event()
+
+    def talk(client: socket.socket) -> None:
+        client.sendall(BANNERS[name])
+        over.wait(30)
+
+    with raw_server(talk) as address:
+        for _ in range(10):
+            with fails("bad_reply", 2.5, "does not speak HTTP"):
+                policy_at(address).reset()
+    over.set()
+    assert capfd.readouterr() == ("", "")
+
+
 def test_what_hangs_up_in_the_middle_of_the_handshake() -> None:
     """It may be starting, so it is tried until time is up, and then it was there."""
 
@@ -478,13 +513,49 @@ def test_a_web_server_without_a_policy(status: bytes) -> None:
         policy_at(address).reset()
 
 
-@pytest.mark.parametrize(
-    "frame", [b"\x83\x01x", b"\xf2\x01x", b"\x82\xff" + b"\xff" * 12, b"\x81\x02\xff\xff"], ids=repr
-)
-def test_frames_against_the_rules(frame: bytes) -> None:
-    """Unknown opcodes, reserved bits, masks and broken UTF-8 are the server's fault."""
-    with talking(lambda c: c.socket.sendall(frame)) as server, fails("bad_reply", 3.9):
-        policy_at(server).infer(observation())
+AGAINST_THE_RULES = {
+    "an unknown opcode": (b"\x83\x01x", "opcode"),
+    "reserved bits": (b"\xf2\x01x", "reserved bits"),
+    "a mask": (b"\x82\x81abcdx", "masking"),
+    "a length of 64 bits": (b"\x82\xff" + b"\xff" * 12, "1002"),
+    "a gigabyte": (b"\x82\x7f" + (1 << 30).to_bytes(8, "big"), "1073741824 bytes"),
+    "broken UTF-8": (b"\x81\x02\xff\xff", "1007"),
+    "an end of nothing": (b"\x80\x01x", "continuation"),
+}
+
+
+@pytest.mark.parametrize("when", ["metadata", "answer"])
+@pytest.mark.parametrize("name", AGAINST_THE_RULES)
+def test_frames_against_the_rules(name: str, when: str) -> None:
+    """They are the server's fault, and told at once as what they are, though the server neither reads nor closes."""
+    frame, words = AGAINST_THE_RULES[name]
+    over = threading.Event()
+
+    def talk(client: socket.socket) -> None:
+        agreed(client)
+        if when == "answer":
+            client.sendall(bytes([0x82, len(packed({}))]) + packed({}))
+            client.recv(1 << 20)
+        client.sendall(frame)
+        over.wait(30)
+
+    with raw_server(talk) as address, fails("bad_reply", 2.5, words):
+        policy_at(address).infer(observation())
+    over.set()
+
+
+def test_a_farewell_that_does_not_hang_up() -> None:
+    """A server that closes the websocket, and keeps the socket, has said all that there is to wait for."""
+    over = threading.Event()
+
+    def talk(client: socket.socket) -> None:
+        agreed(client)
+        client.sendall(b"\x88\x06\x03\xf3oops")
+        over.wait(30)
+
+    with raw_server(talk) as address, fails("server_error", 2.5, "1011", "oops"):
+        policy_at(address).reset()
+    over.set()
 
 
 ASK = """

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import http.client
 import ipaddress
+import logging
 import os
 import socket
 import ssl
@@ -26,6 +27,7 @@ from websockets.exceptions import (
     ProxyError,
     WebSocketException,
 )
+from websockets.protocol import State
 from websockets.sync.client import ClientConnection, connect
 
 from mpvi_bt.errors import BadMessage, PolicyError
@@ -36,6 +38,9 @@ _POLL_S = 0.25  # between two looks whether a server is there now
 _CLOSE_S = 1.0  # for a server to answer a farewell
 _STARTING = (502, 503, 504)  # HTTP: behind a proxy, or too busy
 _GONE = (1000, 1001, 1005, 1006, 1012, 1013, 1014)  # closed for reasons that may not last
+_log = logging.getLogger("mpvi_bt.remote.connection")  # what websockets would say of each failure, which is told here
+_log.addHandler(logging.NullHandler())
+_log.propagate = False
 
 
 class Lost(PolicyError):
@@ -116,6 +121,43 @@ class Connection:
             raise _closed(error) from None
 
 
+class _Websocket(ClientConnection):
+    """One that hangs up as soon as the server has broken the rules, or closed it; else the server would have to."""
+
+    _no_http = ""  # what the server said instead
+
+    def handshake(self, *args: Any, **options: Any) -> None:
+        """Raise what is wrong with what the server said, rather than what came of that.
+
+        To websockets a server that speaks before it is asked, such as of SSH or mail, is an AssertionError at times.
+        """
+        try:
+            super().handshake(*args, **options)
+        except Exception:
+            if self._no_http:
+                raise InvalidMessage(self._no_http) from None
+            if (error := self.protocol.handshake_exc) is not None:
+                raise error from error.__cause__
+            raise
+
+    def send_data(self) -> None:
+        """Called whenever something has been received, too."""
+        super().send_data()
+        protocol, reader, failed = self.protocol, self.protocol.reader, self.protocol.handshake_exc
+        if protocol.state is State.CONNECTING and not reader.eof:
+            if isinstance(failed, InvalidMessage):
+                self._no_http = str(_root(failed))
+            elif not b"HTTP/".startswith(begun := bytes(reader.buffer[:5])):
+                self._no_http = repr(begun)
+        if self._no_http or failed or protocol.parser_exc or protocol.close_rcvd:
+            _shut_down(self.socket)
+
+
+def _root(error: BaseException) -> BaseException:
+    """What an error comes from."""
+    return error if error.__cause__ is None else _root(error.__cause__)
+
+
 def _close(stack: contextlib.ExitStack, channel: socket.socket) -> None:
     with _broken_off(channel, time.monotonic() + _CLOSE_S):
         stack.close()
@@ -173,6 +215,8 @@ def _open(url: str, deadline: float, most_bytes: int) -> ClientConnection:
                 open_timeout=max(deadline - time.monotonic(), 0.01),
                 ping_timeout=None,  # while it infers, a server of openpi answers no ping
                 close_timeout=_CLOSE_S,
+                create_connection=_Websocket,
+                logger=_log,
             )
         except (OSError, ValueError, ImportError, WebSocketException) as error:
             failure = _refused(error)
