@@ -225,6 +225,77 @@ fetch: plan failed after 5.0 s, 1 unit given up, tick 152
 """
 
 
+RECOVERING = """
+tree: recovering
+root:
+  sequence: all of it
+  memory: true
+  children:
+    - retry: 3
+      child:
+        sequence: take it
+        memory: true
+        children:
+          - selector: get there
+            memory: true
+            children:
+              - navigate: nowhere
+              - wait: 0.5
+          - test: late
+    - wait: 0.1
+    - selector: already there
+      memory: true
+      children:
+        - test: late
+        - succeed: so it is
+blackboard:
+  late: false
+"""
+
+
+@pytest.fixture(scope="module")
+def recovered(tmp_path_factory: pytest.TempPathFactory) -> Explanation:
+    """Of a run that succeeds at the second try, each of which takes the second way."""
+    late = At(40, lambda tree: tree.context.blackboard.update(late=True))
+    return explain(recorded(parse_tree(RECOVERING), tmp_path_factory.mktemp("recovering"), late))
+
+
+def test_a_run_tells_what_it_recovered_from(recovered: Explanation) -> None:
+    """What a retry or a selector succeeded in spite of, each failure where it began; within a larger one only once."""
+    assert recovered.ending == "success"
+    (recovery,) = recovered.recovered
+    assert (recovery.node.path, recovery.tries, recovery.by) == ("all of it/retry", 3, "take it")
+    assert [(f.label, f.reason) for f in recovery.failed] == [
+        ("Navigate(nowhere)", "unknown_target"), ("test late is set", "test_false"),
+    ] * 2 + [("Navigate(nowhere)", "unknown_target")]  # fmt: skip
+
+
+def test_a_recovery_reads_well(recovered: Explanation) -> None:
+    """The text for people: the node, what failed when, and what came of it."""
+    assert explanation_text(recovered).splitlines()[2:] == RECOVERY.strip().splitlines()
+
+
+RECOVERY = """
+Recovered on the way:
+  -^- retry, 3 tries                                              0.0 s to 1.6 s
+      0.0 s: Navigate(nowhere): unknown_target: nothing known as 'nowhere'
+      0.5 s: test late is set: test_false: late has no value
+      0.5 s: Navigate(nowhere): unknown_target: nothing known as 'nowhere'
+      1.0 s: test late is set: test_false: late has no value
+      1.1 s: Navigate(nowhere): unknown_target: nothing known as 'nowhere'
+      1.6 s: try 3 succeeded
+"""
+
+
+def test_a_selector_alone_tells_what_it_passed_over(tmp_path: Path) -> None:
+    """The child that failed, and the one that succeeded in its place."""
+    spec = parse_tree(
+        "tree: t\nroot:\n  selector: s\n  memory: true\n  children: [{navigate: nowhere}, {succeed: anyhow}]\n"
+    )
+    (recovery,) = explain(recorded(spec, tmp_path)).recovered
+    assert ([f.label for f in recovery.failed], recovery.by, recovery.tries) == (["Navigate(nowhere)"], "anyhow", 0)
+
+
 def test_equal_runs_do_not_differ(tmp_path: Path) -> None:
     """Two runs of one seed; seeds and settings that differ are told, but do not make runs differ."""
     a = recorded(FETCH, tmp_path, name="a", answers=(True,), seed=1, policy={"name": "grip", "speed": 1})

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from mpvi_bt import paths
+from mpvi_bt.executive.dry import dry_tree, run_dry
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import protocol
 from mpvi_bt.suite.checking import problems_in
@@ -30,6 +31,10 @@ LINTED = [
      "    - test: tries", 30, "unreachable"),
     ("    - set: tries", "    - manipulate: pick up the cup\n    - set: tries", 16, "never-ends"),
     ("    - set: tries", "    - manipulate: pick up the cup\n    - set: tries", 17, "unreachable"),
+    ("sequence: t\n  memory: true\n  children:", "sequence: t\n  memory: false\n  children:\n    - navigate: sofa", 8,
+     "begun-anew"),
+    ("sequence: t\n  memory: true\n  children:", "sequence: t\n  memory: false\n  children:\n    - repeat: 2\n"
+     "      child: {wait: 1}", 8, "begun-anew"),
     ("timeout: 30", "timeout: 60", 20, "timeout-too-long"),
     ("timeout: 30", "timeout: 1801 steps", 20, "timeout-too-long"),
     ("pick up the $object", "pik up the cup", 24, "no-skill"),
@@ -75,6 +80,23 @@ def test_what_may_be_meant_is_left_alone(tmp_path: Path, old: str, new: str) -> 
     """No warning where there is no fault."""
     assert GOOD.count(old) == 1
     assert of(tmp_path, GOOD.replace(old, new)) == []
+
+
+def test_a_sequence_that_is_begun_anew_never_ends(tmp_path: Path) -> None:
+    """What the warning says is so, and only of the trees that have it: half a minute of a dry run tells."""
+    for first, second, warned in (
+        ("navigate: kitchen", "navigate: sofa", True),
+        ("wait: 1", "posture: travel", True),
+        ("wait: 1", "say: that was a second", False),
+        ("test: here", "navigate: sofa", False),
+    ):
+        spec = parse_tree(
+            f"tree: t\nblackboard: {{here: true}}\nroot:\n  sequence:\n  memory: false\n  children: [{{{first}}}, "
+            f"{{{second}}}]\n"
+        )
+        assert ("begun-anew" in [p.code for p in lint.lint(spec)]) is warned
+        ending = run_dry(dry_tree(spec), max_time_s=30.0).ending
+        assert ending == ("time_limit" if warned else "success"), (first, second)
 
 
 def test_warnings_are_told_from_errors(tmp_path: Path) -> None:

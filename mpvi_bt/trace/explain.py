@@ -58,6 +58,23 @@ class Link:
 
 
 @dataclass(frozen=True)
+class Recovery:
+    """A retry or a selector that succeeded though something below it had failed in the same round.
+
+    Attributes:
+        node: It, as it stood when it did.
+        failed: What had failed, in order, each at the node where it began, without those that only pass it on.
+        by: Label of the child that succeeded in the end.
+        tries: How often a retry had begun its child; 0 of a selector.
+    """
+
+    node: Link
+    failed: tuple[Link, ...]
+    by: str
+    tries: int = 0
+
+
+@dataclass(frozen=True)
 class Explanation:
     """Why a run ended as it did.
 
@@ -69,6 +86,7 @@ class Explanation:
         unmet: Conditions of the goal that did not hold at the end; `conditions`: how many it has.
         tick, time_s: The last recorded.
         cause: The failed root; None if it did not fail.
+        recovered: Retries and selectors that went on in spite of failures, in order; not those within a larger one.
         gave_up: Nodes that passed over a failure and went on (attempt), each as it stood when it did, in order.
         running: Deepest nodes that ran at the end, of a run that its tree did not end.
         error: The exception that ended it.
@@ -83,6 +101,7 @@ class Explanation:
     conditions: int = 0
     unmet: tuple[str, ...] = ()
     cause: Link | None = None
+    recovered: tuple[Recovery, ...] = ()
     gave_up: tuple[Link, ...] = ()
     running: tuple[Link, ...] = ()
     error: Broken | None = None
@@ -92,9 +111,13 @@ def explain(trace: Trace) -> Explanation:
     """Why the run ended as it did."""
     history = _History(trace.tree)
     gave_up: list[Link] = []
+    recovered: list[Recovery] = []
     tick = 0
     for change in trace.ticks:
         history.add(change)
+        for path, state in change.nodes.items():
+            if state.status == "SUCCESS" and (recovery := history.recovery(path)) is not None:
+                recovered = [*(r for r in recovered if not _within(r.node, recovery.node)), recovery]
         gave_up += [history.gave_up(path) for path, state in change.nodes.items() if state.gave_up]
         tick = change.tick
     end = trace.end
@@ -109,10 +132,21 @@ def explain(trace: Trace) -> Explanation:
         conditions=len(end.goal) if end else 0,
         unmet=tuple(c.condition for c in end.goal if not c.satisfied) if end else (),
         cause=history.link(root) if end and end.ending == "failure" else None,
+        recovered=tuple(recovered),
         gave_up=tuple(gave_up),
         running=history.running() if not end or end.ending not in ("success", "failure") else (),
         error=end.error if end else None,
     )
+
+
+def _within(inner: Link, outer: Link) -> bool:
+    """Whether a node's round is part of the round of one above it."""
+    return inner.path.startswith(f"{outer.path}/") and outer.began_s <= inner.began_s
+
+
+def _brought(failure: Link, above: Link) -> bool:
+    """Whether a failure is what made one above it fail."""
+    return failure.path.startswith(f"{above.path}/") and failure.time_s == above.time_s
 
 
 class _Failed(NamedTuple):
@@ -155,6 +189,22 @@ class _History:
     def gave_up(self, path: str) -> Link:
         """A node that passes over a failure, and what came of the new plan that it asked for, if it did."""
         return replace(self.link(path), replanned=self.replanned.pop(path, None))
+
+    def recovery(self, path: str) -> Recovery | None:
+        """What a retry or a selector that succeeds has recovered from; None of other nodes, or from nothing."""
+        placed = self.placed[path]
+        if placed.spec.kind not in ("retry", "selector"):
+            return None
+        node = self._bare(path)
+        all_failed = self._earlier(node)
+        failed = tuple(f for f in all_failed if not any(_brought(g, f) for g in all_failed))
+        if not failed:
+            return None
+        good = [c for c in placed.children if self.moment.nodes.get(c, _NEVER).status == "SUCCESS"]
+        tries = 0
+        if placed.spec.kind == "retry":
+            tries = 1 + sum(node.began_s <= f.time_s <= node.time_s for f in self.failures[placed.children[0]])
+        return Recovery(node, failed, self.placed[good[-1]].spec.label if good else "", tries)
 
     def _swap(self, tree: TreeSpec) -> None:
         """Forget how nodes stood that are others now. Their failures stay: they are part of what happened."""

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import TypeVar
 
 from mpvi_bt.drawing.cells import columns, cut, one_line
-from mpvi_bt.trace.explain import Explanation, Link
+from mpvi_bt.trace.explain import Explanation, Link, Recovery
 
 _Item = TypeVar("_Item")
 
@@ -41,6 +41,10 @@ def explanation_text(explanation: Explanation, width: int = 80) -> str:
         text.gap("Running then:")
         for link in e.running:
             text.leaf(link, 1)
+    if e.recovered:
+        text.gap("Recovered on the way:")
+        for recovery in text.last(e.recovered, "before", 1, _UNITS):
+            text.recovery(recovery, 1)
     if e.gave_up:
         units = "1 unit was given up" if len(e.gave_up) == 1 else f"{len(e.gave_up)} units were given up"
         text.gap(f"{units} on the way:")
@@ -111,6 +115,14 @@ class _Text:
         for below in link.below:
             self.reasons(below, depth)
 
+    def recovery(self, recovery: Recovery, depth: int) -> None:
+        """A node that went on in spite of failures, these, and what succeeded then."""
+        self.head(recovery.node, depth)
+        for failed in self.last(recovery.failed, "earlier failures", depth + 2):
+            self.add(f"{failed.time_s:.1f} s: {failed.label}: {_why(failed)}", depth + 2)
+        what = f"try {recovery.tries} succeeded" if recovery.tries else f"succeeded: {recovery.by}"
+        self.add(f"{recovery.node.time_s:.1f} s: {what}", depth + 2)
+
     def replanned(self, link: Link, depth: int) -> None:
         """What came of the new plan that it asked for."""
         if (plan := link.replanned) is None:
@@ -144,7 +156,8 @@ class _Text:
     def last(self, items: Sequence[_Item], what: str, depth: int, shown: int = _SHOWN) -> Sequence[_Item]:
         """The last few, after a line that counts the others."""
         if len(items) > shown:
-            self.add(f"{len(items) - shown} {what}, then", depth)
+            left = len(items) - shown
+            self.add(f"{left} {what if left > 1 else what.removesuffix('s')}, then", depth)
         return items[-shown:]
 
     def _indent(self, depth: int) -> str:

@@ -19,6 +19,9 @@ from mpvi_bt.tree.spec import NodeSpec, TreeSpec
 CONTROL_HZ = 30  # of robot.protocol, which loads numpy
 
 _ENDS_A_CHILD = {"timeout", "condition", "until_complete", "parallel"}
+_PAUSES = ("wait", "look_around")  # which take time whenever they begin
+_TAKE_TIME = (*_PAUSES, "navigate", "posture", "manipulate", "check_complete")
+_AS_ITS_CHILD = ("attempt", "timeout", "retry", "repeat", "subtree", "condition", "cooldown")
 _NO_MARKS = Marks("")
 
 
@@ -184,6 +187,7 @@ class _Linter:
         """What is wrong with a node and those below it; `above`: its parents, and which child of theirs comes next."""
         if node.kind in ("sequence", "selector"):
             yield from self.unreachable(node)
+            yield from self.begun_anew(node)
         elif node.kind == "retry" and "failure" not in self.ends(node.children[0]):
             yield self.problem(node, "", "pointless-retry", "what is tried again here can't fail")
         elif node.kind == "repeat" and "success" not in self.ends(node.children[0]):
@@ -220,6 +224,21 @@ class _Linter:
                 message = f"never begun: {shown(child.label)} before it {how}"
                 yield self.problem(after, "", "unreachable", message)
                 return
+
+    def begun_anew(self, node: NodeSpec) -> Iterator[Problem]:
+        """Of a sequence without memory: what undoes, at every tick, what a child before it had done, for ever."""
+        if node.kind != "sequence" or getattr(node.parameters, "memory", True):
+            return
+        for i, child in enumerate(node.children):
+            for before in node.children[:i]:
+                if (pair := _undone(before, child)) is not None:
+                    first, second = (shown(leaf.label) for leaf in pair)
+                    message = (
+                        f"never ends: without memory {first} begins anew at each tick, and cuts off {second}; "
+                        "write 'memory: true'"
+                    )
+                    yield self.problem(node, "memory", "begun-anew", message)
+                    return
 
     def timeout(self, node: NodeSpec, above: tuple[tuple[NodeSpec, int], ...]) -> Iterator[Problem]:
         for i, (parent, _) in reversed(list(enumerate(above))):
@@ -277,6 +296,33 @@ def _names(value: Any) -> set[str]:
         return set(names_in(value))
     inner = value.values() if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else ()
     return {name for part in inner for name in _names(part)}
+
+
+def _undone(before: NodeSpec, after: NodeSpec) -> tuple[NodeSpec, NodeSpec] | None:
+    """Leaves of two children of a sequence without memory that can't both have ended in one tick; None: none is sure.
+
+    A pause takes its time whenever it begins, and so does a drive to elsewhere; where a drive has arrived, it ends at
+    once, so that what the hands do after it is not undone.
+    """
+    for first in _needed(before):
+        for second in _needed(after):
+            elsewhere = first.kind == second.kind == "navigate" and first.parameters != second.parameters
+            if elsewhere or (first.kind in _PAUSES and second.kind in _TAKE_TIME):
+                return first, second
+    return None
+
+
+def _needed(node: NodeSpec) -> Iterator[NodeSpec]:
+    """Leaves without whose end in success a node can't succeed."""
+    if not node.children:
+        yield node
+    elif node.kind == "sequence" or getattr(node.parameters, "policy", "") == "success_on_all":
+        for child in node.children:
+            yield from _needed(child)
+    elif node.kind in _AS_ITS_CHILD:
+        yield from _needed(node.children[0])
+    elif node.kind == "until_complete":
+        yield from _needed(node.children[-1])
 
 
 def _can_end(parent: NodeSpec, child: int) -> bool:
