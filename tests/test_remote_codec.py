@@ -125,7 +125,7 @@ def test_an_array_has_all_its_parts(missing: bytes) -> None:
         object(),
         2**64,
     ],
-    ids=repr,
+    ids=lambda value: type(value).__name__,
 )
 def test_what_has_no_place_in_a_message_is_not_packed(value: Any) -> None:
     """Objects, records, complex numbers and dates raise TypeError when they are packed, not where they arrive."""

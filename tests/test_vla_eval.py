@@ -289,6 +289,7 @@ def test_late_answers_are_passed_over() -> None:
         (_message("action", {}, 1), "in answer to hello"),
         (b"\xc1", "msgpack"),
     ],
+    ids=["newer", "no version", "version of no kind", "not hello", "not msgpack"],
 )
 def test_servers_that_speak_otherwise_are_refused(hello: Any, said: str) -> None:
     """Before any observation is sent; the settings of openpi belong to openpi."""
