@@ -2,10 +2,13 @@
 PYTHON ?= python3
 VENV ?= .venv
 TASK ?= picking_up_trash
+# One process of tests a core, of about 1.7 GB each. Each computes with one thread, so that they do not wait for one another.
+TEST_WORKERS ?= auto
 bin := $(VENV)/bin
+run_tests = OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(bin)/pytest --numprocesses $(TEST_WORKERS) --maxprocesses 8 --dist worksteal
 pip_install = $(bin)/python -m pip install --quiet --constraint constraints.txt
 
-.PHONY: help demo setup setup-test system test check lint format types pytest quick clean
+.PHONY: help demo setup setup-test system test test-all check lint format types pytest pytest-all quick clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1 @ /p' Makefile | column -t -s @
@@ -13,8 +16,11 @@ help:  ## list the targets
 demo: setup  ## set up the core and run one episode
 	$(bin)/mpvi run $(TASK)
 
-test: setup-test  ## set up everything, with torch and ManiSkill, and run every check and test
+test: setup-test  ## set up everything, with torch and ManiSkill, and run every check, and every test but the rare ones
 	@$(MAKE) --no-print-directory check
+
+test-all: setup-test  ## the same with the rare tests: what CI runs
+	@$(MAKE) --no-print-directory lint types pytest-all
 
 setup: system $(VENV)/.core  ## system packages, virtual environment, core dependencies
 
@@ -33,11 +39,14 @@ format:  ## rewrite the code in the project's format
 types:
 	$(bin)/mypy
 
-pytest:
-	$(bin)/pytest
+pytest:  ## all tests but the rare ones
+	$(run_tests) -m "not rare"
+
+pytest-all:  ## all tests
+	$(run_tests)
 
 quick:  ## tests without the slow ones
-	$(bin)/pytest -m "not slow"
+	$(run_tests) -m "not slow and not rare"
 
 clean:  ## remove the virtual environment and caches
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .numba_cache

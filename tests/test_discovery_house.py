@@ -148,6 +148,7 @@ def compared(base: KnowledgeBase, seen: Drive) -> tuple[list[float], list[str]]:
     return errors, list(left)
 
 
+@pytest.mark.rare
 @pytest.mark.parametrize("noise", [False, True], ids=["exact", "noise"])
 def test_every_thing_that_can_be_seen_is_found_once_and_nothing_else(drives: tuple[Drive, Drive], noise: bool) -> None:
     """Each within 10 cm of the truth, with and without noise of depth and odometry."""

@@ -16,10 +16,12 @@ EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("[0-9]*.py"))
 def _parameter(path: Path) -> object:
     """One example as a test case; those with the simulator take a minute and draw pictures."""
     text = path.read_text(encoding="utf-8")
-    marks = [pytest.mark.slow, pytest.mark.render] if re.search(r"mpvi_bt\.(suite|run\()", text) else []
+    marks = (
+        [pytest.mark.rare, pytest.mark.slow, pytest.mark.render] if re.search(r"mpvi_bt\.(suite|run\()", text) else []
+    )
     if "mpvi_bt.sim.maniskill" in text:
         missing = importlib.util.find_spec("mani_skill") is None
-        marks = [pytest.mark.slow, pytest.mark.skipif(missing, reason="needs ManiSkill")]
+        marks = [pytest.mark.rare, pytest.mark.slow, pytest.mark.skipif(missing, reason="needs ManiSkill")]
     return pytest.param(path, id=path.stem, marks=marks)
 
 

@@ -244,6 +244,7 @@ def test_its_cameras_show_what_is_before_them() -> None:
         world.robot.look("left")
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_the_expert_throws_the_cans_away_with_one_hand() -> None:
     """With a plan for one hand all cans of an instance come into the trash can."""

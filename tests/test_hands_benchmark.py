@@ -106,6 +106,7 @@ def test_the_same_seed_draws_the_same_scene(skill: str, case: str, seed: int) ->
     assert not np.array_equal(a.base, other.base)
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 @pytest.mark.parametrize(("skill", "case"), MINE)
 @pytest.mark.parametrize("shapes", ["tuning", "held_out"])
@@ -265,6 +266,7 @@ def test_the_command_lists_and_prints_what_is_there(tmp_path: Path) -> None:
     assert json.loads(as_json.output)[0]["ok"] == 1
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_a_run_plays_what_is_missing_and_only_that(tmp_path: Path) -> None:
     """The expert picks up something from the floor; a second run finds the row and plays nothing."""
@@ -277,6 +279,7 @@ def test_a_run_plays_what_is_missing_and_only_that(tmp_path: Path) -> None:
     assert out.read_bytes() == written
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_what_raises_or_hangs_is_a_row_that_says_so() -> None:
     """A trial that cannot be drawn and one that takes too long come back as failures; the others go on."""
@@ -288,6 +291,7 @@ def test_what_raises_or_hangs_is_a_row_that_says_so() -> None:
     assert (hung.ok, hung.code) == (False, "hung")
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_the_same_job_has_the_same_outcome() -> None:
     """Two plays of one seed take the same steps."""

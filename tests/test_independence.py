@@ -25,6 +25,7 @@ def beginning(task: str, folder: Path) -> EpisodeConfig:
     return EpisodeConfig(task, policy="reactive", plan=str(folder / f"{task}.json"))
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 @pytest.mark.render
 def test_real_episodes_do_not_depend_on_worker_order_or_engine(tmp_path: Path) -> None:

@@ -58,6 +58,7 @@ def count_draws(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return draws
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 @pytest.mark.parametrize("name", paths.names("tasks"))
 def test_all_instances_of_a_task_begin_as_they_should(name: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -171,6 +171,7 @@ def test_every_checker_that_is_listed_can_be_made(server: ChatServer) -> None:
     assert checker.check(HELD, PICTURE).complete
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_a_real_server_is_asked_and_its_noise_is_no_yes(real_chat_server: Any) -> None:
     """A tiny random model that sees: it reads the picture and answers noise, which is a no and is counted."""

@@ -41,6 +41,7 @@ def workers(run: subprocess.Popen[str]) -> list[int]:
     raise AssertionError("the suite has no workers")
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0])
 def test_twenty_kills_cost_nothing(tmp_path: Path, log: Path, seed: int) -> None:

@@ -168,6 +168,7 @@ def test_where_answers_are_kept_and_what_they_cost_is_no_part_of_a_result(tmp_pa
     assert pickle.loads(pickle.dumps(limited)) == limited
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_a_suite_hands_its_budget_to_every_episode(
     scripted_chat_server: ChatServer, tmp_path: Path, mpvi: Callable[..., Any]

@@ -322,6 +322,7 @@ def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPat
     assert error.value.reason == "not_installed"
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_a_real_server_is_spoken_with(real_chat_server: Any) -> None:
     """Transformers' own, with random weights: texts, a picture that it counts, and forms that it does not mind.

@@ -275,6 +275,7 @@ def test_what_cannot_be_made_is_refused() -> None:
         make(robot_uids="panda")
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_gymnasium_finds_nothing_wrong() -> None:
     """Gymnasium's own checker passes the environment."""
@@ -285,6 +286,7 @@ def test_gymnasium_finds_nothing_wrong() -> None:
     env.close()
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_a_recorded_episode_replays(tmp_path: Path) -> None:
     """What `RecordEpisode` writes holds actions and states, and its actions lead through the same states again."""
@@ -311,6 +313,7 @@ def test_a_recorded_episode_replays(tmp_path: Path) -> None:
         again.close()
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_random_steps_leave_numbers_finite_and_memory_alone() -> None:
     """Random actions over several episodes give no NaN, and no episode keeps memory."""
@@ -416,6 +419,7 @@ def test_maniskills_fetch_is_judged_as_the_r1_is(fetch: gymnasium.Env[Any, Any])
         world.step(np.zeros(ACTION_SIZE))
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_random_steps_of_maniskills_fetch_are_finite_and_repeat() -> None:
     """Random actions give finite observations, and the same ones again for the same seed."""

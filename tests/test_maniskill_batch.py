@@ -315,6 +315,7 @@ def test_a_finger_turns_on_what_a_twin_has() -> None:
     assert on == [False] * 4 + [True] * 2
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_maniskills_fetch_is_gone_about_the_same_way(monkeypatch: pytest.MonkeyPatch) -> None:
     """Put in place and followed by a twin, ManiSkill's Fetch stands where it is due and drives as it is told."""

@@ -252,6 +252,7 @@ def absent(what: str) -> Any:
     return lambda *args, **kwargs: _absent(what)
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_the_policy_alone_asks_neither_planner_nor_navigator_nor_checker(monkeypatch: pytest.MonkeyPatch) -> None:
     """They may break at the first word: the episode goes on, and its result says what method it was."""
@@ -264,6 +265,7 @@ def test_the_policy_alone_asks_neither_planner_nor_navigator_nor_checker(monkeyp
     assert result["agent_distance"]["base"] > 0.05
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_a_policy_that_drives_is_told_segments_and_asks_no_navigator(monkeypatch: pytest.MonkeyPatch) -> None:
     """The checker is asked whether it is there, at the first rest at the latest."""

@@ -133,6 +133,7 @@ def moving(recorder: Recorder) -> None:
                 robot.advance(action)
 
 
+@pytest.mark.rare
 @pytest.mark.slow  # makes an environment where there is none
 def test_the_published_client_gets_what_a_policy_does_in_process(tmp_path: Path) -> None:
     """Metadata, actions and cameras, for a policy that counts its calls."""
@@ -144,6 +145,7 @@ def test_the_published_client_gets_what_a_policy_does_in_process(tmp_path: Path)
     require_the_same(recorder, answers)
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_the_published_client_is_told_what_was_wrong(tmp_path: Path) -> None:
     """It takes our text frame for what it is, an error of the server's."""
@@ -190,6 +192,7 @@ def reactive(vocabulary: Vocabulary) -> Policy:
     return make_policy("reactive", Ground(load_skills(), vocabulary))
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 @pytest.mark.render
 def test_the_published_client_gets_what_reactive_does_in_process(
@@ -202,6 +205,7 @@ def test_the_published_client_gets_what_reactive_does_in_process(
     require_the_same(recorder, answers)
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 @pytest.mark.render
 def test_our_client_gets_what_reactive_does_in_process(picked: tuple[Recorder, Vocabulary]) -> None:

@@ -280,6 +280,7 @@ def test_the_tasks_named_are_exported(capsys: pytest.CaptureFixture[str]) -> Non
     assert run(["plan", "picking_up_trsh", "--export", "two.jsonl"]) == 2
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_a_real_server_with_a_random_model_gives_the_clear_failure(
     real_chat_server: RealServer, capsys: pytest.CaptureFixture[str]
@@ -296,6 +297,7 @@ def test_a_real_server_with_a_random_model_gives_the_clear_failure(
     assert Path("p.answer.txt").is_file()
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_an_episode_has_its_plan_beside_its_result(
     scripted_chat_server: ChatServer, capsys: pytest.CaptureFixture[str]

@@ -33,6 +33,7 @@ def cluster(log: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     cluster.shutdown()
 
 
+@pytest.mark.rare
 @needs_ray
 @pytest.mark.slow
 def test_ray_gives_the_results_and_files_that_processes_give(tmp_path: Path, log: Path) -> None:
@@ -51,6 +52,7 @@ def test_ray_gives_the_results_and_files_that_processes_give(tmp_path: Path, log
         assert ours == theirs == f"the trace of {config.name}\n"
 
 
+@pytest.mark.rare
 @needs_ray
 @pytest.mark.slow
 def test_a_node_that_is_lost_costs_no_episode(tmp_path: Path, log: Path, cluster: Any) -> None:
@@ -70,6 +72,7 @@ def test_a_node_that_is_lost_costs_no_episode(tmp_path: Path, log: Path, cluster
     assert said.count(" s simulated") == 10
 
 
+@pytest.mark.rare
 @needs_ray
 @pytest.mark.slow
 def test_a_killed_suite_goes_on_and_leaves_no_process(tmp_path: Path, log: Path) -> None:
@@ -90,6 +93,7 @@ def test_a_killed_suite_goes_on_and_leaves_no_process(tmp_path: Path, log: Path)
     assert all(started(log)[name] == before[name] for name in kept)
 
 
+@pytest.mark.rare
 @needs_ray
 @pytest.mark.slow
 def test_what_hangs_or_dies_on_a_node_is_tried_again(

@@ -205,6 +205,7 @@ sys.stdout.buffer.write(msgpack_numpy.packb(value))
 """
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_openpi_reads_what_we_write_and_we_what_it_writes() -> None:
     """The codec of the published client hands every value back unchanged, in the very same bytes."""
@@ -225,6 +226,7 @@ for value in (np.array([object()]), np.zeros(2, "i4,f8"), np.zeros(2, complex), 
 """
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_openpi_refuses_what_we_refuse() -> None:
     """Objects, records and complex numbers are no more packed by the published client than by us."""

@@ -252,6 +252,7 @@ np.savez(sys.argv[2], **{k: image_tools.resize_with_pad(v, 224, 224) for k, v in
 """
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_pictures_are_resized_as_openpi_does(tmp_path: Path) -> None:
     """Beside the published client's own function the padding is the same; no color differs by more than 1 of 255."""

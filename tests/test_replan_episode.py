@@ -24,6 +24,7 @@ from mpvi_bt.tree.compile import compile_plan
 RIGHT = RecordedPlanner().plan("picking_up_trash")
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_a_plan_for_a_thing_that_is_not_there_is_replaced(tmp_path: Path) -> None:
     """It fails at the first drive; the model is told so, plans for what is there, and the goal is reached."""

@@ -30,6 +30,7 @@ def test_there_are_ten_trees_and_more() -> None:
     assert max(lines.values()) >= 60
 
 
+@pytest.mark.rare
 def test_the_task_is_done_by_a_tree_written_by_hand(mpvi: Shell) -> None:
     """With subtrees, parameters and a counter it reaches the same goal as the compiled plan."""
     result = ran(mpvi, "throw_away_cans")
@@ -43,6 +44,7 @@ def test_trees_without_a_goal_succeed(tree: str, mpvi: Shell) -> None:
     assert (result["ended"], result["failures"]) == ("success", [])
 
 
+@pytest.mark.rare
 def test_a_long_evening_ends_with_its_report(mpvi: Shell, tmp_path: Path) -> None:
     """Chores that fail are given up; the tree goes on to the end and says how many were done."""
     result = ran(mpvi, "evening_round")

@@ -43,6 +43,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", "-l", str(disk)], check=True)
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_results_of_several_methods_do_not_collide(tmp_path: Path, log: Path, mpvi: Shell) -> None:
     """Each method has its folder, in which files are named as BEHAVIOR's; status and report tell them apart."""
@@ -67,6 +68,7 @@ def test_results_of_several_methods_do_not_collide(tmp_path: Path, log: Path, mp
     ]
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_a_part_can_be_played_first_and_the_rest_later(tmp_path: Path, log: Path, mpvi: Shell) -> None:
     """What is left out stays to do; the same folder takes it."""

@@ -57,6 +57,7 @@ def test_the_tutorial_is_true_without_a_simulator(tmp_path: Path) -> None:
     assert play(text, tmp_path) == text
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 @pytest.mark.render
 def test_the_tutorial_is_true_in_the_house(tmp_path: Path) -> None:

@@ -61,6 +61,7 @@ def test_it_keeps_the_contract_of_policies() -> None:
             policy.close()
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_the_package_serves_its_own_model_for_our_action() -> None:
     """Its baseline for BEHAVIOR's R1Pro, started as its users start it, is waited for and drives the robot."""

@@ -440,6 +440,7 @@ def test_our_server_waits_for_pictures_where_observations_do_not_wait_for_it(liv
     assert len(answers) == 1
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_its_own_command_starts_our_server(tmp_path: Path) -> None:
     """With the example's config; `uv run SCRIPT` stands for what uv does outside of a project."""
@@ -471,6 +472,7 @@ def test_a_policy_that_reads_the_simulator_cannot_be_served() -> None:
         MpviModelServer("expert")
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 @pytest.mark.render
 @pytest.mark.parametrize("method", ["e2e", "mpvi"])
