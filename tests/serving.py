@@ -28,9 +28,9 @@ def grip(vocabulary: Vocabulary | None = None) -> Policy:
 
 
 @contextlib.contextmanager
-def serving(make: Make = grip, api_key: str = "") -> Iterator[PolicyServer]:
+def serving(make: Make = grip, api_key: str = "", idle_s: float | None = None) -> Iterator[PolicyServer]:
     """A server at a free port of this machine, in a thread of its own."""
-    server = PolicyServer("grip", make, api_key)
+    server = PolicyServer("grip", make, api_key, idle_s=idle_s)
     started, ended, loop = threading.Event(), asyncio.Event(), asyncio.new_event_loop()
 
     async def serve() -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -124,3 +127,31 @@ def test_in_a_field_what_was_seen_counts_behind_the_robot_itself() -> None:
     assert gap(View(now, arm)) > 0.1
     assert gap(View(now, arm, arm), View(picture(2.4), ~ALL)) > 0.1
     assert Field([View(now, arm, arm)], middle).distance(at) > 0.1
+
+
+DROPPED = """
+import re
+import numpy as np
+from tests.test_remembered import picture, seen
+
+def resident_mb():
+    return int(re.search(r"VmRSS:\\s+(\\d+)", open("/proc/self/status").read())[1]) / 1000
+
+seen(picture(1.5))  # what is compiled, and what malloc learns of sizes
+before = resident_mb()
+memories, kept = [], []
+for _ in range(20):
+    memories.append(seen(picture(1.5)))
+    kept.append(np.ones(50_000))  # stands behind it, where both are of the heap
+most = resident_mb()
+memories.clear()
+print(most - before, resident_mb() - before)
+"""
+
+
+def test_a_memory_that_is_dropped_leaves_no_hole() -> None:
+    """What policies remember goes back to the system with them, whatever was allocated since."""
+    done = subprocess.run([sys.executable, "-c", DROPPED], capture_output=True, text=True, check=True, timeout=120)
+    most, left = map(float, done.stdout.split())
+    assert most > 10  # [MB]
+    assert left < 12  # of which 8 are kept

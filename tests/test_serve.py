@@ -24,6 +24,7 @@ from websockets.sync.client import connect
 from mpvi_bt.errors import BadMessage
 from mpvi_bt.remote.codec import MAX_BYTES, pack, unpack
 from mpvi_bt.remote.observation import Vocabulary, read_observation, write_observation
+from mpvi_bt.remote.openpi import OpenpiPolicy
 from mpvi_bt.remote.server import MOST_CLIENTS, PolicyServer
 from mpvi_bt.robot.solids import Array
 from tests.serving import ask, client, grip, observation, received, serving
@@ -411,6 +412,36 @@ def test_too_many_clients_are_told_so() -> None:
         with pytest.raises(InvalidStatus) as refused:
             connect(f"ws://127.0.0.1:{server.port}")
         assert refused.value.response.status_code == 503
+
+
+def test_idle_clients_make_room_for_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As many as there may be that ask nothing are told to go (1001); who asks now and then stays."""
+    monkeypatch.setattr("mpvi_bt.remote.server.MOST_CLIENTS", 4)
+    with serving(lambda _: Probe(), idle_s=2.0) as server, contextlib.ExitStack() as stack:
+        busy, *idle = [stack.enter_context(client(server)) for _ in range(4)]
+        received(busy)
+        while server.metrics.clients > 1:
+            busy.send(pack(GOOD))
+            received(busy)
+            time.sleep(0.1)
+        for connection in idle:
+            received(connection)  # the metadata
+            with pytest.raises(ConnectionClosed) as closed:
+                connection.recv(timeout=10)
+            assert closed.value.rcvd is not None
+            assert (closed.value.rcvd.code, closed.value.rcvd.reason) == (1001, "nothing was asked for 2 s")
+        received(stack.enter_context(client(server)))
+
+
+def test_a_client_that_was_let_go_comes_back() -> None:
+    """Ours makes a new connection when it has something to ask."""
+    with serving(idle_s=0.2) as server:
+        policy = OpenpiPolicy(f"127.0.0.1:{server.port}", "mpvi")
+        policy.reset()
+        _eventually(lambda: server.metrics.clients == 0)
+        assert policy.infer(observation()).shape == (15, 23)
+        assert policy.connections == 2
+        policy.close()
 
 
 def test_a_client_counts_until_its_policy_is_done() -> None:

@@ -50,8 +50,17 @@ def _servable() -> list[str]:
 )
 @click.option("--port", type=click.IntRange(0, 65535), default=8000, show_default=True, help="0: any that is free.")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of everything random.")
+@click.option(
+    "--idle",
+    "idle_s",
+    type=click.FloatRange(min=1),
+    default=300.0,  # Our choice: longer than a robot drives, or a language model thinks, between two prompts
+    show_default=True,
+    metavar="SECONDS",
+    help="Who asks nothing for so long is let go.",
+)
 @click.option("--json", "as_json", is_flag=True, help="For programs: where it listens, at the end what it did.")
-def serve(policy: str, settings: str | None, host: str, port: int, seed: int, as_json: bool) -> int:
+def serve(policy: str, settings: str | None, host: str, port: int, seed: int, idle_s: float, as_json: bool) -> int:
     """Serve POLICY by openpi's protocol until Ctrl-C: a websocket, GET /healthz, GET /metrics.
 
     Each client has a policy of its own. Where OPENPI_API_KEY is set, clients must send that key. What is sent and
@@ -76,7 +85,7 @@ def serve(policy: str, settings: str | None, host: str, port: int, seed: int, as
         raise UserError(f"{error}: no client could send it.") from None
     if not key and host not in ("127.0.0.1", "::1", "localhost"):
         status.say(f"{KEY} is not set: whoever reaches this machine may use it")
-    server = PolicyServer(policy, make, key, status.say)
+    server = PolicyServer(policy, make, key, status.say, idle_s)
     try:
         asyncio.run(_until_stopped(server, host, port, status, as_json))
     except OSError as error:

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
+from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
 from mpvi_bt import __version__
@@ -69,6 +70,7 @@ class PolicyServer:
         make: Makes one, with what labels of pictures are called; for each client, in the client's thread, and anew when
             the client says what its labels are called.
         api_key: What clients must send as `Authorization: Api-Key ...`; "": nothing.
+        idle_s: A client that asks nothing for so long is told to go (1001), so that others can come; None: never.
         say: Told what a person should know, in one line, when it happens.
 
     Attributes:
@@ -78,11 +80,16 @@ class PolicyServer:
     """
 
     def __init__(
-        self, name: str, make: Make, api_key: str = "", say: Callable[[str], None] = lambda line: None
+        self,
+        name: str,
+        make: Make,
+        api_key: str = "",
+        say: Callable[[str], None] = lambda line: None,
+        idle_s: float | None = None,
     ) -> None:
         self.metrics = Metrics()
         self.port = 0
-        self.name, self._make, self._say = name, make, say
+        self.name, self._make, self._say, self._idle_s = name, make, say, idle_s
         self._sessions: list[Session] = []
         self._authorization = f"Api-Key {api_key}".encode() if api_key else b""
 
@@ -152,7 +159,7 @@ class PolicyServer:
                 return
             await connection.send(pack(self._metadata(cameras)))
             total_s = None
-            async for frame in connection:
+            while (frame := await self._next(connection)) is not None:
                 started = time.perf_counter()
                 answer = await _unless(gone, session.answer(frame))
                 if answer is None:
@@ -167,6 +174,16 @@ class PolicyServer:
                 await connection.send(packed)
                 self.metrics.sent_bytes += len(packed)
                 total_s = time.perf_counter() - started
+
+    async def _next(self, connection: ServerConnection) -> str | bytes | None:
+        """A client's next frame; None: it has been idle for too long, and is told to go."""
+        try:
+            async with asyncio.timeout(self._idle_s):
+                return await connection.recv()
+        except TimeoutError:
+            self._say(f"client {_address(connection)}: let go, as it asked nothing for {self._idle_s:g} s")
+            await connection.close(CloseCode.GOING_AWAY, f"nothing was asked for {self._idle_s:g} s")
+            return None
 
     def _metadata(self, cameras: list[str]) -> dict[str, Any]:
         return {
