@@ -249,6 +249,43 @@ def test_what_has_no_equal_is_refused_at_its_place(
     assert ("t.xml", line, column, code, nearest) in found
 
 
+NAV2 = """
+<RecoveryNode number_of_retries='6'>
+  <PipelineSequence>
+    <RateController hz='1.0'><ComputePathToPose goal='{goal}' path='{path}'/></RateController>
+    <FollowPath path='{path}' controller_id='FollowPath'/>
+  </PipelineSequence>
+  <ReactiveFallback>
+    <GoalUpdated/>
+    <RoundRobin><Spin spin_dist='1.57'/><Wait wait_duration='5.0'/><Spin spin_dist='1'/><Say txt='a'/></RoundRobin>
+  </ReactiveFallback>
+</RecoveryNode>
+"""
+
+
+def test_nodes_of_nav2_are_known_as_such() -> None:
+    """They are told once, all of them, as Nav2's and not as misspelt; what is wrong below them is told too."""
+    with pytest.raises(FileProblems) as caught:
+        from_xml(main_tree(NAV2), "t.xml")
+    foreign, *others = caught.value.problems
+    assert foreign.code == "unmapped-node"
+    assert "Nav2" in foreign.message
+    assert re.findall(r"(\w+) \(line", foreign.message) == [
+        "RecoveryNode", "PipelineSequence", "RateController", "ComputePathToPose", "FollowPath", "GoalUpdated",
+        "RoundRobin", "Spin", "Wait",
+    ]  # fmt: skip
+    assert {p.code for p in others} == {"unknown-port", "missing-port"}
+
+
+def test_what_is_known_is_listed_once() -> None:
+    """Of several nodes that nobody knows the first tells the known ones, the others what they may be."""
+    with pytest.raises(FileProblems) as caught:
+        from_xml(main_tree("<Sequence><Foo/><Quux/><Navigat/><Foo/></Sequence>"))
+    told = [p.message for p in caught.value.problems if p.code == "unknown-node"]
+    assert [" Known: " in message for message in told] == [True, False, False, False]
+    assert "Did you mean 'Navigate'?" in told[2]
+
+
 @pytest.mark.parametrize(
     ("xml", "code"),
     [

@@ -21,6 +21,7 @@ class TreeFile:
         problems: What has no equal here.
         warnings: What BehaviorTree.CPP does otherwise, or what was left out.
         count: Nodes of all trees so far, subtrees written out below their calls.
+        foreign: Nodes of ROS's Nav2, by their tags, the first of each.
     """
 
     name: str
@@ -28,6 +29,7 @@ class TreeFile:
     problems: list[Problem] = field(default_factory=list)
     warnings: list[Problem] = field(default_factory=list)
     count: int = 0
+    foreign: dict[str, Element] = field(default_factory=dict)
 
     def problem(self, element: Element, code: str, message: str, attribute: str = "", **more: Any) -> None:
         """Note a problem of an element, or of one of its attributes."""

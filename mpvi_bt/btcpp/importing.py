@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from mpvi_bt.behaviors.parameters import Comparison, Value
@@ -55,8 +55,13 @@ def from_xml(text: str, name: str = "<xml>") -> Imported:
     file = TreeFile(name)
     main = file.trees_of(root)
     specs = {own: spec for own in file.trees if (spec := _Tree(file, own).read(main=own == main)) is not None}
+    if file.foreign:
+        first = min(file.foreign.values(), key=lambda element: element.place)
+        tags = ", ".join(f"{tag} (line {element.place[0]})" for tag, element in file.foreign.items())
+        message = f"nodes of Nav2 have no equal here; say what they are for with Navigate: {tags}"
+        file.problem(first, "unmapped-node", message)
     if main is None or file.problems:
-        raise FileProblems(_once(file.problems))
+        raise FileProblems(_listed_once(_once(file.problems)))
     return Imported(specs.pop(main), specs, tuple(_once(file.warnings)))
 
 
@@ -121,6 +126,9 @@ class _Tree:
             return self._assignments(element, at)
         if tag == "ScriptCondition":
             return self._comparison(element, at, "test", element)
+        if tag in mapping.NAV2 or (tag == "Wait" and "wait_duration" in element.attributes):
+            self.file.foreign.setdefault(tag, element)
+            return self._stand_in(element, at)
         if tag == "ReactiveSequence" and (guarded := self._condition(element, at)):
             return guarded
         if tag in mapping.own_kinds():
@@ -132,6 +140,10 @@ class _Tree:
         else:
             known = {row.tag for row in mapping.BUILTINS} | set(mapping.own_kinds()) | {"Script", "SetBlackboard"}
             self.file.unknown(element, "node", tag, sorted(known | {"ScriptCondition", "SubTree"}))
+        return self._stand_in(element, at)
+
+    def _stand_in(self, element: Element, at: Location) -> dict[str, Any]:
+        """For a node that has no equal here; what is below it is looked at all the same."""
         for child in element.children:
             self._node(child, at)
         return _STAND_IN
@@ -347,3 +359,9 @@ def _once(problems: list[Problem]) -> list[Problem]:
     """In the order of the file, without those that were found again where a tree is called."""
     found = {(p.line, p.column, p.message): p for p in problems}
     return [found[key] for key in sorted(found)]
+
+
+def _listed_once(problems: list[Problem]) -> list[Problem]:
+    """With the list of nodes that are known only where the first of several is not."""
+    unknown = [p for p in problems if p.code == "unknown-node"][1:]
+    return [replace(p, message=p.message.partition(" Known: ")[0]) if p in unknown else p for p in problems]

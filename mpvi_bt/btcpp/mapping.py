@@ -28,6 +28,21 @@ _THEIRS = """
     UnsetBlackboard WaitValueUpdate WasEntryUpdated WhileDoElse
 """
 THEIRS = frozenset(_THEIRS.split())  # every node that BehaviorTree.CPP 4.10 registers by itself
+_NAV2 = """
+    AppendGoalPoseToGoals AreErrorCodesPresent ArePosesNear AssistedTeleop BackUp CancelAssistedTeleop CancelBackUp
+    CancelComputeAndTrackRoute CancelControl CancelDriveOnHeading CancelSpin CancelWait ClearCostmapAroundPose
+    ClearCostmapAroundRobot ClearCostmapExceptRegion ClearEntireCostmap ComputeAndTrackRoute ComputePathThroughPoses
+    ComputePathToPose ComputeRoute ConcatenatePaths ControllerSelector DistanceController DistanceTraveled DockRobot
+    DriveOnHeading ExtractRouteNodesAsGoals FollowPath GetCurrentPose GetNextFewGoals GetPoseFromPath GlobalUpdatedGoal
+    GoalCheckerSelector GoalReached GoalUpdated GoalUpdatedController GoalUpdater InitialPoseReceived IsBatteryCharging
+    IsBatteryLow IsPathValid IsPoseOccupied IsStopped IsStuck NavigateThroughPoses NavigateToPose NonblockingSequence
+    PathExpiringTimer PathLongerOnApproach PauseResumeController PersistentSequence PipelineSequence PlannerSelector
+    ProgressCheckerSelector RateController RecoveryNode ReinitializeGlobalLocalization RemoveInCollisionGoals
+    RemovePassedGoals RoundRobin SingleTrigger SmoothPath SmootherSelector SpeedController Spin TimeExpired
+    TransformAvailable TruncatePath TruncatePathLocal UndockRobot WouldAControllerRecoveryHelp
+    WouldAPlannerRecoveryHelp WouldARouteRecoveryHelp WouldASmootherRecoveryHelp
+"""
+NAV2 = frozenset(_NAV2.split())  # nodes of ROS's Nav2; "Wait" is one too, and ours
 KEPT = frozenset({"Action", "Condition", "Control", "Decorator", "BehaviorTree", "TreeNodesModel", "root", "Root"})
 KEY = re.compile(r"[a-z][a-z0-9_]*")
 FIRST_VALUES = "first values of the blackboard"  # name of the Sequence that sets them, then ticks the tree

@@ -9,12 +9,14 @@ has a `Twin` on the CPU that goals are judged by.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from typing import Any
 
 import gymnasium
 import numpy as np
 import sapien
 import torch
+from gymnasium.envs.registration import EnvSpec
 from mani_skill.agents.base_agent import BaseAgent
 from mani_skill.envs.sapien_env import BaseEnv
 from mani_skill.sensors.camera import CameraConfig
@@ -50,6 +52,9 @@ _BLIND_MODES = (*_STATE_MODES, "none")
 _VIEW_RAD = 0.6
 
 
+ID = f"{__name__}:MpviHouse-v1"  # for gymnasium.make, with nothing imported
+
+
 @register_env("MpviHouse-v1")
 class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
     """A task in the house.
@@ -76,6 +81,7 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
     instances: list[int]
     worlds: list[World]
     _render_device: sapien.Device | None
+    _spec: EnvSpec | None = None
     _twinned = False  # whether the worlds follow what is simulated elsewhere: always so on a GPU
 
     def __init__(
@@ -138,6 +144,20 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
             reconfiguration_freq=(0 if on_gpu else 1) if reconfiguration_freq is None else reconfiguration_freq,
             **kwargs,
         )
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """As of any environment; its id names this module, so that it can be made where nobody has imported it.
+
+        ManiSkill's replay tool makes the one whose id a recording has. (Since 1.0 Gymnasium loads no entry points.)
+        """
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = copy(spec)
+        if self._spec is not None:
+            self._spec.id = ID
 
     # --- the scene
 
