@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import re
+import time
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -284,6 +285,52 @@ def test_what_is_known_is_listed_once() -> None:
     told = [p.message for p in caught.value.problems if p.code == "unknown-node"]
     assert [" Known: " in message for message in told] == [True, False, False, False]
     assert "Did you mean 'Navigate'?" in told[2]
+
+
+@pytest.mark.parametrize(
+    ("xml", "places", "words"),
+    [
+        ("<ScriptCondition code='a>1 && b<2'/>", [(3, 28), (3, 32)], "a raw '&&': write '&amp;&amp;'"),
+        ("<ScriptCondition code='a &lt; 2 &&\n b <= 2'/>", [(3, 33), (4, 4)], "a raw '<=': write '&lt;='"),
+        ("<AlwaysSuccess name='a & b'/>", [(3, 24)], "a raw '&': write '&amp;'"),
+        ("<AlwaysSuccess name='&nbsp;'/>", [(3, 22)], "'&nbsp;' is no entity of XML"),
+        ("<!-- a -- b -- c --><AlwaysSuccess/>", [(3, 8), (3, 13)], "'--' within a comment: write '- -'"),
+        ("<!-- a ---><AlwaysSuccess/>", [(3, 8)], "'--' within a comment"),
+        ("<!-- a && b < c --><AlwaysSuccess name='&'/>", [(3, 41)], "a raw '&'"),
+        ("<AlwaysSuccess name=x/>", [(3, 21)], "the value of 'name' needs quotes"),
+        ("<AlwaysSuccess name/>", [(3, 20)], "'name' has no value"),
+        ("<AlwaysSuccess name='a'b='c'/>", [(3, 24)], "a space is missing"),
+        ("<AlwaysSuccess name='x/>", [(4, 1)], "is the quote of line 3 closed?"),
+        ("<Fail name='x/>\n<Fail name='y'/>", [(4, 1)], "is the quote of line 3 closed?"),
+        ("<Fail name='x/>\n<Say text='y' name='/>", [(3, 12)], "this quote is not closed"),
+        ("<AlwaysSuccess name='\x01'/>", [(3, 22)], "U+0001 cannot stand in XML"),
+        ("<Inverter><AlwaysSuccess></Inverter>", [(3, 28)], "'</Inverter>' where '</AlwaysSuccess>' is due"),
+        ("<!-- <AlwaysSuccess/>", [(3, 1)], "what begins here is not closed"),
+    ],
+)  # fmt: skip
+def test_what_is_no_xml_is_told_by_its_cause(xml: str, places: list[tuple[int, int]], words: str) -> None:
+    """All of it that is spelt wrong, each at its place, with the right spelling."""
+    with pytest.raises(FileProblems) as caught:
+        from_xml(main_tree(xml), "t.xml")
+    assert [(p.line, p.column) for p in caught.value.problems] == places
+    assert {p.code for p in caught.value.problems} == {"syntax"}
+    assert any(words in p.message for p in caught.value.problems), str(caught.value)
+
+
+@pytest.mark.parametrize(("xml", "port"), [("RetryUntilSuccessful", "num_attempts"), ("Repeat", "num_cycles")])
+def test_for_ever_has_no_equal(xml: str, port: str) -> None:
+    """Whoever means it is told what would be valid."""
+    with pytest.raises(FileProblems, match=f"{port} -1 is for ever, which has no equal here: write how often, 1 to 1"):
+        from_xml(main_tree(f"<{xml} {port}='-1'><AlwaysSuccess/></{xml}>"))
+
+
+@pytest.mark.parametrize("text", ["<!--", "<a '", '<a b="', "<a ", "&&", "<a x='&&'>", "<!-- -- -->", "< "])
+def test_what_is_no_xml_is_told_in_time(text: str) -> None:
+    """However much of it there is."""
+    began = time.process_time()
+    with pytest.raises(FileProblems):
+        from_xml(text * (2**20 // len(text)))
+    assert time.process_time() - began < 5
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,7 @@ _SCRIPTED = frozenset({"_skipIf", "_failureIf", "_successIf", "_while"}) | froze
     {"_onSuccess", "_onFailure", "_onHalted", "_post"}
 )
 _STAND_IN: dict[str, Any] = {"succeed": None}  # for what has no equal, so that the reader goes on
+_COUNTS = ("num_attempts", "num_cycles")
 _EXPLICIT = frozenset({"Action", "Condition", "Control", "Decorator"})
 
 
@@ -157,6 +158,11 @@ class _Tree:
         attributes = element.attributes
         if row.port in attributes and (row.port != "name" or mapping.KEY.fullmatch(attributes["name"])):
             given[row.parameter] = self._decoded(element, row.port, lambda: _port_value(row.port, attributes[row.port]))
+        if row.port in _COUNTS and attributes.get(row.port, "").strip() == "-1":
+            most = node_types()[row.kind].parameters.model_json_schema()["properties"][row.parameter]["maximum"]
+            message = f"{row.port} -1 is for ever, which has no equal here: write how often, 1 to {most}"
+            self.file.problem(element, "out-of-range", message, row.port)
+            given[row.parameter] = 1
         if row.differs:
             self.file.warn(element, tag.lower(), f"{tag}: {row.differs}")
         return self._data(element, at, row.kind, given, {row.parameter: row.port})

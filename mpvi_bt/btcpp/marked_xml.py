@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from dataclasses import dataclass, field
+from itertools import islice
 from xml.parsers import expat
 
+from mpvi_bt.btcpp.malformed import described, spellings
 from mpvi_bt.errors import FileProblems, Problem
-from mpvi_bt.marked_yaml import MAX_NODES
+from mpvi_bt.yaml_reader import MAX_NODES, MAX_PROBLEMS, place_in
 
 MAX_DEPTH = 256  # as deep as BehaviorTree.CPP reads
 
@@ -45,7 +47,7 @@ def parse_xml(text: str, name: str) -> Element:
 
 class _Parser:
     def __init__(self, text: str, name: str) -> None:
-        self.name = name
+        self.name, self.text = name, text
         self.bytes = text.encode()
         self.lines = [0, *(found.end() for found in re.finditer(b"\n", self.bytes))]
         self.open: list[Element] = []
@@ -60,9 +62,18 @@ class _Parser:
         try:
             self.expat.Parse(self.bytes, True)
         except expat.ExpatError as error:
-            self._stop(max(self.expat.ErrorByteIndex, 0), "syntax", f"not valid XML: {expat.ErrorString(error.code)}")
+            raise FileProblems(self._malformed(error)) from None
         assert self.root is not None  # else expat finds no element
         return self.root
+
+    def _malformed(self, error: expat.ExpatError) -> list[Problem]:
+        """Everything that is spelt wrong; if there is no such thing, why the parser stopped where it did."""
+        found = [(place_in(self.text, at), message) for at, message in islice(spellings(self.text), MAX_PROBLEMS)]
+        if not found:
+            at = len(self.bytes[: max(self.expat.ErrorByteIndex, 0)].decode(errors="replace"))
+            opened = [(element.tag, element.place[0]) for element in self.open]
+            found = [(place_in(self.text, at), described(error, self.text, at, opened))]
+        return [Problem(self.name, *place, "syntax", f"not valid XML: {what}") for place, what in found]
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         at = self.expat.CurrentByteIndex
