@@ -96,6 +96,32 @@ def test_what_is_wrong_with_a_tasks_own_problem_is_said_of_the_problem(
     assert load_task("mine").budget_s == 60
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("living_room", "sauna", "no start can be drawn: unknown room 'sauna'"),
+        ("(ontop can__of__soda.n.01_1", "(attached can__of__soda.n.01_1", "cannot be sampled yet; known: ontop"),
+        ("(inside ?can__of__soda.n.01 ?ashcan.n.01_1)", "(frozen ?can__of__soda.n.01)", "the goal cannot be judged"),
+    ],
+)
+def test_what_cannot_be_played_is_told_by_check(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str, words: str
+) -> None:
+    """A room that the house lacks, a start or a goal that is not simulated: BEHAVIOR has them, a run would fail."""
+    (tmp_path / "tasks" / "problems").mkdir(parents=True)
+    text = activities()["picking_up_trash"].read_text()
+    assert old in text
+    (tmp_path / "tasks" / "problems" / "mine.bddl").write_text(text.replace(old, new))
+    task = TASK.replace("problem: picking_up_trash", "problem: mine\ntime_budget_s: 60")
+    (tmp_path / "tasks" / "mine.yaml").write_text(task)
+    monkeypatch.setenv("MPVI_PATH", str(tmp_path))
+    with pytest.raises(FileProblems) as caught:
+        load_task("mine")
+    (problem,) = caught.value.problems
+    assert (problem.code, problem.line) == ("unplayable", 2)
+    assert words in problem.message
+
+
 def test_unknown_tasks_and_suites_name_the_nearest() -> None:
     """A misspelled name is answered with the one that was meant."""
     with pytest.raises(UnknownName, match=r"unknown task 'picking_up_trsh'.*'picking_up_trash'"):

@@ -20,6 +20,7 @@ from mpvi_bt.sim.ground import PASSAGE_M, REACH_M, TWO_HANDS_REACH_M
 from mpvi_bt.sim.house import House
 from mpvi_bt.sim.prior_map import prior_map
 from mpvi_bt.sim.sampling import Start, sample
+from mpvi_bt.sim.start_facts import with_all
 from mpvi_bt.sim.world import ROBOT, World
 from mpvi_bt.suite.splits import Split, generator
 from mpvi_bt.suite.start_cache import StartCache
@@ -35,8 +36,7 @@ _STILL_M = 0.002  # what moves less in that time is at rest
 
 def expanded_problem(task: Task, house: House) -> Problem:
     """The task's problem, with its wildcards written out for the house."""
-    problem = load_problem(task.problem)
-    return problem.expanded({s: len(house.fixtures_of(s, room)) for s, room in problem.wildcards.items()})
+    return with_all(load_problem(task.problem), house)
 
 
 def begin(

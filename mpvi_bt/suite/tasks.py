@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,9 +12,13 @@ from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, UnknownName, UserError
 from mpvi_bt.errors import Problem as FileProblem
 from mpvi_bt.file_kinds import expect
+from mpvi_bt.goals.formula import literals
+from mpvi_bt.goals.predicates import check_known
 from mpvi_bt.goals.problem import Problem, activities, load_problem
 from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
 from mpvi_bt.sim.catalogue import Catalogue, load_catalogue
+from mpvi_bt.sim.house import House, load_house
+from mpvi_bt.sim.start_facts import asked_for, with_all
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.human import human_stats
 from mpvi_bt.suite.methods import load_method
@@ -118,7 +123,8 @@ def check_task(data: Any, marks: Marks) -> Task:
     task = validate_data(data, marks, Task)
     problems = _check_names(task, marks)
     if not problems:
-        problems = _check_bindings(task, load_problem(task.problem, known_words()), load_catalogue(), marks)
+        problem = load_problem(task.problem, known_words())
+        problems = [*_check_bindings(task, problem, load_catalogue(), marks), *_check_playable(task, problem, marks)]
     if problems:
         raise FileProblems(problems)
     return task
@@ -203,3 +209,24 @@ def _check_bindings(task: Task, problem: Problem, catalogue: Catalogue, marks: M
     if missing:
         problems.append(marks.problem(("bindings",), "missing-key", f"no binding for {', '.join(missing)}", key=True))
     return problems
+
+
+def _check_playable(task: Task, problem: Problem, marks: Marks) -> list[FileProblem]:
+    """The house has the rooms and fixtures that the problem names, starts can be sampled, the goal can be judged."""
+    path = paths.find("tasks/houses", task.house)
+    house = _house(path, path.stat().st_mtime_ns, load_catalogue())
+    what = "no start can be drawn"
+    try:
+        asked_for(house, with_all(problem, house))
+        what = "the goal cannot be judged"
+        for literal in literals(problem.goal):
+            check_known(literal)
+    except UserError as error:
+        return [marks.problem(("problem",), "unplayable", f"{what}: {error}")]
+    return []
+
+
+@lru_cache(maxsize=4)
+def _house(path: Path, changed: int, catalogue: Catalogue) -> House:
+    """A house as it was last changed, which many tasks are in."""
+    return load_house(path, catalogue)
