@@ -231,7 +231,7 @@ def run_suite(
     from mpvi_bt.suite.store import Store
     from mpvi_bt.suite.tasks import load_suite
 
-    title = Path(suite).stem
+    title = paths.title(suite)
     store = Store(Path("runs", title) if out is None else Path(out))
     files = {name: str(given) for name, given in (("tree", tree), ("plan", plan)) if given is not None}
     options = checked({**settings, **files}, "mpvi_bt.run_suite")

@@ -12,9 +12,9 @@ import types
 import typing
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, Union
+from typing import Annotated, Any, TypeVar, Union
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from mpvi_bt.errors import FileProblems, Problem, UserError, did_you_mean, nearest, shown
 from mpvi_bt.file_kinds import foreign
@@ -36,9 +36,12 @@ __all__ = [
     "MAX_DEPTH",
     "MAX_NODES",
     "MAX_PROBLEMS",
+    "Amount",
+    "Count",
     "Location",
     "Marks",
     "Record",
+    "Share",
     "choices_of",
     "fields_at",
     "load_marked",
@@ -52,6 +55,10 @@ __all__ = [
 ]
 
 Model = TypeVar("Model", bound=BaseModel)
+
+Amount = Annotated[float, Field(ge=0.0, le=1e12, allow_inf_nan=False)]  # Our choice: sums of them stay finite
+Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+Count = Annotated[int, Field(ge=0)]
 
 _SURROGATES = re.compile(r"\\u[dD][89abAB][0-9a-fA-F]{2}\\u[dD][c-fC-F][0-9a-fA-F]{2}")
 

@@ -61,6 +61,18 @@ def names(folder: str) -> list[str]:
     return sorted({path.stem for path in files(folder)})
 
 
+def title(file: str | Path) -> str:
+    """The stem of a file after which a folder of results is named.
+
+    Raises:
+        UserError: It would name another folder, such as the one above, or one that is hidden.
+    """
+    stem = Path(file).stem
+    if stem.startswith("."):
+        raise UserError(f"{file}: a folder of results is named after it, and none can be {stem!r}; rename the file.")
+    return stem
+
+
 def is_file(path: Path) -> bool:
     """Whether there is such a file; False, not an error, for a name that no file can have."""
     try:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import math
+import os
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from mpvi_bt.robot.protocol import Proprioception, Side
@@ -23,6 +27,7 @@ from mpvi_bt.testing.doubles import KinematicRobot
 from tests.fake_episodes import TASK, fake_result
 
 CONFIG = EpisodeConfig("picking_up_trash", 3, 7)
+FAILED = fake_result(EpisodeConfig("picking_up_trash", 1))
 
 
 class Puppet(KinematicRobot):
@@ -169,10 +174,10 @@ def test_where_pictures_go_is_no_part_of_the_config() -> None:
 
 def test_a_robot_that_stood_still_has_no_ratio() -> None:
     """Infinity is no JSON: null."""
-    from mpvi_bt.goals.evaluate import GoalReport
+    from mpvi_bt.goals.evaluate import Condition, GoalReport
 
     zero: dict[Side, float] = {"left": 0.0, "right": 0.0}
-    goal = GoalReport(satisfied=False, q=0.0, fraction=0.0, conditions=())
+    goal = GoalReport(satisfied=False, q=0.0, fraction=0.0, conditions=(Condition("done", False),))
     result = make_result(CONFIG, TASK, goal, Measurement(0, 0.0, zero, zero), ended="failure")
     assert result.time.normalized_time is None
     assert result.normalized_agent_distance.model_dump() == {"base": None, "left": None, "right": None}
@@ -216,6 +221,61 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
         write_json(path, {"x": math.nan})
     assert json.loads(path.read_text()) == {"x": 1}
     assert [p.name for p in tmp_path.iterdir()] == ["a.json"]
+
+
+def edited(**changes: Any) -> Callable[[dict[str, Any]], object]:
+    """Other entries."""
+    return lambda data: data.update(changes)
+
+
+@pytest.mark.parametrize("signed", [True, False])
+@pytest.mark.parametrize(
+    "edit",
+    [
+        edited(q_score={"final": 1.0}),
+        edited(success=True),
+        edited(goal=[]),
+        edited(goal_fraction=1.0),
+        edited(conditions_met=1.0),
+        lambda data: data["goal"][0].update(satisfied=True),
+    ],
+)
+def test_a_result_that_contradicts_itself_is_none(
+    tmp_path: Path, edit: Callable[[dict[str, Any]], object], signed: bool
+) -> None:
+    """q, success and the conditions of the goal say the same, in files of versions without a digest, too."""
+    path = tmp_path / "a.json"
+    write_result(path, FAILED)
+    data = json.loads(path.read_text())
+    edit(data)
+    path.write_text(json.dumps({**data, **({} if signed else {"digest": None})}))
+    assert read_result(path) is None
+
+
+@given(data=st.data())
+def test_a_result_that_was_changed_by_hand_is_none(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    """Any figure but a wall time; how the file is laid out, and wall times, tell nothing."""
+    path = tmp_path_factory.getbasetemp() / "edited.json"
+    write_result(path, FAILED)
+    content = json.loads(path.read_text())
+    path.write_text(json.dumps({**dict(reversed(content.items())), "wall": {"total_s": 7.0}}))
+    assert read_result(path) is not None
+    key = data.draw(st.sampled_from(sorted(content.keys() - {"wall"})))
+    old = content[key]
+    more: dict[type, Any] = {int: 1, float: 1.0, bool: True, str: "x", list: [old], dict: {"more": 1}}
+    grown = {**old, "more": 1} if isinstance(old, dict) else 1 if old is None else old + more[type(old)]
+    path.write_text(json.dumps(content | {key: grown}))
+    assert read_result(path) is None
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
+def test_what_is_no_file_is_no_result(tmp_path: Path, kind: str) -> None:
+    """A pipe that nobody writes to and a device that never ends are not waited for."""
+    path = tmp_path / "a.json"
+    {"pipe": lambda: os.mkfifo(path), "device": lambda: path.symlink_to("/dev/zero"), "folder": path.mkdir}[kind]()
+    assert read_result(path) is None
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"format": 1}', '{"q_score": NaN}'])

@@ -75,6 +75,19 @@ def state(path: str, **values: Any) -> Callable[[Any], Any]:
     return lambda data: data["run"]["tree"]["nodes"][path]["state"].update(values)
 
 
+def measured(**values: Any) -> Callable[[Any], Any]:
+    """What was measured of an episode with a robot."""
+    none = {"left": 0.0, "right": 0.0}
+    whole = {"steps": 1, "base_m": 0.0, "hand_world_m": none, "hand_base_m": none}
+    return lambda data: data.update(dry=False, measurement=whole | values)
+
+
+FAILURE = {"reason": "timeout", "evidence": "", "path": "a"}
+NOTICE = {"kind": "lost", "side": "left", "path": "a", "time_s": 1.0}
+QUERY = {"criterion": "c", "event": "e", "camera": None, "complete": True, "reason": "", "path": "a", "time_s": 1.0}
+REPLAN = {"path": "a", "segments": 1, "said": "", "time_s": 1.0}
+
+
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
@@ -111,6 +124,19 @@ def state(path: str, **values: Any) -> Callable[[Any], Any]:
         (state("repeat/s/cooldown", since_s=None), "repeat/s/cooldown: .*'since_s'"),
         (state("repeat/s/cooldown/navigate", elapsed_s=10**400), "repeat/s/cooldown/navigate: .*'elapsed_s'"),
         (state("repeat/s/unit", failure={}), "repeat/s/unit: .*a failure has a reason"),
+        (lambda data: data["run"]["failures"][0].update(time_s=-1), "equal to 0, not -1"),
+        (lambda data: data["run"].update(notices=[{**NOTICE, "kind": "felt"}]), "empty, lost"),
+        (lambda data: data["run"].update(notices=[{**NOTICE, "time_s": -1}]), "equal to 0, not -1"),
+        (lambda data: data["run"].update(queries=[{**QUERY, "latency_s": -1}]), "equal to 0, not -1"),
+        (lambda data: data["run"].update(queries=[{**QUERY, "cost": {"model": "m", "tokens_in": -1}}]), "not -1"),
+        (lambda data: data["run"].update(replans=[{**REPLAN, "segments": -1}]), "equal to 0, not -1"),
+        (measured(base_m=-1.0), "equal to 0, not -1"),
+        (measured(base_m=1e300), "1000000000000, not 1e"),
+        (measured(steps=-1), "equal to 0, not -1"),
+        (measured(hand_base_m={"left": -0.1, "right": 0.0}), "equal to 0, not -0.1"),
+        (measured(hand_world_m={"left": 0.0}), "of both hands"),
+        (measured(way=[[1.0]]), "2 items"),
+        (state("repeat/s/unit", failure={**FAILURE, "time_s": -1}), "repeat/s/unit: .*a failure has a reason"),
         (state("repeat/s/unit", failure=5), "repeat/s/unit: .*a failure has a reason"),
     ],
 )

@@ -11,11 +11,13 @@ from typing import Any
 
 import pytest
 
+from mpvi_bt import paths
+from mpvi_bt.cli.group import run
 from mpvi_bt.errors import FileProblems, UserError
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.manifest import make_manifest, read_manifest
 from mpvi_bt.suite.runner import run_suite
-from mpvi_bt.suite.store import Store
+from mpvi_bt.suite.store import Fault, Store
 from mpvi_bt.suite.tasks import load_suite
 from tests.conftest import Shell
 from tests.fake_episodes import fake_result
@@ -200,6 +202,47 @@ def test_results_of_another_version_without_a_manifest_are_refused(tmp_path: Pat
     store.write(EPISODES[0], fake_result(EPISODES[0]) | {"version": "0.0.1"})
     with pytest.raises(UserError, match=r"a result of version 0\.0\.1, this is .*; choose another --out"):
         run_suite(EPISODES[:1], store, processes(1), Heard())
+
+
+def test_a_pipe_in_the_place_of_a_file_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a result it is put aside like any file that is none; of a fault it is none; of the manifest it is told."""
+    monkeypatch.chdir(tmp_path)
+    store = Store(tmp_path / "runs" / "trash10")
+    config = EPISODES[0]
+    for folder in ("json", "faults"):
+        (store.out / folder).mkdir(parents=True)
+        os.mkfifo(store.out / folder / f"{config.name}.json")
+    assert store.result(config) is None
+    assert store.fault(config) is None
+    store.write_fault(config, Fault("it broke"))
+    assert store.fault(config) == Fault("it broke")
+    assert store.quarantine(config) == store.out / "quarantine" / f"{config.name}.json"
+    assert not store.path(config).exists()
+    assert run(["suite", "status", "trash10"]) == 0
+    os.mkfifo(store.out / "manifest.json")
+    assert run(["suite", "status", "trash10"]) == 2
+
+
+@pytest.mark.parametrize("name", ["...yaml", "....yaml", ".hidden.yaml"])
+def test_a_suite_cannot_name_a_folder_outside(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The folder of its results lies in runs/ and is not hidden; neither is that of a method in it."""
+    (tmp_path / "in").mkdir()
+    monkeypatch.chdir(tmp_path / "in")
+    Path(name).write_text("tasks: [picking_up_trash]\ninstances: [0]\n")
+    for command in ("run", "status", "report"):
+        assert run(["suite", command, f"./{name}"]) == 2
+        assert "rename the file" in capsys.readouterr().err
+    Path(name).write_text(Path(paths.find("tasks/methods", "expert")).read_text())
+    assert run(["suite", "run", "trash10", "--method", f"./{name}"]) == 2
+    assert "rename the file" in capsys.readouterr().err
+    (tmp_path / "manifest.json").write_text(
+        make_manifest("trash10", EPISODES).model_copy(update={"methods": {"../out": {}}}).model_dump_json()
+    )
+    assert run(["suite", "status", "trash10", "--out", str(tmp_path)]) == 2
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "manifest.json"]
+    assert [path.name for path in (tmp_path / "in").iterdir()] == [name]
 
 
 def test_a_folder_that_cannot_be_written_is_told_before_an_episode_is_played(tmp_path: Path, log: Path) -> None:

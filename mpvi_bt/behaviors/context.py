@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import defaultdict
 from collections.abc import Callable, Mapping
@@ -12,6 +13,7 @@ from typing import Any, Literal, Protocol
 from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.behaviors.protocols import Checker, Clock, Cost, Judgement, Memory, Navigator, Policy, Triggers
 from mpvi_bt.behaviors.question import Question
+from mpvi_bt.marked_yaml import Amount, Count
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.robot.protocol import Robot, Side
 
@@ -31,7 +33,7 @@ class Failure:
     reason: str
     evidence: str
     path: str
-    time_s: float
+    time_s: Amount
     cause: Failure | None = None
 
     @staticmethod
@@ -43,7 +45,7 @@ class Failure:
                 "evidence": str(evidence),
                 "path": str(path),
                 "time_s": float(time_s) | int(time_s),
-            }:
+            } if 0.0 <= time_s < math.inf:
                 cause = data.get("cause")
                 return Failure(reason, evidence, path, time_s, Failure.of(cause) if cause else None)
         raise ValueError(f"a failure has a reason, evidence, path and time_s, not {data!r:.100}")
@@ -70,8 +72,8 @@ class Query:
     complete: bool
     reason: str
     path: str
-    time_s: float
-    latency_s: float = 0.0
+    time_s: Amount
+    latency_s: Amount = 0.0
     fault: str = ""
     cost: Cost | None = None
 
@@ -90,7 +92,7 @@ class Notice:
     kind: Literal["empty", "lost"]
     side: Side
     path: str
-    time_s: float
+    time_s: Amount
 
 
 @dataclass(frozen=True)
@@ -107,10 +109,10 @@ class Replan:
     """
 
     path: str
-    segments: int | None
+    segments: Count | None
     said: str
-    time_s: float
-    latency_s: float = 0.0
+    time_s: Amount
+    latency_s: Amount = 0.0
     cost: Cost | None = None
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Protocol
 
+from mpvi_bt.marked_yaml import Count
 from mpvi_bt.robot.protocol import CameraImage, Side
 from mpvi_bt.robot.solids import Array
 
@@ -125,8 +126,8 @@ class Cost:
     """
 
     model: str
-    tokens_in: int = 0
-    tokens_out: int = 0
+    tokens_in: Count = 0
+    tokens_out: Count = 0
     kept: bool = False
 
 

@@ -266,7 +266,7 @@ def _open(name: str, out: Path | None, options: dict[str, Any] | None = None) ->
     from mpvi_bt.suite.tasks import load_suite
 
     loaded = load_suite(name)
-    title = Path(name).stem
+    title = paths.title(name)
     store = Store(out or Path("runs") / title)
     if options is None and (manifest := read_manifest(store.out)) is not None:
         return title, store, manifest.episodes()

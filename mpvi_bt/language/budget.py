@@ -93,6 +93,8 @@ class Budget:
         if self._ledger is None:
             return self._spent
         try:
+            if self._ledger.exists() and not self._ledger.is_file():  # a pipe, say, which nobody may ever write to
+                raise ValueError
             data = json.loads(self._ledger.read_bytes())
             spent = Spent(data["calls"], data["tokens"])
             if not all(isinstance(count, int) and count >= 0 for count in (spent.calls, spent.tokens)):

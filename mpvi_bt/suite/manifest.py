@@ -8,9 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import JsonValue, ValidationError
+from pydantic import Field, JsonValue, ValidationError
 
 from mpvi_bt import __version__, paths
 from mpvi_bt.errors import UserError, shown
@@ -47,7 +47,7 @@ class Manifest(Record):
     tasks: list[str]
     instances: list[int]
     seeds: list[int]
-    methods: dict[str, dict[str, JsonValue]]
+    methods: dict[Annotated[str, Field(pattern=r"^([^./\x00][^/\x00]*)?$")], dict[str, JsonValue]]
     files: dict[str, str]
 
     def episodes(self) -> list[EpisodeConfig]:
@@ -127,6 +127,8 @@ def read_manifest(folder: Path) -> Manifest | None:
     """
     path = folder / FILE
     try:
+        if path.exists() and not path.is_file():  # a pipe, say, which nobody may ever write to
+            raise UserError(f"{path}: is no file; choose another --out")
         return Manifest.model_validate_json(path.read_bytes())
     except FileNotFoundError:
         return None

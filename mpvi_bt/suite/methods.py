@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -56,7 +55,7 @@ def load_method(name: str) -> Mapping[str, Any]:
     """
     path = paths.find_or_file(FOLDER, name, "method")
     method = check_method(*load_marked(path))
-    return {"method": Path(path).stem, **method.model_dump(exclude_unset=True, exclude={"about"})}
+    return {"method": paths.title(path), **method.model_dump(exclude_unset=True, exclude={"about"})}
 
 
 def check_method(data: Any, marks: Marks) -> Method:

@@ -12,11 +12,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mpvi_bt.executive.loop import Watcher, World
+from mpvi_bt.marked_yaml import Amount, Count
 from mpvi_bt.robot import kinematics
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Side
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.suite.way import thinned
+from mpvi_bt.suite.way import Place, thinned
 from mpvi_bt.tree.build import Tree
 
 DIRECTIONS: Mapping[str, str] = {
@@ -43,11 +44,11 @@ class Measurement:
         way: Corners of the base's way, x and y in the world [m].
     """
 
-    steps: int
-    base_m: float
-    hand_world_m: Mapping[Side, float]
-    hand_base_m: Mapping[Side, float]
-    way: list[list[float]] = field(default_factory=list)
+    steps: Count
+    base_m: Amount
+    hand_world_m: Mapping[Side, Amount]
+    hand_base_m: Mapping[Side, Amount]
+    way: list[Place] = field(default_factory=list)
 
     @property
     def time_s(self) -> float:

@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import zip_longest
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from pydantic import Field
-
-from mpvi_bt.marked_yaml import Record
+from mpvi_bt.marked_yaml import Amount, Count, Record
 
 if TYPE_CHECKING:
     from mpvi_bt.behaviors.context import Query
     from mpvi_bt.tree.spec import TreeSpec
-
-Count = Annotated[int, Field(ge=0)]
 
 
 class Queries(Record):
@@ -44,7 +40,7 @@ class Queries(Record):
     malformed: Count = 0
     refused: Count = 0
     errors: Count = 0
-    latency_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
+    latency_s: Amount = 0.0
     tokens_in: Count = 0
     tokens_out: Count = 0
     kept: Count = 0

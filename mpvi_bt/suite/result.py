@@ -1,21 +1,23 @@
 """The result of one episode: a JSON file in the layout of BEHAVIOR's evaluator, with our own keys beside it.
 
-Every wall-clock figure is under "wall": without that key the same config gives the same bytes.
+Every wall-clock figure is under "wall": without that key the same config gives the same bytes. A digest of the others
+tells a file that was changed by hand.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import ConfigDict, Field, JsonValue, ValidationError
+from pydantic import ConfigDict, Field, JsonValue, model_validator
 
-from mpvi_bt import __version__
+from mpvi_bt import __version__, paths
 from mpvi_bt.drawing.endings import ended, gave_up
 from mpvi_bt.goals.evaluate import GoalReport, conditions_met
-from mpvi_bt.marked_yaml import Record
+from mpvi_bt.marked_yaml import Amount, Count, Record, Share
 from mpvi_bt.plan.planners import Planned
 from mpvi_bt.suite.backends import privileged
 from mpvi_bt.suite.config import EpisodeConfig
@@ -26,10 +28,6 @@ from mpvi_bt.suite.result_html import result_html, result_line
 from mpvi_bt.suite.tasks import Task
 from mpvi_bt.suite.way import Way
 from mpvi_bt.writing import unwritable, write_whole
-
-Amount = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
-Count = Annotated[int, Field(ge=0)]
 
 
 class Score(Record):
@@ -199,6 +197,16 @@ class Result(Record):
     directions: dict[str, str]
     wall: dict[str, JsonValue]
 
+    @model_validator(mode="after")
+    def _agrees(self) -> Result:
+        """A goal is reached where all its conditions hold; then, and only then, the two exact scores are 1."""
+        met = [condition.satisfied for condition in self.goal]
+        if {all(met), self.q == 1.0, self.goal_fraction == 1.0} != {self.success}:
+            raise ValueError("success, q and goal_fraction do not agree with the goal's conditions")
+        if abs(self.conditions_met - conditions_met(met)) > 1e-9:
+            raise ValueError("conditions_met is not the share of the goal's conditions that are satisfied")
+        return self
+
     @property
     def q(self) -> float:
         """Official q."""
@@ -300,16 +308,30 @@ def write_result(path: Path, result: Result | Mapping[str, Any]) -> None:
         ValidationError: A mapping that is no result.
         ValueError: A number under "wall" that JSON does not have.
     """
-    data = result if isinstance(result, Result) else Result.model_validate(dict(result))
-    write_json(path, data.model_dump(mode="json"))
+    checked = result if isinstance(result, Result) else Result.model_validate(dict(result))
+    data = checked.model_dump(mode="json")
+    write_json(path, {**data, "digest": _digest(data)})
 
 
 def read_result(path: Path) -> Result | None:
-    """The result in a file; None if there is no such file, or it is cut short or no result."""
-    try:
-        return Result.model_validate_json(path.read_bytes())
-    except (OSError, ValidationError):
+    """The result in a file; None if there is no such file, or it is cut short, changed by hand or no result.
+
+    Files of versions that wrote no digest are taken if they agree with themselves.
+    """
+    if not paths.is_file(path):  # a pipe, say, which nobody may ever write to
         return None
+    try:
+        data = json.loads(path.read_bytes())
+        digest = data.pop("digest", None)
+        return Result.model_validate(data) if digest in (None, _digest(data)) else None
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError):
+        return None
+
+
+def _digest(data: Mapping[str, Any]) -> str:
+    """Of all of a result's file but wall times."""
+    told = {key: value for key, value in data.items() if key != "wall"}
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def write_json(path: Path, data: Any) -> None:

@@ -24,6 +24,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from mpvi_bt import paths
 from mpvi_bt.errors import UserError
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.result import Result, read_result, write_json, write_result
@@ -126,8 +127,11 @@ class Store:
 
     def fault(self, config: EpisodeConfig) -> Fault | None:
         """What broke the episode in an earlier run, or None."""
+        path = self._fault_path(config)
+        if not paths.is_file(path):
+            return None
         try:
-            data = json.loads(self._fault_path(config).read_text(encoding="utf-8"))
+            data = json.loads(path.read_text(encoding="utf-8"))
             return Fault(str(data["message"]), str(data["details"]), backend=str(data.get("backend", "")))
         except (OSError, ValueError, KeyError, TypeError):
             return None
@@ -135,7 +139,10 @@ class Store:
     def write_fault(self, config: EpisodeConfig, fault: Fault) -> None:
         """Note what broke the episode."""
         data = {"message": fault.message, "details": fault.details, "backend": fault.backend}
-        write_json(self._fault_path(config), data)
+        path = self._fault_path(config)
+        if not paths.is_file(path):
+            path.unlink(missing_ok=True)  # a pipe, say, which would be written to
+        write_json(path, data)
 
     @contextlib.contextmanager
     def locked(self, episodes: Iterable[EpisodeConfig] = ()) -> Iterator[None]:
