@@ -56,6 +56,7 @@ ONLY_IN = {
     "pandas": {"suite/dataset.py"},
     "openai": {"language/openai.py"},
     "httpx2": {"language/openai.py"},
+    "xllamacpp": {"language/llama_server.py"},
     "vla_eval": {"suite/vla_eval_benchmark.py", "suite/vla_eval_server.py"},
 }
 DISTRIBUTION = {
@@ -68,7 +69,19 @@ DISTRIBUTION = {
 }
 HEAVY = (
     *("numpy", "sapien", "torch", "pydantic", "numba", "scipy", "yaml", "py_trees", "mani_skill"),
-    *("msgpack", "websockets", "transformers", "rerun", "pandas", "pyarrow", "openai", "httpx2", "ray", "vla_eval"),
+    *(
+        "msgpack",
+        "websockets",
+        "transformers",
+        "rerun",
+        "pandas",
+        "pyarrow",
+        "openai",
+        "httpx2",
+        "ray",
+        "vla_eval",
+        "xllamacpp",
+    ),
 )
 
 

@@ -6,6 +6,7 @@ Whatever comes back is untrusted: of bounded size and time, parsed here, and fre
 from __future__ import annotations
 
 import base64
+import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -34,13 +35,21 @@ class OpenAIModel:
         url: Of the endpoint, such as "http://localhost:8000/v1"; "": that of OPENAI_BASE_URL, else the vendor's own.
         timeout_s: For an answer to begin, and again for it to end, at every try.
         retries: How often a question is put again at most.
+        environment: Where keys come from; proxies, too, unless it is another than this process's.
 
     Raises:
         ModelError: The extra is not installed ("not_installed"), or there is no key where one is needed.
         UserError: The address is none.
     """
 
-    def __init__(self, model: str, url: str = "", timeout_s: float = TIMEOUT_S, retries: int = RETRIES) -> None:
+    def __init__(
+        self,
+        model: str,
+        url: str = "",
+        timeout_s: float = TIMEOUT_S,
+        retries: int = RETRIES,
+        environment: Mapping[str, str] = os.environ,
+    ) -> None:
         try:
             import openai
         except ImportError:
@@ -49,7 +58,7 @@ class OpenAIModel:
             ) from None
         self.name = f"openai:{model}" + (f"@{url}" if url else "")
         self._model, self._timeout_s = model, timeout_s
-        self._endpoint = find_endpoint(url)
+        self._endpoint = find_endpoint(url, environment)
         self._hide = self._endpoint.secrets.hide
         self._sdk = openai
         self._form = 0  # where to begin in _FORMS
@@ -59,6 +68,7 @@ class OpenAIModel:
             max_retries=retries,
             http_client=openai.DefaultHttpxClient(
                 timeout=openai.Timeout(timeout_s, connect=min(CONNECT_S, timeout_s)),
+                trust_env=environment is os.environ,
                 follow_redirects=False,  # they would take the key elsewhere
                 headers={"Accept-Encoding": "identity"},  # so that what is bounded is what is read
                 event_hooks={"response": [self._bound]},

@@ -44,6 +44,11 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
     "planner": {
         "recorded": Backend("the plan on file for the task"),
         "openai": Backend("a language model behind an OpenAI-compatible endpoint", address="MODEL[@URL]"),
+        "local": Backend(
+            "a language model on this machine, without key or download: SmolLM2 of 135M, which plans badly, or a file",
+            address="FILE.gguf",
+            optional=True,
+        ),
         NOBODY: Backend("the policy is told the whole instruction, and has the whole time"),
     },
     "map": {

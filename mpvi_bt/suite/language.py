@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 from mpvi_bt.errors import UserError
 from mpvi_bt.language.budget import Budget, BudgetedModel
 from mpvi_bt.language.chat import ChatModel
 from mpvi_bt.language.endpoint import split_address
 from mpvi_bt.language.exchanges import KeptModel, check_folder
+from mpvi_bt.language.local import SMOLLM2
 from mpvi_bt.suite.backends import split
 from mpvi_bt.suite.config import EpisodeConfig
 
-NAME = "openai"  # of the backend, whichever kind it is of
+NAMES = ("openai", "local")  # of the backends, whichever kind they are of
 
 
 class Models:
@@ -31,16 +35,22 @@ class Models:
         if suite is not None:
             self._budgets.append(Budget("suite", suite.calls, suite.tokens, suite.ledger))
 
-    def make(self, given: str) -> ChatModel:
-        """The model of a choice such as "openai:MODEL" or "openai:MODEL@URL". It is not asked yet.
+    def make(self, given: str, tell: Callable[[str], None] = lambda line: None) -> ChatModel:
+        """The model of a choice such as "openai:MODEL@URL" or "local". It is not asked yet, nor started.
 
         Offline nobody is ever asked: neither a key nor the SDK is needed.
+
+        Args:
+            given: The choice.
+            tell: Is told in a line what takes its time.
 
         Raises:
             UserError: There is no such address or folder.
             ModelError: The SDK is not installed, or there is no key where one is needed.
         """
-        model, url = split_address(split(given)[1])
+        name, address = split(given)
+        local = name == "local"
+        model, url = (Path(address or SMOLLM2).stem, "") if local else split_address(address)
         config = self._config
         if config.offline and config.exchanges is None:
             raise UserError(
@@ -50,18 +60,28 @@ class Models:
             check_folder(config.exchanges, config.offline)
         inner: ChatModel | None = None
         if not config.offline:
-            from mpvi_bt.language.openai import OpenAIModel
-
-            inner = BudgetedModel(OpenAIModel(model, url), self._budgets)
+            inner = BudgetedModel(_local(given, address, tell) if local else _openai(model, url), self._budgets)
         if config.exchanges is None:
             assert inner is not None
             return inner
         return KeptModel(given, model, config.exchanges, inner)
 
 
+def _openai(model: str, url: str) -> ChatModel:
+    from mpvi_bt.language.openai import OpenAIModel
+
+    return OpenAIModel(model, url)
+
+
+def _local(given: str, file: str, tell: Callable[[str], None]) -> ChatModel:
+    from mpvi_bt.language.local import LocalModel
+
+    return LocalModel(given, Path(file) if file else None, tell)
+
+
 def check_language_choice(config: EpisodeConfig) -> None:
     """Refuse language models that cannot be asked. Raises as `Models.make`."""
     for kind in ("planner", "checker"):
         given = config.backends[kind]
-        if split(given)[0] == NAME:
+        if split(given)[0] in NAMES:
             Models(config).make(given)

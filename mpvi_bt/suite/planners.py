@@ -41,13 +41,13 @@ def make_planner(
         FileProblems: Everything that is wrong with a file that the model is told of.
     """
     if config.planner == NOBODY:
-        raise UserError(f"planner {NOBODY} makes no plan: choose recorded, or a model such as openai:MODEL.")
+        raise UserError(f"planner {NOBODY} makes no plan: choose recorded, or a model such as openai:MODEL or local.")
     if split(config.planner)[0] == "recorded":
         return RecordedPlanner()
     place = house or (task.house if task else None)
     own = {task.plan, task.problem, config.task_name} if task else set()
     return LanguagePlanner(
-        models.make(config.planner),
+        models.make(config.planner, tell),
         load_skills(),
         ground(place, task, robot_named(config.robot).sides) if place else None,
         RecordedPlanner().all(),
