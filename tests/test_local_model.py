@@ -80,7 +80,11 @@ def is_gone(process: int, within_s: float = 10.0) -> bool:
     """Whether a process ends in time."""
     deadline = time.monotonic() + within_s
     while time.monotonic() < deadline:
-        if not Path(f"/proc/{process}").exists() or ") Z " in Path(f"/proc/{process}/stat").read_text():
+        try:
+            os.kill(process, 0)
+            if ") Z " in Path(f"/proc/{process}/stat").read_text():
+                return True
+        except OSError:
             return True
         time.sleep(0.05)
     return False

@@ -51,12 +51,30 @@ class LocalModel:
         self._asked: ChatModel | None = None
 
     def ask(self, messages: Sequence[Message], schema: Schema | None = None) -> Answer:
-        """As `ChatModel` says; starts the server where it does not run. Raises ModelError if it does not start."""
+        """As `ChatModel` says; starts the server where it does not run, and anew where it has died.
+
+        Raises:
+            ModelError: It does not start; or as of any model.
+        """
+        try:
+            return self._running().ask(messages, schema)
+        except ModelError as error:
+            if error.reason != "endpoint_down" or not self._has_ended():
+                raise
+        return self._running().ask(messages, schema)
+
+    def _running(self) -> ChatModel:
         with self._lock:
-            if self._process is None or self._process.poll() is not None:
+            if self._asked is None or self._process is None or self._process.poll() is not None:
                 self._asked = self._start()
-        assert self._asked is not None
-        return self._asked.ask(messages, schema)
+            return self._asked
+
+    def _has_ended(self) -> bool:
+        """Whether the server's process is gone, or going."""
+        try:
+            return self._process is not None and self._process.wait(_STOP_S) is not None
+        except subprocess.TimeoutExpired:
+            return False
 
     def _start(self) -> ChatModel:
         self._tell(f"starting llama.cpp's server with {self._model}, on this machine")
