@@ -1,6 +1,7 @@
 """BDDL problems."""
 
 import contextlib
+import re
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator
@@ -15,8 +16,10 @@ from mpvi_bt import paths
 from mpvi_bt.cli.check import check
 from mpvi_bt.errors import FileProblems, UnknownName, UserError
 from mpvi_bt.goals.evaluate import snapshot
+from mpvi_bt.goals.findings import Findings
 from mpvi_bt.goals.formula import All, Formula, Literal
 from mpvi_bt.goals.problem import Problem, activities, load_problem, parse_problem
+from mpvi_bt.goals.vocabulary import behavior
 from mpvi_bt.suite.checking import below, problems_in
 from mpvi_bt.suite.human import human_stats
 
@@ -335,3 +338,25 @@ def test_any_text_parses_or_is_a_user_error(text: str) -> None:
     for source in (text, f"(define (:objects a_1 - a) (:init {text}) (:goal {text}))"):
         with contextlib.suppress(UserError):
             parse_problem(source, "fuzz")
+
+
+TOKENS = re.findall(r"[()]|[^\s()]+", GOOD)
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, len(TOKENS) - 1), st.integers(0, 2), st.sampled_from([*TOKENS, "?x", "x", "(", ")"])),
+        min_size=1,
+        max_size=4,
+    )
+)
+def test_a_spoiled_problem_is_a_list_of_problems(changes: list[tuple[int, int, str]]) -> None:
+    """Whatever words come in, go away, or take the place of others: each problem has its place in the text."""
+    tokens = list(TOKENS)
+    for at, gone, new in changes:
+        tokens[at : at + gone] = [new]
+    text = "\n".join(tokens)
+    findings = Findings("tea.bddl")
+    with contextlib.suppress(FileProblems):
+        parse_problem(text, "tea", findings, behavior())
+    assert all(1 <= p.line <= len(tokens) and p.column == 1 for p in findings.problems)

@@ -228,3 +228,12 @@ def test_goals_are_judged_as_the_bddl_package_does(task: str) -> None:
     found = compare(task, counts | OMNIGIBSON.get(task, {}), assignments=40, most=100)
     assert found.differ == (0, 0, 0)
     assert 0 < found.reached < 40
+
+
+def test_a_goal_of_half_of_many_things_is_scored_in_time() -> None:
+    """There are 1.4e11 ways to choose 20 of 40; none of them is listed."""
+    things = " ".join(f"a_{i}" for i in range(40))
+    text = f"(define (:objects {things} - a) (:init ) (:goal (forn (20) (?x - a) (p ?x))))"
+    goal = parse_problem(text, "many").goal
+    done = {Literal("p", (f"a_{i}",)) for i in range(5)}
+    assert qscore(goal, lambda literal: False, lambda literal: literal in done) == 5 / 20

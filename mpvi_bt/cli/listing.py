@@ -93,7 +93,7 @@ def _about(path: Path) -> str:
     from mpvi_bt.suite.checking import problems_in
 
     broken = f"(broken; see `mpvi check {path}`)"
-    if path.parent.name != "trees" and problems_in(str(path)):  # of trees, these may be mere warnings
+    if path.parent.name != "trees" and problems_in(str(path), lint=False):
         return broken
     try:
         text = read_text(path)

@@ -62,13 +62,22 @@ def fold(formula: Formula, algebra: Algebra[T], positive: bool = True) -> T:
                 f"the goal negates {str(formula)!r}: only literals, and, or, forall and exists can be negated"
             )
         case Exactly(count, children):
-            parts = [fold(child, algebra) for child in children]
-            return algebra.union(algebra.product(chosen) for chosen in itertools.combinations(parts, count))
+            return _choices([fold(child, algebra) for child in children], count, algebra)
         case Pairs(count, rows):
             cells = [[fold(cell, algebra) for cell in row] for row in rows]
             return _matchings(cells, count, algebra)
         case _:
             raise AssertionError(formula)
+
+
+def _choices(parts: Sequence[T], count: int, algebra: Algebra[T]) -> T:
+    """Union over all ways to choose `count` parts: those of so many of the parts so far, by how many these are."""
+    reached = {0: algebra.product(())}
+    for part in parts:
+        for chosen in range(min(len(reached), count), 0, -1):
+            more = algebra.product((reached[chosen - 1], part))
+            reached[chosen] = algebra.union((reached[chosen], more)) if chosen in reached else more
+    return reached[count] if count in reached else algebra.union(())
 
 
 def _matchings(cells: Sequence[Sequence[T]], count: int, algebra: Algebra[T]) -> T:

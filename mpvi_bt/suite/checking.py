@@ -96,7 +96,9 @@ def _files(folder: str) -> Iterator[str]:
                 yield str(path)
 
 
-def problems_in(file: str, site: Grounding | None = None, text: str | None = None, named: bool = True) -> list[Problem]:
+def problems_in(
+    file: str, site: Grounding | None = None, text: str | None = None, named: bool = True, lint: bool = True
+) -> list[Problem]:
     """Everything that is wrong with one file.
 
     Args:
@@ -104,6 +106,7 @@ def problems_in(file: str, site: Grounding | None = None, text: str | None = Non
         site: If given, what a tree or a plan drives to must be there.
         text: Its content, if it has been read already.
         named: Whether a user named it: then a file of ours that has nothing to check is told for what it is.
+        lint: Whether what is no error is wanted too, of kinds of files that have a lint of their own.
     """
     try:
         if file.endswith(".bddl"):
@@ -116,7 +119,7 @@ def problems_in(file: str, site: Grounding | None = None, text: str | None = Non
             return _plan_problems(data, marks, site)
         if kind.check is not None:
             _called(kind.check, data, marks)
-            found: list[Problem] = _called(kind.lint, data, marks) if kind.lint is not None else []
+            found: list[Problem] = _called(kind.lint, data, marks) if kind.lint is not None and lint else []
             return sorted(found, key=lambda p: (p.line, p.column))[:MAX_PROBLEMS]
         if named:
             message = f"this is {kind.name}, which there is nothing to check of; {taken_by(kind)}"
