@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,24 @@ def test_a_killed_run_resumes_with_nothing_lost_and_nothing_twice(tmp_path: Path
     for config in EPISODES:
         again = after[config.name] - before[config.name]
         assert again == (0 if store.path(config) in kept else 1), config.name
+
+
+def test_ctrl_c_while_workers_import_is_one_line(tmp_path: Path, log: Path) -> None:
+    """The interpreters of workers have just been started: nothing is heard of them."""
+    process = launch(tmp_path / "out", log)
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+
+    def spawned() -> int:
+        pids = [pid for task in children.parent.parent.iterdir() for pid in (task / "children").read_text().split()]
+        return sum(b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes() for pid in pids)
+
+    wait_until(lambda: spawned() == 2)
+    time.sleep(0.15)  # they have begun to import
+    os.killpg(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "Traceback" not in said
+    assert said.splitlines()[-1] == "mpvi: interrupted"
 
 
 def test_ctrl_c_stops_the_workers_and_exits_with_130(tmp_path: Path, log: Path) -> None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import threading
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import resource_tracker
 
 from pebble import ProcessExpired, ProcessPool
 
@@ -45,15 +47,20 @@ class ProcessEngine:
         """Let numeric libraries in the workers, which inherit our environment, use one thread."""
         self._limited = [name for name in THREAD_LIMITS if name not in os.environ]
         os.environ.update(dict.fromkeys(self._limited, "1"))
+        resource_tracker.ensure_running()  # it unblocks SIGINT when it starts, and must not in `start`
 
     def start(self, config: EpisodeConfig) -> None:
         """Begin an episode. Raises BackendError if no process can be started."""
         context = multiprocessing.get_context("spawn")
         pool = self._idle.pop() if self._idle else ProcessPool(1, EPISODES_A_PROCESS, prepare, context=context)
+        # Ctrl-C is for us, who stop the workers: they inherit that they do not hear it, while they import, too.
+        heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             future = pool.schedule(play, args=(self._function, config), timeout=self._wall_limit_s)
         except RuntimeError as error:
             raise BackendError(f"no worker process can be started: {error.__cause__ or error}") from error
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, heard)
         self._busy[future] = (pool, config)
 
     def wait(self, seconds: float) -> Iterator[tuple[EpisodeConfig, Played]]:
