@@ -110,9 +110,16 @@ def _about(path: Path) -> str:
 
 def _backends() -> dict[str, str]:
     from mpvi_bt.suite.backends import BACKENDS
+    from mpvi_bt.suite.parts import OFFERED, entry_points
 
+    others = {
+        f"--{kind} {name}": f"{path} (of an installed package)"
+        for kind in OFFERED
+        for name, path in entry_points(kind).items()
+        if name not in BACKENDS[kind]
+    }
     return {
         f"--{kind} {b.spelled(name)}": b.about + (" (reads simulator truth)" if b.privileged else "")
         for kind, choices in BACKENDS.items()
         for name, b in choices.items()
-    }
+    } | others

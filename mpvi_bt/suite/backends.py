@@ -1,8 +1,8 @@
 """The backends that a run can choose, by kind and name. Light, so that the command line can list them at once.
 
 A backend is chosen as `name` or, where it is somewhere else, as `name:address`. `suite/policies.py` and
-`suite/episode.py` make what is chosen. `privileged` backends read simulator truth: every result names those that a run
-used.
+`suite/episode.py` make what is chosen. What is not among these may be of another package: `suite/parts.py`.
+`privileged` backends read simulator truth: every result names those that a run used.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from mpvi_bt.errors import UnknownName, UserError
+from mpvi_bt.suite.parts import OFFERED, entry_points, find
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,9 @@ def choose(kind: str, given: str) -> Backend:
     known = BACKENDS[kind]
     name, address = split(given)
     if name not in known:
-        raise UnknownName(kind, name, known)
+        if (part := find(kind, given)) is not None:
+            return Backend(f"{part.path}, of another package", sees=kind in ("policy", "checker", "detector"))
+        raise UnknownName(kind, name, (*known, *(entry_points(kind) if kind in OFFERED else ())))
     backend = known[name]
     if backend.address and not address and not (backend.optional and given == name):
         raise UserError(f"{kind} {name} is somewhere else: say where, such as {name}:{backend.address}.")

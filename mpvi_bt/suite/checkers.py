@@ -11,6 +11,7 @@ from mpvi_bt.errors import UserError, shown
 from mpvi_bt.robot.protocol import Robot
 from mpvi_bt.suite.backends import choose, split
 from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.parts import find
 
 if TYPE_CHECKING:
     from mpvi_bt.sim.world import World
@@ -41,12 +42,18 @@ def make_checker(given: str, world: World, vocabulary: Vocabulary, seed: int, mo
         from mpvi_bt.completion.judge import LanguageChecker
 
         return LanguageChecker(models.make(given))
+    if name not in _MAKERS and (part := find("checker", given)) is not None:
+        made: Checker = part.make(vocabulary=vocabulary, seed=seed)
+        return made
     checker = _MAKERS[name](world, vocabulary)
     return MistakenChecker(checker, CheckErrors.read(address, name), world, seed) if address else checker
 
 
 def make_triggers(given: str, robot: Robot) -> Triggers:
     """The triggers of a name, such as "proprioceptive" or "periodic:300". Raises UserError as `make_checker`."""
+    if (part := find("trigger", given)) is not None:
+        made: Triggers = part.make(robot=robot)
+        return made
     if steps := _period(given):
         from mpvi_bt.completion.periodic import PeriodicTriggers
 

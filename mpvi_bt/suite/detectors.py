@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from mpvi_bt.perception.detector import Detector, Guarded
 from mpvi_bt.suite.backends import choose, split
+from mpvi_bt.suite.parts import find
 
 Vocabulary = Mapping[str, Iterable[str]]  # label of a picture to what people call it
 
@@ -24,6 +25,8 @@ def make_detector(given: str, vocabulary: Vocabulary, seed: int = 0) -> Guarded:
     """
     choose("detector", given)
     name, address = split(given)
+    if name not in _MAKERS and (part := find("detector", given)) is not None:
+        return Guarded(part.make(vocabulary=vocabulary, seed=seed))
     return Guarded(_MAKERS[name](address, vocabulary, seed))
 
 

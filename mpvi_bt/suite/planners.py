@@ -15,7 +15,8 @@ from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.suite.backends import NOBODY, split
 from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.language import Models
+from mpvi_bt.suite.language import NAMES, Models
+from mpvi_bt.suite.parts import find
 from mpvi_bt.suite.tasks import Task
 
 
@@ -45,6 +46,12 @@ def make_planner(
     if split(config.planner)[0] == "recorded":
         return RecordedPlanner()
     place = house or (task.house if task else None)
+    if split(config.planner)[0] not in NAMES and (part := find("planner", config.planner)) is not None:
+        hands = robot_named(config.robot).sides
+        made: Planner = part.make(
+            skills=load_skills(), grounding=ground(place, task, hands) if place else None, tell=tell
+        )
+        return made
     own = {task.plan, task.problem, config.task_name} if task else set()
     return LanguagePlanner(
         models.make(config.planner, tell),

@@ -13,6 +13,7 @@ from mpvi_bt.perception.detector import Detector
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.suite.backends import choose, split
 from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.parts import find
 
 if TYPE_CHECKING:
     from mpvi_bt.manipulation.scripted import ScriptedPolicy
@@ -68,6 +69,11 @@ def make_policy(given: str, ground: Ground, settings: str | None = None) -> Poli
         raise UserError(f"policy {name} has no settings: --policy-settings is of policies that are somewhere else.")
     if backend.privileged and ground.world is None:
         raise UserError(f"policy {name} reads the simulator itself, and there is none here.")
+    if name not in _MAKERS and (part := find("policy", given)) is not None:
+        made: Policy = part.make(
+            skills=ground.skills, vocabulary=ground.vocabulary, detector=ground.detector, seed=ground.seed
+        )
+        return made
     return _MAKERS[name](ground, address, settings)
 
 

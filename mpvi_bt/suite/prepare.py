@@ -16,7 +16,7 @@ from mpvi_bt.plan.skills import Skill, load_skills
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.sim.house import load_house
-from mpvi_bt.suite.backends import NOBODY, choose
+from mpvi_bt.suite.backends import BACKENDS, NOBODY, choose, split
 from mpvi_bt.suite.checkers import check_checker_choice
 from mpvi_bt.suite.checkers import doubt as checker_doubt
 from mpvi_bt.suite.config import EpisodeConfig
@@ -24,6 +24,7 @@ from mpvi_bt.suite.detectors import make_detector
 from mpvi_bt.suite.doers import doubt as doer_doubt
 from mpvi_bt.suite.hands import check_hands
 from mpvi_bt.suite.language import Models, check_language_choice
+from mpvi_bt.suite.parts import find
 from mpvi_bt.suite.planners import ground, make_planner
 from mpvi_bt.suite.policies import check_policy_choice
 from mpvi_bt.suite.saved import SavedEpisode
@@ -187,11 +188,14 @@ def check_backends(config: EpisodeConfig) -> None:
     """Refuse backends that do not exist or cannot be made. Raises UserError, and ModelError of language models."""
     for kind, name in config.backends.items():
         choose(kind, name)
+        if split(name)[0] not in BACKENDS[kind] and (part := find(kind, name)) is not None:
+            part.load()
     check_language_choice(config)
     check_policy_choice(config)
     check_checker_choice(config)
     check_simulator_choice(config)
-    make_detector(config.detector, {})
+    if split(config.detector)[0] in BACKENDS["detector"]:
+        make_detector(config.detector, {})
     if config.map == "online" and config.detector == "oracle":
         raise UserError("--map online is built by looking: choose a detector that looks, such as segmentation.")
 
@@ -220,7 +224,7 @@ def check_episode(config: EpisodeConfig) -> None:
         UserError: Something in `config` does not exist or is wrong.
         ModelError: The model cannot be asked.
     """
-    if config.tree is None and config.plan is None and choose("planner", config.planner).address:
+    if config.tree is None and config.plan is None and split(config.planner)[0] not in ("recorded", NOBODY):
         check_backends(config)
         load_task(config.task).check_instance(config.instance)
         check_split(config.split)
@@ -239,7 +243,7 @@ def _replanner(
     """Who makes new plans where the tree wants them; None where it does not, or where there is no plan to go by."""
     if not any(_wants_a_plan(placed) for placed in spec.nodes):
         return None
-    if choose("planner", config.planner).address:
+    if split(config.planner)[0] not in ("recorded", NOBODY):
         return make_planner(config, task, models)
     robot = robot_named(config.robot)
     if config.plan is not None:
