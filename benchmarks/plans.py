@@ -44,12 +44,14 @@ class Noted:
         free: Whether nothing is enumerated in the schema.
         most: Answers to one instruction.
         answers: Those to the present one.
+        failed_s: What an answer to it took that is none, such as one that was cut off.
     """
 
     inner: ChatModel
     free: bool
     most: int
     answers: list[Answer] = field(default_factory=list)
+    failed_s: float = 0.0
 
     @property
     def name(self) -> str:
@@ -60,7 +62,11 @@ class Noted:
         """As `ChatModel` says. Raises ModelError, too, once there were enough answers."""
         if len(self.answers) >= self.most:
             raise ModelError("over_budget", "no more answers are asked for")
-        self.answers.append(self.inner.ask(messages, answer_schema() if self.free else schema))
+        try:
+            self.answers.append(self.inner.ask(messages, answer_schema() if self.free else schema))
+        except ModelError as error:
+            self.failed_s = error.latency_s
+            raise
         return self.answers[-1]
 
 
@@ -85,7 +91,7 @@ def main() -> None:
     # Those of one house in a row: a server need not read again what is the same.
     houses = {name: task.house for name, task in tasks.items()}
     for plan in sorted(recorded[: given.first], key=lambda plan: houses.get(plan.task_name, _HOUSE)):
-        model.answers = []
+        model.answers, model.failed_s = [], 0.0
         task = tasks.get(plan.task_name)
         place: Grounding = ground(task.house, task) if task else ground(_HOUSE)
         try:
@@ -97,7 +103,7 @@ def main() -> None:
             data, found = read_answer(model.answers[0].text)
             found = found or checked(data, plan.task_name, plan.instruction, skills, place)[1]
             wrong.update({problem.code for problem in found})
-        seconds = sum(answer.latency_s for answer in model.answers)
+        seconds = model.failed_s + sum(answer.latency_s for answer in model.answers)
         tokens_in, tokens_out = (sum(getattr(a, key) for a in model.answers) for key in ("tokens_in", "tokens_out"))
         costs.append((seconds, tokens_in, tokens_out))
         ends[end] += 1

