@@ -241,6 +241,7 @@ def test_a_good_problem_of_ones_own_is_good(tmp_path: Path) -> None:
         ("cabinet.n.01_1 kitchen", "cabinet.n.01_1 kichen", "13:28: unknown room 'kichen'. Did you mean 'kitchen'?"),
         ("- teacup.n.02\n", "- teacp.n.02\n", "4:35: unknown synset 'teacp.n.02'. Did you mean 'teacup.n.02'?"),
         ("- teacup.n.02)", "- teacu.n.02)", "20:25: unknown synset 'teacu.n.02'. Did you mean 'teacup.n.02'?"),
+        ("- teacup.n.02)", "- bowl.n.01)", "20:25: no object is a bowl.n.01; :objects has agent.n.01, cabinet.n.01,"),
         ("(ontop agent.n.01_1 floor", "(ontop agent.n.01_1 flor", "17:25: unknown object 'flor.n.01_1'. Did you me"),
         ("(inside ?cup cab", "(inside ?cp cab", "20:46: unknown object 'cp'. Did you mean 'cup'?"),
         ("(inside ?cup cabinet.n.01_1)", "(inside ?cup)", "20:38: '(inside cup)': inside takes two objects"),
@@ -279,7 +280,14 @@ def test_check_tells_what_is_wrong_with_a_problem(tmp_path: Path, old: str, new:
 def test_all_problems_of_a_problem_come_at_once(tmp_path: Path) -> None:
     """Each once, whatever the number of things that a quantifier is about."""
     text = GOOD.replace("(inside ?cup", "(insid ?cup").replace("cabinet.n.01_1 kitchen", "cabinet.n.01_1 kichen")
-    assert [line.split(":")[0] for line in checked(tmp_path, text.replace("(:goal", "x (:goal"))] == ["13", "18", "20"]
+    text = text.replace("(:goal", "x (:goal") + "(more)\n"
+    assert [line.split(":")[0] for line in checked(tmp_path, text)] == ["13", "18", "20", "22"]
+
+
+def test_a_domain_is_told_for_what_it_is(tmp_path: Path) -> None:
+    """It ends in .bddl, too."""
+    (line,) = checked(tmp_path, "(define (domain mine)\n  (:predicates (open ?a)))")
+    assert line.startswith("1:1: this is a domain, not a problem")
 
 
 def test_an_object_may_be_listed_twice(tmp_path: Path) -> None:

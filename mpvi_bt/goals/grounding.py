@@ -13,7 +13,7 @@ from mpvi_bt.goals.vocabulary import ANY, Vocabulary
 MAX_PARTS = 100_000  # of a goal that is written out
 _ANYTHING = "?"  # stands for a variable where there is nothing that it could be, so that what follows is looked at
 _NO_NAMES: Mapping[str, str] = {}
-_NO_LITERAL = Literal("", ("", ""))  # in the place of what is none
+NO_LITERAL = Literal("", ("", ""))  # in the place of what is none
 Names = Mapping[str, str]
 
 _FORMS = {  # what follows the connective
@@ -93,11 +93,11 @@ class Grounding:
         head = source[0] if isinstance(source, Form) and source else None
         if isinstance(head, Word) and predicates is not None and head not in predicates:
             self.findings.unknown(head.place, "predicate", head, (*predicates, *(("not",) if starred else CONNECTIVES)))
-            return _NO_LITERAL
+            return NO_LITERAL
         words = [word for word in source[1:] if isinstance(word, Word)] if isinstance(source, Form) else []
         if not isinstance(head, Word) or len(words) < max(len(source) - 1, 1):
             self.findings.problem(source.place, "no-formula", f"{_quoted(source)} is no (predicate object ...)")
-            return _NO_LITERAL
+            return NO_LITERAL
         if predicates is not None and len(words) != predicates[head]:
             one = predicates[head] == 1
             takes = "one object" if one else "a thing and a room" if head == "inroom" else "two objects"
@@ -131,12 +131,21 @@ class Grounding:
         match over:
             case [Word() as variable, "-", Word() as synset]:
                 if synset not in self.synsets:
-                    self.findings.unknown(synset.place, "synset", synset, self.synsets)
+                    self._unlisted(synset)
                 return variable.lstrip("?"), str(synset)
             case _:
                 message = f"{_quoted(over)} in :goal is no (?variable - synset), such as (?cup - cup.n.01)"
                 self.findings.problem(over.place, "no-range", message)
         return (over[0].lstrip("?") if isinstance(over, Form) and over and isinstance(over[0], Word) else ""), ""
+
+    def _unlisted(self, synset: Word) -> None:
+        """Note a synset that no object is of: one that is misspelt, or a good one."""
+        if synset in (self.known.synsets or ()):
+            listed = tuple(sorted(self.synsets))
+            message = f"no object is a {synset}; :objects has {', '.join(listed)}"
+            self.findings.problem(synset.place, "unknown-synset", message, known=listed)
+        else:
+            self.findings.unknown(synset.place, "synset", synset, self.synsets)
 
     def _object(self, word: Word, names: Names, starred: bool) -> str:
         name = word.lstrip("?")

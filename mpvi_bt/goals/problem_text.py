@@ -15,7 +15,7 @@ from mpvi_bt.errors import shown
 from mpvi_bt.goals.expressions import SECTIONS, Expression, Form, Word, read_expressions, written
 from mpvi_bt.goals.findings import Findings
 from mpvi_bt.goals.formula import Fact
-from mpvi_bt.goals.grounding import Grounding
+from mpvi_bt.goals.grounding import NO_LITERAL, Grounding
 from mpvi_bt.goals.vocabulary import Vocabulary, unknown_synset
 
 AGENT = "agent.n.01"
@@ -23,6 +23,7 @@ _PLACES = ("ontop", "inside", "under", "nextto", "overlaid", "attached", "draped
 _HOLDS = ("filled", "covered", "contains", "insource", "saturated")  # a substance, named second
 _PASSED_OVER = ("problem", ":domain", ":requirements")
 
+_WORD = re.compile(r"[^\s()]+")
 _SYNSET = re.compile(r"(\S+\.[nvasr]\.\d\d)_(?:\d+|\*)$")  # of an object, as BEHAVIOR names it
 
 
@@ -48,7 +49,6 @@ def read_problem(text: str, findings: Findings, known: Vocabulary) -> ProblemTex
         FileProblems: Everything that is wrong with it.
     """
     sections = _sections(_define(text, findings), findings)
-    findings.check()
     listed, starred = _objects(sections[":objects"], findings, known)
     objects = {str(name): str(synset) for name, synset in listed.items()}
     grounding = Grounding(objects, starred, findings, known)
@@ -57,7 +57,7 @@ def read_problem(text: str, findings: Findings, known: Vocabulary) -> ProblemTex
     grounding.conditions(goal)
     rooms = _rooms(facts, findings)
     if known.predicates is not None:  # else nothing is known of what they mean
-        _check_places(listed, starred, [fact for _, fact in facts], findings, known)
+        _check_places(listed, starred, facts, findings, known)
     findings.check()
     wildcards = {synset: rooms.get(word, "") for synset, word in starred.items()}
     init = tuple(fact for _, fact in facts if not any(arg.endswith("_*") for arg in fact.literal.args))
@@ -71,6 +71,8 @@ def _define(text: str, findings: Findings) -> Form:
     if define is None:
         message = "no (define ...): a problem is (define (problem NAME) (:objects ...) (:init ...) (:goal ...))"
         findings.stop(expressions[0].place if expressions else (1, 1), "syntax", message)
+    if any(isinstance(part, Form) and part[:1] == ["domain"] for part in define):
+        findings.stop(define.place, "wrong-kind", "this is a domain, not a problem; BEHAVIOR's own is always read")
     for other in expressions:
         if other is not define:
             where = f"after the ')' that closes '(define', on line {define.end[0]}"
@@ -81,6 +83,7 @@ def _define(text: str, findings: Findings) -> Form:
 
 
 def _sections(define: Form, findings: Findings) -> dict[str, Form]:
+    """The sections by name, all of them. Raises FileProblems if one is missing."""
     found: dict[str, Form] = {}
     for part in define[1:]:
         if not isinstance(part, Form) or not part or not isinstance(part[0], Word):
@@ -95,9 +98,9 @@ def _sections(define: Form, findings: Findings) -> dict[str, Form]:
         elif part[0] not in _PASSED_OVER:
             findings.unknown(part[0].place, "section", part[0], (*SECTIONS, *_PASSED_OVER))
     if missing := [section for section in SECTIONS if section not in found]:
-        findings.problem(define.place, "missing-key", f"the problem has no {', '.join(f'({s} ...)' for s in missing)}")
+        findings.stop(define.place, "missing-key", f"the problem has no {', '.join(f'({s} ...)' for s in missing)}")
     if ":goal" in found and len(found[":goal"]) < 2:
-        findings.problem(found[":goal"].place, "empty-formula", "the problem has no :goal formula")
+        findings.stop(found[":goal"].place, "empty-formula", "the problem has no :goal formula")
     for more in found.get(":goal", Form())[2:3]:
         message = "only the first formula of a goal counts, to bddl too; join them: (:goal (and formula ...))"
         findings.problem(more.place, "second-goal", message, severity="warning")
@@ -123,10 +126,10 @@ def _objects(section: Form, findings: Findings, known: Vocabulary) -> tuple[dict
             continue
         if not waiting:
             findings.problem(word.place, "invalid-value", f"no object before '- {synset:.40}'")
-        if known.synsets is not None and synset not in known.synsets:
+        if unknown := known.synsets is not None and synset not in known.synsets:
             findings.problem(synset.place, **unknown_synset(synset, known.synsets))
         for item in waiting:
-            if (named := _SYNSET.match(item)) is not None and named[1] != synset:
+            if (named := _SYNSET.match(item)) is not None and named[1] != synset and not unknown:
                 message = f"{item:.60} is listed as {synset:.60}: is '- {named[1]:.60}' missing after it?"
                 findings.problem(item.place, "wrong-synset", message)
             if item.endswith("_*"):
@@ -165,17 +168,18 @@ def _rooms(facts: list[tuple[Expression, Fact]], findings: Findings) -> dict[str
 def _check_places(
     objects: Mapping[Word, Word],
     starred: Mapping[str, Word],
-    facts: list[Fact],
+    facts: list[tuple[Expression, Fact]],
     findings: Findings,
     known: Vocabulary,
 ) -> None:
-    """Of everything :init must say where it is."""
-    said = [fact.literal for fact in facts if fact.positive]
+    """Of everything :init must say where it is. What a fact that is none names may be placed by it."""
+    said = [fact.literal for _, fact in facts if fact.positive]
+    unread = {word for item, fact in facts if fact.literal == NO_LITERAL for word in _WORD.findall(written(item))}
     in_room = {literal.args[0] for literal in said if literal.predicate == "inroom"}
     placed = {literal.args[0] for literal in said if literal.predicate in _PLACES}
     placed |= {literal.args[-1] for literal in said if literal.predicate in _HOLDS}
     for name, synset in ((name, objects.get(name)) for name in (*objects, *starred.values())):
-        if name in in_room or name in placed:
+        if name in in_room or name in placed or name in unread:
             continue
         if synset is None or synset in known.fixtures:
             message = f":init does not say in which room {name} is: (inroom {name} ROOM) is missing"
