@@ -225,6 +225,7 @@ def run_suite(
         FileProblems: Everything that is wrong with a file, or with `settings`.
         BackendError: Every episode would break alike.
     """
+    from mpvi_bt.report.several import Part
     from mpvi_bt.report.told import Told
     from mpvi_bt.suite.play import Where, play
     from mpvi_bt.suite.progress import Progress
@@ -246,7 +247,7 @@ def run_suite(
         instances=instances,
         where=Where(workers=workers),
     )
-    return Told.of(title, store, outcome.episodes, outcome.results, outcome.faults, str(suite))
+    return Told.of([Part(title, store, outcome.episodes, outcome.results, outcome.faults)], [str(suite)])
 
 
 def _asked(

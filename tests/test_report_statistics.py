@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.report.statistics import Array, Estimate, difference, estimate, relative, resampled
+from mpvi_bt.report.statistics import (
+    Array,
+    Chance,
+    Estimate,
+    difference,
+    estimate,
+    permutation_test,
+    relative,
+    resampled,
+)
 
 
 def test_the_mean_is_over_instances_and_then_over_tasks() -> None:
@@ -100,3 +110,39 @@ def test_intervals_are_within_what_was_seen(tasks: list[list[float]], seed: int)
     least, most = np.mean([a.min() for a in arrays]), np.mean([a.max() for a in arrays])
     assert least - 1e-9 <= found.low <= found.high <= most + 1e-9
     assert least - 1e-9 <= found.mean <= most + 1e-9
+
+
+def flipped(tasks: Sequence[Array]) -> float:
+    """The p of a paired permutation test, by its definition: every choice of signs, one by one."""
+    shares = np.concatenate([task / len(task) / len(tasks) for task in tasks])
+    means = [abs(shares @ signs) for signs in itertools.product((1.0, -1.0), repeat=len(shares))]
+    return float(np.mean([mean >= means[0] - 1e-12 for mean in means]))
+
+
+@settings(max_examples=30)
+@given(
+    st.lists(st.lists(st.sampled_from([-1.0, -0.5, 0.0, 1 / 3, 0.5]), min_size=1, max_size=4), min_size=1, max_size=2)
+)
+def test_few_pairs_are_tested_exactly(differences: list[list[float]]) -> None:
+    """As by hand; instances without a difference change nothing, whatever their sign."""
+    tasks = [np.array(task) for task in differences]
+    found = permutation_test(tasks)
+    assert found.exact
+    assert found.p == pytest.approx(flipped(tasks))
+
+
+def test_chance_is_told_as_often_as_it_is_at_work() -> None:
+    """Of 300 suites in which a method makes no difference, one in twenty has p < 0.05; the same figures, the same p."""
+    rng = np.random.default_rng(11)
+    suites = [[rng.normal(0, 1 + task, 8) for task in range(3)] for _ in range(300)]
+    found = [permutation_test(suite) for suite in suites]
+    assert not found[0].exact
+    assert np.mean([chance.p < 0.05 for chance in found]) == pytest.approx(0.05, abs=0.03)
+    assert permutation_test(suites[0]) == found[0]
+
+
+def test_a_great_difference_is_hardly_by_chance() -> None:
+    """Nobody is sure of one by two pairs, and everybody by thirty."""
+    assert permutation_test([np.ones(2)]).p == 0.5
+    assert permutation_test([np.ones(10), np.ones(20)]).p < 0.001
+    assert permutation_test([np.zeros(5)]) == permutation_test([]) == Chance(1.0, True)

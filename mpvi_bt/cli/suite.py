@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,6 +18,7 @@ from mpvi_bt.report.told import Told
 from mpvi_bt.suite.config import EPISODE, EpisodeConfig
 
 _FILE = click.Path(dir_okay=False, path_type=Path)
+_FOLDER = click.Path(file_okay=False, path_type=Path)
 _NAMED = 20  # episodes at most that `status` names one by one
 
 # The heavier modules load in the functions, so that `--help` is quick.
@@ -30,8 +32,7 @@ def suite() -> None:
 def _shared(command: Any) -> Any:
     """The argument and options that name a suite and its folder."""
     command = click.option("--json", "as_json", is_flag=True, help="Write the report as JSON.")(command)
-    out = click.Path(file_okay=False, path_type=Path)
-    command = click.option("--out", type=out, help="Folder of the results.  [default: runs/SUITE]")(command)
+    command = click.option("--out", type=_FOLDER, help="Folder of the results.  [default: runs/SUITE]")(command)
     return click.argument("name", type=File("tasks/suites"), metavar="SUITE")(command)
 
 
@@ -134,6 +135,7 @@ def run(
     Prints the report of them at the end. Ends with 3 if an episode could not be finished for a fault of the machine; it
     is tried again by the next run.
     """
+    from mpvi_bt.report.several import Part
     from mpvi_bt.suite.play import Kept, Where, play
     from mpvi_bt.suite.progress import Progress
 
@@ -150,7 +152,8 @@ def run(
         calls=suite_calls,
         tokens=suite_tokens,
     )
-    click.echo(Told.of(title, store, outcome.episodes, outcome.results, outcome.faults).told(as_json))
+    part = Part(title, store, outcome.episodes, outcome.results, outcome.faults)
+    click.echo(Told.of([part]).told(as_json))
     return BackendError.exit_code if outcome.faults else 0
 
 
@@ -158,10 +161,11 @@ def run(
 @_shared
 def status(name: str, out: Path | None, as_json: bool) -> None:
     """Say how far SUITE, or the folder of its results, is: what is done, broken, to do."""
-    name, out = _meant(name, out)
-    title, store, episodes = _open(name, out)
-    results = {c: r for c in episodes if (r := store.result(c)) is not None}
-    faults = {c: f for c in episodes if c not in results and (f := store.fault(c)) is not None}
+    from mpvi_bt.report.several import Part
+
+    title, store, episodes = _open(*_meant(name, out))
+    part = Part.read(title, store, episodes)
+    results, faults = part.results, part.faults
     methods = list(dict.fromkeys(c.method for c in episodes))
     data = {"suite": title, "folder": str(store.out), "running": store.running(), **_stand(episodes, results, faults)}
     if len(methods) > 1:
@@ -186,7 +190,7 @@ def status(name: str, out: Path | None, as_json: bool) -> None:
 
 
 def _stand(
-    episodes: list[EpisodeConfig], results: dict[EpisodeConfig, Any], faults: dict[EpisodeConfig, Any]
+    episodes: list[EpisodeConfig], results: Mapping[EpisodeConfig, Any], faults: Mapping[EpisodeConfig, Any]
 ) -> dict[str, Any]:
     """How far some episodes are."""
     done = [results[c] for c in episodes if c in results]
@@ -210,29 +214,28 @@ def _told(config: EpisodeConfig) -> str:
 
 
 @suite.command()
-@_shared
+@click.argument("names", type=File("tasks/suites"), nargs=-1, required=True, metavar="SUITE...")
+@click.option("--out", type=_FOLDER, help="Folder of the results of the one SUITE.  [default: runs/SUITE]")
+@click.option("--json", "as_json", is_flag=True, help="Write the report as JSON.")
 @click.option("--html", type=_FILE, help="Write one page with plots and every episode, which needs nothing else.")
 @click.option("--markdown", type=_FILE, help="Write Markdown, with its plots as SVG files beside it.")
+@click.option("--csv", type=_FILE, help="Write a row for every episode, for spreadsheets, pandas and R.")
+@click.option("--latex", type=_FILE, help="Write the tables of a paper.")
 @click.option("--baseline", metavar="METHOD", help="What to compare with.  [default: e2e, or the first method]")
-def report(
-    name: str,
-    out: Path | None,
-    as_json: bool,
-    html: Path | None,
-    markdown: Path | None,
-    baseline: str | None,
-) -> None:
-    """Tabulate the results of SUITE, or of the folder that they are in, so far.
+def report(names: tuple[str, ...], out: Path | None, as_json: bool, baseline: str | None, **files: Path | None) -> None:
+    """Tabulate the results of SUITE, or of the folder that they are in, so far; of several, side by side.
 
     One line an episode with its q, time, distances and failures, then their means. Several methods are compared on the
-    episodes that both have finished.
+    episodes that both have finished, be they in one folder or in several.
     """
-    name, out = _meant(name, out)
-    title, store, episodes = _open(name, out)
-    results = {c: r for c in episodes if (r := store.result(c)) is not None}
-    faults = {c: f for c in episodes if c not in results and (f := store.fault(c)) is not None}
-    told = Told.of(title, store, episodes, results, faults, name, baseline)
-    written = [*(told.write_html(html) if html else ()), *(told.write_markdown(markdown) if markdown else ())]
+    from mpvi_bt.report.several import Part
+
+    if out is not None and len(names) > 1:
+        raise click.UsageError("--out is the folder of one SUITE; name several by their folders.")
+    meant = [_meant(name, out) for name in names]
+    parts = [Part.read(*_open(name, folder)) for name, folder in meant]
+    told = Told.of(parts, [name for name, _ in meant], baseline)
+    written = [path for kind, file in files.items() if file for path in getattr(told, f"write_{kind}")(file)]
     click.echo(told.told(as_json) if as_json or not written else "\n".join(f"wrote {path}" for path in written))
 
 

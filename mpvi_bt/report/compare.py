@@ -9,7 +9,7 @@ from itertools import starmap
 import numpy as np
 
 from mpvi_bt.report.runs import Key, Runs, by_instance
-from mpvi_bt.report.statistics import Estimate, difference, estimate, relative
+from mpvi_bt.report.statistics import Chance, Estimate, difference, estimate, permutation_test, relative
 from mpvi_bt.suite.result import Result
 
 SAME_Q = 1e-9  # q is a share of whole literals; this is rounding
@@ -54,6 +54,7 @@ class Comparison:
         baseline, method: Names.
         overall: Of all pairs: means over instances, then tasks.
         tasks: Of each task that has pairs.
+        chance: That such a difference of q comes by chance: a paired permutation test over all pairs.
         relative: Improvement of the mean q, as a share of the baseline's; None where that is 0.
         gains, equal, regressions: How many tasks' mean q is higher, the same, lower.
         matched: How many pairs have the same q > 0. Our choice of "above 0": the paper has 20 matching pairs, and must
@@ -67,6 +68,7 @@ class Comparison:
     method: str
     overall: TaskPairs
     tasks: dict[str, TaskPairs]
+    chance: Chance
     relative: Estimate | None
     gains: int
     equal: int
@@ -93,6 +95,7 @@ def compare(baseline: Runs, method: Runs) -> Comparison | None:
         method=method.method,
         overall=_pairs(shared),
         tasks=tasks,
+        chance=permutation_test([table[:, 1] - table[:, 0] for table in tables.values()]),
         relative=estimate(list(tables.values()), relative),
         gains=sum(change > SAME_Q for change in changes),
         equal=sum(abs(change) <= SAME_Q for change in changes),

@@ -15,10 +15,11 @@ def report_data(figures: Figures, runs: Sequence[Runs]) -> dict[str, Any]:
     """The report as plain data of JSON.
 
     Returns:
-        Keys "suite", "episodes" (each result without its way and wall times), "missing", "directions"; "tasks" and
-        "overall" (means), "privileged" and "official" (the evaluator's summary), or, where there are several methods,
-        "methods" with these of each; "figures", what pages show: means with intervals, comparisons, failures.
-        "q_score" counts missing episodes as 0, as BEHAVIOR's leaderboard does; "q_score_of_finished" leaves them out.
+        Keys "suite", "episodes" (each result without its way and wall times; of several methods, with its method),
+        "missing", "directions"; "tasks" and "overall" (means), "privileged" and "official" (the evaluator's summary),
+        or, where there are several methods, "methods" with these of each; "figures", what pages show: means with
+        intervals, comparisons, failures. "q_score" counts missing episodes as 0, as BEHAVIOR's leaderboard does;
+        "q_score_of_finished" leaves them out.
     """
     each = {
         method.name: _means(method) | {"official": official_summary(run)}
@@ -28,6 +29,7 @@ def report_data(figures: Figures, runs: Sequence[Runs]) -> dict[str, Any]:
         "suite": figures.suite,
         "episodes": [
             run.results[c].model_dump(mode="json", exclude={"wall", "directions", "way"})
+            | ({"method": run.method} if len(runs) > 1 else {})
             for run in runs
             for c in run.episodes
             if c in run.results
@@ -44,7 +46,7 @@ def _figures(figures: Figures) -> dict[str, Any]:
     told = figures.data()
     for method in told["methods"]:
         del method["wall"], method["wall_s"]
-    return {key: told[key] for key in ("about", "methods", "baseline", "comparisons", "level", "resamples")}
+    return {key: told[key] for key in ("about", "methods", "baseline", "comparisons", "level", "resamples", "notes")}
 
 
 def _missing(run: Runs, named: bool) -> list[dict[str, Any]]:

@@ -19,6 +19,10 @@ from mpvi_bt.suite.queries import queries_text
 from mpvi_bt.suite.result import Result
 
 BASELINE = "e2e"  # what the paper compares with, where it is among the methods
+_UNLIKE = (
+    "Not every method was given the same tasks: a mean over all tasks is over a method's own; comparisons are over "
+    "episodes that both have finished."
+)
 _ACTIVITIES = {  # of wall time, by what the loop counts apart
     "physics": ("stepping",),
     "rendering": ("rendering",),
@@ -99,6 +103,7 @@ class Figures:
         level: Of confidence of all intervals.
         resamples: Behind each.
         paper: The paper's q by method and task, of tasks of this suite.
+        notes: Sentences on what is to be known of methods that stand side by side.
     """
 
     suite: str
@@ -109,6 +114,7 @@ class Figures:
     level: float
     resamples: int
     paper: dict[str, dict[str, float]]
+    notes: list[str]
 
     @property
     def tasks(self) -> list[str]:
@@ -120,7 +126,9 @@ class Figures:
         return asdict(self)
 
 
-def figures(suite: str, runs: Sequence[Runs], about: str = "", baseline: str | None = None) -> Figures:
+def figures(
+    suite: str, runs: Sequence[Runs], about: str = "", baseline: str | None = None, notes: Sequence[str] = ()
+) -> Figures:
     """Compute a report's figures.
 
     Args:
@@ -128,6 +136,7 @@ def figures(suite: str, runs: Sequence[Runs], about: str = "", baseline: str | N
         runs: Of each method, at least one.
         about: The suite, in one line.
         baseline: Name of the method that others are compared with; None: `e2e`, or else the first.
+        notes: As of `Figures`.
 
     Raises:
         UnknownName: No method has the baseline's name.
@@ -152,6 +161,7 @@ def figures(suite: str, runs: Sequence[Runs], about: str = "", baseline: str | N
             for method, scores in paper_scores().items()
             if (known := {task: q for task, q in scores.items() if task in tasks})
         },
+        notes=[*notes, *([_UNLIKE] if any(set(method.tasks) != tasks for method in methods) else [])],
     )
 
 

@@ -44,11 +44,13 @@ def _blocks(figures: Figures, stem: str, running: bool, plots: dict[str, str]) -
     yield f"# {plain(figures.suite)}"
     yield from filter(None, [_paragraph(figures.about)])
     yield _paragraph(t.standing(figures, running))
+    yield from map(_paragraph, figures.notes)
     yield "## Summary"
     yield _table(t.summary_table(figures))
     yield _paragraph(t.truth_text(figures))
     if figures.comparisons:
         yield "## Improvement"
+        yield _table(t.comparisons_table(figures.comparisons), titled=False)
     for found in figures.comparisons:
         yield f"### {plain(found.method)} against {plain(found.baseline)}"
         yield _paragraph(t.comparison_text(found))

@@ -44,6 +44,7 @@ def report_page(
     links = "".join(f'<a href="#{_mark(name)}">{escape(name)}</a>' for name, _ in sections)
     written = " · ".join(filter(None, [when, f"mpvi_bt {__version__}"]))
     about = f"<p>{escape(one_line(figures.about))}</p>" if figures.about else ""
+    about += "".join(f"<p>{escape(one_line(note))}</p>" for note in figures.notes)
     symbols = "".join(house_symbol(house) for house in {house.name: house for house in houses.values()}.values())
     body = "".join(
         f'<section><h2 id="{_mark(name)}">{escape(name)}</h2>{content}</section>' for name, content in sections
@@ -82,6 +83,7 @@ def _sections(
         told += _folded("task by task", _table(t.comparison_table(found), titled=False))
         compared.append(_folded(title, told) if compared else f"<h3>{escape(title)}</h3>{told}")
     if compared:
+        compared.insert(0, _table(t.comparisons_table(figures.comparisons), titled=False))
         compared.append(_table(t.effort_table(figures.comparisons)))
     yield "Improvement", "".join(compared)
     done = any(method.overall.finished for method in figures.methods)

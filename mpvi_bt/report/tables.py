@@ -11,7 +11,7 @@ from mpvi_bt.report.failures import Failures
 from mpvi_bt.report.figures import Figures, Group, MethodFigures
 from mpvi_bt.report.paper import MATCHED, RELATIVE
 from mpvi_bt.report.runs import BY_KEY, MEASURES
-from mpvi_bt.report.statistics import Estimate
+from mpvi_bt.report.statistics import FLIPS, Chance, Estimate
 from mpvi_bt.robot.protocol import CONTROL_HZ
 from mpvi_bt.suite.human import Human, human_stats
 
@@ -53,6 +53,11 @@ def percent(found: Estimate | None) -> str:
     mean, low, high = ("no bound" if x is None else f"{round(x, 2) + 0.0:+.0%}".replace("%", " %")
                        for x in (found.mean, found.low, found.high))  # fmt: skip
     return mean if found.low is None and found.high is None else f"{mean} [{low}, {high}]"
+
+
+def chance_text(found: Chance) -> str:
+    """How probable a difference is by chance, such as "p = 0.031", or "p < 0.001"."""
+    return f"p = {found.p:.3f}" if found.p >= 0.001 else "p < 0.001"
 
 
 def standing(figures: Figures, running: bool = False) -> str:
@@ -148,7 +153,8 @@ def comparison_text(found: Comparison) -> str:
     count = f"{pairs.pairs} episode{'s' * (pairs.pairs != 1)}"
     text = (
         f"{found.method} against {found.baseline}, on {count} that both have finished: mean q "
-        f"{pairs.method:.3f} against {pairs.baseline:.3f}, a difference of {told(pairs.difference)}"
+        f"{pairs.method:.3f} against {pairs.baseline:.3f}, a difference of {told(pairs.difference)}, "
+        f"{chance_text(found.chance)}"
     )
     text += f", {percent(whole)} of the baseline's. " if whole else "; nothing to divide by. "
     text += (
@@ -158,6 +164,28 @@ def comparison_text(found: Comparison) -> str:
     if (found.baseline, found.method) == ("e2e", "mpvi"):
         text += f" The paper's, on 50 tasks: {RELATIVE:+.0%}, 31 gained, 16 equal, 3 regressed.".replace("%", " %")
     return text
+
+
+def comparisons_table(comparisons: Sequence[Comparison]) -> Table:
+    """Each comparison in a row."""
+    rows = [
+        [c.method, c.baseline, str(c.overall.pairs), f"{c.overall.method:.3f}", f"{c.overall.baseline:.3f}",
+         told(c.overall.difference), chance_text(c.chance).removeprefix("p ").removeprefix("= "),
+         f"{c.overall.wins} / {c.overall.ties} / {c.overall.losses}"]
+        for c in comparisons
+    ]  # fmt: skip
+    head = ["method", "against", "pairs", "q ↑", "its q", "difference ↑", "p", "won / tied / lost"]
+    return Table("Methods compared", head, rows, chance_note(comparisons))
+
+
+def chance_note(comparisons: Sequence[Comparison]) -> str:
+    """How p comes about."""
+    exact = all(c.chance.exact for c in comparisons)
+    how = "every choice of signs" if exact else f"{FLIPS} choices of signs, or all where they are fewer"
+    return (
+        "p: a paired permutation test, two-sided: how often a difference is at least as great where the two figures "
+        f"of a pair are swapped at random, by {how}."
+    )
 
 
 def comparison_table(found: Comparison) -> Table:

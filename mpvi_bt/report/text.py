@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
-from mpvi_bt.drawing.cells import one_line
+from mpvi_bt.drawing.cells import columns, cut, one_line
 from mpvi_bt.drawing.endings import ENDED
 from mpvi_bt.report.figures import Figures, Group, MethodFigures
 from mpvi_bt.report.runs import Runs
-from mpvi_bt.report.tables import comparison_text
+from mpvi_bt.report.tables import NONE, chance_text, comparison_text, told
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.result import Result
 from mpvi_bt.suite.store import Fault
 
 _HEAD = ("instance", "seed", "q", "met", "time s", "base m", "left m", "right m", "ended")
+_NAME = 24  # columns of a method's name
 
 
 def report_text(figures: Figures, runs: Sequence[Runs]) -> str:
@@ -30,8 +31,29 @@ def report_text(figures: Figures, runs: Sequence[Runs]) -> str:
     for run, method in zip(runs, figures.methods, strict=True):
         blocks.append("\n".join(_closing(f"{figures.suite}, {run.method}" if named else figures.suite, run, method)))
     blocks += [comparison_text(found) for found in figures.comparisons]
+    if named:
+        blocks.append("\n".join(_methods(figures)))
+    blocks += [" ".join(figures.notes)] if figures.notes else []
     blocks.append("q, met (share of the goal's literals): higher is better; time and distances: lower is better")
     return "\n\n".join(blocks)
+
+
+def _methods(figures: Figures) -> Iterator[str]:
+    """A line for each method, beside the baseline."""
+    compared = {found.method: found for found in figures.comparisons}
+    rows = [("", "episodes", "q", "95 % interval", "difference", "p")]
+    for method in figures.methods:
+        group, found = method.overall, compared.get(method.name)
+        q, _, interval = told(group.measures["q_score"]).partition(" ")
+        against = ("baseline" if method.name == figures.baseline else NONE, "")
+        if found is not None:
+            against = f"{found.overall.difference.mean:+.3f}", chance_text(found.chance).removeprefix("p ").lstrip("= ")
+        done = f"{group.finished}/{group.episodes}"
+        rows.append((cut(one_line(method.name), _NAME), done, q, interval, *against))
+    widths = [max(columns(row[i]) for row in rows) for i in range(len(rows[0]))]
+    for name, *cells in rows:
+        right = (cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True))
+        yield "  ".join([name + " " * (widths[0] - columns(name)), *right]).rstrip()
 
 
 def _closing(title: str, run: Runs, method: MethodFigures) -> list[str]:

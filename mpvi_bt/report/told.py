@@ -1,69 +1,63 @@
-"""What the commands of suites and `mpvi_bt.run_suite` tell of results: text, JSON, an HTML page, Markdown."""
+"""What the commands of suites and `mpvi_bt.run_suite` tell of results, in every form."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mpvi_bt.suite.config import EpisodeConfig
-
 if TYPE_CHECKING:  # what they load is slower than the help of these commands should be
     from mpvi_bt.report.figures import Figures
     from mpvi_bt.report.runs import Runs
+    from mpvi_bt.report.several import Part
     from mpvi_bt.suite.result import Result
-    from mpvi_bt.suite.store import Fault, Store
+    from mpvi_bt.suite.store import Store
 
 
 @dataclass(frozen=True)
 class Told:
-    """A suite's results with their figures.
+    """The results of suites with their figures.
 
     Attributes:
         figures: Of all methods.
         runs: Of each.
-        store: Where the results are.
+        stores: Where the results are.
     """
 
     figures: Figures
     runs: list[Runs]
-    store: Store
+    stores: list[Store]
 
     @classmethod
-    def of(
-        cls,
-        title: str,
-        store: Store,
-        episodes: Sequence[EpisodeConfig],
-        results: Mapping[EpisodeConfig, Result],
-        faults: Mapping[EpisodeConfig, Fault],
-        suite: str | None = None,
-        baseline: str | None = None,
-    ) -> Told:
+    def of(cls, parts: Sequence[Part], suites: Iterable[str] = (), baseline: str | None = None) -> Told:
         """Compute the figures.
 
         Args:
-            title: Name of the suite.
-            store: Where the results are.
-            episodes: All of it, in order.
-            results: Those that are there.
-            faults: What broke others.
-            suite: Name or file of the suite, which says what it is about.
+            parts: The results of each folder; several are compared.
+            suites: Names or files of the suites, which say what they are about.
             baseline: Name of the method that others are compared with.
 
         Raises:
             UnknownName: No method has the baseline's name.
+            UserError: The folders cannot be compared.
         """
         from mpvi_bt.report.figures import figures
-        from mpvi_bt.report.runs import runs_of
+        from mpvi_bt.report.several import notes, together
         from mpvi_bt.suite.tasks import load_suite
 
-        runs = runs_of(episodes, results, faults, store)
-        return cls(figures(title, runs, load_suite(suite).about if suite else "", baseline), runs, store)
+        runs = together(parts)
+        title = ", ".join(dict.fromkeys(part.suite for part in parts))
+        about = " ".join(dict.fromkeys(filter(None, (load_suite(suite).about for suite in suites))))
+        return cls(figures(title, runs, about, baseline, notes(parts)), runs, [part.store for part in parts])
+
+    @property
+    def running(self) -> bool:
+        """Whether more results are on their way."""
+        return any(store.running() for store in self.stores)
 
     @property
     def results(self) -> list[Result]:
@@ -99,7 +93,7 @@ class Told:
         from mpvi_bt.writing import write_whole
 
         when = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M")
-        write_whole(path, report_page(self.figures, self.runs, path, self.store.running(), when))
+        write_whole(path, report_page(self.figures, self.runs, path, self.running, when))
         return [path]
 
     def write_markdown(self, path: Path) -> list[Path]:
@@ -107,8 +101,24 @@ class Told:
         from mpvi_bt.report.markdown import report_markdown
         from mpvi_bt.writing import write_whole
 
-        text, plots = report_markdown(self.figures, path.stem, self.store.running())
+        text, plots = report_markdown(self.figures, path.stem, self.running)
         for name, svg in plots.items():
             write_whole(path.with_name(name), svg)
         write_whole(path, text)
         return [path, *(path.with_name(name) for name in plots)]
+
+    def write_csv(self, path: Path) -> list[Path]:
+        """Write a row for every episode. Raises as `write_html`."""
+        from mpvi_bt.report.rows import report_csv
+        from mpvi_bt.writing import write_whole
+
+        write_whole(path, report_csv(self.runs))
+        return [path]
+
+    def write_latex(self, path: Path) -> list[Path]:
+        """Write the tables of a paper. Raises as `write_html`."""
+        from mpvi_bt.report.latex import report_latex
+        from mpvi_bt.writing import write_whole
+
+        write_whole(path, report_latex(self.figures))
+        return [path]

@@ -1,0 +1,96 @@
+"""The results of one or several folders, side by side: each method a row, under a name of its own."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from mpvi_bt.errors import UserError
+from mpvi_bt.report.runs import Runs, runs_of
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.manifest import Manifest, read_manifest
+from mpvi_bt.suite.result import Result
+from mpvi_bt.suite.store import Fault, Store
+
+_MOST = 4  # files that a note names
+
+
+@dataclass(frozen=True)
+class Part:
+    """The results in one folder.
+
+    Attributes:
+        suite: Its name.
+        store: The folder.
+        episodes: All of the suite, in order.
+        results: Those that are there.
+        faults: What broke others.
+    """
+
+    suite: str
+    store: Store
+    episodes: Sequence[EpisodeConfig]
+    results: Mapping[EpisodeConfig, Result]
+    faults: Mapping[EpisodeConfig, Fault]
+
+    @classmethod
+    def read(cls, suite: str, store: Store, episodes: Sequence[EpisodeConfig]) -> Part:
+        """What is there now. Raises UserError if it is of another configuration."""
+        results = {c: r for c in episodes if (r := store.result(c)) is not None}
+        faults = {c: f for c in episodes if c not in results and (f := store.fault(c)) is not None}
+        return cls(suite, store, episodes, results, faults)
+
+
+def together(parts: Sequence[Part]) -> list[Runs]:
+    """The methods of all parts in order; where two have the same name, all are named after their folders, too.
+
+    Raises:
+        UserError: A folder is given twice, or one has hidden instances and another public ones.
+    """
+    folders = [part.store.out.resolve() for part in parts]
+    if twice := [folder for folder, count in Counter(folders).items() if count > 1]:
+        raise UserError(f"{twice[0]}: is given twice; name different folders of results")
+    splits = {part.store.out: config.split for part in parts for config in part.episodes}
+    if len(set(splits.values())) > 1:
+        told = "; ".join(f"{folder}: {split}" for folder, split in splits.items())
+        raise UserError(f"hidden and public instances are not the same and cannot be compared: {told}")
+    of_parts = [runs_of(part.episodes, part.results, part.faults, part.store) for part in parts]
+    every = [run for runs in of_parts for run in runs]
+    if len({run.method for run in every}) == len(every):
+        return every
+    names = _apart(folders)
+    return [
+        replace(run, method=f"{name}: {run.method}" if run.episodes[0].method else name)
+        for name, runs in zip(names, of_parts, strict=True)
+        for run in runs
+    ]
+
+
+def notes(parts: Sequence[Part]) -> list[str]:
+    """What is to be known of results that stand side by side: where they are, and in what they were not made alike."""
+    if len(parts) < 2:
+        return []
+    kept = {str(part.store.out): manifest for part in parts if (manifest := read_manifest(part.store.out)) is not None}
+    return [f"Results of {', '.join(str(part.store.out) for part in parts)}.", *_differences(kept)]
+
+
+def _differences(kept: Mapping[str, Manifest]) -> Iterator[str]:
+    for key, what in (("version", "mpvi_bt"), ("bddl", "bddl")):
+        if len({getattr(manifest, key) for manifest in kept.values()}) > 1:
+            yield f"Versions of {what}: {', '.join(f'{getattr(m, key)} ({folder})' for folder, m in kept.items())}."
+    files = sorted({name for manifest in kept.values() for name in manifest.files})
+    changed = [n for n in files if len({m.files[n] for m in kept.values() if n in m.files}) > 1]
+    if changed:
+        more = f" and {len(changed) - _MOST} more" if len(changed) > _MOST else ""
+        yield f"Not the same in all folders: {', '.join(changed[:_MOST])}{more}."
+
+
+def _apart(folders: Sequence[Path]) -> list[str]:
+    """Names that tell folders apart: the last parts of their paths, as few as will do."""
+    for count in range(1, max(len(folder.parts) for folder in folders) + 1):
+        names = ["/".join(folder.parts[-count:]) for folder in folders]
+        if len(set(names)) == len(names):
+            return names
+    raise AssertionError("the folders are different ones")
