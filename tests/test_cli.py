@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import click
 import pytest
 
-from mpvi_bt import errors
+from mpvi_bt import errors, paths
 from mpvi_bt.cli import COMMANDS, main
 from mpvi_bt.cli.group import LazyGroup, cli
+from mpvi_bt.cli.listing import FOLDERS
 from tests.conftest import Shell
 
 
@@ -32,6 +36,53 @@ def test_help_fits_the_screen(mpvi: Shell) -> None:
     assert all(f"  {name} " in done.stdout for name in COMMANDS)
     assert max(map(len, done.stdout.splitlines())) <= 80
     assert click.Context(cli).get_help() == done.stdout
+
+
+def _commands(command: click.Command, words: str) -> Iterator[tuple[str, click.Command]]:
+    """A command and those below it, by the words that call them."""
+    yield words, command
+    for name, inner in getattr(command, "commands", {}).items():
+        yield from _commands(inner, f"{words} {name}")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_help_ends_in_three_examples_that_are_understood(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each is a call of that very command whose names, options and values are known; the help fits the screen."""
+    monkeypatch.chdir(tmp_path)
+    for folder in ("demos", "more_demos"):
+        Path(folder).mkdir()
+    command = cli.get_command(click.Context(cli), name)
+    assert command is not None
+    for words, inner in _commands(command, name):
+        text = inner.get_help(click.Context(inner, info_name=f"mpvi {words}", terminal_width=80))
+        assert max(map(len, text.splitlines())) <= 80
+        examples = re.findall(rf"^    mpvi {words}\b ?(.*)$", text.partition("Examples:")[2], re.MULTILINE)
+        assert len(examples) == 3, words
+        for example in examples:
+            call, *_ = re.split(r" ?(?:>|\|\|) ", example)
+            called = inner
+            while isinstance(called, click.Group):
+                word, _, call = call.partition(" ")
+                called = called.commands[word]
+            called.make_context(name, shlex.split(call))
+
+
+@pytest.mark.parametrize("what", ["tasks", "suites", "methods", "skills", "trees"])
+def test_a_list_has_a_line_for_each(what: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """However much a file says of itself; `--long` says it all."""
+    with pytest.raises(SystemExit):
+        main(["list", what])
+    lines = capsys.readouterr().out.splitlines()
+    names = paths.names(FOLDERS[what])
+    assert [line.split()[0] for line in lines] == names
+    assert max(map(len, lines)) <= 80
+    with pytest.raises(SystemExit):
+        main(["list", what, "--long"])
+    long = capsys.readouterr().out
+    assert "..." not in long
+    assert ("..." in "".join(lines)) is (len(long.splitlines()) > len(lines))
 
 
 @pytest.mark.parametrize(

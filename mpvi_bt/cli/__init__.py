@@ -44,6 +44,11 @@ Options:
   --version   Show the version.
   -h, --help  Show this, or the help of a command.
 
+Examples:
+  mpvi list tasks
+  mpvi run picking_up_trash
+  mpvi run --help
+
 Exit codes: 0 done, 1 the task or check failed, 2 bad usage or input,
 3 a fault of a backend or the machine, 130 interrupted, 141 broken pipe.
 """

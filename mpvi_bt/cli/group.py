@@ -15,6 +15,7 @@ import click
 
 from mpvi_bt import __version__
 from mpvi_bt.cli import COMMANDS, INTERRUPTED, NOBODY_READS, help_text
+from mpvi_bt.cli.examples import with_examples
 from mpvi_bt.drawing.terminal import guarded
 from mpvi_bt.errors import FileProblems, MpviError, NodeError, UnknownName, UserError
 from mpvi_bt.writing import unwritable
@@ -44,7 +45,7 @@ class LazyGroup(click.Group):
         module, function = COMMANDS[cmd_name][0].split(":")
         command = getattr(importlib.import_module(module), function)
         assert isinstance(command, click.Command)
-        return command
+        return with_examples(command, cmd_name)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command. Raises what it raises, a broken pipe by a name that click does not know."""

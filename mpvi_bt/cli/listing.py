@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import textwrap
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,10 @@ from typing import Any
 import click
 
 from mpvi_bt import paths
+from mpvi_bt.drawing.cells import cut, one_line
 from mpvi_bt.errors import UserError
 
+_WIDTH = 80
 FOLDERS = {
     "tasks": "tasks", "suites": "tasks/suites", "methods": "tasks/methods", "skills": "skills", "trees": "trees",
 }  # fmt: skip
@@ -19,8 +22,9 @@ FOLDERS = {
 
 @click.command(name="list")
 @click.argument("what", type=click.Choice([*FOLDERS, "behaviors", "backends"]))
+@click.option("--long", "whole", is_flag=True, help="All that files say of themselves, in as many lines as it takes.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object by name.")
-def list_(what: str, as_json: bool) -> None:
+def list_(what: str, whole: bool, as_json: bool) -> None:
     """What tasks, suites, methods, skills, trees, behaviors or backends there are, with one line each.
 
     Behaviors are the nodes that a tree may have, those of installed packages too, with their parameters.
@@ -32,16 +36,20 @@ def list_(what: str, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(lines, indent=2))
         return
-    _print(lines)
+    _print(lines, whole or what == "backends")
 
 
-def _print(lines: dict[str, str]) -> None:
-    width = max(map(len, lines), default=0)
+def _print(lines: dict[str, str], whole: bool) -> None:
+    """A line each, as wide as the terminal; or the whole of each, wrapped."""
+    name_width, width = max(map(len, lines), default=0), shutil.get_terminal_size((_WIDTH, 24)).columns
     for name, line in lines.items():
-        first, rest = f"{name:{width}}  ", " " * (width + 2)
+        first, rest = f"{name:{name_width}}  ", " " * (name_width + 2)
         line = line.strip()
-        wrapped = textwrap.wrap(line, 80, initial_indent=first, subsequent_indent=rest, break_on_hyphens=False)
-        click.echo("\n".join(wrapped) or name)
+        if whole:
+            wrapped = textwrap.wrap(line, _WIDTH, initial_indent=first, subsequent_indent=rest, break_on_hyphens=False)
+            click.echo("\n".join(wrapped) or name)
+        else:
+            click.echo(cut(f"{first}{one_line(line)}".rstrip(), width))
 
 
 def _print_behaviors(as_json: bool) -> None:
@@ -54,7 +62,7 @@ def _print_behaviors(as_json: bool) -> None:
         words = {name: f"{name}: {' or '.join(of)}" if of else name for name, of in _choices(kind).items()}
         given = [words[name] if needed else f"[{words[name]}]" for name, needed in about["parameters"].items()]
         lines[kind] = f"{about['summary']} ({', '.join([about['family'], *given])})"
-    _print(lines)
+    _print(lines, True)
 
 
 def _behaviors() -> dict[str, dict[str, Any]]:

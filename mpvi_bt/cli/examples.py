@@ -1,0 +1,123 @@
+"""Three examples for the help of every command, the plainest first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import click
+
+_TRACE = "runs/picking_up_trash_0_0.trace.jsonl"
+
+# Words of a command, and what may stand behind them.
+EXAMPLES: Mapping[str, tuple[str, str, str]] = {
+    "run": (
+        "picking_up_trash --instance 1",
+        "picking_up_trash --picture way.png --video run.mp4",
+        "--dry --tree fetch --param to=sofa",
+    ),
+    "plan": (
+        "picking_up_trash",
+        "tidying_bedroom --planner openai:gemini-2.5-flash --out plan.json",
+        '"Bring the cup to the sofa." --planner openai:gemini-2.5-flash',
+    ),
+    "compile": (
+        "picking_up_trash",
+        "picking_up_trash --out my_tree.yaml",
+        "plan.json --on-failure retry:2",
+    ),
+    "render": (
+        "fetch --param to=sofa",
+        "my_tree.yaml --out my_tree.svg",
+        f"{_TRACE} --out run.html",
+    ),
+    "check": (
+        "my_tree.yaml",
+        "trees tasks",
+        "my_tree.yaml --task picking_up_trash --json",
+    ),
+    "fmt": (
+        "my_tree.yaml",
+        "--diff my_tree.yaml",
+        "--check trees",
+    ),
+    "schema": (
+        "",
+        "tree > trees/schema/tree.json",
+        "rules > rules.json",
+    ),
+    "convert": (
+        "fetch",
+        "my_tree.yaml my_tree.xml",
+        "their_tree.xml trees/their_tree.yaml",
+    ),
+    "replay": (
+        _TRACE,
+        f"{_TRACE} --tick 61",
+        f"{_TRACE} --json",
+    ),
+    "explain": (
+        _TRACE,
+        "runs/trash10/traces/picking_up_trash_3_0.jsonl",
+        f"{_TRACE} --json",
+    ),
+    "diff": (
+        "runs/fetch_dry.trace.jsonl other/fetch_dry.trace.jsonl",
+        "a.jsonl b.jsonl",
+        "a.jsonl b.jsonl --json",
+    ),
+    "suite": (
+        "run smoke",
+        "status smoke",
+        "report smoke --html smoke.html",
+    ),
+    "suite run": (
+        "smoke",
+        "trash10 --policy openpi:ws://localhost:8000 --out runs/mine",
+        "behavior30 --task picking_up_trash --instance 0 --video",
+    ),
+    "suite status": (
+        "smoke",
+        "runs/mine",
+        "smoke --json",
+    ),
+    "suite report": (
+        "smoke",
+        "runs/mine --html mine.html",
+        "ablation6 --baseline e2e --markdown ablation6.md",
+    ),
+    "dataset": (
+        "demos --out datasets/trash",
+        "demos more_demos --out datasets/both",
+        "demos --all --out datasets/all --json",
+    ),
+    "serve": (
+        "reactive",
+        "reactive --host 0.0.0.0 --port 8001",
+        "openpi:ws://gpu-box:8000 --policy-settings openpi_comet",
+    ),
+    "list": (
+        "tasks",
+        "tasks --long",
+        "backends",
+    ),
+    "doctor": (
+        "",
+        "--json",
+        "|| echo no episode can run here",
+    ),
+}
+
+
+def with_examples(command: click.Command, words: str) -> click.Command:
+    """The command, its help ending in examples, and likewise its commands.
+
+    Args:
+        command: Any; those without examples stay as they are.
+        words: That call it, such as "suite run".
+    """
+    if words in EXAMPLES:
+        lines = [f"mpvi {words} {example}".rstrip() for example in EXAMPLES[words]]
+        command.epilog = "\n".join(("\b", "Examples:", *(f"  {line}" for line in lines)))
+    for name, inner in getattr(command, "commands", {}).items():
+        with_examples(inner, f"{words} {name}")
+    return command
