@@ -61,7 +61,7 @@ def names(folder: str) -> list[str]:
     return sorted({path.stem for path in files(folder)})
 
 
-def title(file: str | Path) -> str:
+def title(file: str | os.PathLike[str]) -> str:
     """The stem of a file after which a folder of results is named.
 
     Raises:

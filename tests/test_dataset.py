@@ -260,7 +260,12 @@ def filmed(*options: str) -> Callable[[Path], object]:
 
 def pipe(name: str) -> Callable[[Path], object]:
     """Put a pipe in a file's place, which would be waited for for ever."""
-    return lambda f: ((f / name).unlink(), os.mkfifo(f / name))
+
+    def spoil(folder: Path) -> None:
+        (folder / name).unlink()
+        os.mkfifo(folder / name)
+
+    return spoil
 
 
 SPOILED = {

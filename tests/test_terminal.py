@@ -124,7 +124,7 @@ def test_an_encoding_that_lacks_a_sign_gets_its_escape(monkeypatch: pytest.Monke
     with guarded():
         print("ä 不")
     stream.flush()
-    assert stream.buffer.getvalue() == b"\\u00e4 \\u4e0d\n"  # type: ignore[attr-defined]
+    assert stream.buffer.getvalue() == b"\\u00e4 \\u4e0d\n"
 
 
 def test_what_broke_a_worker_is_one_short_line() -> None:
