@@ -1,6 +1,6 @@
 """A random rollout in the ManiSkill environment: what is observed, and how rewards add up to q.
 
-Needs `pip install 'mpvi_bt[maniskill]'`.
+Needs `pip install -e '.[maniskill]'` in the clone.
 """
 
 import gymnasium

@@ -1,6 +1,7 @@
 """An expert's episode as a ManiSkill demonstration; replayed, its actions lead to the same end.
 
-Needs `pip install 'mpvi_bt[maniskill]'`. The robot is driven by the task's tree, through ManiSkill's recorder.
+Needs `pip install -e '.[maniskill]'` in the clone. The robot is driven by the task's tree, through ManiSkill's
+recorder.
 """
 
 import json

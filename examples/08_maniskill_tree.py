@@ -1,7 +1,7 @@
 """The very same tree drives the robot in the core's scene and in ManiSkill's.
 
-Needs `pip install 'mpvi_bt[maniskill]'`, as `mpvi run picking_up_trash --sim maniskill` does, which does the same: it
-loads mpvi_bt.sim.maniskill, whose environment then takes every step.
+Needs `pip install -e '.[maniskill]'` in the clone, as `mpvi run picking_up_trash --sim maniskill` does, which does the
+same: it loads mpvi_bt.sim.maniskill, whose environment then takes every step.
 """
 
 from dataclasses import replace

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from mpvi_bt.errors import DetectorError
+from mpvi_bt.extras import install
 from mpvi_bt.perception.detector import ROBOT, Guarded
 from mpvi_bt.perception.grounding_dino import MODEL, GroundingDinoDetector, prompt
 from mpvi_bt.robot.protocol import CameraImage
@@ -214,4 +215,4 @@ def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPat
         with pytest.raises(DetectorError) as caught:
             GroundingDinoDetector()
         assert caught.value.reason == "not_installed"
-        assert "mpvi_bt[grounding-dino]" in str(caught.value)
+        assert install("grounding-dino") in str(caught.value)

@@ -23,6 +23,7 @@ RANKS = [
     {"yaml_reader"},
     {"file_kinds"},
     {"robot", "paths", "marked_yaml", "writing"},
+    {"extras"},
     {"language"},
     {"goals", "perception"},
     {"plan"},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 import time
 from collections.abc import Callable
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import pytest
 
 from mpvi_bt.errors import ModelError
+from mpvi_bt.extras import install
 from mpvi_bt.language import openai as module
 from mpvi_bt.language.chat import Answer, Message
 from mpvi_bt.language.openai import OpenAIModel
@@ -317,7 +319,7 @@ def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPat
     import sys
 
     monkeypatch.setitem(sys.modules, "openai", None)
-    with pytest.raises(ModelError, match=r"pip install 'mpvi_bt\[openai\]'") as error:
+    with pytest.raises(ModelError, match=re.escape(install("openai"))) as error:
         OpenAIModel("tiny", "http://localhost:1/v1")
     assert error.value.reason == "not_installed"
 

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from mpvi_bt.errors import BackendError, UserError
+from mpvi_bt.extras import install
 from mpvi_bt.suite.manifest import make_manifest
 from mpvi_bt.suite.ray_engine import RayEngine, play_far
 from mpvi_bt.suite.runner import run_suite
@@ -121,7 +122,7 @@ def test_without_ray_the_extra_is_named() -> None:
     command = [sys.executable, "-c", code, "suite", "run", "trash10", "--engine", "ray"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == UserError.exit_code
-    assert done.stderr == "mpvi: --engine ray needs Ray, which is not installed: pip install 'mpvi_bt[ray]'\n"
+    assert done.stderr == f"mpvi: --engine ray needs Ray, which is not installed: {install('ray')}\n"
 
 
 def test_a_node_with_other_data_or_another_version_is_refused(log: Path) -> None:

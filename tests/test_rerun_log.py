@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.executive.loop import Watcher, World, run_episode
 from mpvi_bt.executive.rerun_log import RerunLog, require_sdk
 from mpvi_bt.executive.search_view import Window
+from mpvi_bt.extras import install
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.testing import scripted_context
@@ -25,7 +27,7 @@ from tests.conftest import Shell
 from tests.search_views import MadeUpSearch, box, find, look
 from tests.test_recorders import SPEC, Interrupting, VisibleWorld, watch
 
-pytest.importorskip("rerun", reason="needs the extra 'rerun' (0.7 GB): pip install 'mpvi_bt[rerun]'")
+pytest.importorskip("rerun", reason="needs the extra 'rerun' (0.7 GB)")
 
 Row = dict[str, Any]
 
@@ -217,11 +219,11 @@ def test_without_the_sdk_there_is_a_line_that_says_what_to_install(
 ) -> None:
     """Before anything is set up; and nothing but `--rerun` needs it."""
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(UserError, match=r"pip install 'mpvi_bt\[rerun\]'"):
+    with pytest.raises(UserError, match=re.escape(install("rerun"))):
         require_sdk()
     (tmp_path / "sitecustomize.py").write_text("import sys\nsys.modules['rerun'] = None\n")
     done = mpvi("run", "picking_up_trash", "--rerun", "run.rrd", PYTHONPATH=str(tmp_path))
     assert done.returncode == 2
-    assert done.stderr == "mpvi: --rerun needs the SDK of rerun, which is not installed: pip install 'mpvi_bt[rerun]'\n"
+    assert done.stderr == f"mpvi: --rerun needs the SDK of rerun, which is not installed: {install('rerun')}\n"
     assert not (tmp_path / "run.rrd").exists()
     assert mpvi("run", "--dry", "--tree", "hello", PYTHONPATH=str(tmp_path)).returncode == 0

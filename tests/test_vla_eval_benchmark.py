@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 import yaml
 
-pytest.importorskip("vla_eval", reason="needs vla-eval: pip install 'mpvi_bt[vla-eval]'")
+pytest.importorskip("vla_eval", reason="needs the extra vla-eval")
 
 import vla_eval
 from vla_eval.model_servers.base import SessionContext

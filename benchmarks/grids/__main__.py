@@ -18,6 +18,7 @@ from benchmarks.grids import edges, looks, paths
 from benchmarks.grids.first import first_calls
 from benchmarks.grids.maps import cell, costs, house, reachable
 from benchmarks.grids.timing import Timed, in_turns, ratio
+from mpvi_bt.extras import install
 from mpvi_bt.navigation.grid import cost_to_reach
 
 SIZES = "160x200,1000x1000,4000x4000"
@@ -62,7 +63,7 @@ def main(sizes: str, seed: int, file: Path | None, first: bool) -> None:
     """
     for library, package in LIBRARIES.items():
         if importlib.util.find_spec(library) is None:
-            click.echo(f"{package} is not installed and left out: pip install 'mpvi_bt[benchmarks]'", err=True)
+            click.echo(f"{package} is not installed and left out: {install('benchmarks')}", err=True)
     rows: list[Row] = []
     for shape in _shapes(sizes):
         for row in _rows(shape, seed):

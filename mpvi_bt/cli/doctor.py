@@ -20,6 +20,7 @@ from mpvi_bt.drawing.cells import one_line
 from mpvi_bt.drawing.colors import wants_color
 from mpvi_bt.drawing.terminal import draw
 from mpvi_bt.errors import MpviError, UserError
+from mpvi_bt.extras import install
 from mpvi_bt.language.endpoint import BASE_URL, base_url
 
 PROBE_LIMIT_S = 120.0  # with stock shaders the first picture takes half a minute on a busy machine
@@ -157,7 +158,7 @@ def _extra(name: str, module: str, extra: str) -> Check:
     try:
         return Check(name, True, False, f"{module} {importlib.metadata.version(module)}")
     except importlib.metadata.PackageNotFoundError:
-        return Check(name, False, False, "optional", _mend("setup-test", f"pip install 'mpvi_bt[{extra}]'"))
+        return Check(name, False, False, "optional", install(extra))
 
 
 def _key(variable: str) -> Check:

@@ -19,6 +19,7 @@ from mpvi_bt.executive import search_colors as colors
 from mpvi_bt.executive.labels import Color
 from mpvi_bt.executive.loop import Outcome, Watcher, World
 from mpvi_bt.executive.search_view import Head, SearchView, Window, called, cropped, found, seen_m2
+from mpvi_bt.extras import install
 from mpvi_bt.perception.detector import Detection
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage
@@ -45,7 +46,7 @@ _COLORS = np.array(
 def require_sdk() -> None:
     """Raises UserError unless the SDK is installed."""
     if importlib.util.find_spec("rerun") is None:
-        raise UserError("--rerun needs the SDK of rerun, which is not installed: pip install 'mpvi_bt[rerun]'")
+        raise UserError(f"--rerun needs the SDK of rerun, which is not installed: {install('rerun')}")
 
 
 class RerunLog(Watcher):

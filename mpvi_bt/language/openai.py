@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from mpvi_bt.errors import ModelError
+from mpvi_bt.extras import install
 from mpvi_bt.language.chat import Answer, Message, Schema
 from mpvi_bt.language.endpoint import KEY, find_endpoint
 from mpvi_bt.language.response import line, read_answer, read_error
@@ -53,9 +54,7 @@ class OpenAIModel:
         try:
             import openai
         except ImportError:
-            raise ModelError(
-                "not_installed", "openai:MODEL needs the openai SDK: pip install 'mpvi_bt[openai]'"
-            ) from None
+            raise ModelError("not_installed", f"openai:MODEL needs the openai SDK: {install('openai')}") from None
         self.name = f"openai:{model}" + (f"@{url}" if url else "")
         self._model, self._timeout_s = model, timeout_s
         self._endpoint = find_endpoint(url, environment)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.errors import DetectorError, shown
+from mpvi_bt.extras import install
 from mpvi_bt.perception.detector import ROBOT, Detection
 from mpvi_bt.perception.phrases import asked, read
 from mpvi_bt.robot.protocol import CameraImage
@@ -18,7 +19,7 @@ from mpvi_bt.robot.protocol import CameraImage
 MODEL = "IDEA-Research/grounding-dino-tiny"
 KINDS = ("grounding-dino", "mm-grounding-dino")  # they speak alike
 
-_INSTALL = "grounding_dino needs torch and transformers: pip install 'mpvi_bt[grounding-dino]'"
+_NEEDED = "grounding_dino needs torch and transformers"
 
 
 class GroundingDinoDetector:
@@ -56,7 +57,7 @@ class GroundingDinoDetector:
         try:
             import torch
         except ImportError as error:
-            raise DetectorError("not_installed", _INSTALL) from error
+            raise DetectorError("not_installed", f"{_NEEDED}: {install('grounding-dino')}") from error
         self._torch = torch
         self.device = device or ("cuda" if torch.cuda.is_available() else "cpu")
         self._processor, self._model = _load(model, self.device)
@@ -134,7 +135,7 @@ def _load(model: str, device: str) -> tuple[Any, Any]:
     try:
         from transformers import AutoModelForZeroShotObjectDetection, AutoProcessor
     except ImportError as error:
-        raise DetectorError("not_installed", _INSTALL) from error
+        raise DetectorError("not_installed", f"{_NEEDED}: {install('grounding-dino')}") from error
     try:
         processor = AutoProcessor.from_pretrained(model)
         network = AutoModelForZeroShotObjectDetection.from_pretrained(model).to(device).eval()

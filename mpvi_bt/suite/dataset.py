@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.errors import UserError
+from mpvi_bt.extras import install
 from mpvi_bt.suite.demonstrations import CODEC, Demonstrated, check_demonstrations
 from mpvi_bt.writing import unwritable, write_whole
 
@@ -41,7 +42,7 @@ Statistics = dict[str, NDArray[Any]]
 def require_pandas() -> None:
     """Raise UserError unless what writes tables is installed."""
     if importlib.util.find_spec("pandas") is None or importlib.util.find_spec("pyarrow") is None:
-        raise UserError("datasets need pandas and pyarrow, which are not installed: pip install 'mpvi_bt[dataset]'")
+        raise UserError(f"datasets need pandas and pyarrow, which are not installed: {install('dataset')}")
 
 
 def write_dataset(

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from mpvi_bt.errors import BackendError, UserError
+from mpvi_bt.extras import install
 from mpvi_bt.suite.config import EPISODE, OUTPUTS, EpisodeConfig
 from mpvi_bt.suite.manifest import Manifest, make_manifest
 from mpvi_bt.suite.processes import WALL_LIMIT_S
@@ -71,7 +72,7 @@ class RayEngine:
         manifest: Manifest | None = None,
     ) -> None:
         if importlib.util.find_spec("ray") is None:
-            raise UserError("--engine ray needs Ray, which is not installed: pip install 'mpvi_bt[ray]'")
+            raise UserError(f"--engine ray needs Ray, which is not installed: {install('ray')}")
         self._address = address or os.environ.get("RAY_ADDRESS")
         self._asked, self._function, self._wall_limit_s, self._manifest = workers, function, wall_limit_s, manifest
         self._busy: dict[Any, tuple[EpisodeConfig, float]] = {}

@@ -7,6 +7,7 @@ import importlib.util
 from typing import TYPE_CHECKING
 
 from mpvi_bt.errors import UserError
+from mpvi_bt.extras import install
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.suite.backends import split
@@ -22,7 +23,7 @@ _MANISKILL = "mpvi_bt.sim.maniskill"  # stands above this part, which knows but 
 def check_simulator_choice(config: EpisodeConfig) -> None:
     """Raise UserError if the simulator of an episode is not installed, or if it or the policy is not for its robot."""
     if config.sim == "maniskill" and importlib.util.find_spec("mani_skill") is None:
-        raise UserError("--sim maniskill needs ManiSkill, which is not installed: pip install 'mpvi_bt[maniskill]'")
+        raise UserError(f"--sim maniskill needs ManiSkill, which is not installed: {install('maniskill')}")
     if robot_named(config.robot) is R1:
         return
     policy, address = split(config.policy)
