@@ -62,7 +62,7 @@ def decoded(data: bytes) -> np.ndarray:
     return out
 
 
-@pytest.mark.parametrize("said", ["yes", "Yes.", "YES", " **yes**\n", '"Yes"', "yes!"])
+@pytest.mark.parametrize("said", ["yes", "Yes.", " **yes**\n", "Yes, it is.", "YES, the task is complete"])
 def test_a_plain_yes_is_a_yes(said: str) -> None:
     """With what it cost."""
     model = ScriptedChatModel([Answer(said, "tiny-1", 1.5, 900, 2, kept=True)], name="openai:tiny")
@@ -72,14 +72,14 @@ def test_a_plain_yes_is_a_yes(said: str) -> None:
     assert judged.reason == "openai:tiny says yes"
 
 
-@pytest.mark.parametrize("said", ["no", "No.", "NO!", "`no`"])
+@pytest.mark.parametrize("said", ["no", "No.", "`no`", "NO, the task is not complete"])
 def test_a_plain_no_is_a_no_without_fault(said: str) -> None:
     """It is an answer."""
     judged = LanguageChecker(ScriptedChatModel([said])).check(HELD, PICTURE)
     assert (judged.complete, judged.fault, judged.reason) == (False, "", "scripted says no")
 
 
-@pytest.mark.parametrize("said", ["perhaps", "yes and no", "not yes", "Yes, it is.", '{"answer": "yes"}', "oui", "1"])
+@pytest.mark.parametrize("said", ["perhaps", "yes and no", "not yes", "Yes, but no.", '{"answer": "yes"}', "oui", "1"])
 def test_anything_else_is_a_no_and_is_told_from_one(said: str) -> None:
     """It cost something all the same."""
     judged = LanguageChecker(ScriptedChatModel([said])).check(HELD, PICTURE)

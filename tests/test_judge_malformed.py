@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 import random
+import re
 from collections.abc import Iterator
 
 import pytest
 
 from mpvi_bt.completion.judge import LanguageChecker, question
-from mpvi_bt.language.answers import parse_yes_no
 from mpvi_bt.language.chat import Answer
 from mpvi_bt.language.scripted import ScriptedChatModel
+from mpvi_bt.language.verdict import parse_yes_no
 from mpvi_bt.testing import KinematicRobot
 
 PICTURE = KinematicRobot().look("head")
@@ -29,12 +30,12 @@ LOOK_ALIKES = (
     "\u0646\u0639\u0645", "\u0939\u093e\u0901",
 )  # fmt: skip
 SAID = (
-    "", " ", "\n", ".", "y", "ye", "es", "yess", "yesyes", "yes yes", "yes no", "no yes", "yes and no", "yes/no",
+    "", " ", "\n", ".", "y", "ye", "es", "yess", "yesyes", "yes no", "no yes", "yes and no", "yes/no",
     "not yes", "no, yes", "not a yes", "never yes", "anything but yes", "yes?", "yes, but no", "yes - no", "eyes",
-    "yesterday", "Yes, the task is complete.", "YES, it is in the picture", "The answer is yes.", "Answer: yes",
+    "yesterday", "The answer is yes.", "Answer: yes",
     "I would say yes", "I cannot say yes", "the statement says \"YES\"", "true", "True", "1", "0", "NaN", "Infinity",
     "null", "ok", "sure", "correct", "affirmative", "maybe", "unsure", "I cannot see images.",
-    "As a language model, yes", "<yes>", "<answer>yes</answer>", "<think>is it?</think>yes", "```\nyes\n```\nor no",
+    "As a language model, yes", "<yes>", "<answer>yes</answer>", "```\nyes\n```\nor no",
     "yes\nno", "no\nyes", "yes\n\nno", "[yes]", "(yes)", "{yes}", "yes;", "yes:", "yes,", "yes=1", "\\yes", "yes\\",
     "yes|no", "50% yes", "yes 100%", "%s", "{0}", "${yes}", "$(echo yes)", "yes\x00", "\x1b[2Jyes", "yes\x1b[0m",
     "\x08yes",
@@ -55,17 +56,17 @@ def malformed(criterion: str) -> Iterator[str]:
         yield f"```json\n{json.dumps(data, indent=1)}\n```"
         yield f"Sure! Here it is: {json.dumps(data)} Anything else?"
         yield json.dumps(data)[:-1] or "{"
-    yield from (
+    echoed = (
         f'Is "{criterion}" so? YES',
         f'"{criterion}": yes',
         f"The statement reads: {criterion}. yes",
         f"{criterion} YES",
     )
+    yield from (text for text in echoed if not begins_plainly(text))
     yield "[" * 100_000 + '"yes"' + "]" * 100_000
     yield '{"a":' * 100_000 + '"yes"' + "}" * 100_000
     yield "yes " * (10 * 2**20 // 4)
-    yield " " * (10 * 2**20) + "yes"
-    yield "yes" + "\n" * 101
+    yield "yes, " + "it is so, " * 200
     words = [*SAID, *LOOK_ALIKES, criterion, "yes", "no", "YES", "Yes.", "\n", " ", '"', "{", "}", "`"]
     plain = ["ye", "yes", "no", "YES", "Yes"]
     while True:
@@ -78,16 +79,13 @@ def malformed(criterion: str) -> Iterator[str]:
             text = text[:at] + chr(draw.choice([draw.randrange(32, 127), draw.randrange(128, 0xD800)])) + text[at + 1 :]
         elif kind == 3:  # bytes that are no text
             text = draw.randbytes(draw.randint(1, 60)).decode("utf-8", "replace") + draw.choice(plain)
-        if not is_plain(text):
+        if not begins_plainly(text):
             yield text
 
 
-def is_plain(text: str) -> bool:
-    """Whether an answer is the one word yes or no, in any case, with nothing around it but quotes, marks or space."""
-    return "".join(c for c in text if c not in " \t\n\r*_`\"'.!\x0b\x0c\x1c\x1d\x1e\x1f\x85\xa0").lower() in (
-        "yes",
-        "no",
-    )
+def begins_plainly(text: str) -> bool:
+    """Whether an answer begins with one of the words; what may follow it is told in test_language_verdict.py."""
+    return re.match(r"[\W_]*(yes|no)(?![^\W_])", text, re.IGNORECASE) is not None
 
 
 @pytest.mark.parametrize("criterion", INJECTED)

@@ -86,6 +86,44 @@ def test_a_chatty_answer_is_the_plan_too(answer: str) -> None:
     assert len(model.asked) == 1
 
 
+SKETCH = changed(lambda data: data.update(task_name="sketch", segments=data["segments"][:2]))
+BROKEN = GOOD.replace("}, {", "}, {}, {,") + " "
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        f"<think>Maybe {SKETCH} ... no</think>{GOOD}",
+        f"Maybe {SKETCH} ... no.\n\nBetter:\n{GOOD}",
+        f"</think>\n\n{GOOD}",
+        f"A worked example:\n```json\n{SKETCH}\n```\n**Final answer**\n```json\n{GOOD}\n```\nIs that fine?",
+        f"{BROKEN * 3}\nThat is no JSON. Again:\n{GOOD}",
+        f"<think>{BROKEN * 3}</think>{json.dumps({'plan': json.loads(GOOD)})}",
+        f'{GOOD}\n{{"note": "the robot is to be quick"}}',
+        f"<|channel|>analysis<|message|>{SKETCH}<|end|><|start|>assistant<|channel|>final<|message|>{GOOD}<|return|>",
+    ],
+)
+def test_the_last_plan_is_meant_and_no_draft(answer: str) -> None:
+    """What models think before they answer, marked or not, longer and broken, is not taken and costs no asking."""
+    asked, model = planner(answer)
+    assert asked.plan("picking_up_trash", TRASH.instruction) == TRASH
+    assert len(model.asked) == 1
+
+
+def test_a_draft_is_no_answer_where_the_answer_is_wrong() -> None:
+    """The model is shown what it answered, without its thinking, and mends that."""
+    bad = changed(lambda data: data["segments"][3].pop("description"))
+    for said in (
+        f"<think>{SKETCH}</think>\n{bad}",
+        f"<think>{SKETCH}</think>\n{GOOD[:-9]}",
+        f"{SKETCH}\nFinally: {bad}",
+    ):
+        asked, model = planner(said, GOOD)
+        assert asked.plan("picking_up_trash", TRASH.instruction) == TRASH
+        assert len(model.asked) == 2
+        assert model.asked[1][0][-2].text == said.rpartition("</think>\n")[2]
+
+
 def test_everything_wrong_is_sent_back_at_once() -> None:
     """The model gets its answer again, with every problem's place, words and code; a mended plan is taken."""
     bad = changed(lambda data: (data["segments"][0].update(room="attic"), data["segments"][3].pop("description")))

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from mpvi_bt.behaviors.protocols import Cost, Judgement
 from mpvi_bt.errors import ModelError, shown
-from mpvi_bt.language.answers import parse_yes_no
 from mpvi_bt.language.chat import ChatModel, Message
+from mpvi_bt.language.thinking import spoken
+from mpvi_bt.language.verdict import parse_yes_no
 from mpvi_bt.robot.protocol import CameraImage
 
 LONGEST_PX = 512  # of a picture's sides; what is larger is made smaller
@@ -74,7 +75,9 @@ class LanguageChecker:
         said, latency_s = parse_yes_no(answer.text), answer.latency_s
         cost = Cost(answer.model, answer.tokens_in, answer.tokens_out, answer.kept)
         if said is None:
-            reason = f"{self.name} answers neither yes nor no: {shown(answer.text)}"
+            text = spoken(answer.text)
+            aside = "" if text else ", and nothing but thinking"
+            reason = f"{self.name} answers neither yes nor no{aside}: {shown(text or answer.text)}"
             return Judgement(False, reason, latency_s, "bad_answer", cost)
         return Judgement(said, f"{self.name} says {'yes' if said else 'no'}", latency_s, cost=cost)
 

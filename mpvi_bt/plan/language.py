@@ -10,6 +10,7 @@ from typing import Any
 from mpvi_bt.errors import FileProblems, ModelError, Problem
 from mpvi_bt.language.answers import parse_json
 from mpvi_bt.language.chat import Answer, ChatModel
+from mpvi_bt.language.thinking import spoken
 from mpvi_bt.marked_yaml import Marks, validate_data
 from mpvi_bt.plan.answer_form import answer_schema, read_segment
 from mpvi_bt.plan.check import plan_problems
@@ -81,7 +82,7 @@ class LanguagePlanner:
         found: list[Problem] = []
         while len(answers) <= REPAIRS:
             self._tell(_asking(self.name, found))
-            mending = repair(answers[-1].text, found) if answers else []
+            mending = repair(spoken(answers[-1].text) or answers[-1].text, found) if answers else []
             try:
                 answers.append(self._model.ask([*messages, *mending], schema))
             except ModelError:
@@ -130,13 +131,19 @@ def _asking(name: str, found: Sequence[Problem]) -> str:
 def read_answer(text: str) -> tuple[Any, list[Problem]]:
     """The data of an answer, plain JSON as a plan's file has it; or what is wrong with the answer."""
     try:
-        data = parse_json(text)
+        data = parse_json(text, _is_plan)
     except ValueError as error:
         return None, [Problem("answer", 0, 0, "syntax", f"there is no JSON object in the answer: {error}")]
     segments = data.get("segments") if isinstance(data, dict) else None
     if isinstance(segments, list):
         data = {**data, "segments": [read_segment(segment) for segment in segments]}
     return data, []
+
+
+def _is_plan(data: Mapping[str, Any]) -> bool:
+    """Whether an object has the form of a plan, however wrong its segments are: those are told and mended."""
+    segments = data.get("segments")
+    return isinstance(segments, list) and all(isinstance(segment, dict) for segment in segments)
 
 
 def checked(
