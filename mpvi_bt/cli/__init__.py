@@ -18,6 +18,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "plan": ("mpvi_bt.cli.plan:plan", "Write the plan of a task, or of an instruction, as JSON."),
     "compile": ("mpvi_bt.cli.compile:compile_", "Write the tree of a plan, as YAML."),
     "render": ("mpvi_bt.cli.render:render", "Draw a tree, or where a run stands, as text, picture or page."),
+    "new": ("mpvi_bt.cli.new:new", "Write files to begin with: a task, tree, skill, object, policy."),
     "check": ("mpvi_bt.cli.check:check", "List every problem in YAML files, with line and column."),
     "fmt": ("mpvi_bt.cli.fmt:fmt", "Bring trees into canonical form, with their comments."),
     "schema": ("mpvi_bt.cli.schema:schema", "Print what editors need to complete and check trees."),

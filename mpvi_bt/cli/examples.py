@@ -30,6 +30,17 @@ EXAMPLES: Mapping[str, tuple[str, str, str]] = {
         "my_tree.yaml --out my_tree.svg",
         f"{_TRACE} --out run.html",
     ),
+    "new": (
+        "tree my_tree",
+        "skill stash --like place_in",
+        "object gnome --like bottle --synset toy_figure.n.01",
+    ),
+    "new tree": ("my_tree", "my_tree --root ~/robot", "my_tree --json"),
+    "new skill": ("stash", "dust --like wipe", "stash --like place_in --root ~/robot"),
+    "new object": ("hammer", "vase --like bottle", "gnome --like bottle --synset toy_figure.n.01"),
+    "new house": ("flat", "flat --root ~/robot", "flat --json"),
+    "new task": ("clear_the_table", "clear_the_table --root ~/robot", "clear_the_table --json"),
+    "new policy": ("my_policy", "my_policy --root src", "my_policy --json"),
     "check": (
         "my_tree.yaml",
         "trees tasks",

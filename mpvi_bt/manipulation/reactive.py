@@ -97,7 +97,7 @@ class ReactivePolicy(ScriptedPolicy):
             understood = self._grounded(call)
             assert understood is not None
             if (yield from self.do(work, understood)):
-                opened = understood if call.skill.name == "open" else None
+                opened = understood if call.motion == "open" else None
                 del left[k]
             elif tries > 1:
                 left[k] = (call, tries - 1)
@@ -121,7 +121,7 @@ class ReactivePolicy(ScriptedPolicy):
 
     def _needed(self, call: SkillCall) -> list[str]:
         """What a call names that has to be known before it can be done: seen, or held."""
-        name = call.skill.name
+        name = call.motion
         hidden = _HIDDEN.get(name, ()) if name not in _VESSEL or "source" in call.arguments else ()
         return self._phrases(call, [s for s in _NAMES if s not in hidden and (s != "source" or name in _VESSEL)])
 
@@ -141,9 +141,9 @@ class ReactivePolicy(ScriptedPolicy):
         known, several = self._seen.knowledge(), count(call) > 1
         for reading in readings(call):
             found = {p: known.find(p) for p in self._needed(reading)}
-            if (place := reading.arguments.get(_STANDING.get(reading.skill.name, ""), "")) in found:
+            if (place := reading.arguments.get(_STANDING.get(reading.motion, ""), "")) in found:
                 found[place] = [e for e in found[place] if not e.held]
-            if reading.skill.name == "pick" and (hand := reading.arguments.get("hand")) in SIDES:
+            if reading.motion == "pick" and (hand := reading.arguments.get("hand")) in SIDES:
                 taken, wanted = self._seen.holding(other(hand)), reading.arguments["object"]
                 found[wanted] = [e for e in found[wanted] if e.name != taken]
             things = found.get(reading.arguments.get("object", ""), [])

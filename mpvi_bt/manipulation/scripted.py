@@ -146,7 +146,7 @@ class ScriptedPolicy:
             for k, call in enumerate(calls[begin:], begin):
                 if (yield from self.do(work, call)):
                     done = max(done, k + 1)
-                    begin = k + 1 if call.skill.name in _PUTS else begin
+                    begin = k + 1 if call.motion in _PUTS else begin
                 elif k >= done:  # what was done before may be done still, such as a door that stands open
                     failed = True
                     if again:  # at the last what comes after it is done all the same
@@ -188,13 +188,13 @@ class ScriptedPolicy:
         to be put into something, and the views show it beside that.
         """
         yield from work.motion.wait(_IDLE_S)
-        if last.skill.name in _TAKES and not work.carried():
+        if last.motion in _TAKES and not work.carried():
             return True
         for view in views(work, last):
             with contextlib.suppress(MotionFailure):
                 yield from view
             yield from work.motion.wait(_IDLE_S)
-        if last.skill.name == "place_in" and fell_beside(work, last):
+        if last.motion == "place_in" and fell_beside(work, last):
             return True
         for turn in range(_SHOWN):
             yield from work.motion.wait(_PATIENCE_S)
@@ -209,7 +209,7 @@ class ScriptedPolicy:
 
     def do(self, work: Work, call: SkillCall) -> Any:
         """Try a clause; what it wants in hand and is not is picked up first. Returns whether it succeeded."""
-        slot = next((s for s in _IN_HAND.get(call.skill.name, ()) if s in call.arguments), None)
+        slot = next((s for s in _IN_HAND.get(call.motion, ()) if s in call.arguments), None)
         if slot is not None and "pick" in self._skills and not self._carries(work, call.arguments[slot]):
             words = {s: w for s, w in (("object", call.arguments[slot]), ("hand", call.arguments.get("hand"))) if w}
             fetch = self._skills["pick" if self._graspable(work, words["object"]) else "lift"]
@@ -244,7 +244,7 @@ class ScriptedPolicy:
         for _ in range(_ATTEMPTS):
             self.attempts += 1
             try:
-                perform = REPERTOIRE.get(call.skill.name)
+                perform = REPERTOIRE.get(call.motion)
                 if perform is None:
                     raise MotionFailure("unknown_skill")
                 yield from perform(work, call.arguments, tried)

@@ -98,7 +98,7 @@ class LaterPlanner:
                 if call is None:
                     continue
                 thing = call.arguments.get("object", "")
-                if call.skill.name == _OPENS:
+                if call.motion == _OPENS:
                     opened.setdefault(thing, number)
-                elif call.skill.name == _CLOSES and thing in opened:
+                elif call.motion == _CLOSES and thing in opened:
                     yield opened.pop(thing), number

@@ -48,6 +48,7 @@ class Skill(Record):
         shows: What the judge should see at the end, as a criterion with slots; `SkillCall.criterion` fills it in.
         triggers: Events that ask the completion checker.
         timeout_s: Simulated time that it may take.
+        like: Another skill, whose motion does this one too; its slots are that one's. None: it has a motion of its own.
     """
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
@@ -57,6 +58,7 @@ class Skill(Record):
     shows: Annotated[Phrase, AfterValidator(checked_template)] | None = None
     triggers: tuple[Trigger, ...] = Field(min_length=1)
     timeout_s: float = Field(gt=0, le=86_400, allow_inf_nan=False, strict=True)
+    like: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")] | None = None
 
     @field_validator("shows")
     @classmethod
@@ -85,6 +87,11 @@ class SkillCall:
 
     skill: Skill
     arguments: Mapping[str, str]
+
+    @property
+    def motion(self) -> str:
+        """The skill whose motion does it: its own name, or that of the one that it is like."""
+        return self.skill.like or self.skill.name
 
     @property
     def criterion(self) -> str | None:

@@ -224,7 +224,7 @@ class GripPolicy:
             action[ActionLayout.GRIPPER[side]] = body.gripper_command[side]
         if call is not None:
             hand: Side = "left" if call.arguments.get("hand", self._hand) == "left" else "right"
-            action[ActionLayout.GRIPPER[hand]] = -1.0 if call.skill.name == "pick" else 1.0
+            action[ActionLayout.GRIPPER[hand]] = -1.0 if call.motion == "pick" else 1.0
         return np.tile(action, (self.horizon, 1))
 
 

@@ -1,0 +1,117 @@
+"""`mpvi new`: files to begin with."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mpvi_bt.cli.given import File
+
+if TYPE_CHECKING:
+    from mpvi_bt.suite.skeletons import Skeleton
+
+
+@click.group()
+def new() -> None:
+    """Write files to begin with: a tree, skill, object, house, task or policy.
+
+    They go below the first folder of MPVI_PATH, or else below the current one; nothing is written over. What is written
+    passes `mpvi check` and runs as it is.
+    """
+
+
+def _named(command: Any) -> Any:
+    """The argument and options of every kind."""
+    command = click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object.")(command)
+    command = click.option(
+        "--root",
+        type=click.Path(file_okay=False, path_type=Path),
+        metavar="DIR",
+        help="Write below this folder instead.",
+    )(command)
+    return click.argument("name", metavar="NAME")(command)
+
+
+@new.command()
+@_named
+def tree(name: str, root: Path | None, as_json: bool) -> None:
+    """A tree with a parameter that drives to something and picks it up."""
+    from mpvi_bt.suite.skeletons import new_tree
+
+    _write(new_tree(name), root, as_json)
+
+
+@new.command()
+@_named
+@click.option(
+    "--like", type=File("skills"), metavar="SKILL", default="place_in", show_default=True, help="Done as this one is."
+)
+def skill(name: str, root: Path | None, as_json: bool, like: str) -> None:
+    """A skill that is done as another one is, named by a verb of its own."""
+    from mpvi_bt.suite.skeletons import new_skill
+
+    _write(new_skill(name, like), root, as_json)
+
+
+@new.command(name="object")
+@_named
+@click.option(
+    "--like",
+    metavar="NAME",
+    default="block",
+    show_default=True,
+    help="With the shape of this family, or of this entry of the catalogue.",
+)
+@click.option("--synset", metavar="SYNSET", help="BEHAVIOR's name for it.  [default: one of that name]")
+def object_(name: str, root: Path | None, as_json: bool, like: str, synset: str | None) -> None:
+    """A thing of the catalogue, for houses and tasks."""
+    from mpvi_bt.suite.skeletons import new_object
+
+    _write(new_object(name, like, synset), root, as_json)
+
+
+@new.command()
+@_named
+def house(name: str, root: Path | None, as_json: bool) -> None:
+    """A house of two rooms."""
+    from mpvi_bt.suite.skeletons import new_house
+
+    _write(new_house(name), root, as_json)
+
+
+@new.command()
+@_named
+def task(name: str, root: Path | None, as_json: bool) -> None:
+    """A task with its goal and its plan."""
+    from mpvi_bt.suite.skeletons import new_task
+
+    _write(new_task(name), root, as_json)
+
+
+@new.command()
+@_named
+def policy(name: str, root: Path | None, as_json: bool) -> None:
+    """A policy in Python, in the current folder."""
+    from mpvi_bt.suite.skeletons import new_policy
+
+    _write(new_policy(name), root or Path(), as_json)
+
+
+def _write(skeleton: Skeleton, root: Path | None, as_json: bool) -> None:
+    """Write the files and say what to do next."""
+    from mpvi_bt.suite.skeletons import found_by, home
+
+    folder = home() if root is None else root
+    export = "" if any(place.endswith(".py") for place in skeleton.files) else found_by(folder)
+    written = skeleton.write(folder)
+    below = "" if folder.resolve() == Path.cwd() else f"{folder}/"
+    commands = [*([export] if export else []), *(command.replace("ROOT/", below) for command in skeleton.next)]
+    if as_json:
+        told = {"written": [str(path) for path in written], "next": commands, "remarks": list(skeleton.remarks)}
+        click.echo(json.dumps(told, indent=2))
+        return
+    for line in (*(f"wrote {path}" for path in written), *skeleton.remarks, "next:", *(f"  {c}" for c in commands)):
+        click.echo(line)

@@ -1,0 +1,159 @@
+"""`mpvi new`: what it writes passes `mpvi check` and runs, and nothing that is there is lost."""
+
+from __future__ import annotations
+
+import json
+import runpy
+from pathlib import Path
+
+import pytest
+
+import mpvi_bt
+from mpvi_bt.errors import UserError
+from mpvi_bt.plan.clauses import match
+from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.sim.catalogue import load_catalogue
+from mpvi_bt.sim.families import FAMILIES
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.skeletons import new_house, new_object, new_policy, new_skill, new_task, new_tree
+from mpvi_bt.testing import check_policy
+from tests.conftest import Shell
+
+MAKERS = {
+    "tree": new_tree,
+    "skill": new_skill,
+    "object": new_object,
+    "house": new_house,
+    "task": new_task,
+}
+
+
+@pytest.fixture
+def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of one's own, which is found and is the current one."""
+    monkeypatch.setenv("MPVI_PATH", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("kind", MAKERS)
+def test_what_is_written_passes_check(kind: str, root: Path) -> None:
+    """Without a warning, too."""
+    MAKERS[kind]("quite_new").write(root)
+    assert mpvi_bt.check(root) == []
+
+
+@pytest.mark.parametrize("like", sorted(load_skills()))
+def test_a_skill_can_be_like_any(like: str, root: Path) -> None:
+    """Its file is fine, and a sentence with its verb in the place of the other's names it, whose motion does it."""
+    new_skill("juggle", like).write(root)
+    assert mpvi_bt.check(root) == []
+    skill = load_skills()["juggle"]
+    assert skill.phrases[0].startswith("juggle")
+    assert skill.like == like
+
+
+def test_a_skill_like_another_is_done_as_that(root: Path) -> None:
+    """With the words of its own sentence."""
+    new_skill("stash", "place_in").write(root)
+    call = match("stash the can in the trash can with the left hand", load_skills())
+    assert call is not None
+    assert (call.skill.name, call.motion, call.arguments["container"]) == ("stash", "place_in", "trash can")
+
+
+@pytest.mark.parametrize(
+    ("like", "phrase", "said"),
+    [
+        ("plase_in", "stash {object} in {container}", "unknown skill 'plase_in'. Did you mean 'place_in'?"),
+        (
+            "place_in",
+            "stash {object} by {tool}",
+            "unknown slot 'tool' of 'place_in'. Known: container, hand, object.",
+        ),
+    ],
+)
+def test_a_skill_is_like_none_that_there_is_not(like: str, phrase: str, said: str, root: Path) -> None:
+    """Neither a motion that nobody has, nor words that the motion does not know."""
+    path = root / "stash.yaml"
+    path.write_text(
+        f"name: stash\nabout: Put away.\nlike: {like}\nphrases: ['{phrase}']\n"
+        "triggers: [{event: release, camera: head}]\ntimeout_s: 90\n"
+    )
+    assert [p.message for p in mpvi_bt.check(path)] == [said]
+
+
+@pytest.mark.parametrize("family", sorted(FAMILIES))
+def test_an_object_can_have_any_family(family: str, root: Path) -> None:
+    """As the first entry of that family has it."""
+    new_object("quite_new", family).write(root)
+    assert mpvi_bt.check(root) == []
+    assert load_catalogue()["quite_new"].family == family
+
+
+def test_an_object_is_filed_by_a_name_of_behavior() -> None:
+    """One of its own name, the one that is asked for, or that of what it is like; never one that there is not."""
+    assert "synset: vase.n.01" in "".join(new_object("vase", "bottle").files.values())
+    assert "synset: toy_figure.n.01" in "".join(new_object("gnome", "bottle", "toy_figure.n.01").files.values())
+    gnome = new_object("gnome", "bottle")
+    assert "synset: bottle.n.01" in "".join(gnome.files.values())
+    assert "--synset" in gnome.remarks[0]
+    with pytest.raises(UserError, match=r"unknown synset 'toy_figur\.n\.01'\. Did you mean 'toy_figure\.n\.01'"):
+        new_object("gnome", "bottle", "toy_figur.n.01")
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("My Tree!", "'my_tree' would do"),
+        ("fetchAndCarry", "'fetch_and_carry' would do"),
+        ("2nd", "'my_2nd' would do"),
+        ("class", "'my_class' would do"),
+        ("../up", "'up' would do"),
+        ("", "'my_tree' would do"),
+        ("fetch", "'my_fetch' is free"),
+    ],
+)
+def test_a_bad_name_is_refused_with_a_good_one(name: str, said: str, root: Path) -> None:
+    """What cannot name a file, or would hide another."""
+    with pytest.raises(UserError, match=said):
+        new_tree(name)
+
+
+def test_nothing_is_written_over(root: Path) -> None:
+    """Nor is half of a task written where another part of it is there."""
+    there = root / "tasks" / "plans" / "tidy.yaml"
+    there.parent.mkdir(parents=True)
+    skeleton = new_task("tidy")
+    there.write_text("mine")
+    with pytest.raises(UserError, match="is there already"):
+        skeleton.write(root)
+    assert there.read_text() == "mine"
+    assert not (root / "tasks" / "tidy.yaml").exists()
+
+
+def test_what_it_says_to_do_next_works(tmp_path: Path, mpvi: Shell) -> None:
+    """Where the folder is not found yet, how it will be; then each command but those that take a simulator."""
+    done = mpvi("new", "tree", "my_tree", "--json")
+    told = json.loads(done.stdout)
+    export, *commands = told["next"]
+    assert export == f"export MPVI_PATH={tmp_path}"
+    assert told["written"] == ["trees/my_tree.yaml"]
+    for command in commands[:-1]:
+        assert mpvi(*command.split()[1:], MPVI_PATH=str(tmp_path)).returncode == 0
+    again = mpvi("new", "tree", "your_tree", MPVI_PATH=str(tmp_path), cwd=tmp_path.parent)
+    assert again.stdout.splitlines()[0] == f"wrote {tmp_path}/trees/your_tree.yaml"
+    assert "export" not in again.stdout
+    refused = mpvi("new", "tree", "my_tree", MPVI_PATH=str(tmp_path))
+    assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
+
+
+def test_a_policy_keeps_the_contract(root: Path) -> None:
+    """And can be chosen by the path that is told; one that would be hidden by an installed module is refused."""
+    new_policy("steady").write(root)
+    made = runpy.run_path("steady.py")["Steady"]
+    check_policy(made(seed=0), make=lambda: made(seed=0))
+    from mpvi_bt.suite.prepare import check_backends
+
+    check_backends(EpisodeConfig("picking_up_trash", policy="steady:Steady"))
+    with pytest.raises(UserError, match="'my_json' is free"):
+        new_policy("json")
