@@ -141,7 +141,7 @@ def test_what_it_says_to_do_next_works(tmp_path: Path, mpvi: Shell) -> None:
     for command in commands[:-1]:
         assert mpvi(*command.split()[1:], MPVI_PATH=str(tmp_path)).returncode == 0
     again = mpvi("new", "tree", "your_tree", MPVI_PATH=str(tmp_path), cwd=tmp_path.parent)
-    assert again.stdout.splitlines()[0] == f"wrote {tmp_path}/trees/your_tree.yaml"
+    assert again.stdout.splitlines()[0] == f"wrote {tmp_path.name}/trees/your_tree.yaml"
     assert "export" not in again.stdout
     refused = mpvi("new", "tree", "my_tree", MPVI_PATH=str(tmp_path))
     assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)

@@ -106,7 +106,8 @@ def _write(skeleton: Skeleton, root: Path | None, as_json: bool) -> None:
 
     folder = home() if root is None else root
     export = "" if any(place.endswith(".py") for place in skeleton.files) else found_by(folder)
-    written = skeleton.write(folder)
+    here = Path.cwd()
+    written = [p.relative_to(here) if p.is_relative_to(here) else p for p in skeleton.write(folder)]
     below = "" if folder.resolve() == Path.cwd() else f"{folder}/"
     commands = [*([export] if export else []), *(command.replace("ROOT/", below) for command in skeleton.next)]
     if as_json:
