@@ -19,6 +19,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "compile": ("mpvi_bt.cli.compile:compile_", "Write the tree of a plan, as YAML."),
     "render": ("mpvi_bt.cli.render:render", "Draw a tree, or where a run stands, as text, picture or page."),
     "new": ("mpvi_bt.cli.new:new", "Write files to begin with: a task, tree, skill, object, policy."),
+    "show": ("mpvi_bt.cli.show:show", "Draw a thing of the catalogue, or a page of all families."),
     "check": ("mpvi_bt.cli.check:check", "List every problem in YAML files, with line and column."),
     "fmt": ("mpvi_bt.cli.fmt:fmt", "Bring trees into canonical form, with their comments."),
     "schema": ("mpvi_bt.cli.schema:schema", "Print what editors need to complete and check trees."),
@@ -29,7 +30,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "suite": ("mpvi_bt.cli.suite:suite", "Run many episodes, resume them, tabulate the scores."),
     "dataset": ("mpvi_bt.cli.dataset:dataset", "Make a LeRobot dataset of recorded demonstrations."),
     "serve": ("mpvi_bt.cli.serve:serve", "Serve a policy to other programs, by openpi's protocol."),
-    "list": ("mpvi_bt.cli.listing:list_", "List tasks, suites, skills, trees, behaviors, backends."),
+    "list": ("mpvi_bt.cli.listing:list_", "List tasks, skills, trees, objects, families, backends."),
     "doctor": ("mpvi_bt.cli.doctor:doctor", "Say what this machine can do, and how to mend the rest."),
 }
 

@@ -1,4 +1,4 @@
-"""`mpvi list`: what tasks, methods, skills, trees, behaviors and backends there are, with one line each."""
+"""`mpvi list`: what tasks, methods, skills, trees, things, behaviors and backends there are, with one line each."""
 
 from __future__ import annotations
 
@@ -21,22 +21,24 @@ FOLDERS = {
 
 
 @click.command(name="list")
-@click.argument("what", type=click.Choice([*FOLDERS, "behaviors", "backends"]))
+@click.argument("what", type=click.Choice([*FOLDERS, "objects", "families", "behaviors", "backends"]))
 @click.option("--long", "whole", is_flag=True, help="All that files say of themselves, in as many lines as it takes.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object by name.")
 def list_(what: str, whole: bool, as_json: bool) -> None:
     """What tasks, suites, methods, skills, trees, behaviors or backends there are, with one line each.
 
-    Behaviors are the nodes that a tree may have, those of installed packages too, with their parameters.
+    Objects are the things of the catalogue, families what makes their shapes of parameters (with pictures:
+    docs/families.md). Behaviors are the nodes that a tree may have, those of installed packages too, with theirs.
     """
     if what == "behaviors":
         _print_behaviors(as_json)
         return
-    lines = _backends() if what == "backends" else _files(FOLDERS[what])
+    others = {"backends": _backends, "objects": _objects, "families": _families}
+    lines = others[what]() if what in others else _files(FOLDERS[what])
     if as_json:
         click.echo(json.dumps(lines, indent=2))
         return
-    _print(lines, whole or what == "backends")
+    _print(lines, whole or what in ("backends", "families"))
 
 
 def _print(lines: dict[str, str], whole: bool) -> None:
@@ -114,6 +116,30 @@ def _about(path: Path) -> str:
                 return " ".join(content[key].split())
     comments = (line.removeprefix("#").strip() for line in text.splitlines() if line.startswith("#"))
     return next((comment for comment in comments if not comment.startswith("yaml-language-server:")), "")
+
+
+def _objects() -> dict[str, str]:
+    """Every entry of the catalogue: its family, its size, its mass, BEHAVIOR's name for it."""
+    from mpvi_bt.sim.catalogue import load_catalogue
+
+    found = {}
+    for entry in sorted(load_catalogue(), key=lambda entry: entry.name):
+        low, high = entry.description.extent()
+        size = " x ".join(f"{side:.2f}" for side in high - low)
+        mass = "fixture" if entry.mass_kg is None else f"{entry.mass_kg:g} kg"
+        found[entry.name] = f"{entry.family}, {size} m, {mass}, {entry.synset}"
+    return found
+
+
+def _families() -> dict[str, str]:
+    """Every family of shapes: what it makes, and its parameters."""
+    from mpvi_bt.sim.catalogue import load_catalogue
+    from mpvi_bt.sim.family_page import families
+
+    return {
+        info.name: f"{info.about} {'; '.join(f'{key}: {what}' for key, what in info.parameters.items())}"
+        for info in families(load_catalogue())
+    }
 
 
 def _backends() -> dict[str, str]:

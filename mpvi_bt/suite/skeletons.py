@@ -174,7 +174,10 @@ def new_object(name: str, like: str = "block", synset: str | None = None) -> Ske
     remark = "" if synset or own else f"BEHAVIOR has no {name!r}; it is filed as {chosen}: --synset says otherwise"
     return Skeleton(
         {f"{CATALOGUES}/{name}.yaml": _OBJECT.format(about=about) + _dumped({"entries": {name: entry}})},
-        (f"mpvi check ROOT/{CATALOGUES}/{name}.yaml",),
+        (
+            f"mpvi check ROOT/{CATALOGUES}/{name}.yaml",
+            f"mpvi show {name}",
+        ),
         (remark,) if remark else (),
     )
 

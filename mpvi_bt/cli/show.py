@@ -1,0 +1,72 @@
+"""`mpvi show`: pictures of things of the catalogue."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from mpvi_bt.errors import UnknownName, UserError
+
+_FILE = click.Path(dir_okay=False, path_type=Path)
+_SMALL, _LARGE = (200, 150), (640, 480)
+_JPEG_QUALITY = 85
+
+
+@click.command()
+@click.argument("name", required=False, metavar="NAME")
+@click.option("--out", type=_FILE, metavar="FILE", help="Write there, as png or jpg.  [default: NAME.png]")
+@click.option("--page", type=_FILE, metavar="FILE", help="Write a page of all families instead, as Markdown.")
+def show(name: str | None, out: Path | None, page: Path | None) -> None:
+    """Draw the thing of the catalogue that is called NAME, or that is of the family NAME; its doors ajar.
+
+    With --page a picture of every family goes into a folder beside the page, which is named after it.
+    """
+    from mpvi_bt.sim.catalogue import load_catalogue
+    from mpvi_bt.sim.families import FAMILIES
+
+    catalogue = load_catalogue()
+    if (name is None) == (page is None):
+        raise click.UsageError("Name a thing of the catalogue, or give --page.")
+    if page is not None:
+        if out is not None:
+            raise click.UsageError("--out is of one picture; the page says itself where its pictures are.")
+        from mpvi_bt.sim.family_page import families, family_page
+
+        for info in families(catalogue):
+            if info.example is not None:
+                _draw(info.example.name, page.with_suffix("") / f"{info.name}.jpg", _SMALL)
+        _write(page, family_page(catalogue, page.stem).encode())
+        click.echo(f"wrote {page}")
+        return
+    assert name is not None
+    entry = catalogue.entries.get(name) or next((entry for entry in catalogue if entry.family == name), None)
+    if entry is None:
+        raise UnknownName("catalogue entry or family", name, [*catalogue.entries, *FAMILIES])
+    out = out or Path(f"{name}.png")
+    if out.suffix not in (".png", ".jpg"):
+        raise UserError(f"{out}: pictures are written as .png or .jpg.")
+    _draw(entry.name, out, _LARGE)
+    click.echo(f"wrote {out}")
+
+
+def _draw(name: str, path: Path, size: tuple[int, int]) -> None:
+    import cv2
+
+    from mpvi_bt.sim.catalogue import load_catalogue
+    from mpvi_bt.sim.portrait import portrait
+
+    picture = portrait(load_catalogue()[name], size)
+    ok, data = cv2.imencode(path.suffix, picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    assert ok
+    _write(path, data.tobytes())
+
+
+def _write(path: Path, data: bytes) -> None:
+    from mpvi_bt.writing import unwritable, write_whole
+
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(path, error) from None
+    write_whole(path, data)

@@ -1,0 +1,108 @@
+"""The families of shapes in words: for lists, and for the page that has a picture of each."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import types
+import typing
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mpvi_bt.sim.catalogue import Catalogue, Entry
+from mpvi_bt.sim.dimensions import Coordinate, Count, Length, Rgb, Size
+from mpvi_bt.sim.families import FAMILIES, Family
+
+_WORDS: Sequence[tuple[Any, str]] = (
+    (Size, "[x, y, z] m"), (Length, "m"), (Coordinate, "m"), (Rgb, "color"), (Count, "1 to 12"),
+    (bool, "true or false"), (float, "number"), (int, "whole number"), (str, "text"),
+)  # fmt: skip
+_HEAD = """\
+# Families of shapes
+
+A thing of the [catalogue](../tasks/catalogues/objects.yaml) has the shape of a family, made from its parameters; what
+stands behind `=` may be left out. Lengths are in metres, colors are written `"#c8202c"`. What things of
+[your own](own_tasks.md) look like, `mpvi show NAME --out FILE.png` draws. This page is written by
+`mpvi show --page docs/families.md`.
+
+| | family | parameters |
+|---|---|---|
+"""
+
+
+@dataclass(frozen=True)
+class FamilyInfo:
+    """A family in words.
+
+    Attributes:
+        name: Such as "can".
+        about: What it makes, a sentence.
+        parameters: Each with what it is, and what holds where it is not said.
+        example: The first entry of the catalogue that is of it, or None.
+    """
+
+    name: str
+    about: str
+    parameters: Mapping[str, str]
+    example: Entry | None
+
+
+def families(catalogue: Catalogue) -> list[FamilyInfo]:
+    """All of them, by name."""
+    return [
+        FamilyInfo(
+            name,
+            (inspect.getdoc(FAMILIES[name]) or "").partition("\n\n")[0].replace("\n", " "),
+            _parameters(FAMILIES[name]),
+            next((entry for entry in catalogue if entry.family == name), None),
+        )
+        for name in sorted(FAMILIES)
+    ]
+
+
+def _parameters(family: Family) -> dict[str, str]:
+    hints = typing.get_type_hints(family, include_extras=True)
+    return {key: _parameter(hints[key], p.default) for key, p in inspect.signature(family).parameters.items()}
+
+
+def family_page(catalogue: Catalogue, folder: str) -> str:
+    """The page, as Markdown.
+
+    Args:
+        catalogue: With an entry of each family, whose picture stands there.
+        folder: Of the pictures, from the page: FAMILY.jpg.
+    """
+    rows = []
+    for info in families(catalogue):
+        parameters = "<br>".join(f"`{name}`: {about}" for name, about in info.parameters.items())
+        example = f"<br>such as `{info.example.name}`" if info.example else ""
+        about = info.about.replace("|", "\\|")
+        rows.append(f"| ![{info.name}]({folder}/{info.name}.jpg) | **{info.name}**: {about}{example} | {parameters} |")
+    return _HEAD + "\n".join(rows) + "\n"
+
+
+def _parameter(hint: Any, default: Any) -> str:
+    """What a parameter is, and what holds where it is not said."""
+    what = _worded(hint)
+    return what if default is inspect.Parameter.empty else f"{what} = {_written(default, what)}"
+
+
+def _worded(hint: Any) -> str:
+    origin, inner = typing.get_origin(hint), typing.get_args(hint)
+    for known, words in _WORDS:
+        if hint == known:
+            return words
+    if origin in (typing.Union, types.UnionType):
+        return _worded(next(member for member in inner if member is not types.NoneType))
+    if origin is typing.Literal:
+        return " or ".join(map(str, inner))
+    if origin is tuple:
+        return f"list of {_worded(inner[0])}" if inner[-1] is Ellipsis else f"[{', '.join(map(_worded, inner))}]"
+    return f"{{{', '.join(hint.model_fields)}}}"  # a record
+
+
+def _written(value: Any, what: str) -> str:
+    if what == "color" and value is not None:
+        return '"#' + "".join(f"{round(255 * channel):02x}" for channel in value) + '"'
+    return json.dumps(value) if value is not None else "none"
