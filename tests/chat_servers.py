@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 
@@ -143,7 +144,7 @@ class ChatServer:
 
             def do_POST(self) -> None:
                 data = self.rfile.read(int(self.headers.get("Content-Length", 0)))
-                if self.path.split("?")[0] != "/v1/chat/completions":
+                if urlsplit(self.path).path != "/v1/chat/completions":  # a proxy gets the whole URL
                     self._send(failure(404, f"no such path: {self.path}"))
                     return
                 with server._lock:

@@ -87,7 +87,7 @@ def test_the_endpoint_of_language_models_is_told_by_its_host(monkeypatch: pytest
         ("me:CANARY99@gateway.example", False, "must be like"),
     ):
         monkeypatch.setenv("OPENAI_BASE_URL", url)
-        check = doctor._guarded("endpoint", False, "mend", doctor._endpoint)
+        check = doctor._guarded("endpoint", False, "mend", doctor.endpoint)
         assert (check.ok, found in check.found) == (ok, True)
         assert "CANARY" not in check.found
 

@@ -22,7 +22,7 @@ RANKS = [
     {"errors"},
     {"yaml_reader"},
     {"file_kinds"},
-    {"robot", "paths", "marked_yaml", "writing"},
+    {"robot", "paths", "marked_yaml", "writing", "proxies"},
     {"extras"},
     {"language"},
     {"goals", "perception"},

@@ -16,6 +16,7 @@ from py_trees.common import Status
 from mpvi_bt.behaviors.protocols import TriggerEvent
 from mpvi_bt.completion.judge import LanguageChecker, png
 from mpvi_bt.executive.loop import run_episode
+from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.language.exchanges import KeptModel
 from mpvi_bt.language.openai import OpenAIModel
 from mpvi_bt.robot.protocol import CONTROL_HZ
@@ -24,6 +25,9 @@ from mpvi_bt.suite.checkers import _MAKERS, make_checker
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.language import Models
 from mpvi_bt.testing import KinematicRobot
+from mpvi_bt.trace.explain import explain
+from mpvi_bt.trace.explain_text import explanation_text
+from mpvi_bt.trace.read import read_trace
 from tests.bench import HELD, PICK, Bench
 from tests.chat_servers import ChatServer, Reply, completion, failure, free_port
 
@@ -149,6 +153,21 @@ def different(made: Bench) -> Any:
         return image
 
     return see
+
+
+def test_explain_says_why_questions_got_no_answer(server: ChatServer, tmp_path: Path) -> None:
+    """Of a run that succeeded as well: how many there were, and the last one's reason."""
+    server.answers([failure(500, "first"), failure(500, "out of memory"), "yes"])
+    made = bench(LanguageChecker(OpenAIModel("tiny", server.url, retries=0)), 3, 40, 80)
+    made.world.robot.look = different(made)  # type: ignore[method-assign]
+    outcome = run_episode(made.tree, made.world, made.context, [Recorder(tmp_path / "t.jsonl", {})], max_time_s=60)
+    assert outcome.ending == "success"
+    explained = explain(read_trace(tmp_path / "t.jsonl"))
+    assert [asked.answer.fault for asked in explained.unanswered] == ["server_error", "server_error"]
+    text = explanation_text(explained, 500)
+    assert "2 questions to the checker got neither yes nor no" in text
+    assert "out of memory" in text
+    assert "first" not in text
 
 
 def test_what_is_not_on_file_ends_an_offline_episode(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+import socket
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,12 +12,13 @@ from typing import Any
 
 import pytest
 
+from mpvi_bt.cli import doctor
 from mpvi_bt.cli.run import _OF_THIS_RUN
 from mpvi_bt.errors import ModelError, UserError
 from mpvi_bt.language.chat import Message
-from mpvi_bt.language.endpoint import find_endpoint, split_address
+from mpvi_bt.language.endpoint import EXPOSED, find_endpoint, split_address
 from mpvi_bt.suite.config import EpisodeConfig, SuiteBudget
-from mpvi_bt.suite.language import Models, check_language_choice
+from mpvi_bt.suite.language import Models, check_language_choice, language_doubts
 from tests.chat_servers import ChatServer, completion, failure
 
 pytest.importorskip("openai")
@@ -184,6 +186,34 @@ def test_a_suite_hands_its_budget_to_every_episode(
     assert "backend failure: over_budget: the budget of the suite is spent: 2 of 2 calls" in done.stderr
     spent = json.loads((tmp_path / "o" / "asked.json").read_text())
     assert spent["calls"] == len(scripted_chat_server.requests) == 2
+
+
+@pytest.mark.parametrize(
+    ("url", "exposed"),
+    [("http://gpu.example/v1", True), ("https://gpu.example/v1", False), ("http://localhost:1/v1", False),
+     (f"http://{socket.gethostname()}:1/v1", False), ("http://10.255.255.1/v1", True)],
+)  # fmt: skip
+def test_plain_http_to_another_machine_is_warned_of(
+    url: str, exposed: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Once for each endpoint, whoever asks it, before anything is sent; not where nobody is asked. By doctor, too."""
+    both = EpisodeConfig("t", checker=f"openai:a@{url}", planner=f"openai:b@{url}")
+    said = [f"{url}: {EXPOSED}"] if exposed else []
+    assert language_doubts([both, replace(both, task="u")]) == said
+    monkeypatch.setenv("OPENAI_BASE_URL", url)
+    assert language_doubts([EpisodeConfig("t", checker="openai:a")]) == said
+    assert language_doubts([replace(both, offline=True, exchanges=tmp_path), EpisodeConfig("t")]) == []
+    assert (EXPOSED in doctor.endpoint()) is exposed
+
+
+def test_the_warning_is_on_the_screen(mpvi: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of `plan`, `run` and `suite run`, whatever becomes of the question."""
+    planner = ("--planner", "openai:m@http://no-such-host.invalid/v1")
+    for command in (("plan", "tidying_bedroom"), ("run", "tidying_bedroom", "--no-watch")):
+        done = mpvi(*command, *planner)
+        assert done.returncode == 3
+        assert f"mpvi: http://no-such-host.invalid/v1: {EXPOSED}" in done.stderr
+        assert done.stderr.index(EXPOSED) < done.stderr.index("asking")
 
 
 def test_no_secret_is_on_the_screen_or_in_files(

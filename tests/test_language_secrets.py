@@ -8,6 +8,7 @@ import logging
 import os
 import subprocess
 import sys
+import time
 import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -138,6 +139,60 @@ def test_answers_tell_no_secret(
     hidden(repr(answer))
     hidden("".join(path.read_text() for path in tmp_path.glob("*.json")))
     hidden(logs())
+
+
+SECRET = 'sk-"CANARY/9\\x.key-of-a-test'
+ONCE, TWICE = json.dumps(SECRET)[1:-1], json.dumps(json.dumps(SECRET)[1:-1])[1:-1]
+UNICODE = escaped(SECRET)
+
+
+@pytest.mark.parametrize(
+    ("spelled", "depth"),
+    [
+        (ONCE, 1),
+        (TWICE, 2),
+        (UNICODE, 1),
+        (UNICODE.upper().replace("\\U", "\\u"), 1),
+        (json.dumps(UNICODE)[1:-1], 2),
+        ("".join(escaped(c) if k % 2 else json.dumps(c)[1:-1] for k, c in enumerate(SECRET)), 1),
+        (ONCE.replace("/", "\\/"), 1),
+    ],
+    ids=range(7),
+)
+def test_a_secret_in_escapes_is_hidden(spelled: str, depth: int) -> None:
+    """However JSON may spell it: decoding what is left does not give it back."""
+    assert spelled != SECRET
+    left = told = Secrets.of([SECRET]).hide(f'{{"about": "a {spelled} b"}}')
+    for _ in range(depth):
+        told = json.loads(told)["about"] if told.startswith("{") else json.loads(f'"{told}"')
+    assert told == f"a {HIDDEN} b"
+    hidden(left)
+
+
+@pytest.mark.parametrize("text", ["\\" * 2**20, "\\u0073" * 2**17, "\\\\s\\\\k" * 2**17])
+def test_hiding_takes_linear_time(text: str) -> None:
+    """A text of backslashes, as long as an answer may be, is gone through at once."""
+    began = time.monotonic()
+    assert Secrets.of([SECRET, KEY]).hide(text) == text
+    assert time.monotonic() - began < 10.0
+
+
+def test_a_plan_tells_no_secret(scripted_chat_server: ChatServer, mpvi: Callable[..., Any], tmp_path: Path) -> None:
+    """That a server echoes in escapes within the plan's JSON: not on the screen, nor in any file that is written."""
+    segment = {"type": "navigation", "completion_criterion": "the robot is at the fridge", "room": "kitchen"}
+    plan = {"task_name": "t", "segments": [{**segment, "target": "fridge", "description": "go, @ @"}]}
+    text = json.dumps(plan).replace("@", escaped(KEY), 1).replace("@", KEY.replace("/", "\\/"))
+    scripted_chat_server.answers([text])
+    planner = f"openai:tiny@{scripted_chat_server.url}"
+    done = mpvi("plan", "fetch it", "--planner", planner, "--exchanges", "x", "--out", "p.json", OPENAI_API_KEY=KEY)
+    assert done.returncode == 0, done.stderr
+    assert HIDDEN in (tmp_path / "p.json").read_text()
+    dry = mpvi("run", "--dry", "--plan", "p.json", "--no-watch", OPENAI_API_KEY=KEY)
+    (trace,) = tmp_path.rglob("*.trace.jsonl")
+    page = mpvi("render", str(trace), "--format", "html", "--out", "page.html")
+    assert (dry.returncode, page.returncode) == (0, 0), dry.stderr + page.stderr
+    told = [path.read_text() for path in tmp_path.rglob("*") if path.is_file()]
+    hidden("".join([done.stdout, done.stderr, dry.stdout, dry.stderr, *told]))
 
 
 def test_models_show_no_secret(secret: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -66,6 +67,15 @@ def test_questions_are_told_on_one_line() -> None:
         "9 asked in 3 units, 3 yes (1 false), 6 no (2 false), 1 neither yes nor no, 1 refused, 1 without an answer, "
         "4.5 s waited for, 909 tokens, 3 answers from file"
     )
+
+
+def test_the_last_question_without_an_answer_says_why() -> None:
+    """In the result and in the line for a person; where every question was answered there is nothing to say."""
+    broken = replace(query(False, "server_error"), reason="server_error: it broke (500)")
+    counted = count_queries([broken, replace(broken, reason="later: (503)"), query(True)], [], tree(PICK).spec)
+    assert counted.last_fault == "later: (503)"
+    assert queries_text([counted, Queries(asked=1)]).endswith(". The last one without a plain answer: later: (503)")
+    assert count_queries([query(True), query(False)], [], tree(PICK).spec).last_fault == ""
 
 
 def test_a_stopped_run_remembers_what_its_questions_cost() -> None:

@@ -21,7 +21,8 @@ from mpvi_bt.drawing.colors import wants_color
 from mpvi_bt.drawing.terminal import draw
 from mpvi_bt.errors import MpviError, UserError
 from mpvi_bt.extras import install
-from mpvi_bt.language.endpoint import BASE_URL, base_url
+from mpvi_bt.language.endpoint import BASE_URL, EXPOSED, base_url
+from mpvi_bt.proxies import is_this_machine
 
 PROBE_LIMIT_S = 120.0  # with stock shaders the first picture takes half a minute on a busy machine
 APT_LIBRARIES = "libx11-6 libgl1 libglib2.0-0 libvulkan1"
@@ -61,7 +62,7 @@ def examine() -> list[Check]:
         _extra("recording", "rerun-sdk", "rerun"),
         _extra("language", "openai", "openai"),
         _key("OPENAI_API_KEY"),
-        _guarded("endpoint", False, "export OPENAI_BASE_URL=http://HOST:PORT/v1", _endpoint),
+        _guarded("endpoint", False, "export OPENAI_BASE_URL=http://HOST:PORT/v1", endpoint),
     ]
 
 
@@ -172,14 +173,16 @@ def _key(variable: str) -> Check:
     )
 
 
-def _endpoint() -> str:
+def endpoint() -> str:
     """The host that language models are asked at, without what lets us in."""
     if not os.environ.get(BASE_URL):
         return f"{BASE_URL} is not set; language models are OpenAI's own"
     try:
-        return f"{BASE_URL} is set: {base_url(os.environ).hostname}"
+        parts = base_url(os.environ)
     except UserError as error:
         raise MpviError(str(error)) from None  # it is this variable that is to be mended
+    exposed = parts.scheme == "http" and not is_this_machine(parts.geturl())
+    return f"{BASE_URL} is set: {parts.hostname}" + (f"; {EXPOSED}" if exposed else "")
 
 
 def _probe(name: str, probe: str, core: bool, mend: str) -> Check:

@@ -56,7 +56,7 @@ def plan(
         _export(what, export, as_json)
         return
     from mpvi_bt.plan.prompt import told
-    from mpvi_bt.suite.language import Models
+    from mpvi_bt.suite.language import Models, language_doubts
     from mpvi_bt.suite.planners import make_planner
     from mpvi_bt.suite.tasks import load_task
 
@@ -72,6 +72,8 @@ def plan(
     beside = Path("runs") / f"{stem}.plan.json" if out is None else out
     config = EpisodeConfig(given if task else "", planner=planner, planned=beside, **asking)
     maker = make_planner(config, task, Models(config), house, lambda line: click.echo(f"mpvi: {line}", err=True))
+    for doubt in language_doubts([config]):
+        click.echo(f"mpvi: {doubt}", err=True)
     planned = maker.ask(task.plan, task.instruction) if task else maker.ask("", given)
     text = planned.plan.to_json()
     if out is not None:

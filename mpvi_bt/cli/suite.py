@@ -136,10 +136,13 @@ def run(
     is tried again by the next run.
     """
     from mpvi_bt.report.several import Part
+    from mpvi_bt.suite.language import language_doubts
     from mpvi_bt.suite.play import Kept, Where, play
     from mpvi_bt.suite.progress import Progress
 
     title, store, episodes = _open(name, out, options)
+    for doubt in language_doubts(episodes):
+        click.echo(f"mpvi: {doubt}", err=True)
     outcome = play(
         title,
         store,

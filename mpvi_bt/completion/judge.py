@@ -18,7 +18,7 @@ from mpvi_bt.robot.protocol import CameraImage
 LONGEST_PX = 512  # of a picture's sides; what is larger is made smaller
 _MOST_CHARACTERS = 600  # of a statement
 # Asking again would not help: the episode ends. Any other failure may pass, and is a no.
-FATAL = ("no_key", "wrong_key", "unknown_model", "over_budget", "not_recorded")
+FATAL = ("no_key", "wrong_key", "unknown_model", "no_pictures", "over_budget", "not_recorded")
 
 _SYSTEM = """\
 You compare one photograph from a robot's camera with one statement about it.

@@ -11,9 +11,11 @@ from urllib.parse import SplitResult, unquote, urlsplit
 
 from mpvi_bt.errors import ModelError, UserError, shown
 from mpvi_bt.language.secrets import Secrets
+from mpvi_bt.proxies import is_this_machine
 
 KEY, BASE_URL = "OPENAI_API_KEY", "OPENAI_BASE_URL"  # environment variables, as the SDK's
 VENDOR = "https://api.openai.com/v1"
+EXPOSED = "warning: plain http to another machine: keys, questions and pictures can be read on the way; use https"
 _EXAMPLE = "http://localhost:8000/v1"
 
 
@@ -32,6 +34,11 @@ class Endpoint:
     authorization: str | None = field(repr=False)
     keyed: bool
     secrets: Secrets
+
+    @property
+    def exposed(self) -> bool:
+        """Whether all that is sent, what lets us in too, can be read on the way."""
+        return self.url.startswith("http://") and not is_this_machine(self.url)
 
 
 def split_address(address: str) -> tuple[str, str]:

@@ -29,7 +29,7 @@ FORMAT = 1  # of the files, and of what the digest is made of
 # Failures that are answers in their way: to put the question again would bring the same, and cost again.
 _FINAL = ("refused", "bad_answer")
 # Those that may pass: the question is put again, unless a run is replayed, which went on from them.
-_PASSING = ("endpoint_down", "model_timeout", "rate_limited", "server_error")
+_PASSING = ("endpoint_down", "model_timeout", "rate_limited", "server_error", "no_pictures")
 
 _log = logging.getLogger(__name__)
 

@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import base64
 import os
+import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from mpvi_bt.errors import ModelError
+from mpvi_bt import proxies
+from mpvi_bt.errors import ModelError, UserError
 from mpvi_bt.extras import install
 from mpvi_bt.language.chat import Answer, Message, Schema
 from mpvi_bt.language.endpoint import KEY, find_endpoint
-from mpvi_bt.language.response import line, read_answer, read_error
+from mpvi_bt.language.response import Said, line, names_blindness, names_form, read_answer, read_error
 
 TIMEOUT_S = 60.0  # Our choice: a model that thinks takes some ten seconds
 CONNECT_S = 5.0
@@ -28,19 +30,21 @@ _FORMS = ("json_schema", "json_object", "plain")  # in which an answer is asked 
 class OpenAIModel:
     """Asks over HTTP; the SDK tries again after 408, 409, 429, 5xx and broken connections.
 
-    Where a schema is wanted, the answer is asked for by JSON Schema; of a server that refuses this, as a JSON object;
-    of one that refuses that, plainly. What a server was found to take is kept to from then on.
+    Where a schema is wanted, the answer is asked for by JSON Schema; of a server that refuses this, or breaks at it, as
+    a JSON object; of one that refuses that, plainly. What a server was found to take is kept to from then on.
+
+    A proxy that the environment names leads to it, unless it is on this machine.
 
     Args:
         model: As the server calls it.
         url: Of the endpoint, such as "http://localhost:8000/v1"; "": that of OPENAI_BASE_URL, else the vendor's own.
         timeout_s: For an answer to begin, and again for it to end, at every try.
         retries: How often a question is put again at most.
-        environment: Where keys come from; proxies, too, unless it is another than this process's.
+        environment: Where keys come from.
 
     Raises:
         ModelError: The extra is not installed ("not_installed"), or there is no key where one is needed.
-        UserError: The address is none.
+        UserError: The address is none, or the proxy cannot be used.
     """
 
     def __init__(
@@ -61,13 +65,14 @@ class OpenAIModel:
         self._hide = self._endpoint.secrets.hide
         self._sdk = openai
         self._form = 0  # where to begin in _FORMS
+        self._proxy = proxies.proxy_for(self._endpoint.url)
         self._client = openai.OpenAI(
             api_key="unused",  # what is sent is said with every request, so that no client has it
             base_url=self._endpoint.url,
             max_retries=retries,
             http_client=openai.DefaultHttpxClient(
                 timeout=openai.Timeout(timeout_s, connect=min(CONNECT_S, timeout_s)),
-                trust_env=environment is os.environ,
+                transport=_transport(self._proxy),
                 follow_redirects=False,  # they would take the key elsewhere
                 headers={"Accept-Encoding": "identity"},  # so that what is bounded is what is read
                 event_hooks={"response": [self._bound]},
@@ -78,30 +83,42 @@ class OpenAIModel:
     def ask(self, messages: Sequence[Message], schema: Schema | None = None) -> Answer:
         """As `ChatModel` says. Takes (retries + 1) * 2 * timeout_s at most, and the waits between."""
         began = time.monotonic()
-        said = [_spoken(message) for message in messages]
+        spoken = [_spoken(message) for message in messages]
         forms = _FORMS[self._form :] if schema is not None else _FORMS[-1:]
+        known = True  # that it was the forms which did not work
         for form in forms:
-            try:
-                text, tries = self._post(said, form, schema)
+            said, tries = self._post(spoken, form, schema)
+            # A failure may be about the form; it is not if the plain question fails as well.
+            if isinstance(said, Said) or form == forms[-1]:
                 break
-            except ModelError as error:
-                # A refusal may be about the form; it is not if the plain question is refused as well.
-                if error.reason != "refused" or form == forms[-1]:
-                    error.latency_s = time.monotonic() - began
-                    raise
-        self._form = max(self._form, _FORMS.index(form)) if schema is not None else self._form
+            refused = said.reason == "refused" or names_form(self._told(said))
+            if not refused and not (said.reason == "server_error" and tries):
+                break
+            known = known and refused
         latency_s = time.monotonic() - began
-        read = read_answer(text, self._endpoint.url, self._hide)
-        if isinstance(read, ModelError):
-            read.latency_s = latency_s
-            raise read
-        return Answer(read.text, read.model or self._model, latency_s, read.tokens_in, read.tokens_out, tries=tries)
+        if isinstance(said, ModelError):
+            if any(message.png for message in messages) and self._is_blind(said):
+                said = ModelError("no_pictures", f"{self.name} sees no pictures: {said}", tokens=said.tokens)
+            said.latency_s = latency_s
+            raise said
+        if schema is not None and known:
+            self._form = max(self._form, _FORMS.index(form))
+        return Answer(said.text, said.model or self._model, latency_s, said.tokens_in, said.tokens_out, tries=tries)
 
-    def _post(self, messages: list[Any], form: str, schema: Schema | None) -> tuple[str, int]:
-        """One question, and all that is tried for it: the response's text, and how many tries it took.
+    def _told(self, failure: ModelError) -> str:
+        """What is told of a failure, without names of ours: a model may be called after its faculties."""
+        return re.sub(rf"(?<!\w){re.escape(self._model)}(?!\w)", "", str(failure).replace(self._endpoint.url, ""))
 
-        Raises:
-            ModelError: With nothing in its chain: the SDK's errors have the request in them, and the request the key.
+    def _is_blind(self, failure: ModelError) -> bool:
+        """Whether a failure says that the model sees no pictures at all."""
+        said_so = failure.reason in ("refused", "server_error", "bad_answer", "unknown_model")
+        return said_so and names_blindness(self._told(failure))
+
+    def _post(self, messages: list[Any], form: str, schema: Schema | None) -> tuple[Said | ModelError, int]:
+        """One question, and all that is tried for it: what came of it, and how many tries a successful response took.
+
+        A failure is returned, with nothing in its chain: the SDK's errors have the request in them, and the request the
+        key. After one by the protocol, or of the connection, the number is 0.
         """
         asked: dict[str, Any] = {"model": self._model, "messages": messages}
         if form == "json_schema":
@@ -113,19 +130,26 @@ class OpenAIModel:
             answer = self._client.chat.completions.with_raw_response.create(
                 **asked, extra_headers={"Authorization": self._endpoint.authorization or self._sdk.omit}
             )
-            return self._hide(answer.http_response.text), answer.retries_taken + 1
+            text = self._hide(answer.http_response.text)
+            return read_answer(text, self._endpoint.url, self._hide), answer.retries_taken + 1
         except ModelError as error:
             failure = ModelError(error.reason, str(error))
         except self._sdk.APIStatusError as error:
             failure = self._refusal(error.status_code, read_error(error.response.text, self._hide), error)
         except self._sdk.APITimeoutError as error:
-            tried = _tried(error)
-            failure = ModelError("model_timeout", f"{self.name}: no answer within {self._timeout_s:g} s{tried}.")
+            waited = f"no answer within {self._timeout_s:g} s{_tried(error)}{self._through()}"
+            failure = ModelError("model_timeout", f"{self.name}: {waited}.")
         except Exception as error:  # of the connection; or whatever else: its chain may have the key in it
             cause = line(self._hide(str(error.__cause__ or error)))
             why = f": {cause}" if cause else ""
-            failure = ModelError("endpoint_down", f"{self._endpoint.url} is not there{_tried(error)}{why}.")
-        raise failure
+            away = "cannot be reached" if self._proxy else "is not there"
+            what = f"{self._endpoint.url} {away}{_tried(error)}{self._through()}{why}."
+            failure = ModelError("endpoint_down", what)
+        return failure, 0
+
+    def _through(self) -> str:
+        """By which proxy it is asked."""
+        return f", through {proxies.told(self._proxy)}" if self._proxy else ""
 
     def _refusal(self, status: int, said: tuple[str, str], error: Exception) -> ModelError:
         """What a status other than success means.
@@ -137,7 +161,7 @@ class OpenAIModel:
         """
         code, message = said
         url = self._endpoint.url
-        told = f" ({status})" + (f": {message}" if message else "")
+        told = f"{self._through()} ({status})" + (f": {message}" if message else "")
         if status == 401 and not self._endpoint.authorization:
             return ModelError("no_key", f"{url} wants a key: set {KEY} (401).")
         if status == 401:  # what servers say to it may have parts of the key
@@ -151,7 +175,9 @@ class OpenAIModel:
             return ModelError("bad_answer", f"{url} has no chat completions{told}; an API's address often ends in /v1.")
         if status == 429:
             return ModelError("rate_limited", f"{url} answers no more for now{_tried(error)}{told}")
-        if status >= 500 or status in (408, 409):
+        if status == 407:
+            return ModelError("endpoint_down", f"{url} cannot be reached{told}; a proxy's password stands in its URL.")
+        if status != 501 and (status >= 500 or status in (408, 409)):
             return ModelError("server_error", f"{url} broke{_tried(error)}{told}")
         return ModelError("refused", f"{url} refuses the question{told}")
 
@@ -160,6 +186,17 @@ class OpenAIModel:
         if response.headers.get("content-encoding", "identity") not in ("identity", ""):
             raise ModelError("bad_answer", f"{self._endpoint.url} answers packed, though that was not asked for.")
         response.stream = _bounded(response.stream, time.monotonic() + self._timeout_s, self._endpoint.url)
+
+
+def _transport(proxy: str) -> Any:
+    """Connections through a proxy; "": without one, whatever the environment says. Raises UserError."""
+    import httpx2
+
+    try:
+        return httpx2.HTTPTransport(proxy=proxy or None)
+    except (ImportError, ValueError, httpx2.InvalidURL) as error:  # SOCKS needs a package of its own
+        why = line(str(error).replace(proxy, "it"))
+        raise UserError(f"{proxies.told(proxy)} cannot be used: {why}") from None
 
 
 def _bounded(stream: Any, deadline: float, url: str) -> Any:

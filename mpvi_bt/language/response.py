@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,35 @@ from mpvi_bt.errors import ModelError
 
 _QUOTED = 200  # characters of what a server says
 _MOST_TOKENS = 10**9  # nobody counts further
+# Why models stop when they have said all, as OpenAI, llama.cpp, TGI, Anthropic and Gemini call it, and when they have
+# not. Whatever else a server says is the name of something that went wrong.
+_WHOLE = ("", "stop", "eos", "eos_token", "stop_sequence", "stop_token", "end_turn", "tool_calls", "function_call")
+_CUT = ("length", "max_tokens", "max_output_tokens", "model_length", "model_context_window_exceeded")
+_FILTERED = ("content_filter", "safety", "recitation", "prohibited_content", "blocklist", "spii", "refusal")
+_MESSAGE = ("message", "detail", "error", "error_msg", "msg")  # in which errors say what is wrong
+_ASIDE = ("reasoning_content", "reasoning", "thinking")  # what vLLM, DeepSeek, OpenRouter and Ollama call thinking
+
+# How servers say that they do not know a form of answers, whatever the status.
+_FORM = re.compile(
+    r"response.?format|json.?(?:schema|object|mode)|structured.?(?:output|decoding)|guided.?\w|grammar|\bschema",
+    re.IGNORECASE,
+)
+# How they say that a model does not see: of pictures and what it cannot, or in words of their own.
+_PICTURES = re.compile(r"image|picture|vision|visual|multi.?modal", re.IGNORECASE)
+_CANNOT = re.compile(
+    r"(?:\b(?:no|not|only|cannot)\b|n't\b|\bun)[^.]{0,60}?(?:support|accept|enabl|allow|load|multi.?modal|vision)",
+    re.IGNORECASE,
+)
+_ONE_PICTURE = re.compile(
+    r"format|mime|media|decod|corrupt|truncat|base64|too (?:large|big|small|many)|larger|exceed|\bsize|resolution"
+    r"|safety|policy|moderat",
+    re.IGNORECASE,
+)
+_BLIND = re.compile(
+    r"mmproj|\b0 image|missing data required for image|variant .?image_url|content must be a (?:valid )?string"
+    r"|can only concatenate str \(not .list.\)",
+    re.IGNORECASE,
+)
 
 
 @dataclass(frozen=True)
@@ -48,27 +78,35 @@ def read_answer(text: str, url: str, hide: Callable[[str], str]) -> Said | Model
     usage = data.get("usage")
     if isinstance(usage, dict):
         tokens_in, tokens_out = _count(usage.get("prompt_tokens")), _count(usage.get("completion_tokens"))
-    if data.get("error"):
-        return bad(f"broke: {_message(data['error'], hide)}", "server_error")
     choices = data.get("choices")
-    choice = choices[0] if isinstance(choices, list) and choices else None
-    message = choice.get("message") if isinstance(choice, dict) else None
-    if not isinstance(choice, dict) or not isinstance(message, dict):
+    choice = choices[0] if isinstance(choices, list) and choices and isinstance(choices[0], dict) else {}
+    message = choice.get("message")
+    broken = [part["error"] for part in (data, choice, message) if isinstance(part, dict) and part.get("error")]
+    if not broken and not choice and any(data.get(key) for key in _MESSAGE):
+        broken = [data]
+    if broken:
+        return bad(f"broke: {_message(broken[0], hide)}", "server_error")
+    if not isinstance(message, dict):
         return bad("answers with no choice of what was said.")
-    finish = choice.get("finish_reason")
+    finish = choice.get("finish_reason") or ""
+    ending = str(finish).lower()
     if refusal := message.get("refusal"):
         return bad(f"refuses: {line(hide(str(refusal)))}", "refused")
-    if finish == "content_filter":
+    if ending in _FILTERED:
         return bad("refuses: its content filter stopped the answer.", "refused")
-    if finish == "length":
+    if ending in _CUT:
         return bad(f"stopped the answer after {tokens_out} tokens, before its end: raise how many it may take.")
+    if ending not in _WHOLE:
+        return bad(f"broke the answer off: finish_reason {line(hide(json.dumps(finish)))}.", "server_error")
     content = message.get("content")
     if isinstance(content, list):  # some servers answer in parts
         content = "".join(
             part["text"] for part in content if isinstance(part, dict) and isinstance(part.get("text"), str)
         )
     if not isinstance(content, str) or not content.strip():
-        return bad("answers with nothing.")
+        aside = next((key for key in _ASIDE if isinstance(message.get(key), str) and message[key].strip()), "")
+        where = f", but for {aside}: its server takes all of it for thinking, and should not" if aside else ""
+        return bad(f"answers with nothing{where}.")
     model = data.get("model")
     name = line(hide(model)) if isinstance(model, str) else ""
     return Said(hide(_whole(content)), name, tokens_in, tokens_out)
@@ -91,12 +129,29 @@ def line(text: str) -> str:
     return text if len(text) <= _QUOTED else text[: _QUOTED - 3] + "..."
 
 
+def names_form(told: str) -> bool:
+    """Whether a server complains of the form in which it was asked to answer."""
+    return _FORM.search(told) is not None
+
+
+def names_blindness(told: str) -> bool:
+    """Whether a server says that its model sees no pictures at all; of one that is broken or too large it may."""
+    if _BLIND.search(told):
+        return True
+    return all(pattern.search(told) for pattern in (_PICTURES, _CANNOT)) and not _ONE_PICTURE.search(told)
+
+
 def _message(error: Any, hide: Callable[[str], str]) -> str:
-    """What an error says, in any of the ways that servers have."""
-    for key in ("message", "detail", "error"):
+    """What an error says, in any of the ways that servers have; of a gateway also what the server behind it says."""
+    behind = error.get("metadata") if isinstance(error, dict) else None  # as OpenRouter has it
+    for key in _MESSAGE:
         if isinstance(error, dict) and error.get(key):
             error = error[key]
-    return line(hide(error if isinstance(error, str) else json.dumps(error)[: 4 * _QUOTED]))
+    said = line(hide(error if isinstance(error, str) else json.dumps(error)[: 4 * _QUOTED]))
+    if isinstance(behind, dict) and (raw := behind.get("raw")):
+        inner = _parsed(raw) if isinstance(raw, str) else raw
+        said += f": {_message(inner, hide)}" if isinstance(inner, dict) else f": {line(hide(str(raw)))}"
+    return said
 
 
 def _parsed(text: str) -> Any:

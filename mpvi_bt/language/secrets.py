@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from urllib.parse import quote
 
 HIDDEN = "[hidden]"
@@ -27,10 +29,18 @@ class Secrets:
         return cls(tuple(sorted(spelled, key=lambda value: (-len(value), value))))
 
     def hide(self, text: str) -> str:
-        """The text without them."""
+        """The text without them, however JSON spells them; what is encoded as a whole (base64, say) is not known."""
         for value in self.values:
             text = text.replace(value, HIDDEN)
-        return text
+        return self._escaped.sub(HIDDEN, text) if self._escaped and "\\" in text else text
+
+    @cached_property
+    def _escaped(self) -> re.Pattern[str] | None:
+        """Finds them where characters of theirs are escaped; JSON within JSON has up to four backslashes for one."""
+        spelled = (
+            "".join(rf"(?:\\{{0,4}}{re.escape(c)}|\\{{1,4}}u{ord(c):04x})" for c in value) for value in self.values
+        )
+        return re.compile("|".join(spelled), re.IGNORECASE) if self.values else None
 
     def guard_logs(self) -> None:
         """Keep them out of what the SDK and the transport below it log, at whatever level."""

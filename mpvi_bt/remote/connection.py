@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import http.client
-import ipaddress
 import logging
 import os
 import socket
@@ -30,6 +29,7 @@ from websockets.exceptions import (
 from websockets.protocol import State
 from websockets.sync.client import ClientConnection, connect
 
+from mpvi_bt import proxies
 from mpvi_bt.errors import BadMessage, PolicyError
 from mpvi_bt.remote.codec import unpack
 
@@ -211,7 +211,7 @@ def _open(url: str, deadline: float, most_bytes: int) -> ClientConnection:
                 max_size=most_bytes,
                 max_queue=4,  # frames that nobody asked for take no more memory than so many messages
                 additional_headers=_headers(),
-                proxy=None if _is_near(url) else True,
+                proxy=None if proxies.is_this_machine(url) else True,
                 open_timeout=max(deadline - time.monotonic(), 0.01),
                 ping_timeout=None,  # while it infers, a server of openpi answers no ping
                 close_timeout=_CLOSE_S,
@@ -219,7 +219,7 @@ def _open(url: str, deadline: float, most_bytes: int) -> ClientConnection:
                 logger=_log,
             )
         except (OSError, ValueError, ImportError, WebSocketException) as error:
-            failure = _refused(error)
+            failure = _refused(error, proxies.proxy_for(url))
         starting = True
         while starting:
             time.sleep(max(min(_POLL_S, deadline - time.monotonic()), 0.0))
@@ -241,14 +241,21 @@ def key_of_environment() -> str:
     return key
 
 
-def _refused(error: Exception) -> PolicyError:
-    """What to say if a server that answered like that is not there in the end. Raises it if waiting cannot help."""
+def _refused(error: Exception, proxy: str) -> PolicyError:
+    """What to say if a server that answered like that is not there in the end. Raises it if waiting cannot help.
+
+    Args:
+        error: Of the connection.
+        proxy: Through which it was to go; "": none.
+    """
     if isinstance(error, ssl.SSLError):
         raise PolicyError("tls", f"TLS: {one_line(str(error))}") from None
     if isinstance(error, socket.gaierror) and error.errno != socket.EAI_AGAIN:
-        raise PolicyError("server_absent", f"no such host: {one_line(str(error.strerror))}") from None
+        whose = f" of {proxies.told(proxy)}" if proxy else ""
+        raise PolicyError("server_absent", f"no such host{whose}: {one_line(str(error.strerror))}") from None
     if isinstance(error, InvalidProxy | ProxyError | ImportError):  # a SOCKS proxy needs a library of its own
-        raise PolicyError("server_absent", f"through the proxy of the environment: {one_line(str(error))}") from None
+        said = one_line(str(error).replace(proxy, "it") if proxy else str(error))
+        raise PolicyError("server_absent", f"through {proxies.told(proxy)}: {said}") from None
     if isinstance(error, InvalidStatus):
         status = error.response.status_code
         words = f"HTTP {status} {http.client.responses.get(status, '')}".strip()
@@ -265,7 +272,8 @@ def _refused(error: Exception) -> PolicyError:
         raise PolicyError("bad_reply", f"it serves no websocket: {one_line(str(error))}") from None
     if isinstance(error, TimeoutError):
         return PolicyError("server_timeout", "it does not answer")
-    return PolicyError("server_absent", os.strerror(error.errno).lower() if error.errno else one_line(str(error)))
+    said = os.strerror(error.errno).lower() if error.errno else one_line(str(error))
+    return PolicyError("server_absent", f"{proxies.told(proxy)}, is not there: {said}" if proxy else said)
 
 
 def _health(url: str, deadline: float) -> int | None:
@@ -282,14 +290,6 @@ def _health(url: str, deadline: float) -> int | None:
         return None
     finally:
         server.close()
-
-
-def _is_near(url: str) -> bool:
-    """Whether a URL is of this machine, which no proxy leads to."""
-    host = urlsplit(url).hostname or ""
-    with contextlib.suppress(ValueError):
-        return ipaddress.ip_address(host).is_loopback
-    return host == "localhost" or host.endswith(".localhost")
 
 
 def one_line(text: str, most: int = 300) -> str:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from mpvi_bt.errors import UserError
 from mpvi_bt.language.budget import Budget, BudgetedModel
 from mpvi_bt.language.chat import ChatModel
-from mpvi_bt.language.endpoint import split_address
+from mpvi_bt.language.endpoint import EXPOSED, find_endpoint, split_address
 from mpvi_bt.language.exchanges import KeptModel, check_folder
 from mpvi_bt.language.local import SMOLLM2
 from mpvi_bt.suite.backends import split
 from mpvi_bt.suite.config import EpisodeConfig
 
+KINDS = ("planner", "checker")  # of backends that may be language models
 NAMES = ("openai", "local")  # of the backends, whichever kind they are of
 
 
@@ -81,7 +82,15 @@ def _local(given: str, file: str, tell: Callable[[str], None]) -> ChatModel:
 
 def check_language_choice(config: EpisodeConfig) -> None:
     """Refuse language models that cannot be asked. Raises as `Models.make`."""
-    for kind in ("planner", "checker"):
+    for kind in KINDS:
         given = config.backends[kind]
         if split(given)[0] in NAMES:
             Models(config).make(given)
+
+
+def language_doubts(configs: Iterable[EpisodeConfig]) -> list[str]:
+    """A line for each endpoint that is asked so that others can listen. Raises as `find_endpoint`."""
+    asked = dict.fromkeys(config.backends[kind] for config in configs if not config.offline for kind in KINDS)
+    addresses = [address for name, address in map(split, asked) if name == "openai"]
+    endpoints = [find_endpoint(split_address(address)[1]) for address in addresses]
+    return list(dict.fromkeys(f"{endpoint.url}: {EXPOSED}" for endpoint in endpoints if endpoint.exposed))

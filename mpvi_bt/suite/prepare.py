@@ -23,7 +23,7 @@ from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.detectors import make_detector
 from mpvi_bt.suite.doers import doubt as doer_doubt
 from mpvi_bt.suite.hands import check_hands
-from mpvi_bt.suite.language import Models, check_language_choice
+from mpvi_bt.suite.language import Models, check_language_choice, language_doubts
 from mpvi_bt.suite.parts import find
 from mpvi_bt.suite.planners import ground, make_planner
 from mpvi_bt.suite.policies import check_policy_choice
@@ -212,6 +212,8 @@ def prepare_episode(
     check_backends(config)
     load_task(config.task).check_instance(config.instance)
     check_split(config.split)
+    for doubt in language_doubts([config]):  # before a key is sent
+        tell(doubt)
     ready = prepare(config, tell, given)
     _check_replanning(ready)
     return ready

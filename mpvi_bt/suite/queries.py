@@ -29,6 +29,7 @@ class Queries(Record):
         latency_s: Sum of the times that answers took.
         tokens_in, tokens_out: Of language models, those of answers on file too.
         kept: Answers that were on file.
+        last_fault: What was said of the last question that got no yes or no; "" where every one got it.
     """
 
     units: Count = 0
@@ -44,6 +45,7 @@ class Queries(Record):
     tokens_in: Count = 0
     tokens_out: Count = 0
     kept: Count = 0
+    last_fault: str = ""
 
 
 def count_queries(queries: Sequence[Query], truths: Sequence[bool | None], tree: TreeSpec) -> Queries:
@@ -71,14 +73,17 @@ def count_queries(queries: Sequence[Query], truths: Sequence[bool | None], tree:
         tokens_in=sum(cost.tokens_in for cost in costs),
         tokens_out=sum(cost.tokens_out for cost in costs),
         kept=sum(cost.kept for cost in costs),
+        last_fault=next((query.reason for query in reversed(queries) if query.fault), ""),
     )
 
 
 def queries_text(counted: Iterable[Queries]) -> str:
     """The questions of episodes as one line for a person; "" if there was none."""
     total: Counter[str] = Counter()
+    last_fault = ""
     for queries in counted:
-        total.update(queries.model_dump())
+        total.update(queries.model_dump(exclude={"last_fault"}))
+        last_fault = queries.last_fault or last_fault
     if not total["asked"]:
         return ""
     no = total["asked"] - total["yes"]
@@ -92,4 +97,4 @@ def queries_text(counted: Iterable[Queries]) -> str:
     parts += [f"{total['latency_s']:.1f} s waited for"] if total["latency_s"] else []
     if tokens := total["tokens_in"] + total["tokens_out"]:
         parts.append(f"{tokens} tokens" + (f", {total['kept']} answers from file" if total["kept"] else ""))
-    return ", ".join(parts)
+    return ", ".join(parts) + (f". The last one without a plain answer: {last_fault}" if last_fault else "")

@@ -88,6 +88,7 @@ class Explanation:
         cause: The failed root; None if it did not fail.
         recovered: Retries and selectors that went on in spite of failures, in order; not those within a larger one.
         gave_up: Nodes that passed over a failure and went on (attempt), each as it stood when it did, in order.
+        unanswered: Questions to the checker that got neither yes nor no, each counted as a no.
         running: Deepest nodes that ran at the end, of a run that its tree did not end.
         error: The exception that ended it.
     """
@@ -103,6 +104,7 @@ class Explanation:
     cause: Link | None = None
     recovered: tuple[Recovery, ...] = ()
     gave_up: tuple[Link, ...] = ()
+    unanswered: tuple[Asked, ...] = ()
     running: tuple[Link, ...] = ()
     error: Broken | None = None
 
@@ -134,6 +136,7 @@ def explain(trace: Trace) -> Explanation:
         cause=history.link(root) if end and end.ending == "failure" else None,
         recovered=tuple(recovered),
         gave_up=tuple(gave_up),
+        unanswered=tuple(asked for asked in history.asked if asked.answer.fault),
         running=history.running() if not end or end.ending not in ("success", "failure") else (),
         error=end.error if end else None,
     )
