@@ -12,6 +12,7 @@ import numpy as np
 from mpvi_bt.behaviors.protocols import TriggerEvent
 from mpvi_bt.errors import UnknownName
 from mpvi_bt.robot import kinematics
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import CONTROL_HZ, OPEN_M, Proprioception, Robot, Side
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
@@ -241,7 +242,7 @@ class _Hand:
         """Take in where the hand is in the world, if it has taken hold of something."""
         if self._way is not None:
             robot = robot_named(body.robot)
-            T = kinematics.base(body.base_pose) @ robot.tcp(body.torso, body.arm[self._side], self._side)
+            T = matmul(kinematics.base(body.base_pose), robot.tcp(body.torso, body.arm[self._side], self._side))
             self._way.feel(T[:3, 3])
 
     @property
@@ -299,8 +300,8 @@ class _Way:
         """Take in where it is (3,) [m]."""
         home = self._home = p_hand_world if self._home is None else self._home
         self._recent.append(p_hand_world)
-        self._farthest_m = max(self._farthest_m, float(np.linalg.norm(p_hand_world - home)))
-        went_m = float(np.linalg.norm(p_hand_world - self._recent[0]))
+        self._farthest_m = max(self._farthest_m, float(norm(p_hand_world - home)))
+        went_m = float(norm(p_hand_world - self._recent[0]))
         slow = went_m * CONTROL_HZ <= self._t.still_hand_m_s * max(len(self._recent) - 1, 1)
         self._still = self._still + 1 if slow else 0
 
@@ -356,7 +357,7 @@ class _Drive:
         if not stands:
             return False
         if self._left is not None:
-            gone_m, turned = np.linalg.norm((now - self._left)[:2]), abs(kinematics.wrap(now[2] - self._left[2]))
+            gone_m, turned = norm((now - self._left)[:2]), abs(kinematics.wrap(now[2] - self._left[2]))
             if gone_m <= self._t.driven_m and turned <= self._t.turned_rad:
                 return False
         self._left = now.copy()

@@ -15,6 +15,7 @@ from mpvi_bt.completion.criteria import UNARY, Criterion, named, parse
 from mpvi_bt.perception.detector import SWITCH
 from mpvi_bt.perception.phrases import Vocabulary
 from mpvi_bt.robot.kinematics import inverse
+from mpvi_bt.robot.linear_algebra import matmul, norm, principal_axes
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.r1 import R1
@@ -212,7 +213,7 @@ class _Picture:
         level = float(np.percentile(near[:, 2], 95))
         face = near[near[:, 2] > level - 0.015]
         # A horizontal face has an extent both ways; the edge of a wall has not.
-        spread = np.sqrt(np.linalg.eigvalsh(np.cov(face[:, :2].T))) if len(face) > 2 else np.zeros(2)
+        spread = principal_axes(face[:, :2])[0] if len(face) > 2 else np.zeros(2)
         if abs(bottom - level) > self._sight.rest_m or spread.min() < 0.01:
             return Judgement(False, f"{name} does not rest on {surface}")
         return Judgement(True, f"{name} is seen on {surface}")
@@ -227,7 +228,7 @@ class _Picture:
         a, b = self._box(name), self._box(other)
         gap = np.maximum(0.0, np.maximum(a[0], b[0]) - np.minimum(a[1], b[1]))
         size = float(np.mean((a[1] - a[0])[:2] + (b[1] - b[0])[:2]) / 2)
-        if gap[2] > 0 or np.linalg.norm(gap) > self._sight.beside * size:
+        if gap[2] > 0 or norm(gap) > self._sight.beside * size:
             return Judgement(False, f"{name} is seen away from {other}")
         (low, high), middle = b[:, :2], (a[0] + a[1])[:2] / 2
         if ((low < middle) & (middle < high)).all():
@@ -257,7 +258,7 @@ class _Picture:
         held = [other for other in self._phrases if self._seen(other) and self._gripped(other)]
         if name in held or any(self.inside(name, other).complete for other in held):
             return Judgement(False, f"{name} is seen to be carried")
-        gap = np.percentile(np.linalg.norm(self._points[self._mask(name)][:, :2] - self._eye[:2], axis=1), 5)
+        gap = np.percentile(norm(self._points[self._mask(name)][:, :2] - self._eye[:2], axis=1), 5)
         near = bool(gap <= self._sight.at_m)
         return Judgement(near, f"{name} is seen {'within reach' if near else 'far off'}")
 
@@ -285,10 +286,10 @@ class _Picture:
             return Judgement(False, f"too little of {name} is seen")
         eye = self._eye
         rays = points - eye
-        distance = np.linalg.norm(rays, axis=1)
-        toward = rays / distance[:, None] @ hull[:, :3].T  # (points, faces)
+        distance = norm(rays, axis=1)
+        toward = matmul(rays / distance[:, None], hull[:, :3].T)  # (points, faces)
         with np.errstate(divide="ignore", invalid="ignore"):
-            hits = np.where(toward < -1e-6, -(hull[:, :3] @ eye + hull[:, 3]) / toward, 0.0)
+            hits = np.where(toward < -1e-6, -(matmul(hull[:, :3], eye) + hull[:, 3]) / toward, 0.0)
         hollow = float(np.mean(distance - hits.max(1) > self._sight.hollow_m))
         least, most = self._sight.hollow_share
         if hollow >= least:
@@ -315,8 +316,8 @@ class _Picture:
 
     def _between_fingers(self, name: str) -> Judgement:
         """In a wrist picture: points of the thing between the fingers, at their tips."""
-        to_hand = self._robot.hand_to_camera @ inverse(self._image.T_world_camera)
-        points = self._points @ to_hand[:3, :3].T + to_hand[:3, 3]  # (H, W, 3) in the hand frame
+        to_hand = matmul(self._robot.hand_to_camera, inverse(self._image.T_world_camera))
+        points = matmul(self._points, to_hand[:3, :3].T) + to_hand[:3, 3]  # (H, W, 3) in the hand frame
         tip = np.abs(points - (0.0, 0.0, self._robot.tcp_m - 0.01))
         at_tips = (tip[..., 0] < self._sight.reach_m) & (tip[..., 2] < self._sight.reach_m)
         beyond_palm = (tip[..., 0] < 0.02) & (points[..., 2] > self._robot.tcp_m - 0.04)
@@ -345,7 +346,7 @@ class _Picture:
         last = rows >= np.percentile(rows, 90)
         below = np.minimum(rows[last] + 2, mask.shape[0] - 1), columns[last]
         others = ~mask[below] & ~self._mask(ROBOT)[below]
-        gaps = np.linalg.norm(self._points[below] - self._points[rows[last], columns[last]], axis=1)[others]
+        gaps = norm(self._points[below] - self._points[rows[last], columns[last]], axis=1)[others]
         if len(gaps) and np.nanmedian(gaps) < self._sight.touch_m:
             return Judgement(False, f"{name} is seen to rest on something")
         return Judgement(True, f"{name} is seen in a gripper")
@@ -370,7 +371,7 @@ class _Picture:
         """Whether the robot is seen right beside a thing to its left and to its right."""
         to_camera = inverse(self._image.T_world_camera)
         seen = (self._points[self._mask(label)] for label in (name, ROBOT))
-        thing, robot = (points @ to_camera[:3, :3].T + to_camera[:3, 3] for points in seen)
+        thing, robot = (matmul(points, to_camera[:3, :3].T) + to_camera[:3, 3] for points in seen)
         (low, high), near = np.percentile(thing, (1, 99), axis=0), self._sight.beside_m
         level = robot[((robot > low) & (robot < high))[:, 1:].all(1), 0]
         sides = (level > low[0] - near) & (level < low[0]), (level < high[0] + near) & (level > high[0])
@@ -397,7 +398,7 @@ class _Picture:
         touching = outline = 0
         for dr, dc in ((-3, 0), (3, 0), (0, -3), (0, 3)):
             r, c = np.clip(rows + dr, 0, mask.shape[0] - 1), np.clip(columns + dc, 0, mask.shape[1] - 1)
-            gap = np.linalg.norm(self._points[r, c] - self._points[rows, columns], axis=1)
+            gap = norm(self._points[r, c] - self._points[rows, columns], axis=1)
             touching += int(np.count_nonzero(robot[r, c] & (gap < near_m)))
             outline += int(np.count_nonzero(~mask[r, c]))
         return touching, outline

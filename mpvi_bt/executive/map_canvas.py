@@ -16,6 +16,7 @@ from mpvi_bt.executive.map_picture import hatch
 from mpvi_bt.executive.search_view import Mask, SearchView, called, cropped, extent, room_places
 from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array
 
 _WIDTH_PX = 1400  # of the finished picture, at most; drawn at twice that and shrunk
@@ -91,7 +92,7 @@ class Canvas:
 
     def objects(self, before: Mapping[str, Array], after: Mapping[str, Array]) -> None:
         """Rings where things were, discs where they are, an arrow between if they moved."""
-        moved = [n for n in after if n in before and np.linalg.norm(after[n] - before[n]) > 0.10]
+        moved = [n for n in after if n in before and norm(after[n] - before[n]) > 0.10]
         radius = max(4, round(7 * self._unit))
         for name in before:
             a = self._px(before[name]).tolist()

@@ -11,6 +11,7 @@ from mpvi_bt.executive import search_colors as colors
 from mpvi_bt.executive.labels import Color, Labels, Picture
 from mpvi_bt.executive.search_view import Mask, SearchView, Window, called, cropped, found, room_places, visible
 from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
@@ -161,7 +162,7 @@ def _pose(rgb: Picture, px: Pixels, pose: Array, radius_m: float, fill: Color, e
 
     ahead = px(pose[:2] + radius_m * np.array([np.cos(pose[2]), np.sin(pose[2])]))
     center = px(pose[:2])
-    radius = max(5, round(float(np.linalg.norm(px(pose[:2] + np.array([radius_m, 0.0])) - center))))
+    radius = max(5, round(float(norm(px(pose[:2] + np.array([radius_m, 0.0])) - center))))
     cv2.circle(rgb, center.tolist(), radius, fill, -1, cv2.LINE_AA)
     cv2.circle(rgb, center.tolist(), radius, edge, 2, cv2.LINE_AA)
     cv2.line(rgb, center.tolist(), ahead.tolist(), edge, 2, cv2.LINE_AA)

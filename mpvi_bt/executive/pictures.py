@@ -18,6 +18,7 @@ from mpvi_bt.executive.map_canvas import Canvas
 from mpvi_bt.executive.search_view import SearchView, found
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.writing import unwritable
@@ -65,7 +66,7 @@ class PathPicture(Watcher):
             self._poses.append(world.robot.proprioception().base_pose)
             goal = self._goal() if self._goal else None
             if goal is not None:
-                if self._goals and np.linalg.norm(goal[:2] - self._goals[-1][:2]) < _SAME_M:
+                if self._goals and norm(goal[:2] - self._goals[-1][:2]) < _SAME_M:
                     self._goals.pop()  # it only turns there
                 self._goals.append(goal)
 

@@ -22,6 +22,7 @@ from mpvi_bt.executive.search_view import Head, SearchView, Window, called, crop
 from mpvi_bt.extras import install
 from mpvi_bt.perception.detector import Detection
 from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
@@ -183,7 +184,7 @@ class RerunLog(Watcher):
         x, y, yaw = pose
         turn = rr.RotationAxisAngle(axis=(0, 0, 1), radians=yaw)
         log("world/robot", rr.Transform3D(translation=(x, y, 0), rotation=turn))
-        if not self._way or np.linalg.norm(pose[:2] - self._way[-1]) > _WAY_M:
+        if not self._way or norm(pose[:2] - self._way[-1]) > _WAY_M:
             self._way.append(pose[:2].copy())
         ahead = np.array([[x, y], [x + 0.6 * np.cos(yaw), y + 0.6 * np.sin(yaw)]])
         center, tip = self._pixels(ahead)

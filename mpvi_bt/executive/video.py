@@ -15,6 +15,7 @@ from mpvi_bt.executive.labels import Picture
 from mpvi_bt.executive.loop import Outcome, Watcher, World
 from mpvi_bt.executive.search_frames import OUTSIDE, SearchFrames
 from mpvi_bt.executive.search_view import SearchView
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
@@ -147,9 +148,9 @@ class Follower:
         forward = np.array([np.cos(yaw), np.sin(yaw), 0.0])
         eye = np.array([x, y, self._up_m]) - self._behind_m * forward
         ahead = np.array([x, y, 0.7]) + 0.5 * forward - eye
-        z = ahead / np.linalg.norm(ahead)
+        z = ahead / norm(ahead)
         across = np.cross(z, (0.0, 0.0, 1.0))
-        across /= np.linalg.norm(across)
+        across /= norm(across)
         T = np.eye(4)
         T[:3, :3], T[:3, 3] = np.stack([across, np.cross(z, across), z], 1), eye
         return T

@@ -13,6 +13,7 @@ from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.goals.formula import Literal, Truth
 from mpvi_bt.goals.rays import contains, crosses, interval
 from mpvi_bt.goals.state import WorldState, aabb
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array, Solid
 
 RAY_M = 5.0
@@ -59,7 +60,7 @@ def nextto(state: WorldState, a: str, b: str) -> bool:
     """Their bounding boxes are close for their size, and a horizontal ray from the middle of either meets the other."""
     box_a, box_b = aabb(state, a), aabb(state, b)
     gap = np.maximum(0.0, np.maximum(box_a[0], box_b[0]) - np.minimum(box_a[1], box_b[1]))
-    if np.linalg.norm(gap) > NEXT_TO_GAP * np.mean(np.ptp(box_a, axis=0) + np.ptp(box_b, axis=0)):
+    if norm(gap) > NEXT_TO_GAP * np.mean(np.ptp(box_a, axis=0) + np.ptp(box_b, axis=0)):
         return False
     return beside(box_a.mean(0), state.solids(b)) or beside(box_b.mean(0), state.solids(a))
 

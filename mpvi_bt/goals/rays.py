@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array, Solid
 
 _PARALLEL = 1e-12
@@ -20,7 +21,7 @@ def interval(solid: Solid, start: Array, direction: Array) -> tuple[float, float
         direction: (3,) of length 1, so that t is in metres; t may be negative.
     """
     R, p = solid.T[:3, :3], solid.T[:3, 3]
-    s, d, h = R.T @ (start - p), R.T @ direction, solid.half_m
+    s, d, h = matmul(R.T, start - p), matmul(R.T, direction), solid.half_m
     if solid.kind == "sphere":
         return _quadratic(s, d, h[0])
     if solid.kind == "box":
@@ -43,9 +44,9 @@ def crosses(solids: Iterable[Solid], start: Array, direction: Array, length_m: f
 
 def contains(solid: Solid, point: Array) -> bool:
     """Whether the (3,) point is in the solid, its surface included."""
-    local = np.abs(solid.T[:3, :3].T @ (point - solid.T[:3, 3]))
+    local = np.abs(matmul(solid.T[:3, :3].T, point - solid.T[:3, 3]))
     if solid.kind == "sphere":
-        return bool(np.linalg.norm(local) <= solid.half_m[0])
+        return bool(norm(local) <= solid.half_m[0])
     if solid.kind == "cylinder":
         return bool(np.hypot(local[0], local[1]) <= solid.half_m[0] and local[2] <= solid.half_m[2])
     return bool(np.all(local <= solid.half_m))
@@ -65,7 +66,7 @@ def _slabs(s: Array, d: Array, h: Array, axes: tuple[int, ...]) -> tuple[float, 
 
 def _quadratic(s: Array, d: Array, radius: float) -> tuple[float, float] | None:
     """Where |s + t d| <= radius."""
-    a, b, c = float(d @ d), float(s @ d), float(s @ s) - radius**2
+    a, b, c = float(matmul(d, d)), float(matmul(s, d)), float(matmul(s, s)) - radius**2
     if a < _PARALLEL:
         return (-np.inf, np.inf) if c <= 0.0 else None
     root = b * b - a * c

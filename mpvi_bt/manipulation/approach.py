@@ -14,6 +14,7 @@ from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
@@ -91,7 +92,7 @@ def close_in(
             raise MotionFailure("no_stance")
         tried.append(stance.base)
         away = stance.route[-1] - work.motion.felt.base_pose
-        if work.sight is None or (np.linalg.norm(away[:2]) < 0.02 and abs(kin.wrap(away[2])) < 0.03):
+        if work.sight is None or (norm(away[:2]) < 0.02 and abs(kin.wrap(away[2])) < 0.03):
             break
         if looks < _LOOKS - 1:
             for base in stance.route:
@@ -125,14 +126,14 @@ def _refined(work: Work, side: Side, stance: Stance, options: Sequence[Option]) 
 
     What a look from there has corrected is corrected; the stance itself if no line leads to any such option.
     """
-    planned = work.base @ work.motion.robot.tcp(work.motion.torso, work.motion.arm(side), side)
+    planned = matmul(work.base, work.motion.robot.tcp(work.motion.torso, work.motion.arm(side), side))
     to_base = kin.inverse(work.base)
     lift = stance.waypoints[-1][2, 3] - stance.waypoints[-2][2, 3]
     alike = [o for o in options if abs(o.waypoints[-1][2, 3] - o.waypoints[-2][2, 3] - lift) < 0.005]
     for option in sorted(alike, key=lambda o: _apart(planned, o.waypoints[0]))[:_REFINED]:
         if _apart(planned, option.waypoints[0]) > _CORRECTED:
             break
-        waypoints, q = to_base @ option.waypoints, work.motion.arm(side)
+        waypoints, q = matmul(to_base, option.waypoints), work.motion.arm(side)
         for T in waypoints:
             line = arm_motion.trace(work.motion.robot, work.motion.torso, side, q, T)
             if line is None:
@@ -168,9 +169,9 @@ def arrive(
 
 def lines(work: Work, side: Side, stance: Stance, waypoints: Sequence[int], speed: float = 0.16) -> Actions:
     """Straight lines through some of a stance's waypoints, corrected for where the base really stands."""
-    shift = kin.inverse(work.base) @ kin.base(stance.base)
+    shift = matmul(kin.inverse(work.base), kin.base(stance.base))
     for k in waypoints:
-        yield from work.motion.line(side, shift @ stance.waypoints[k], speed)
+        yield from work.motion.line(side, matmul(shift, stance.waypoints[k]), speed)
 
 
 def leave(work: Work, stance: Stance) -> Actions:
@@ -191,5 +192,5 @@ def withdraw(work: Work, side: Side, stance: Stance) -> Actions:
 
 def _apart(T: Array, other: Array) -> float:
     """How far two hand poses (4, 4) are apart: their angle [rad], and 5 cm count as a tenth of one."""
-    turn = float(np.arccos(np.clip((np.trace(T[:3, :3].T @ other[:3, :3]) - 1) / 2, -1, 1)))
-    return turn + 2 * float(np.linalg.norm(T[:3, 3] - other[:3, 3]))
+    turn = float(np.arccos(np.clip((np.trace(matmul(T[:3, :3].T, other[:3, :3])) - 1) / 2, -1, 1)))
+    return turn + 2 * float(norm(T[:3, 3] - other[:3, 3]))

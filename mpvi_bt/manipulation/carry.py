@@ -15,6 +15,7 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Load
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
@@ -141,7 +142,7 @@ def _homeward(work: Work, torso: Array, without: Collection[str]) -> dict[Side, 
     for margin, side in product(_CLEAR_M, sides):
         now, checked, home = work.motion.hand(side), 0, replace(body, torso=torso[:3])
         for T in _carries(work, side, body):
-            q = body.robot.nearest_posture(kin.inverse(body.robot.chest(torso)) @ T, side, work.motion.arm(side))
+            q = body.robot.nearest_posture(matmul(kin.inverse(body.robot.chest(torso)), T), side, work.motion.arm(side))
             if q is None or not home.free(side, q, margin)[0]:
                 continue
             for detour in _DETOURS:
@@ -167,7 +168,7 @@ def _swing_home(work: Work, without: Collection[str]) -> Actions:
         if held.laden:
             continue
         body = work.body(without)
-        home = [kin.inverse(body.robot.chest(upright)) @ T for T in _carries(work, side, body)]
+        home = [matmul(kin.inverse(body.robot.chest(upright)), T) for T in _carries(work, side, body)]
         ends = (body.robot.nearest_posture(T, side, work.motion.arm(side)) for T in home)
         free = (q for q in ends if q is not None and body.free(side, q)[0])
         free = (q for q in free if _straightens(work, body, side, q) is not None)
@@ -192,9 +193,10 @@ def tuck(work: Work) -> Actions:
         now, checked = work.motion.hand(side), 0
         body = replace(body, arms=arms)
         for T in _carries(work, side, body):
-            if np.linalg.norm(T[:3, 3] - now[:3, 3]) < 0.03 or checked >= _CHECKED_CARRIES:
+            if norm(T[:3, 3] - now[:3, 3]) < 0.03 or checked >= _CHECKED_CARRIES:
                 break  # as good as home
-            q = body.robot.nearest_posture(kin.inverse(body.robot.chest(work.motion.torso)) @ T, side, arms[side])
+            T_chest_tcp = matmul(kin.inverse(body.robot.chest(work.motion.torso)), T)
+            q = body.robot.nearest_posture(T_chest_tcp, side, arms[side])
             if q is None or not body.free(side, q, _CLEAR_M[0])[0]:
                 continue
             path = arm_motion.plan_level(body, side, T)
@@ -258,7 +260,7 @@ def _passes(body: Body) -> bool:
 def _as_it_hangs(work: Work, side: Side, body: Body) -> Load:
     """What a hand holds, no larger than the room where it is now: a little above a board its spheres reach into it."""
     T, load = work.motion.hand(side), body.held[side]
-    return load.within(body.around.distance(load.centers @ T[:3, :3].T + T[:3, 3]) - _SHRUNK_M)
+    return load.within(body.around.distance(matmul(load.centers, T[:3, :3].T) + T[:3, 3]) - _SHRUNK_M)
 
 
 def _carries(work: Work, side: Side, body: Body) -> list[Array]:
@@ -266,7 +268,7 @@ def _carries(work: Work, side: Side, body: Body) -> list[Array]:
     now, load = work.motion.hand(side), body.held[side]
     ranked = []
     for x, y, z, yaw in _CARRIES:
-        T = kin.transform(kin.rot_z(yaw * SIGN[side]) @ now[:3, :3], (x, y * SIGN[side], z))
-        reach = np.hypot(*(load.centers @ T[:2, :3].T + T[:2, 3]).T) + load.radii
+        T = kin.transform(matmul(kin.rot_z(yaw * SIGN[side]), now[:3, :3]), (x, y * SIGN[side], z))
+        reach = np.hypot(*(matmul(load.centers, T[:2, :3].T) + T[:2, 3]).T) + load.radii
         ranked.append((float(reach.max()) + 0.05 * abs(yaw) + 0.2 * abs(z - _CARRY_HEIGHT_M), T))
     return [T for _, T in sorted(ranked, key=lambda r: r[0])]

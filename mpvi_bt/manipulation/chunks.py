@@ -11,6 +11,7 @@ import numpy as np
 from mpvi_bt.behaviors.chunk import ask
 from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.errors import UserError, shown
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array
 
 DECAY = 0.01  # per step of age; the value that ACT was published with
@@ -107,4 +108,4 @@ class TemporalEnsemble(_Wrapped):
         self._chunks = [chunk[1:] for chunk in self._chunks if len(chunk) > 1][-_OLDEST:] + [newest]
         weights = np.exp(-self._decay * np.arange(len(self._chunks)))
         now = np.stack([chunk[0] for chunk in self._chunks])
-        return np.asarray(weights @ now / weights.sum())[None]
+        return np.asarray(matmul(weights, now) / weights.sum())[None]

@@ -28,6 +28,7 @@ from mpvi_bt.manipulation.openings import (
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid
@@ -85,7 +86,7 @@ def close(work: Work, words: Words, tried: list[Array]) -> Actions:
         if not ajar:
             out = work.ajar.get(thing)
             # What stands open at a right angle looks closed from before its outer face.
-            if out is not None and all(outward(d) @ out < _FACING for d in doors):
+            if out is not None and all(matmul(outward(d), out) < _FACING for d in doors):
                 yield from stand_before(work, thing, np.mean([_edge(d) for d in doors], axis=0), out)
                 yield from look_over(work, thing)
                 continue
@@ -93,14 +94,14 @@ def close(work: Work, words: Words, tried: list[Array]) -> Actions:
             if same and all(is_closed(d) for d in doors_meant(work, thing, places)):  # gaps may show from one side only
                 return
             continue
-        work.ajar[thing] = moved(ajar[0], -ajar[0].position)[:3, :3] @ outward(ajar[0])
+        work.ajar[thing] = matmul(moved(ajar[0], -ajar[0].position)[:3, :3], outward(ajar[0]))
         felt = yield from _shut(work, thing, ajar[0], tried, words.get("hand"))
         yield from look_over(work, thing)
         left = [d for d in work.scene.doors(thing) if not is_closed(d)]
         # A gap as wide as a finger does not show; a hand that has felt a door stop where it has to be knows better.
         if felt and not any(_wide_open(d) for d in left):
             return
-        if len(left) >= len(ajar) and any(np.linalg.norm(_edge(d) - _edge(ajar[0])) < _SAME_M for d in left):
+        if len(left) >= len(ajar) and any(norm(_edge(d) - _edge(ajar[0])) < _SAME_M for d in left):
             break
     raise MotionFailure("not_closed")
 
@@ -190,8 +191,8 @@ def _to_hinge(door: Door) -> Array:
     if not upright(door):
         return np.zeros(2)
     shut = moved(door, -door.position)
-    way = (door.origin - shut[:3, :3] @ _edge(door) - shut[:3, 3])[:2]
-    return np.asarray(_ASLANT * way / np.linalg.norm(way))
+    way = (door.origin - matmul(shut[:3, :3], _edge(door)) - shut[:3, 3])[:2]
+    return np.asarray(_ASLANT * way / norm(way))
 
 
 def pushes(door: Door, beyond: float = 0.03) -> list[Course]:
@@ -205,14 +206,14 @@ def pushes(door: Door, beyond: float = 0.03) -> list[Course]:
     """
     face, shut, out_of = panel(door), moved(door, -door.position), outward(door)
     axes, half = face.T[:3, :3], face.half_m
-    through = int(np.abs(out_of @ axes).argmax())
-    rising = -np.abs(axes[2]) if door.kind == "slide" else -np.abs(door.axis @ axes)
+    through = int(np.abs(matmul(out_of, axes)).argmax())
+    rising = -np.abs(axes[2]) if door.kind == "slide" else -np.abs(matmul(door.axis, axes))
     up = int(np.where(np.arange(3) == through, 1.0, rising).argmin())
     wide = 3 - up - through
     center = face.T[:3, 3]
     away = axes[:, wide]
     if door.kind == "hinge":
-        away = away * np.sign(float((center - door.origin) @ away))  # from the hinge to the free edge
+        away = away * np.sign(float(matmul(center - door.origin, away)))  # from the hinge to the free edge
     rise = axes[:, up] * (1.0 if axes[2, up] >= 0 else -1.0)
     out = []
     for point, bias in _points(door, center, away, rise, float(half[wide]), float(half[up])):
@@ -224,14 +225,14 @@ def pushes(door: Door, beyond: float = 0.03) -> list[Course]:
             continue
         for turn in _TURNS if door.kind == "hinge" else (0.0,):
             for flip in (1.0, -1.0):
-                straight = kin.hand_rotation(-(shut[:3, :3] @ out_of), flip * np.cross(rise, out_of))
+                straight = kin.hand_rotation(-matmul(shut[:3, :3], out_of), flip * np.cross(rise, out_of))
                 out.append(_push(door, point, straight, turn, beyond, 1.5 * abs(turn - 0.5) + bias))
     return sorted(out, key=lambda course: course.cost)[:_MOST_COURSES]
 
 
 def _from_above(door: Door) -> Iterator[tuple[Array, float]]:
     """Rotations (3, 3) of a fist that goes down with a lid as it is, the fingertips side by side, with their costs."""
-    up = moved(door, -door.position)[:3, :3] @ outward(door)
+    up = matmul(moved(door, -door.position)[:3, :3], outward(door))
     for lean in _LEANS:
         approach, along = np.sin(lean) * door.axis - np.cos(lean) * up, np.cos(lean) * door.axis + np.sin(lean) * up
         for flip in (1.0, -1.0):
@@ -265,7 +266,7 @@ def _heights(door: Door, center: Array, rise: Array, half: float) -> list[tuple[
     """Heights [m] on the panel, from its middle, with their costs: beyond the bar's ends first."""
     at, reach = 0.0, 0.0
     if door.bar is not None:
-        at, reach = float((door.bar.center - center) @ rise), door.bar.length_m / 2 + _BESIDE_M
+        at, reach = float(matmul(door.bar.center - center, rise)), door.bar.length_m / 2 + _BESIDE_M
     wanted = [at + reach, at - reach, at + reach + 0.1, at - reach - 0.1, at, 0.0]
     return [(h, 0.1 * k) for k, h in enumerate(dict.fromkeys(wanted)) if abs(h) < half - 0.04]
 
@@ -274,9 +275,9 @@ def _near_bar(door: Door, point: Array) -> bool:
     bar = door.bar
     assert bar is not None
     off = point - bar.center
-    beyond = max(0.0, abs(float(off @ bar.axis)) - bar.length_m / 2)
-    flat = off - bar.axis * float(off @ bar.axis) - bar.outward * float(off @ bar.outward)
-    return bool(np.hypot(beyond, max(0.0, float(np.linalg.norm(flat)) - 0.06)) < _BESIDE_M - 0.03)
+    beyond = max(0.0, abs(float(matmul(off, bar.axis))) - bar.length_m / 2)
+    flat = off - bar.axis * float(matmul(off, bar.axis)) - bar.outward * float(matmul(off, bar.outward))
+    return bool(np.hypot(beyond, max(0.0, float(norm(flat)) - 0.06)) < _BESIDE_M - 0.03)
 
 
 def _push(door: Door, point: Array, straight: Array, turn: float, beyond: float, cost: float) -> Course:
@@ -286,11 +287,11 @@ def _push(door: Door, point: Array, straight: Array, turn: float, beyond: float,
         at = start - (start + beyond) * x
         R = straight
         if door.kind == "hinge":
-            R = turned(door.axis, turn * at) @ straight
+            R = matmul(turned(door.axis, turn * at), straight)
         T = moved(door, at - start)
-        out = T[:3, :3] @ face
-        aside = _FINGER_HALF_M * float(np.linalg.norm(np.cross(out, R[:, 2])))  # a finger that lies along the face
-        return kin.transform(R, T[:3, :3] @ point + T[:3, 3] - _FIST_M * R[:, 2] + aside * out)
+        out = matmul(T[:3, :3], face)
+        aside = _FINGER_HALF_M * float(norm(np.cross(out, R[:, 2])))  # a finger that lies along the face
+        return kin.transform(R, matmul(T[:3, :3], point) + T[:3, 3] - _FIST_M * R[:, 2] + aside * out)
 
     before = hand(0.0)
     touched = before[:3, 3].copy()
@@ -298,7 +299,7 @@ def _push(door: Door, point: Array, straight: Array, turn: float, beyond: float,
     def carry(x: float) -> Array:
         yaw = -float(np.sign(door.axis[2])) * turn * (start + beyond) * x if upright(door) else 0.0
         R = kin.rot_z(yaw)
-        return kin.transform(R, (hand(x)[:3, 3] - R @ touched) * [1.0, 1.0, 0.0])
+        return kin.transform(R, (hand(x)[:3, 3] - matmul(R, touched)) * [1.0, 1.0, 0.0])
 
     def moving(x: float) -> Sequence[Solid]:
         T = moved(door, -start * x)

@@ -17,6 +17,7 @@ from mpvi_bt.manipulation.site import FLOOR, Site, Standing, base_clear
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Obstacles, Surroundings, Together
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array, Solid
@@ -62,12 +63,12 @@ class Course:
 
     def pulled(self, x: float) -> Array:
         """`hand(x)` as the base of the start would see it after it went along: (4, 4)."""
-        return kin.inverse(self.carry(x)) @ self.hand(x)
+        return matmul(kin.inverse(self.carry(x)), self.hand(x))
 
     def base(self, x: float, start: Array) -> Array:
         """(3,) where the base is by then if it stood at `start` (3,)."""
         turn = self.carry(x)
-        T = turn @ kin.base(start)
+        T = matmul(turn, kin.base(start))
         return np.array([T[0, 3], T[1, 3], start[2] + np.arctan2(turn[1, 0], turn[0, 0])])
 
 
@@ -116,7 +117,7 @@ class CourseSearch(Site):
         here, spent = self.motion.felt.base_pose, 0.0
         focus = np.mean([c.touch[:2, 3] for c in courses], axis=0)
         for base in _bases(here, focus, courses[0].heading, self.side):
-            if any(np.linalg.norm(base[:2] - b[:2]) < 0.05 and abs(kin.wrap(base[2] - b[2])) < 0.2 for b in self.tried):
+            if any(norm(base[:2] - b[:2]) < 0.05 and abs(kin.wrap(base[2] - b[2])) < 0.2 for b in self.tried):
                 continue
             if not self.stands(base[None])[0]:
                 continue
@@ -160,7 +161,7 @@ class CourseSearch(Site):
         """A start there; and what looking for it took, 1 for a full check."""
         back = route[-1]
         T = kin.inverse(kin.base(base))
-        touches = T @ np.stack([course.touch for course in courses])
+        touches = matmul(T, np.stack([course.touch for course in courses]))
         torsos, t, g, q = self.postures(touches, [course.cost for course in courses], _PITCHES, swivels=16)
         if not len(q):
             return None, _GLANCE
@@ -210,7 +211,8 @@ class CourseSearch(Site):
         there = replace(body, around=self._then(course, 0.0, base), arms={**body.arms, self.side: q})
         if not there.free(self.side, q, grasping=True)[0]:
             return None
-        line = arm_motion.trace(body.robot, body.torso, self.side, q, kin.inverse(kin.base(base)) @ course.before)
+        T_base_before = matmul(kin.inverse(kin.base(base)), course.before)
+        line = arm_motion.trace(body.robot, body.torso, self.side, q, T_base_before)
         if line is None:
             return None
         short = line[-1]
@@ -227,9 +229,9 @@ class CourseSearch(Site):
         ends = [body.torso]
         if self.bendable:
             every = body.robot.torsos(_PITCHES, body.torso[3])
-            ends += list(every[np.argsort(np.abs(every[:, :3] - body.torso[:3]) @ [1.0, 0.0, 0.8])])
+            ends += list(every[np.argsort(matmul(np.abs(every[:, :3] - body.torso[:3]), [1.0, 0.0, 0.8]))])
         xs = np.linspace(0, 1, (_SAMPLES - 1) * _BETWEEN + 1)
-        poses = [(float(x), kin.inverse(kin.base(base)) @ course.pulled(float(x))) for x in xs]
+        poses = [(float(x), matmul(kin.inverse(kin.base(base)), course.pulled(float(x)))) for x in xs]
         for end in ends:
             if self._goes_along(body, base, course, q, end, poses):
                 return np.asarray(end, float)
@@ -241,7 +243,7 @@ class CourseSearch(Site):
         postures = []
         for x, T in poses:
             torso = body.torso + (end - body.torso) * x
-            near = body.robot.nearest_posture(kin.inverse(body.robot.chest(torso)) @ T, self.side, q)
+            near = body.robot.nearest_posture(matmul(kin.inverse(body.robot.chest(torso)), T), self.side, q)
             if near is None or np.abs(near - q).max() > _LEAP_RAD or near[_ELBOW] > _BENT_RAD:
                 return False
             q = near
@@ -267,5 +269,5 @@ def _bases(here: Array, focus: Array, heading: float, side: Side) -> Iterator[Ar
                 c, s = np.cos(yaw), np.sin(yaw)
                 xy = focus - [c * ahead - s * y, s * ahead + c * y]
                 cost = 1.2 * abs(ahead - 0.56) + 0.5 * abs(lateral - 0.16) + 0.4 * abs(turn)
-                ranked.append((cost + 0.1 * float(np.linalg.norm(xy - here[:2])), np.array([*xy, kin.wrap(yaw)])))
+                ranked.append((cost + 0.1 * float(norm(xy - here[:2])), np.array([*xy, kin.wrap(yaw)])))
     return iter([base for _, base in sorted(ranked, key=lambda r: r[0])])

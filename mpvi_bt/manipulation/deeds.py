@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.perception.shape import Shape
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
@@ -72,7 +73,7 @@ class Deeds:
         out = np.zeros(len(places), bool)
         for low, high in (box[:, :2] for _, box in self._laid if box[0, 2] < _FLOOR_M):
             off = np.maximum(np.maximum(low - places, places - high), 0)
-            out |= np.linalg.norm(off, axis=1) < radius_m
+            out |= norm(off, axis=1) < radius_m
         return out
 
     def put_into(self, middle: Array) -> list[str]:
@@ -81,4 +82,4 @@ class Deeds:
 
 
 def _there(at: Array, place: Array) -> bool:
-    return float(np.linalg.norm(at - place)) < _THERE_M
+    return float(norm(at - place)) < _THERE_M

@@ -7,6 +7,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
 from mpvi_bt.manipulation.site import KNOWN_M, Site
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array
 
 _STEP_M = 0.12  # between places
@@ -33,7 +34,7 @@ class Detours:
 
     def way(self, goal: Array) -> list[Array] | None:
         """Base poses (3,) to drive to `goal` (3,) by, few long legs rather than many; None if there is no way."""
-        last = np.linalg.norm(self._places[:, :2] - goal[:2], axis=1)
+        last = norm(self._places[:, :2] - goal[:2], axis=1)
         k = int(np.where(last < _BESIDE_M, self._length + last, np.inf).argmin())
         if last[k] >= _BESIDE_M or not np.isfinite(self._length[k]):
             return None

@@ -19,6 +19,7 @@ from mpvi_bt.manipulation.stance import Option
 from mpvi_bt.manipulation.two_hands import Box, boxes_about
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Side
 from mpvi_bt.robot.solids import Array
@@ -66,9 +67,9 @@ def draw_out(work: Work, name: str, side: Side) -> Actions:
     try:
         stance = yield from arrive(work, stance, search, lambda: options(work, name))
         yield from lines(work, side, stance, [1])
-        shift = kin.inverse(work.base) @ kin.base(stance.base)
+        shift = matmul(kin.inverse(work.base), kin.base(stance.base))
         for T in stance.waypoints[2:-1]:
-            yield from motion.line(side, shift @ T, _SPEED_M_S, give_rad=np.inf)
+            yield from motion.line(side, matmul(shift, T), _SPEED_M_S, give_rad=np.inf)
         motion.action[ActionLayout.ARM[side]] = motion.felt.arm[side]
         yield from lines(work, side, stance, [len(stance.waypoints) - 1])
     except MotionFailure:
@@ -98,7 +99,7 @@ def _swings(work: Work, name: str) -> Iterator[_Swing]:
         across = np.array([-ahead[1], ahead[0], 0.0]) * box.width / 2
         for sign in (1.0, -1.0):
             swing = _Swing(box, (back + sign * across)[:2], (back - sign * across)[:2])
-            out = kin.rot_z(-sign * _ARC_RAD[-1]) @ (box.middle - back + sign * across)
+            out = matmul(kin.rot_z(-sign * _ARC_RAD[-1]), box.middle - back + sign * across)
             below = np.append(swing.pivot + out[:2], box.bottom - _SUPPORT_M)
             if below[2] < 0 or near.distance(below) <= 2 * _SUPPORT_M:
                 yield swing
@@ -108,7 +109,7 @@ def _ways(swing: _Swing) -> Iterator[Option]:
     box = swing.box
     ahead = np.array([np.cos(box.heading), np.sin(box.heading), 0.0])
     radial = np.append(swing.end - swing.pivot, 0.0)
-    radial /= np.linalg.norm(radial)
+    radial /= norm(radial)
     turning = float(np.sign(np.cross(radial, ahead)[2]))
     for tilt in _TILTS:
         z = box.bottom + max(lowest(tilt), min(0.02, 0.5 * box.height))
@@ -116,17 +117,17 @@ def _ways(swing: _Swing) -> Iterator[Option]:
             continue
         s, c = float(np.sin(tilt)), float(np.cos(tilt))
         for turn in _TURNS:
-            approach = -s * (kin.rot_z(turn) @ ahead) + [0, 0, -c]
+            approach = -s * matmul(kin.rot_z(turn), ahead) + [0, 0, -c]
             for depth in (d for d in _DEPTHS_M if d <= box.length):
                 start = np.append(swing.end, z) + ahead * depth + radial * CLOSED_HALF_M
-                R = kin.hand_rotation(approach, kin.rot_z(turn) @ radial)
+                R = kin.hand_rotation(approach, matmul(kin.rot_z(turn), radial))
                 arm = start[:2] - swing.pivot
                 points = [start - _BEFORE_M * approach + radial * _OFF_M, start + radial * _OFF_M]
                 for angle in _ARC_RAD:
-                    out = kin.rot_z(turning * angle)[:2, :2] @ arm
+                    out = matmul(kin.rot_z(turning * angle)[:2, :2], arm)
                     slid = radial * (_PRESS_M + _SLIDES * angle * box.width)
                     points.append(np.append(swing.pivot + out, z) - slid)
-                off = kin.rot_z(turning * _ARC_RAD[-1]) @ radial
+                off = matmul(kin.rot_z(turning * _ARC_RAD[-1]), radial)
                 points.append(points[-1] + 0.03 * off + 0.5 * _BEFORE_M * ahead)
                 waypoints = np.stack([kin.transform(R, p) for p in points])
                 yield Option(waypoints, 1, 0.3 * abs(turn) + 0.2 * abs(tilt - 1.2) + 5.0 * depth, opening_m=0.0)

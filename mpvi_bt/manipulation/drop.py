@@ -22,6 +22,7 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import posture_distance
 from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array, Solid, bounds
@@ -94,7 +95,9 @@ def _above(work: Work, side: Side, container: str) -> bool:
     """Whether what a hand holds is over the opening of a container, as far as that is known now."""
     volumes = [v for v in work.scene.volumes(container) if v.T[2, 2] > _UPRIGHT]
     rows = outline([s.moved(work.hand(side)) for s in work.load(side).solids])[None]
-    return not volumes or any(_spare(v, (rows - v.T[:2, 3]) @ v.T[:2, :2], np.empty((0, 2, 3)))[0] > 0 for v in volumes)
+    return not volumes or any(
+        _spare(v, matmul(rows - v.T[:2, 3], v.T[:2, :2]), np.empty((0, 2, 3)))[0] > 0 for v in volumes
+    )
 
 
 def reach_over(work: Work, side: Side, releases: Sequence[tuple[Array, float]], container: str) -> Actions:
@@ -105,9 +108,9 @@ def reach_over(work: Work, side: Side, releases: Sequence[tuple[Array, float]], 
     """
     before = kin.inverse(work.scene.pose(container))
     motion, holder = work.motion, other(side)
-    from_holder = kin.inverse(work.base @ motion.hand(holder))
+    from_holder = kin.inverse(matmul(work.base, motion.hand(holder)))
     best = sorted(releases, key=lambda r: r[1])[:_BEST_RELEASES]
-    goals = np.stack([from_holder @ T for T, _ in best]) if best else np.zeros((0, 4, 4))
+    goals = np.stack([matmul(from_holder, T) for T, _ in best]) if best else np.zeros((0, 4, 4))
 
     def choose(body: Body, shown: Array, at: NDArray[np.intp], q: Array) -> Iterator[tuple[int, Array]]:
         for k in np.unique(at):
@@ -117,8 +120,8 @@ def reach_over(work: Work, side: Side, releases: Sequence[tuple[Array, float]], 
 
     k = yield from meet(work, holder, VESSEL, goals, choose)
     # Arms give way under a load, by a centimeter; what counts is where the container hangs now.
-    hangs = work.scene.pose(container) @ before @ best[k][0]
-    yield from motion.line(side, kin.inverse(work.base) @ hangs, speed=0.08)
+    hangs = matmul(work.scene.pose(container), before, best[k][0])
+    yield from motion.line(side, matmul(kin.inverse(work.base), hangs), speed=0.08)
 
 
 def releases(work: Work, held: Held, side: Side, container: str, raised: bool = False) -> list[tuple[Array, float]]:
@@ -166,15 +169,15 @@ def _into(
     R_now = work.hand(side)[:3, :3]
     for turn in _TURNS:
         for tilt in _TILTS:
-            R = kin.rot_z(turn) @ R_now
+            R = matmul(kin.rot_z(turn), R_now)
             sideways = np.cross([0, 0, 1.0], R[:, 2])
-            level = float(np.linalg.norm(sideways))
+            level = float(norm(sideways))
             about = sideways / level if level > 0.2 else R[:, 1]  # what points down is tilted about its closing axis
-            R = Rotation.from_rotvec(about * tilt).as_matrix() @ R
+            R = matmul(Rotation.from_rotvec(about * tilt).as_matrix(), R)
             hanging = [s.moved(kin.transform(R, (0.0, 0.0, 0.0))) for s in held.solids]
             low, high = bounds(hanging)
             middle, tall = (low + high)[:2] / 2, float(high[2] - low[2])
-            edge = (outline(hanging) - middle) @ volume.T[:2, :2]  # in the volume's frame
+            edge = matmul(outline(hanging) - middle, volume.T[:2, :2])  # in the volume's frame
             reach = np.ptp(edge, axis=0) / 2
             room = half[:2] - reach - _FALL_M
             if (room < 0).any():
@@ -186,7 +189,7 @@ def _into(
             for at, gap, under in zip(*(values[spare > _FALL_M] for values in (grid, spare, onto)), strict=True):
                 if under + (0.0 if raised else tall / 2) > half[2] - _FALL_M:
                     continue  # it would come to lie over the rim; on a heap, in one of its gaps at best
-                over = volume.T[:3, :3] @ [*at, 0.0] + volume.T[:3, 3]
+                over = matmul(volume.T[:3, :3], [*at, 0.0]) + volume.T[:3, 3]
                 cost = 10 * max(0.0, 0.025 - float(gap)) + 0.1 * abs(float(turn)) + 2.0 * abs(tilt)
                 cost += 10 * float(reach.max()) + 0.5 * float(np.hypot(*at)) + 0.5 * (under + float(half[2]))
                 for up in ups:
@@ -197,7 +200,7 @@ def _into(
 def _spare(volume: Solid, rows: Array, covers: Array) -> Array:
     """(n,) how far outlines (n, m, 2) in a volume's frame keep from its walls and from what covers it [m]."""
     if volume.kind == "cylinder":
-        spare = volume.half_m[0] - np.linalg.norm(rows, axis=-1).max(1)
+        spare = volume.half_m[0] - norm(rows, axis=-1).max(1)
     else:
         spare = (volume.half_m[:2] - np.abs(rows)).min((1, 2))
     for cover in covers:
@@ -216,7 +219,7 @@ def _onto(rows: Array, lying: Sequence[Array], bottom: float) -> Array:
 def _apart(rows: Array, box: Array) -> Array:
     """(n,) how far outlines (n, m, 2) keep from a box (2, 3), seen from above [m]."""
     low, high = box[:, :2]
-    off = np.linalg.norm(np.maximum(np.maximum(low - rows, rows - high), 0), axis=-1).min(1)
+    off = norm(np.maximum(np.maximum(low - rows, rows - high), 0), axis=-1).min(1)
     # An outline that holds the box within it has no point on it, but lies on both sides of it.
     around = ((rows.min(1) < low) & (rows.max(1) > high)).all(1)
     return np.asarray(np.where(around, 0.0, off))

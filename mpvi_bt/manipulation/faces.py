@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from mpvi_bt.manipulation.fitting import View
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array
 
 _SPOT_M = 0.02  # grid of free places
@@ -50,7 +51,7 @@ def room(
     room = ndimage.distance_transform_edt(free) * _SPOT_M - _SPOT_M / 2
     cells = np.argwhere(room > radius_m)
     places = low + (cells + 0.5) * _SPOT_M
-    cost = np.linalg.norm(places - near, axis=1) - 0.5 * np.minimum(room[tuple(cells.T)], 0.2)
+    cost = norm(places - near, axis=1) - 0.5 * np.minimum(room[tuple(cells.T)], 0.2)
     return [(float(cost[k]), np.array([*places[k], top])) for k in _spread(places, np.argsort(cost))]
 
 
@@ -58,7 +59,7 @@ def _spread(places: Array, order: NDArray[np.intp]) -> list[int]:
     """The best places, a hand's breadth apart."""
     kept: list[int] = []
     for k in order:
-        if all(np.linalg.norm(places[k] - places[j]) > 0.08 for j in kept):
+        if all(norm(places[k] - places[j]) > 0.08 for j in kept):
             kept.append(int(k))
         if len(kept) >= 8:
             break

@@ -16,6 +16,7 @@ from mpvi_bt.manipulation.frames import Frame
 from mpvi_bt.perception.fit import fit
 from mpvi_bt.perception.outlines import main_cluster
 from mpvi_bt.perception.shape import Shape
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array
 
 _DRIFTED_M = 0.006  # less than that views may differ without the odometry being to blame
@@ -47,7 +48,7 @@ def fitted(views: Sequence[View], support_m: float) -> Shape | None:
     fresh = [p for p, (f, _) in zip(parts, head, strict=True) if f.stand == newest]
     if fresh and len(fresh) < len(parts):  # what the odometry has done to older views is undone
         shift = _shift(np.concatenate(parts[: -len(fresh)]), np.concatenate(fresh))
-        if shift is not None and np.linalg.norm(shift) > _DRIFTED_M:
+        if shift is not None and norm(shift) > _DRIFTED_M:
             parts = [*(p + shift for p in parts[: -len(fresh)]), *fresh]
     support = None if head else support_m
     if wrist:
@@ -77,6 +78,6 @@ def _shift(points: Array, onto: Array) -> Array | None:
         close = gap <= np.percentile(gap, 60)  # the wrist does not see all that the head sees
         step = np.median(onto[nearest[close]] - (sample + total)[close], axis=0)
         total += step
-        if np.linalg.norm(step) < 2e-4:
+        if norm(step) < 2e-4:
             break
-    return total if np.linalg.norm(total) < 0.04 else None
+    return total if norm(total) < 0.04 else None

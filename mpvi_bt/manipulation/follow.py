@@ -11,6 +11,7 @@ from mpvi_bt.manipulation.course import Course, Start
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.drives import in_base_frame
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure, smooth
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, Side
 from mpvi_bt.robot.solids import Array
@@ -55,7 +56,7 @@ def touch(work: Work, course: Course, side: Side, speed: float = 0.16, until_con
     Raises:
         MotionFailure: "no_reach" if the arm cannot.
     """
-    yield from work.motion.line(side, kin.inverse(work.base) @ course.hand(0.0), speed, until_contact)
+    yield from work.motion.line(side, matmul(kin.inverse(work.base), course.hand(0.0)), speed, until_contact)
 
 
 def go_along(
@@ -91,7 +92,7 @@ def go_along(
         error = goal - motion.felt.base_pose
         error[2], forward[2] = kin.wrap(error[2]), kin.wrap(goal[2] - last[2]) * CONTROL_HZ
         last = goal
-        if np.linalg.norm(error[:2]) > _ASTRAY_M:  # pressed against a wall it could not even draw its hand back
+        if norm(error[:2]) > _ASTRAY_M:  # pressed against a wall it could not even draw its hand back
             yield from motion.drive(course.base(smooth(max(0.0, k / n - _BACK)), start), _BASE_SPEED_M_S)
             raise MotionFailure("base_blocked")
         motion.action[ActionLayout.TORSO] = torso + (torso_after - torso) * x
@@ -107,7 +108,7 @@ def go_along(
 def resistance(motion: Motion, side: Side) -> float:
     """How far a hand is from where its arm is told to have it [m]: the arm is a spring, and something holds it off."""
     felt = motion.robot.tcp(motion.felt.torso, motion.felt.arm[side], side)
-    return float(np.linalg.norm((felt - motion.hand(side))[:3, 3]))
+    return float(norm((felt - motion.hand(side))[:3, 3]))
 
 
 def back_out(motion: Motion, direction: Array, distance_m: float, speed: float = 0.25) -> Actions:
@@ -117,13 +118,13 @@ def back_out(motion: Motion, direction: Array, distance_m: float, speed: float =
         MotionFailure: "base_blocked" if something is in the way.
     """
     goal = motion.felt.base_pose.copy()
-    goal[:2] += direction / max(float(np.linalg.norm(direction)), 1e-9) * distance_m
+    goal[:2] += direction / max(float(norm(direction)), 1e-9) * distance_m
     yield from motion.drive(goal, speed)
 
 
 def around(work: Work, side: Side) -> bool:
     """Whether the fingers of a hand that points ahead stand around something that the robot does not carry."""
-    T = work.base @ work.motion.hand(side)
+    T = matmul(work.base, work.motion.hand(side))
     between = T[:3, 3] + np.outer(np.linspace(-1, 1, 5) * _BETWEEN_M, T[:3, 1])
     return bool(np.hypot(*T[:2, 2]) > _LEVEL and (work.near().distance(between) < _TOUCHED_M).any())
 
@@ -134,17 +135,17 @@ def draw_off(work: Work, side: Side) -> Actions:
     Raises:
         MotionFailure: "base_blocked" if something is in the way.
     """
-    yield from back_out(work.motion, -(work.base @ work.motion.hand(side))[:2, 2], _OFF_M)
+    yield from back_out(work.motion, -matmul(work.base, work.motion.hand(side))[:2, 2], _OFF_M)
 
 
 def _seconds(course: Course, start: Array) -> float:
     """How long a course takes: base and hand have their speeds, and neither is to be outrun."""
     xs = np.linspace(0, 1, 21)
     bases, hands = [course.base(float(x), start) for x in xs], [course.hand(float(x)) for x in xs]
-    way = sum(float(np.linalg.norm((b - a)[:2])) for a, b in pairwise(bases))
-    reach = sum(float(np.linalg.norm((b - a)[:3, 3])) for a, b in pairwise(hands))
+    way = sum(float(norm((b - a)[:2])) for a, b in pairwise(bases))
+    reach = sum(float(norm((b - a)[:3, 3])) for a, b in pairwise(hands))
     turn = sum(
-        float(np.arccos(np.clip((np.trace(a[:3, :3].T @ b[:3, :3]) - 1) / 2, -1, 1))) for a, b in pairwise(hands)
+        float(np.arccos(np.clip((np.trace(matmul(a[:3, :3].T, b[:3, :3])) - 1) / 2, -1, 1))) for a, b in pairwise(hands)
     )
     return max(way / _BASE_SPEED_M_S, reach / _HAND_SPEED_M_S, turn / _TURN_SPEED_RAD_S)
 
@@ -154,9 +155,9 @@ def _reach(motion: Motion, side: Side, T_world_tcp: Array) -> bool:
 
     The arm stays where it is then: on its way to another elbow the hand would swing what it holds.
     """
-    T_chest_world = kin.inverse(kin.base(motion.felt.base_pose) @ motion.robot.chest(motion.felt.torso))
+    T_chest_world = kin.inverse(matmul(kin.base(motion.felt.base_pose), motion.robot.chest(motion.felt.torso)))
     now = motion.arm(side)
-    q = motion.robot.nearest_posture(T_chest_world @ T_world_tcp, side, now)
+    q = motion.robot.nearest_posture(matmul(T_chest_world, T_world_tcp), side, now)
     if q is None or np.abs(q - now).max() > _LEAP_RAD:
         return False
     motion.action[ActionLayout.ARM[side]] = now + np.clip(q - now, -_STEP_RAD, _STEP_RAD)

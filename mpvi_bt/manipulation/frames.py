@@ -12,6 +12,7 @@ from scipy import ndimage
 from mpvi_bt.perception.detector import ROBOT, Detector
 from mpvi_bt.perception.localize import pixels
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import SIDES, CameraImage, Proprioception
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
@@ -82,7 +83,7 @@ class Frame:
 
     def depth_at(self, p_world: Array) -> tuple[float, float] | None:
         """(depth of a point, depth measured there) [m], or None if it is out of the picture or nothing was measured."""
-        p = kin.inverse(self.image.T_world_camera) @ np.append(p_world, 1.0)
+        p = matmul(kin.inverse(self.image.T_world_camera), np.append(p_world, 1.0))
         if p[2] < 0.05:
             return None
         u = int(self.image.K[0, 0] * p[0] / p[2] + self.image.K[0, 2])
@@ -107,7 +108,7 @@ def take(
     near = ndimage.median_filter(image.depth, 3)
     smooth = (image.depth > 0) & (np.abs(near - image.depth) < _NOISE_PER_M * image.depth**2)
     depth = np.where(smooth, near, image.depth).astype(np.float32)
-    image = replace(image, T_world_camera=base @ camera, depth=depth)
+    image = replace(image, T_world_camera=matmul(base, camera), depth=depth)
     found = [Shown(d.phrase, pixels(d, image)) for d in detector.detect(image, [ROBOT, *phrases])]
     own = np.zeros(image.depth.shape, bool)
     for shown in found:

@@ -8,6 +8,7 @@ import numpy as np
 
 from mpvi_bt.manipulation.work import NEAR_M, Work
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.motion import Actions
 from mpvi_bt.robot.solids import Array
 
@@ -69,7 +70,7 @@ def _stands(work: Work) -> Array:
 def look_into(work: Work, name: str) -> Actions:
     """Look at a thing from as high above it as the torso brings the eyes; one that holds something is not bent."""
     postures = [_raised(work, name)] if work.held() else _overlooking(work, name) or [work.motion.torso]
-    middle = (kin.inverse(work.base) @ np.append(work.middle(name), 1.0))[:3]
+    middle = matmul(kin.inverse(work.base), np.append(work.middle(name), 1.0))[:3]
 
     def steepness(torso: Array) -> float:
         down = work.motion.robot.head_camera(torso)[:3, 3] - middle
@@ -88,7 +89,7 @@ def look_at(work: Work, *names: str) -> Actions:
 def tilted(work: Work, p_world: Array) -> Array:
     """The torso posture (4,) as it is, but with a point (3,) in the middle of the head's view, up or down."""
     torso = work.motion.torso
-    seen = kin.inverse(work.base @ work.motion.robot.chest(torso)) @ np.append(p_world, 1.0)
+    seen = matmul(kin.inverse(matmul(work.base, work.motion.robot.chest(torso))), np.append(p_world, 1.0))
     ahead = seen[:3] - work.motion.robot.head_m
     torso[3] = np.clip(np.arctan2(-ahead[2], max(float(ahead[0]), 0.05)), *work.motion.robot.torso_limits[3])
     return torso
@@ -117,7 +118,8 @@ def _overlooking(work: Work, name: str) -> list[Array]:
     for lift, pitch in _OVERLOOKS:
         torso = np.array([max(lift, min(0.55, float(middle[2]) - 0.65)), 0.0, pitch, work.motion.torso[3]])
         torso[:3] = np.clip(torso[:3], *robot.torso_limits[:3].T)
-        ahead = (kin.inverse(robot.chest(torso)) @ T @ np.append(middle, 1.0))[:3] - robot.head_m - robot.head_camera_m
+        seen = matmul(kin.inverse(robot.chest(torso)), T, np.append(middle, 1.0))[:3]
+        ahead = seen - robot.head_m - robot.head_camera_m
         if np.arctan2(-ahead[2], max(float(ahead[0]), 0.0)) < _HANDS_RAD and replace(body, torso=torso).all_free():
             found.append(torso)
     return found

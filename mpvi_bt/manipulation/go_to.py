@@ -20,6 +20,7 @@ from mpvi_bt.manipulation.site import base_clear
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.r1 import R1
@@ -151,7 +152,7 @@ class _Drive:
         if self._first is None:
             near, steps = work.near(), np.arange(_LEAST_M, _LEG_M + 0.01, 0.15)
             ahead = (kin.transform(np.eye(3), (x, 0.0, 0.0)) for x in steps)
-            free = [base_clear(work.motion.robot, near.seen_from(work.base @ T)) for T in ahead]
+            free = [base_clear(work.motion.robot, near.seen_from(matmul(work.base, T))) for T in ahead]
             return float(steps[free.index(False)]) - 0.15 if False in free else _LEG_M
         image = replace(work.images["head"], T_world_camera=work.motion.robot.head_camera(work.motion.felt.torso))
         p = image.points_world()  # (H, W, 3) in the base frame
@@ -159,7 +160,7 @@ class _Drive:
         along = _along(self._first, image.depth)
         front, left, right = _HALF_WIDTH_M, _HALF_WIDTH_M, -_HALF_WIDTH_M
         for load in _loads(work):
-            x, y = (kin.inverse(work.base) @ np.append(load, (0.0, 1.0)))[:2]
+            x, y = matmul(kin.inverse(work.base), np.append(load, (0.0, 1.0)))[:2]
             own |= along & (np.hypot(p[..., 0] - x, p[..., 1] - y) < _LOAD_M)
             front, left, right = max(front, x + _AROUND_M), max(left, y + _AROUND_M), min(right, y - _AROUND_M)
         barring = (p[..., 1] < left) & (p[..., 1] > right) & (p[..., 2] > _HEIGHT_M[0]) & (p[..., 2] < _HEIGHT_M[1])
@@ -182,7 +183,7 @@ def _along(before: NDArray[np.float32], now: NDArray[np.float32]) -> NDArray[np.
 
 
 def _length(way: Array) -> float:
-    return float(np.linalg.norm(way))
+    return float(norm(way))
 
 
 def _bearing(way: Array) -> float:

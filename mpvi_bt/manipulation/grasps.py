@@ -13,6 +13,7 @@ from mpvi_bt.manipulation.scene import Scene
 from mpvi_bt.perception.parts import Bar
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.kinematics import hand_rotation, inverse, transform, wrap
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array, Solid, bounds
 
 MAX_WIDTH_M = 0.086  # what 10 cm of opening takes with a margin
@@ -95,7 +96,8 @@ def _on_bar(bar: Bar, bearing: float) -> Iterator[Grasp]:
         if approach[2] > 0.2:
             continue
         tilt = float(np.arccos(np.clip(-approach[2], -1, 1)))
-        aside = max(0.0, -float(approach @ ahead)) * float(np.sin(tilt))  # a hand does not come from beyond the thing
+        # a hand does not come from beyond the thing
+        aside = max(0.0, -float(matmul(approach, ahead))) * float(np.sin(tilt))
         across = np.cross(bar.axis, approach)
         for sign in (1.0, -1.0):
             T = transform(hand_rotation(approach, sign * across), bar.center)
@@ -132,7 +134,7 @@ def _between_sides(T: Array, solids: Sequence[Solid], bearing: float, support: f
     """
     frame = inverse(T)
     low, high = bounds(s.moved(frame) for s in solids)
-    size, middle = high - low, T[:3, :3] @ ((low + high) / 2) + T[:3, 3]
+    size, middle = high - low, matmul(T[:3, :3], (low + high) / 2) + T[:3, 3]
     up = int(np.abs(T[2, :3]).argmax())
     flat = [i for i in range(3) if i != up]
     top, bottom = float(middle[2] + size[up] / 2), float(middle[2] - size[up] / 2)
@@ -177,7 +179,7 @@ def _clear(grasp: Grasp, inside: Surroundings) -> bool:
     """Whether open fingers and palm are clear of the rest of a thing."""
     T = grasp.T_world_tcp
     return all(
-        bool((inside.distance(centers @ T[:3, :3].T + T[:3, 3]) > radii - slack).all())
+        bool((inside.distance(matmul(centers, T[:3, :3].T) + T[:3, 3]) > radii - slack).all())
         for (centers, radii), slack in ((hand.fingers(grasp.opening_m), 0.002), (hand.palm(), 0.008))
     )
 
@@ -255,7 +257,7 @@ def _edges(volume: Solid) -> Iterator[tuple[Array, Array]]:
     R, half = volume.T[:3, :3], volume.half_m
     if volume.kind == "cylinder":
         for a in np.arange(16) * np.pi / 8:
-            outward = R @ [np.cos(a), np.sin(a), 0.0]
+            outward = matmul(R, [np.cos(a), np.sin(a), 0.0])
             yield outward * half[0], outward
         return
     for i, j in ((0, 1), (1, 0)):

@@ -18,6 +18,7 @@ from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import posture_distance
 from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side, other
 from mpvi_bt.robot.solids import Array, bounds
@@ -52,14 +53,14 @@ def hand_over(work: Work, words: Words, tried: list[Array]) -> Actions:
     goals = np.stack(ways)
     k = yield from meet(work, giver, THING, goals, partial(_takeable, work, giver, held[giver], goals))
     # Arms give way under a load; what counts is where the thing is now.
-    T = motion.robot.tcp(motion.felt.torso, motion.felt.arm[giver], giver) @ goals[k]
+    T = matmul(motion.robot.tcp(motion.felt.torso, motion.felt.arm[giver], giver), goals[k])
     yield from motion.line(taker, T, 0.10)
     yield from motion.grip(taker, -1.0, 0.67)
     yield from motion.wait(0.2)
     if not work.gripped(taker):
         raise MotionFailure("closed_empty")
     if giver in work.grasped:
-        work.grasped[taker] = work.grasped[giver] @ goals[k][:3, :3]
+        work.grasped[taker] = matmul(work.grasped[giver], goals[k][:3, :3])
     yield from motion.grip(giver, 1.0, 0.5)
     yield from motion.wait(0.1)
     away = motion.hand(giver)
@@ -98,8 +99,8 @@ def takes(held: Held) -> Iterator[Array]:
                 with np.errstate(divide="ignore"):
                     behind = float(((size / 2 + np.sign(approach) * at) / np.abs(approach))[[u, v]].min())
                 p = middle + at - approach * max(0.0, behind - _DEEP_M)
-                T = held.T_tcp_thing @ kin.transform(R, p)
-                if np.linalg.norm(T[:3, 3]) > _APART_M or _opposed(T):
+                T = matmul(held.T_tcp_thing, kin.transform(R, p))
+                if norm(T[:3, 3]) > _APART_M or _opposed(T):
                     yield T
 
 
@@ -113,12 +114,12 @@ def _takeable(
 ) -> Iterator[tuple[int, Array]]:
     """Postures of the taking arm a standoff before it can close on the thing, far from the giving hand first."""
     taker = other(giver)
-    far = np.linalg.norm(goals[at, :3, 3], axis=1)
+    far = norm(goals[at, :3, 3], axis=1)
     cost = posture_distance(q, work.motion.arm(taker)) - 4.0 * np.minimum(far, 0.15)
     for row in np.argsort(cost)[:_TAKEN]:
         if not _closes(body, taker, giver, held, q[row]):
             continue
-        before = shown @ goals[at[row]] @ kin.transform(np.eye(3), (0.0, 0.0, -_STANDOFF_M))
+        before = matmul(shown, goals[at[row]], kin.transform(np.eye(3), (0.0, 0.0, -_STANDOFF_M)))
         line = arm_motion.trace(body.robot, body.torso, taker, q[row], before)
         if line is not None and body.free(taker, line[-1])[0]:
             yield int(at[row]), line[-1]
@@ -129,6 +130,6 @@ def _closes(body: Body, taker: Side, giver: Side, held: Held, q: Array) -> bool:
     bare = replace(body, held={s: load for s, load in body.held.items() if s != giver})
     if not bare.free(taker, q)[0]:
         return False
-    T = kin.inverse(body.robot.tcp(body.torso, body.arms[giver], giver)) @ body.robot.tcp(body.torso, q, taker)
+    T = matmul(kin.inverse(body.robot.tcp(body.torso, body.arms[giver], giver)), body.robot.tcp(body.torso, q, taker))
     palm = T[:3, 3] - 0.06 * T[:3, 2]
     return bool(held.load.solids.distance(palm[None])[0] > 0.015)

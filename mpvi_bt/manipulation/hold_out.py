@@ -12,6 +12,7 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side, other
@@ -46,7 +47,7 @@ class Places:
         yield now
         for turn in self.turns:
             for x, y, z in self.at:
-                yield kin.transform(kin.rot_z(turn) @ now[:3, :3], (x, y * SIGN[side], z))
+                yield kin.transform(matmul(kin.rot_z(turn), now[:3, :3]), (x, y * SIGN[side], z))
 
 
 VESSEL = Places((0.0, 0.6, -0.6, 1.2, -1.2, 1.57, -1.57),
@@ -81,7 +82,7 @@ def meet(work: Work, holder: Side, places: Places, goals: Array, choose: Choose)
         body = replace(still, arms={**still.arms, holder: aside[-1]})
         if not body.free(comer, motion.arm(comer))[0]:
             continue
-        at, q = motion.robot.arm_inverse(chest @ shown @ goals, comer, swivels=places.swivels)
+        at, q = motion.robot.arm_inverse(matmul(chest, shown, goals), comer, swivels=places.swivels)
         for k, goal in choose(body, shown, at, q):
             path = arm_motion.plan(body, comer, goal, work.rng, iterations=places.iterations)
             if path is not None:

@@ -15,6 +15,7 @@ from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.linear_algebra import matmul, norm, principal_axes
 from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.motion import Actions
 from mpvi_bt.robot.protocol import Side
@@ -47,13 +48,13 @@ class InHand:
     def take_in(self, points: Array, eye: Array | None, T_world_tcp: Array) -> None:
         """Take in points (n, 3) of it in the world; `eye` (3,) is where the head's camera was, if it saw them."""
         T = kin.inverse(T_world_tcp)
-        points = points @ T[:3, :3].T + T[:3, 3]
-        points = points[np.linalg.norm(points, axis=1) < _REACH_M]  # fingers part what they hold in two
+        points = matmul(points, T[:3, :3].T) + T[:3, 3]
+        points = points[norm(points, axis=1) < _REACH_M]  # fingers part what they hold in two
         if len(points) < _SEEN_PX:
             return
         self._points = [self._points[0], *self._points[1:][1 - _KEPT :], points]
         if eye is not None:
-            self._eyes = [*self._eyes[1 - _KEPT :], T[:3, :3] @ eye + T[:3, 3]]
+            self._eyes = [*self._eyes[1 - _KEPT :], matmul(T[:3, :3], eye) + T[:3, 3]]
 
     def shape(self, T_world_tcp: Array) -> Shape | None:
         """What it is, for the hand where it is now; None if too little was seen.
@@ -62,10 +63,10 @@ class InHand:
         """
         if len(self._points) < 2:
             return None
-        points = np.concatenate(self._points) @ T_world_tcp[:3, :3].T + T_world_tcp[:3, 3]
-        eyes = np.reshape(self._eyes, (-1, 3)) @ T_world_tcp[:3, :3].T + T_world_tcp[:3, 3]
+        points = matmul(np.concatenate(self._points), T_world_tcp[:3, :3].T) + T_world_tcp[:3, 3]
+        eyes = matmul(np.reshape(self._eyes, (-1, 3)), T_world_tcp[:3, :3].T) + T_world_tcp[:3, 3]
         R = _slant(points)
-        points, eyes = points @ R, eyes @ R
+        points, eyes = matmul(points, R), matmul(eyes, R)
         # what was once seen from above stays seen
         shape = fit(points, np.zeros((0, 3)), eyes[eyes[:, 2].argmax()] if len(eyes) else np.zeros(3))
         return None if shape is None else shape.moved(kin.transform(R, (0.0, 0.0, 0.0)))
@@ -73,13 +74,13 @@ class InHand:
 
 def _slant(points: Array) -> Array:
     """The rotation (3, 3) that tilts what is upright to how long points (n, 3) hang; none where they are not long."""
-    spread, axes = np.linalg.eigh(np.cov(main_cluster(points).T))
-    along = axes[:, 2] * np.sign(axes[2, 2])
+    spread, axes = principal_axes(main_cluster(points))
+    along = axes[0] * np.sign(axes[0, 2])
     turn = np.cross([0.0, 0.0, 1.0], along)
-    angle = float(np.arctan2(np.linalg.norm(turn), along[2]))
-    if spread[2] < _LONG**2 * spread[1] or not _SLANTED_RAD[0] < angle < _SLANTED_RAD[1]:
+    angle = float(np.arctan2(norm(turn), along[2]))
+    if spread[0] < _LONG * spread[1] or not _SLANTED_RAD[0] < angle < _SLANTED_RAD[1]:
         return np.eye(3)
-    return np.asarray(Rotation.from_rotvec(turn / np.linalg.norm(turn) * angle).as_matrix())
+    return np.asarray(Rotation.from_rotvec(turn / norm(turn) * angle).as_matrix())
 
 
 def is_of(points: Array, shape: Shape) -> bool:
@@ -98,7 +99,7 @@ def show(work: Work, side: Side) -> Actions:
     home = work.motion.hand(side)
     for turn, z in _SHOWN:
         for x, y in _PLACES:
-            T = kin.transform(kin.rot_z(turn * SIGN[side]) @ home[:3, :3], (x, y * SIGN[side], z))
+            T = kin.transform(matmul(kin.rot_z(turn * SIGN[side]), home[:3, :3]), (x, y * SIGN[side], z))
             if (path := arm_motion.plan_level(work.body(), side, T)) is not None:
                 yield from work.motion.follow(side, path, speed=1.2)
                 if (name := work.scene.holding(side)) is not None:

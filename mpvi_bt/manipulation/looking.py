@@ -13,6 +13,7 @@ from mpvi_bt.manipulation.two_hands import look_over
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Obstacles
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array
@@ -113,6 +114,6 @@ def _strolls(work: Work) -> Iterator[Array]:
 def _free(work: Work, goal: Array, around: Obstacles) -> bool:
     here, around = work.motion.felt.base_pose, work.with_bumps(around)
     way = goal[:2] - here[:2]
-    count = max(2, int(np.ceil(np.linalg.norm(way) / _STEP_M)))
+    count = max(2, int(np.ceil(norm(way) / _STEP_M)))
     poses = [np.array([*(here[:2] + way * u), goal[2]]) for u in np.linspace(0, 1, count + 1)[1:]]
     return all(base_clear(work.motion.robot, around.seen_from(kin.base(pose))) for pose in poses)

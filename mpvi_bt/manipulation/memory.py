@@ -27,6 +27,7 @@ from mpvi_bt.perception.remembered import Remembered
 from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Obstacles, Surroundings
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import MotionFailure
 from mpvi_bt.robot.protocol import EMPTY_M, SIDES, CameraImage, Proprioception, Side
 from mpvi_bt.robot.robots import robot_named
@@ -92,7 +93,7 @@ class Memory:
     def feel(self, felt: Proprioception) -> None:
         """Take in one step of proprioception: the base that moves, the hands that take and let go."""
         moved = felt.base_pose - self._stood
-        if np.linalg.norm(moved[:2]) > _MOVED[0] or abs(kin.wrap(moved[2])) > _MOVED[1]:
+        if norm(moved[:2]) > _MOVED[0] or abs(kin.wrap(moved[2])) > _MOVED[1]:
             if self._stand:
                 turned = robot_named(felt.robot).base_radius_m * abs(float(kin.wrap(moved[2])))
                 self._way_m += float(np.hypot(*moved[:2])) + turned
@@ -170,7 +171,7 @@ class Memory:
     def _tcp(self, side: Side) -> Array:
         felt = self._felt
         assert felt is not None
-        return kin.base(felt.base_pose) @ robot_named(felt.robot).tcp(felt.torso, felt.arm[side], side)
+        return matmul(kin.base(felt.base_pose), robot_named(felt.robot).tcp(felt.torso, felt.arm[side], side))
 
     def _grasp(self, side: Side) -> None:
         """The hand has closed on something: the nearest thing, which its fingers have brought between them.
@@ -217,7 +218,7 @@ class Memory:
     def _gap(self, name: str, p_world: Array) -> float:
         """Distance of a point (3,) to a thing [m]: to its shape, or to what is seen of it where that misses a part."""
         views = [v for v in self._things[name].views if v[0].stand == self._stand]
-        seen = [np.linalg.norm(frame.of(mask) - p_world, axis=1) for frame, mask in views]
+        seen = [norm(frame.of(mask) - p_world, axis=1) for frame, mask in views]
         shape = float(Surroundings(self._shape(name).solids).distance(p_world[None])[0])
         return min([shape, *(float(gaps.min()) for gaps in seen if len(gaps) >= _SEEN_PX)])
 
@@ -295,10 +296,10 @@ class Memory:
     def _carried(self, name: str) -> Array | None:
         """The motion (4, 4) of a thing since the robot took it; None if it does not hold it."""
         if self._both is not None and self._both[0] == name:
-            return self._tcp("left") @ self._both[1]
+            return matmul(self._tcp("left"), self._both[1])
         for side, (held, T_tcp_world) in self._grip.items():
             if held == name:
-                return self._tcp(side) @ T_tcp_world
+                return matmul(self._tcp(side), T_tcp_world)
         return None
 
     def volumes(self, name: str) -> Sequence[Solid]:

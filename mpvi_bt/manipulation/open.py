@@ -26,6 +26,7 @@ from mpvi_bt.manipulation.openings import (
 )
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.perception.parts import Bar, Door
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Side
 from mpvi_bt.robot.solids import Array, Solid
@@ -90,7 +91,7 @@ def _as_before(now: Door, before: Door) -> bool:
     """Whether a bar is seen where it was, on what is seen to be as it was."""
     if now.bar is None or before.bar is None:
         return False
-    same = float(np.linalg.norm(now.bar.center - before.bar.center)) < _SAME_BAR_M
+    same = float(norm(now.bar.center - before.bar.center)) < _SAME_BAR_M
     return same and abs(now.position - before.position) < (1 - _OPEN_ENOUGH) * before.limit
 
 
@@ -167,8 +168,8 @@ def then_leave(work: Work, side: Side, doing: Actions, aside: Array | None = Non
         yield from motion.grip(side, 1.0, 0.3)
     else:
         motion.action[ActionLayout.ARM[side]] = motion.felt.arm[side]  # presses no more
-    away = -(work.base @ motion.hand(side))[:2, 2]
-    if (length := float(np.linalg.norm(away))) > 0.3:
+    away = -matmul(work.base, motion.hand(side))[:2, 2]
+    if (length := float(norm(away))) > 0.3:
         yield from _trying(back_out(motion, away / length + (0.0 if aside is None else aside), _BACK_OUT_M), failures)
     else:
         yield from _trying(_rise_off(work, side), [])
@@ -215,11 +216,11 @@ def sides(work: Work, door: Door, thing: str, hand: str | None) -> list[Side]:
     free = work.free_hands(thing, hand)
     if upright(door):
         shut, face = moved(door, -door.position), panel(door)
-        toward_edge = shut[:3, :3] @ face.T[:3, 3] + shut[:3, 3] - door.origin
+        toward_edge = matmul(shut[:3, :3], face.T[:3, 3]) + shut[:3, 3] - door.origin
         # A door whose axis points up opens toward someone for whom the free edge lies to the left of the hinge.
         outward = np.cross(door.axis, toward_edge)
         rightward = np.cross([0.0, 0.0, 1.0], outward)
-        best: Side = "right" if float(toward_edge @ rightward) > 0 else "left"
+        best: Side = "right" if float(matmul(toward_edge, rightward)) > 0 else "left"
         free.sort(key=lambda s: s != best)
     return free
 
@@ -255,6 +256,6 @@ def behind(door: Door) -> Solid:
     half = face.half_m.copy()
     half[through] = _DEEP_M / 2
     T = face.T.copy()
-    normal = moved(door, -door.position)[:3, :3] @ outward(door)
+    normal = matmul(moved(door, -door.position)[:3, :3], outward(door))
     T[:3, 3] -= normal * (_DEEP_M / 2 + _BEHIND_M)
     return Solid("box", half, T)

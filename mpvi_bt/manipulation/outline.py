@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array, Solid
 
 _CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
@@ -25,8 +26,9 @@ def points(solids: Sequence[Solid]) -> Array:
             local = np.concatenate([np.insert(rim, 2, z, axis=1) for z in (-s.half_m[2], s.half_m[2])])
         else:  # seen from any side a ball is a disc
             flat = np.insert(_RING * s.half_m[0], 2, 0.0, axis=1)
-            local = np.concatenate([flat @ s.T[:3, :3], np.array([[0, 0, -1.0], [0, 0, 1.0]]) @ s.T[:3, :3] * s.half_m])
-        out.append(local @ s.T[:3, :3].T + s.T[:3, 3])
+            poles = matmul([[0, 0, -1.0], [0, 0, 1.0]], s.T[:3, :3]) * s.half_m
+            local = np.concatenate([matmul(flat, s.T[:3, :3]), poles])
+        out.append(matmul(local, s.T[:3, :3].T) + s.T[:3, 3])
     return np.concatenate(out)
 
 
@@ -36,7 +38,7 @@ def outline(solids: Sequence[Solid]) -> Array:
     corners = xy[ConvexHull(xy).vertices]
     edges = []
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        n = max(1, int(np.ceil(np.linalg.norm(b - a) / _SPACING_M)))
+        n = max(1, int(np.ceil(norm(b - a) / _SPACING_M)))
         edges.append(a + (b - a) * np.arange(n)[:, None] / n)
     return np.concatenate(edges)
 
@@ -45,4 +47,4 @@ def disc(solids: Sequence[Solid]) -> tuple[Array, float]:
     """Middle (2,) and radius [m] of a disc that covers what solids cover."""
     xy = points(solids)[:, :2]
     middle = (xy.min(0) + xy.max(0)) / 2
-    return middle, float(np.linalg.norm(xy - middle, axis=1).max()) * float(np.cos(np.pi / 12))
+    return middle, float(norm(xy - middle, axis=1).max()) * float(np.cos(np.pi / 12))

@@ -16,6 +16,7 @@ from mpvi_bt.manipulation.work import NEAR_M, Words, Work
 from mpvi_bt.perception.phrases import OTHER, normalize
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Load
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array
@@ -80,7 +81,7 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
 
 def _near(work: Work, name: str) -> bool:
     """Whether what is around a thing is known."""
-    return bool(np.linalg.norm(work.middle(name)[:2] - work.motion.felt.base_pose[:2]) < NEAR_M)
+    return bool(norm(work.middle(name)[:2] - work.motion.felt.base_pose[:2]) < NEAR_M)
 
 
 def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
@@ -142,14 +143,14 @@ def _bring(work: Work, name: str, side: Side) -> Actions:
 
 def _covered(work: Work, side: Side) -> bool:
     """Whether there is something above a hand: a board, the top of a compartment."""
-    at = (work.base @ work.motion.hand(side))[:3, 3] + np.array([[0.0, 0.0, z] for z in np.arange(0.1, 1.2, 0.04)])
+    at = matmul(work.base, work.motion.hand(side))[:3, 3] + np.array([[0.0, 0.0, z] for z in np.arange(0.1, 1.2, 0.04)])
     return bool((work.near().distance(at) < 0.03).any())
 
 
 def _off(work: Work, name: str) -> bool:
     """Whether a thing is well above what it lay on, or well away from there."""
     lay = work.lay[name]
-    away = float(np.linalg.norm(work.scene.pose(name)[:2, 3] - lay[:2]))
+    away = float(norm(work.scene.pose(name)[:2, 3] - lay[:2]))
     return _lowest(work, name) > lay[2] + _OFF_M or away > _AWAY_M
 
 

@@ -19,8 +19,10 @@ from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.rotations import rotation
 from mpvi_bt.robot.solids import Array, bounds
 
 UPRIGHT = (0.0,)
@@ -82,20 +84,21 @@ def leaning(work: Work, held: Held, lean: float) -> Array | None:
     if not lean:
         return upright
     frame = kin.inverse(held.T_tcp_thing)
-    size = np.ptp(bounds(s.moved(kin.transform(upright, (0.0, 0.0, 0.0)) @ frame) for s in held.solids), axis=0)
+    size = np.ptp(bounds(s.moved(matmul(kin.transform(upright, (0.0, 0.0, 0.0)), frame)) for s in held.solids), axis=0)
     stands = abs(lean) < _STANDS * float(np.arctan2(size[:2].min(), size[2]))
-    hangs = float(Rotation.from_matrix(upright.T @ now).magnitude())
+    hangs = float(rotation(matmul(upright.T, now)).magnitude())
     if held.laden and not (stands and abs(lean) < hangs + _HARDLY_RAD):
         return None
-    closing = upright @ frame[:3, 1] * [1, 1, 0]
-    if (length := float(np.linalg.norm(closing))) < 0.5:
+    closing = matmul(upright, frame[:3, 1]) * [1, 1, 0]
+    if (length := float(norm(closing))) < 0.5:
         return None
-    square = kin.transform(kin.rot_z(-np.arctan2(closing[1], closing[0])) @ upright, (0.0, 0.0, 0.0)) @ frame
+    turn = matmul(kin.rot_z(-np.arctan2(closing[1], closing[0])), upright)
+    square = matmul(kin.transform(turn, (0.0, 0.0, 0.0)), frame)
     _, deep, high = np.ptp(bounds(s.moved(square) for s in held.solids), axis=0)
     lies = abs(lean) > LIES_RAD and 2 * high > deep
     if not (stands or lies or all(s.kind == "sphere" for s in held.solids)):
         return None
-    return np.asarray(Rotation.from_rotvec(closing / length * lean).as_matrix() @ upright)
+    return np.asarray(matmul(Rotation.from_rotvec(closing / length * lean).as_matrix(), upright))
 
 
 def poses(work: Work, held: Held, spot: Array, leans: Sequence[float] = UPRIGHT) -> Iterator[Pose]:
@@ -107,7 +110,7 @@ def poses(work: Work, held: Held, spot: Array, leans: Sequence[float] = UPRIGHT)
         if standing is None:
             continue
         for turn in TURNS:
-            R = kin.rot_z(turn) @ standing
+            R = matmul(kin.rot_z(turn), standing)
             low, high = bounds(s.moved(kin.transform(R, (0.0, 0.0, 0.0))) for s in solids)
             down = _LEANING_DOWN_M if lean else _DOWN_M
             p = spot - np.append((low + high)[:2] / 2, low[2] - down)
@@ -152,7 +155,7 @@ def place_at(
                 focus = np.mean([pose.T_world_thing[:2, 3] for pose in group], axis=0)
                 stance = search.find(focus, options, here_first and not spacing, (spacing,))
                 if stance is not None:
-                    goal = options[stance.option].waypoints[1] @ held.T_tcp_thing
+                    goal = matmul(options[stance.option].waypoints[1], held.T_tcp_thing)
                     return stance
                 if seen >= _GROUPS or search.effort.left <= 0:
                     break
@@ -180,7 +183,7 @@ def place_at(
         yield from withdraw(work, side, stance)
         raise
     yield from leave(work, stance)
-    return bounds(s.moved(goal @ kin.inverse(held.T_tcp_thing)) for s in held.solids)[:, 2]
+    return bounds(s.moved(matmul(goal, kin.inverse(held.T_tcp_thing))) for s in held.solids)[:, 2]
 
 
 def release(work: Work, side: Side, opening_m: float = FULL_M, falls_s: float = 0.5) -> Actions:
@@ -205,22 +208,22 @@ def release(work: Work, side: Side, opening_m: float = FULL_M, falls_s: float = 
 def _lower(work: Work, side: Side, stance: Stance, goal: Array) -> Actions:
     """Bring the thing to its pose `goal` (4, 4) in the world, from where it really hangs by now."""
     motion = work.motion
-    planned = kin.inverse(work.base) @ kin.base(stance.base) @ stance.waypoints[1]
+    planned = matmul(kin.inverse(work.base), kin.base(stance.base), stance.waypoints[1])
     now = work.held().get(side)
     if now is not None:
         felt = motion.robot.tcp(motion.felt.torso, motion.felt.arm[side], side)
-        mended = kin.inverse(work.base) @ goal @ kin.inverse(now.T_tcp_thing)
+        mended = matmul(kin.inverse(work.base), goal, kin.inverse(now.T_tcp_thing))
         mended[:3, 3] += motion.hand(side)[:3, 3] - felt[:3, 3]  # arms give way under a load
-        if np.linalg.norm(mended[:3, 3] - planned[:3, 3]) < _MENDED_M:
+        if norm(mended[:3, 3] - planned[:3, 3]) < _MENDED_M:
             planned = mended
     yield from motion.line(side, planned, speed=0.10)
 
 
 def _options(held: Held, pose: Pose, width_m: float) -> Iterator[Option]:
     """Ways to bring a thing into a pose from above, and the hand back along its fingers, or level past the thing."""
-    T = pose.T_world_thing @ kin.inverse(held.T_tcp_thing)
+    T = matmul(pose.T_world_thing, kin.inverse(held.T_tcp_thing))
     opening = min(FULL_M, width_m + _SPARE_M)
-    asides = [aside for aside in _asides(T) if _slides_past(held, T[:3, :3].T @ aside, opening)]
+    asides = [aside for aside in _asides(T) if _slides_past(held, matmul(T[:3, :3].T, aside), opening)]
     for over_m, back_m, run_up, cost in _WAYS:
         over = T.copy()
         over[2, 3] += over_m
@@ -237,9 +240,9 @@ def _asides(T: Array) -> Iterator[Array]:
     Our choice: below a board a hand that points down has no room to draw back along its fingers.
     """
     level = np.cross(T[:3, 1], [0.0, 0.0, 1.0])
-    length = float(np.linalg.norm(level))
+    length = float(norm(level))
     for away in (level / length, -level / length) if length > _CLOSES_LEVEL else ():
-        if -_STRAIGHT < float(away @ T[:3, 2]) < _FORWARD:
+        if -_STRAIGHT < float(matmul(away, T[:3, 2])) < _FORWARD:
             yield away
 
 
@@ -262,16 +265,16 @@ def _as_taken(work: Work, held: Held) -> Array:
     now = work.scene.pose(held.name)[:3, :3]
     if held.side not in work.grasped:
         return now
-    taken = work.grasped[held.side] @ held.T_tcp_thing[:3, :3]
-    M = taken @ now.T
-    return np.asarray(kin.rot_z(np.arctan2(M[0, 1] - M[1, 0], M[0, 0] + M[1, 1])) @ taken)
+    taken = matmul(work.grasped[held.side], held.T_tcp_thing[:3, :3])
+    M = matmul(taken, now.T)
+    return np.asarray(matmul(kin.rot_z(np.arctan2(M[0, 1] - M[1, 0], M[0, 0] + M[1, 1])), taken))
 
 
 def _upright(R: Array) -> Array:
     """The rotation (3, 3) next to `R` in which the axis that is nearest to the vertical is vertical."""
     up = int(np.abs(R[2]).argmax())
     lean = np.cross(R[:, up] * np.sign(R[2, up]), [0, 0, 1.0])
-    size = float(np.linalg.norm(lean))
+    size = float(norm(lean))
     if size < 1e-6:
         return R
-    return np.asarray(Rotation.from_rotvec(lean / size * np.arcsin(min(1.0, size))).as_matrix() @ R)
+    return np.asarray(matmul(Rotation.from_rotvec(lean / size * np.arcsin(min(1.0, size))).as_matrix(), R))

@@ -17,6 +17,7 @@ from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Load
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array
 
@@ -46,7 +47,7 @@ def stance_at(
     """
     base = lane[-1]
     T = kin.inverse(kin.base(base))
-    goals = [np.stack([T @ w for w in options[k].waypoints]) for k in able]
+    goals = [np.stack([matmul(T, w) for w in options[k].waypoints]) for k in able]
     keys = [min(options[k].contact, len(options[k].waypoints) - 1) for k in able]
     key_goals = np.stack([g[key] for g, key in zip(goals, keys, strict=True)])
     torsos, t, g, q = site.postures(key_goals, [options[k].cost for k in able], _PITCHES, swivels=12)
@@ -110,7 +111,7 @@ def _postures_clear(site: Site, body: Body, base: Array, option: Option, goals: 
     """A glance at the ends of the lines, before the lines themselves and before the torso's way is looked at."""
     chest = kin.inverse(body.robot.chest(body.torso))
     for k, goal in enumerate(goals):
-        near = q_key if k == key else body.robot.nearest_posture(chest @ goal, site.side, q_key)
+        near = q_key if k == key else body.robot.nearest_posture(matmul(chest, goal), site.side, q_key)
         if near is None or not _free(site, body, base, option, k, near):
             return False
     return True

@@ -19,6 +19,7 @@ from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.model import SIGN, RobotModel
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
@@ -69,7 +70,7 @@ def pour(work: Work, words: Words, tried: list[Array]) -> Actions:
                 if _course(work, replace(work.body(), around=around), side, stance, stance.waypoints) is not None:
                     return stance
                 last, turned = last or stance, options[stance.option].waypoints[0][:3, 0]
-                options = [o for o in options if o.waypoints[0][:3, 0] @ turned < _ALIKE]
+                options = [o for o in options if matmul(o.waypoints[0][:3, 0], turned) < _ALIKE]
         return last
 
     stance, search = yield from close_in(work, side, {target}, target, find, tried)
@@ -77,7 +78,7 @@ def pour(work: Work, words: Words, tried: list[Array]) -> Actions:
         yield from work.motion.drive(base)
     if search.other is not None and len(stance.aside) > 1:
         yield from work.motion.follow(search.other, stance.aside, speed=0.8)
-    waypoints = kin.inverse(work.base) @ kin.base(stance.base) @ stance.waypoints
+    waypoints = matmul(kin.inverse(work.base), kin.base(stance.base), stance.waypoints)
     course = _course(work, work.body(), side, stance, waypoints)
     if course is None:
         raise MotionFailure("no_path")
@@ -143,7 +144,7 @@ def _course(work: Work, body: Body, side: Side, stance: Stance, waypoints: Array
 def _level(robot: RobotModel, torso: Array, side: Side, now: Array, path: Sequence[Array]) -> bool:
     """Whether a hand keeps about as level as T_base_tcp `now` (4, 4) along a path, so that contents stay inside."""
     between = [a + (b - a) * u for a, b in pairwise(path) for u in (0.25, 0.5, 0.75, 1.0)]
-    return all(float(robot.tcp(torso, q, side)[2, :3] @ now[2, :3]) > _LEVEL for q in (path[0], *between))
+    return all(float(matmul(robot.tcp(torso, q, side)[2, :3], now[2, :3])) > _LEVEL for q in (path[0], *between))
 
 
 def _tip(work: Work, side: Side, path: list[Array]) -> Actions:
@@ -195,7 +196,7 @@ def _opening(work: Work, target: str) -> tuple[Array, float]:
     above = [b for b in map(Solid.aabb, solids) if b[1, 2] > rim + 0.005]
 
     def room(at: Array) -> float:
-        gaps = [np.linalg.norm(np.maximum(np.maximum(b[0, :2] - at, at - b[1, :2]), 0)) for b in above]
+        gaps = [norm(np.maximum(np.maximum(b[0, :2] - at, at - b[1, :2]), 0)) for b in above]
         return float(min([*gaps, half - np.abs(at - volume.T[:2, 3]).max() / 2]))
 
     places = [volume.T[:2, 3] + half * np.array([x, y]) for x in (0.0, 0.5, -0.5) for y in (0.0, 0.5, -0.5)]
@@ -216,25 +217,25 @@ def _options(
     deep = max(float(solid.aabb()[1, 2]) - min(float(b[0, 2]) for b in bodies), 0.02)
     to_tcp = kin.inverse(held.T_tcp_thing)
     for turn in _TURNS:
-        R = kin.rot_z(turn) @ T_thing[:3, :3]
+        R = matmul(kin.rot_z(turn), T_thing[:3, :3])
         palm = to_tcp[:3, 3] - _PALM_M * to_tcp[:3, 2]
-        hand = (R @ (palm - solid.T[:3, 3]))[:2]  # of where the palm is, off the vessel's middle
-        from_above = max(0.0, -float((R @ to_tcp[:3, 2])[2]))  # 0 for a hand that has it from outside
+        hand = matmul(R, palm - solid.T[:3, 3])[:2]  # of where the palm is, off the vessel's middle
+        from_above = max(0.0, -float(matmul(R, to_tcp[:3, 2])[2]))  # 0 for a hand that has it from outside
         for at in _LIPS:
             out = np.array([np.cos(at), np.sin(at), 0.0])
             edge = lip(solid, R, out)
             axis = np.cross([0.0, 0.0, 1.0], out)
             poses: list[Array] = []
             for tilt in (0.0, *np.linspace(0.0, tipped, _STEPS)):
-                Q = np.asarray(Rotation.from_rotvec(axis * tilt).as_matrix()) @ R
+                Q = matmul(np.asarray(Rotation.from_rotvec(axis * tilt).as_matrix()), R)
                 z = height + _OVER_M + deep * max(float(np.cos(tilt)), 0.0)
                 if not poses:
                     z += _ABOVE_M
                 goal = np.array([*(place - 0.01 * out[:2]), z])
-                poses.append(kin.transform(Q, goal - Q @ edge) @ to_tcp)
+                poses.append(matmul(kin.transform(Q, goal - matmul(Q, edge)), to_tcp))
             # The palm covers the rim along the way that the hand closes, and fingers dam what flows to their side.
-            aside = float(hand @ out[:2]) / max(float(np.linalg.norm(hand)), 0.02)
-            dammed = from_above * abs(float((R @ to_tcp[:3, 1]) @ out))
+            aside = float(matmul(hand, out[:2])) / max(float(norm(hand)), 0.02)
+            dammed = from_above * abs(float(matmul(R, to_tcp[:3, 1], out)))
             again = float(work.rng.random()) if tries else 0.0  # what stuck one way may come out another
             cost = 0.05 * abs(float(kin.wrap(turn))) + 0.5 * aside + dammed + again
             yield Option(np.stack(poses), len(poses), cost)
@@ -243,19 +244,19 @@ def _options(
 def righted(T: Array, axis: Array) -> Array:
     """The same pose (4, 4), turned by as little as it takes for `axis` (3,) in the world to point up."""
     lean = np.cross(axis, [0.0, 0.0, 1.0])
-    angle = float(np.arctan2(np.linalg.norm(lean), axis[2]))
+    angle = float(np.arctan2(norm(lean), axis[2]))
     if angle < 1e-6:
         return T
-    R = np.asarray(Rotation.from_rotvec(lean / np.linalg.norm(lean) * angle).as_matrix())
-    return kin.transform(R @ T[:3, :3], T[:3, 3])
+    R = np.asarray(Rotation.from_rotvec(lean / norm(lean) * angle).as_matrix())
+    return kin.transform(matmul(R, T[:3, :3]), T[:3, 3])
 
 
 def lip(volume: Solid, R: Array, out: Array) -> Array:
     """(3,) the point of the rim, in the vessel's frame, that lies farthest toward `out` (3,) in the world."""
-    toward = volume.T[:3, :3].T @ (R.T @ out)
+    toward = matmul(volume.T[:3, :3].T, matmul(R.T, out))
     if volume.kind == "box":
         reach = min(float(h) / max(abs(float(t)), 1e-9) for h, t in zip(volume.half_m[:2], toward[:2], strict=True))
     else:
         reach = float(volume.half_m[0])
     p = np.array([*(toward[:2] * reach), volume.half_m[2]])
-    return volume.T[:3, :3] @ p + volume.T[:3, 3]
+    return matmul(volume.T[:3, :3], p) + volume.T[:3, 3]

@@ -12,6 +12,7 @@ from mpvi_bt.manipulation.gaze import study
 from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
@@ -87,10 +88,10 @@ def _push_in(work: Work, side: Side, stance: Stance) -> Actions:
     """Onto the switch until it is felt, and stay."""
     motion = work.motion
     yield from motion.wait(_CALM_S)
-    T = kin.inverse(work.base) @ kin.base(stance.base) @ stance.waypoints[1]
+    T = matmul(kin.inverse(work.base), kin.base(stance.base), stance.waypoints[1])
     yield from motion.line(side, T, _PRESS_M_S, until_contact=True)
     yield from motion.wait(_PRESSED_S)
-    if np.linalg.norm((motion.robot.tcp(motion.felt.torso, motion.felt.arm[side], side) - T)[:3, 3]) > _SHORT_OF_M:
+    if norm((motion.robot.tcp(motion.felt.torso, motion.felt.arm[side], side) - T)[:3, 3]) > _SHORT_OF_M:
         raise MotionFailure("not_pressed")  # something else was in the way
 
 
@@ -100,9 +101,9 @@ def options(work: Work, name: str) -> list[Option]:
     for T in work.scene.switches(name):
         for lean, sides, cost in _LEANS:
             for toward in np.arange(sides) * 2 * np.pi / sides:
-                z = -(T[:3, :3] @ [np.sin(lean) * np.cos(toward), np.sin(lean) * np.sin(toward), np.cos(lean)])
+                z = -matmul(T[:3, :3], [np.sin(lean) * np.cos(toward), np.sin(lean) * np.sin(toward), np.cos(lean)])
                 for roll in np.arange(_ROLLS) * np.pi / _ROLLS * 2:
-                    y = T[:3, :3] @ [np.cos(roll), np.sin(roll), 0.0]
+                    y = matmul(T[:3, :3], [np.cos(roll), np.sin(roll), 0.0])
                     R = kin.hand_rotation(z, y)
                     at = T[:3, 3] - _TIP_M * z
                     touch = kin.transform(R, at + _BEYOND_M * z)

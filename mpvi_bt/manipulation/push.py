@@ -15,6 +15,7 @@ from mpvi_bt.manipulation.open import then_leave
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings, covering_spheres
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
@@ -67,7 +68,7 @@ def push(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from study(work, name)
     before = work.middle(name)[:2]
     way, near = _way(work, name, words)
-    length = float(np.linalg.norm(way))
+    length = float(norm(way))
     if length < _GAP_M:
         return
     side, start, course, search = _beginning(work, name, way, tried, words.get("hand"))
@@ -86,7 +87,7 @@ def push(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from then_leave(work, side, going())
     yield from study(work, name)
     least = near - _UNSURE_M if "target" in words else _LEAST * length
-    if float((work.middle(name)[:2] - before) @ way) / length < least:
+    if float(matmul(work.middle(name)[:2] - before, way)) / length < least:
         raise MotionFailure("not_moved")
 
 
@@ -101,7 +102,7 @@ def _way(work: Work, name: str, words: Words) -> tuple[Array, float]:
         goal = list(work.scene.solids(work.nearest(words["target"])))
         target = bounds(goal)[:, :2]
         toward = np.clip(at, target[0], target[1]) - at
-        far = float(np.linalg.norm(toward))
+        far = float(norm(toward))
         if far < 1e-6:
             return np.zeros(2), 0.0  # it is there already
         toward /= far
@@ -126,7 +127,9 @@ def _meets(solids: Sequence[Solid], others: Sequence[Solid], toward: Array, leng
 def _reach(solids: Sequence[Solid], toward: Array, at: Array) -> float:
     """How far solids reach from a place (2,) along a direction (2,)."""
     d = np.append(toward, 0.0)
-    return max(float(d @ (s.T[:3, 3] - [*at, 0.0]) + np.abs(d @ s.T[:3, :3]) @ s.half_m) for s in solids)
+    return max(
+        float(matmul(d, s.T[:3, 3] - [*at, 0.0]) + matmul(np.abs(matmul(d, s.T[:3, :3])), s.half_m)) for s in solids
+    )
 
 
 def _beginning(
@@ -155,7 +158,7 @@ def _search(work: Work, name: str, side: Side, tried: list[Array]) -> CourseSear
 
 def pushes(solids: Sequence[Solid], way: Array) -> list[Push]:
     """Ways to push solids by `way` (2,) [m], the base going along or, where it cannot, standing."""
-    length = float(np.linalg.norm(way))
+    length = float(norm(way))
     d = np.append(way / length, 0.0)
     across = np.array([-d[1], d[0], 0.0])
     low, high = bounds(solids)
@@ -170,7 +173,10 @@ def pushes(solids: Sequence[Solid], way: Array) -> list[Push]:
         return np.eye(4)
 
     out = []
-    rearmost = max(solids, key=lambda solid: float(np.abs(d @ solid.T[:3, :3]) @ solid.half_m - d @ solid.T[:3, 3]))
+    rearmost = max(
+        solids,
+        key=lambda solid: float(matmul(np.abs(matmul(d, solid.T[:3, :3])), solid.half_m) - matmul(d, solid.T[:3, 3])),
+    )
     shares = [float(low[2] + share * (high[2] - low[2])) for share in _HEIGHTS]
     flat = float(high[2] - low[2]) < 2 * _LOWEST_M
     least = float(high[2] - low[2]) / 2 if flat else _LOWEST_M
@@ -197,14 +203,14 @@ def pushes(solids: Sequence[Solid], way: Array) -> list[Push]:
 
 
 def _led(shifted: Callable[[float], Array], T: Array) -> Callable[[float], Array]:
-    return lambda x: shifted(x) @ T
+    return lambda x: matmul(shifted(x), T)
 
 
 def _rear(solids: Sequence[Solid], d: Array, z: float) -> Array | None:
     """(3,) where a line along `d` through the middle, at a height, first meets the solids."""
     box = bounds(solids)
     middle = np.append(box.mean(0)[:2], z)
-    reach = float(np.linalg.norm(box[1] - box[0]))
+    reach = float(norm(box[1] - box[0]))
     points = middle + d * np.linspace(-reach, reach, round(reach / 0.0025))[:, None]
     inside = Surroundings(solids).distance(points) <= 0
     return points[int(inside.argmax())] if inside.any() else None
@@ -214,7 +220,7 @@ def _width(solids: Sequence[Solid], across: Array, z: float) -> float:
     """How wide the solids are at a height."""
     box = bounds(solids)
     middle = np.append(box.mean(0)[:2], z)
-    reach = float(np.linalg.norm(box[1] - box[0]))
+    reach = float(norm(box[1] - box[0]))
     steps = np.linspace(-reach, reach, round(reach / 0.0025))
     inside = Surroundings(solids).distance(middle + across * steps[:, None]) <= 0
     return float(np.ptp(steps[inside])) if inside.any() else 0.0

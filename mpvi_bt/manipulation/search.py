@@ -18,6 +18,7 @@ from mpvi_bt.manipulation.site import KNOWN_M, Site
 from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Load
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
@@ -92,13 +93,13 @@ class Search(Site):
         bases = _bases(here, focus_xy, self.side)
         left, detours = bases[self.stands(bases)], Detours(self)
         for place in been:
-            left = left[np.linalg.norm(left[:, :2] - place[:2], axis=1) > _BEEN_M]
+            left = left[norm(left[:, :2] - place[:2], axis=1) > _BEEN_M]
         while len(left):
             if self.route(here, left[0]) is None and (way := detours.way(left[0])) is not None:
                 return way
             left = _apart_from(left, left[0], *SPACINGS[0])
         for place in been:
-            bases = bases[np.linalg.norm(bases[:, :2] - place[:2], axis=1) > KNOWN_M]
+            bases = bases[norm(bases[:, :2] - place[:2], axis=1) > KNOWN_M]
         return self.toward(bases)
 
     def _sought(self, options: Sequence[Option], able: Sequence[int]) -> bytes:
@@ -157,7 +158,7 @@ class Search(Site):
             if load is not None:
                 parts.append((load.centers, load.radii, TOUCH_M))
             for centers, radii, slack in parts:
-                if (around.distance(centers @ T[:3, :3].T + T[:3, 3]) < radii - slack).any():
+                if (around.distance(matmul(centers, T[:3, :3].T) + T[:3, 3]) < radii - slack).any():
                     return False
         return True
 
@@ -166,7 +167,7 @@ class Search(Site):
         if option.load is None or option.contact >= len(option.waypoints):
             return option
         T = option.waypoints[option.contact]
-        room = self.rest.distance(option.load.centers @ T[:3, :3].T + T[:3, 3])
+        room = self.rest.distance(matmul(option.load.centers, T[:3, :3].T) + T[:3, 3])
         return replace(option, load=option.load.within(room + TOUCH_M / 2))
 
     def _load(self, k: int, option: Option) -> Load | None:
@@ -177,13 +178,13 @@ class Search(Site):
 
 def _lane(start: Array, end: Array) -> Array:
     """(n, 3) base poses on the straight way from `start` to `end` (3,), both included; one if they are the same."""
-    length = float(np.linalg.norm(end[:2] - start[:2]))
+    length = float(norm(end[:2] - start[:2]))
     return np.linspace(start, end, int(np.ceil(length / _STEP_M)) + 1) if length > 1e-6 else end[None].copy()
 
 
 def _apart_from(bases: Array, base: Array, apart_m: float, apart_rad: float) -> Array:
     """Those of base poses (n, 3) that are so far off another one (3,)."""
-    near = np.linalg.norm(bases[:, :2] - base[:2], axis=1) < apart_m
+    near = norm(bases[:, :2] - base[:2], axis=1) < apart_m
     return bases[~(near & (np.abs(kin.wrap(bases[:, 2] - base[2])) < apart_rad))]
 
 
@@ -195,6 +196,6 @@ def _bases(here: Array, focus: Array, side: Side) -> Array:
     yaw, y = bearing + turn, lateral * SIGN[side]
     c, s = np.cos(yaw), np.sin(yaw)
     xy = focus - np.stack([c * distance - s * y, s * distance + c * y], -1)
-    near = 0.6 * np.linalg.norm(xy - here[:2], axis=1) + 0.3 * np.abs(turn)
+    near = 0.6 * norm(xy - here[:2], axis=1) + 0.3 * np.abs(turn)
     cost = near + 1.2 * np.abs(distance - 0.58) + 0.5 * np.abs(lateral - 0.16)
     return np.column_stack([xy, kin.wrap(yaw)])[np.argsort(cost, kind="stable")]

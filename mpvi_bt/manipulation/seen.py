@@ -28,6 +28,7 @@ from mpvi_bt.perception.lids import lid
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.shape import SeenBar, Shape
 from mpvi_bt.robot.collision import Obstacles, Surroundings, Together
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
 
@@ -348,7 +349,7 @@ def _opening(points: Array, eye: Array, small: bool) -> list[Door]:
 def _again(door: Door, seen: Sequence[tuple[Frame, Door]]) -> bool:
     """Whether one of the doors that are seen now is that door, and no smaller part of it."""
     return any(
-        np.linalg.norm((door.origin - other.origin)[:2]) < _HINGE_M
+        norm((door.origin - other.origin)[:2]) < _HINGE_M
         and (other.solids[0].half_m > _MOST * door.solids[0].half_m).sum() >= 2
         for _, other in seen
     )

@@ -21,6 +21,7 @@ from mpvi_bt.manipulation.two_hands import (
 from mpvi_bt.manipulation.work import Perform, Words, Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.solids import Array, bounds
 from mpvi_bt.robot.squeeze import squeezes
@@ -110,13 +111,13 @@ def _on_the_middle(work: Work, surface: str, box: Box) -> list[Array]:
     """Places (3,) for what is about as broad as its support, such as one box on another: those next to its middle."""
     radius, here = _CARRIED * min(box.length, box.width), work.motion.felt.base_pose[:2]
     spots = work.scene.spots(surface, radius, box.height + 0.1, here)
-    return sorted(spots, key=lambda spot: float(np.linalg.norm((spot - work.middle(surface))[:2])))
+    return sorted(spots, key=lambda spot: float(norm((spot - work.middle(surface))[:2])))
 
 
 def _toward(here: Array, spot: Array) -> Array | None:
     """A base pose (3,) on the straight way to a spot that is too far off for what is known around; else None."""
     way = spot[:2] - here[:2]
-    far = float(np.linalg.norm(way))
+    far = float(norm(way))
     if far < _FAR_M:
         return None
     return np.array([*(here[:2] + way * min(_LEG_M, far - _OFF_M) / far), np.arctan2(way[1], way[0])])
@@ -126,12 +127,12 @@ def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tup
     """A base pose (3,) from which the held box comes to stand on a spot (3,), that spot, and how to get behind it."""
     motion = work.motion
     here = motion.felt.base_pose
-    held_at = (kin.inverse(work.base) @ np.append(box.middle, 1.0))[:2]
+    held_at = matmul(kin.inverse(work.base), np.append(box.middle, 1.0))[:2]
     arms = {s: motion.arm(s) for s in motion.robot.sides}
     for spot in spots[:_SPOTS]:
         for heading in sorted(_HEADINGS, key=lambda h: abs(float(kin.wrap(h - here[2])))):
-            base = np.array([*(spot[:2] - kin.rot_z(heading)[:2, :2] @ held_at), kin.wrap(heading)])
-            if any(np.linalg.norm(base - b) < 0.05 for b in search.tried):
+            base = np.array([*(spot[:2] - matmul(kin.rot_z(heading)[:2, :2], held_at)), kin.wrap(heading)])
+            if any(norm(base - b) < 0.05 for b in search.tried):
                 continue
             if (way := way_behind(search, here, base)) is None:
                 continue
@@ -145,7 +146,7 @@ def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tup
 
 def _drive_in(back: Array, base: Array) -> Array:
     """(n, 3) base poses on the straight way in from `back` to `base`, the last one first: it is the most cramped."""
-    return np.linspace(base, back, int(np.ceil(float(np.linalg.norm(base[:2] - back[:2])) / _STEP_M)) + 1)
+    return np.linspace(base, back, int(np.ceil(float(norm(base[:2] - back[:2])) / _STEP_M)) + 1)
 
 
 def _clear(body: Body, search: Search, base: Array) -> bool:

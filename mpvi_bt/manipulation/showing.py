@@ -14,6 +14,7 @@ from mpvi_bt.manipulation.spots import is_floor
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.skills import SkillCall
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.motion import Actions
 from mpvi_bt.robot.solids import Array
 
@@ -31,7 +32,7 @@ def step_up(work: Work, name: str) -> Actions:
     Raises as any motion.
     """
     here, near, body, place = work.motion.felt.base_pose, work.near(), work.body(), work.middle(name)[:2]
-    bearing, gap = float(np.arctan2(*(place - here[:2])[::-1])), float(np.linalg.norm(place - here[:2]))
+    bearing, gap = float(np.arctan2(*(place - here[:2])[::-1])), float(norm(place - here[:2]))
 
     def clear(pose: Array) -> bool:
         around = near.seen_from(kin.base(pose))
@@ -42,7 +43,7 @@ def step_up(work: Work, name: str) -> Actions:
         goal = np.array([*(place - far * np.array([np.cos(heading), np.sin(heading)])), heading])
         way = goal - here
         way[2] = kin.wrap(way[2])
-        steps = 1 + int(np.linalg.norm(way[:2]) / _STEP_M)
+        steps = 1 + int(norm(way[:2]) / _STEP_M)
         if all(clear(here + u * way) for u in np.linspace(1, 0, steps, endpoint=False)):
             yield from work.motion.drive(goal)
             break
@@ -75,7 +76,7 @@ def fell_beside(work: Work, call: SkillCall) -> bool:
     known = work.scene.knowledge()
     into = [e for e in known.find(call.arguments["container"]) if e.kind == "object"]
     left = [e for e in known.find(call.arguments["object"]) if e.inside is None and not e.held]
-    gaps = [float(np.linalg.norm(e.center - np.clip(e.center, c.lowest, c.highest))) for e in left for c in into]
+    gaps = [float(norm(e.center - np.clip(e.center, c.lowest, c.highest))) for e in left for c in into]
     return min(gaps, default=_BESIDE_M) < _BESIDE_M
 
 
@@ -96,5 +97,5 @@ def done_at(work: Work, call: SkillCall) -> list[str]:
             names.append(work.same(phrase))
         else:
             at = work.middle(names[0])
-            names.append(min(found, key=lambda e: float(np.linalg.norm(e.center - at))).name)
+            names.append(min(found, key=lambda e: float(norm(e.center - at))).name)
     return names

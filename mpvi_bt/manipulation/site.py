@@ -17,6 +17,7 @@ from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import NOTHING, Body, Obstacles, Surroundings, Together
 from mpvi_bt.robot.drives import legs
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.model import SIGN, RobotModel
 from mpvi_bt.robot.motion import Motion
 from mpvi_bt.robot.protocol import Side
@@ -107,7 +108,7 @@ class Site:
         robot = self.motion.robot
         torsos = robot.torsos(pitches, robot.travel_torso[3])
         chests = kin.inverse(robot.chest(torsos))
-        at, q = robot.arm_inverse((chests[:, None] @ goals[None]).reshape(-1, 4, 4), self.side, swivels=swivels)
+        at, q = robot.arm_inverse(matmul(chests[:, None], goals[None]).reshape(-1, 4, 4), self.side, swivels=swivels)
         t, g = at // len(goals), at % len(goals)
         cost = (
             3 * robot.limit_cost(q, self.side) + 0.6 * torsos[t, 2] + 0.5 * np.abs(torsos[t, 0] - self.motion.torso[0])
@@ -126,7 +127,7 @@ class Site:
         return np.asarray((self._standing.distance(p) >= standing[:, 3]).all(1) & self._known(bases))
 
     def _known(self, bases: Array) -> NDArray[np.bool_]:
-        return np.asarray(np.linalg.norm(bases[:, :2] - self.motion.felt.base_pose[:2], axis=1) <= KNOWN_M)
+        return np.asarray(norm(bases[:, :2] - self.motion.felt.base_pose[:2], axis=1) <= KNOWN_M)
 
     def toward(self, goals: Array) -> list[Array] | None:
         """Base poses to drive to, nearer to some of `goals` (n, 3) that are too far off for what is known from here.
@@ -140,8 +141,8 @@ class Site:
         ring = [(r * np.cos(a), r * np.sin(a)) for r in _LEGS_M for a in np.arange(16) * np.pi / 8]
         steps = np.column_stack([here[:2] + ring, np.full(len(ring), here[2])])
         steps = steps[self.stands(steps)]
-        left = np.linalg.norm(steps[:, None, :2] - far[None, :, :2], axis=-1).min(1)
-        now = float(np.linalg.norm(far[:, :2] - here[:2], axis=1).min())
+        left = norm(steps[:, None, :2] - far[None, :, :2], axis=-1).min(1)
+        now = float(norm(far[:, :2] - here[:2], axis=1).min())
         for k in np.argsort(left):
             if left[k] > now - _NEARER_M:
                 return None
@@ -218,7 +219,7 @@ class Site:
         if self.side in self.held:
             ways.append({s: path for s, path in stays.items() if s != self.side})
             for turn, off in itertools.product(_OUT_RAD, _OUT_M):
-                R = kin.rot_z(turn) @ now[self.side][:3, :3]
+                R = matmul(kin.rot_z(turn), now[self.side][:3, :3])
                 out = kin.transform(R, now[self.side][:3, 3] + off * [1, SIGN[self.side], 1])
                 ways.append({**stays, self.side: arm_motion.glide(now[self.side], out)})
             if first is not None and not self.held[self.side].laden:
@@ -244,7 +245,7 @@ class Site:
 def _on_leg(start: Array, goal: Array, leaving: bool) -> Array:
     """(n, 3) base poses on a straight leg that are worth a look; `leaving`: the first third is where it stands."""
     turn = kin.wrap(goal[2] - start[2])
-    n = max(2, int(np.ceil(max(float(np.linalg.norm(goal[:2] - start[:2])) / 0.12, abs(float(turn)) / 0.3))))
+    n = max(2, int(np.ceil(max(float(norm(goal[:2] - start[:2])) / 0.12, abs(float(turn)) / 0.3))))
     shares = [u for u in np.linspace(0, 1, n + 1)[1:] if u > 0.3 or n == 2 or not leaving]
     return np.stack([np.append(start[:2] + (goal[:2] - start[:2]) * u, start[2] + turn * u) for u in shares])
 

@@ -16,6 +16,7 @@ from mpvi_bt.manipulation.work import EASY_M, Work
 from mpvi_bt.perception.knowledge import normalize
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Obstacles, Surroundings
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array, Solid, bounds
 
 _FLOORS = ("floor", "ground")
@@ -56,7 +57,7 @@ def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: boo
         if not able:
             continue
         R = able[0][1]
-        box, radius = size([s.moved(kin.transform(R, (0.0, 0.0, 0.0)) @ frame) for s in held.solids])
+        box, radius = size([s.moved(matmul(kin.transform(R, (0.0, 0.0, 0.0)), frame)) for s in held.solids])
         done: list[Array] = []
         for headroom in (_HEADROOMS_M[0], float(np.ptp(box, axis=0)[2]) + _HEADROOMS_M[1]):
             for clear in (_CLEAR_M, _TIGHT_M):
@@ -68,7 +69,7 @@ def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: boo
                     break
             own = [] if inside else [s.aabb() for s in work.scene.solids(surface)]
             for spot in _by_turns(spots, own)[:_SPOTS]:
-                if all(np.linalg.norm(spot - d) > _GRID_M for d in done):
+                if all(norm(spot - d) > _GRID_M for d in done):
                     done.append(spot)
                     yield list(poses(work, held, spot, [lean for lean, _ in able]))
         if not done and not inside:
@@ -86,9 +87,9 @@ def _lengthwise(work: Work, held: Held, surface: str, R: Array, leans: Sequence[
         leans: Of its poses [rad].
     """
     near = work.motion.felt.base_pose[:2]
-    solids = [s.moved(kin.transform(R, (0.0, 0.0, 0.0)) @ kin.inverse(held.T_tcp_thing)) for s in held.solids]
+    solids = [s.moved(matmul(kin.transform(R, (0.0, 0.0, 0.0)), kin.inverse(held.T_tcp_thing))) for s in held.solids]
     angles = np.pi * np.arange(_SECTORS) / _SECTORS
-    width = float(np.ptp(outline(solids) @ np.stack([np.cos(angles), np.sin(angles)]), axis=0).min())
+    width = float(np.ptp(matmul(outline(solids), np.stack([np.cos(angles), np.sin(angles)])), axis=0).min())
     height = float(np.ptp(bounds(solids), axis=0)[2])
     top = Surroundings(work.scene.solids(surface))
     others = work.scene.obstacles(near, _NEAR_M, without={surface, *work.carried()})
@@ -103,10 +104,10 @@ def on_floor(work: Work, held: Held, leans: Sequence[float]) -> Iterator[list[Po
     here = work.motion.felt.base_pose
     steps = np.arange(-_FLOOR_REACH_M, _FLOOR_REACH_M + 1e-9, 2 * _GRID_M)
     grid = np.stack(np.meshgrid(steps, steps, indexing="ij"), -1).reshape(-1, 2)
-    far = np.linalg.norm(grid, axis=1)
+    far = norm(grid, axis=1)
     grid = grid[(far > 0.45) & (far < _FLOOR_REACH_M)]
-    ahead = grid @ [np.cos(here[2]), np.sin(here[2])] / np.linalg.norm(grid, axis=1)
-    places = here[:2] + grid[np.argsort(np.abs(np.linalg.norm(grid, axis=1) - 0.6) + 0.3 * (1 - ahead))]
+    ahead = matmul(grid, [np.cos(here[2]), np.sin(here[2])]) / norm(grid, axis=1)
+    places = here[:2] + grid[np.argsort(np.abs(norm(grid, axis=1) - 0.6) + 0.3 * (1 - ahead))]
     spots = _bare(work, places, size([s.moved(work.hand(held.side)) for s in held.solids])[1])
     for spot in spots[_room(work, held, spots, _CLEAR_M)]:
         yield list(poses(work, held, spot, leans))
@@ -146,7 +147,7 @@ def floor_around(work: Work, phrase: str, radius_m: float, height_m: float, plac
     others = work.scene.obstacles(here, _NEAR_M + 2 * radius_m, without=work.carried())
     for z in np.linspace(0.02, max(0.04, height_m), 4):
         spots = spots[others.distance(spots + [0.0, 0.0, z]) > radius_m]
-    return sorted(spots, key=lambda spot: float(np.linalg.norm(spot[:2] - place)))
+    return sorted(spots, key=lambda spot: float(norm(spot[:2] - place)))
 
 
 def under(work: Work, held: Held, target: str, leans: Sequence[float], by: str | None = None) -> Iterator[list[Pose]]:
@@ -161,7 +162,7 @@ def under(work: Work, held: Held, target: str, leans: Sequence[float], by: str |
     places = np.stack(np.meshgrid(*[np.arange(a, b, _GRID_M) for a, b in box.T[:2]], indexing="ij"), -1).reshape(-1, 2)
     spots = np.column_stack([places, np.zeros(len(places))])[_below(work, held, target, places)]
     spots = spots[_room(work, held, spots, 0.01)]
-    for spot in spots[np.argsort(np.linalg.norm(spots[:, :2] - here, axis=1))]:
+    for spot in spots[np.argsort(norm(spots[:, :2] - here, axis=1))]:
         yield list(poses(work, held, spot, leans))
 
 
@@ -214,13 +215,13 @@ def _lying_on(work: Work, target: str) -> list[Array]:
 def _bars(group: Sequence[Pose], kept: Sequence[Array]) -> bool:
     """Whether poses are where one would stand to reach one of some places (2,)."""
     at = np.mean([pose.T_world_thing[:2, 3] for pose in group], axis=0)
-    return bool(min(np.linalg.norm(at - place) for place in kept) < _BEFORE_M)
+    return bool(min(norm(at - place) for place in kept) < _BEFORE_M)
 
 
 def _borne(held: Held, pose: Pose, below: Obstacles) -> bool:
     """Whether there is something below all of a thing's outline in a pose."""
     frame = kin.inverse(held.T_tcp_thing)
-    solids = [s.moved(pose.T_world_thing @ frame) for s in held.solids]
+    solids = [s.moved(matmul(pose.T_world_thing, frame)) for s in held.solids]
     edge, z = outline(solids), float(bounds(solids)[0, 2]) - _SUNK_M
     return z < 0 or bool((below.distance(np.column_stack([edge, np.full(len(edge), z)])) < _OUT_M).all())
 
@@ -228,7 +229,7 @@ def _borne(held: Held, pose: Pose, below: Obstacles) -> bool:
 def _apart(held: Held, pose: Pose, others: Obstacles) -> bool:
     """Whether a thing's outline in a pose keeps clear of others, at its foot, its middle and its top."""
     frame = kin.inverse(held.T_tcp_thing)
-    solids = [s.moved(pose.T_world_thing @ frame) for s in held.solids]
+    solids = [s.moved(matmul(pose.T_world_thing, frame)) for s in held.solids]
     edge, (low, high) = outline(solids), bounds(solids)[:, 2]
     levels = np.linspace(low + _SUNK_M, max(high, low + _SUNK_M), 3)
     rows = np.concatenate([np.column_stack([edge, np.full(len(edge), z)]) for z in levels])
@@ -237,7 +238,7 @@ def _apart(held: Held, pose: Pose, others: Obstacles) -> bool:
 
 def _level(work: Work, held: Held, pose: Pose, target: str) -> bool:
     frame = kin.inverse(held.T_tcp_thing)
-    mine = [s.moved(pose.T_world_thing @ frame) for s in held.solids]
+    mine = [s.moved(matmul(pose.T_world_thing, frame)) for s in held.solids]
     theirs = list(work.scene.body(target))
     return in_line(bounds(mine).mean(0), theirs) or in_line(bounds(theirs).mean(0), mine)
 
@@ -264,7 +265,7 @@ def _all_beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> 
             T = pose.T_world_thing.copy()
             box, radius = size([s.moved(T) for s in mine])
             edge = outline([s.moved(T) for s in mine])
-            outward = _OUTWARD * float(np.ptp(edge @ away[:2]))
+            outward = _OUTWARD * float(np.ptp(matmul(edge, away[:2])))
             levels = np.linspace(box[0, 2] + 0.005, min(box[1, 2], theirs[1, 2] + 0.02), 4)
             tops = [z for z in parts if box[1, 2] < z < box[1, 2] + _ARM_M]
             levels = np.append(levels, sorted(tops))
@@ -291,7 +292,7 @@ def _all_beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> 
 def _next_to(box: Array, other: Array) -> bool:
     """Whether two boxes (2, 3) are near enough for their size, with a margin."""
     gap = np.maximum(0.0, np.maximum(box[0], other[0]) - np.minimum(box[1], other[1]))
-    return bool(np.linalg.norm(gap) < 0.75 * NEXT_TO_GAP * np.mean(np.ptp(box, axis=0) + np.ptp(other, axis=0)))
+    return bool(norm(gap) < 0.75 * NEXT_TO_GAP * np.mean(np.ptp(box, axis=0) + np.ptp(other, axis=0)))
 
 
 def _room(work: Work, held: Held, spots: Array, clear_m: float, beside: str | None = None) -> NDArray[np.bool_]:
@@ -313,7 +314,7 @@ def _room(work: Work, held: Held, spots: Array, clear_m: float, beside: str | No
 
 
 def _within(volumes: Sequence[Solid], p: Array) -> bool:
-    return any((np.abs(kin.inverse(v.T)[:3] @ np.append(p, 1.0)) <= v.half_m).all() for v in volumes)
+    return any((np.abs(matmul(kin.inverse(v.T)[:3], np.append(p, 1.0))) <= v.half_m).all() for v in volumes)
 
 
 def _packed(spots: Sequence[Array], near: Array, apart: float) -> list[Array]:
@@ -326,12 +327,12 @@ def _packed(spots: Sequence[Array], near: Array, apart: float) -> list[Array]:
     if not spots:
         return []
     at = np.stack(spots)
-    bars = (np.linalg.norm(at[:, None] - at, axis=2) < apart).mean(1)
-    far = np.linalg.norm(at[:, :2] - near, axis=1)
+    bars = (norm(at[:, None] - at, axis=2) < apart).mean(1)
+    far = norm(at[:, :2] - near, axis=1)
     ranked = np.argsort(bars - far, kind="stable").tolist()
     first: list[int] = []
     for k in ranked:
-        if (np.linalg.norm(at[first] - at[k], axis=1) >= apart).all():
+        if (norm(at[first] - at[k], axis=1) >= apart).all():
             first.append(k)
     first += [k for k in ranked if k not in first]
     nearest = np.argsort(far, kind="stable").tolist()

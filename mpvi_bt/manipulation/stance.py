@@ -9,6 +9,7 @@ import numpy as np
 
 from mpvi_bt.manipulation import hand
 from mpvi_bt.robot.collision import Load
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
@@ -66,7 +67,7 @@ class Stance:
     @property
     def runs_up(self) -> bool:
         """Whether the base drives in with the arm in its posture, and out again."""
-        return bool(np.linalg.norm(self.route[-1][:2] - self.base[:2]) > 0.05)
+        return bool(norm(self.route[-1][:2] - self.base[:2]) > 0.05)
 
 
 def upright_options(poses: Sequence[tuple[Array, float]], above_m: float, contact: int = 1) -> list[Option]:

@@ -11,6 +11,7 @@ from mpvi_bt.goals.state import WorldState
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.parts import Bar, Door
 from mpvi_bt.robot.collision import Surroundings, carries
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid
 
@@ -108,7 +109,7 @@ class TrueScene:
                 gaps = np.minimum(gaps, around.distance(np.column_stack([grid, np.full(len(grid), level)])))
             free = np.column_stack([grid, np.full(len(grid), high[2])])[gaps > radius_m]
             spots += [spot for spot in free if carries(face, spot, radius_m)]
-        return sorted(spots, key=lambda s: float(np.linalg.norm(s[:2] - near)))
+        return sorted(spots, key=lambda s: float(norm(s[:2] - near)))
 
 
 def _lines(low: float, high: float) -> Array:
@@ -119,4 +120,4 @@ def _lines(low: float, high: float) -> Array:
 
 def _aside(box: Array, at: Array) -> Array:
     """(n,) distances [m], seen from above, of places (n, 2) to an axis-aligned box (2, 3)."""
-    return np.asarray(np.linalg.norm(np.maximum(np.maximum(box[0, :2] - at, at - box[1, :2]), 0), axis=1))
+    return np.asarray(norm(np.maximum(np.maximum(box[0, :2] - at, at - box[1, :2]), 0), axis=1))

@@ -15,6 +15,7 @@ from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.model import SIGN, RobotModel
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
@@ -124,7 +125,7 @@ def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
         yield from open_wide(work)
         raise MotionFailure("not_squeezed")
     yield from raise_both(work, _LIFT_M)
-    away = float(np.linalg.norm(grip.back[:2] - grip.base[:2]))
+    away = float(norm(grip.back[:2] - grip.base[:2]))
     yield from motion.drive(behind(motion.felt.base_pose, away), speed=0.25)
     yield from straighten_up(work)
     yield from work.see("head")
@@ -177,7 +178,7 @@ def boxes_about(T: Array, solids: list[Solid]) -> Iterator[Box]:
     yaw = float(np.arctan2(ahead[1], ahead[0]))
     frame = kin.transform(kin.rot_z(yaw), T[:3, 3])
     low, high = bounds(s.moved(kin.inverse(frame)) for s in solids)
-    middle = frame[:3, :3] @ ((low + high) / 2) + frame[:3, 3]
+    middle = matmul(frame[:3, :3], (low + high) / 2) + frame[:3, 3]
     x, y, z = (high - low).tolist()
     for quarter in range(4):
         length, width = (x, y) if quarter % 2 == 0 else (y, x)
@@ -199,10 +200,10 @@ def _bases(here: Array, boxes: list[Box], places: Sequence[tuple[float, float]])
     ranked = []
     for box in boxes:
         for ahead, aside in places:
-            offset = kin.rot_z(box.heading)[:2, :2] @ [box.length / 2 + ahead, aside]
+            offset = matmul(kin.rot_z(box.heading)[:2, :2], [box.length / 2 + ahead, aside])
             base = np.array([*(box.middle[:2] - offset), box.heading])
             turn = abs(float(kin.wrap(base[2] - here[2])))
-            way = float(np.linalg.norm(base[:2] - here[:2]))
+            way = float(norm(base[:2] - here[:2]))
             ranked.append((way + 0.4 * turn + abs(aside) + 1.5 * abs(ahead - 0.37), base, box))
     return [(base, box) for _, base, box in sorted(ranked, key=lambda r: r[0])]
 
@@ -211,7 +212,7 @@ def _find(work: Work, search: Search, bases: list[tuple[Array, Box]]) -> _Grip |
     """The first good grip."""
     here, checked = work.motion.felt.base_pose, 0
     for base, box in bases:
-        if any(np.linalg.norm(base[:2] - b[:2]) < 0.03 and abs(kin.wrap(base[2] - b[2])) < 0.3 for b in search.tried):
+        if any(norm(base[:2] - b[:2]) < 0.03 and abs(kin.wrap(base[2] - b[2])) < 0.3 for b in search.tried):
             continue
         if (way := way_behind(search, here, base)) is None:
             continue
@@ -246,7 +247,7 @@ def _grip_at(work: Work, search: Search, base: Array, back: Array, box: Box) -> 
     chests = kin.inverse(robot.chest(torsos))
     found: dict[Side, dict[int, list[Array]]] = {}
     for side in SIDES:
-        at, q = robot.arm_inverse(chests @ to_base @ touching[side], side, swivels=16)
+        at, q = robot.arm_inverse(matmul(chests, to_base, touching[side]), side, swivels=16)
         cost = robot.limit_cost(q, side) + 0.05 * np.abs(q - robot.travel_arm[side]).sum(1)
         found[side] = {}
         for row in np.argsort(cost):
@@ -259,7 +260,7 @@ def _grip_at(work: Work, search: Search, base: Array, back: Array, box: Box) -> 
         arms: dict[Side, list[Array]] = {}
         for side in SIDES:
             for q in found[side][t][:6]:
-                line = arm_motion.trace(robot, torso, side, q, to_base @ wide[side])
+                line = arm_motion.trace(robot, torso, side, q, matmul(to_base, wide[side]))
                 if line is None:
                     continue
                 path = [line[-1], q]
@@ -304,7 +305,7 @@ def _close_in(work: Work, box: Box) -> Actions:
     """Bring both hands to the sides, from where the base really stands."""
     to_base = kin.inverse(work.base)
     hands = box.hands(0.0)
-    lines = [work.motion.line(side, to_base @ hands[side], _CLOSING_M_S, give_rad=np.inf) for side in SIDES]
+    lines = [work.motion.line(side, matmul(to_base, hands[side]), _CLOSING_M_S, give_rad=np.inf) for side in SIDES]
     yield from together(*lines, motion_of=work)
 
 
@@ -414,7 +415,7 @@ def _apart(work: Work) -> float:
     """Between the hands, as felt [m]."""
     felt = work.motion.felt
     left, right = (work.motion.robot.tcp(felt.torso, felt.arm[side], side)[:3, 3] for side in SIDES)
-    return float(np.linalg.norm(left - right))
+    return float(norm(left - right))
 
 
 def _shift(

@@ -18,6 +18,7 @@ from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, box
@@ -54,7 +55,7 @@ class _Patch:
         """The two parts that it has along its longer side."""
         along = (self.half == self.half.max()) & [True, self.half[0] != self.half[1]]
         half = np.where(along, self.half / 2, self.half)
-        step = np.append(kin.rot_z(self.yaw)[:2, :2] @ np.where(along, half, 0.0), 0.0)
+        step = np.append(matmul(kin.rot_z(self.yaw)[:2, :2], np.where(along, half, 0.0)), 0.0)
         return [_Patch(self.middle + sign * step, half, self.yaw) for sign in (-1, 1)]
 
 
@@ -118,10 +119,8 @@ def _over(
     left: list[_Patch] = []
 
     def find(search: Search, here_first: bool) -> Stance | None:
-        seen = min(
-            _patches(work, target, strokes), key=lambda p: float(np.linalg.norm(p.middle - patch.middle)), default=patch
-        )
-        if np.abs(seen.half - patch.half).max() > _ALIKE_M or np.linalg.norm(seen.middle - patch.middle) > _ALIKE_M:
+        seen = min(_patches(work, target, strokes), key=lambda p: float(norm(p.middle - patch.middle)), default=patch)
+        if np.abs(seen.half - patch.half).max() > _ALIKE_M or norm(seen.middle - patch.middle) > _ALIKE_M:
             seen = patch  # from near the robot sees less of it, or takes it for something else
         grounded, parts = _grounded(work, search, target), [seen]
         while parts:
@@ -139,7 +138,7 @@ def _over(
         stance, search = yield from close_in(work, side, {target}, target, find, [])
     yield from take_up(work, stance, search)
     motion, path, up = work.motion, [work.motion.arm(side)], 0
-    for T in kin.inverse(work.base) @ kin.base(stance.base) @ stance.waypoints[1:]:
+    for T in matmul(kin.inverse(work.base), kin.base(stance.base), stance.waypoints[1:]):
         line = arm_motion.trace(motion.robot, motion.torso, side, path[-1], T)
         if line is None:
             raise MotionFailure("no_reach")
@@ -189,9 +188,9 @@ def _patches(work: Work, target: str, strokes: bool) -> list[_Patch]:
     out = []
     for i in range(counts[0]):
         for j in range(counts[1]):
-            offset = kin.rot_z(yaw)[:2, :2] @ ((2 * np.array([i, j]) + 1) * step - half)
+            offset = matmul(kin.rot_z(yaw)[:2, :2], (2 * np.array([i, j]) + 1) * step - half)
             out.append(_Patch(np.array([*(face.T[:2, 3] + offset), top]), step, yaw))
-    return sorted(out, key=lambda p: float(np.linalg.norm(p.middle[:2] - here)))
+    return sorted(out, key=lambda p: float(norm(p.middle[:2] - here)))
 
 
 def _flat(T: Array, half_m: Array) -> tuple[Array, float]:
@@ -206,25 +205,25 @@ def _options(work: Work, held: Held, patch: _Patch, height: float, strokes: bool
     R_now = work.scene.pose(held.name)[:3, :3]
     up = int(np.abs(R_now[2]).argmax())
     lean = np.cross(R_now[:, up] * np.sign(R_now[2, up]), [0.0, 0.0, 1.0])
-    if (sine := float(np.linalg.norm(lean))) > 1e-6:
-        R_now = np.asarray(Rotation.from_rotvec(lean / sine * np.arcsin(min(1.0, sine))).as_matrix()) @ R_now
+    if (sine := float(norm(lean))) > 1e-6:
+        R_now = matmul(np.asarray(Rotation.from_rotvec(lean / sine * np.arcsin(min(1.0, sine))).as_matrix()), R_now)
     to_tcp = kin.inverse(held.T_tcp_thing)
     along = R_now[:, (up + 1) % 3]
     aligned = patch.yaw - float(np.arctan2(along[1], along[0]))
     for turn, past in product(_TURNS, (_PAST_M, 0.0) if strokes else (0.0,)):
         # As the patch lies, so that its outline is a rectangle there.
-        R = kin.rot_z(aligned + turn) @ R_now
-        lying = kin.transform(kin.rot_z(-patch.yaw) @ R, (0.0, 0.0, 0.0)) @ to_tcp
+        R = matmul(kin.rot_z(aligned + turn), R_now)
+        lying = matmul(kin.transform(matmul(kin.rot_z(-patch.yaw), R), (0.0, 0.0, 0.0)), to_tcp)
         boxes = np.stack([s.moved(lying).aabb() for s in held.solids])
         low = boxes[:, 0].min(0)
         underside = boxes[boxes[:, 0, 2] < low[2] + 0.01]
         middle = (underside[:, 0].min(0) + underside[:, 1].max(0))[:2] / 2
         reach = (underside[:, 1].max(0) - underside[:, 0].min(0))[:2] / 2
-        off = kin.rot_z(patch.yaw)[:2, :2] @ middle
+        off = matmul(kin.rot_z(patch.yaw)[:2, :2], middle)
         poses = []
         for k, at in enumerate(strokes_over(patch.half + past, reach) if strokes else [np.zeros(2)]):
-            x, y = patch.middle[:2] + kin.rot_z(patch.yaw)[:2, :2] @ at - off
-            T = kin.transform(R, (x, y, patch.middle[2] + height - low[2])) @ to_tcp
+            x, y = patch.middle[:2] + matmul(kin.rot_z(patch.yaw)[:2, :2], at) - off
+            T = matmul(kin.transform(R, (x, y, patch.middle[2] + height - low[2])), to_tcp)
             poses += [T] if k else [_raised(T), T]
         poses.append(_raised(poses[-1]))
         yield Option(np.stack(poses), 1, 0.1 * abs(float(kin.wrap(aligned + turn))) + 10 * (_PAST_M - past))

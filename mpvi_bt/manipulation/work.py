@@ -15,6 +15,7 @@ from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.perception.phrases import OTHER, normalize, read
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Load, Obstacles, Surroundings, Together
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, CameraImage, Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
@@ -71,7 +72,7 @@ class Work:
     def hand(self, side: Side) -> Array:
         """T_world_tcp (4, 4) as felt."""
         felt = self.motion.felt
-        return np.asarray(self.base @ self.motion.robot.tcp(felt.torso, felt.arm[side], side))
+        return np.asarray(matmul(self.base, self.motion.robot.tcp(felt.torso, felt.arm[side], side)))
 
     def see(self, *cameras: str) -> Actions:
         """Take one picture with each camera, the robot standing still; nothing where the scene needs no pictures."""
@@ -97,7 +98,7 @@ class Work:
         """
         names, said = self.alike(phrase, ajar=ajar), normalize(OTHER.sub("", phrase))
         before, here = self.meant.get(said), self.motion.felt.base_pose[:2]
-        if before in names and np.linalg.norm(self.middle(before)[:2] - here) < NEAR_M:
+        if before in names and norm(self.middle(before)[:2] - here) < NEAR_M:
             names = [n for n in names if (n == before) != bool(OTHER.match(phrase))] or names
         self.meant[said] = names[0]
         return names[0]
@@ -127,10 +128,10 @@ class Work:
         found = self._as_said(found, phrase, ajar)
         some = [e for e in found if known.away(e) == known.away(found[0])]
         if ajar and len(some) > 1:
-            near = [e for e in some if np.linalg.norm(e.center[:2] - here) < NEAR_M]
+            near = [e for e in some if norm(e.center[:2] - here) < NEAR_M]
             some = [e for e in near if self.stands_open(e.name)] or some
         hands = np.append(here, EASY_M)
-        return [e.name for e in sorted(some, key=lambda e: float(np.linalg.norm(e.center - hands)))]
+        return [e.name for e in sorted(some, key=lambda e: float(norm(e.center - hands)))]
 
     def _as_said(self, found: list[Entry], phrase: str, ajar: bool) -> list[Entry]:
         """Those that are empty, open or shut, or with something in them, where a phrase says so; all if none is."""
@@ -182,7 +183,7 @@ class Work:
                 solids = tuple(s.moved(frame) for n in (name, *inner) for s in self.scene.solids(n))
                 volumes = [v.moved(frame) for v in self.scene.volumes(name)]
                 load, laden = Load(solids, volumes), self.scene.laden(name)
-                out[side] = Held(name, side, frame @ self.scene.pose(name), solids, load, laden)
+                out[side] = Held(name, side, matmul(frame, self.scene.pose(name)), solids, load, laden)
         return out
 
     def load(self, side: Side) -> Held:

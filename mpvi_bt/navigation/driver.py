@@ -32,6 +32,7 @@ from mpvi_bt.navigation.ways import GaveUp, Goals, find_way
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.kinematics import rot_z
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Robot
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.robots import robot_named
@@ -235,7 +236,7 @@ class Driver:
     def _moving(self) -> Array:
         """(3,) the base's velocity now, in the world."""
         body = self._robot.proprioception()
-        velocity = rot_z(float(body.base_pose[2])) @ body.base_velocity  # the third is a rate and stays
+        velocity = matmul(rot_z(float(body.base_pose[2])), body.base_velocity)  # the third is a rate and stays
         return velocity if np.isfinite(velocity).all() else np.zeros(3)
 
     def _plan(self, goals: Goals, halts: list[Array], velocity: Array) -> PathFollower:
@@ -339,7 +340,7 @@ class Driver:
                 break
         else:
             return
-        forward = rot_z(float(pose[2]))[:2, :2].T @ away
+        forward = matmul(rot_z(float(pose[2]))[:2, :2].T, away)
         steps = round(self.parameters.back_off_m / _BACK_M_S * CONTROL_HZ)
         for i in range(steps):
             ramp = min(1.0, 4.0 * min(i + 1, steps - i) / steps)

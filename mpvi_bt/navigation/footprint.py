@@ -11,6 +11,7 @@ import numpy as np
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.robot.kinematics import rot_z
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import Proprioception
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
@@ -38,7 +39,7 @@ class Footprint:
         """
         turn = rot_z(float(base_pose[2]))[:2, :2]
         loads = [
-            (*(turn.T @ (e.center[:2] - base_pose[:2])), float((e.highest - e.lowest)[:2].max()) / 2 + 0.02)
+            (*matmul(turn.T, e.center[:2] - base_pose[:2]), float((e.highest - e.lowest)[:2].max()) / 2 + 0.02)
             for e in entries
             if e.held and e.inside is None
         ]
@@ -53,7 +54,7 @@ class Footprint:
         around = []
         robot = robot_named(body.robot)
         for side in body.sides:
-            elbow, hand = (robot.chest(body.torso) @ T for T in robot.arm_frames(body.arm[side], side)[-2:])
+            elbow, hand = (matmul(robot.chest(body.torso), T) for T in robot.arm_frames(body.arm[side], side)[-2:])
             wrist = hand[:3, 3] - robot.tcp_m * hand[:3, 2]
             parts = [
                 (elbow[:3, 3], _ARM_M),

@@ -12,6 +12,7 @@ from mpvi_bt.navigation.grid import cost_to_reach
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.robot.kinematics import wrap
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
 
 _BEHIND_M = 4.0  # of driving, that a place at the side of a thing is worse than one before its front: twice that behind
@@ -51,7 +52,7 @@ class Goal:
 
 def distance_to(entry: Entry, xy: Array) -> float:
     """Distance [m] on the floor from `xy` (2,) to the nearest point of the entry's box; 0 within it."""
-    return float(np.linalg.norm(nearest_point(entry, xy) - xy))
+    return float(norm(nearest_point(entry, xy) - xy))
 
 
 def nearest_point(entry: Entry, xy: Array) -> Array:
@@ -112,8 +113,8 @@ def object_goals(entry: Entry, start: Array, grid: Traversability, handoff: Hand
             cells, points = cells[reached], points[reached]
             break
     nearest = nearest_point(entry, points)
-    distance = np.linalg.norm(nearest - points, axis=1)
-    aside = np.linalg.norm(nearest - entry.center[:2], axis=1) - _half_depth(entry, points)
+    distance = norm(nearest - points, axis=1)
+    aside = norm(nearest - entry.center[:2], axis=1) - _half_depth(entry, points)
     score = (
         effort[cells[:, 0], cells[:, 1]]
         + 6.0 * np.maximum(0.0, handoff.preferred_m - distance)
@@ -121,7 +122,7 @@ def object_goals(entry: Entry, start: Array, grid: Traversability, handoff: Hand
         + 1.0 * np.maximum(0.0, aside)
     )
     if entry.front is not None:
-        score += _BEHIND_M * (1.0 - ((points - nearest) @ entry.front) / np.maximum(distance, 1e-6))
+        score += _BEHIND_M * (1.0 - matmul(points - nearest, entry.front) / np.maximum(distance, 1e-6))
     yaw = facing_yaw(entry, points)
     order = _apart(cells, score.astype(float))[:most]
     return [Goal(np.array([*points[i], yaw[i]]), float(score[i])) for i in order]
@@ -132,7 +133,7 @@ def near_goals(entry: Entry, start: Array, grid: Traversability, most: int = 20)
     effort = cost_to_reach(grid.cost, grid.map.cell(start)) * grid.map.resolution_m
     cells = np.argwhere(np.isfinite(effort))
     points = grid.points(cells)
-    apart = np.linalg.norm(nearest_point(entry, points) - points, axis=1)
+    apart = norm(nearest_point(entry, points) - points, axis=1)
     order = np.argsort(apart, kind="stable")[:most]
     yaw = facing_yaw(entry, points[order])
     return [Goal(np.array([*points[i], y]), float(apart[i])) for i, y in zip(order, yaw, strict=True)]
@@ -176,7 +177,7 @@ def _ring(entry: Entry, grid: Traversability, inner_m: float, outer_m: float) ->
     r0, c0 = max(r0, 0), max(c0, 0)
     cells = np.argwhere(np.isfinite(grid.cost[r0 : r1 + 1, c0 : c1 + 1])) + np.array([r0, c0])
     points = grid.points(cells)
-    distance = np.linalg.norm(nearest_point(entry, points) - points, axis=1)
+    distance = norm(nearest_point(entry, points) - points, axis=1)
     ring: NDArray[np.int64] = cells[(distance >= inner_m) & (distance <= outer_m)]
     return ring
 
@@ -207,7 +208,7 @@ def _in_sight(entry: Entry, points: Array, grid: Traversability) -> NDArray[np.b
     the open, must stay there.
     """
     target = nearest_point(entry, points)
-    reach = float(np.linalg.norm(target - points, axis=1).max(initial=0.0))
+    reach = float(norm(target - points, axis=1).max(initial=0.0))
     n = int(np.ceil(reach / (grid.map.resolution_m / 2))) + 2
     along = target[:, None] + np.linspace(0, 1, n)[:, None] * (points - target)[:, None]  # (N, n, 2)
     cells = np.floor(grid.cells(along)).astype(int).clip(0, np.array(grid.occupied.shape) - 1)

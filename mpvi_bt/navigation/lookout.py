@@ -15,6 +15,7 @@ from mpvi_bt.navigation.occupancy import Occupancy
 from mpvi_bt.navigation.visibility import VisibilityMap
 from mpvi_bt.perception.discovery import Discoveries
 from mpvi_bt.robot.kinematics import wrap
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage, Robot
 from mpvi_bt.robot.solids import Array
 
@@ -150,5 +151,5 @@ def _unpacked(text: str, like: NDArray[Any]) -> NDArray[Any]:
 
 
 def _same(before: Array, now: Array) -> bool:
-    near = float(np.linalg.norm(now[:2] - before[:2])) < _MOVED_M
+    near = float(norm(now[:2] - before[:2])) < _MOVED_M
     return near and abs(float(wrap(now[2] - before[2]))) < _TURNED_RAD

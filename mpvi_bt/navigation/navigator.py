@@ -16,6 +16,7 @@ from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, normalize
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.perception.phrases import OTHER
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import SIDES, Robot
 from mpvi_bt.robot.solids import Array
 
@@ -148,7 +149,7 @@ class KnownPlaceNavigator:
         if not entries:
             return
         here = self._robot.proprioception().base_pose[:2]
-        nearest_one = min(entries, key=lambda e: float(np.linalg.norm(e.center[:2] - here)))
+        nearest_one = min(entries, key=lambda e: float(norm(e.center[:2] - here)))
         if nearest_one.kind == "object":
             self._at, self._held = nearest_one.name, self._hands()
         elif len(entries) > 1:
@@ -241,8 +242,8 @@ class KnownPlaceNavigator:
 
 def _mistakable(entries: list[Entry], others: list[Entry], pose: Array) -> bool:
     """Whether one of some others is nearer to a base at a pose (3,) than any entry: skills take the nearest."""
-    nearest_m = min((float(np.linalg.norm(e.center[:2] - pose[:2])) for e in entries), default=np.inf)
-    return any(float(np.linalg.norm(o.center[:2] - pose[:2])) < nearest_m for o in others)
+    nearest_m = min((float(norm(e.center[:2] - pose[:2])) for e in entries), default=np.inf)
+    return any(float(norm(o.center[:2] - pose[:2])) < nearest_m for o in others)
 
 
 def _said(target: str) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, Robot
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
@@ -21,8 +22,8 @@ _OVER_M = 0.25  # above what is looked at
 def tilt_toward(robot: Robot, p_world: Array) -> float:
     """The head tilt [rad] that brings a place (3,) to the middle of the head's picture, as far as the neck goes."""
     body = robot.proprioception()
-    eye = kin.base(body.base_pose) @ robot_named(body.robot).head_camera(body.torso)
-    away = float(np.linalg.norm(p_world[:2] - eye[:2, 3]))
+    eye = matmul(kin.base(body.base_pose), robot_named(body.robot).head_camera(body.torso))
+    away = float(norm(p_world[:2] - eye[:2, 3]))
     down = math.atan2(eye[2, 3] - p_world[2], max(away, 1e-3))
     low, high = robot_named(body.robot).torso_limits[3]
     return float(np.clip(down - body.torso[2], low, high))

@@ -15,6 +15,7 @@ from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.drives import steering
 from mpvi_bt.robot.kinematics import wrap
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import CONTROL_HZ
 from mpvi_bt.robot.solids import Array
 
@@ -109,7 +110,7 @@ class PathFollower:
         self.goal, self.limits, self.tolerance = goal, limits, tolerance
         self.grid, self._free, self._cells = grid, np.isfinite(grid.cost), np.ascontiguousarray(grid.cells(self.path))
         self._lookahead_m, self._arrive_m = lookahead_m, arrive_m
-        steps = np.linalg.norm(np.diff(self.path, axis=0), axis=1)
+        steps = norm(np.diff(self.path, axis=0), axis=1)
         self._to_go = np.append(np.cumsum(steps[::-1])[::-1], 0.0)  # (N,) distance to the end along the path
         self._at = 0  # index of the path's point nearest to the base; it never runs back
         self._footprint = footprint if footprint is not None and self._yaws is not None else None

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mpvi_bt.navigation.grid import compiled
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.kinematics import inverse, rot_z
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
@@ -85,7 +86,7 @@ class VisibilityMap:
         T = np.eye(4)
         if self._last is not None:
             turn = yaw - _heading(self._last.T_world_camera)
-            T[:3, :3] = rot_z(turn) @ self._last.T_world_camera[:3, :3]
+            T[:3, :3] = matmul(rot_z(turn), self._last.T_world_camera[:3, :3])
             T[2, 3] = self._last.T_world_camera[2, 3]
         T[:2, 3] = np.asarray(xy, float)[:2]
         return self._look(T, yaw, fov_rad / 2, occupied, wanted, _NO_DEPTH, self._last, False)
@@ -113,7 +114,7 @@ class VisibilityMap:
         height, width = (0, 0) if picture is None else picture.depth.shape
         project = np.eye(3)
         if picture is not None:
-            project = picture.K @ inverse(T_world_camera)[:3] @ self._to_world
+            project = matmul(picture.K, inverse(T_world_camera)[:3], self._to_world)
         count: int = _cast(
             np.ascontiguousarray(occupied), seen, fresh, window[0].start, window[1].start, y, x, yaw, half,
             rays, reach, height, width, depth, project,
@@ -141,10 +142,11 @@ def _heading(T_world_camera: Array) -> float:
 def _field_of_view(image: CameraImage) -> tuple[float, float]:
     """Where a camera heads [rad], and how far to each side of that its picture reaches on the floor."""
     height, width = image.depth.shape
-    corners = np.array([[u, v, 1.0] for u in (0, width) for v in (0, height)])
-    rays = corners @ np.linalg.inv(image.K).T @ image.T_world_camera[:3, :3].T
+    (fx, _, cx), (_, fy, cy), _ = image.K
+    corners = np.array([[(u - cx) / fx, (v - cy) / fy, 1.0] for u in (0, width) for v in (0, height)])
+    rays = matmul(corners, image.T_world_camera[:3, :3].T)
     yaw = _heading(image.T_world_camera)
-    along, across = (rays[:, :2] @ rot_z(yaw)[:2, :2]).T
+    along, across = matmul(rays[:, :2], rot_z(yaw)[:2, :2]).T
     if along.min() < 1e-6:  # so far down that the picture holds the place below the camera: all around
         return yaw, math.pi
     return yaw, float(np.abs(np.arctan2(across, along)).max())

@@ -10,6 +10,7 @@ import numpy as np
 
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, laid_down
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import SIDES, Proprioception
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
@@ -97,7 +98,7 @@ class Carrying:
             for name, load in grip.loads.items():
                 entry = self._knowledge.entries.get(name)
                 if entry is not None and grip.name in (entry.name, entry.inside):
-                    entry.lowest, entry.highest = _moved(load.box, T @ load.T_tcp_world)
+                    entry.lowest, entry.highest = _moved(load.box, matmul(T, load.T_tcp_world))
 
     def adopt(self, entries: Iterable[Entry], body: Proprioception) -> None:
         """Let hands that hold something unknown hold what was just found in them; what they left was laid down."""
@@ -140,9 +141,9 @@ class Carrying:
         near = []
         for entry in among:
             if entry.kind == "object":
-                gap = float(np.linalg.norm(points - np.clip(points, entry.lowest, entry.highest), axis=1).max())
+                gap = float(norm(points - np.clip(points, entry.lowest, entry.highest), axis=1).max())
                 if gap < reach:  # of things in one another the one whose middle is near, too
-                    near.append((gap + float(np.linalg.norm(points.mean(0) - entry.center)) / 2, entry.name))
+                    near.append((gap + float(norm(points.mean(0) - entry.center)) / 2, entry.name))
         if not near:
             self.grips[hand] = None
             self._took.setdefault(hand, points.mean(0))
@@ -256,13 +257,13 @@ def _tcps(hand: Hand, body: Proprioception) -> list[Array]:
     """T_world_tcp (4, 4) of a hand, or of both."""
     T = kin.base(body.base_pose)
     sides = SIDES if hand == "both" else (hand,)
-    return [T @ robot_named(body.robot).tcp(body.torso, body.arm[side], side) for side in sides]
+    return [matmul(T, robot_named(body.robot).tcp(body.torso, body.arm[side], side)) for side in sides]
 
 
 def _moved(box: Array, motion: Array) -> tuple[Array, Array]:
     """The axis-aligned box about a box (2, 3) that is carried along by `motion` (4, 4)."""
     center, half = box.mean(0), (box[1] - box[0]) / 2
-    center, half = motion[:3, :3] @ center + motion[:3, 3], np.abs(motion[:3, :3]) @ half
+    center, half = matmul(motion[:3, :3], center) + motion[:3, 3], matmul(np.abs(motion[:3, :3]), half)
     return center - half, center + half
 
 

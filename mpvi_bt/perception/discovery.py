@@ -22,6 +22,7 @@ from mpvi_bt.perception.carrying import Carrying
 from mpvi_bt.perception.detector import Detection, Detector
 from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, calls
 from mpvi_bt.perception.sighting import Looks, Sighting, covers, middle_in_sight, shows, sightings
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import CameraImage, Proprioception
 from mpvi_bt.robot.solids import Array
 
@@ -147,13 +148,13 @@ class Discoveries:
         way = (sighting.lowest + sighting.highest) / 2 - entry.center
         if entry.source != "prior" and self._looks[entry.name].near_m is None:
             gate, way[2] = max(gate, _UNSEEN_GATE_M), max(way[2], 0.0)
-        apart = float(np.linalg.norm(way)) / gate
+        apart = float(norm(way)) / gate
         a, b = np.stack([sighting.lowest, sighting.highest]), np.stack([entry.lowest, entry.highest])
         if apart < 1.0:
             return apart
         if (shared := _shared(a, b)) > _SHARED:
             return 1.0 - shared / 2
-        gap = float(np.linalg.norm(np.maximum(np.maximum(a[0] - b[1], b[0] - a[1]), 0.0)))
+        gap = float(norm(np.maximum(np.maximum(a[0] - b[1], b[0] - a[1]), 0.0)))
         turned = entry.held and gap < gate  # in the hand, or hanging between two: a sheet swings
         return _A_PART if turned or (gap < gate / 2 and (_smaller(a, b) or _smaller(b, a))) else _NEVER
 
@@ -278,7 +279,7 @@ def _alike(phrases: tuple[str, ...], others: Iterable[str]) -> bool:
 
 def _smaller(a: Array, b: Array) -> bool:
     """Whether a box (2, 3) is so much smaller than another one that it may be that of a part."""
-    return bool(np.linalg.norm(a[1] - a[0]) < _SMALLER * np.linalg.norm(b[1] - b[0]))
+    return bool(norm(a[1] - a[0]) < _SMALLER * norm(b[1] - b[0]))
 
 
 def _shared(a: Array, b: Array) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
@@ -78,7 +79,7 @@ class Field:
             image = view.image
             depth = np.where(view.through, -np.abs(image.depth), image.depth).astype(np.float32)
             own = np.zeros_like(view.through) if view.own is None else view.own
-            T_camera_grid = kin.inverse(image.T_world_camera) @ kin.transform(np.eye(3), self._low + cell_m / 2)
+            T_camera_grid = matmul(kin.inverse(image.T_world_camera), kin.transform(np.eye(3), self._low + cell_m / 2))
             camera = np.array([image.K[0, 0], image.K[1, 1], image.K[0, 2], image.K[1, 2]])
             kernels()["carve"](cells, depth, own, T_camera_grid, camera, cell_m, surface_m, _NOISE_PER_M, thick)
         veiled = doubt == _VEILED
@@ -99,7 +100,7 @@ class Field:
         other.blocked = self.blocked.copy()
         centers = np.argwhere(self.blocked)
         p = self._low + (centers + 0.5) * self._cell
-        near = (np.linalg.norm(p[:, None] - np.atleast_2d(p_world), axis=-1) < radius_m).any(1)
+        near = (norm(p[:, None] - np.atleast_2d(p_world), axis=-1) < radius_m).any(1)
         other.blocked[tuple(centers[near].T)] = False
         other._distance = distance_to(other.blocked) * np.float32(self._cell) - np.float32(self._cell / 2)
         return other
@@ -107,12 +108,12 @@ class Field:
     def seen_from(self, T: Array) -> Field:
         """The same in another frame; `T` (4, 4) maps that frame into the present one."""
         other = copy(self)
-        other._to_world = self._to_world @ T
+        other._to_world = matmul(self._to_world, T)
         return other
 
     def depth_within(self, p: Array) -> Array:
         """(...,) distance [m] of points (..., 3) to the border of the field; 0 outside."""
-        at = p @ self._to_world[:3, :3].T + self._to_world[:3, 3] - self._low
+        at = matmul(p, self._to_world[:3, :3].T) + self._to_world[:3, 3] - self._low
         size = np.array(self.blocked.shape) * self._cell
         return np.asarray(np.maximum(np.minimum(at, size - at).min(-1), 0.0))
 

@@ -18,6 +18,7 @@ from mpvi_bt.perception.outlines import THIN_M, Outline, circle, main_cluster, o
 from mpvi_bt.perception.shape import SeenBar, Shape, frame, upright_box
 from mpvi_bt.perception.stand_out import stand_out
 from mpvi_bt.perception.waist import waisted
+from mpvi_bt.robot.linear_algebra import least_squares, matmul, norm
 from mpvi_bt.robot.solids import Array, Solid, pose
 
 _ROUND = 0.88  # share of its rectangle that an outline fills: a disc has 0.79, a rectangle 1
@@ -120,11 +121,11 @@ def _cornered(xy: Array) -> Outline:
     best, found = np.inf, outline(xy)
     for heading in np.arange(0, np.pi / 2, np.pi / 90):
         c, s = np.cos(heading), np.sin(heading)
-        local = xy @ np.array([[c, -s], [s, c]])
+        local = matmul(xy, np.array([[c, -s], [s, c]]))
         low, high = local.min(0), local.max(0)
         off = float(np.minimum(np.minimum(local - low, high - local).min(1), 0.01).mean())
         if off < best:
-            best, (a, b), middle = off, high - low, (high + low) / 2 @ np.array([[c, s], [-s, c]])
+            best, (a, b), middle = off, high - low, matmul((high + low) / 2, np.array([[c, s], [-s, c]]))
             turn = 0.0 if a >= b else np.pi / 2
             found = Outline(middle, np.array([max(a, b), min(a, b)]), float(heading + turn), found.fill)
     return found
@@ -137,7 +138,7 @@ def _deepened(seen: Outline, eye: Array) -> Outline:
     if short > 0.6 * depth:
         return seen
     inward = seen.frame[:, 1]
-    if inward @ (seen.middle - eye) < 0:
+    if matmul(inward, seen.middle - eye) < 0:
         inward = -inward
     middle = seen.middle + inward * (depth - short) / 2
     sides, heading = np.array([long, depth]), seen.heading
@@ -151,9 +152,9 @@ def _ball(points: Array, width: float, support: float, top: float, grain: float)
     if len(points) < 12:
         return None
     A = np.c_[2 * points, np.ones(len(points))]
-    s = np.linalg.lstsq(A, (points**2).sum(1), rcond=None)[0]
-    radius = float(np.sqrt(max(s[3] + s[:3] @ s[:3], 1e-8)))
-    off = np.linalg.norm(points - s[:3], axis=1) - radius
+    s = least_squares(A, (points**2).sum(1))
+    radius = float(np.sqrt(max(s[3] + matmul(s[:3], s[:3]), 1e-8)))
+    off = norm(points - s[:3], axis=1) - radius
     noise = float(np.sqrt(np.mean(off**2)))
     tall = (top - support) / 2
     off_m, tall_m = max(0.002, 0.06 * radius) + grain, max(0.004, 0.15 * radius) + grain
@@ -193,7 +194,7 @@ def _seen_through(column: Shape, around: Array, eye: Array) -> bool:
     (solid,), middle = column.solids, column.T[:3, 3]
     level = around[np.abs(around[:, 2] - column.support_m) < _LEVEL_M]
     halfway = level + (eye - level) * ((middle[2] - level[:, 2]) / (eye[2] - level[:, 2]))[:, None]
-    off = np.maximum(*(np.linalg.norm((p - middle)[:, :2], axis=1) for p in (level, halfway)))
+    off = np.maximum(*(norm((p - middle)[:, :2], axis=1) for p in (level, halfway)))
     return int((off < _WITHIN * solid.half_m[0]).sum()) > _SHOWN
 
 
@@ -258,7 +259,7 @@ def _rim(points: Array, seen: Outline, support: float, top: float) -> tuple[floa
     if len(above) < 8:
         return rim, None
     bar = outline(above[:, :2])
-    if bar.sides[1] > 0.045 or bar.sides[0] < 0.05 or np.linalg.norm(bar.middle - seen.middle) > 0.5 * seen.sides[1]:
+    if bar.sides[1] > 0.045 or bar.sides[0] < 0.05 or norm(bar.middle - seen.middle) > 0.5 * seen.sides[1]:
         return rim, None
     center = np.array([*bar.middle, top - 0.010])
     axis = np.array([np.cos(bar.heading), np.sin(bar.heading), 0.0])
@@ -282,14 +283,14 @@ def _square_vessel(around: Outline, support: float, floor: float, rim: float, ba
     x, y = around.sides
     T = frame(around.middle, around.heading, support, rim)
     half = (rim - support) / 2
-    solids = [Solid("box", np.array([x / 2, y / 2, (floor - support) / 2]), T @ pose((0, 0, (floor - rim) / 2)))]
+    solids = [Solid("box", np.array([x / 2, y / 2, (floor - support) / 2]), matmul(T, pose((0, 0, (floor - rim) / 2))))]
     for sign in (-1, 1):
         side = pose((sign * (x - _WALL_M) / 2, 0, 0))
-        solids.append(Solid("box", np.array([_WALL_M / 2, y / 2, half]), T @ side))
+        solids.append(Solid("box", np.array([_WALL_M / 2, y / 2, half]), matmul(T, side)))
         side = pose((0, sign * (y - _WALL_M) / 2, 0))
-        solids.append(Solid("box", np.array([x / 2 - _WALL_M, _WALL_M / 2, half]), T @ side))
+        solids.append(Solid("box", np.array([x / 2 - _WALL_M, _WALL_M / 2, half]), matmul(T, side)))
     inside = np.array([x / 2 - _WALL_M, y / 2 - _WALL_M, (rim - floor) / 2])
-    volume = Solid("box", inside, T @ pose((0, 0, half - (rim - floor) / 2)))
+    volume = Solid("box", inside, matmul(T, pose((0, 0, half - (rim - floor) / 2))))
     return Shape("vessel", T, (*solids, *_bar_solids(bars, rim)), support, (volume,), bars)
 
 
@@ -299,11 +300,12 @@ def _round_vessel(
     """`radius` is that of the middle of its wall."""
     T = frame(middle, 0.0, support, rim)
     half = (rim - support) / 2
-    solids = [Solid("cylinder", np.array([radius, radius, (floor - support) / 2]), T @ pose((0, 0, (floor - rim) / 2)))]
+    bottom = matmul(T, pose((0, 0, (floor - rim) / 2)))
+    solids = [Solid("cylinder", np.array([radius, radius, (floor - support) / 2]), bottom)]
     stave = (radius + _WALL_M / 2) * float(np.tan(np.pi / _STAVES))
     for angle in np.arange(_STAVES) * (2 * np.pi / _STAVES):
         at = pose((radius * np.cos(angle), radius * np.sin(angle), 0), float(angle))
-        solids.append(Solid("box", np.array([_WALL_M / 2, stave, half]), T @ at))
+        solids.append(Solid("box", np.array([_WALL_M / 2, stave, half]), matmul(T, at)))
     inner, deep = radius - _WALL_M / 2, (rim - floor) / 2
-    volume = Solid("cylinder", np.array([inner, inner, deep]), T @ pose((0, 0, half - deep)))
+    volume = Solid("cylinder", np.array([inner, inner, deep]), matmul(T, pose((0, 0, half - deep))))
     return Shape("vessel", T, (*solids, *_bar_solids(bars, rim)), support, (volume,), bars)

@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.shape import SeenBar
+from mpvi_bt.robot.linear_algebra import matmul, norm, principal_axes
 from mpvi_bt.robot.solids import Array, Solid
 
 _SAMPLES = 300  # pairs of points that upright planes are tried through
@@ -102,18 +103,18 @@ def switch(points: Array, around: Array, eye: Array) -> Array | None:
     if len(points) < _SWITCH_POINTS:
         return None
     center = np.median(points, axis=0)
-    near = np.concatenate([points, around[np.linalg.norm(around - center, axis=1) < _BESIDE_M]])
-    sight = (eye - center) / np.linalg.norm(eye - center)
-    _, spread, axes = np.linalg.svd(near - near.mean(0), full_matrices=False)
+    near = np.concatenate([points, around[norm(around - center, axis=1) < _BESIDE_M]])
+    sight = (eye - center) / norm(eye - center)
+    spread, axes = principal_axes(near)
     flat = spread[2] < _FLATNESS * spread[1]
-    z = axes[2] * np.sign(axes[2] @ sight) if flat else sight * [1.0, 1.0, 0.0]
+    z = axes[2] * np.sign(matmul(axes[2], sight)) if flat else sight * [1.0, 1.0, 0.0]
     if abs(z[2]) > 0.85:
         z = _Z * np.sign(z[2])
     elif abs(z[2]) < 0.4:
         z = z * [1.0, 1.0, 0.0]
-    z = z / np.linalg.norm(z)
+    z = z / norm(z)
     x = np.cross(_Z if abs(z[2]) < 0.9 else [0.0, 1.0, 0.0], z)
-    x /= np.linalg.norm(x)
+    x /= norm(x)
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = np.stack([x, np.cross(z, x), z], axis=1), center
     return T
@@ -123,11 +124,9 @@ def _planes(points: Array, eye: Array) -> Iterator[_Plane]:
     """Upright planes through the points, the one with the most points first."""
     rng = np.random.default_rng(0)
     left = np.ones(len(points), bool)
-    tolerance = _FLAT_M + _NOISE_PER_M * np.linalg.norm(points - eye, axis=1) ** 2
+    tolerance = _FLAT_M + _NOISE_PER_M * norm(points - eye, axis=1) ** 2
     sample = points if len(points) < 4000 else points[rng.choice(len(points), 4000, replace=False)]
-    slack = (
-        tolerance if len(sample) == len(points) else _FLAT_M + _NOISE_PER_M * np.linalg.norm(sample - eye, axis=1) ** 2
-    )
+    slack = tolerance if len(sample) == len(points) else _FLAT_M + _NOISE_PER_M * norm(sample - eye, axis=1) ** 2
     free = np.ones(len(sample), bool)
     for _ in range(_PLANES):
         if free.sum() < _LEAST_POINTS // 4:
@@ -135,39 +134,38 @@ def _planes(points: Array, eye: Array) -> Iterator[_Plane]:
         choice = np.flatnonzero(free)
         a, b = sample[rng.choice(choice, _SAMPLES)], sample[rng.choice(choice, _SAMPLES)]
         along = (b - a)[:, :2]
-        length = np.linalg.norm(along, axis=1)
+        length = norm(along, axis=1)
         good = length > 0.08
         if not good.any():
             return
         n = np.stack([-along[good, 1], along[good, 0]], 1) / length[good, None]
-        d = np.einsum("ij,ij->i", n, a[good, :2])
-        off = np.abs(sample[free, :2] @ n.T - d)
+        d = (n * a[good, :2]).sum(1)
+        off = np.abs(matmul(sample[free, :2], n.T) - d)
         best = int((off < slack[free, None]).sum(0).argmax())
         normal, distance = n[best], d[best]
         for _ in range(3):  # settle on the points themselves
-            near = np.abs(points[:, :2] @ normal - distance) < tolerance
+            near = np.abs(matmul(points[:, :2], normal) - distance) < tolerance
             if near.sum() < _LEAST_POINTS:
                 return
             middle = np.median(points[near, :2], axis=0)
-            _, _, axes = np.linalg.svd(points[near, :2] - points[near, :2].mean(0), full_matrices=False)
-            normal = axes[1]
-            distance = float(np.median(points[near, :2] @ normal)) if abs(normal @ middle) >= 0 else 0.0
-        own = (np.abs(points[:, :2] @ normal - distance) < tolerance) & left
+            _, (_, normal) = principal_axes(points[near, :2])
+            distance = float(np.median(matmul(points[near, :2], normal))) if abs(matmul(normal, middle)) >= 0 else 0.0
+        own = (np.abs(matmul(points[:, :2], normal) - distance) < tolerance) & left
         if own.sum() < _LEAST_POINTS:
             return
-        free &= np.abs(sample[:, :2] @ normal - distance) > slack
+        free &= np.abs(matmul(sample[:, :2], normal) - distance) > slack
         left &= ~own
         if np.ptp(np.percentile(points[own, 2], [15, 85])) < _TALL_M:
             continue  # a slice of a top
-        sign = 1.0 if normal @ eye[:2] > distance else -1.0
+        sign = 1.0 if matmul(normal, eye[:2]) > distance else -1.0
         n3 = np.append(sign * normal, 0.0)
         yield _Plane(n3, sign * distance, np.cross(_Z, n3), own)
 
 
 def _fronts_on(points: Array, plane: _Plane, eye: Array) -> list[_Front]:
     """Faces of a plane that have a bar."""
-    off = points @ plane.n - plane.d
-    u, z = points @ plane.u, points[:, 2]
+    off = matmul(points, plane.n) - plane.d
+    u, z = matmul(points, plane.u), points[:, 2]
     low, high = np.percentile(u[plane.own], [0.5, 99.5]), np.percentile(z[plane.own], [0.5, 99.5])
     near = (u > low[0] - 0.02) & (u < low[1] + 0.02) & (z > high[0] - 0.02) & (z < high[1] + 0.02)
     standing = near & (off > _OFF_M[0]) & (off < _OFF_M[1])
@@ -184,7 +182,7 @@ def _bars(points: Array, plane: _Plane, off: Array, beyond: Array) -> list[SeenB
     """Slender things among points that stand off a plane, with nothing before them (u and z of points `beyond`)."""
     if len(points) < 8:
         return []
-    uz = np.stack([points @ plane.u, points[:, 2]], 1)
+    uz = np.stack([matmul(points, plane.u), points[:, 2]], 1)
     cells = ((uz - uz.min(0)) / _CELL_M).astype(int)
     grid = np.zeros(cells.max(0) + 1, bool)
     grid[tuple(cells.T)] = True
@@ -222,7 +220,7 @@ def _bars(points: Array, plane: _Plane, off: Array, beyond: Array) -> list[SeenB
 def _backed(bar: SeenBar, face: Array, plane: _Plane) -> bool:
     """Whether there is a face (points (n, 2) in u and z) on both sides of a bar: else it is an edge of something."""
     along = int(abs(bar.axis[2]) > 0.5)
-    local = face - [bar.center @ plane.u, bar.center[2]]
+    local = face - [matmul(bar.center, plane.u), bar.center[2]]
     beside = local[np.abs(local[:, along]) < bar.length_m / 2]
     cells = max(1, int(bar.length_m / _CELL_M))
     shares = []
@@ -235,12 +233,12 @@ def _backed(bar: SeenBar, face: Array, plane: _Plane) -> bool:
 def _around(bar: SeenBar, bars: list[SeenBar], face: Array, plane: _Plane) -> tuple[Array, Array]:
     """(u, z) of the lowest and highest corner of the part of a face that a bar belongs to."""
     low, high = face[0].copy(), face[1].copy()
-    at = np.array([bar.center @ plane.u, bar.center[2]])
+    at = np.array([matmul(bar.center, plane.u), bar.center[2]])
     lying = abs(bar.axis[2]) < 0.5
     for other in bars:
         if other is bar:
             continue
-        there = np.array([other.center @ plane.u, other.center[2]])
+        there = np.array([matmul(other.center, plane.u), other.center[2]])
         k = 1 if lying else 0
         if lying != (abs(other.axis[2]) < 0.5) or abs(there[1 - k] - at[1 - k]) > 0.25:
             continue
@@ -266,16 +264,16 @@ def _above(bars: list[SeenBar], face: Array) -> float:
 
 
 def _same(a: _Front, b: _Front) -> bool:
-    return bool(np.linalg.norm(a.bar.center - b.bar.center) < 0.06)
+    return bool(norm(a.bar.center - b.bar.center) < 0.06)
 
 
 def _door(front: _Front, name: str, found: list[_Front], planes: list[_Plane], points: Array) -> Door:
     plane, bar = front.plane, front.bar
     wide, high = front.high - front.low
-    at = (np.array([bar.center @ plane.u, bar.center[2]]) - front.low) / np.maximum([wide, high], 1e-6)
+    at = (np.array([matmul(bar.center, plane.u), bar.center[2]]) - front.low) / np.maximum([wide, high], 1e-6)
     middle = plane.u * (front.low[0] + wide / 2) + _Z * (front.low[1] + high / 2) + plane.n * plane.d
     T = np.eye(4)
-    T[:3, :3] = np.stack([plane.u, plane.n, _Z], axis=1) * [1, 1, np.linalg.det(np.stack([plane.u, plane.n, _Z], 1))]
+    T[:3, :3] = np.stack([plane.u, plane.n, np.cross(plane.u, plane.n)], axis=1)
     T[:3, 3] = middle - plane.n * _PANEL_M / 2
     solids = (Solid("box", np.array([wide, _PANEL_M, high]) / 2, T), _rod(bar))
     if abs(bar.axis[2]) > 0.5:
@@ -303,13 +301,13 @@ def _rod(bar: SeenBar) -> Solid:
 def _ajar(origin: Array, free: Array, plane: _Plane, axis: Array, planes: list[_Plane], points: Array) -> float:
     """How far a door is open [rad]: by the turn that brings it before the rest of the thing, along its other faces."""
     rest = points[~plane.own]
-    rest = rest[np.abs((rest - origin) @ plane.n) > _OFF_M[1]]
+    rest = rest[np.abs(matmul(rest - origin, plane.n)) > _OFF_M[1]]
     if not len(rest):
         return 0.0
     shares = {0.0: _behind(rest - origin, free, plane.n)}
     aligned = 0.0  # points on faces along or across the door, less those on others
     for other in planes:
-        base = float(np.arctan2(np.cross(free, other.u) @ axis, free @ other.u))
+        base = float(np.arctan2(matmul(np.cross(free, other.u), axis), matmul(free, other.u)))
         if other is not plane:
             askew = abs((base + np.pi / 4) % (np.pi / 2) - np.pi / 4)
             tall = float(np.ptp(np.percentile(points[other.own, 2], [15, 85])))  # slices of a top are not
@@ -318,7 +316,7 @@ def _ajar(origin: Array, free: Array, plane: _Plane, axis: Array, planes: list[_
             back = float(-np.arctan2(np.sin(turn), np.cos(turn)))
             if _AJAR_RAD < back < _WIDEST_RAD:
                 R = Rotation.from_rotvec(-back * axis).as_matrix()
-                shares[back] = _behind(rest - origin, R @ free, R @ plane.n)
+                shares[back] = _behind(rest - origin, matmul(R, free), matmul(R, plane.n))
     if shares[0.0] > _EXPLAINED and aligned >= 0:
         return 0.0
     if aligned < 0 and len(shares) > 1:
@@ -328,7 +326,7 @@ def _ajar(origin: Array, free: Array, plane: _Plane, axis: Array, planes: list[_
 
 def _behind(local: Array, free: Array, out: Array) -> float:
     """Share of points, seen from the hinge, that are behind a door that lies along `free` and faces `out`."""
-    return float(((local @ out < 0.05) & (local @ free > -0.05)).mean())
+    return float(((matmul(local, out) < 0.05) & (matmul(local, free) > -0.05)).mean())
 
 
 def _pulled(front: _Front, found: list[_Front], planes: list[_Plane]) -> float:
@@ -336,6 +334,6 @@ def _pulled(front: _Front, found: list[_Front], planes: list[_Plane]) -> float:
     gaps = {
         front.plane.d - other.d: (any(f.plane is other for f in found), int(other.own.sum()))
         for other in planes
-        if other.n @ front.plane.n > 0.97 and _AJAR_M < front.plane.d - other.d < _SLIDE_M + 0.2
+        if matmul(other.n, front.plane.n) > 0.97 and _AJAR_M < front.plane.d - other.d < _SLIDE_M + 0.2
     }
     return max(gaps, key=lambda gap: gaps[gap], default=0.0)

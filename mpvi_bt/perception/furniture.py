@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from mpvi_bt.perception.outlines import Outline, outline, trimmed
 from mpvi_bt.perception.shape import Shape, upright_box
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array, Solid, pose
 
 _SLAB_M, _LEAST_M = 0.025, 0.004  # boards are that thick, or less where something is right below them
@@ -114,7 +115,8 @@ def _hole(board: Solid, face: Array, below: Array) -> tuple[Array, float] | None
     half, axes = board.half_m[:2], board.T[:2, :2]
     size = np.maximum(np.ceil(2 * half / _HOLE_CELL_M).astype(int), 1)
     closed = np.zeros(size, bool)
-    cells = [np.floor(((p[:, :2] - board.T[:2, 3]) @ axes + half) / _HOLE_CELL_M).astype(int) for p in (face, below)]
+    local = [matmul(p[:, :2] - board.T[:2, 3], axes) + half for p in (face, below)]
+    cells = [np.floor(p / _HOLE_CELL_M).astype(int) for p in local]
     on, under = (((c >= 0) & (c < size)).all(1) for c in cells)
     closed[tuple(cells[0][on].T)] = True
     parts, count = ndimage.label(~(closed | ndimage.binary_closing(closed)))
@@ -140,19 +142,19 @@ def _cut_out(board: Solid, hole: Array, bottom: float) -> tuple[list[Solid], Sol
     parts = [(-a, x0, -b, b), (x1, a, -b, b), (x0, x1, -b, y0), (x0, x1, y1, b)]
     rest = [
         Solid("box", np.array([(right - left) / 2, (far - near) / 2, thick]),
-              board.T @ pose(((left + right) / 2, (near + far) / 2, 0.0)))
+              matmul(board.T, pose(((left + right) / 2, (near + far) / 2, 0.0))))
         for left, right, near, far in parts if right - left > 0.01 and far - near > 0.01
     ]  # fmt: skip
     deep = (float(board.aabb()[1, 2]) - bottom) / 2
     middle = pose(((x0 + x1) / 2, (y0 + y1) / 2, thick - deep))
-    return rest, Solid("box", np.array([(x1 - x0) / 2, (y1 - y0) / 2, deep]), board.T @ middle)
+    return rest, Solid("box", np.array([(x1 - x0) / 2, (y1 - y0) / 2, deep]), matmul(board.T, middle))
 
 
 def _along(xy: Array, heading: float) -> Outline:
     """The rectangle of a heading around points (n, 2)."""
     axes = Outline(np.zeros(2), np.zeros(2), heading, 1.0).frame
-    low, high = (xy @ axes).min(0), (xy @ axes).max(0)
-    return Outline(axes @ (low + high) / 2, high - low, heading, 1.0)
+    low, high = matmul(xy, axes).min(0), matmul(xy, axes).max(0)
+    return Outline(matmul(axes, low + high) / 2, high - low, heading, 1.0)
 
 
 def _extent(points: Array) -> Solid:
@@ -163,7 +165,7 @@ def _extent(points: Array) -> Solid:
 def _compartment(board: Solid, boards: Sequence[Solid], points: Array) -> Solid | None:
     """The space above a board, up to the next one or as high as the furniture rises; None if it has no two walls."""
     face = float(board.aabb()[1, 2])
-    at = (points[:, :2] - board.T[:2, 3]) @ board.T[:2, :2]
+    at = matmul(points[:, :2] - board.T[:2, 3], board.T[:2, :2])
     risen = (np.abs(at) < board.half_m[:2] + 0.05).all(1) & (points[:, 2] > face + _HEADROOM_M)
     around, at = points[risen, 2], at[risen]
     walls = 0
@@ -179,13 +181,13 @@ def _compartment(board: Solid, boards: Sequence[Solid], points: Array) -> Solid 
     for roof in sorted(boards, key=lambda b: float(b.T[2, 3])):
         if roof.aabb()[0, 2] < face + _HEADROOM_M:
             continue
-        half = np.abs(board.T[:2, :2].T @ roof.T[:2, :2]) @ roof.half_m[:2]
-        middle = (roof.T[:2, 3] - board.T[:2, 3]) @ board.T[:2, :2]
+        half = matmul(np.abs(matmul(board.T[:2, :2].T, roof.T[:2, :2])), roof.half_m[:2])
+        middle = matmul(roof.T[:2, 3] - board.T[:2, 3], board.T[:2, :2])
         below = np.maximum(low, middle - half), np.minimum(up, middle + half)
         if (below[1] - below[0] > _UNDER_M).all():  # only what is under it: a thing falls past what is before it
             (low, up), high = below, min(high, float(roof.aabb()[0, 2]))
             break
-    T = board.T @ pose((*(low + up) / 2, 0.0))
+    T = matmul(board.T, pose((*(low + up) / 2, 0.0)))
     T[2, 3] = (face + high) / 2
     half = np.append((up - low) / 2, (high - face) / 2)
     return Solid("box", half, T)

@@ -15,6 +15,7 @@ from mpvi_bt.marked_yaml import Record
 from mpvi_bt.perception.phrases import Vocabulary, read
 from mpvi_bt.perception.phrases import normalize as normalize
 from mpvi_bt.perception.phrases import whole as whole
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array
 
 _AT_M = 0.3  # what lies as near to a thing as this, seen from above, is there
@@ -186,7 +187,7 @@ def laid_down(taken_at: Array, lowest: Array, highest: Array, by_hand: bool = Fa
         by_hand: A hand let go of it there. What else lies on a floor below where it was taken fell.
     """
     moved = (lowest + highest) / 2 - taken_at
-    aside = float(np.linalg.norm(moved[:2])) > LAID_M
+    aside = float(norm(moved[:2])) > LAID_M
     return aside or bool(abs(moved[2]) > LAID_M and (by_hand or lowest[2] > _FALLEN_M))
 
 

@@ -18,6 +18,7 @@ from mpvi_bt.perception.outlines import main_cluster
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.linear_algebra import matmul, norm, principal_axes
 from mpvi_bt.robot.solids import Array, Solid
 
 _SAMPLE = 6000
@@ -75,12 +76,12 @@ def leaf(points: Array, eye: Array) -> Leaf | None:
     rng = np.random.default_rng(0)
     points = points if len(points) < _SAMPLE else points[rng.choice(len(points), _SAMPLE, replace=False)]
     toward = (eye - np.median(points, axis=0)) * [1.0, 1.0, 0.0]
-    toward /= max(float(np.linalg.norm(toward)), 1e-9)
+    toward /= max(float(norm(toward)), 1e-9)
     steep = _steep(points)
     most, found = -1.0, None
     for yaw in _headings(points[steep]):
         for out in (np.array([np.cos(a), np.sin(a), 0.0]) for a in yaw + np.arange(4) * np.pi / 2):
-            if out @ toward > _FACING:
+            if matmul(out, toward) > _FACING:
                 explained, way = _explained(points, steep, eye, out, most)
                 if explained > most:
                     most, found = explained, way
@@ -96,11 +97,13 @@ def with_leaf(fronts: Sequence[Door], found: Leaf | None) -> list[Door]:
         return list(fronts)
     door, closed = found.door, []
     for front in fronts:
-        assert front.bar is not None
+        bar = front.bar
+        assert bar is not None
+        off_m = matmul(bar.center, found.out) - found.front_m
         shut = front.position < _SHUT * front.limit
-        if float(Surroundings(found.door.solids).distance(front.bar.center[None])[0]) < _BAR_OFF_M:
-            door = replace(door, bar=front.bar, solids=(*door.solids[:1], *front.solids[1:]))
-        elif abs(front.bar.center @ found.out - found.front_m) < _BAR_OFF_M and front.bar.outward @ found.out > _ALIKE:
+        if float(Surroundings(found.door.solids).distance(bar.center[None])[0]) < _BAR_OFF_M:
+            door = replace(door, bar=bar, solids=(*door.solids[:1], *front.solids[1:]))
+        elif abs(off_m) < _BAR_OFF_M and matmul(bar.outward, found.out) > _ALIKE:
             closed.append(replace(front, position=0.0))
         elif shut:
             return list(fronts)
@@ -113,7 +116,7 @@ def within_drawer(door: Door) -> Solid | None:
         return None
     across = np.cross(_Z, door.axis)
     R, face = np.stack([door.axis, across, _Z], axis=1), door.solids[0]
-    half = np.abs(R.T @ face.T[:3, :3]) @ face.half_m
+    half = matmul(np.abs(matmul(R.T, face.T[:3, :3])), face.half_m)
     inner = np.array([door.position / 2, half[1] - _PANEL_M, half[2] - _PANEL_M / 2])
     middle = face.T[:3, 3] - door.axis * (half[0] + inner[0]) + _Z * _PANEL_M / 2  # it has a bottom
     return Solid("box", inner, kin.transform(R, middle))
@@ -124,7 +127,7 @@ def _headings(steep: Array) -> list[float]:
     angles = np.radians(np.arange(0.0, 90.0, _TURN_DEG))
     sharp = np.array([
         sum(float((np.bincount(np.floor((row - row.min()) / _ROW_M).astype(int)) ** 2.0).sum()) for row in rows)
-        for rows in ((steep @ [np.cos(a), np.sin(a), 0.0], steep @ [-np.sin(a), np.cos(a), 0.0]) for a in angles)
+        for rows in (matmul([[np.cos(a), np.sin(a), 0.0], [-np.sin(a), np.cos(a), 0.0]], steep.T) for a in angles)
     ])  # fmt: skip
     out: list[int] = []
     for i in np.argsort(-sharp):
@@ -153,9 +156,9 @@ def _explained(
         most: So many another one explains.
     """
     across = np.cross(_Z, out)
-    suz = np.stack([points @ out, points @ across, points[:, 2]], 1)
+    suz = np.stack([matmul(points, out), matmul(points, across), points[:, 2]], 1)
     front = front_of(suz)
-    if front is None or eye @ out < front + _BESIDE_M or front - np.percentile(suz[:, 0], 1) < _DEEP_M:
+    if front is None or matmul(eye, out) < front + _BESIDE_M or front - np.percentile(suz[:, 0], 1) < _DEEP_M:
         return 0.0, None
     of_body = suz[:, 0] <= front + _BEFORE_M
     body, ahead = suz[of_body], suz[~of_body]
@@ -181,16 +184,17 @@ def _explained(
     T = np.eye(4)
     T[:3, :3] = R
     solids = tuple(s.moved(T) for s in door.solids)
-    door = Door(door.name, door.kind, R @ door.origin, R @ door.axis, door.position, door.limit, None, solids)
+    origin, axis = matmul(R, door.origin), matmul(R, door.axis)
+    door = Door(door.name, door.kind, origin, axis, door.position, door.limit, None, solids)
     return explained + share * len(ahead), Leaf(door, out, front)
 
 
 def _opening(door: Door, body: Array, front: float) -> tuple[int, int]:
     """How many points are behind the closed place of a hinged door, and how many are in it, in (s, u, z)."""
     R = Rotation.from_rotvec(-door.axis * door.position).as_matrix()
-    shut = kin.transform(R, door.origin - R @ door.origin) @ door.solids[0].T
+    shut = matmul(kin.transform(R, door.origin - matmul(R, door.origin)), door.solids[0].T)
     half = door.solids[0].half_m
-    local = np.abs((body - shut[:3, 3]) @ shut[:3, :3])
+    local = np.abs(matmul(body - shut[:3, 3], shut[:3, :3]))
     behind = body[(local[:, 0] < _INNER * half[0]) & (local[:, 2] < _INNER * half[2])]
     deeper = int((behind[:, 0] < front - _BEFORE_M).sum())
     return deeper, len(behind) - deeper
@@ -259,24 +263,23 @@ def hinged(ahead: Array, front: float, body: Array, k: int) -> tuple[Door, float
     best, normal, at = 0, np.zeros(2), 0.0
     for a, b in rng.integers(len(flat), size=(150, 2)):
         along = flat[b] - flat[a]
-        length = float(np.linalg.norm(along))
+        length = float(norm(along))
         if length < 0.05:
             continue
         n = np.array([-along[1], along[0]]) / length
-        near = int((np.abs((flat - flat[a]) @ n) < _SHEET_M / 2).sum())
+        near = int((np.abs(matmul(flat - flat[a], n)) < _SHEET_M / 2).sum())
         if near > best:
-            best, normal, at = near, n, float(flat[a] @ n)
-    own = np.abs(flat @ normal - at) < _SHEET_M
+            best, normal, at = near, n, float(matmul(flat[a], n))
+    own = np.abs(matmul(flat, normal) - at) < _SHEET_M
     share = float(own.mean())
     if share < _ON_SHEET or abs(normal[1]) < 0.05:
         return None
-    middle = flat[own].mean(0)
-    _, _, axes = np.linalg.svd(flat[own] - middle, full_matrices=False)
-    t = axes[0] * np.sign(axes[0][0])  # from the hinge to the free edge
+    middle, (_, (t, _)) = flat[own].mean(0), principal_axes(flat[own])
+    t = t * np.sign(t[0])  # from the hinge to the free edge
     if t[0] < 0.1:
         return None
     hinge = middle + t * (front - middle[0]) / t[0]
-    width = float(np.percentile((flat[own] - hinge) @ t, 99))
+    width = float(np.percentile(matmul(flat[own] - hinge, t), 99))
     low, high = body[:, k]
     inward = 1.0 if hinge[1] + width - high < low - (hinge[1] - width) else -1.0
     angle = float(np.arctan2(t[0], inward * t[1]))

@@ -15,6 +15,7 @@ from mpvi_bt.perception.outlines import main_cluster, outline, thinned, trimmed
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.shape import SeenBar
 from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array, Solid
 
 _PANEL_M, _BAR_RADIUS_M = 0.018, 0.007
@@ -71,7 +72,7 @@ def _best(found: Iterable[tuple[Door, float]]) -> Door | None:
 def _standing(points: Array, eye: Array, yaw: float) -> Iterator[tuple[Door, float]]:
     """Lids that are open, with how many points are on them; the body's sides are at an angle `yaw` [rad]."""
     for axis in (np.array([np.cos(a), np.sin(a), 0.0]) for a in (yaw, yaw + np.pi / 2)):
-        rising = points @ np.stack([_Z, axis, np.cross(_Z, axis)], axis=1)
+        rising = matmul(points, np.stack([_Z, axis, np.cross(_Z, axis)], axis=1))
         if (rim := front_of(rising)) is None:
             continue
         of_body = rising[:, 0] < rim + _BEFORE_M
@@ -86,9 +87,9 @@ def _standing(points: Array, eye: Array, yaw: float) -> Iterator[tuple[Door, flo
         R = np.stack([inward * axis, np.cross(_Z, inward * axis), _Z], axis=1)
         hinge = np.array([inward * sheet.origin[1], inward * sheet.origin[2], rim])
         opened = _about_hinge(sheet.position)
-        if (eye @ R - hinge) @ opened[:, 2] > 0:  # its outer face is seen
+        if matmul(matmul(eye, R) - hinge, opened[:, 2]) > 0:  # its outer face is seen
             hinge = hinge - _PANEL_M * opened[:, 2]
-        flat = (points @ R - hinge) @ opened  # as if it were closed
+        flat = matmul(matmul(points, R) - hinge, opened)  # as if it were closed
         near = flat[(np.abs(flat[:, 2]) < _BAR_BELOW_M) & (flat[:, 0] > _BEFORE_M)]
         edge, bar = _edge(near, near)
         size = np.array([edge, float(np.ptp(np.percentile(near[:, 1], [1, 99])))])
@@ -96,7 +97,7 @@ def _standing(points: Array, eye: Array, yaw: float) -> Iterator[tuple[Door, flo
         back = box[0, 1] if inward > 0 else -box[1, 1]
         as_deep = _AS_DEEP[0] * deep < edge < _AS_DEEP[1] * deep
         if as_deep and size[1] > _AS_WIDE * wide and abs(hinge[0] - back) < _AT_EDGE_M:
-            at = None if bar is None else np.append(bar[0], hinge + opened @ bar[1:])
+            at = None if bar is None else np.append(bar[0], hinge + matmul(opened, bar[1:]))
             yield _door(R, hinge, size, sheet.position, at), share * len(above)
 
 
@@ -113,7 +114,7 @@ def _lying(points: Array) -> Iterator[tuple[Door, float]]:
     yaw = outline(trimmed(points[np.abs(points[:, 2] - top) < _LEVEL_M, :2])).heading
     for free in (np.array([np.cos(a), np.sin(a), 0.0]) for a in yaw + np.arange(4) * np.pi / 2):
         across = np.cross(_Z, free)
-        local = points @ np.stack([free, across, _Z], axis=1) - [0.0, 0.0, top]
+        local = matmul(points, np.stack([free, across, _Z], axis=1)) - [0.0, 0.0, top]
         near = local[(local[:, 2] > -_BAR_BELOW_M) & (local[:, 2] < _LEVEL_M)]
         face = near[near[:, 2] > -_LEVEL_M]
         edge, bar = _edge(face, near)
@@ -176,14 +177,14 @@ def _door(R: Array, hinge: Array, size: Array, angle: float, bar: Array | None) 
         angle: How far it is open [rad].
         bar: (4,) its length and, along these axes, its middle, where it is now; None if it is not seen.
     """
-    turned = R @ _about_hinge(angle)
-    origin = R @ hinge
+    turned = matmul(R, _about_hinge(angle))
+    origin = matmul(R, hinge)
     T = np.eye(4)
-    T[:3, :3], T[:3, 3] = turned, origin + turned @ [size[0] / 2, 0.0, _PANEL_M / 2]
+    T[:3, :3], T[:3, 3] = turned, origin + matmul(turned, [size[0] / 2, 0.0, _PANEL_M / 2])
     solids = [Solid("box", np.array([*size, _PANEL_M]) / 2, T)]
     seen = None
     if bar is not None:
-        seen = SeenBar(R @ bar[1:], R[:, 1].copy(), turned[:, 0].copy(), float(bar[0]))
+        seen = SeenBar(matmul(R, bar[1:]), R[:, 1].copy(), turned[:, 0].copy(), float(bar[0]))
         T_bar = np.eye(4)
         T_bar[:3, :3], T_bar[:3, 3] = np.stack([turned[:, 2], turned[:, 0], R[:, 1]], axis=1), seen.center
         solids.append(Solid("cylinder", np.array([_BAR_RADIUS_M, _BAR_RADIUS_M, seen.length_m / 2]), T_bar))

@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from mpvi_bt.errors import DetectorError, shown
 from mpvi_bt.perception.detector import Detection
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
@@ -154,4 +155,4 @@ def _largest_surface(z: Array) -> NDArray[np.bool_]:
 def _in_world(image: CameraImage, u: NDArray[Any], v: NDArray[Any], z: Array) -> Array:
     """(n, 3) world positions of points of the picture (n,) [px] at depths (n,) [m]."""
     p = np.stack([(u - image.K[0, 2]) / image.K[0, 0] * z, (v - image.K[1, 2]) / image.K[1, 1] * z, z], -1)
-    return p @ image.T_world_camera[:3, :3].T + image.T_world_camera[:3, 3]
+    return matmul(p, image.T_world_camera[:3, :3].T) + image.T_world_camera[:3, 3]

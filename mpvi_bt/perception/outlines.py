@@ -8,6 +8,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import ConvexHull, QhullError
 
+from mpvi_bt.robot.linear_algebra import least_squares, matmul, norm
 from mpvi_bt.robot.solids import Array
 
 _CELL_M = 0.015  # of the grid in which points hang together
@@ -119,7 +120,7 @@ class Outline:
 
     def local(self, xy: Array) -> Array:
         """(n, 2) points in its axes, about its middle."""
-        return np.asarray((xy - self.middle) @ self.frame)
+        return np.asarray(matmul(xy - self.middle, self.frame))
 
 
 def outline(xy: Array) -> Outline:
@@ -149,7 +150,7 @@ def trimmed(xy: Array) -> Array:
     if len(xy) < 60:
         return xy
     for angle in np.arange(4) * np.pi / 4:
-        along = xy @ [np.cos(angle), np.sin(angle)]
+        along = matmul(xy, [np.cos(angle), np.sin(angle)])
         low, high = np.percentile(along, [0.5, 99.5])
         keep &= (along >= low - 1e-3) & (along <= high + 1e-3)
     return xy[keep]
@@ -159,9 +160,9 @@ def circle(xy: Array) -> tuple[Array, float, float]:
     """Middle (2,), radius and typical deviation [m] of the circle through points (n, 2), outliers dropped once."""
     for _ in range(2):
         A = np.c_[2 * xy, np.ones(len(xy))]
-        s = np.linalg.lstsq(A, (xy**2).sum(1), rcond=None)[0]
+        s = least_squares(A, (xy**2).sum(1))
         radius = float(np.sqrt(max(s[2] + s[0] ** 2 + s[1] ** 2, 1e-8)))
-        off = np.abs(np.linalg.norm(xy - s[:2], axis=1) - radius)
+        off = np.abs(norm(xy - s[:2], axis=1) - radius)
         keep = off <= 2.5 * np.median(off) + 1e-4
         if keep.all() or keep.sum() < 8:
             break

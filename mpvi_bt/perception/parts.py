@@ -8,6 +8,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array, Solid
 
 _DEEP_M = 0.6  # what shows behind a door once it is open, at the most
@@ -69,9 +70,9 @@ def to_and_behind(door: Door) -> Solid:
     if door.kind == "slide":
         out, reach = door.axis, door.limit
     else:
-        arm = arm - door.axis * (door.axis @ arm)
-        out, reach = np.cross(door.axis, arm) / np.linalg.norm(arm), 2 * float(np.linalg.norm(arm))
-    k, half, T = int(np.abs(out @ panel.T[:3, :3]).argmax()), panel.half_m.copy(), panel.T.copy()
+        arm = arm - door.axis * matmul(door.axis, arm)
+        out, reach = np.cross(door.axis, arm) / norm(arm), 2 * float(norm(arm))
+    k, half, T = int(np.abs(matmul(out, panel.T[:3, :3])).argmax()), panel.half_m.copy(), panel.T.copy()
     half[k] = (reach + _DEEP_M) / 2
     T[:3, 3] += out * (reach - _DEEP_M) / 2
     return Solid("box", half, T)

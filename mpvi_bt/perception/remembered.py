@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mpvi_bt.perception.field import kernels
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
@@ -45,7 +46,7 @@ class Remembered:
         begin, end = (np.clip(n, 0, _CELLS) for n in (begin, begin + round(2 * _RANGE_M / _CELL_M) + 2))
         near = self._score[begin[0] : end[0], begin[1] : end[1]]
         first = np.append(self._low + _CELL_M * (begin + 0.5), _LOW_M + _CELL_M / 2)
-        T = kin.inverse(image.T_world_camera) @ kin.transform(np.eye(3), first)
+        T = matmul(kin.inverse(image.T_world_camera), kin.transform(np.eye(3), first))
         camera = np.array([image.K[0, 0], image.K[1, 1], image.K[0, 2], image.K[1, 2]])
         kernels()["score"](near, depth, T, camera, _CELL_M, _RANGE_M, _SURE)
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from mpvi_bt.perception.outlines import Outline
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array, Solid, bounds, pose
 
 
@@ -45,10 +46,10 @@ class Shape:
 
     def moved(self, M: Array) -> Shape:
         """The same, carried along by the motion `M` (4, 4) of the world frame into itself."""
-        bars = tuple(replace(b, center=M[:3, :3] @ b.center + M[:3, 3], axis=M[:3, :3] @ b.axis,
-                             outward=M[:3, :3] @ b.outward) for b in self.bars)  # fmt: skip
+        bars = tuple(replace(b, center=matmul(M[:3, :3], b.center) + M[:3, 3], axis=matmul(M[:3, :3], b.axis),
+                             outward=matmul(M[:3, :3], b.outward)) for b in self.bars)  # fmt: skip
         return replace(
-            self, T=M @ self.T, solids=tuple(s.moved(M) for s in self.solids),
+            self, T=matmul(M, self.T), solids=tuple(s.moved(M) for s in self.solids),
             volumes=tuple(v.moved(M) for v in self.volumes), bars=bars,
         )  # fmt: skip
 

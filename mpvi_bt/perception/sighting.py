@@ -12,6 +12,7 @@ from mpvi_bt.perception.detector import Detection
 from mpvi_bt.perception.localize import locate
 from mpvi_bt.perception.phrases import normalize
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
@@ -85,8 +86,8 @@ def sightings(image: CameraImage, found: Sequence[Detection]) -> tuple[list[Sigh
             continue
         names = tuple(normalize(d.phrase) for d in group if d.score >= _AS_GOOD * best.score)
         ahead = (place.lowest + place.highest) / 2 - image.T_world_camera[:3, 3]
-        px_m3 = place.pixels * float(ahead @ image.T_world_camera[:3, 2]) ** 3
-        range_m, cut = float(np.linalg.norm(ahead)), _cut(best.box, image)
+        px_m3 = place.pixels * float(matmul(ahead, image.T_world_camera[:3, 2])) ** 3
+        range_m, cut = float(norm(ahead)), _cut(best.box, image)
         seen.append(Sighting(names, best.score, place.lowest, place.highest, range_m, px_m3, cut))
     return seen, unplaced
 
@@ -99,7 +100,7 @@ def shows(image: CameraImage, lowest: Array, highest: Array, looks: Looks) -> bo
         lowest, highest: (3,) corners of the box [m].
         looks: How the thing was seen so far: who saw it from a range need not see it from a longer one.
     """
-    depth_m = float(((lowest + highest) / 2 - image.T_world_camera[:3, 3]) @ image.T_world_camera[:3, 2])
+    depth_m = float(matmul((lowest + highest) / 2 - image.T_world_camera[:3, 3], image.T_world_camera[:3, 2]))
     if depth_m <= 0 or looks.px_m3 < _PLAIN_PX * depth_m**3:
         return False
     if (pixels := _projected(image, lowest, highest)) is None:
@@ -110,7 +111,7 @@ def shows(image: CameraImage, lowest: Array, highest: Array, looks: Looks) -> bo
         return False
     u, v = np.meshgrid(*(np.linspace(a, b, _RAYS + 2)[1:-1] for a, b in zip(low, high, strict=True)))
     K, T = image.K, image.T_world_camera
-    rays = np.stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones_like(u)], -1) @ T[:3, :3].T
+    rays = matmul(np.stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones_like(u)], -1), T[:3, :3].T)
     rays = np.where(np.abs(rays) < 1e-9, 1e-9, rays)  # a ray's z before the camera is 1: steps along it are depths
     ends = np.stack([(lowest - T[:3, 3]) / rays, (highest - T[:3, 3]) / rays])
     enter, leave = ends.min(0).max(-1), ends.max(0).min(-1)
@@ -123,14 +124,14 @@ def shows(image: CameraImage, lowest: Array, highest: Array, looks: Looks) -> bo
 def middle_in_sight(image: CameraImage, lowest: Array, highest: Array) -> bool:
     """Whether the middle of a box in the world is in a picture that measures nothing before the box there."""
     T = kin.inverse(image.T_world_camera)
-    x, y, z = T[:3, :3] @ ((lowest + highest) / 2) + T[:3, 3]
+    x, y, z = matmul(T[:3, :3], (lowest + highest) / 2) + T[:3, 3]
     if z < 0.05:
         return False
     u, v = image.K[0, 0] * x / z + image.K[0, 2], image.K[1, 1] * y / z + image.K[1, 2]
     height, width = image.depth.shape
     if not (0 <= u < width and 0 <= v < height):
         return False
-    before = z - float(np.linalg.norm(highest - lowest)) / 2 - _BEFORE_M - _NOISE_PER_M * z
+    before = z - float(norm(highest - lowest)) / 2 - _BEFORE_M - _NOISE_PER_M * z
     return bool(image.depth[int(v), int(u)] > max(before, 0.0))
 
 
@@ -147,7 +148,7 @@ def _projected(image: CameraImage, lowest: Array, highest: Array) -> Array | Non
     """(2, 2) lowest and highest u, v [px] of a box in the world; None if any of it is beside or behind the camera."""
     corners = np.stack(np.meshgrid(*zip(lowest, highest, strict=True)), -1).reshape(-1, 3)
     T = kin.inverse(image.T_world_camera)
-    p = corners @ T[:3, :3].T + T[:3, 3]
+    p = matmul(corners, T[:3, :3].T) + T[:3, 3]
     if p[:, 2].min() < 0.05:
         return None
     uv = p[:, :2] / p[:, 2:] * [image.K[0, 0], image.K[1, 1]] + image.K[:2, 2]

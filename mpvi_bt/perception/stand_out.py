@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
 
 _TRIALS = 60  # of circles through three points
@@ -38,19 +39,21 @@ def stand_out(points: Array, top: float, grain: float) -> list[NDArray[np.bool_]
     best, found = 0, None
     for a, b, c in side[rng.integers(0, len(side), (_TRIALS, 3))]:
         A = 2 * np.array([b - a, c - a])
-        if abs(np.linalg.det(A)) < 1e-8:
+        (p, q), (r, s) = A
+        if abs(p * s - q * r) < 1e-8:
             continue
-        middle = np.linalg.solve(A, [b @ b - a @ a, c @ c - a @ a])
-        radius = float(np.linalg.norm(a - middle))
+        u, v = matmul(b, b) - matmul(a, a), matmul(c, c) - matmul(a, a)
+        middle = np.array([s * u - q * v, p * v - r * u]) / (p * s - q * r)
+        radius = float(norm(a - middle))
         if _RADIUS_M[0] < radius < _RADIUS_M[1]:
-            on = int((np.abs(np.linalg.norm(side - middle, axis=1) - radius) < off).sum())
+            on = int((np.abs(norm(side - middle, axis=1) - radius) < off).sum())
             if on > best:
                 best, found = on, (middle, radius)
     if found is None or best < _ROUND * len(side):
         return []
     middle, radius = found
     away = points[:, :2] - middle
-    out = np.linalg.norm(away, axis=1) - radius
+    out = norm(away, axis=1) - radius
     left = out > 1.5 * off
     if not _SHARE[0] < left.mean() < _SHARE[1] or out.max() > _LONG_M or out.max() < 3 * off:
         return []

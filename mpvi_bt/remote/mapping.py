@@ -130,10 +130,10 @@ def felt(body: Proprioception, part: Felt) -> Array:
     if name == "hand_position":
         return np.asarray(robot_named(body.robot).tcp(body.torso, body.arm[side], side)[:3, 3], float)
     if name == "hand_quaternion":
-        from scipy.spatial.transform import Rotation
+        from mpvi_bt.robot.rotations import rotation
 
         T = robot_named(body.robot).tcp(body.torso, body.arm[side], side)
-        return np.asarray(Rotation.from_matrix(T[:3, :3]).as_quat(scalar_first=True), float)
+        return np.asarray(rotation(T[:3, :3]).as_quat(scalar_first=True), float)
     return np.atleast_1d(np.asarray(getattr(body, name)[side], float))
 
 

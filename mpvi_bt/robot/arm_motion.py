@@ -7,12 +7,14 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Slerp
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import NOTHING, Body
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.model import SIGN, RobotModel
 from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.rotations import rotation
 from mpvi_bt.robot.solids import Array
 
 _STEP_RAD = 2.0  # how far a tree grows at once, if the way is free
@@ -128,7 +130,7 @@ def glide(start: Array, goal: Array, detour: Array | None = None) -> HandPath:
 
     @cache  # made once it is followed: of the ways of a search few are
     def turning() -> Slerp:
-        return Slerp([0, 1], Rotation.from_matrix(np.stack([start[:3, :3], goal[:3, :3]])))
+        return Slerp([0, 1], rotation(np.stack([start[:3, :3], goal[:3, :3]])))
 
     via = (first + last) / 2 + (np.zeros(3) if detour is None else detour)
 
@@ -166,7 +168,7 @@ def swing(
     torsos = list(_torsos(body, torso, samples))
     for side, path in hands.items():  # what is cheap to refute comes first
         for u, now in torsos:
-            q = body.robot.nearest_posture(kin.inverse(body.robot.chest(now)) @ path(u), side, out[side][-1])
+            q = body.robot.nearest_posture(matmul(kin.inverse(body.robot.chest(now)), path(u)), side, out[side][-1])
             if q is None or np.abs(q - out[side][-1]).max() > _SWEEP_LEAP_RAD:
                 return None
             out[side].append(q)
@@ -205,13 +207,13 @@ def trace(robot: RobotModel, torso: Array, side: Side, start: Array, T_base_tcp:
         The postures, start first, at most 2.5 cm apart, or None if the arm cannot stay on the line.
     """
     first = robot.tcp(torso, start, side)
-    length = float(np.linalg.norm(T_base_tcp[:3, 3] - first[:3, 3]))
-    turning = Rotation.from_matrix(np.stack([first[:3, :3], T_base_tcp[:3, :3]]))
+    length = float(norm(T_base_tcp[:3, 3] - first[:3, 3]))
+    turning = rotation(np.stack([first[:3, :3], T_base_tcp[:3, :3]]))
     n = max(2, int(np.ceil(max(length / 0.025, (turning[0].inv() * turning[1]).magnitude() / 0.1))))
     slerp, chest, path = Slerp([0, 1], turning), kin.inverse(robot.chest(torso)), [start]
     for u in np.linspace(0, 1, n + 1)[1:]:
         T = kin.transform(slerp(u).as_matrix(), first[:3, 3] + (T_base_tcp[:3, 3] - first[:3, 3]) * u)
-        q = robot.nearest_posture(chest @ T, side, path[-1])
+        q = robot.nearest_posture(matmul(chest, T), side, path[-1])
         if q is None or np.abs(q - path[-1]).max() > _LEAP_RAD:
             return None
         path.append(q)
@@ -232,7 +234,7 @@ def _grow(tree: list[Array], parent: list[int], toward: Array, reach: Reach) -> 
     """Add a node as far toward a posture as a step goes and the way is free; None if that is nowhere."""
     nearest = int(((np.array(tree) - toward) ** 2).sum(1).argmin())
     step = toward - tree[nearest]
-    length = float(np.linalg.norm(step))
+    length = float(norm(step))
     if length < 1e-9:
         return None
     new = toward if length < _STEP_RAD else tree[nearest] + step / length * _STEP_RAD

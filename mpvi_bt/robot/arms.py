@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array
 
 _WEIGHTS = np.array([1, 1, 1, 1, 0.5, 0.5, 0.3])  # of joints in the distance of postures
@@ -149,7 +150,7 @@ class PannedArm(_Looped):
     @property
     def reach_m(self) -> float:
         """The stretched arm."""
-        return float(np.linalg.norm(self.offset)) + self.upper_m + self.forearm_m + self.tcp_m
+        return float(norm(self.offset)) + self.upper_m + self.forearm_m + self.tcp_m
 
     @property
     def _loops(self) -> ModuleType:

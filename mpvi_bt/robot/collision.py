@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mpvi_bt.robot import kernels
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array, Solid
@@ -42,7 +43,7 @@ class Surroundings:
     def seen_from(self, T: Array) -> Surroundings:
         """The same solids in another frame; `T` (4, 4) maps that frame into the present one."""
         other = copy(self)
-        other._inverse = self._inverse @ T
+        other._inverse = matmul(self._inverse, T)
         return other
 
     def distance(self, p: Array) -> Array:
@@ -183,7 +184,7 @@ class Body:
     def trunk_free(self) -> bool:
         """Whether head and chest are clear of the surroundings: a pitched waist puts them where the furniture is."""
         T, trunk = self.robot.chest(self.torso), self.robot.hull.trunk
-        return bool((self.around.distance(trunk[:, :3] @ T[:3, :3].T + T[:3, 3]) > trunk[:, 3]).all())
+        return bool((self.around.distance(matmul(trunk[:, :3], T[:3, :3].T) + T[:3, 3]) > trunk[:, 3]).all())
 
     def all_free(self) -> bool:
         """Whether arms and trunk are free as they stand."""
@@ -225,6 +226,6 @@ def covering_spheres(solids: Sequence[Solid], step: float = 0.05) -> tuple[Array
         grid = np.stack(np.meshgrid(*axes,
                                     indexing="ij"), -1).reshape(-1, 3)  # fmt: skip
         shell = (np.abs(grid) > s.half_m - 2.5 * cell).any(1)  # the inside of a solid need not be covered
-        centers.append(grid[shell] @ s.T[:3, :3].T + s.T[:3, 3])
+        centers.append(matmul(grid[shell], s.T[:3, :3].T) + s.T[:3, 3])
         radii.append(np.full(int(shell.sum()), float(np.sort(cell)[-2:].mean()) * 1.2))
     return np.concatenate(centers), np.concatenate(radii)

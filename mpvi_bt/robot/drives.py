@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mpvi_bt.robot.kinematics import wrap
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.solids import Array
 
@@ -21,7 +22,7 @@ def legs(robot: RobotModel, start: Array, goal: Array) -> list[Array]:
     way = goal[:2] - start[:2]
     if robot.sideways:
         return [goal]
-    if np.linalg.norm(way) < _NEAR_M:
+    if norm(way) < _NEAR_M:
         return [np.array([*start[:2], goal[2]])]
     ahead = float(np.arctan2(way[1], way[0]))
     heading = min((ahead, ahead + np.pi), key=lambda a: abs(wrap(a - start[2])) + abs(wrap(goal[2] - a)))

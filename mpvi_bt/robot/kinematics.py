@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array, pose
 
 
@@ -45,7 +46,7 @@ def transform(R: Array, p: Array | tuple[float, float, float]) -> Array:
 def inverse(T: Array) -> Array:
     """(..., 4, 4) inverse of rigid transforms."""
     Rt = np.swapaxes(T[..., :3, :3], -1, -2)
-    return transform(Rt, -(Rt @ T[..., :3, 3, None])[..., 0])
+    return transform(Rt, -matmul(Rt, T[..., :3, 3, None])[..., 0])
 
 
 def wrap(a: Array | float) -> Array:
@@ -55,9 +56,9 @@ def wrap(a: Array | float) -> Array:
 
 def hand_rotation(approach: Array | tuple[float, float, float], closing: Array | tuple[float, float, float]) -> Array:
     """(3, 3) rotation of a hand that points along `approach` and closes along `closing` (made orthogonal)."""
-    z = np.asarray(approach, float) / np.linalg.norm(approach)
-    y = np.asarray(closing, float) - z * (z @ np.asarray(closing, float))
-    y /= np.linalg.norm(y)
+    z = np.asarray(approach, float) / norm(approach)
+    y = np.asarray(closing, float) - z * matmul(z, np.asarray(closing, float))
+    y /= norm(y)
     return np.stack([np.cross(y, z), y, z], axis=1)
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mpvi_bt.robot import arms
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import Arm
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array
 
@@ -172,23 +173,23 @@ class RobotModel:
         up = np.zeros((*torso.shape[:-1], 3))
         up[..., :2] = self.waist_m[:2]
         up[..., 2] = self.waist_m[2] + torso[..., 0] + self.chest_m
-        return kin.transform(kin.rot_z(torso[..., 1]) @ kin.rot_y(torso[..., 2]), up)
+        return kin.transform(matmul(kin.rot_z(torso[..., 1]), kin.rot_y(torso[..., 2])), up)
 
     def head_camera(self, torso: Array) -> Array:
         """T_base_camera (4, 4), optical frame, of torso (4,)."""
-        T = self.chest(torso) @ kin.transform(kin.rot_y(float(torso[3])), self.head_m)
-        return T @ kin.transform(kin.LINK_TO_OPTICAL, self.head_camera_m)
+        T = matmul(self.chest(torso), kin.transform(kin.rot_y(float(torso[3])), self.head_m))
+        return matmul(T, kin.transform(kin.LINK_TO_OPTICAL, self.head_camera_m))
 
     @property
     def hand_to_camera(self) -> Array:
         """T_hand_camera (4, 4), optical frame, of each wrist camera."""
-        R = kin.rot_y(-np.pi / 2 + self.wrist_camera_tilt_rad) @ kin.LINK_TO_OPTICAL
+        R = matmul(kin.rot_y(-np.pi / 2 + self.wrist_camera_tilt_rad), kin.LINK_TO_OPTICAL)
         return kin.transform(R, self.wrist_camera_m)
 
     def wrist_camera(self, torso: Array, q: Array, side: Side) -> Array:
         """T_base_camera (4, 4), optical frame, of torso (4,) and arm (7,)."""
-        flange = self.tcp(torso, q, side) @ kin.transform(np.eye(3), (0.0, 0.0, -self.tcp_m))
-        return flange @ self.hand_to_camera
+        flange = matmul(self.tcp(torso, q, side), kin.transform(np.eye(3), (0.0, 0.0, -self.tcp_m)))
+        return matmul(flange, self.hand_to_camera)
 
     def arm_frames(self, q: Array, side: Side) -> Array:
         """Poses in the chest frame (..., F, 4, 4) of an arm's parts at angles (..., 7), as of `Arm.frames`."""
@@ -202,7 +203,7 @@ class RobotModel:
 
     def tcp(self, torso: Array, q: Array, side: Side) -> Array:
         """T_base_tcp (..., 4, 4) of torso (..., >= 3) and arm angles (..., 7)."""
-        return self.chest(torso) @ self.arm(q, side)
+        return matmul(self.chest(torso), self.arm(q, side))
 
     def arm_inverse(self, T_chest_tcp: Array, side: Side, swivels: int = 36) -> tuple[NDArray[np.intp], Array]:
         """Every arm posture within the joint limits that brings the tcp to a target, at samples of the free angle.

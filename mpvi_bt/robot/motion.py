@@ -9,13 +9,15 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator, Mapping, Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Slerp
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.drives import in_base_frame, legs
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Proprioception, Side
 from mpvi_bt.robot.robots import robot_named
+from mpvi_bt.robot.rotations import rotation
 from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.robot.timing import schedule, timed
@@ -145,8 +147,8 @@ class Motion:
         """
         start = self.hand(side)
         way = T_base_tcp[:3, 3] - start[:3, 3]
-        turning = Slerp([0, 1], Rotation.from_matrix(np.stack([start[:3, :3], T_base_tcp[:3, :3]])))
-        length, turn = float(np.linalg.norm(way)), float((turning(0).inv() * turning(1)).magnitude())
+        turning = Slerp([0, 1], rotation(np.stack([start[:3, :3], T_base_tcp[:3, :3]])))
+        length, turn = float(norm(way)), float((turning(0).inv() * turning(1)).magnitude())
 
         def pose(u: float) -> Array:
             return kin.transform(turning(u).as_matrix(), start[:3, 3] + way * u)
@@ -220,14 +222,14 @@ class Motion:
         for leg in legs(self.robot, self.felt.base_pose, goal):
             yield from self._leg(leg, speed)
         off = goal - self.felt.base_pose
-        if np.linalg.norm(off[:2]) > _ARRIVED_M or abs(kin.wrap(off[2])) > 0.05:
+        if norm(off[:2]) > _ARRIVED_M or abs(kin.wrap(off[2])) > 0.05:
             raise MotionFailure("base_blocked")
 
     def _leg(self, goal: Array, speed: float) -> Actions:
         """One straight leg of a drive; it ends where something holds the base off its way."""
         start = self.felt.base_pose.copy()
         change = np.append(goal[:2] - start[:2], kin.wrap(goal[2] - start[2]))
-        travel = float(np.linalg.norm(change[:2]))
+        travel = float(norm(change[:2]))
         limit, ease = np.array([speed, 1.0]), self._ease(*self.robot.sides)
         u = timed([np.zeros(2), np.array([travel, abs(change[2])])], limit, self.robot.drive_acceleration * ease)
         done = np.max(u / np.maximum(u[-1:], 1e-9), axis=1) if len(u) else np.ones(1)
@@ -239,27 +241,27 @@ class Motion:
             error = reference - self.felt.base_pose
             error[2] = kin.wrap(error[2])
             aside = np.array([-np.sin(start[2]), np.cos(start[2])])
-            left = error[:2] if self.robot.sideways else error[:2] - aside * (aside @ error[:2])
-            if k >= len(done) and np.linalg.norm(left) < 0.006 and abs(error[2]) < 0.01:
+            left = error[:2] if self.robot.sideways else error[:2] - aside * matmul(aside, error[:2])
+            if k >= len(done) and norm(left) < 0.006 and abs(error[2]) < 0.01:
                 break
             lost = lost + 1 if (np.abs(error) > _BLOCKED_BASE).any() else 0
             if lost >= _NOTICED:
                 break
             yield self._moving(forward + 3.0 * error)
-        if np.linalg.norm(left) > _ARRIVED_M:
+        if norm(left) > _ARRIVED_M:
             self.bumps.append(self._met(left))
         yield self.still()
 
     def _met(self, way: Array) -> Solid:
         """A post on the floor right before the base, where it would go `way` (2,) and something does not let it."""
         away, half = self.robot.hull.standing[:, 3].max() + _POST_M + _OFF_M, self.robot.hull.base[1] / 2
-        x, y = self.felt.base_pose[:2] + way / np.linalg.norm(way) * away
+        x, y = self.felt.base_pose[:2] + way / norm(way) * away
         return Solid("cylinder", np.array([_POST_M, _POST_M, half]), pose((float(x), float(y), float(half))))
 
     def _reached(self, side: Side, T_base_tcp: Array, near: Array) -> Array:
         """The posture nearest to `near` that has the hand at a pose, from where the torso is."""
         torso = self.felt.torso if np.abs(self.felt.torso - self.torso).max() < 0.02 else self.torso
-        q = self.robot.nearest_posture(kin.inverse(self.robot.chest(torso)) @ T_base_tcp, side, near)
+        q = self.robot.nearest_posture(matmul(kin.inverse(self.robot.chest(torso)), T_base_tcp), side, near)
         if q is None or np.abs(q - near).max() > _LEAP_RAD:
             raise MotionFailure("no_reach")
         return q
@@ -338,4 +340,4 @@ class _Watch:
             return 0.0
         motion, side = self._motion, self._sides[0]
         felt = motion.robot.tcp(motion.felt.torso, motion.felt.arm[side], side)
-        return float((motion.hand(side) - felt)[:3, 3] @ self._along)
+        return float(matmul((motion.hand(side) - felt)[:3, 3], self._along))

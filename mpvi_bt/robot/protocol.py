@@ -9,6 +9,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array
 
 Side = Literal["left", "right"]
@@ -110,7 +111,7 @@ class CameraImage:
         u, v = np.meshgrid(np.arange(w) + 0.5, np.arange(h) + 0.5)
         z = np.where(self.depth > 0, self.depth, np.nan).astype(float)
         p = np.stack([(u - self.K[0, 2]) / self.K[0, 0] * z, (v - self.K[1, 2]) / self.K[1, 1] * z, z], -1)
-        return p @ self.T_world_camera[:3, :3].T + self.T_world_camera[:3, 3]
+        return matmul(p, self.T_world_camera[:3, :3].T) + self.T_world_camera[:3, 3]
 
 
 class Robot(Protocol):

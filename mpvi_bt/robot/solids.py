@@ -10,6 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.robot.linear_algebra import matmul
+
 Array = NDArray[np.float64]
 
 
@@ -30,7 +32,7 @@ class Solid:
 
     def moved(self, T: Array) -> Solid:
         """The same solid seen from the frame that `T` (4, 4) maps into."""
-        return Solid(self.kind, self.half_m, T @ self.T)
+        return Solid(self.kind, self.half_m, matmul(T, self.T))
 
     def aabb(self) -> Array:
         """(2, 3) lowest and highest corner of the axis-aligned bounding box, in the frame of `T`; read only."""
@@ -45,7 +47,7 @@ class Solid:
             axis = R[:, 2]
             reach = np.abs(axis) * self.half_m[2] + np.sqrt(np.maximum(0.0, 1.0 - axis**2)) * self.half_m[0]
         else:
-            reach = np.abs(R) @ self.half_m
+            reach = matmul(np.abs(R), self.half_m)
         corners = np.stack([p - reach, p + reach])
         corners.flags.writeable = False
         return corners

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.model import SIGN, RobotModel
 from mpvi_bt.robot.protocol import SIDES, Proprioception, Side
 from mpvi_bt.robot.robots import robot_named
@@ -30,17 +31,17 @@ def squeezes(felt: Proprioception) -> bool:
         return False
     left, right = (robot.tcp(felt.torso, felt.arm[s], s) for s in SIDES)
     across = right[:3, 3] - left[:3, 3]
-    across /= max(float(np.linalg.norm(across)), 1e-9)
+    across /= max(float(norm(across)), 1e-9)
     if not (_faces(left, across) and _faces(right, -across)):
         return False
     told_left, told_right = (robot.tcp(felt.torso, felt.arm_command[s], s) for s in SIDES)
-    apart = np.linalg.norm(left[:3, 3] - right[:3, 3]) - np.linalg.norm(told_left[:3, 3] - told_right[:3, 3])
+    apart = norm(left[:3, 3] - right[:3, 3]) - norm(told_left[:3, 3] - told_right[:3, 3])
     return bool(apart > _PRESSED_M)
 
 
 def _faces(T_base_tcp: Array, toward: Array) -> bool:
     """Whether a hand points toward the other one or, its fingers pointing down, turns their flat sides to it."""
-    ahead, flat = float(T_base_tcp[:3, 2] @ toward), abs(float(T_base_tcp[:3, 0] @ toward))
+    ahead, flat = float(matmul(T_base_tcp[:3, 2], toward)), abs(float(matmul(T_base_tcp[:3, 0], toward)))
     return ahead > _FACING or (ahead > -_AWAY and flat > _FLAT and T_base_tcp[2, 2] < -_DOWN)
 
 
@@ -53,14 +54,14 @@ def pressing(robot: RobotModel, torso: Array, arms: Mapping[Side, Array]) -> dic
     """
 
     def tip(side: Side, q: Array) -> Array:
-        return np.asarray((robot.tcp(torso, q, side) @ [0.0, 0.0, _TIP_M, 1.0])[:3])
+        return np.asarray(matmul(robot.tcp(torso, q, side), [0.0, 0.0, _TIP_M, 1.0])[:3])
 
     tips = {side: tip(side, arms[side]) for side in SIDES}
-    rightward = (tips["right"] - tips["left"]) / max(float(np.linalg.norm(tips["right"] - tips["left"])), 1e-9)
+    rightward = (tips["right"] - tips["left"]) / max(float(norm(tips["right"] - tips["left"])), 1e-9)
     levers, forces = {}, [_FORCE_N]
     drives = {side: [robot.drives[joint] for joint in robot.arm_joints[side]] for side in SIDES}
     for side in SIDES:
         moved = np.stack([tip(side, arms[side] + step) for step in _STEP_RAD * np.eye(7)]) - tips[side]
-        levers[side] = moved / _STEP_RAD @ rightward * SIGN[side]
+        levers[side] = matmul(moved / _STEP_RAD, rightward) * SIGN[side]
         forces += [_STRAIN * d.force / max(abs(x), 1e-6) for d, x in zip(drives[side], levers[side], strict=True)]
     return {s: arms[s] + min(forces) * levers[s] / [d.stiffness for d in drives[s]] for s in SIDES}

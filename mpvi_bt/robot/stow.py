@@ -10,6 +10,7 @@ import numpy as np
 
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot.kinematics import rot_z
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Robot, Side
@@ -129,10 +130,10 @@ def _let_go(motion: Motion, side: Side) -> Actions:
     motion.action[ActionLayout.ARM[side]] = motion.felt.arm[side]  # it pulls no more
     yield from motion.grip(side, 1.0, _CLOSING_S)
     x, y, yaw = motion.felt.base_pose
-    away = -(rot_z(yaw) @ motion.hand(side)[:3, 2])[:2]
-    if np.linalg.norm(away) > _LEVEL:
+    away = -matmul(rot_z(yaw), motion.hand(side)[:3, 2])[:2]
+    if norm(away) > _LEVEL:
         with suppress(MotionFailure):
-            back = away / np.linalg.norm(away) * _OFF_M
+            back = away / norm(away) * _OFF_M
             yield from motion.drive(np.array([x + back[0], y + back[1], yaw]), speed=0.2)
 
 

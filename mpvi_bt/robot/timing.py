@@ -11,8 +11,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from mpvi_bt.robot import kernels
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import CONTROL_HZ
 from mpvi_bt.robot.solids import Array
 
@@ -42,7 +44,7 @@ def timed(points: Sequence[Array] | Array, speed: Array, acceleration: Array) ->
 
 def schedule(path: Array, speed: Array, acceleration: Array) -> Array:
     """(m,) at which of the points of a fine path (n, J) to be at each step, with fractions; ends at n - 1."""
-    lengths = np.linalg.norm(np.diff(path, axis=0) / speed, axis=1)
+    lengths = norm(np.diff(path, axis=0) / speed, axis=1)
     at = np.concatenate([[0.0], np.cumsum(np.maximum(lengths, 1e-9))])
     first = np.gradient(path, at, axis=0, edge_order=1)
     second = np.gradient(first, at, axis=0, edge_order=1)
@@ -62,7 +64,7 @@ def schedule(path: Array, speed: Array, acceleration: Array) -> Array:
 def _sampled(times: Array) -> Array:
     steps = int(np.ceil(times[-1] * CONTROL_HZ))
     rough = np.interp(np.arange(-_SMOOTHED, steps + _SMOOTHED) / CONTROL_HZ, times, np.arange(len(times)))
-    even = np.convolve(rough, np.full(_SMOOTHED, 1 / _SMOOTHED), "valid")[2:]
+    even = sliding_window_view(rough, _SMOOTHED).mean(1)[2:]
     end = int(np.argmax(even >= len(times) - 1 - 1e-6))
     return np.append(even[:end], len(times) - 1.0)
 
@@ -76,7 +78,7 @@ def _rounded(points: Array) -> Array:
     u = np.linspace(0, 1, 9)[:, None]
     for before, corner, after in zip(points, points[1:], points[2:], strict=False):
         a, b = corner - before, after - corner
-        la, lb = float(np.linalg.norm(a)), float(np.linalg.norm(b))
+        la, lb = float(norm(a)), float(norm(b))
         bend = float(np.abs(b / lb - a / la).max())
         reach = min(la / 2, lb / 2, 4 * _ROUNDING / max(bend, 1e-9))
         start, end = corner - a / la * reach, corner + b / lb * reach
@@ -86,7 +88,7 @@ def _rounded(points: Array) -> Array:
 
 def _fine(points: Array) -> Array:
     """The same path in even, short steps."""
-    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    at = np.concatenate([[0.0], np.cumsum(norm(np.diff(points, axis=0), axis=1))])
     if at[-1] < 1e-6:
         return points[-1:]
     n = int(np.clip(np.ceil(at[-1] / _GRID), 20, 1500))

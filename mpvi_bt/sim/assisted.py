@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 import sapien
 
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.sim.builder import Thing
 from mpvi_bt.sim.robot import SimRobot
@@ -47,7 +48,7 @@ class Attachments:
         """Fix a thing to a hand as they stand."""
         hand = self._robot.links[self._robot.model.hand_links[side]]
         T_world_hand = hand.entity.pose.to_transformation_matrix().astype(float)
-        T_hand_thing = kin.inverse(T_world_hand) @ thing.T_world_body()
+        T_hand_thing = matmul(kin.inverse(T_world_hand), thing.T_world_body())
         drive = self._scene.create_drive(hand, sapien.Pose(T_hand_thing), thing.root_body, sapien.Pose())
         for limit in (drive.set_limit_x, drive.set_limit_y, drive.set_limit_z, drive.set_limit_twist):
             limit(0.0, 0.0)

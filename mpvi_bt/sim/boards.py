@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from mpvi_bt.errors import BackendError
 from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array, Solid, bounds, pose
 from mpvi_bt.sim.catalogue import Entry
 
@@ -99,7 +100,7 @@ class Put:
     @cached_property
     def points(self) -> Array:
         """(n, 3) points all over its surface, in the world."""
-        return np.asarray(self.shape.points @ self.T[:3, :3].T + self.T[:3, 3])
+        return np.asarray(matmul(self.shape.points, self.T[:3, :3].T) + self.T[:3, 3])
 
     @cached_property
     def around(self) -> Around:
@@ -219,7 +220,7 @@ def heap(
         spots, turns = _spots(volume, shape, 0.0, rng, None)
         for spot, turn in zip(spots, turns, strict=True):
             T = pose(np.append(spot, low[2] + DROP_M - shape.extent[0, 2]), turn)
-            flat = shape.points @ T[:3, :3].T + T[:3, 3]
+            flat = matmul(shape.points, T[:3, :3].T) + T[:3, 3]
             if walls.distance(flat).min() <= 0:
                 continue
             corners = flat.min(0)[:2], flat.max(0)[:2]
@@ -240,7 +241,7 @@ def balanced(shape: Shape, carrier: Put, around: Sequence[Around], rng: np.rando
     yaw = float(np.arctan2(carrier.T[1, 0], carrier.T[0, 0]))
     for turn in rng.permutation(4):
         T = pose(np.append((low + high)[:2] / 2, high[2] + DROP_M - shape.extent[0, 2]), yaw + turn * np.pi / 2)
-        T[:2, 3] += T[:2, :2] @ -shape.extent.mean(0)[:2] + rng.uniform(-0.005, 0.005, 2)
+        T[:2, 3] += matmul(T[:2, :2], -shape.extent.mean(0)[:2]) + rng.uniform(-0.005, 0.005, 2)
         put = Put(shape, T)
         near = _near_to(around, put.box, 0.0)
         if not near or Surroundings(near).distance(put.points).min() > 0:
@@ -273,7 +274,7 @@ class _Site:
         shift = np.column_stack([spots, np.full(len(spots), board.height + DROP_M - shape.extent[0, 2])])
         c, s, zero, one = np.cos(yaw), np.sin(yaw), np.zeros(len(yaw)), np.ones(len(yaw))
         R = np.stack([c, -s, zero, s, c, zero, zero, zero, one], 1).reshape(-1, 3, 3)
-        at = shape.points @ R.transpose(0, 2, 1) + shift[:, None]
+        at = matmul(shape.points, R.transpose(0, 2, 1)) + shift[:, None]
         middle = (at.min(1) + at.max(1)) / 2
         good = board.reach(middle[:, :2], shape.two_hands) & _carried(board.face, at, margin)
         if board.front:
@@ -292,7 +293,7 @@ class _Site:
         if not len(spots):
             return np.zeros(0)
         (ahead,) = self._board.heading(spots.mean(0, keepdims=True))
-        return np.asarray(spots @ [np.cos(ahead), np.sin(ahead)])
+        return np.asarray(matmul(spots, [np.cos(ahead), np.sin(ahead)]))
 
     def _clear(self, at: Array, middle: Array, rest: NDArray[np.intp], gap: float) -> NDArray[np.intp]:
         """Those of the places, at which the points (n, p, 3) of a thing are, that are free and under the right sky."""
@@ -327,7 +328,7 @@ def _spots(
     """Places (n, 2) on a face and the turns (n,) [rad] of a thing there; `along`: turned as the face is, about."""
     thin = float(np.ptp(shape.extent, axis=0)[:2].min()) / 2
     half = np.maximum(face.half_m[:2] - margin - thin, 0.0)
-    spots = rng.uniform(-half, half, (_SPOTS, 2)) @ face.T[:2, :2].T + face.T[:2, 3]
+    spots = matmul(rng.uniform(-half, half, (_SPOTS, 2)), face.T[:2, :2].T) + face.T[:2, 3]
     turns = rng.uniform(-np.pi, np.pi, _SPOTS)
     if heading is not None and shape.faces is not None:
         turns = heading(spots) + shape.faces + turns * ASKEW_RAD / np.pi
@@ -341,7 +342,7 @@ def _spots(
 
 def _carried(face: Solid, at: Array, margin: float) -> NDArray[np.bool_]:
     """(n,) bool: all points (n, p, 3) of a thing are over a face, that far from its edge."""
-    local = (at[..., :2] - face.T[:2, 3]) @ face.T[:2, :2]
+    local = matmul(at[..., :2] - face.T[:2, 3], face.T[:2, :2])
     if face.kind == "cylinder":
         return np.asarray((np.hypot(local[..., 0], local[..., 1]) <= face.half_m[0] - margin).all(1))
     return np.asarray((np.abs(local) <= face.half_m[:2] - margin).all((1, 2)))
@@ -349,11 +350,11 @@ def _carried(face: Solid, at: Array, margin: float) -> NDArray[np.bool_]:
 
 def _in_front(face: Solid, middle: Array, at: Array, two_hands: bool) -> NDArray[np.bool_]:
     """(n,) bool: things are near enough to the front edge of a face."""
-    front = (face.T[:3, :3] @ [1.0, 0, 0])[:2]
-    edge = float(face.T[:2, 3] @ front + face.half_m[0])
+    front = matmul(face.T[:3, :3], [1.0, 0, 0])[:2]
+    edge = float(matmul(face.T[:2, 3], front) + face.half_m[0])
     if two_hands:
-        return np.asarray(edge - (at[..., :2] @ front).max(1) <= TWO_HANDS_FRONT_M)
-    return np.asarray(edge - middle[:, :2] @ front <= FRONT_M)
+        return np.asarray(edge - matmul(at[..., :2], front).max(1) <= TWO_HANDS_FRONT_M)
+    return np.asarray(edge - matmul(middle[:, :2], front) <= FRONT_M)
 
 
 def _near_to(around: Sequence[Around], box: Array, gap: float) -> list[Solid]:
@@ -392,7 +393,7 @@ def _surface(solid: Solid) -> Array:
             radii = np.full(len(levels), h[0])
         local = np.concatenate([ring * [r, r, 0] + [0, 0, z] for r, z in zip(radii, levels, strict=True)])
         local = np.concatenate([local, [[0, 0, -h[2]], [0, 0, h[2]]]])
-    return np.asarray(local @ solid.T[:3, :3].T + solid.T[:3, 3])
+    return np.asarray(matmul(local, solid.T[:3, :3].T) + solid.T[:3, 3])
 
 
 def floor_of(volume: Solid) -> Solid:

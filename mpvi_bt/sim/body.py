@@ -8,6 +8,7 @@ import numpy as np
 import sapien
 
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import CameraImage, Proprioception, Side
 from mpvi_bt.robot.solids import Array
@@ -97,14 +98,14 @@ class SimBody:
     def hand_pose_world(self, side: Side) -> Array:
         """T_world_tcp (4, 4) as the joints have it."""
         felt = self.proprioception()
-        return kin.base(felt.base_pose) @ self.model.tcp(felt.torso, felt.arm[side], side)
+        return matmul(kin.base(felt.base_pose), self.model.tcp(felt.torso, felt.arm[side], side))
 
     def fingertips_world(self) -> Array:
         """(2 n, 3) ends of the fingers of its hands, the left one's first [m]."""
         felt, out = self.proprioception(), []
         base, chest = kin.base(felt.base_pose), self.model.chest(felt.torso)
         for side in self.model.sides:
-            T = base @ (chest @ self.model.arm(felt.arm[side], side))
+            T = matmul(base, matmul(chest, self.model.arm(felt.arm[side], side)))
             apart = felt.gripper_width[side] / 2 + _HALF_FINGER_M
             out += [T[:3, 3] + y * T[:3, 1] + _FINGERTIP_M * T[:3, 2] for y in (-apart, apart)]
         return np.array(out)

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import sapien
 
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.sim.catalogue import Entry
 from mpvi_bt.sim.description import Body, Color, Description, Part, Parts
@@ -309,7 +310,7 @@ class _Builder:
             solid = part.solid
             pose, half = sapien.Pose(solid.T), solid.half_m
             if solid.kind == "cylinder":
-                pose = sapien.Pose(solid.T @ _SAPIEN_CYLINDER)
+                pose = sapien.Pose(matmul(solid.T, _SAPIEN_CYLINDER))
             if part.collides:
                 held = body.joint is not None and any(np.allclose(solid.T[:3, 3], center) for center in handles)
                 surface = self._surface(_HANDLE_FRICTION if held else friction)
@@ -376,7 +377,7 @@ def _frame_along(axis: Array, origin: Array) -> Array:
     """(4, 4) frame at `origin` whose x is `axis`: SAPIEN's joints turn about and slide along x."""
     helper = np.array([0.0, 0, 1]) if abs(axis[2]) < 0.9 else np.array([0.0, 1, 0])
     y = np.cross(helper, axis)
-    y /= np.linalg.norm(y)
+    y /= norm(y)
     T = np.eye(4)
     T[:3, :3] = np.stack([axis, y, np.cross(axis, y)], axis=1)
     T[:3, 3] = origin

@@ -8,6 +8,8 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 import sapien
 
+from mpvi_bt.robot.linear_algebra import norm
+
 
 class Bumps:
     """The largest force [N] between robot and each thing, over all physics steps since it was made.
@@ -46,7 +48,7 @@ class Bumps:
             ids = (first, second) if first in self._robot else (second, first)
             if ids[0] in self._robot and (name := self._things.get(ids[1])) is not None:
                 impulse = np.sum([p.impulse for p in contact.points], axis=0) if contact.points else np.zeros(3)
-                now[name] = now.get(name, 0.0) + float(np.linalg.norm(impulse)) / self._step_s
+                now[name] = now.get(name, 0.0) + float(norm(impulse)) / self._step_s
         for name, force in now.items():
             if force > 0.0:
                 self.forces[name] = max(force, self.forces.get(name, 0.0))

@@ -10,6 +10,7 @@ import sapien
 
 from mpvi_bt.errors import BackendError, NoRenderingDevice
 from mpvi_bt.robot.kinematics import LINK_TO_OPTICAL, transform
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.model import Camera
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
@@ -52,7 +53,7 @@ class Cameras:
 
     def misalign(self, camera: str, T_nominal_real: Array) -> None:
         """Have a camera sit off its nominal pose; (4, 4), its real optical frame to its nominal one."""
-        T = transform(LINK_TO_OPTICAL, (0.0, 0.0, 0.0)) @ T_nominal_real @ _OPTICAL_TO_LINK
+        T = matmul(transform(LINK_TO_OPTICAL, (0.0, 0.0, 0.0)), T_nominal_real, _OPTICAL_TO_LINK)
         self._cameras[camera].set_local_pose(sapien.Pose(T))
 
     def look(self, name: str) -> CameraImage:
@@ -67,6 +68,7 @@ class Cameras:
         # opengl camera frame [mm], and the scene id of what each pixel shows
         position = camera.get_picture("PositionSegmentation")
         depth = np.maximum(-position[..., 2], 0).astype(np.float32) / 1000
+        T_world_link = camera.get_global_pose().to_transformation_matrix()
         image = CameraImage(
             camera=name,
             rgb=_bytes(camera.get_picture("Color")[..., :3]),
@@ -74,8 +76,7 @@ class Cameras:
             labels=position[..., 3].astype(np.int32),
             names=self.names,
             K=np.asarray(camera.get_intrinsic_matrix(), float),
-            T_world_camera=camera.get_global_pose().to_transformation_matrix().astype(float)
-            @ transform(LINK_TO_OPTICAL, (0.0, 0.0, 0.0)),
+            T_world_camera=matmul(T_world_link.astype(float), transform(LINK_TO_OPTICAL, (0.0, 0.0, 0.0))),
         )
         self.taken += 1
         self.seconds += time.perf_counter() - started
@@ -96,7 +97,7 @@ class Cameras:
             self._scene.add_entity(entity)
             self.mount(name, Camera(*size, fov_rad, 0.05, 60.0, ""), entity)
         self._cameras[name].set_fovy(fov_rad)
-        self._cameras[name].entity.set_pose(sapien.Pose(T_world_camera @ _OPTICAL_TO_LINK))
+        self._cameras[name].entity.set_pose(sapien.Pose(matmul(T_world_camera, _OPTICAL_TO_LINK)))
         return self.look(name)
 
 

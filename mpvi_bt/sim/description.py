@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array, Solid, pose
 
 Color = tuple[float, float, float]  # sRGB, 0 to 1: as it looks under full light
@@ -61,7 +62,7 @@ class Handle:
     def moved(self, T: Array) -> Handle:
         """The same handle in the frame that `T` (4, 4) maps its own into."""
         R = T[:3, :3]
-        center, axis, outward = R @ self.center + T[:3, 3], R @ self.axis, R @ self.outward
+        center, axis, outward = matmul(R, self.center) + T[:3, 3], matmul(R, self.axis), matmul(R, self.outward)
         return replace(self, center=center, axis=axis, outward=outward)
 
 
@@ -162,7 +163,7 @@ class Description:
         """
         for body in self.bodies:
             position = (openings or {}).get(body.name, 0.0) * (body.joint.limit if body.joint else 0.0)
-            frame = body.frame(position) if T is None else T @ body.frame(position)
+            frame = body.frame(position) if T is None else matmul(T, body.frame(position))
             for part in body.parts:
                 if part.collides:
                     yield part.solid.moved(frame)
@@ -171,7 +172,7 @@ class Description:
         """(2, 3) lowest and highest corner around it; with `visible`, also around what does not collide."""
         frame = np.eye(4) if T is None else T
         boxes = [
-            part.solid.moved(frame @ body.frame()).aabb()
+            part.solid.moved(matmul(frame, body.frame())).aabb()
             for body in self.bodies
             for part in body.parts
             if part.collides or visible
@@ -240,4 +241,4 @@ def _turn(axis: Array, angle: float) -> Array:
     """(3, 3) rotation by `angle` [rad] about the unit vector `axis`."""
     x, y, z = axis
     K = np.array([[0.0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K))
+    return np.asarray(np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * matmul(K, K))

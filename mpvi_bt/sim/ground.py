@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from mpvi_bt.errors import BackendError
 from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.sim.house import House
 from mpvi_bt.sim.prior_map import BAND_M, marked, prior_map
@@ -140,7 +141,7 @@ class Ground:
         ends += [(at, REACH_M) for at in self._reached if self._room_index(at) == index]
         cells = [np.array(self._map.cell(end)) - low for end, _ in ends]
         before = self._occupied[window]
-        away = np.linalg.norm(np.moveaxis(np.indices(before.shape), 0, -1) - (cell - low), axis=-1)
+        away = norm(np.moveaxis(np.indices(before.shape), 0, -1) - (cell - low), axis=-1)
         after = before | (away * self._map.resolution_m < radius)
         parts, away_m = self._parts(after, room[window], cells)
         parts_before, away_before_m = self._parts(before, room[window], cells)
@@ -167,8 +168,8 @@ class Ground:
         return {int(parts[tuple(nearest[:, row, column])]) for row, column in cells}, away_m
 
     def _is_free(self, xy: Array, radius: float, share: float) -> bool:
-        doorways = all(np.linalg.norm(xy - np.asarray(d.at)) > DOORWAY_M for d in self._house.doorways)
-        return doorways and all(np.linalg.norm(xy - other) > radius + r + share * APART_M for other, r in self._taken)
+        doorways = all(norm(xy - np.asarray(d.at)) > DOORWAY_M for d in self._house.doorways)
+        return doorways and all(norm(xy - other) > radius + r + share * APART_M for other, r in self._taken)
 
 
 def standing_room(grid: OccupancyMap) -> NDArray[np.bool_]:

@@ -9,6 +9,7 @@ import numpy as np
 import sapien
 
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.robot.squeeze import squeezes
@@ -92,10 +93,10 @@ def _may_be_near(solid: Solid, p: Array, reach_m: float) -> bool:
 
 def distance(solid: Solid, p: Array) -> float:
     """Distance [m] of a point (3,) to a solid, both in one frame; 0 or less inside."""
-    local = np.abs(kin.inverse(solid.T)[:3, :3] @ (p - solid.T[:3, 3])) - solid.half_m
+    local = np.abs(matmul(kin.inverse(solid.T)[:3, :3], p - solid.T[:3, 3])) - solid.half_m
     if solid.kind == "sphere":
-        return float(np.linalg.norm(p - solid.T[:3, 3]) - solid.half_m[0])
+        return float(norm(p - solid.T[:3, 3]) - solid.half_m[0])
     if solid.kind == "cylinder":
-        q = solid.T[:3, :3].T @ (p - solid.T[:3, 3])
+        q = matmul(solid.T[:3, :3].T, p - solid.T[:3, 3])
         local = np.array([np.hypot(q[0], q[1]) - solid.half_m[0], abs(q[2]) - solid.half_m[2]])
-    return float(np.linalg.norm(np.maximum(local, 0)) + min(0.0, local.max()))
+    return float(norm(np.maximum(local, 0)) + min(0.0, local.max()))

@@ -28,6 +28,7 @@ from mpvi_bt.goals.evaluate import GoalReport, Snapshot, judge, snapshot
 from mpvi_bt.goals.formula import Truth
 from mpvi_bt.goals.predicates import truth_in
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim import maniskill_fetch
 from mpvi_bt.sim.builder import Thing
@@ -266,7 +267,7 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
     def _default_human_render_camera_configs(self) -> CameraConfig:
         register_shaders()
         T = overview(self._house, fov_rad=_VIEW_RAD)
-        T[:3, :3] = T[:3, :3] @ kin.LINK_TO_OPTICAL.T
+        T[:3, :3] = matmul(T[:3, :3], kin.LINK_TO_OPTICAL.T)
         pose = sapien.Pose(T)
         return CameraConfig("render_camera", pose, 960, 540, fov=_VIEW_RAD, near=0.05, far=60.0, shader_pack=SHADERS)
 

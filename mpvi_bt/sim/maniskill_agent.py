@@ -25,6 +25,7 @@ from mpvi_bt.errors import BackendError
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.limits import extremes
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.maniskill_drives import DrivenR1, Drives
@@ -160,9 +161,9 @@ def _arm(side: Side, last: Array, torso: Array, asked: Array, felt: Array) -> Ar
     """(7,) targets of one arm that bring its hand a step on, with the torso at its new targets; else the last ones."""
     told: Array = last[ActionLayout.ARM[side]]
     T = r1.R1.tcp(last[ActionLayout.TORSO], told, side)
-    T[:3, :3] = Rotation.from_rotvec(asked[3:6] * _HAND_STEP_RAD).as_matrix() @ T[:3, :3]
+    T[:3, :3] = matmul(Rotation.from_rotvec(asked[3:6] * _HAND_STEP_RAD).as_matrix(), T[:3, :3])
     T[:3, 3] += asked[:3] * _HAND_STEP_M
-    posture = r1.R1.nearest_posture(kin.inverse(r1.R1.chest(torso)) @ T, side, told)
+    posture = r1.R1.nearest_posture(matmul(kin.inverse(r1.R1.chest(torso)), T), side, told)
     near = posture is not None and np.abs(posture - felt).max() < _AHEAD * _ARM_STEP.max()
     return posture if posture is not None and near else told
 

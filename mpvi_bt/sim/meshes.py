@@ -12,6 +12,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.sim.description import Color, Part
 
@@ -47,7 +48,7 @@ def _of(solid: Solid) -> Mesh:
     unit = {"box": _box, "cylinder": _cylinder, "sphere": _sphere}[solid.kind]()
     R, p = solid.T[:3, :3], solid.T[:3, 3]
     # shapes are scaled along their own axes, alike around a cylinder's, so normals of flat and round faces keep theirs
-    return Mesh((unit.vertices * solid.half_m) @ R.T + p, unit.normals @ R.T, unit.triangles)
+    return Mesh(matmul(unit.vertices * solid.half_m, R.T) + p, matmul(unit.normals, R.T), unit.triangles)
 
 
 def _merged(parts: list[Mesh]) -> Mesh:

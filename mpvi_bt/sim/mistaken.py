@@ -13,6 +13,7 @@ import numpy as np
 
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.parts import Door
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.sim.description import Handle
@@ -41,7 +42,7 @@ class MistakenTruth:
 
     def pose(self, name: str) -> Array:
         """T_world_thing (4, 4), off."""
-        return self._off(name) @ self._world.pose(name)
+        return matmul(self._off(name), self._world.pose(name))
 
     def solids(self, name: str) -> list[Solid]:
         """Its solids, off."""
@@ -70,7 +71,7 @@ class MistakenTruth:
 
     def switches(self, name: str) -> Sequence[Array]:
         """Its switches, off."""
-        return [self._off(name) @ T for T in self._world.switches(name)]
+        return [matmul(self._off(name), T) for T in self._world.switches(name)]
 
     def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> list[Solid]:
         """Solids around a place, each thing's off like the thing; walls are where they are."""
@@ -111,5 +112,5 @@ def _moved(handle: Handle, T: Array) -> Handle:
 
 def _near(solid: Solid, place: Array, radius_m: float) -> bool:
     low, high = solid.aabb()
-    aside = np.linalg.norm(np.maximum(np.maximum(low[:2] - place, place - high[:2]), 0))
+    aside = norm(np.maximum(np.maximum(low[:2] - place, place - high[:2]), 0))
     return bool(aside < radius_m and high[2] > 0.005)

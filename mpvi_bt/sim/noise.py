@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import CameraImage, Proprioception, Robot
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.robots import robot_named
@@ -106,20 +107,20 @@ class NoisyRobot:
         felt = self._robot.proprioception()
         self._drift(felt.base_pose)
         nominal = _nominal(camera, felt)
-        T_world_camera = kin.base(self._true) @ nominal
+        T_world_camera = matmul(kin.base(self._true), nominal)
         aside = np.eye(4)
         aside[:2, 3] = -self._standing.offset(felt)  # what is seen from the left seems to be on the right
         if self._cameras is not None:
-            real = aside @ T_world_camera @ self.mounts[camera]
-            self._cameras.misalign(camera, kin.inverse(T_world_camera) @ real)
+            real = matmul(aside, T_world_camera, self.mounts[camera])
+            self._cameras.misalign(camera, matmul(kin.inverse(T_world_camera), real))
         image = self._robot.look(camera)
         labels = None if image.labels is None else _shifted(image.labels, self._errors.label_px, self._pixels)
-        believed = kin.base(self._believed) @ nominal
+        believed = matmul(kin.base(self._believed), nominal)
         return replace(image, depth=self._depth(image.depth), labels=labels, T_world_camera=believed)
 
     def _drift(self, true: Array) -> None:
         """Add the motion since the last call to the belief, with its error."""
-        forth = kin.inverse(kin.base(self._true)) @ kin.base(true)
+        forth = matmul(kin.inverse(kin.base(self._true)), kin.base(true))
         turn = float(kin.wrap(true[2] - self._true[2]))
         way = float(np.hypot(*forth[:2, 3])) + _TURN_M_PER_RAD * abs(turn)
         self._true = true.copy()
@@ -127,7 +128,7 @@ class NoisyRobot:
             return
         x, y, yaw = self._walk.normal(size=3) * np.sqrt(way)
         step = forth[:2, 3] + self._errors.drift_m * np.array([x, y])
-        p = kin.base(self._believed) @ [*step, 0.0, 1.0]
+        p = matmul(kin.base(self._believed), [*step, 0.0, 1.0])
         heading = float(kin.wrap(self._believed[2] + turn + self._errors.drift_rad * yaw))
         self._believed = np.array([p[0], p[1], heading])
 
@@ -151,7 +152,7 @@ class Standing:
         """(2,) the error [m] of what is seen now, in the world."""
         at = felt.base_pose[:2]
         moving = float(np.abs(felt.base_velocity).max()) > _STANDING
-        if self._at is None or (not moving and np.linalg.norm(at - self._at) > _SAME_M):
+        if self._at is None or (not moving and norm(at - self._at) > _SAME_M):
             self._at = np.array(at)
             self._offset = self._deviation * self._rng.normal(size=2)
         return self._offset
@@ -168,9 +169,9 @@ def _nominal(camera: str, felt: Proprioception) -> Array:
 
 def _mount(errors: Errors, rng: np.random.Generator) -> Array:
     """(4, 4) a turn and a shift of the given sizes about random axes."""
-    axis, shift = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
+    axis, shift = (v / norm(v) for v in rng.normal(size=(2, 3)))
     K = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    R = np.eye(3) + np.sin(errors.mount_rad) * K + (1 - np.cos(errors.mount_rad)) * (K @ K)
+    R = np.eye(3) + np.sin(errors.mount_rad) * K + (1 - np.cos(errors.mount_rad)) * matmul(K, K)
     return kin.transform(R, errors.mount_m * shift)
 
 

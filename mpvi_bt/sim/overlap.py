@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Solid
 
 
@@ -16,10 +17,10 @@ def penetration(a: Solid, b: Solid) -> float:
     A, B = a.T[:3, :3], b.T[:3, :3]
     apart = b.T[:3, 3] - a.T[:3, 3]
     axes = [*A.T, *B.T]
-    if not np.allclose(np.abs(A.T @ B).max(1), 1):  # not parallel: the edges' cross products count too
+    if not np.allclose(np.abs(matmul(A.T, B)).max(1), 1):  # not parallel: the edges' cross products count too
         crosses = np.cross(A.T[:, None], B.T[None]).reshape(9, 3)
-        lengths = np.linalg.norm(crosses, axis=1)
+        lengths = norm(crosses, axis=1)
         axes += [c / n for c, n in zip(crosses, lengths, strict=True) if n > 1e-6]
     N = np.stack(axes)
-    reach = np.abs(N @ A) @ a.half_m + np.abs(N @ B) @ b.half_m
-    return float((reach - np.abs(N @ apart)).min())
+    reach = matmul(np.abs(matmul(N, A)), a.half_m) + matmul(np.abs(matmul(N, B)), b.half_m)
+    return float((reach - np.abs(matmul(N, apart))).min())

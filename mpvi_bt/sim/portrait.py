@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import sapien
 
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.sim.builder import show
 from mpvi_bt.sim.cameras import Cameras
 from mpvi_bt.sim.catalogue import Entry
@@ -39,12 +40,12 @@ def portrait(entry: Entry, size: tuple[int, int] = (320, 240)) -> np.ndarray:
         corners += [part.solid.moved(frame).aabb() for part in body.parts]
     boxes = np.stack(corners)
     low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
-    middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    middle, radius = (low + high) / 2, float(norm(high - low)) / 2
     floor = Parts()
     floor.box((middle[0], middle[1], low[2] - 0.005), (20 * radius, 20 * radius, 0.01), _FLOOR)
     entity = sapien.Entity()
     show(entity, floor.items)
     scene.add_entity(entity)
-    away = _FROM / np.linalg.norm(_FROM) * radius / np.sin(_FOV_RAD / 2)
+    away = _FROM / norm(_FROM) * radius / np.sin(_FOV_RAD / 2)
     cameras = Cameras(scene)
     return cameras.look_from(look_at(middle + away, middle), size, _FOV_RAD).rgb

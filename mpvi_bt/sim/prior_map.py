@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.sim.house import House
 
@@ -121,7 +122,7 @@ def _covers(solid: Solid, centers: Array, half: float) -> NDArray[np.bool_]:
         return np.asarray((gap**2).sum(-1) < solid.half_m[0] ** 2)
     if solid.kind == "box" and upright:
         A = R[:2, :2]  # columns: the box's x and y axes; with the cell's own axes, all that can separate two rectangles
-        local = np.abs(d @ A)
+        local = np.abs(matmul(d, A))
         reach = solid.half_m[:2] + half * np.abs(A).sum(0)
         return np.asarray((local < reach).all(-1))
     return np.ones(centers.shape[:-1], bool)

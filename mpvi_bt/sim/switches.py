@@ -14,6 +14,7 @@ import sapien
 from mpvi_bt.goals.predicates import OPEN_FRACTION
 from mpvi_bt.perception.detector import SWITCH
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.sim.builder import Thing, show
 from mpvi_bt.sim.description import Color, Part, Switch
@@ -48,7 +49,7 @@ class _Place:
 
     def T_world(self) -> Array:  # noqa: N802
         """(4, 4) the switch to the world, z pointing out of the thing."""
-        return self.thing.T_world_body(self.body) @ self.T_body if self.fixed is None else self.fixed
+        return matmul(self.thing.T_world_body(self.body), self.T_body) if self.fixed is None else self.fixed
 
     def kept_off(self) -> bool:
         """Whether it cannot be on now, because its thing is open."""
@@ -116,7 +117,7 @@ def _place(thing: Thing, body: str, switch: Switch, lights: Sequence[sapien.Enti
     """A place, its frame worked out beforehand where the body stands still: that of every fixture but its doors."""
     T_body = _frame(switch)
     still = not thing.movable and body == thing.description.root.name
-    fixed = thing.T_world_body(body) @ T_body if still else None
+    fixed = matmul(thing.T_world_body(body), T_body) if still else None
     return _Place(thing, body, T_body, switch.closed_only, fixed, lights)
 
 
@@ -135,5 +136,5 @@ def _lights(scene: sapien.Scene, name: str, switch: Switch) -> tuple[sapien.Enti
 def _frame(switch: Switch) -> Array:
     z = switch.outward
     x = np.cross([0.0, 0.0, 1.0] if abs(z[2]) < 0.9 else [0.0, 1.0, 0.0], z)
-    x /= np.linalg.norm(x)
+    x /= norm(x)
     return kin.transform(np.stack([x, np.cross(z, x), z], axis=1), switch.center)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.house import House
 
@@ -11,10 +12,10 @@ from mpvi_bt.sim.house import House
 def look_at(eye: Array | tuple[float, float, float], target: Array | tuple[float, float, float]) -> Array:
     """(4, 4) camera at `eye` that looks at `target` [m], optical frame to world, upright; straight down is allowed."""
     eye, target = np.asarray(eye, float), np.asarray(target, float)
-    forward = (target - eye) / np.linalg.norm(target - eye)
+    forward = (target - eye) / norm(target - eye)
     up = np.array([0.0, 0, 1]) if abs(forward[2]) < 0.999 else np.array([0.0, 1, 0])
     right = np.cross(forward, up)
-    right /= np.linalg.norm(right)
+    right /= norm(right)
     T = np.eye(4)
     T[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
     T[:3, 3] = eye
@@ -40,11 +41,11 @@ def overview(house: House, fov_rad: float = 0.6, aspect: float = 16 / 9, tilt_ra
         target = np.array([(x0 + x1) / 2, (low + high) / 2, 0.0])
         right, down, forward = look_at(target + away, target)[:3, :3].T
         seen = corners - target
-        ahead = seen @ forward
-        wide = float((np.abs(seen @ right) / limits[0] - ahead).max())
-        below, above = ((sign * (seen @ down) / limits[1] - ahead).max() for sign in (1, -1))
+        ahead = matmul(seen, forward)
+        wide = float((np.abs(matmul(seen, right)) / limits[0] - ahead).max())
+        below, above = ((sign * matmul(seen, down) / limits[1] - ahead).max() for sign in (1, -1))
         distance = max(wide, float(below), float(above))
-        down_px, up_px = ((sign * (seen @ down) / (distance + ahead)).max() for sign in (1, -1))
+        down_px, up_px = ((sign * matmul(seen, down) / (distance + ahead)).max() for sign in (1, -1))
         low, high = (low, target[1]) if down_px > up_px else (target[1], high)
     return look_at(target + distance * away, target)
 

@@ -13,6 +13,7 @@ import sapien
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.parts import Door
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage, Side
 from mpvi_bt.robot.r1 import R1
@@ -324,7 +325,7 @@ class World:
             joint = body.joint
             assert joint is not None
             T = thing.T_world_body()
-            origin, axis = T[:3, :3] @ joint.origin + T[:3, 3], T[:3, :3] @ joint.axis
+            origin, axis = matmul(T[:3, :3], joint.origin) + T[:3, 3], matmul(T[:3, :3], joint.axis)
             now = thing.T_world_body(body.name)
             solids = [part.solid.moved(now) for part in body.parts if part.collides]
             bar = body.handles[0].moved(now) if body.handles else None
@@ -361,10 +362,7 @@ class World:
         near = []
         for solid in out:
             low, high = solid.aabb()
-            if (
-                np.linalg.norm(np.maximum(np.maximum(low[:2] - place, place - high[:2]), 0)) < radius_m
-                and high[2] > GROUND_M
-            ):
+            if norm(np.maximum(np.maximum(low[:2] - place, place - high[:2]), 0)) < radius_m and high[2] > GROUND_M:
                 near.append(solid)
         return near
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from mpvi_bt.errors import UserError
 from mpvi_bt.extras import install
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.suite.demonstrations import CODEC, Demonstrated, check_demonstrations
 from mpvi_bt.writing import unwritable, write_whole
 
@@ -226,12 +227,12 @@ def _seen(episodes: Sequence[Demonstrated]) -> dict[str, Statistics]:
         histogram = np.stack([e.frames[f"histogram/{camera}"] for e in episodes]).astype(np.float64).sum(0)
         share = histogram / histogram.sum(1, keepdims=True)
         up_to = share.cumsum(1)
-        mean = share @ shade
+        mean = matmul(share, shade)
         each = {
             "min": shade[(histogram > 0).argmax(1)],
             "max": shade[255 - (histogram[:, ::-1] > 0).argmax(1)],
             "mean": mean,
-            "std": np.sqrt(np.maximum(share @ shade**2 - mean**2, 0.0)),
+            "std": np.sqrt(np.maximum(matmul(share, shade**2) - mean**2, 0.0)),
             **{name: shade[(up_to >= q - 1e-12).argmax(1)] for name, q in QUANTILES.items()},
         }
         key = f"observation.images.{camera}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
 from scipy import ndimage
 
 from mpvi_bt.errors import BackendError
@@ -12,6 +11,7 @@ from mpvi_bt.goals.evaluate import early, unmet
 from mpvi_bt.goals.predicates import truth_in
 from mpvi_bt.goals.problem import Problem, load_problem
 from mpvi_bt.goals.state import aabb
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.sim.boards import Shape
@@ -118,7 +118,7 @@ def come_to_rest(world: World, start: Start) -> list[str]:
         before = {name: world.pose(name)[:3, 3] for name in world.objects}
         world.settle(_WATCH_S)
         # Speeds would not do: contacts tremble, and go nowhere.
-        moved = [name for name, p in before.items() if np.linalg.norm(world.pose(name)[:3, 3] - p) > _STILL_M]
+        moved = [name for name, p in before.items() if norm(world.pose(name)[:3, 3] - p) > _STILL_M]
         if not moved:
             break
     return moved

@@ -14,6 +14,7 @@ import numpy as np
 from mpvi_bt.executive.loop import Watcher, World
 from mpvi_bt.marked_yaml import Amount, Count
 from mpvi_bt.robot import kinematics
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Side
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
@@ -110,7 +111,7 @@ class Meter(Watcher):
         measured = Measurement(
             steps=self._steps,
             base_m=_way(base[:, :2]),
-            hand_world_m=_of_both({side: _way((T_world_base @ T)[:, :3, 3]) for side, T in T_base_hand.items()}),
+            hand_world_m=_of_both({side: _way(matmul(T_world_base, T)[:, :3, 3]) for side, T in T_base_hand.items()}),
             hand_base_m=_of_both({side: _way(T[:, :3, 3]) for side, T in T_base_hand.items()}),
             way=thinned(base[:, :2]),
         )
@@ -129,4 +130,4 @@ def _of_both(ways: Mapping[Side, float]) -> dict[Side, float]:
 
 def _way(positions: Array) -> float:
     """Length [m] of the way through positions (n, 2 or 3)."""
-    return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
+    return float(norm(np.diff(positions, axis=0), axis=1).sum())

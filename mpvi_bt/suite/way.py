@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from mpvi_bt.marked_yaml import Record
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
 
 Place = Annotated[list[Annotated[float, Field(allow_inf_nan=False)]], Field(min_length=2, max_length=2)]
@@ -57,6 +58,6 @@ def thinned(points: Array, tolerance_m: float = TOLERANCE_M) -> list[list[float]
 def _distances(points: Array, a: Array, b: Array) -> Array:
     """(n,) distances of points from the line segment a to b."""
     along = b - a
-    length2 = float(along @ along)
-    share = np.clip((points - a) @ along / length2, 0.0, 1.0) if length2 else np.zeros(len(points))
-    return np.asarray(np.linalg.norm(points - a - share[:, None] * along, axis=1))
+    length2 = float(matmul(along, along))
+    share = np.clip(matmul(points - a, along) / length2, 0.0, 1.0) if length2 else np.zeros(len(points))
+    return np.asarray(norm(points - a - share[:, None] * along, axis=1))
