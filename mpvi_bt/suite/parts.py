@@ -12,7 +12,7 @@ import inspect
 import re
 import sys
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,11 +38,13 @@ class Part:
         kind: Such as "policy".
         given: As on the command line.
         path: "module:name".
+        known: Names of the backends of its kind, one of which may have been meant.
     """
 
     kind: str
     given: str
     path: str
+    known: tuple[str, ...] = ()
 
     def load(self) -> Callable[..., Any]:
         """The class or function, once it is known that it can be called and has the methods of its kind.
@@ -59,7 +61,8 @@ class Part:
         except Exception as error:
             if isinstance(error, ModuleNotFoundError) and error.name and f"{module}.".startswith(f"{error.name}."):
                 where = f"neither in {here} nor among what is installed"
-                raise UserError(f"{self._said}: there is no module {error.name!r}, {where}.") from None
+                hint = did_you_mean(nearest(module, self.known), self.known)
+                raise UserError(f"{self._said}: there is no module {error.name!r}, {where}.{hint}") from None
             raise UserError(f"{self._said}: importing {module} raised {_told(error)}") from None
         made = getattr(found, name, None)
         if made is None:
@@ -112,12 +115,15 @@ class Part:
             raise UserError(f"{self._said}: a {self.kind} has {', '.join(lacks)}, and this has not; see {about}.")
 
 
-def find(kind: str, given: str) -> Part | None:
-    """The part of another package that a choice names, by import path or entry point; None: there is none."""
+def find(kind: str, given: str, known: Iterable[str] = ()) -> Part | None:
+    """The part of another package that a choice names, by import path or entry point; None: there is none.
+
+    `known` are the backends of that kind, for messages.
+    """
     if kind not in OFFERED:
         return None
     if _PATH.fullmatch(given):
-        return Part(kind, given, given)
+        return Part(kind, given, given, tuple(known))
     path = entry_points(kind).get(given)
     return Part(kind, given, path) if path else None
 

@@ -188,7 +188,7 @@ def check_backends(config: EpisodeConfig) -> None:
     """Refuse backends that do not exist or cannot be made. Raises UserError, and ModelError of language models."""
     for kind, name in config.backends.items():
         choose(kind, name)
-        if split(name)[0] not in BACKENDS[kind] and (part := find(kind, name)) is not None:
+        if split(name)[0] not in BACKENDS[kind] and (part := find(kind, name, BACKENDS[kind])) is not None:
             part.load()
     check_language_choice(config)
     check_policy_choice(config)
