@@ -170,8 +170,8 @@ class Canvas:
             left = x0 + length + round(90 * self._unit)
         if self._searched:
             self._explain(framed, left, base)
-        size = framed.shape[1] // 2, framed.shape[0] // 2
-        return self._cv.resize(framed, size, interpolation=self._cv.INTER_AREA).astype(np.uint8)
+        half_size = framed.shape[1] // 2, framed.shape[0] // 2
+        return self._cv.resize(framed, half_size, interpolation=self._cv.INTER_AREA).astype(np.uint8)
 
     def _explain(self, framed: Picture, left: int, middle: int) -> None:
         """What the colors of a search mean."""

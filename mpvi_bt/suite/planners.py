@@ -13,7 +13,7 @@ from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import load_house
-from mpvi_bt.suite.backends import NOBODY, split
+from mpvi_bt.suite.backends import BACKENDS, NOBODY, split
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.language import NAMES, Models
 from mpvi_bt.suite.parts import find
@@ -46,7 +46,10 @@ def make_planner(
     if split(config.planner)[0] == "recorded":
         return RecordedPlanner()
     place = house or (task.house if task else None)
-    if split(config.planner)[0] not in NAMES and (part := find("planner", config.planner)) is not None:
+    if (
+        split(config.planner)[0] not in NAMES
+        and (part := find("planner", config.planner, BACKENDS["planner"])) is not None
+    ):
         hands = robot_named(config.robot).sides
         made: Planner = part.make(
             skills=load_skills(), grounding=ground(place, task, hands) if place else None, tell=tell
