@@ -40,7 +40,7 @@ class Heard:
     def corrupt(self, config: EpisodeConfig, moved: Path) -> None:
         self.moved.append(moved)
 
-    def started(self, config: EpisodeConfig) -> None:
+    def started(self, config: EpisodeConfig, worker: int) -> None:
         pass
 
     def finished(self, config: EpisodeConfig, result: Result) -> None:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import io
-import math
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.progress import Progress
 from mpvi_bt.suite.result import Result
-from mpvi_bt.suite.schedule import Pace, in_rounds
+from mpvi_bt.suite.schedule import SCRIPTED, SEEING, Pace, in_rounds
 from mpvi_bt.suite.store import Fault
 from tests.fake_episodes import fake_result
 
@@ -34,10 +37,10 @@ def tell(stream: io.StringIO) -> str:
     progress.begin({EPISODES[0]: RESULTS[EPISODES[0]]}, EPISODES[1:], 2)
     progress.corrupt(EPISODES[1], Path("out/quarantine/a.json"))
     for config in EPISODES[1:3]:
-        progress.started(config)
+        progress.started(config, config.instance)
     progress.tick(2)
     progress.finished(EPISODES[1], RESULTS[EPISODES[1]])
-    progress.started(EPISODES[3])
+    progress.started(EPISODES[3], 1)
     progress.broke(EPISODES[3], FAULT, again=False)
     progress.tick(2)
     progress.finished(EPISODES[2], RESULTS[EPISODES[2]])
@@ -51,22 +54,28 @@ def test_progress_is_plain_lines_when_piped() -> None:
     assert "\x1b" not in text
     assert "\r" not in text
     lines = text.splitlines()
-    assert lines[0] == "4 episodes, 1 already there, 3 to run in 2 worker processes"
+    assert lines[0] == "4 episodes, 1 already there, 3 to run in 2 worker processes, about 2 s"
     assert lines[1] == (
         "picking_up_trash_1_0  its result file is broken; moved to out/quarantine/a.json, and to run again"
     )
-    assert "2/4 done, mean q 0.75, 1 reached the goal, 1 running, " in lines[2]
-    assert lines[3] == "picking_up_trash_3_0  machine fault: the worker process died (exit code -9); given up"
-    assert "3/4 done, mean q 0.83, 2 reached the goal, 1 machine fault, 0 running" in lines[4]
+    assert lines[2:4] == [f"picking_up_trash_{i}_0  begins, worker {i}" for i in (1, 2)]
+    assert "| 2/4 done, about 1 s left, mean q 0.75, 1 reached the goal, 1 running" in lines[4]
+    assert lines[6] == "picking_up_trash_3_0  machine fault: the worker process died (exit code -9); given up"
+    assert "3/4 done, mean q 0.83, 2 reached the goal, 1 machine fault, 0 running" in lines[7]
 
 
-def test_progress_redraws_one_line_on_a_terminal() -> None:
-    """The line is cleared before anything else is written, and gone at the end."""
+def test_progress_redraws_a_line_for_each_worker_on_a_terminal() -> None:
+    """Below one of the whole; they are cleared before anything else is written, and gone at the end."""
     text = tell(Terminal())
-    shown = [part for part in text.split("\r\x1b[2K") if "\n" not in part and part]
-    assert len(shown) == 2
-    assert all(len(line) < 80 for line in shown)
-    assert text.rsplit("\r\x1b[2K", 1)[-1].endswith("\n") or text.endswith("\r\x1b[2K")
+    drawn, *rest = re.split(r"\r(?:\x1b\[\dA)?\x1b\[J", text)
+    assert re.sub(r"about \d s", "about N s", drawn).splitlines()[-3:] == [
+        "1/4 done, about N s left, mean q 1.00, 1 reached the goal, 2 running",
+        "  worker 1: picking_up_trash_1_0, 0 s of about N s",
+        "  worker 2: picking_up_trash_2_0, 0 s of about N s",
+    ]
+    assert re.findall(r"\x1b\[(\d)A", text) == ["2", "1"], "up over what was drawn, and no farther"
+    assert rest[-1] == "picking_up_trash_2_0  q 1.00  30 s simulated\n"
+    assert all(len(line) < 80 for part in rest for line in part.splitlines()[-2:])
 
 
 def test_methods_are_named() -> None:
@@ -77,24 +86,40 @@ def test_methods_are_named() -> None:
     assert stream.getvalue().startswith("e2e picking_up_trash_0_0  machine fault: ")
 
 
-def test_the_time_left_weighs_tasks() -> None:
-    """By what their episodes took, by the budgets of those that none is through of, and by who works at once."""
+def test_the_time_left_is_told_from_the_start_and_weighs_tasks() -> None:
+    """By budgets and how a policy works, then by what episodes took; who works at once shares what waits."""
     pace, short, long = Pace(BUDGET_S), EPISODES[0], EpisodeConfig("long")
-    assert math.isnan(pace.left_s([short], {}, 1)), "nobody knows before one is through"
+    assert pace.left_s([short, long], {}, 1) == pytest.approx(SCRIPTED * 400), "before one is through"
+    assert pace.expected_s(replace(short, policy="reactive")) == pytest.approx(SEEING * 100)
+    assert pace.expected_s(replace(short, video=Path("a.mp4"))) > 2 * pace.expected_s(short)
     pace.learn(short, 8.0)
     pace.learn(short, 12.0)
     assert pace.expected_s(short) == 10
     assert pace.expected_s(long) == pytest.approx(30), "three times the budget"
     assert pace.left_s([short, long], {}, 1) == pytest.approx(40)
-    assert pace.left_s([short, short, long, long], {}, 2) == pytest.approx(40)
+    assert pace.left_s([long, long, short, short], {}, 2) == pytest.approx(40)
+    assert pace.left_s([short, short, long], {}, 2) == pytest.approx(40), "in their order: the long one begins last"
     assert pace.left_s([short], {long: 10.0}, 2) == pytest.approx(20), "no sooner than the one that is running"
-    assert pace.left_s([], {short: 99.0}, 2) == 0, "over its time"
+    assert pace.left_s([], {short: 100.0}, 2) == pytest.approx(25), "who is over its time is not done now"
     pace.learn(long, 4.0)
     assert pace.expected_s(long) == 4
     other = EpisodeConfig("long", method="e2e")
     assert pace.expected_s(other) == pytest.approx(300 * 24 / 500)
     pace.learn(EpisodeConfig("picking_up_trash", method="e2e"), 50.0)
     assert pace.expected_s(other) == pytest.approx(150), "its own method's episodes tell more"
+
+
+@given(st.lists(st.floats(5.0, 200.0), min_size=1, max_size=12), st.integers(1, 4), st.floats(0.3, 3.0))
+def test_the_time_left_is_that_of_the_schedule(walls: list[float], workers: int, share: float) -> None:
+    """Where each task takes what is known of it, the time left at the start is when the last one ends."""
+    tasks = [f"t{i}" for i in range(len(walls))]
+    pace = Pace(dict.fromkeys(tasks, 100.0 * share))
+    for task, wall in zip(tasks, walls, strict=True):
+        pace.learn(EpisodeConfig(task), wall)
+    ends = [0.0] * workers
+    for wall in walls:
+        ends[ends.index(min(ends))] += wall
+    assert pace.left_s([EpisodeConfig(task) for task in tasks], {}, workers) == pytest.approx(max(ends))
 
 
 def test_every_task_and_method_has_its_turn_before_another_instance_has() -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import time
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,8 @@ from mpvi_bt.report import text as for_people
 from mpvi_bt.report.figures import figures
 from mpvi_bt.report.runs import runs_of
 from mpvi_bt.report.text import troubles
+from mpvi_bt.suite.at_work import FILE as AT_WORK
+from mpvi_bt.suite.at_work import AtWork, note, read
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.manifest import make_manifest
 from mpvi_bt.suite.result import Grasps, Result
@@ -155,6 +159,29 @@ def test_status_and_report_read_the_folder(mpvi: Shell, tmp_path: Path) -> None:
     report = json.loads(mpvi("suite", "report", "trash10", "--json").stdout)
     assert report["overall"]["finished"] == 3
     assert "3/10 episodes" in mpvi("suite", "report", "trash10").stdout
+
+
+def test_status_tells_what_each_worker_is_at(mpvi: Shell, tmp_path: Path) -> None:
+    """Of a run that is at work, from another process, with the time that is left; of one that was killed nothing."""
+    store = Store(tmp_path / "runs" / "trash10")
+    for config in EPISODES[:3]:
+        store.write(config, fake_result(config))
+    note(store.out, [AtWork(worker=2, method="", episode=EPISODES[3].name, since=time.time() - 5)])
+    assert "worker" not in mpvi("suite", "status", "trash10").stdout
+    with store.locked():
+        lines = mpvi("suite", "status", "trash10").stdout.splitlines()
+        data = json.loads(mpvi("suite", "status", "trash10", "--json").stdout)
+    assert re.match(r"trash10: 3/10 done, about \d+ (s|min) left, mean q 0.83, 2 reached the goal, a run is", lines[0])
+    assert re.fullmatch(r"  worker 2: picking_up_trash_3_0, \d+ s of about \d+ s", lines[1])
+    assert [(work["worker"], work["episode"]) for work in data["at_work"]] == [(2, "picking_up_trash_3_0")]
+    assert data["left_s"] > 0
+
+
+@pytest.mark.parametrize("text", ["", "[", "[1]", '[{"worker": 0}]', "{}", "\x00"])
+def test_a_broken_note_of_what_is_at_work_is_none(text: str, tmp_path: Path) -> None:
+    """It may be of another version, or of anybody."""
+    (tmp_path / AT_WORK).write_text(text)
+    assert read(tmp_path) == []
 
 
 def test_the_folder_of_the_results_says_which_suite_they_are_of(mpvi: Shell, tmp_path: Path) -> None:

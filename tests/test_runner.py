@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from mpvi_bt.errors import UserError
+from mpvi_bt.suite.at_work import FILE as AT_WORK
 from mpvi_bt.suite.processes import ProcessEngine
 from mpvi_bt.suite.result import read_result
 from mpvi_bt.suite.runner import run_suite
@@ -60,18 +61,22 @@ def test_ctrl_c_while_workers_import_is_one_line(tmp_path: Path, log: Path) -> N
     _, said = process.communicate(timeout=20)
     assert process.returncode == 130
     assert "Traceback" not in said
-    assert said.splitlines()[-1] == "mpvi: interrupted"
+    assert "mpvi: interrupted" in said
 
 
 def test_ctrl_c_stops_the_workers_and_exits_with_130(tmp_path: Path, log: Path) -> None:
-    """Ctrl-C reaches the whole process group, as from a terminal: one line, no traceback, no process left."""
+    """As from a terminal it reaches the whole process group: what goes on is told, no traceback, no process left."""
     process = launch(tmp_path / "out", log, FAKE_SLEEP="30")
     wait_until(lambda: started(log).total() >= 2)
     os.killpg(process.pid, signal.SIGINT)
     _, progress = process.communicate(timeout=20)
     assert process.returncode == 130
     assert "Traceback" not in progress
-    assert progress.splitlines()[-1] == "mpvi: interrupted"
+    told, command = progress.splitlines()[-2:]
+    assert told == "mpvi: interrupted; this goes on with what is left:"
+    assert command.startswith("  mpvi suite run ")
+    assert str(tmp_path / "out") in command
+    assert not (tmp_path / "out" / AT_WORK).exists()
     wait_until(lambda: workers_gone(log), seconds=10)
 
 

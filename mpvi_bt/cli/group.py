@@ -80,7 +80,7 @@ def run(args: Sequence[str]) -> int:
 
 def _run(args: list[str]) -> int:
     try:
-        result = cli.main(args, prog_name="mpvi", standalone_mode=False)
+        result = cli.main(args, prog_name="mpvi", standalone_mode=False, obj=tuple(args))
         sys.stdout.flush()
     except click.exceptions.Abort:  # what click makes of Ctrl-C
         _say("mpvi: interrupted")

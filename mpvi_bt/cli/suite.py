@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
+import time
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from mpvi_bt import paths
+from mpvi_bt.cli import INTERRUPTED
 from mpvi_bt.cli.given import File, Name, backends, demonstration_fps
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.report.told import Told
 from mpvi_bt.suite.config import EPISODE, EpisodeConfig
+
+if TYPE_CHECKING:
+    from mpvi_bt.suite.store import Store
 
 _FILE = click.Path(dir_okay=False, path_type=Path)
 _FOLDER = click.Path(file_okay=False, path_type=Path)
@@ -143,18 +149,24 @@ def run(
     title, store, episodes = _open(name, out, options)
     for doubt in language_doubts(episodes):
         click.echo(f"mpvi: {doubt}", err=True)
-    outcome = play(
-        title,
-        store,
-        episodes,
-        lambda pace: Progress(sys.stderr, pace),
-        tasks=tasks,
-        instances=instances,
-        where=Where(engine, workers, wall_limit, ray_address, episode),
-        kept=Kept(trace, video, picture, demonstrations, demonstration_fps),
-        calls=suite_calls,
-        tokens=suite_tokens,
-    )
+    try:
+        outcome = play(
+            title,
+            store,
+            episodes,
+            lambda pace: Progress(sys.stderr, pace),
+            tasks=tasks,
+            instances=instances,
+            where=Where(engine, workers, wall_limit, ray_address, episode),
+            kept=Kept(trace, video, picture, demonstrations, demonstration_fps),
+            calls=suite_calls,
+            tokens=suite_tokens,
+        )
+    except KeyboardInterrupt:
+        words = click.get_current_context().find_root().obj or ()
+        again = f"; this goes on with what is left:\n  {shlex.join(('mpvi', *words))}" if words else ""
+        click.echo(f"mpvi: interrupted{again}", err=True)
+        return INTERRUPTED
     part = Part(title, store, outcome.episodes, outcome.results, outcome.faults)
     click.echo(Told.of([part]).told(as_json))
     return BackendError.exit_code if outcome.faults else 0
@@ -177,10 +189,12 @@ def status(name: str, out: Path | None, as_json: bool) -> None:
         }
     to_do = [c for c in episodes if c not in results]
     data["to_do"] = [_told(c) for c in to_do]
+    data["at_work"], data["left_s"] = _at_work(store, episodes, results) if data["running"] else ([], None)
     if as_json:
         _print_json(data)
         return
     click.echo(f"{title}: {_line(data)}" + (", a run is at work now" if data["running"] else ""))
+    _print_at_work(data)
     for method, stand in data.get("methods", {}).items():
         click.echo(f"  {method}: {_line(stand)}")
     if 0 < len(to_do) <= _NAMED:
@@ -190,6 +204,36 @@ def status(name: str, out: Path | None, as_json: bool) -> None:
         click.echo("to do: " + ", ".join(f"{task} {number}" for task, number in left.items()))
     for config, fault in faults.items():
         click.echo(f"{_told(config)}: {fault.kind}: {fault.message}")
+
+
+def _at_work(
+    store: Store, episodes: list[EpisodeConfig], results: Mapping[EpisodeConfig, Any]
+) -> tuple[list[dict[str, Any]], float]:
+    """What each worker of the run is at, and the wall time [s] that is left of all."""
+    from mpvi_bt.suite.at_work import read
+    from mpvi_bt.suite.schedule import Pace, budgets_s, in_rounds
+
+    budget_s = budgets_s(episodes)
+    pace = Pace(budget_s)
+    for config, result in results.items():
+        if isinstance(wall := result.wall.get("total_s"), int | float):
+            pace.learn(config, wall)
+    named = {(c.method or "", c.name): c for c in episodes if c not in results}
+    works = [(w, named[w.method, w.episode]) for w in read(store.out) if (w.method, w.episode) in named]
+    running = {config: max(0.0, time.time() - work.since) for work, config in works}
+    waiting = in_rounds([c for c in named.values() if c not in running], budget_s)
+    told = [
+        {"worker": work.worker, "episode": _told(c), "since_s": running[c], "expected_s": pace.expected_s(c)}
+        for work, c in works
+    ]
+    return told, pace.left_s(waiting, running, len(works))
+
+
+def _print_at_work(data: Mapping[str, Any]) -> None:
+    from mpvi_bt.suite.progress import at_work_text
+
+    for work in data["at_work"]:
+        click.echo(at_work_text(work["worker"], work["episode"], work["since_s"], work["expected_s"]))
 
 
 def _stand(
@@ -209,7 +253,8 @@ def _stand(
 def _line(stand: dict[str, Any]) -> str:
     from mpvi_bt.suite.progress import standing
 
-    return standing(stand["done"], stand["episodes"], stand["succeeded"], stand["mean_q"], stand["broke"])
+    counts = (stand["done"], stand["episodes"], stand["succeeded"], stand["mean_q"], stand["broke"])
+    return standing(*counts, stand.get("left_s"))
 
 
 def _told(config: EpisodeConfig) -> str:

@@ -1,8 +1,7 @@
-"""A suite's progress: one redrawn line on a terminal, plain lines elsewhere."""
+"""A suite's progress: on a terminal a few redrawn lines, one of them a worker's; plain lines elsewhere."""
 
 from __future__ import annotations
 
-import math
 import shutil
 import time
 from collections import Counter
@@ -10,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TextIO
 
-from mpvi_bt.drawing.cells import one_line
+from mpvi_bt.drawing.cells import cut, one_line
 from mpvi_bt.drawing.terminal import draw
 from mpvi_bt.errors import bounded
 from mpvi_bt.suite.config import EpisodeConfig
@@ -31,10 +30,10 @@ class Progress:
         self.stream, self.live, self.pace = stream, stream.isatty(), pace
         self.q: list[float] = []
         self.waiting: dict[EpisodeConfig, None] = {}
-        self.running: dict[EpisodeConfig, float] = {}
+        self.running: dict[EpisodeConfig, tuple[int, float]] = {}
         self.total = self.succeeded = 0
         self.faults: Counter[str] = Counter()
-        self.workers, self.drawn = 1, ""
+        self.workers, self.drawn = 1, list[str]()
 
     def begin(self, results: Mapping[EpisodeConfig, Result], todo: Sequence[EpisodeConfig], workers: int) -> None:
         """Count what is there and say so."""
@@ -43,16 +42,20 @@ class Progress:
             self._count(config, result)
         kept = f", {len(results)} already there" if results else ""
         processes = f" in {min(workers, len(todo))} worker processes" if todo and workers else ""
-        self._print(f"{self.total} episodes{kept}, {len(todo)} to run{processes}")
+        left = self.pace.left_s(todo, {}, min(workers, len(todo)) or 1) if todo else 0.0
+        takes = f", about {duration(left)}" if left else ""
+        self._print(f"{self.total} episodes{kept}, {len(todo)} to run{processes}{takes}")
 
     def corrupt(self, config: EpisodeConfig, moved: Path) -> None:
         """Say where the file is now."""
         self._print(f"{_name(config)}  its result file is broken; moved to {moved}, and to run again")
 
-    def started(self, config: EpisodeConfig) -> None:
-        """Note when."""
+    def started(self, config: EpisodeConfig, worker: int) -> None:
+        """Note when, and who plays it."""
         self.waiting.pop(config, None)
-        self.running[config] = time.monotonic()
+        self.running[config] = worker, time.monotonic()
+        if not self.live:
+            self._print(f"{_name(config)}  begins, worker {worker}")
 
     def finished(self, config: EpisodeConfig, result: Result) -> None:
         """Name the episode and its score."""
@@ -70,27 +73,38 @@ class Progress:
         self._print(f"{_name(config)}  {fault.kind}: {fault.message}; {'trying once more' if again else 'given up'}")
 
     def tick(self, workers: int) -> None:
-        """Redraw the line, on a terminal."""
+        """Redraw the lines, on a terminal."""
         self.workers = workers
         if self.live:
-            line = self.summary()[: shutil.get_terminal_size().columns - 1]
-            if line != self.drawn:
-                self._write(f"\r\x1b[2K{line}")
-                self.drawn = line
+            size = shutil.get_terminal_size()
+            lines = [cut(one_line(line), size.columns - 1) for line in (self.summary(), *self.at_work(size.lines - 3))]
+            if lines != self.drawn:
+                self._clear()
+                self._write("\n".join(lines))
+                self.drawn = lines
+
+    def at_work(self, room: int = 1000) -> list[str]:
+        """A line for each worker; the last counts those for which there is no room."""
+        now = time.monotonic()
+        lines = [
+            at_work_text(worker, _name(config), now - then, self.pace.expected_s(config))
+            for config, (worker, then) in sorted(self.running.items(), key=lambda item: item[1])
+        ]
+        room = max(room, 1)
+        return lines if len(lines) <= room else [*lines[: room - 1], f"  and {len(lines) - room + 1} more"]
 
     def end(self) -> None:
-        """Take the redrawn line away."""
+        """Take the redrawn lines away."""
         self._clear()
 
     def summary(self) -> str:
-        """Such as "4/10 done, mean q 0.75, 3 reached the goal, 2 running, 2 min left"."""
+        """Such as "4/10 done, about 2 min left, mean q 0.75, 3 reached the goal, 2 running"."""
         mean = sum(self.q) / len(self.q) if self.q else None
-        parts = [standing(len(self.q), self.total, self.succeeded, mean, self.faults), f"{len(self.running)} running"]
         now = time.monotonic()
-        left = self.pace.left_s(self.waiting, {c: now - then for c, then in self.running.items()}, self.workers)
-        if left > 0 and math.isfinite(left):
-            parts.append(f"{_duration(left)} left")
-        return ", ".join(parts)
+        running = {c: now - then for c, (_, then) in self.running.items()}
+        left_s = self.pace.left_s(self.waiting, running, self.workers) if self.waiting or running else None
+        stand = standing(len(self.q), self.total, self.succeeded, mean, self.faults, left_s)
+        return f"{stand}, {len(self.running)} running"
 
     def _count(self, config: EpisodeConfig, result: Result) -> None:
         self.q.append(result.q)
@@ -104,14 +118,22 @@ class Progress:
 
     def _clear(self) -> None:
         if self.drawn:
-            self._write("\r\x1b[2K")
-            self.drawn = ""
+            up = f"\x1b[{len(self.drawn) - 1}A" if len(self.drawn) > 1 else ""
+            self._write(f"\r{up}\x1b[J")
+            self.drawn = []
 
     def _write(self, text: str) -> None:
         draw(self.stream, text)
 
 
-def standing(done: int, total: int, succeeded: int, mean_q: float | None, faults: Mapping[str, int]) -> str:
+def standing(
+    done: int,
+    total: int,
+    succeeded: int,
+    mean_q: float | None,
+    faults: Mapping[str, int],
+    left_s: float | None = None,
+) -> str:
     """How far a suite is: q and who reached the goal apart from what broke, which says nothing of any policy.
 
     Args:
@@ -119,19 +141,27 @@ def standing(done: int, total: int, succeeded: int, mean_q: float | None, faults
         succeeded: Of those done, that reached the whole goal.
         mean_q: Over those done.
         faults: How many episodes broke, by kind.
+        left_s: Wall time until all are through; None: it is not told.
     """
     parts = [f"{done}/{total} done"]
+    parts += [f"about {duration(left_s)} left"] if left_s is not None else []
     if mean_q is not None:
         parts += [f"mean q {mean_q:.2f}", f"{succeeded} reached the goal"]
     parts += [f"{number} {kind}{'s' * (number > 1)}" for kind, number in faults.items() if number]
     return ", ".join(parts)
 
 
+def at_work_text(worker: int, episode: str, since_s: float, expected_s: float) -> str:
+    """Such as "  worker 1: picking_up_trash_0_0, 12 s of about 40 s"."""
+    return f"  worker {worker}: {episode}, {duration(since_s)} of about {duration(expected_s)}"
+
+
 def _name(config: EpisodeConfig) -> str:
     return f"{config.method} {config.name}" if config.method else config.name
 
 
-def _duration(seconds: float) -> str:
+def duration(seconds: float) -> str:
+    """In words of about two digits."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     if seconds < 5400:

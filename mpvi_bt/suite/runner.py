@@ -7,6 +7,8 @@ outlives it for a moment, or a machine that was thought to be lost, never writes
 
 from __future__ import annotations
 
+import itertools
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,6 +17,7 @@ from typing import Protocol
 
 from mpvi_bt import __version__
 from mpvi_bt.errors import BackendError, UserError
+from mpvi_bt.suite.at_work import AtWork, note
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.manifest import Manifest
 from mpvi_bt.suite.result import Result
@@ -61,8 +64,8 @@ class Listener(Protocol):
         """A file that was to be an episode's result and is none was put aside; the episode is run again."""
         ...
 
-    def started(self, config: EpisodeConfig) -> None:
-        """An episode begins."""
+    def started(self, config: EpisodeConfig, worker: int) -> None:
+        """An episode begins, with the worker of that number, from 1."""
         ...
 
     def finished(self, config: EpisodeConfig, result: Result) -> None:
@@ -149,6 +152,7 @@ class _Run:
         self.faults: dict[EpisodeConfig, Fault] = {}
         self.waiting: deque[tuple[EpisodeConfig, int]] = deque()
         self.running: dict[EpisodeConfig, int] = {}
+        self.at_work: dict[EpisodeConfig, AtWork] = {}
 
     def all(self, todo: Sequence[EpisodeConfig]) -> None:
         self.waiting.extend((config, 1) for config in todo)
@@ -159,15 +163,27 @@ class _Run:
                     config, attempt = self.waiting.popleft()
                     self.engine.start(config)
                     self.running[config] = attempt
-                    self.listener.started(config)
+                    self._begin(config)
                 self.listener.tick(self.engine.workers)
                 for config, played in self.engine.wait(_POLL_S):
                     self._take(config, played)
         finally:
             self.engine.close()
+            note(self.store.out, ())
+
+    def _begin(self, config: EpisodeConfig) -> None:
+        """Give an episode that has begun the number of a worker that is free."""
+        busy = {work.worker for work in self.at_work.values()}
+        worker = next(number for number in itertools.count(1) if number not in busy)
+        self.at_work[config] = AtWork(
+            worker=worker, method=config.method or "", episode=config.name, since=round(time.time(), 1)
+        )
+        note(self.store.out, list(self.at_work.values()))
+        self.listener.started(config, worker)
 
     def _take(self, config: EpisodeConfig, played: Played) -> None:
         attempt = self.running.pop(config)
+        del self.at_work[config]
         if played.result is not None:
             self.store.write(config, played.result)
         fault = played.fault
