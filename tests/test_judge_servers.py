@@ -168,6 +168,7 @@ def test_explain_says_why_questions_got_no_answer(server: ChatServer, tmp_path: 
     assert "2 questions to the checker got neither yes nor no" in text
     assert "out of memory" in text
     assert "first" not in text
+    assert all(len(line) <= 80 for line in explanation_text(explained).splitlines())
 
 
 def test_what_is_not_on_file_ends_an_offline_episode(tmp_path: Path) -> None:

@@ -40,7 +40,8 @@ def explanation_text(explanation: Explanation, width: int = 80) -> str:
     if e.unanswered:
         last = e.unanswered[-1]
         questions = f"{len(e.unanswered)} question{'s' * (len(e.unanswered) != 1)}"
-        text.gap(f"{questions} to the checker got neither yes nor no, and counted as a no. The last one:")
+        text.gap()
+        text.add(f"{questions} to the checker got neither yes nor no, and counted as a no. The last one:")
         text.add(f'at {last.time_s:.1f} s, "{last.answer.criterion}": {last.answer.reason}', 1)
     if e.running:
         text.gap("Running then:")
