@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from mpvi_bt.report.data import report_data
+from mpvi_bt.report.drawing import method_colors
 from mpvi_bt.report.figures import figures
 from mpvi_bt.report.markdown import plain, report_markdown
 from mpvi_bt.report.page import report_page
@@ -21,7 +22,7 @@ from mpvi_bt.report.paper import paper_scores
 from mpvi_bt.report.plots import improvement_plot, method_plot, shown_tasks
 from mpvi_bt.report.runs import Runs
 from mpvi_bt.report.statistics import Estimate
-from mpvi_bt.report.tables import missing_table, percent, told
+from mpvi_bt.report.tables import comparison_text, missing_table, percent, told
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.result import Failure, GoalCondition, Result
 from mpvi_bt.suite.store import Fault, Store
@@ -38,6 +39,12 @@ FIVE = {"e2e": 0.1, "mpvi": 0.6, "oracle_localization": 0.7, "subtask_prediction
 
 def page_of(runs: Sequence[Runs], about: str = "", page: Path | None = None) -> str:
     return report_page(figures("suite", runs, about), runs, page)
+
+
+def episodes_in(page: Tags) -> list[list[str]]:
+    """The classes of each episode."""
+    found = [(a.get("class") or "").split() for tag, a in page.tags if tag == "details"]
+    return [classes for classes in found if "episode" in classes]
 
 
 def two() -> list[Runs]:
@@ -96,7 +103,7 @@ def test_nothing_runs_or_loads() -> None:
     page = Tags(page_of(hostile(), EVIL))
     policy = next(a["content"] for tag, a in page.tags if a.get("http-equiv") == "Content-Security-Policy") or ""
     digest = base64.b64encode(hashlib.sha256(page.inside["style"][0].encode()).digest()).decode()
-    assert policy.startswith(f"default-src 'none'; style-src 'sha256-{digest}'; media-src 'self' file:;")
+    assert policy.startswith(f"default-src 'none'; style-src 'sha256-{digest}'; media-src 'self' file:; img-src 'self'")
     links = [a for tag, attributes in page.tags for n, a in attributes.items() if n in ("src", "href", "style") and a]
     assert links
     assert all(link.startswith("#") for link in links)
@@ -132,7 +139,7 @@ def test_whatever_is_there_is_told(runs: list[Runs]) -> None:
     assert set(re.findall(r"!\[[^]]*\]\(([^)]*)\)", text)) == set(plots)
     done = sum(len(run.results) for run in runs)
     assert f"{done} of {sum(len(run.episodes) for run in runs)} episodes have a result" in text
-    assert sum(a.get("class") == "episode" for _, a in page.tags) == done
+    assert len(episodes_in(page)) == done
 
 
 def test_pages_say_the_numbers_of_the_json() -> None:
@@ -304,3 +311,86 @@ def test_estimates_are_told_with_their_intervals() -> None:
     found = figures("s", [synthetic_runs("a", 0.5, instances=1)]).methods[0].overall.measures["q_score"]
     assert found is not None
     assert told(found, 2) == f"{found.mean:.2f}"
+
+
+def test_what_is_not_the_papers_is_not_set_beside_it() -> None:
+    """Where other tasks were played, or some besides, the report draws no comparison with the paper."""
+    for tasks in (["my_task"], ["my_task", TASKS[0]]):
+        runs = [synthetic_runs("e2e", 0.2, tasks=tasks), synthetic_runs("mpvi", 0.7, tasks=tasks)]
+        assert "paper" not in comparison_text(figures("suite", runs).comparisons[0])
+    runs = [synthetic_runs("e2e", 0.2, tasks=["my_task"]), synthetic_runs("mpvi", 0.7, tasks=["my_task"])]
+    text, plots = report_markdown(figures("suite", runs), "report")
+    drawn = [re.sub(r"<style>.*?</style>", "", plot, flags=re.DOTALL) for plot in plots.values()]
+    for told_so in (text, page_of(runs).partition("</head>")[2], *drawn):
+        assert "paper" not in told_so
+    assert "The paper's, on 50 tasks" in comparison_text(figures("suite", two()).comparisons[0])
+
+
+@pytest.mark.parametrize("names", [["e2e", "mpvi"], ["mpvi", "e2e"], ["a", "b", "e2e", "c"]])
+def test_the_baseline_is_gray_wherever_it_stands(names: list[str]) -> None:
+    """And nothing else is: m0 of the style sheet is gray. One method alone has a color."""
+    colors = dict(zip(names, method_colors(names, "e2e"), strict=True))
+    assert colors["e2e"] == "m0"
+    assert len(set(colors.values())) == len(names)
+    assert method_colors(["e2e"], "e2e") == ["m1"]
+    plot = method_plot(figures("suite", [synthetic_runs(name, 0.5) for name in names]))
+    assert re.findall(r'<rect class="(m\d)"', plot)[: len(names)] == list(colors.values()), "the legend"
+
+
+def test_a_reader_chooses_which_episodes_are_shown() -> None:
+    """All, those that fall short, or those with a failure of one kind, each with how many there are."""
+    runs = two()
+    page = page_of(runs)
+    results = [result for run in runs for result in run.results.values()]
+    kinds = episodes_in(Tags(page))
+    short = sum(not result.success for result in results)
+    assert sum("short" in classes for classes in kinds) == short
+    assert f"> short of the goal {short}</label>" in page
+    choices = re.findall(r'id="only-why(\d+)"> (\w+) (\d+)<', page)
+    assert choices
+    for number, code, count in choices:
+        assert sum(f"why{number}" in classes for classes in kinds) == int(count)
+        assert int(count) == sum(code in {f.reason for f in result.failures} for result in results)
+
+
+@pytest.mark.skipif(BROWSER is None, reason="needs Chromium")
+def test_a_browser_hides_what_is_not_chosen(tmp_path: Path) -> None:
+    """By the style sheet alone: whether an episode is shown is what the browser computes of it."""
+    runs = [synthetic_runs("mpvi", 0.7, TASKS[:1], 3)]
+    page = (
+        page_of(runs)
+        .replace('id="only-all" checked', 'id="only-all"')
+        .replace('id="only-short"', 'id="only-short" checked')
+    )
+    probe = (
+        "<script>for (const e of document.querySelectorAll('.episode')) e.title = getComputedStyle(e).display</script>"
+    )
+    free = re.sub(r'<meta http-equiv="Content-Security-Policy"[^>]*>', "", page).replace("</body>", f"{probe}</body>")
+    shown = [a for tag, a in Tags(in_browser(free, tmp_path)).tags if "episode" in (a.get("class") or "").split()]
+    assert shown
+    assert all((a["title"] == "none") is ("short" not in (a["class"] or "").split()) for a in shown)
+
+
+def test_pictures_and_films_are_shown_from_where_they_lie(tmp_path: Path) -> None:
+    """A picture beside the page is in it and a link to itself; a film has its poster, if there is one."""
+    runs = replace(synthetic_runs("mpvi", 0.7), folder=tmp_path / "runs")
+    name = next(iter(runs.results)).name
+    for file in (f"pictures/{name}.png", f"videos/{name}.mp4", f"videos/{name}.jpg"):
+        (tmp_path / "runs" / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "runs" / file).write_bytes(b"x")
+    page = Tags(page_of([runs], page=tmp_path / "page.html"))
+    assert [a["src"] for tag, a in page.tags if tag == "img"] == [f"runs/pictures/{name}.png"]
+    assert f"runs/pictures/{name}.png" in [a.get("href") for tag, a in page.tags if tag == "a"]
+    film = next(a for tag, a in page.tags if tag == "video")
+    assert (film["src"], film["poster"]) == (f"runs/videos/{name}.mp4", f"runs/videos/{name}.jpg")
+
+
+def test_wide_tables_can_be_scrolled_by_keys_and_show_that() -> None:
+    """Each is an element that takes the keyboard, with a bar and a shadow where it goes on."""
+    page = Tags(page_of(two()))
+    wide = [a for _, a in page.tags if a.get("class") == "scroll"]
+    assert len(wide) == sum(tag == "table" for tag, _ in page.tags)
+    assert all(a.get("tabindex") == "0" for a in wide)
+    rule = re.search(r"\.scroll \{(.*?)\}", page.inside["style"][0], re.DOTALL)
+    assert rule is not None
+    assert all(word in rule[1] for word in ("overflow-x", "scrollbar-color", "var(--shade)"))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from html import escape
 from importlib import resources
 
 from mpvi_bt.drawing.cells import columns, cut, one_line
 
-COLORS = 8  # m0 to m7 in plots.css; further methods begin anew
+COLORS = 8  # m0 to m7 in plots.css; further methods begin anew with m1
 
 
 class Drawing:
@@ -98,6 +100,8 @@ def plot_style() -> str:
     return (resources.files("mpvi_bt.report") / "page" / "plots.css").read_text(encoding="utf-8")
 
 
-def method_color(i: int) -> str:
-    """Class of the color of a suite's i-th method."""
-    return f"m{i % COLORS}"
+def method_colors(methods: Sequence[str], baseline: str) -> list[str]:
+    """Class of the color of each method: gray for the baseline where others stand beside it, and for no other."""
+    others = itertools.count()
+    alone = len(methods) == 1
+    return ["m0" if name == baseline and not alone else f"m{1 + next(others) % (COLORS - 1)}" for name in methods]

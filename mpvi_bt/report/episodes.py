@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from html import escape
 from pathlib import Path
 from urllib.parse import quote
@@ -24,21 +24,25 @@ from mpvi_bt.trace.read import read_trace
 MOST_FAILURES, MOST_CONDITIONS, _LONG = 8, 30, 160
 
 
-def episode_html(runs: Runs, config: EpisodeConfig, houses: Mapping[str, House], page: Path | None) -> str:
+def episode_html(
+    runs: Runs, config: EpisodeConfig, houses: Mapping[str, House], page: Path | None, kinds: Iterable[str] = ()
+) -> str:
     """An episode that has a result, folded.
 
     Args:
         runs: Of its method.
         config: The episode.
         houses: By task; those whose symbols are in the page.
-        page: Its file, beside which films are looked for; None: there are no links to files.
+        page: Its file, beside which films and pictures are looked for; None: there are no links to files.
+        kinds: Classes of it, by which a reader chooses.
     """
     result = runs.results[config]
-    films = _film(runs, config, page)
+    films, pictures = _film(runs, config, page), _picture(runs, config, page)
+    seen = "".join(f" · {what}" for what, there in (("film", films), ("picture", pictures)) if there)
     head = (
         f'<span class="pill {"good" if result.success else "bad"}">q {result.q:.2f}</span> '
         f"instance {result.instance_id}, seed {result.rollout_id} "
-        f'<span class="dim">{escape(one_line(result.told))}{" · film" if films else ""}</span>'
+        f'<span class="dim">{escape(one_line(result.told))}{seen}</span>'
     )
     drawn = way_map(result.way, houses.get(config.task_name)) if result.way else ""
     drawn = drawn or '<p class="dim">The way was not kept.</p>'
@@ -46,10 +50,12 @@ def episode_html(runs: Runs, config: EpisodeConfig, houses: Mapping[str, House],
         f'<div class="sides"><figure>{drawn}</figure><div>{_goal(result)}{_facts(result)}</div></div>',
         _failures(result),
         _what_ran(runs, config, result),
+        pictures,
         films,
     ]
     mark = f"{runs.method}-{config.name}"
-    return f'<details class="episode" id="{escape(mark)}"><summary>{head}</summary>{"".join(body)}</details>'
+    look = " ".join(("episode", *kinds))
+    return f'<details class="{look}" id="{escape(mark)}"><summary>{head}</summary>{"".join(body)}</details>'
 
 
 def _goal(result: Result) -> str:
@@ -104,14 +110,29 @@ def _what_ran(runs: Runs, config: EpisodeConfig, result: Result) -> str:
 
 
 def _film(runs: Runs, config: EpisodeConfig, page: Path | None) -> str:
-    path = runs.folder / "videos" / f"{config.name}.mp4" if runs.folder else None
+    if not (address := _address(runs, "videos", f"{config.name}.mp4", page)):
+        return ""
+    poster = _address(runs, "videos", f"{config.name}.jpg", page)
+    shown = f' poster="{poster}"' if poster else ""
+    return (
+        f'<h5>Film</h5><video controls preload="none"{shown} src="{address}"></video>'
+        f'<p><a href="{address}">{address}</a></p>'
+    )
+
+
+def _picture(runs: Runs, config: EpisodeConfig, page: Path | None) -> str:
+    if not (address := _address(runs, "pictures", f"{config.name}.png", page)):
+        return ""
+    image = f'<img loading="lazy" alt="The way, from above" src="{address}">'
+    return f'<h5>Picture</h5><a href="{address}">{image}</a>'
+
+
+def _address(runs: Runs, kind: str, name: str, page: Path | None) -> str:
+    """Where a file of an episode lies as seen from the page, as an attribute; "" where there is none."""
+    path = runs.folder / kind / name if runs.folder else None
     if path is None or page is None or not path.is_file():
         return ""
-    there = quote(Path(os.path.relpath(path.resolve(), page.resolve().parent)).as_posix())
-    address = escape(there)
-    return (
-        f'<h5>Film</h5><video controls preload="none" src="{address}"></video><p><a href="{address}">{address}</a></p>'
-    )
+    return escape(quote(Path(os.path.relpath(path.resolve(), page.resolve().parent)).as_posix()))
 
 
 def _text(text: str) -> str:

@@ -15,6 +15,7 @@ from mpvi_bt.drawing.cells import one_line
 from mpvi_bt.errors import MpviError
 from mpvi_bt.marked_yaml import load_marked
 from mpvi_bt.report import tables as t
+from mpvi_bt.report.choice import CHOICE_STYLE, Choice
 from mpvi_bt.report.drawing import plot_style
 from mpvi_bt.report.episodes import episode_html
 from mpvi_bt.report.figures import Figures
@@ -38,7 +39,8 @@ def report_page(
         when: Date and time, for people.
     """
     houses = _houses(figures.tasks)
-    style = plot_style() + (resources.files("mpvi_bt.report") / "page" / "report.css").read_text(encoding="utf-8")
+    looks = (resources.files("mpvi_bt.report") / "page" / "report.css").read_text(encoding="utf-8")
+    style = plot_style() + looks + CHOICE_STYLE
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
     sections = [(name, body) for name, body in _sections(figures, runs, houses, page) if body]
     links = "".join(f'<a href="#{_mark(name)}">{escape(name)}</a>' for name, _ in sections)
@@ -54,7 +56,7 @@ def report_page(
 <head>
 <meta charset="utf-8">
 <meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'sha256-{digest}'; \
-media-src 'self' file:; base-uri 'none'; form-action 'none'">
+media-src 'self' file:; img-src 'self' file:; base-uri 'none'; form-action 'none'">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{escape(one_line(figures.suite))}</title>
 <style>{style}</style>
@@ -111,17 +113,21 @@ def _sections(
     yield "Failures", "".join(failures)
     yield "Parts", _table(t.settings_table(figures), titled=False) + _filled(t.wall_table(figures))
     yield "Missing", _filled(t.missing_table(figures), titled=False)
-    yield "Episodes", "".join(_episodes(run, houses, page) for run in runs if run.results)
+    choice = Choice.of(runs)
+    yield "Episodes", choice.html + "".join(_episodes(run, houses, page, choice) for run in runs if run.results)
 
 
-def _episodes(runs: Runs, houses: Mapping[str, House], page: Path | None) -> str:
+def _episodes(runs: Runs, houses: Mapping[str, House], page: Path | None, choice: Choice) -> str:
     parts = []
     for task in runs.tasks:
         done = [config for config in runs.episodes if config.task_name == task and config in runs.results]
         if done:
             q = sum(runs.results[config].q for config in done) / len(done)
             told = f"{task} · {len(done)} episode{'s' * (len(done) > 1)}, mean q {q:.2f}"
-            parts.append(_folded(told, "".join(episode_html(runs, config, houses, page) for config in done)))
+            kinds = [choice.kinds(runs.results[config]) for config in done]
+            pages = [episode_html(runs, c, houses, page, k) for c, k in zip(done, kinds, strict=True)]
+            look = " ".join(dict.fromkeys(kind for found in kinds for kind in found))
+            parts.append(_folded(told, "".join(pages), f"task {look}"))
     return f"<h3>{escape(one_line(runs.method))}</h3>{''.join(parts)}"
 
 
@@ -160,8 +166,9 @@ def _both(wide: str, narrow: str) -> str:
     return f'<figure class="wide">{wide}</figure><figure class="narrow">{narrow}</figure>'
 
 
-def _folded(title: str, body: str) -> str:
-    return f"<details><summary>{escape(one_line(title))}</summary>{body}</details>"
+def _folded(title: str, body: str, look: str = "") -> str:
+    named = f' class="{look}"' if look else ""
+    return f"<details{named}><summary>{escape(one_line(title))}</summary>{body}</details>"
 
 
 def _filled(table: Table, titled: bool = True) -> str:
@@ -178,7 +185,8 @@ def _table(table: Table, titled: bool = True) -> str:
     )
     title = f"<h3>{escape(one_line(table.title))}</h3>" if table.title and titled else ""
     note = f'<p class="dim">{escape(table.note)}</p>' if table.note else ""
-    return f'{title}<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>{note}'
+    body = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+    return f'{title}<div class="scroll" tabindex="0">{body}</div>{note}'
 
 
 def _cell(text: str) -> str:

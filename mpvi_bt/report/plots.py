@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 
 from mpvi_bt.report.compare import SAME_Q, Comparison, TaskPairs
-from mpvi_bt.report.drawing import Drawing, method_color
+from mpvi_bt.report.drawing import Drawing, method_colors
 from mpvi_bt.report.figures import Figures, Group, MethodFigures
 
 WIDE, NARROW = 832, 316  # pixels: of a page, and of a telephone
@@ -68,8 +68,9 @@ def method_plot(figures: Figures, width: int = WIDE, alone: bool = False) -> str
     """
     drawing = Drawing("q of every method on each task", width)
     methods = figures.methods
-    marks = [(method_color(i), method.name) for i, method in enumerate(methods)]
-    if any(method.name in figures.paper for method in methods):
+    colors = method_colors([method.name for method in methods], figures.baseline)
+    marks = [(color, method.name) for color, method in zip(colors, methods, strict=True)]
+    if any(figures.paper.get(method.name) for method in methods):
         marks.append(("diamond", "the paper's"))
     y = drawing.legend(0, marks) + 14
     bars: list[_Bar] = [(m.overall, _points(m), m.paper) for m in methods]
@@ -90,7 +91,7 @@ def method_plot(figures: Figures, width: int = WIDE, alone: bool = False) -> str
         _axis(drawing, x, y, wide, k % across == 0)
         start = x + (wide - 8 - len(methods) * (_BAR + _GAP) + _GAP) / 2
         for i, bar in enumerate(bars):
-            _bar(drawing, start + i * (_BAR + _GAP), y, method_color(i), bar, methods[i].name)
+            _bar(drawing, start + i * (_BAR + _GAP), y, colors[i], bar, methods[i].name)
             if bar[0] is not None and not k:
                 _interval(drawing, start + i * (_BAR + _GAP) + _BAR / 2, y, bar[0])
         for j, line in enumerate(labels[k]):
