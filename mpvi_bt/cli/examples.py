@@ -37,7 +37,7 @@ EXAMPLES: Mapping[str, tuple[str, str, str]] = {
     ),
     "new tree": ("my_tree", "my_tree --root ~/robot", "my_tree --json"),
     "new skill": ("stash", "dust --like wipe", "stash --like place_in --root ~/robot"),
-    "new object": ("hammer", "vase --like bottle", "gnome --like bottle --synset toy_figure.n.01"),
+    "new object": ("hammer", "vase --like bottle", "my_mug --mesh mug.glb --scale 0.01"),
     "new house": ("flat", "flat --root ~/robot", "flat --json"),
     "new task": ("clear_the_table", "clear_the_table --root ~/robot", "clear_the_table --json"),
     "new policy": ("my_policy", "my_policy --root src", "my_policy --json"),

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from mpvi_bt.cli.given import File
+from mpvi_bt.cli.given import File, Finite
 
 if TYPE_CHECKING:
     from mpvi_bt.suite.skeletons import Skeleton
+
+
+_FILE = click.Path(dir_okay=False, path_type=Path)
 
 
 @click.group()
@@ -66,11 +69,37 @@ def skill(name: str, root: Path | None, as_json: bool, like: str) -> None:
     help="With the shape of this family, or of this entry of the catalogue.",
 )
 @click.option("--synset", metavar="SYNSET", help="BEHAVIOR's name for it.  [default: one of that name]")
-def object_(name: str, root: Path | None, as_json: bool, like: str, synset: str | None) -> None:
-    """A thing of the catalogue, for houses and tasks."""
-    from mpvi_bt.suite.skeletons import new_object
+@click.option(
+    "--mesh", type=_FILE, metavar="FILE", help="With the shape of this GLB, OBJ, PLY or STL; of a URDF its joints, too."
+)
+@click.option(
+    "--part", "parts", type=_FILE, multiple=True, metavar="FILE", help="A convex part of the mesh.  [default: computed]"
+)
+@click.option("--scale", type=Finite(min=1e-6), default=1.0, show_default=True, help="Metres of a unit of the mesh.")
+@click.option("--up", type=click.Choice(["y", "z"]), help="Its axis that points up.  [default: z of PLY, STL, URDF]")
+@click.option("--hulls", type=int, default=16, show_default=True, metavar="N", help="Convex parts at most.")
+def object_(
+    name: str,
+    root: Path | None,
+    as_json: bool,
+    like: str,
+    synset: str | None,
+    mesh: Path | None,
+    parts: tuple[Path, ...],
+    scale: float,
+    up: Literal["y", "z"] | None,
+    hulls: int,
+) -> None:
+    """A thing of the catalogue, for houses and tasks: of a family of shapes, or with a mesh of your own."""
+    from mpvi_bt.suite.skeletons import new_mesh, new_object
 
-    _write(new_object(name, like, synset), root, as_json)
+    given = _given()
+    if mesh is None and (own := given & {"parts", "scale", "up", "hulls"}):
+        raise click.UsageError(f"--{min(own).replace('parts', 'part')} is of a mesh; give --mesh.")
+    if mesh is not None and "like" in given:
+        raise click.UsageError("--like and --mesh are two shapes; give one of them.")
+    made = new_object(name, like, synset) if mesh is None else new_mesh(name, mesh, parts, scale, up, hulls, synset)
+    _write(made, root, as_json)
 
 
 @new.command()
@@ -98,6 +127,13 @@ def policy(name: str, root: Path | None, as_json: bool) -> None:
     from mpvi_bt.suite.skeletons import new_policy
 
     _write(new_policy(name), root or Path(), as_json)
+
+
+def _given() -> set[str]:
+    """Names of the parameters that are on the command line."""
+    context = click.get_current_context()
+    said = click.core.ParameterSource.COMMANDLINE
+    return {str(p.name) for p in context.command.params if context.get_parameter_source(str(p.name)) == said}
 
 
 def _write(skeleton: Skeleton, root: Path | None, as_json: bool) -> None:

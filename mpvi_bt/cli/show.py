@@ -42,7 +42,7 @@ def show(name: str | None, out: Path | None, page: Path | None) -> None:
     assert name is not None
     entry = catalogue.entries.get(name) or next((entry for entry in catalogue if entry.family == name), None)
     if entry is None:
-        raise UnknownName("catalogue entry or family", name, [*catalogue.entries, *FAMILIES])
+        raise UnknownName("catalogue entry or family", name, {*catalogue.entries, *FAMILIES})
     out = out or Path(f"{name}.png")
     if out.suffix not in (".png", ".jpg"):
         raise UserError(f"{out}: pictures are written as .png or .jpg.")
@@ -57,7 +57,8 @@ def _draw(name: str, path: Path, size: tuple[int, int]) -> None:
     from mpvi_bt.sim.portrait import portrait
 
     picture = portrait(load_catalogue()[name], size)
-    ok, data = cv2.imencode(path.suffix, picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    how = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY] if path.suffix == ".jpg" else []
+    ok, data = cv2.imencode(path.suffix, picture[..., ::-1], how)
     assert ok
     _write(path, data.tobytes())
 

@@ -12,9 +12,9 @@ import sapien
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.sim.catalogue import Entry
-from mpvi_bt.sim.description import Body, Color, Description, Part, Parts
+from mpvi_bt.sim.description import Body, Color, Description, Part, Parts, Skin
 from mpvi_bt.sim.house import House
-from mpvi_bt.sim.meshes import meshes
+from mpvi_bt.sim.meshes import faceted, meshes
 
 _FIXED_BIT = 16  # of collision group 2: what never moves need not be tested against what never moves
 _HANDLE_FRICTION = 1.2
@@ -243,7 +243,9 @@ class _Builder:
         self._add(builder, description.root, friction)
         builder.set_initial_pose(sapien.Pose(T))
         entity = builder.build_static(name)
-        _mark_fixed(entity.find_component_by_type(sapien.physx.PhysxRigidStaticComponent))
+        body = entity.find_component_by_type(sapien.physx.PhysxRigidStaticComponent)
+        self._add_hulls(body, description.root, friction)
+        _mark_fixed(body)
         self._show(entity, description.root)
         return Thing(name, synset, description, {description.root.name: entity})
 
@@ -263,6 +265,7 @@ class _Builder:
         builder.set_initial_pose(sapien.Pose(T))
         entity = builder.build(name)
         body = entity.find_component_by_type(sapien.physx.PhysxRigidDynamicComponent)
+        self._add_hulls(body, description.root, entry.friction)
         _weigh(body, entry.mass_kg, entry.rolling_damping)
         self._show(entity, description.root)
         return Thing(name, entry.synset, description, {description.root.name: entity}, movable=True)
@@ -294,6 +297,7 @@ class _Builder:
             articulation.set_qpos(np.zeros(articulation.dof))  # else its links have no poses before the first step
         links = {link.name.removeprefix(f"{name}/"): link for link in articulation.links}
         for body in description.bodies:
+            self._add_hulls(links[body.name], body, friction, density=250.0)
             self._show(links[body.name].entity, body)
             if body.joint is None and fixed:
                 _mark_fixed(links[body.name])
@@ -311,7 +315,7 @@ class _Builder:
             pose, half = sapien.Pose(solid.T), solid.half_m
             if solid.kind == "cylinder":
                 pose = sapien.Pose(matmul(solid.T, _SAPIEN_CYLINDER))
-            if part.collides:
+            if part.collides and part.hull is None:
                 held = body.joint is not None and any(np.allclose(solid.T[:3, 3], center) for center in handles)
                 surface = self._surface(_HANDLE_FRICTION if held else friction)
                 if solid.kind == "box":
@@ -321,11 +325,24 @@ class _Builder:
                 else:
                     builder.add_sphere_collision(pose, half[0], material=surface, density=density)
 
+    def _add_hulls(
+        self, component: sapien.physx.PhysxRigidBaseComponent, body: Body, friction: float, density: float = 1000.0
+    ) -> None:
+        """Add what SAPIEN's builders take from files only: a body's convex parts."""
+        for part in body.parts:
+            if part.hull is None or not part.collides:
+                continue
+            shape = sapien.physx.PhysxCollisionShapeConvexMesh(
+                vertices=part.hull.astype(np.float32), scale=np.ones(3, np.float32), material=self._surface(friction)
+            )
+            shape.set_density(density)
+            component.attach(shape)
+
     def _show(self, entity: sapien.Entity, body: Body) -> None:
         """Give an entity what cameras see of a body."""
         if not self.render:
             return
-        show(entity, body.parts, self._paint)
+        show(entity, body.parts, self._paint, body.skin)
 
     def _surface(self, friction: float) -> sapien.physx.PhysxMaterial:
         if friction not in self.surfaces:
@@ -345,11 +362,14 @@ def paint(color: Color) -> sapien.render.RenderMaterial:
 
 
 def show(
-    entity: sapien.Entity, parts: Iterable[Part], painted: Callable[[Color], sapien.render.RenderMaterial] = paint
+    entity: sapien.Entity,
+    parts: Iterable[Part],
+    painted: Callable[[Color], sapien.render.RenderMaterial] = paint,
+    skin: Iterable[Skin] = (),
 ) -> None:
-    """Give an entity what cameras see of parts in its frame."""
+    """Give an entity what cameras see of parts in its frame, or of its skin, if it has one."""
     component = sapien.render.RenderBodyComponent()
-    for color, mesh in meshes(parts):
+    for color, mesh in [(s.color, faceted(s)) for s in skin] or meshes(parts):
         no_texture = np.zeros((len(mesh.vertices), 2))
         shape = sapien.render.RenderShapeTriangleMesh(
             mesh.vertices, mesh.triangles, mesh.normals, no_texture, painted(color)

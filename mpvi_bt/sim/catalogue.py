@@ -139,14 +139,21 @@ def check_catalogue(data: Any, marks: Marks) -> Catalogue:
         if given.family not in FAMILIES:
             problems.append(marks.unknown((*place, "family"), "family", given.family, FAMILIES))
             continue
-        problems += shape_problems(marks, (*place, "shape"), given.family, given.shape)
+        shape = _placed(given.shape, marks)
+        problems += shape_problems(marks, (*place, "shape"), given.family, shape)
         words = re.sub(r"[_\W]+", " ", given.synset.rsplit(".", 2)[0])
         phrases = dict.fromkeys(normalize(p) for p in (*given.phrases, words, name))
-        fields = given.model_dump(exclude={"phrases"})
-        entries[name] = Entry(name=name, phrases=tuple(phrases), **fields)
+        fields = given.model_dump(exclude={"phrases", "shape"})
+        entries[name] = Entry(name=name, phrases=tuple(phrases), shape=shape, **fields)
     if problems:
         raise FileProblems(problems)
     return Catalogue(entries)
+
+
+def _placed(shape: Mapping[str, Any], marks: Marks) -> dict[str, Any]:
+    """The parameters, a file among them by its place, not by where it is from the catalogue's own file."""
+    file = shape.get("file")
+    return {**shape, "file": str(Path(marks.file).parent / file)} if isinstance(file, str) else dict(shape)
 
 
 def lint_catalogue(data: Any, marks: Marks) -> list[Problem]:
@@ -190,7 +197,11 @@ def shape_problems(marks: Marks, place: Location, family: str, shape: Mapping[st
         validate_data(dict(shape), marks, parameters(family), place)
     except FileProblems as found:
         return list(found.problems)
-    solids = (part.solid for body in describe(family, shape).bodies for part in body.parts)
+    try:
+        description = describe(family, shape)
+    except UserError as error:  # of a mesh
+        return [marks.problem((*place, "file"), "unreadable", str(error))]
+    solids = (part.solid for body in description.bodies for part in body.parts)
     if any((solid.half_m <= 0).any() for solid in solids):
         return [
             marks.problem(place, "impossible-shape", f"a {family} of these dimensions would have parts without size")

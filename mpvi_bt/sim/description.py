@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array, Solid, pose
@@ -34,11 +35,29 @@ class Part:
         solid: In the body frame.
         color: sRGB, 0 to 1.
         collides: False for what is only seen, such as a rug or a window.
+        hull: (V, 3) corners in the body frame [m]: what physics takes for it, convex, and `solid` is the box around it.
+            None: physics takes the solid.
     """
 
     solid: Solid
     color: Color
     collides: bool = True
+    hull: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """Triangles of one color that cameras see of a body, instead of its parts.
+
+    Attributes:
+        color: sRGB, 0 to 1.
+        vertices: (V, 3) in the body frame [m].
+        triangles: (T, 3) indices, counterclockwise from outside.
+    """
+
+    color: Color
+    vertices: Array
+    triangles: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +136,7 @@ class Body:
         handles: Bars to take hold of.
         joint: How it moves against the first body; None for the first body itself.
         switches: What turns the thing on and off.
+        skin: What cameras see of it; (): its parts.
     """
 
     name: str
@@ -125,6 +145,7 @@ class Body:
     handles: tuple[Handle, ...] = ()
     joint: Joint | None = None
     switches: tuple[Switch, ...] = ()
+    skin: tuple[Skin, ...] = ()
 
     def frame(self, position: float = 0.0) -> Array:
         """(4, 4) this body to the root body, with its joint at `position` [rad or m]."""

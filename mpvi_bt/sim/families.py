@@ -11,14 +11,14 @@ from pydantic import BaseModel, create_model
 
 from mpvi_bt.errors import UnknownName
 from mpvi_bt.marked_yaml import Record
-from mpvi_bt.sim import festive, food, furniture, jointed, lids, objects
+from mpvi_bt.sim import festive, food, furniture, jointed, lids, objects, scanned
 from mpvi_bt.sim.description import Description
 
 Family = Callable[..., Description]
 
 FAMILIES: Mapping[str, Family] = {
     name: function
-    for module in (objects, festive, food, furniture, jointed, lids)
+    for module in (objects, festive, food, furniture, jointed, lids, scanned)
     for name, function in inspect.getmembers(module, inspect.isfunction)
     if function.__module__ == module.__name__ and not name.startswith("_")
 }

@@ -29,6 +29,25 @@ stands behind `=` may be left out. Lengths are in metres, colors are written `"#
 | | family | parameters |
 |---|---|---|
 """
+_TAIL = """
+## A mesh of your own
+
+    pip install -e '.[mesh]'   # in the clone: trimesh and coacd
+    mpvi new object my_mug --mesh mug.glb --synset mug.n.04
+
+makes an entry of a GLB, OBJ, PLY or STL: upright, in metres, its middle over the origin, in up to a dozen colors,
+with convex parts for physics. These are computed, or given: `--part FILE`, as often as there are any. What is convex
+already, or made of convex pieces, is taken as it is; coacd takes seconds where pieces are closed, and minutes where
+it has to close them first. `--scale 0.001` is for millimetres; `--up` says which axis points up, where that is not y
+of GLB and OBJ, and z of PLY and STL. Of a URDF links that turn or shift against the first become bodies with joints,
+such as a lid.
+
+The mesh is written beside the entry, as `meshes/NAME.obj`; episodes read only that, and need neither library. Physics
+takes the convex parts as they are. Robots, goals and maps take each part for the box around it: more and smaller
+parts (`--hulls`) are nearer to the truth, and cost time. What the thing can hold (`volumes`) and what it is taken by
+from above (`grips`) are pieces that you add to the entry. A mesh that is broken, flat, of no size that a thing has,
+or of more than 50,000 triangles is refused, and so is a part that is not convex.
+"""
 
 
 @dataclass(frozen=True)
@@ -78,8 +97,9 @@ def family_page(catalogue: Catalogue, folder: str) -> str:
         parameters = "<br>".join(f"`{name}`: {about}" for name, about in info.parameters.items())
         example = f"<br>such as `{info.example.name}`" if info.example else ""
         about = info.about.replace("|", "\\|")
-        rows.append(f"| ![{info.name}]({folder}/{info.name}.jpg) | **{info.name}**: {about}{example} | {parameters} |")
-    return _HEAD + "\n".join(rows) + "\n"
+        picture = f"![{info.name}]({folder}/{info.name}.jpg)" if info.example else ""
+        rows.append(f"| {picture} | **{info.name}**: {about}{example} | {parameters} |")
+    return _HEAD + "\n".join(rows) + "\n" + _TAIL
 
 
 def _parameter(hint: Any, default: Any) -> str:
@@ -97,6 +117,10 @@ def _worded(hint: Any) -> str:
         return _worded(next(member for member in inner if member is not types.NoneType))
     if origin is typing.Literal:
         return " or ".join(map(str, inner))
+    if origin is typing.Annotated:
+        return _worded(inner[0])
+    if origin is Mapping:
+        return f"of each by name {_worded(inner[1])}"
     if origin is tuple:
         return f"list of {_worded(inner[0])}" if inner[-1] is Ellipsis else f"[{', '.join(map(_worded, inner))}]"
     return f"{{{', '.join(hint.model_fields)}}}"  # a record

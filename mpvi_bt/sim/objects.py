@@ -6,14 +6,12 @@ of 2.2 cm and more.
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
-from mpvi_bt.marked_yaml import Record
 from mpvi_bt.robot.solids import Solid, box, pose
 from mpvi_bt.sim.description import Color, Description, Handle, Parts, switch
-from mpvi_bt.sim.dimensions import Coordinate, Count, Length, Rgb, Size
+from mpvi_bt.sim.dimensions import Count, Length, Rgb, Size
+from mpvi_bt.sim.pieces import Piece
 
 _STEEL: Color = (0.75, 0.76, 0.78)
 _INK: Color = (0.18, 0.18, 0.2)
@@ -143,50 +141,12 @@ def trash_can(
     return parts.thing(volumes=(interior,), handles=(handle,))
 
 
-class Piece(Record):
-    """One solid of a compound.
-
-    Attributes:
-        kind: Its shape.
-        at: Its middle [m]; the compound stands on z = 0.
-        size_m: Along x, y and z; a cylinder has its diameter twice and its length along `axis`.
-        axis: That a cylinder lies along.
-        color: None for the compound's own.
-        collides: False for what is only seen, such as a label.
-        grip: Whether it is what a hand takes the compound by: it lies along x or y, and its sides are free.
-    """
-
-    kind: Literal["box", "cylinder", "sphere"]
-    at: tuple[Coordinate, Coordinate, Coordinate]
-    size_m: Size
-    axis: Literal["x", "y", "z"] = "z"
-    color: Rgb | None = None
-    collides: bool = True
-    grip: bool = False
-
-
 def compound(*, pieces: tuple[Piece, ...], color: Rgb) -> Description:
     """Solids that are stuck together, such as a hammer: whatever has no family of its own."""
     parts = Parts()
     for piece in pieces:
-        paint = piece.color or color
-        if piece.kind == "box":
-            parts.box(piece.at, piece.size_m, paint, collides=piece.collides)
-        elif piece.kind == "sphere":
-            parts.sphere(piece.at, piece.size_m[0], paint, collides=piece.collides)
-        else:
-            along = "xyz".index(piece.axis)
-            across, length = piece.size_m[along - 1], piece.size_m[along]
-            parts.cylinder(piece.at, across, length, paint, axis=piece.axis, collides=piece.collides)
-    return parts.thing(handles=tuple(_grip(piece) for piece in pieces if piece.grip))
-
-
-def _grip(piece: Piece) -> Handle:
-    """A handle that is taken from above."""
-    long = int(np.argmax(piece.size_m[:2]))
-    return Handle(
-        np.array(piece.at), np.eye(3)[long], np.array([0.0, 0, 1]), piece.size_m[long], piece.size_m[1 - long]
-    )
+        piece.add_to(parts, color)
+    return parts.thing(handles=tuple(piece.handle for piece in pieces if piece.grip))
 
 
 def _walls(parts: Parts, size: tuple[float, float, float], wall: float, color: Color) -> None:

@@ -34,7 +34,7 @@ def portrait(entry: Entry, size: tuple[int, int] = (320, 240)) -> np.ndarray:
     for body in entry.description.bodies:
         entity = sapien.Entity()
         frame = body.frame(_AJAR * body.joint.limit if body.joint else 0.0)
-        show(entity, body.parts)
+        show(entity, body.parts, skin=body.skin)
         entity.set_pose(sapien.Pose(frame))
         scene.add_entity(entity)
         corners += [part.solid.moved(frame).aabb() for part in body.parts]

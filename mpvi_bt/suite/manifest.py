@@ -16,7 +16,7 @@ from mpvi_bt import __version__, paths
 from mpvi_bt.errors import UserError, shown
 from mpvi_bt.goals.problem import activities
 from mpvi_bt.marked_yaml import Record, load_marked
-from mpvi_bt.sim.catalogue import load_catalogue
+from mpvi_bt.sim.catalogue import Entry, load_catalogue
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.result import write_json
@@ -160,7 +160,15 @@ def digests(episodes: Sequence[EpisodeConfig]) -> dict[str, str]:
         found["hidden seed"] = hashlib.scrypt(
             hidden_seed().encode(), salt=b"manifest", n=1 << 14, r=8, p=1, dklen=8
         ).hex()
-    return found | {f"catalogue entry {name}": _hash(asdict(catalogue[name])) for name in sorted(used)}
+    return found | {f"catalogue entry {name}": _hash(entry_content(catalogue[name])) for name in sorted(used)}
+
+
+def entry_content(entry: Entry) -> dict[str, Any]:
+    """All that an entry is, wherever it lies: of a mesh what is in its file, not the file's place."""
+    told = asdict(entry)
+    if file := entry.shape.get("file"):
+        told["shape"] = {**entry.shape, "file": hashlib.sha256(Path(file).read_bytes()).hexdigest()}
+    return told
 
 
 def _files(config: EpisodeConfig, task: Task) -> Iterator[Path]:

@@ -7,11 +7,12 @@ import keyword
 import os
 import re
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+import numpy as np
 import yaml
 
 from mpvi_bt import paths
@@ -24,6 +25,8 @@ from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.families import FAMILIES, family
 from mpvi_bt.writing import unwritable, write_whole
 
+_ANY_SYNSET = "toy_figure.n.01"  # of a mesh that is called by no name of BEHAVIOR's
+_DENSITY = 300.0  # kg/m^3. Our choice: of household things, hollow as they are
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
 _FIRST = re.compile(r"\([^()]*\)|\S+")  # a phrase's verb, or verbs
 
@@ -151,13 +154,11 @@ def new_object(name: str, like: str = "block", synset: str | None = None) -> Ske
     catalogue = load_catalogue()
     checked_name("catalogue entry", name, {entry.name: entry.family for entry in catalogue})
     model = next((entry for entry in catalogue if entry.family == like), None) or catalogue.entries.get(like)
+    if model is None and like in FAMILIES:
+        raise UserError(f"a {like} has its shape from a file: give --mesh FILE.")
     if model is None:
         raise UnknownName("family or catalogue entry", like, [*FAMILIES, *catalogue.entries])
-    known = behavior().synsets or frozenset()
-    if synset is not None and synset not in known:
-        raise UnknownName("synset", synset, known)
-    own = sorted(word for word in known if word.rsplit(".", 2)[0] == name)
-    chosen = synset or (own[0] if own else model.synset)
+    chosen, remark = _synset(name, synset, model.synset)
     entry: dict[str, Any] = {
         "synset": chosen,
         "phrases": [name.replace("_", " ")],
@@ -171,7 +172,6 @@ def new_object(name: str, like: str = "block", synset: str | None = None) -> Ske
     if model.abilities:
         entry["abilities"] = list(model.abilities)
     about = (family(model.family).__doc__ or "").splitlines()[0]
-    remark = "" if synset or own else f"BEHAVIOR has no {name!r}; it is filed as {chosen}: --synset says otherwise"
     return Skeleton(
         {f"{CATALOGUES}/{name}.yaml": _OBJECT.format(about=about) + _dumped({"entries": {name: entry}})},
         (
@@ -180,6 +180,63 @@ def new_object(name: str, like: str = "block", synset: str | None = None) -> Ske
         ),
         (remark,) if remark else (),
     )
+
+
+def new_mesh(
+    name: str,
+    file: Path,
+    parts: Sequence[Path] = (),
+    scale: float = 1.0,
+    up: Literal["y", "z"] | None = None,
+    hulls: int = 16,
+    synset: str | None = None,
+) -> Skeleton:
+    """An entry of the catalogue with the shape of a mesh, and that mesh as a file of ours.
+
+    Args:
+        name: Of the entry.
+        file, parts, scale, up, hulls: As of `mesh_import.import_mesh`.
+        synset: BEHAVIOR's name for it; None: one of that very name.
+
+    Raises:
+        UserError: The name is none or taken, there is no such synset; or as `mesh_import.import_mesh`.
+    """
+    from mpvi_bt.sim.mesh_file import bounds_of, mesh_text
+    from mpvi_bt.sim.mesh_import import import_mesh, volume_of
+
+    checked_name("catalogue entry", name, {entry.name: entry.family for entry in load_catalogue()})
+    chosen, remark = _synset(name, synset, _ANY_SYNSET)
+    made = import_mesh(file, parts, scale, up, hulls)
+    low, high = bounds_of(made.bodies.values())
+    shape: dict[str, Any] = {"file": f"meshes/{name}.obj"}
+    if made.joints:
+        shape["joints"] = made.joints
+    entry = {
+        "synset": chosen,
+        "phrases": [name.replace("_", " ")],
+        "family": "mesh",
+        "shape": shape,
+        "mass_kg": round(float(np.clip(_DENSITY * volume_of(made.bodies), 0.02, 50.0)), 3),
+    }
+    count = sum(len(body.hulls) for body in made.bodies.values())
+    size = " x ".join(f"{side:.3f}" for side in high - low)
+    files = {
+        f"{CATALOGUES}/{name}.yaml": _MESH + _dumped({"entries": {name: entry}}),
+        f"{CATALOGUES}/meshes/{name}.obj": mesh_text(made.bodies),
+    }
+    remarks = [f"{size} m, {count} convex part{'s' * (count != 1)}", *made.remarks, *([remark] if remark else [])]
+    return Skeleton(files, (f"mpvi check ROOT/{CATALOGUES}/{name}.yaml", f"mpvi show {name}"), tuple(remarks))
+
+
+def _synset(name: str, given: str | None, otherwise: str) -> tuple[str, str]:
+    """BEHAVIOR's name for a thing, and what to say of the choice. Raises UnknownName of one that there is not."""
+    known = behavior().synsets or frozenset()
+    if given is not None and given not in known:
+        raise UnknownName("synset", given, known)
+    own = sorted(word for word in known if word.rsplit(".", 2)[0] == name)
+    chosen = given or (own[0] if own else otherwise)
+    said = "" if given or own else f"BEHAVIOR has no {name!r}; it is filed as {chosen}: --synset says otherwise"
+    return chosen, said
 
 
 def new_house(name: str) -> Skeleton:
@@ -275,6 +332,12 @@ _SKILL = """\
 _OBJECT = """\
 # {about}
 # Lengths in metres: size_m is depth (x, front to back), width (y), height (z). What has a mass can be moved.
+"""
+
+_MESH = """\
+# A mesh. What it can hold are volumes, what a hand takes it by from above are grips: boxes that nobody sees, such as
+#   volumes: [{kind: box, at: [0, 0, 0.05], size_m: [0.1, 0.1, 0.08]}]
+# Without a mass it is a fixture of houses. The mass is a guess.
 """
 
 _HOUSE = """\

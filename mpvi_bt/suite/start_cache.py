@@ -142,3 +142,6 @@ def _form(description: Description) -> Iterator[bytes]:
         yield body.frame().tobytes()
         for solid in (*(part.solid for part in body.parts if part.collides), *body.volumes):
             yield solid.kind.encode() + solid.half_m.tobytes() + solid.T.tobytes()
+        for part in body.parts:
+            if part.hull is not None:
+                yield part.hull.tobytes()
