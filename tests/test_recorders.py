@@ -10,9 +10,10 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
+from mpvi_bt.drawing.text import Line
 from mpvi_bt.errors import UserError
 from mpvi_bt.executive import search_colors as colors
-from mpvi_bt.executive.frame_text import SIZE
+from mpvi_bt.executive.frame_text import SIZE, Caption
 from mpvi_bt.executive.loop import Subscriber, Watcher, World, run_episode
 from mpvi_bt.executive.pictures import PathPicture, path_picture
 from mpvi_bt.executive.video import Follower, Video, compose
@@ -196,7 +197,8 @@ def test_a_file_that_cannot_be_written_is_a_user_error(tmp_path: Path) -> None:
 def test_a_long_tree_leaves_the_frame_in_order() -> None:
     """Lines that do not fit are counted, not drawn over what is below."""
     head = np.zeros((240, 320, 3), np.uint8)
-    frame = compose(None, head, "\n".join(f"line {i}" for i in range(300)), "")
+    tree = [Line(f"n{i}", None, f"line {i}", "", "") for i in range(300)]
+    frame = compose(None, head, Caption(tree=tree))
     assert frame.shape == (SIZE[1], SIZE[0], 3)
 
 

@@ -375,14 +375,14 @@ def test_pictures_and_films_are_shown_from_where_they_lie(tmp_path: Path) -> Non
     """A picture beside the page is in it and a link to itself; a film has its poster, if there is one."""
     runs = replace(synthetic_runs("mpvi", 0.7), folder=tmp_path / "runs")
     name = next(iter(runs.results)).name
-    for file in (f"pictures/{name}.png", f"videos/{name}.mp4", f"videos/{name}.jpg"):
+    for file in (f"pictures/{name}.png", f"videos/{name}.mp4", f"videos/{name}.poster.jpg"):
         (tmp_path / "runs" / file).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / "runs" / file).write_bytes(b"x")
     page = Tags(page_of([runs], page=tmp_path / "page.html"))
     assert [a["src"] for tag, a in page.tags if tag == "img"] == [f"runs/pictures/{name}.png"]
     assert f"runs/pictures/{name}.png" in [a.get("href") for tag, a in page.tags if tag == "a"]
     film = next(a for tag, a in page.tags if tag == "video")
-    assert (film["src"], film["poster"]) == (f"runs/videos/{name}.mp4", f"runs/videos/{name}.jpg")
+    assert (film["src"], film["poster"]) == (f"runs/videos/{name}.mp4", f"runs/videos/{name}.poster.jpg")
 
 
 def test_wide_tables_can_be_scrolled_by_keys_and_show_that() -> None:

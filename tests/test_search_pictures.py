@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt.executive import search_colors as colors
-from mpvi_bt.executive.frame_text import SIZE
+from mpvi_bt.executive.frame_text import SIZE, Caption
 from mpvi_bt.executive.labels import Color, Labels, Picture
 from mpvi_bt.executive.map_picture import MapPicture
 from mpvi_bt.executive.search_frames import SearchFrames
@@ -190,7 +190,7 @@ def head(frame: Picture) -> Picture:
 def shoot(frames: SearchFrames, world: Still, time_s: float) -> Picture:
     """The frame of a time."""
     world.time_s = time_s
-    return frames.frame(None, world, "tree [*]", "title", "1 s")  # type: ignore[arg-type]
+    return frames.frame(None, world, Caption("title", ["1 s"]))  # type: ignore[arg-type]
 
 
 def test_detections_are_boxed_in_the_picture_that_they_were_made_in() -> None:

@@ -7,9 +7,22 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from mpvi_bt.drawing.text import LEGEND
 from mpvi_bt.executive import search_colors as colors
-from mpvi_bt.executive.frame_text import DIM, INK, PAPER, SIZE, write, write_tree
+from mpvi_bt.executive.frame_text import (
+    DIM,
+    INK,
+    LINE_PX,
+    PAPER,
+    SIZE,
+    WRIST,
+    Caption,
+    plain,
+    show_wrists,
+    wrapped,
+    write,
+    write_legend,
+    write_tree,
+)
 from mpvi_bt.executive.labels import Color, Labels, Picture
 from mpvi_bt.executive.loop import World
 from mpvi_bt.executive.map_picture import MapPicture, hatched
@@ -35,14 +48,13 @@ class SearchFrames:
         self._eye = Head(view)
         self._inks: dict[str, Color] = {}  # of each phrase, the same in every frame
 
-    def frame(self, outside: Picture | None, world: World, tree: str, title: str, *status: str) -> Picture:
+    def frame(self, outside: Picture | None, world: World, caption: Caption) -> Picture:
         """One frame.
 
         Args:
             outside: (H, W, 3) RGB, or None where there is no such view.
             world: Where the robot is now.
-            tree: ASCII, a line a row.
-            title, status: Written over the legend, a line each.
+            caption: Title and status stand over the legend, the instruction over the pictures' lower edge.
 
         Returns:
             (720, 1280, 3) uint8 RGB.
@@ -58,8 +70,15 @@ class SearchFrames:
         pose = world.robot.proprioception().base_pose
         self._way.append(pose)
         frame[height:, : _MAP[0]] = self._map.draw(self._view, pose, self._way, image)
-        self._legend(frame[:, 2 * width :][:height], [title, *status])
-        write_tree(frame, tree, _MAP[0] + 8, height)
+        self._legend(frame[:, 2 * width :][:height], [*caption.status[:1], caption.title, *caption.status[1:]])
+        told = wrapped(caption.instruction, 2 * width - 16, 2)
+        if told:
+            frame[height - 8 - LINE_PX * len(told) : height, : 2 * width] //= 4
+        for k, line in enumerate(reversed(told)):
+            write(frame, line, (8, height - 6 - LINE_PX * k), INK)
+        bottom = SIZE[1] - WRIST[1] * bool(caption.wrists)
+        write_tree(frame, caption.tree, _MAP[0] + 8, height, bottom)
+        show_wrists(frame, caption.wrists, SIZE[0], SIZE[1])
         return frame
 
     def _head(self, image: CameraImage, detections: Iterable[Detection]) -> Picture:
@@ -94,7 +113,7 @@ class SearchFrames:
         top = 0
         for line in (*lines, f"floor seen: {seen:.0f} m2" + (f" of {total:.0f}" if total else "")):
             top += 18
-            write(part, line.encode("ascii", "replace").decode()[:_LETTERS], (12, top), INK)
+            write(part, plain(line)[:_LETTERS], (12, top), INK)
         rows: list[tuple[str, Color]] = [
             ("seen", colors.SEEN),
             ("in view now", colors.IN_VIEW),
@@ -120,6 +139,4 @@ class SearchFrames:
         kinds = Counter(called(entry) for entry in found(self._view.entries))
         text = ", ".join(f"{count} {name}" if count > 1 else name for name, count in kinds.items())
         write(part, f"found: {text or 'nothing yet'}"[:_LETTERS], (12, top + 16), INK)
-        half = LEGEND.index("[!]")
-        write(part, LEGEND[:half], (12, part.shape[0] - 22), DIM)
-        write(part, LEGEND[half:], (12, part.shape[0] - 6), DIM)
+        write_legend(part, 12, part.shape[0] - 6)

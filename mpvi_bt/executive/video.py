@@ -2,21 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+import contextlib
+from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 from typing import Protocol, cast
 
 import numpy as np
 
-from mpvi_bt.drawing.text import LEGEND, ascii_tree
+from mpvi_bt.drawing.text import tree_lines
 from mpvi_bt.errors import BackendError
-from mpvi_bt.executive.frame_text import COLUMNS, DIM, INK, PAPER, SIZE, write, write_tree
+from mpvi_bt.executive.frame_text import (
+    COLUMNS,
+    DIM,
+    INK,
+    LINE_PX,
+    PAPER,
+    SIZE,
+    WRIST,
+    Caption,
+    plain,
+    show_wrists,
+    wrapped,
+    write,
+    write_legend,
+    write_tree,
+)
 from mpvi_bt.executive.labels import Picture
 from mpvi_bt.executive.loop import Outcome, Watcher, World
 from mpvi_bt.executive.search_frames import OUTSIDE, SearchFrames
 from mpvi_bt.executive.search_view import SearchView
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.writing import unwritable
@@ -24,6 +41,7 @@ from mpvi_bt.writing import unwritable
 _OUTSIDE = (800, 600)  # picture from outside, upper left,
 _RENDERED = (640, 480)  # rendered smaller, as it is most of what a frame costs on a CPU (0.1 s)
 _HEAD = (480, 360)  # picture of the head camera, upper right
+_POSTER_QUALITY = 88
 
 
 class Outside(Protocol):
@@ -35,9 +53,10 @@ class Outside(Protocol):
 
 
 class Video(Watcher):
-    """Subscriber that writes an mp4. Each frame costs two pictures, so it draws only every few steps.
+    """Subscriber that writes an mp4. Each frame costs several pictures, so it draws only every few steps.
 
-    The file is closed properly however the episode ends, Ctrl-C included.
+    The file is closed properly however the episode ends, Ctrl-C included. Its last frame, which tells q, also goes
+    beside it, as `NAME.poster.jpg`, for pages that show the film.
 
     Args:
         file: Where to write.
@@ -64,6 +83,7 @@ class Video(Watcher):
         self._search = None if search is None else SearchFrames(search)
         self._writer: Generator[None, Picture | None, None] | None = None
         self._last: tuple[Tree, World] | None = None
+        self._frame: Picture | None = None
 
     def start(self, tree: Tree, world: World) -> None:
         """Open the file. Raises UserError if it cannot be written."""
@@ -80,7 +100,7 @@ class Video(Watcher):
             fps=self._fps,
             codec="libx264",
             quality=None,
-            output_params=["-preset", "ultrafast", "-crf", "26", "-movflags", "+faststart"],
+            output_params=["-preset", "veryfast", "-crf", "28", "-movflags", "+faststart"],
             ffmpeg_log_level="error",
         )
         self._writer.send(None)
@@ -89,7 +109,7 @@ class Video(Watcher):
     def step(self, tree: Tree, world: World) -> None:
         """Draw a frame when one is due."""
         if world.steps % self._every == 0:
-            self._send(tree, world, f"{world.time_s:6.1f} s")
+            self._send(tree, world, [f"{world.time_s:.1f} s", _doing(tree)])
 
     def end(self, outcome: Outcome) -> None:
         """Show the last state for a second, if it can be drawn, and close the file."""
@@ -97,26 +117,47 @@ class Video(Watcher):
             return
         try:
             if outcome.ending != "error":
+                told = outcome.told(self._last[0].spec)
                 for _ in range(round(self._fps)):
-                    self._send(*self._last, outcome.told(self._last[0].spec))
+                    self._send(*self._last, told.split(", ", 1) if outcome.goal else ["", told])
         finally:
             writer, self._writer = self._writer, None
             writer.close()  # waits for ffmpeg to write the index, without which the file does not play
+            self._write_poster()
 
-    def _send(self, tree: Tree, world: World, status: str) -> None:
+    def _write_poster(self) -> None:
+        if self._frame is None:
+            return
+        import cv2
+
+        ok, data = cv2.imencode(".jpg", self._frame[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _POSTER_QUALITY])
+        with contextlib.suppress(OSError):  # the film is there
+            if ok:
+                self._file.with_suffix(".poster.jpg").write_bytes(data.tobytes())
+
+    def _send(self, tree: Tree, world: World, status: Sequence[str]) -> None:
         if self._writer is None:
             return
-        base_pose = world.robot.proprioception().base_pose
+        body = world.robot.proprioception()
+        base_pose = body.base_pose
         outside: Picture | None = None
         if hasattr(world, "look_from"):
             T = self._viewpoint(base_pose) if self._viewpoint else self._follow(base_pose)
             size = _RENDERED if self._search is None else OUTSIDE
             outside = cast("Outside", world).look_from(T, size).rgb
-        text = ascii_tree(tree.spec, tree.states(), COLUMNS, fold=True)
+        sides = [camera for camera in robot_named(body.robot).cameras if camera != "head"]
+        caption = Caption(
+            title=self._title,
+            status=status,
+            tree=tree_lines(tree.spec, tree.states(), COLUMNS, fold=True),
+            instruction=tree.spec.instruction,
+            wrists={side: world.robot.look(side).rgb for side in sides},
+        )
         if self._search is not None:
-            frame = self._search.frame(outside, world, text, self._title, status.strip(), _doing(tree))
+            frame = self._search.frame(outside, world, caption)
         else:
-            frame = compose(outside, world.robot.look("head").rgb, text, f"{self._title}   {status}".strip())
+            frame = compose(outside, world.robot.look("head").rgb, caption)
+        self._frame = frame
         try:
             self._writer.send(frame)
         except OSError as error:
@@ -156,14 +197,15 @@ class Follower:
         return T
 
 
-def compose(outside: Picture | None, head: Picture, text: str, status: str) -> Picture:
+def compose(outside: Picture | None, head: Picture, caption: Caption) -> Picture:
     """One frame: the outside view large on the left, the head's view and the tree's text beside it.
+
+    Below the outside view stand q or the time, what the robot was told, and what its wrist cameras see.
 
     Args:
         outside: (H, W, 3) RGB, or None where there is no such view: the head's takes its place.
         head: (H, W, 3) RGB.
-        text: ASCII, a line a row; lines that do not fit are left out.
-        status: Written under the outside view.
+        caption: All else.
 
     Returns:
         (720, 1280, 3) uint8 RGB.
@@ -177,7 +219,14 @@ def compose(outside: Picture | None, head: Picture, text: str, status: str) -> P
     if beside is not None:
         frame[: _HEAD[1], _OUTSIDE[0] :] = cv2.resize(beside, _HEAD, interpolation=cv2.INTER_LINEAR)
         top = _HEAD[1]
-    write_tree(frame, text, _OUTSIDE[0] + 8, top)
-    cv2.putText(frame, status, (16, _OUTSIDE[1] + 40), cv2.FONT_HERSHEY_SIMPLEX, 0.8, INK, 2, cv2.LINE_AA)
-    write(frame, LEGEND, (16, _OUTSIDE[1] + 80), DIM)
+    write_tree(frame, caption.tree, _OUTSIDE[0] + 8, top, SIZE[1] - 3 * LINE_PX)
+    write_legend(frame, _OUTSIDE[0] + 8, SIZE[1] - 8)
+    show_wrists(frame, caption.wrists, _OUTSIDE[0], SIZE[1])
+    head_line = "   ".join(filter(None, (*caption.status[:1], caption.title)))
+    cv2.putText(frame, plain(head_line), (12, _OUTSIDE[1] + 28), cv2.FONT_HERSHEY_SIMPLEX, 0.65, INK, 2, cv2.LINE_AA)
+    room = _OUTSIDE[0] - WRIST[0] * len(caption.wrists) - 24
+    said = [(line, INK) for text in caption.status[1:] for line in wrapped(text, room, 1)]
+    said += [(line, DIM) for line in wrapped(caption.instruction, room, 4 - len(said))]
+    for k, (line, ink) in enumerate(said):
+        write(frame, line, (12, _OUTSIDE[1] + 50 + 18 * k), ink)
     return frame

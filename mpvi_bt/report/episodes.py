@@ -112,7 +112,7 @@ def _what_ran(runs: Runs, config: EpisodeConfig, result: Result) -> str:
 def _film(runs: Runs, config: EpisodeConfig, page: Path | None) -> str:
     if not (address := _address(runs, "videos", f"{config.name}.mp4", page)):
         return ""
-    poster = _address(runs, "videos", f"{config.name}.jpg", page)
+    poster = _address(runs, "videos", f"{config.name}.poster.jpg", page)
     shown = f' poster="{poster}"' if poster else ""
     return (
         f'<h5>Film</h5><video controls preload="none"{shown} src="{address}"></video>'
