@@ -17,6 +17,7 @@ ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 HOME = ROOT / "mpvi_bt" / "extras.py"
 TEXTS = [
+    ROOT / "README.md",
     *(ROOT / "docs").glob("*.md"),
     *(path for folder in ("mpvi_bt", "examples", "benchmarks", "tests") for path in (ROOT / folder).rglob("*.py")),
 ]
