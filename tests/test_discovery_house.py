@@ -163,6 +163,7 @@ def test_every_thing_that_can_be_seen_is_found_once_and_nothing_else(drives: tup
     assert others == []
 
 
+@pytest.mark.rare
 def test_what_was_moved_meanwhile_is_found_anew_and_not_where_it_was(drives: tuple[Drive, Drive]) -> None:
     """A second drive through the house corrects what the first one told."""
     made = discoveries(drives[0])

@@ -124,6 +124,7 @@ SHOWN = [c for c in re.findall(r"`((?:mpvi|python) [^`]*)`", EXECUTIVE) if "FILE
 FAILS = {"mpvi run --dry --tree fetch --substitute examples/blocked.yaml --no-watch"}
 
 
+@pytest.mark.rare
 def test_every_wish_is_shown_by_its_command(tmp_path: Path) -> None:
     """The commands of the table run in their order, and only the one that shows a failure ends with 1."""
     for entry in ("trees", "skills", "tasks", "examples", "benchmarks"):

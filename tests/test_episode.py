@@ -78,6 +78,7 @@ def test_the_same_seed_gives_the_same_result(twice: tuple[dict[str, Any], dict[s
     assert lasting(first) == lasting(second)
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 @pytest.mark.render
 def test_a_result_does_not_hang_on_how_python_hashes(tmp_path: Path) -> None:

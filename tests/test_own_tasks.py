@@ -20,6 +20,7 @@ def test_the_page_is_true_without_a_simulator(tmp_path: Path) -> None:
     assert play(text, tmp_path) == text
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_the_page_is_true_in_the_house(tmp_path: Path) -> None:
     """The expert carries the task out, with the motion that the skill of one's own is like."""

@@ -214,16 +214,22 @@ def test_a_disk_that_fills_up_ends_the_run_and_nothing_waits(tmp_path: Path) -> 
     assert f"BackendError: {file}: rerun cannot write the recording" in done.stderr
 
 
+def beside(folder: Path) -> str:
+    """A search path that begins with a folder."""
+    return os.pathsep.join(filter(None, [str(folder), os.environ.get("PYTHONPATH", "")]))
+
+
 def test_without_the_sdk_there_is_a_line_that_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, mpvi: Shell, tmp_path: Path
 ) -> None:
     """Before anything is set up; and nothing but `--rerun` needs it."""
     monkeypatch.setitem(sys.modules, "rerun", None)
+    monkeypatch.chdir(tmp_path)  # where the command runs; the clone is named by its path there
     with pytest.raises(UserError, match=re.escape(install("rerun"))):
         require_sdk()
     (tmp_path / "sitecustomize.py").write_text("import sys\nsys.modules['rerun'] = None\n")
-    done = mpvi("run", "picking_up_trash", "--rerun", "run.rrd", PYTHONPATH=str(tmp_path))
+    done = mpvi("run", "picking_up_trash", "--rerun", "run.rrd", PYTHONPATH=beside(tmp_path))
     assert done.returncode == 2
     assert done.stderr == f"mpvi: --rerun needs the SDK of rerun, which is not installed: {install('rerun')}\n"
     assert not (tmp_path / "run.rrd").exists()
-    assert mpvi("run", "--dry", "--tree", "hello", PYTHONPATH=str(tmp_path)).returncode == 0
+    assert mpvi("run", "--dry", "--tree", "hello", PYTHONPATH=beside(tmp_path)).returncode == 0

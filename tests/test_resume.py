@@ -107,6 +107,7 @@ def test_it_goes_on_from_another_folder(mpvi: Shell, tmp_path: Path) -> None:
         assert not (tmp_path / "runs/laps_dry.saved.json").exists()
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 @pytest.mark.render
 def test_an_episode_goes_on_in_the_simulator(mpvi: Shell, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpvi_bt.errors import UserError
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.mesh_file import MeshBody
 from mpvi_bt.sim.mesh_import import Imported, convex_parts, load, skins
@@ -41,7 +42,7 @@ def read_urdf(file: Path, T: Array, most: int, found: Imported) -> None:
             raise UserError(f"{file}: joint {waiting[0].name!r} hangs on no link.")
         waiting.remove(ready)
         body, above = at[ready.parent]
-        frame = above @ np.asarray(ready.origin, float)
+        frame = matmul(above, np.asarray(ready.origin, float))
         if ready.joint_type in _KINDS:
             if body != "body":
                 raise UserError(
@@ -92,14 +93,14 @@ def _joint(joint: Any, frame: Array, T: Array, file: Path) -> dict[str, Any]:
     low, high = (float(limit.lower or 0.0), float(limit.upper or 0.0)) if limit else (0.0, 0.0)
     if min(abs(low), abs(high)) > 1e-3 or low == high:
         raise UserError(f"{file}: joint {joint.name!r} goes from {low:g} to {high:g}; a thing is closed at 0, one end.")
-    axis = frame[:3, :3] @ np.asarray(joint.axis, float) * (1 if high > -low else -1)
-    scale = float(np.linalg.norm(T[:3, 0]))
+    axis = matmul(frame[:3, :3], np.asarray(joint.axis, float)) * (1 if high > -low else -1)
+    scale = float(norm(T[:3, 0]))
     kind = _KINDS[joint.joint_type]
     reach = max(high, -low) * (scale if kind == "slide" else 1.0)
     return {
         "kind": kind,
         "origin": frame[:3, 3].tolist(),
-        "axis": [round(float(x), 6) + 0.0 for x in axis / np.linalg.norm(axis)],
+        "axis": [round(float(x), 6) + 0.0 for x in axis / norm(axis)],
         "limit": round(reach, 6),
     }
 
@@ -108,11 +109,11 @@ def _meshes(shape: Any, frame: Array, file: Path) -> list[trimesh.Trimesh]:
     """The meshes of a visual or a collision, in our frame, in the color that the URDF gives it."""
     import trimesh
 
-    T = frame @ np.asarray(shape.origin, float)
+    T = matmul(frame, np.asarray(shape.origin, float))
     geometry = shape.geometry
     if geometry.mesh is not None:
         size = np.ones(3) if geometry.mesh.scale is None else np.asarray(geometry.mesh.scale, float)
-        found = load(_file(geometry.mesh.filename, file), T @ np.diag([*size, 1.0]))
+        found = load(_file(geometry.mesh.filename, file), matmul(T, np.diag([*size, 1.0])))
     else:
         if geometry.box is not None:
             made = trimesh.creation.box(np.asarray(geometry.box.size, float))

@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.robot.linear_algebra import matmul
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.sim.description import Color, Part, Skin
 
@@ -48,7 +48,7 @@ def faceted(skin: Skin) -> Mesh:
     """The triangles of a skin, each flat: every corner is its own, with the normal of its triangle."""
     corners = skin.vertices[skin.triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    lengths = norm(normals)[:, None]
     normals = np.where(lengths > 0, normals / np.maximum(lengths, 1e-20), [0.0, 0.0, 1.0])
     return Mesh(corners.reshape(-1, 3), np.repeat(normals, 3, axis=0), np.arange(3 * len(corners)).reshape(-1, 3))
 

@@ -12,6 +12,7 @@ from pydantic import Field
 
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.marked_yaml import Record
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array, bounds, box
 from mpvi_bt.sim.description import Body, Description, Joint, Part, Skin
 from mpvi_bt.sim.dimensions import Coordinate
@@ -87,7 +88,7 @@ def _body(name: str, read: MeshBody, scale: float, given: MeshJoint | None) -> B
     origin = np.zeros(3)
     if given is not None:
         axis = np.array(given.axis, float)
-        length = float(np.linalg.norm(axis))
+        length = float(norm(axis))
         if length < 1e-6:
             raise UserError(f"the axis of {name!r} has no direction")
         origin = np.array(given.origin, float) * scale
