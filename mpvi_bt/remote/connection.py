@@ -11,6 +11,7 @@ import logging
 import os
 import socket
 import ssl
+import struct
 import threading
 import time
 import weakref
@@ -37,6 +38,7 @@ KEY = "OPENPI_API_KEY"  # environment variable
 _POLL_S = 0.25  # between two looks whether a server is there now
 _CLOSE_S = 1.0  # for a server to answer a farewell
 _STARTING = (502, 503, 504)  # HTTP: behind a proxy, or too busy
+_RESET = struct.pack("ii", 1, 0)  # value of SO_LINGER: on, and for no time
 _GONE = (1000, 1001, 1005, 1006, 1012, 1013, 1014)  # closed for reasons that may not last
 _log = logging.getLogger("mpvi_bt.remote.connection")  # what websockets would say of each failure, which is told here
 _log.addHandler(logging.NullHandler())
@@ -149,6 +151,9 @@ class _Websocket(ClientConnection):
                 self._no_http = str(_root(failed))
             elif not b"HTTP/".startswith(begun := bytes(reader.buffer[:5])):
                 self._no_http = repr(begun)
+        if protocol.parser_exc:  # to be reset at the end: who sends a huge frame would wait minutes for it to be read
+            with contextlib.suppress(OSError):
+                self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
         if self._no_http or failed or protocol.parser_exc or protocol.close_rcvd:
             _shut_down(self.socket)
 
