@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mpvi_bt.errors import UserError
 from mpvi_bt.extras import install
@@ -152,7 +153,7 @@ def _face_colors(mesh: trimesh.Trimesh) -> Array:
     return colors[:, :3] / 255
 
 
-def _grouped(colors: Array) -> tuple[Array, list[Color]]:
+def _grouped(colors: Array) -> tuple[NDArray[np.intp], list[Color]]:
     """Which of a few colors each triangle has, and these."""
     from scipy.cluster.vq import kmeans2
 
@@ -160,7 +161,7 @@ def _grouped(colors: Array) -> tuple[Array, list[Color]]:
     if len(kinds) > _COLORS:
         centers, labels = kmeans2(kinds.astype(float), _COLORS, minit="++", seed=_SEED)
         index, kinds = labels[index], centers.round().astype(int)
-    return index.reshape(-1), [(float(r) / 255, float(g) / 255, float(b) / 255) for r, g, b in kinds]
+    return index.reshape(-1).astype(np.intp), [(float(r) / 255, float(g) / 255, float(b) / 255) for r, g, b in kinds]
 
 
 def _joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:

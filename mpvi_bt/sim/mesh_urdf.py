@@ -58,14 +58,14 @@ def read_urdf(file: Path, T: Array, most: int, found: Imported) -> None:
         if link.name not in at:
             raise UserError(f"{file}: link {link.name!r} hangs on no joint.")
         name, frame = at[link.name]
-        body = found.bodies[name]
+        moved = found.bodies[name]
         seen = [mesh for visual in link.visuals for mesh in _meshes(visual, frame, file)]
-        body.skin += skins(seen) if seen else []
+        moved.skin += skins(seen) if seen else []
         for collision in link.collisions:
             for mesh in _meshes(collision, frame, file):
-                body.hulls += convex_parts(mesh, most, file)
-    for name, body in found.bodies.items():
-        if not body.hulls:
+                moved.hulls += convex_parts(mesh, most, file)
+    for name, made in found.bodies.items():
+        if not made.hulls:
             raise UserError(f"{file}: {name!r} has nothing that collides.")
 
 
