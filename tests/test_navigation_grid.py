@@ -6,18 +6,15 @@ import heapq
 import math
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from mpvi_bt.navigation.grid import compiled, cost_to_reach, segment_free, shortest_path
+from mpvi_bt.navigation.grid import cost_to_reach, segment_free, shortest_path
 from mpvi_bt.navigation.traversability import ESCAPE_COST, floor_obstacles, traversability
 from tests.navigation_maps import put_box, thing, two_rooms
 
@@ -206,18 +203,6 @@ def test_numba_loads_only_with_the_first_search() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "True"]
-
-
-def test_without_a_folder_for_its_cache_the_search_compiles_anew(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where numba finds no folder to write to, the search works as well."""
-
-    def njit(**options: bool) -> Callable[..., Any]:
-        if options.pop("cache", False):
-            raise RuntimeError("cannot cache function: no locator available")
-        return lambda function: function
-
-    monkeypatch.setattr("numba.njit", njit)
-    assert compiled(lambda a, b: a + b)(1, 2) == 3
 
 
 @settings(max_examples=20, deadline=None)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.navigation.grid import Cell, Cost, compiled, nearest_target
+from mpvi_bt.compiled import compiled_later
+from mpvi_bt.navigation.grid import Cell, Cost, nearest_target
 
 
 def frontier(free: NDArray[np.bool_], seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -47,7 +48,7 @@ def warm() -> None:
     frontier(np.ones((2, 2), bool), np.eye(2, dtype=bool))
 
 
-@compiled
+@compiled_later
 def _frontier(free, seen, out):  # type: ignore
     """One pass, with what is free and unseen in three rows at hand; they begin and end with a cell beyond the map."""
     rows, columns = free.shape

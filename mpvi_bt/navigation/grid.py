@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from mpvi_bt.compiled import compiled_later
 
 Cost = NDArray[np.float32]
 Cell = tuple[int, int]
@@ -74,25 +73,6 @@ def warm() -> None:
     shortest_path(np.ones((2, 2), np.float32), (0, 0), (1, 1))
 
 
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function, compiled by numba on its first call; it takes positional arguments only.
-
-    numba keeps the result beside the function's file or, where that is read-only, in the user's cache folder.
-    """
-
-    @cache
-    def kernel() -> Callable[..., Any]:
-        import numba
-
-        try:
-            made: Any = numba.njit(cache=True, error_model="numpy")(function)
-        except RuntimeError:  # no folder that can be written: compile anew in each process
-            made = numba.njit(error_model="numpy")(function)
-        return made
-
-    return lambda *arguments: kernel()(*arguments)
-
-
 def _free(cost: Cost, cell: Cell) -> bool:
     return 0 <= cell[0] < cost.shape[0] and 0 <= cell[1] < cost.shape[1] and bool(np.isfinite(cost[cell]))
 
@@ -114,7 +94,7 @@ def _cells(path: NDArray[np.int64], cost: Cost, total: float) -> tuple[NDArray[n
     return (np.stack(np.divmod(path, cost.shape[1]), 1), total) if len(path) else None
 
 
-@compiled
+@compiled_later
 def _search(cost, columns, start, goal, targets, reached):  # type: ignore
     """A* to the cell `goal`; if that is -1, Dijkstra to the nearest of `targets`, or everywhere if they are none.
 

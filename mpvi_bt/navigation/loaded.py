@@ -7,8 +7,9 @@ import math
 
 import numpy as np
 
+from mpvi_bt.compiled import compiled_later
 from mpvi_bt.navigation.footprint import Footprint
-from mpvi_bt.navigation.grid import compiled, cost_to_reach, shortest_path
+from mpvi_bt.navigation.grid import cost_to_reach, shortest_path
 from mpvi_bt.navigation.traversability import ESCAPE_COST, Traversability
 from mpvi_bt.robot.solids import Array
 
@@ -83,7 +84,7 @@ def loaded_path(
     return np.vstack([poses, [*goal[:2], end]])
 
 
-@compiled
+@compiled_later
 def _search(  # type: ignore
     cost, ahead, clearance, low, offsets, radii, aside, turn, start, goal, near, dear, roomy, tight, most, row, column
 ):

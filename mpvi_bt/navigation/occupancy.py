@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from mpvi_bt.navigation.grid import compiled
+from mpvi_bt.compiled import compiled_later
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.kinematics import inverse
 from mpvi_bt.robot.protocol import CameraImage
@@ -170,7 +170,7 @@ def warm() -> None:
     Occupancy.unknown((0.0, 0.0), (1.0, 1.0)).update(CameraImage("head", rgb, depth, None, {}, np.eye(3), np.eye(4)))
 
 
-@compiled
+@compiled_later
 def _see(  # type: ignore
     depth, K, T_world_camera, T_camera_world, corner, res, circles, explained, hits, lowest, highest, floor, learns
 ):

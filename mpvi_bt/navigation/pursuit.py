@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from mpvi_bt.compiled import compiled_later
 from mpvi_bt.navigation.footprint import Footprint
-from mpvi_bt.navigation.grid import compiled
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.drives import steering
@@ -296,7 +296,7 @@ def _wrap(angle: float) -> float:
     return math.remainder(angle, 2 * math.pi)
 
 
-@compiled
+@compiled_later
 def _ahead(path, to_go, free, at, row, column, lookahead_m):  # type: ignore
     """Where on a path the base is, which never runs back, and what to aim at.
 

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.navigation.grid import compiled
+from mpvi_bt.compiled import compiled_later
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.kinematics import inverse, rot_z
 from mpvi_bt.robot.linear_algebra import matmul
@@ -158,7 +158,7 @@ def warm() -> None:
     VisibilityMap(floor).would_see(np.array([0.05, 0.05]), 0.0, 1.0, floor.occupied)
 
 
-@compiled
+@compiled_later
 def _cast(occupied, seen, fresh, low_row, low_column, y, x, yaw, half, rays, reach, height, width, depth, project):  # type: ignore
     """Mark in `fresh` the unseen free cells that rays from (y, x) meet: 1 seen, 2 not; return how many are seen.
 

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.compiled import compiled
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import CameraImage
@@ -165,16 +165,9 @@ _HIDDEN, _FREE, _VEILED = 1, 2, 3
 
 @cache
 def kernels() -> dict[str, Callable[..., None]]:
-    """The compiled loops; numba keeps them beside this file or in the user's cache folder."""
-    import numba
-
-    compiled: dict[str, Any] = {}
-    for name, function in (("carve", _carve), ("look_up", _look_up), ("squared", _squared), ("score", _score)):
-        try:
-            compiled[name] = numba.njit(cache=True)(function)
-        except RuntimeError:  # no folder that can be written: compile anew in each process
-            compiled[name] = numba.njit(function)
-    return compiled
+    """The compiled loops."""
+    loops = {"carve": _carve, "look_up": _look_up, "squared": _squared, "score": _score}
+    return {name: compiled(loop) for name, loop in loops.items()}
 
 
 def _carve(doubt, depth, own, T, camera, cell, surface, noise, thick):  # type: ignore

@@ -7,18 +7,10 @@ their own overhead. `collision` and `timing` say what each one computes; here sh
 from __future__ import annotations
 
 import math
-from typing import Any
 
-import numba
 import numpy as np
 
-
-def compiled(function: Any) -> Any:
-    """The function, compiled on first use; numba keeps it beside this file or in the user's cache folder."""
-    try:
-        return numba.njit(cache=True, error_model="numpy")(function)
-    except RuntimeError:  # no folder that can be written: compile anew in each process
-        return numba.njit(error_model="numpy")(function)
+from mpvi_bt.compiled import compiled
 
 
 @compiled

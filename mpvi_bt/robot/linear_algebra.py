@@ -13,10 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from mpvi_bt.compiled import compiled
 
 _Array = NDArray[np.float64]
 
@@ -33,18 +35,21 @@ def matmul(first: ArrayLike, second: ArrayLike, *more: ArrayLike) -> _Array:
     Raises:
         ValueError: Shapes that do not go together.
     """
-    a, b = np.asarray(first), np.asarray(second)
-    out: _Array = _products()[a.ndim > 1, b.ndim > 1](a, b)
+    out = _product(np.asarray(first, np.float64), np.asarray(second, np.float64))
     for factor in more:
-        b = np.asarray(factor)
-        out = _products()[out.ndim > 1, b.ndim > 1](out, b)
+        out = _product(out, np.asarray(factor, np.float64))
     return out
 
 
 def norm(vectors: ArrayLike, axis: int = -1) -> Any:
     """Euclidean lengths of vectors (..., n), n along `axis`; a number for a single vector."""
-    v = np.asarray(vectors)
-    return np.sqrt(_products()[False, False](v, v, axis=axis))
+    v = np.asarray(vectors, np.float64)
+    if v.ndim == 1:
+        return np.sqrt(_loops().vectors(v, v))
+    if axis not in (-1, v.ndim - 1):
+        v = np.moveaxis(v, axis, -1)
+    squares = _loops().squares(v if v.ndim == 2 else v.reshape(math.prod(v.shape[:-1]), v.shape[-1]))
+    return np.sqrt(squares.reshape(v.shape[:-1]))
 
 
 def principal_axes(points: _Array) -> tuple[_Array, _Array]:
@@ -104,57 +109,103 @@ def _symmetric(S: list[list[float]]) -> tuple[list[float], list[list[float]]]:
     return [S[k][k] for k in range(d)], V
 
 
+def _product(a: _Array, b: _Array) -> Any:
+    if not (a.ndim and b.ndim) or a.shape[-1] != b.shape[-2 if b.ndim > 1 else 0]:
+        raise ValueError(f"mismatch of the inner dimensions: a product of shapes {a.shape} and {b.shape}")
+    if a.ndim <= 2 and b.ndim <= 2:
+        return _loops()[a.ndim * 2 + b.ndim - 3](a, b)
+    left, right = a if a.ndim > 1 else a[None], b if b.ndim > 1 else b[:, None]
+    stacks = left.shape[:-2], right.shape[:-2]
+    if stacks[0] == stacks[1] or () in stacks:
+        both = max(stacks, key=len)
+    else:
+        both = np.broadcast_shapes(*stacks)
+        left, right = (np.broadcast_to(x, (*both, *x.shape[-2:])) for x in (left, right))
+    out = _loops().stacks(*(x.reshape(math.prod(x.shape[:-2]), *x.shape[-2:]) for x in (left, right)))
+    rows, columns = a.shape[-2:-1], b.shape[-1:] if b.ndim > 1 else ()
+    return out.reshape(*both, *rows, *columns)
+
+
+class _Loops(NamedTuple):
+    vectors: Callable[..., Any]
+    vector_times: Callable[..., Any]
+    times_vector: Callable[..., Any]
+    matrices: Callable[..., Any]
+    stacks: Callable[..., Any]
+    squares: Callable[..., Any]
+
+
 @cache
-def _products() -> dict[tuple[bool, bool], Callable[..., Any]]:
-    """The loop for whether the first and the second factor have rows and columns."""
-    return {
-        (True, True): _ufunc(_matrices, "(n,k),(k,m)->(n,m)", 2, 2, 2),
-        (True, False): _ufunc(_times_vector, "(n,k),(k)->(n)", 2, 1, 1),
-        (False, True): _ufunc(_vector_times, "(k),(k,m)->(m)", 1, 2, 1),
-        (False, False): _ufunc(_vectors, "(k),(k)->()", 1, 1, 1),
-    }
+def _loops() -> _Loops:
+    """The loops, each compiled for arrays of any layout."""
+    from numba import types
+
+    def of(dimensions: int) -> Any:
+        return types.Array(types.float64, dimensions, "A", readonly=True)
+
+    takes = (1, 1), (1, 2), (2, 1), (2, 2), (3, 3), (2,)
+    loops = _vectors, _vector_times, _times_vector, _matrices, _stacks, _squares
+    return _Loops(*(compiled(loop, tuple(map(of, n))) for loop, n in zip(loops, takes, strict=True)))
 
 
-def _ufunc(loop: Callable[..., None], layout: str, *dimensions: int) -> Callable[..., Any]:
-    """A ufunc of a loop over arrays of so many dimensions, kept where numba keeps what it compiled."""
-    import numba
-
-    types = ["void({})".format(", ".join(f"f8[{','.join(':' * n)}]" for n in dimensions))]
-    compiled: Any = numba.guvectorize
-    try:
-        made = compiled(types, layout, cache=True)(loop)
-    except RuntimeError:  # no folder that can be written: compile anew in each process
-        made = compiled(types, layout)(loop)
-    return getattr(made, "ufunc", made)  # numpy's own, without numba's wrapper, which takes longer than the loop
+def _vectors(a, b):  # type: ignore
+    total = 0.0
+    for k in range(a.shape[0]):
+        total += a[k] * b[k]
+    return total
 
 
-def _matrices(A, B, out):  # type: ignore
+def _vector_times(a, B):  # type: ignore
+    out = np.empty(B.shape[1])
+    for j in range(B.shape[1]):
+        total = 0.0
+        for k in range(B.shape[0]):
+            total += a[k] * B[k, j]
+        out[j] = total
+    return out
+
+
+def _times_vector(A, b):  # type: ignore
+    out = np.empty(A.shape[0])
+    for i in range(A.shape[0]):
+        total = 0.0
+        for k in range(A.shape[1]):
+            total += A[i, k] * b[k]
+        out[i] = total
+    return out
+
+
+def _matrices(A, B):  # type: ignore
+    out = np.empty((A.shape[0], B.shape[1]))
     for i in range(A.shape[0]):
         for j in range(B.shape[1]):
             total = 0.0
             for k in range(A.shape[1]):
                 total += A[i, k] * B[k, j]
             out[i, j] = total
+    return out
 
 
-def _times_vector(A, b, out):  # type: ignore
-    for i in range(A.shape[0]):
+def _stacks(A, B):  # type: ignore
+    """Products of as many matrices, or of one with each of many."""
+    one, other = A.shape[0], B.shape[0]
+    out = np.empty((other if one == 1 else one, A.shape[1], B.shape[2]))
+    for s in range(out.shape[0]):
+        p, q = s if one > 1 else 0, s if other > 1 else 0
+        for i in range(A.shape[1]):
+            for j in range(B.shape[2]):
+                total = 0.0
+                for k in range(A.shape[2]):
+                    total += A[p, i, k] * B[q, k, j]
+                out[s, i, j] = total
+    return out
+
+
+def _squares(V):  # type: ignore
+    out = np.empty(V.shape[0])
+    for i in range(V.shape[0]):
         total = 0.0
-        for k in range(A.shape[1]):
-            total += A[i, k] * b[k]
+        for k in range(V.shape[1]):
+            total += V[i, k] * V[i, k]
         out[i] = total
-
-
-def _vector_times(a, B, out):  # type: ignore
-    for j in range(B.shape[1]):
-        total = 0.0
-        for k in range(B.shape[0]):
-            total += a[k] * B[k, j]
-        out[j] = total
-
-
-def _vectors(a, b, out):  # type: ignore
-    total = 0.0
-    for k in range(a.shape[0]):
-        total += a[k] * b[k]
-    out[0] = total
+    return out

@@ -9,7 +9,8 @@ import math
 
 import numpy as np
 
-from mpvi_bt.robot.kernels import compiled, distance, doubled, narrowed, rotate
+from mpvi_bt.compiled import compiled
+from mpvi_bt.robot.kernels import distance, doubled, narrowed, rotate
 
 WAYS = 8  # postures at one pan: two bends of the elbow, two of the shoulder, two of the wrist
 

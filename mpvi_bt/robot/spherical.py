@@ -9,7 +9,8 @@ import math
 
 import numpy as np
 
-from mpvi_bt.robot.kernels import compiled, distance, doubled, narrowed, rotate
+from mpvi_bt.compiled import compiled
+from mpvi_bt.robot.kernels import distance, doubled, narrowed, rotate
 
 
 @compiled
