@@ -16,7 +16,7 @@ from mpvi_bt.behaviors.node import failure_of
 from mpvi_bt.behaviors.protocols import Judgement, Progress, Report, TriggerEvent
 from mpvi_bt.behaviors.question import Question
 from mpvi_bt.errors import NodeError, UnknownName
-from mpvi_bt.robot.limits import LARGEST_STEP, extremes
+from mpvi_bt.robot.limits import extremes, largest_step
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, CameraImage
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
@@ -156,7 +156,7 @@ def test_actions_reach_the_robot_within_its_limits_and_rate(joint: int, wild: fl
         bench.run(1)
         now = bench.world.robot.action
         assert np.array_equal(now, np.clip(now, *extremes(R1)))
-        assert (np.abs(now - last) <= LARGEST_STEP + 1e-12).all()
+        assert (np.abs(now - last) <= largest_step(R1) + 1e-12).all()
         last = now
     assert bench.context.log.clipped == ticks
 
@@ -167,7 +167,7 @@ def test_what_is_within_the_limits_reaches_the_robot_bit_by_bit(seed: int) -> No
     rng = np.random.default_rng(seed)
     bench = Bench("manipulate: pick up the cup")
     bench.run(1)
-    step = np.where(np.isfinite(LARGEST_STEP), LARGEST_STEP, 0.1)
+    step = np.where(np.isfinite(largest_step(R1)), largest_step(R1), 0.1)
     for _ in range(10):
         last = bench.world.robot.action
         action = np.clip(last + rng.uniform(-1, 1, ACTION_SIZE) * step * 0.999, *extremes(R1))

@@ -188,7 +188,7 @@ def test_what_it_cannot_do_is_refused_in_one_line() -> None:
     config = EpisodeConfig("picking_up_trash", robot="fetch")
     with pytest.raises(UserError, match=r"left hand.*fetch has the right one"):
         prepare_episode(config)
-    with pytest.raises(UserError, match=r"--robot fetch: policy openpi speaks with the r1 only"):
+    with pytest.raises(UserError, match=r"--robot fetch: policy openpi speaks with r1 and r1pro only"):
         prepare_episode(EpisodeConfig("picking_up_trash", robot="fetch", policy="openpi:ws://localhost:1"))
     with pytest.raises(UnknownName, match=r"fetch"):
         robot_named("fetsch")

@@ -201,7 +201,7 @@ def test_a_gripper_opens_and_closes_evenly(world: World, side: Side) -> None:
         assert felt.gripper_width[side] == pytest.approx(max(0.0, -0.02 + (value + 1) / 2 * 0.12), abs=0.004)
         assert felt.gripper_width[other] == pytest.approx(2 * r1.FINGER_TRAVEL_M, abs=0.004)
         to_tcp = kin.inverse(world.robot.hand_pose_world(side))
-        fingers = [world.robot.links[n.removesuffix("_joint")].entity_pose.p for n in r1.FINGER_JOINTS[side]]
+        fingers = [world.robot.links[name].entity_pose.p for name in r1.FINGER_LINKS[side]]
         left, right = (float((to_tcp @ np.append(p, 1.0))[1]) for p in fingers)
         assert left == pytest.approx(-right, abs=0.003)
         assert left - right == pytest.approx(felt.gripper_width[side], abs=0.003)

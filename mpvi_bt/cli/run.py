@@ -45,10 +45,10 @@ _OF_THIS_RUN = ("video", "picture", "rerun", *ASKING)  # of an episode that goes
 @click.option("--plan", type=Name("tasks/plans", file=True), help="Compile this plan, by name or file.")
 @click.option(
     "--robot",
-    type=click.Choice(["r1", "fetch"]),
+    type=click.Choice(["r1", "r1pro", "fetch"]),
     default="r1",
     show_default=True,
-    help="Which robot: the r1 has two arms, the fetch one.",
+    help="Which robot: the r1 and BEHAVIOR's r1pro have two arms, the fetch one.",
 )
 @click.option(
     "--sim",

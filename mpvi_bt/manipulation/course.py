@@ -228,8 +228,11 @@ class CourseSearch(Site):
         """The torso (4,) at the end of the course, if everything stays free and reachable on the way."""
         ends = [body.torso]
         if self.bendable:
-            every = body.robot.torsos(_PITCHES, body.torso[3])
-            ends += list(every[np.argsort(matmul(np.abs(every[:, :3] - body.torso[:3]), [1.0, 0.0, 0.8]))])
+            trunk = body.robot.trunk
+            now = trunk.posture(body.torso)
+            every = body.robot.postures(_PITCHES, float(now[3]))
+            nearest = np.argsort(matmul(np.abs(every[:, :3] - now[:3]), [1.0, 0.0, 0.8]))
+            ends += list(trunk.joints(every[nearest]))
         xs = np.linspace(0, 1, (_SAMPLES - 1) * _BETWEEN + 1)
         poses = [(float(x), matmul(kin.inverse(kin.base(base)), course.pulled(float(x)))) for x in xs]
         for end in ends:

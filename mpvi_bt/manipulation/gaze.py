@@ -119,7 +119,7 @@ def _overlooking(work: Work, name: str) -> list[Array]:
         torso = np.array([max(lift, min(0.55, float(middle[2]) - 0.65)), 0.0, pitch, work.motion.torso[3]])
         torso[:3] = np.clip(torso[:3], *robot.torso_limits[:3].T)
         seen = matmul(kin.inverse(robot.chest(torso)), T, np.append(middle, 1.0))[:3]
-        ahead = seen - robot.head_m - robot.head_camera_m
+        ahead = seen - robot.head_m - robot.head_to_camera[:3, 3]
         if np.arctan2(-ahead[2], max(float(ahead[0]), 0.0)) < _HANDS_RAD and replace(body, torso=torso).all_free():
             found.append(torso)
     return found

@@ -106,12 +106,13 @@ class Site:
             Torsos (m, 4); the index of its torso (n,), the index of its goal (n,) and the arm (n, 7) of each posture.
         """
         robot = self.motion.robot
-        torsos = robot.torsos(pitches, robot.travel_torso[3])
+        postures = robot.postures(pitches, float(robot.trunk.posture(robot.travel_torso)[3]))
+        torsos, lift = robot.trunk.joints(postures), robot.trunk.posture(self.motion.torso)[0]
         chests = kin.inverse(robot.chest(torsos))
         at, q = robot.arm_inverse(matmul(chests[:, None], goals[None]).reshape(-1, 4, 4), self.side, swivels=swivels)
         t, g = at // len(goals), at % len(goals)
         cost = (
-            3 * robot.limit_cost(q, self.side) + 0.6 * torsos[t, 2] + 0.5 * np.abs(torsos[t, 0] - self.motion.torso[0])
+            3 * robot.limit_cost(q, self.side) + 0.6 * postures[t, 2] + 0.5 * np.abs(postures[t, 0] - lift)
             + np.array(costs)[g] + 0.1 * np.abs(q - self.motion.arm(self.side)).sum(1)
         )  # fmt: skip
         rows = np.argsort(cost)

@@ -243,7 +243,8 @@ def _grip_at(work: Work, search: Search, base: Array, back: Array, box: Box) -> 
     to_base = kin.inverse(kin.base(base))
     touching, wide = box.hands(0.0), box.hands(_WIDE_M)
     robot = work.motion.robot
-    torsos = robot.torsos(_PITCHES, robot.travel_torso[3])
+    postures = robot.postures(_PITCHES, float(robot.trunk.posture(robot.travel_torso)[3]))
+    torsos = robot.trunk.joints(postures)
     chests = kin.inverse(robot.chest(torsos))
     found: dict[Side, dict[int, list[Array]]] = {}
     for side in SIDES:
@@ -252,7 +253,7 @@ def _grip_at(work: Work, search: Search, base: Array, back: Array, box: Box) -> 
         found[side] = {}
         for row in np.argsort(cost):
             found[side].setdefault(int(at[row]), []).append(q[row])
-    shared = sorted(set(found["left"]) & set(found["right"]), key=lambda t: 0.6 * torsos[t, 2] - 0.2 * torsos[t, 0])
+    shared = sorted(set(found["left"]) & set(found["right"]), key=lambda t: 0.6 * postures[t, 2] - 0.2 * postures[t, 0])
     loose, all_around = search.around(base, touched=False), search.around(base, touched=True)
     rear = search.around(back, touched=True)
     for t in shared[:_CHECKED_TORSOS]:

@@ -148,7 +148,7 @@ def sweep(
 
     Args:
         body: The robot as it stands. What is too near at the start may be left, not come nearer.
-        torso: (>= 3,) where the torso goes.
+        torso: (4,) where the torso goes.
         hands: Paths in the base frame; the other arms ride along.
         samples: Postures that are checked.
 
@@ -194,10 +194,10 @@ def swings_clear(body: Body, torso: Array, arms: Mapping[Side, Sequence[Array]],
 
 
 def _torsos(body: Body, torso: Array, samples: int) -> Iterator[tuple[float, Array]]:
-    """Shares of the way to a torso posture (>= 3,), and what it is by then (3,)."""
-    start = np.asarray(body.torso, float)[:3]
+    """Shares of the way to a torso (4,), and what it is by then (4,)."""
+    start = np.asarray(body.torso, float)
     for u in np.linspace(0, 1, samples + 1)[1:]:
-        yield float(u), start + (np.asarray(torso, float)[:3] - start) * u
+        yield float(u), start + (np.asarray(torso, float) - start) * u
 
 
 def trace(robot: RobotModel, torso: Array, side: Side, start: Array, T_base_tcp: Array) -> list[Array] | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,13 +91,14 @@ class _Looped(ABC):
 class SphericalArm(_Looped):
     """Spherical - revolute - spherical, hanging straight down at zero: the free angle is the swivel of the elbow.
 
-    Frames: upper arm (at the shoulder), forearm (at the elbow), tcp.
+    Axes: y, x, z, y, z, y, and then z or x. Frames: upper arm (at the shoulder), forearm (at the elbow), tcp.
 
     Attributes:
         shoulder: (3,) in the chest frame [m].
         upper_m, forearm_m: Shoulder to elbow, elbow to wrist.
         tcp_m: Wrist to tcp.
         limits: (7, 2) [rad].
+        last: Axis of the last joint: z, along the fingers, or x.
     """
 
     shoulder: Array
@@ -105,6 +106,7 @@ class SphericalArm(_Looped):
     forearm_m: float
     tcp_m: float
     limits: Array
+    last: Literal["z", "x"] = "z"
 
     @property
     def reach_m(self) -> float:
@@ -118,8 +120,8 @@ class SphericalArm(_Looped):
         return spherical
 
     @property
-    def _shape(self) -> tuple[Array, float, float, float]:
-        return self.shoulder, self.upper_m, self.forearm_m, self.tcp_m
+    def _shape(self) -> tuple[Array, float, float, float, int]:
+        return self.shoulder, self.upper_m, self.forearm_m, self.tcp_m, "xyz".index(self.last)
 
 
 @dataclass(frozen=True, eq=False)

@@ -118,7 +118,7 @@ class Body:
 
     Attributes:
         robot: Which.
-        torso: (>= 3,) lift, waist yaw, waist pitch.
+        torso: (4,) its joints.
         arms: (7,) posture of each arm.
         held: What each hand holds.
         around: What is near, in the base frame.
@@ -152,8 +152,8 @@ class Body:
         theirs = self.held[idle].solids.seen_from(kin.inverse(hands2[0])) if idle in self.held else NOTHING
         mine = self.held[side].solids if side in self.held else NOTHING
         itself = kernels.self_distance(
-            p, radii, hull.hand_from, own, hands, self._from_chest, hull.boxes, hull.boxes_from, hull.column, hull.base,
-            hull.fold_m, p2[0, :own2], r2[:own2], mine.arrays, theirs.arrays,
+            p, radii, hull.hand_from, own, hands, self._from_chest, hull.boxes, hull.boxes_from, hull.columns,
+            hull.base, hull.fold_m, *self._others(p2[0, :own2], r2[:own2]), mine.arrays, theirs.arrays,
         )  # fmt: skip
         return around, itself
 
@@ -163,7 +163,9 @@ class Body:
         What has been computed of the posture is kept: searches ask the same one thousands of times.
         """
         there = replace(self, around=around, held=self.held if held is None else held)
-        vars(there).update(_chest=self._chest, _from_chest=self._from_chest, _standing=self._standing)
+        vars(there).update(
+            _chest=self._chest, _from_chest=self._from_chest, _links=self._links, _standing=self._standing
+        )
         return there
 
     def spheres(self, side: Side, q: Array) -> tuple[Array, Array]:
@@ -184,7 +186,11 @@ class Body:
     def trunk_free(self) -> bool:
         """Whether head and chest are clear of the surroundings: a pitched waist puts them where the furniture is."""
         T, trunk = self.robot.chest(self.torso), self.robot.hull.trunk
-        return bool((self.around.distance(matmul(trunk[:, :3], T[:3, :3].T) + T[:3, 3]) > trunk[:, 3]).all())
+        centers, radii = self._links
+        chest = matmul(trunk[:, :3], T[:3, :3].T) + T[:3, 3]
+        return all(
+            bool((self.around.distance(p) > r).all()) for p, r in ((chest, trunk[:, 3]), (centers, radii)) if len(r)
+        )
 
     def all_free(self) -> bool:
         """Whether arms and trunk are free as they stand."""
@@ -197,6 +203,18 @@ class Body:
     @cached_property
     def _from_chest(self) -> Array:
         return kin.inverse(self._chest)
+
+    @cached_property
+    def _links(self) -> tuple[Array, Array]:
+        """Centers (n, 3) in the base frame and radii (n,) of the trunk's links."""
+        hull = self.robot.hull
+        T = self.robot.trunk.links(self.torso)[hull.link]
+        return matmul(T[:, :3, :3], hull.links[:, :3, None])[..., 0] + T[:, :3, 3], hull.links[:, 3]
+
+    def _others(self, arm: Array, radii: Array) -> tuple[Array, Array]:
+        """What an arm keeps clear of besides boxes: spheres of the other arm, and of the trunk's links."""
+        centers, more = self._links
+        return (np.concatenate([arm, centers]), np.concatenate([radii, more])) if len(more) else (arm, radii)
 
     @cached_property
     def _standing(self) -> dict[tuple[Side, Load | None], tuple[Array, Array, Array, int]]:

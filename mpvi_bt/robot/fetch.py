@@ -11,8 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import PannedArm
-from mpvi_bt.robot.model import Camera, Drive, Hull, RobotModel
+from mpvi_bt.robot.model import Camera, Drive, Hull, RobotModel, wrist_mount
+from mpvi_bt.robot.trunk import LiftTrunk
 
 HAND_M = 0.1385  # wrist to flange, at the roll joint
 GRIPPER_M = 0.16645  # flange to gripper_link, between the fingers
@@ -48,6 +50,7 @@ _ARM_JOINTS = (
     "wrist_flex_joint", "wrist_roll_joint",
 )  # fmt: skip
 _FINGERS = ("l_gripper_finger_joint", "r_gripper_finger_joint")
+_FINGER_LINKS = ("l_gripper_finger", "r_gripper_finger")
 _BASE_JOINTS = ("root_x_axis_joint", "root_y_axis_joint", "root_z_rotation_joint")
 
 _SPHERES = np.array(
@@ -66,7 +69,7 @@ _HULL = Hull(
     boxes=np.array([(-0.07, 0, 0.32, 0.115, 0.17, 0.285), (0.10, 0, 0.23, 0.06, 0.10, 0.09),
                     (0.09, 0, 0.66, 0.16, 0.145, 0.06)]),
     boxes_from=np.array([1, 2, 1]),
-    column=np.array([-0.187, 0, 0.59, 0.068, 0.155, 0.23]),
+    columns=np.array([(-0.187, 0, 0.59, 0.068, 0.155, 0.23)]),
     base=np.array([BASE_RADIUS_M, BASE_HEIGHT_M]),
     fold_m=0.13,
     trunk=np.array([(-0.07, y, z, 0.13) for y in (-0.08, 0.08) for z in (0.12, 0.32, 0.5)] + [(0.09, 0, 0.66, 0.16)]),
@@ -77,25 +80,24 @@ _HULL = Hull(
 FETCH = RobotModel(
     name="fetch",
     arms={"right": _ARM},
+    trunk=LiftTrunk(LIFT_M, 0.0, np.array([[0.0, 0.38615], [0.0, 0.0], [0.0, 0.0], [-0.76, 1.45]])),
     base_joints=_BASE_JOINTS,
     torso_joints=("torso_lift_joint", None, None, "head_tilt_joint"),
     arm_joints={"right": _ARM_JOINTS},
     finger_joints={"right": _FINGERS},
     hand_links={"right": "gripper_link"},
-    torso_limits=np.array([[0.0, 0.38615], [0.0, 0.0], [0.0, 0.0], [-0.76, 1.45]]),
+    finger_links={"right": _FINGER_LINKS},
     arm_speed=np.array([1.256, 1.454, 1.571, 1.521, 1.571, 2.268, 2.268]),
     arm_acceleration=np.array([4.0, 4.0, 5.0, 5.0, 5.0, 7.0, 7.0]),
     torso_speed=np.array([0.1, 1.0, 1.0, 1.57]),
     torso_acceleration=np.array([0.5, 1.0, 1.0, 6.0]),
     base_speed=np.array([1.0, 0.0, 1.5]),
     drive_acceleration=np.array([1.0, 2.0]),
-    waist_m=LIFT_M,
-    chest_m=0.0,
+    top_speed=np.array([0.5, 2.0, 2.0, 5.0, *7 * [5.0]]),  # as of the r1
     head_m=HEAD_PAN_M + HEAD_TILT_M,
-    head_camera_m=HEAD_CAMERA_M,
+    head_to_camera=kin.transform(kin.LINK_TO_OPTICAL, HEAD_CAMERA_M),
     tcp_m=TCP_M,
-    wrist_camera_m=WRIST_CAMERA_M,
-    wrist_camera_tilt_rad=WRIST_CAMERA_TILT_RAD,
+    hand_to_camera=wrist_mount(WRIST_CAMERA_M, WRIST_CAMERA_TILT_RAD),
     finger_travel_m=FINGER_TRAVEL_M,
     base_radius_m=BASE_RADIUS_M,
     travel_arm={"right": np.array([0.65, 1.22, -0.84, 2.15, -0.38, 1.44, 0.0])},  # within 0.33 m, 3 cm clear of itself
@@ -118,7 +120,7 @@ FETCH = RobotModel(
         ("base_link", "torso_lift_link", "head_pan_link", "head_tilt_link"),
         ("torso_lift_link", "shoulder_pan_link", "shoulder_lift_link"),
         ("forearm_roll_link", "wrist_flex_link", "wrist_roll_link", "gripper_link"),
-        tuple(name.removesuffix("_joint") for name in _FINGERS),
+        _FINGER_LINKS,
     ),
     still=(HEAD_PAN_JOINT,),
 )

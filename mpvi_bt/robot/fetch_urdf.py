@@ -99,8 +99,8 @@ def _arm(robot: ET.Element) -> None:
     add_visual(gripper, "box", (0.12, 0.125, 0.075), (-0.093, 0, 0), DARK)
     add_collision(gripper, "box", (0.12, 0.125, 0.075), (-0.093, 0, 0))
     add_joint(robot, "gripper_axis", "fixed", "wrist_roll_link", "gripper_link", (fetch.GRIPPER_M, 0, 0))
-    for name, sign in zip(FETCH.finger_joints["right"], (-1, 1), strict=True):
-        finger_name, middle = name.removesuffix("_joint"), 0.0068 - fetch.FINGER_GAP_M
+    middle = 0.0068 - fetch.FINGER_GAP_M
+    for name, finger_name, sign in zip(FETCH.finger_joints["right"], FETCH.finger_links["right"], (-1, 1), strict=True):
         finger = add_link(robot, finger_name, 0.08, (2e-4, 2e-4, 2e-4))
         add_visual(finger, "box", (0.060, 0.0135, 0.026), (0.001, sign * middle, 0), DARK)
         add_visual(finger, "box", (0.022, 0.002, 0.022), (0.018, sign * (0.0005 - fetch.FINGER_GAP_M), 0), ORANGE)

@@ -121,7 +121,7 @@ def _to_box(x, y, z, box):  # type: ignore
 
 @compiled
 def self_distance(  # type: ignore
-    p, radii, first_hand, own, hands, chest, boxes, boxes_from, lift_box, base, fold, p2, r2, mine, theirs
+    p, radii, first_hand, own, hands, chest, boxes, boxes_from, columns, base, fold, p2, r2, mine, theirs
 ):
     """(n,) how far an arm's spheres p (n, m, 3) keep from the robot: see `collision.Body.clearance`.
 
@@ -134,10 +134,10 @@ def self_distance(  # type: ignore
         chest: (4, 4) base to chest.
         boxes: (b, 6) center and half extents in the chest frame.
         boxes_from: (b,) the first of the spheres that may not touch each.
-        lift_box: (6,) in the base frame.
+        columns: (c, 6) likewise in the base frame.
         base: (2,) radius and height of the base.
         fold: How near the hand may come to the middle of its own shoulder.
-        p2: (k, 3) spheres of the other arm.
+        p2: (k, 3) spheres of the other arm and of the trunk's links.
         r2: (k,) their radii.
         mine: What this hand holds, in its tcp frame: inverse poses, half extents, which are round.
         theirs: What the other hand holds, likewise in the base frame.
@@ -156,7 +156,8 @@ def self_distance(  # type: ignore
                     best = min(best, _to_box(u, v, w, boxes[j]) - r)
             if s < 2:
                 continue
-            best = min(best, _to_box(x, y, z, lift_box) - r)
+            for j in range(columns.shape[0]):
+                best = min(best, _to_box(x, y, z, columns[j]) - r)
             beside, above = max(math.sqrt(x * x + y * y) - base[0], 0.0), max(z - base[1], 0.0)
             best = min(best, math.sqrt(beside * beside + above * above) - r)
             best = min(best, _to_solids(x, y, z, theirs[0], theirs[1], theirs[2], 9.0) - r)

@@ -13,12 +13,16 @@ from mpvi_bt.robot.solids import Array
 # Our choice: targets may run ahead of the joints, as those of learned policies do, so that a step may be three times
 # what a joint does at its top speed; the base ramps its speed up by itself, and a gripper may be told to shut at once.
 _AHEAD = 3.0
-_ARM_RAD_S = 5.0
-_TORSO_PER_S = np.array([0.5, 2.0, 2.0, 5.0])  # [m/s, rad/s, rad/s, rad/s]
-_FREE = [np.inf]
-LARGEST_STEP = _AHEAD / CONTROL_HZ * np.concatenate(
-    [3 * _FREE, _TORSO_PER_S, 7 * [_ARM_RAD_S], _FREE, 7 * [_ARM_RAD_S], _FREE]
-)  # fmt: skip
+
+
+@cache
+def largest_step(robot: RobotModel) -> Array:
+    """(23,) how far targets of two steps in a row may be apart; infinite for base and grippers."""
+    step = np.full(ACTION_SIZE, np.inf)
+    step[ActionLayout.TORSO] = _AHEAD / CONTROL_HZ * robot.top_speed[:4]
+    for arm in ActionLayout.ARM.values():
+        step[arm] = _AHEAD / CONTROL_HZ * robot.top_speed[4:]
+    return step
 
 
 @cache
@@ -46,4 +50,4 @@ def within_reach_of(robot: RobotModel, last: Array, action: Array) -> Array:
         last: (23,) the command before.
         action: (23,) finite; what is asked for. One within the limits comes back bit by bit.
     """
-    return np.clip(within_limits(robot, action), last - LARGEST_STEP, last + LARGEST_STEP)
+    return np.clip(within_limits(robot, action), last - largest_step(robot), last + largest_step(robot))

@@ -1,13 +1,13 @@
 """What a robot is made of, as a value: its joints and limits, arms, cameras, hull and postures.
 
-Frames: base x forward, y left, z up, on the floor. Chest: turns with the torso and carries shoulders and head.
+Frames: base x forward, y left, z up, on the floor. Chest: moved by the trunk, carries shoulders and head.
 Hand: z along the fingers (approach), y across them (closing), origin at the flange; the tcp lies between the pads.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,7 @@ from mpvi_bt.robot.arms import Arm
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.trunk import Trunk
 
 SIGN: Mapping[Side, int] = {"left": 1, "right": -1}
 
@@ -33,6 +34,12 @@ class Camera:
     near_m: float
     far_m: float
     link: str
+
+
+def wrist_mount(p: Array, tilt_rad: float) -> Array:
+    """T_hand_camera (4, 4), optical frame, of a camera at `p` (3,) that is tilted by so much toward the tcp."""
+    R = kin.rot_y(-np.pi / 2 + tilt_rad)
+    return kin.transform(R[:, [1, 2, 0]] * [-1, -1, 1], p)
 
 
 @dataclass(frozen=True)
@@ -57,10 +64,12 @@ class Hull:
         boxes: (k, 6) centers and half extents in the chest frame, of chest and head.
         boxes_from: (k,) the first of the arm's spheres that has to keep clear of each; those before it are its
             neighbors.
-        column: (6,) a box in the base frame.
+        columns: (k, 6) boxes in the base frame, of what is fixed on the base.
         base: (2,) radius and height of the base.
         fold_m: The middles of a hand's spheres come no nearer to those of the first two.
         trunk: (n, 4) spheres in the chest frame, center and radius, that stand for head and chest among furniture.
+        links: (n, 4) likewise in the frames of `Trunk.links`, which arms keep clear of, too.
+        link: (n,) the frame that each is in.
         standing: (n, 4) likewise in the base frame, for the base and what is fixed above it, wherever the torso is.
     """
 
@@ -70,11 +79,13 @@ class Hull:
     fingers: int
     boxes: Array
     boxes_from: NDArray[np.int64]
-    column: Array
+    columns: Array
     base: Array
     fold_m: float
     trunk: Array
     standing: Array
+    links: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    link: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))
 
     @cached_property
     def hand_from(self) -> int:
@@ -86,32 +97,30 @@ class Hull:
 class RobotModel:
     """A robot: a base, a torso, one or two arms with seven joints and a gripper each, and cameras.
 
-    All robots have one layout of the torso: lift [m], waist yaw, waist pitch, head tilt [rad]. Where a robot has no
-    such joint its name is None and both limits are 0.
+    A torso is four joints, such as lift [m], waist yaw, waist pitch, head tilt [rad]; its trunk says what they do.
+    Where a robot has no such joint its name is None and both limits are 0.
 
     Attributes:
         name: As `--robot` has it.
         arms: Its arms; a robot with one has it on the "right".
+        trunk: What carries the chest.
         base_joints: Along x, along y, about z.
         torso_joints: Names, or None.
         arm_joints, finger_joints: Names.
-        hand_links: What the fingers are fixed to.
-        torso_limits: (4, 2) [m, rad].
+        hand_links, finger_links: What the fingers are fixed to, and what they are.
         arm_speed, arm_acceleration: (7,) what motions are planned with [rad/s, rad/s^2].
-        torso_speed, torso_acceleration: (4,) likewise.
+        torso_speed, torso_acceleration: (4,) likewise [m or rad].
+        top_speed: (11,) of torso and arm, what the joints can do [m/s, rad/s]: how fast targets may run.
         base_speed: (3,) [m/s, m/s, rad/s] the most; the second is 0 for a base that cannot go sideways.
         drive_acceleration: (2,) of straight drives [m/s^2, rad/s^2].
-        waist_m: (3,) where the lift's zero is in the base frame.
-        chest_m: How far the chest's origin is above that of the lift.
-        head_m: (3,) tilt axis of the head in the chest frame.
-        head_camera_m: (3,) in the head frame.
+        head_m: (3,) the head in the chest frame, on its tilt axis.
+        head_to_camera: (4, 4) T_head_camera, optical frame.
         tcp_m: Flange to tcp.
-        wrist_camera_m: (3,) in the hand frame.
-        wrist_camera_tilt_rad: Toward the tcp.
+        hand_to_camera: (4, 4) T_hand_camera of each wrist camera, optical frame.
         finger_travel_m: Of each finger; the hand opens twice that.
         base_radius_m: Of the circle about the base.
-        travel_arm, travel_torso: Posture to drive in.
-        lifts: Of the torso [m], of which searches for a posture try each.
+        travel_arm, travel_torso: Joints to drive in, and to begin with.
+        lifts: Of the trunk [m], of which searches for a posture try each.
         drives: Gains by joint.
         cameras: "head", and of each arm one by the name of its side.
         hull: Where it would touch.
@@ -121,25 +130,24 @@ class RobotModel:
 
     name: str
     arms: Mapping[Side, Arm]
+    trunk: Trunk
     base_joints: tuple[str, str, str]
     torso_joints: tuple[str | None, ...]
     arm_joints: Mapping[Side, tuple[str, ...]]
     finger_joints: Mapping[Side, tuple[str, str]]
     hand_links: Mapping[Side, str]
-    torso_limits: Array
+    finger_links: Mapping[Side, tuple[str, str]]
     arm_speed: Array
     arm_acceleration: Array
     torso_speed: Array
     torso_acceleration: Array
     base_speed: Array
     drive_acceleration: Array
-    waist_m: Array
-    chest_m: float
+    top_speed: Array
     head_m: Array
-    head_camera_m: Array
+    head_to_camera: Array
     tcp_m: float
-    wrist_camera_m: Array
-    wrist_camera_tilt_rad: float
+    hand_to_camera: Array
     finger_travel_m: float
     base_radius_m: float
     travel_arm: Mapping[Side, Array]
@@ -161,30 +169,26 @@ class RobotModel:
         """Whether its base can go sideways."""
         return bool(self.base_speed[1])
 
-    def torsos(self, pitches: Iterable[float], tilt: float) -> Array:
-        """(n, 4) postures of the torso that searches try: its lifts, at those pitches [rad] that it can take."""
-        low, high = self.torso_limits[2]
+    @property
+    def torso_limits(self) -> Array:
+        """(4, 2) of the torso's joints [m or rad]."""
+        return self.trunk.joint_limits
+
+    def postures(self, pitches: Iterable[float], tilt: float) -> Array:
+        """(n, 4) postures of the trunk that searches try: its lifts, at those pitches [rad] that it can take."""
+        low, high = self.trunk.limits[2]
         able = [pitch for pitch in pitches if low <= pitch <= high]
         return np.array([(lift, 0.0, pitch, tilt) for lift in self.lifts for pitch in able])
 
     def chest(self, torso: Array) -> Array:
-        """T_base_chest (..., 4, 4) of lift, waist yaw, waist pitch (..., >= 3)."""
-        torso = np.asarray(torso, float)
-        up = np.zeros((*torso.shape[:-1], 3))
-        up[..., :2] = self.waist_m[:2]
-        up[..., 2] = self.waist_m[2] + torso[..., 0] + self.chest_m
-        return kin.transform(matmul(kin.rot_z(torso[..., 1]), kin.rot_y(torso[..., 2])), up)
+        """T_base_chest (..., 4, 4) of a torso's joints (..., 4)."""
+        return self.trunk.chest(torso)
 
     def head_camera(self, torso: Array) -> Array:
         """T_base_camera (4, 4), optical frame, of torso (4,)."""
-        T = matmul(self.chest(torso), kin.transform(kin.rot_y(float(torso[3])), self.head_m))
-        return matmul(T, kin.transform(kin.LINK_TO_OPTICAL, self.head_camera_m))
-
-    @property
-    def hand_to_camera(self) -> Array:
-        """T_hand_camera (4, 4), optical frame, of each wrist camera."""
-        R = matmul(kin.rot_y(-np.pi / 2 + self.wrist_camera_tilt_rad), kin.LINK_TO_OPTICAL)
-        return kin.transform(R, self.wrist_camera_m)
+        tilt = float(self.trunk.posture(torso)[3])
+        T = matmul(self.chest(torso), kin.transform(kin.rot_y(tilt), self.head_m))
+        return matmul(T, self.head_to_camera)
 
     def wrist_camera(self, torso: Array, q: Array, side: Side) -> Array:
         """T_base_camera (4, 4), optical frame, of torso (4,) and arm (7,)."""
@@ -202,7 +206,7 @@ class RobotModel:
         return self.arm_frames(q, side)[..., -1, :, :]
 
     def tcp(self, torso: Array, q: Array, side: Side) -> Array:
-        """T_base_tcp (..., 4, 4) of torso (..., >= 3) and arm angles (..., 7)."""
+        """T_base_tcp (..., 4, 4) of torso (..., 4) and arm angles (..., 7)."""
         return matmul(self.chest(torso), self.arm(q, side))
 
     def arm_inverse(self, T_chest_tcp: Array, side: Side, swivels: int = 36) -> tuple[NDArray[np.intp], Array]:

@@ -10,10 +10,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import SphericalArm
-from mpvi_bt.robot.model import SIGN, Camera, Drive, Hull, RobotModel
+from mpvi_bt.robot.model import SIGN, Camera, Drive, Hull, RobotModel, wrist_mount
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.trunk import LiftTrunk
 
 UPPER_ARM_M = 0.32
 FOREARM_M = 0.30
@@ -32,6 +34,7 @@ BASE_JOINTS = ("root_x_axis_joint", "root_y_axis_joint", "root_z_rotation_joint"
 TORSO_JOINTS = ("torso_lift_joint", "waist_yaw_joint", "waist_pitch_joint", "head_tilt_joint")
 ARM_JOINTS: Mapping[Side, tuple[str, ...]] = {s: tuple(f"{s}_arm_joint{i}" for i in range(1, 8)) for s in SIGN}
 FINGER_JOINTS: Mapping[Side, tuple[str, str]] = {s: (f"{s}_leftfinger_joint", f"{s}_rightfinger_joint") for s in SIGN}
+FINGER_LINKS: Mapping[Side, tuple[str, str]] = {s: (f"{s}_leftfinger", f"{s}_rightfinger") for s in SIGN}
 
 TORSO_LIMITS = np.array([[0.0, 0.55], [-1.57, 1.57], [-0.3, 1.4], [-0.6, 1.3]])
 # The elbow could bend to -2.55, but forearm and upper arm touch from -2.2.
@@ -46,6 +49,7 @@ ARM_SPEED = np.array([2.0, 2.0, 2.0, 2.0, 2.5, 2.5, 2.5])  # [rad/s]
 ARM_ACCELERATION = np.array([6.0, 6.0, 6.0, 6.0, 8.0, 8.0, 8.0])  # [rad/s^2]
 TORSO_SPEED = np.array([0.25, 0.8, 0.7, 2.0])  # [m/s, rad/s, rad/s, rad/s]
 TORSO_ACCELERATION = np.array([0.8, 2.5, 2.0, 8.0])  # [m/s^2, rad/s^2, rad/s^2, rad/s^2]
+TOP_SPEED = np.array([0.5, 2.0, 2.0, 5.0, *7 * [5.0]])  # of torso and arm [m/s, rad/s]
 BASE_SPEED = np.array([0.8, 0.8, 1.5])  # [m/s, m/s, rad/s]
 DRIVE_ACCELERATION = np.array([1.0, 2.0])  # of straight drives [m/s^2, rad/s^2]
 
@@ -96,7 +100,7 @@ _HULL = Hull(
     fingers=4,
     boxes=np.array([(-0.04, 0, 0.21, 0.07, 0.11, 0.14), (-0.01, 0, 0.51, 0.06, 0.09, 0.06)]),
     boxes_from=np.array([1, 2]),
-    column=np.array([-0.10, 0, 0.40, 0.06, 0.08, 0.20]),
+    columns=np.array([(-0.10, 0, 0.40, 0.06, 0.08, 0.20)]),
     base=np.array([BASE_RADIUS_M, 0.26]),
     fold_m=0.09,
     trunk=np.array([(0.03, 0, 0.52, 0.12), (-0.04, 0, 0.40, 0.09), (-0.04, 0.06, 0.25, 0.10),
@@ -108,25 +112,24 @@ _HULL = Hull(
 R1 = RobotModel(
     name="r1",
     arms={s: SphericalArm(SHOULDER_M * [1, SIGN[s], 1], UPPER_ARM_M, FOREARM_M, TCP_M, ARM_LIMITS[s]) for s in SIGN},
+    trunk=LiftTrunk(np.array([0.0, 0.0, WAIST_M]), CHEST_M, TORSO_LIMITS),
     base_joints=BASE_JOINTS,
     torso_joints=TORSO_JOINTS,
     arm_joints=ARM_JOINTS,
     finger_joints=FINGER_JOINTS,
     hand_links={s: f"{s}_hand" for s in SIGN},
-    torso_limits=TORSO_LIMITS,
+    finger_links=FINGER_LINKS,
     arm_speed=ARM_SPEED,
     arm_acceleration=ARM_ACCELERATION,
     torso_speed=TORSO_SPEED,
     torso_acceleration=TORSO_ACCELERATION,
     base_speed=BASE_SPEED,
+    top_speed=TOP_SPEED,
     drive_acceleration=DRIVE_ACCELERATION,
-    waist_m=np.array([0.0, 0.0, WAIST_M]),
-    chest_m=CHEST_M,
     head_m=HEAD_M,
-    head_camera_m=HEAD_CAMERA_M,
+    head_to_camera=kin.transform(kin.LINK_TO_OPTICAL, HEAD_CAMERA_M),
     tcp_m=TCP_M,
-    wrist_camera_m=WRIST_CAMERA_M,
-    wrist_camera_tilt_rad=WRIST_CAMERA_TILT_RAD,
+    hand_to_camera=wrist_mount(WRIST_CAMERA_M, WRIST_CAMERA_TILT_RAD),
     finger_travel_m=FINGER_TRAVEL_M,
     base_radius_m=BASE_RADIUS_M,
     travel_arm=TRAVEL_ARM,
@@ -143,7 +146,7 @@ R1 = RobotModel(
             for group in (
                 (f"{s}_arm_link3", f"{s}_arm_link5"),
                 (f"{s}_arm_link5", f"{s}_hand"),
-                tuple(name.removesuffix("_joint") for name in FINGER_JOINTS[s]),
+                FINGER_LINKS[s],
             )
         ),
     ),

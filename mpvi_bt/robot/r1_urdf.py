@@ -108,8 +108,7 @@ def _arm(robot: ET.Element, side: Side) -> None:
         low, high = map(float, r1.ARM_LIMITS[side][i - 1])
         add_joint(robot, r1.ARM_JOINTS[side][i - 1], "revolute", parent, name, xyz, rpy, axis, (low, high), effort)
         parent = name
-    for joint, sign in zip(r1.FINGER_JOINTS[side], (1, -1), strict=True):
-        name = joint.removesuffix("_joint")
+    for joint, name, sign in zip(r1.FINGER_JOINTS[side], r1.FINGER_LINKS[side], (1, -1), strict=True):
         finger = add_link(robot, name, 0.08, (2e-4, 2e-4, 2e-4), (0, sign * 0.006, 0.025))
         add_visual(finger, "box", (0.022, 0.012, 0.055), (0, sign * 0.007, 0.0275), DARK)
         add_visual(finger, "box", (0.020, 0.002, 0.022), (0, sign * 0.0005, 0.044), ORANGE)

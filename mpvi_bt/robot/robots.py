@@ -8,8 +8,9 @@ from mpvi_bt.errors import UnknownName
 from mpvi_bt.robot.fetch import FETCH
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.r1 import R1
+from mpvi_bt.robot.r1pro import R1PRO
 
-ROBOTS: Mapping[str, RobotModel] = {robot.name: robot for robot in (R1, FETCH)}
+ROBOTS: Mapping[str, RobotModel] = {robot.name: robot for robot in (R1, FETCH, R1PRO)}
 
 
 def robot_named(name: str) -> RobotModel:

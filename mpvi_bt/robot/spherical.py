@@ -1,6 +1,7 @@
 """Compiled loops over postures of a `SphericalArm`: its frames, and its inverse with the swivel as the free angle.
 
-`arms` says what each one computes; here shapes are taken to be right.
+`arms` says what each one computes; here shapes are taken to be right. `roll` is the axis of the last joint: 2 for a
+wrist about z, y, z and 0 for one about z, y, x.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from mpvi_bt.robot.kernels import distance, doubled, narrowed, rotate
 
 
 @compiled
-def arm_frames(q, shoulder, upper_arm, forearm, tcp):  # type: ignore
+def arm_frames(q, shoulder, upper_arm, forearm, tcp, roll):  # type: ignore
     """(n, 3, 4, 4) frames of upper arm, forearm and tcp in the chest frame."""
     n = q.shape[0]
     out = np.zeros((n, 3, 4, 4))
@@ -34,7 +35,8 @@ def arm_frames(q, shoulder, upper_arm, forearm, tcp):  # type: ignore
             elif frame == 2:
                 p -= forearm * B[:, 2]
                 rotate(B, 1, -math.cos(q[k, 5]), -math.sin(q[k, 5]), A)  # half a turn more
-                rotate(A, 2, math.cos(q[k, 6]), math.sin(q[k, 6]), B)
+                turn = q[k, 6] if roll == 2 else -q[k, 6]
+                rotate(A, roll, math.cos(turn), math.sin(turn), B)
                 p += tcp * B[:, 2]
             out[k, frame, :3, :3] = B
             out[k, frame, :3, 3] = p
@@ -43,8 +45,11 @@ def arm_frames(q, shoulder, upper_arm, forearm, tcp):  # type: ignore
 
 
 @compiled
-def _prepared(T, shoulder, a, b, tcp):  # type: ignore
-    """What every swivel of one target has in common: whether in reach, elbow, direction of the wrist, first turn."""
+def _prepared(T, shoulder, a, b, tcp, bend):  # type: ignore
+    """What every swivel of one target has in common: whether in reach, elbow, direction of the wrist, first turn.
+
+    The elbow bends forward (negative) if `bend` is 0, backward if it is 1.
+    """
     axis, shortest = np.empty(3), np.eye(3)
     to = np.empty(3)
     for i in range(3):
@@ -53,7 +58,7 @@ def _prepared(T, shoulder, a, b, tcp):  # type: ignore
     cosine = (reach * reach - a * a - b * b) / (2 * a * b)
     if not (abs(cosine) <= 1.0 and reach > 1e-6):
         return False, 0.0, to, shortest
-    q4 = -math.acos(cosine)
+    q4 = math.acos(cosine) if bend else -math.acos(cosine)
     to /= reach
     # The wrist in the shoulder's own frame, turned the shortest way onto where it has to be.
     x, z = -b * math.sin(q4) / reach, (-a - b * math.cos(q4)) / reach
@@ -85,34 +90,45 @@ def _shoulder(c, s, to, shortest, W, q):  # type: ignore
 
 
 @compiled
-def _wrist(W, ce, se, T, q):  # type: ignore
+def _wrist(W, ce, se, T, roll, q):  # type: ignore
     """Write the wrist's joint angles; `ce`, `se` are cosine and sine of the elbow's."""
+    v00, v10 = 0.0, 0.0
     v02, v12, v22 = 0.0, 0.0, 0.0
     v20, v21 = 0.0, 0.0
     for i in range(3):
         e0, e1, e2 = ce * W[i, 0] - se * W[i, 2], W[i, 1], se * W[i, 0] + ce * W[i, 2]
+        v00 += e0 * T[i, 0]
+        v10 += e1 * T[i, 0]
         v02 += e0 * T[i, 2]
         v12 += e1 * T[i, 2]
         v22 += e2 * T[i, 2]
         v20 += e2 * T[i, 0]
         v21 += e2 * T[i, 1]
-    q[4] = math.atan2(v12, v02)
-    q[5] = math.acos(min(1.0, max(-1.0, v22))) - math.pi
-    q[6] = math.atan2(v21, -v20)
+    if roll == 2:
+        q[4] = math.atan2(v12, v02)
+        q[5] = math.acos(min(1.0, max(-1.0, v22))) - math.pi
+        q[6] = math.atan2(v21, -v20)
+    else:
+        q[4] = math.atan2(-v10, -v00)
+        q[5] = math.asin(min(1.0, max(-1.0, v20)))
+        q[6] = math.atan2(v21, -v22)
 
 
 @compiled
-def _other_way(q, first):  # type: ignore
+def _other_way(q, first, roll):  # type: ignore
     """Turn three angles from `first` on into the other three of the same rotation."""
     for j in (first, first + 2):
         q[j] = q[j] - math.pi if q[j] > 0 else q[j] + math.pi
-    q[first + 1] = -q[first + 1] if first == 4 else math.pi - q[first + 1]
+    q[first + 1] = -q[first + 1] if first == 4 and roll == 2 else math.pi - q[first + 1]
     if q[first + 1] > math.pi:
         q[first + 1] -= 2 * math.pi
 
 
 @compiled
 def _within(q, limits, first):  # type: ignore
+    """Whether three angles from `first` on are within limits, the first after a whole turn if that helps."""
+    if q[first] > limits[first, 1] and q[first] - 2 * math.pi >= limits[first, 0]:
+        q[first] -= 2 * math.pi
     good = True
     for j in range(first, first + 3):
         good = good and limits[j, 0] <= q[j] <= limits[j, 1]
@@ -120,7 +136,7 @@ def _within(q, limits, first):  # type: ignore
 
 
 @compiled
-def arm_inverse(T, shoulder, a, b, tcp, limits, swivels):  # type: ignore
+def arm_inverse(T, shoulder, a, b, tcp, roll, limits, swivels):  # type: ignore
     """Index of the target (m,) and joint angles (m, 7) of every posture within limits, target by target."""
     room, found = max(64, T.shape[0] * 4), 0
     index, out = np.empty(room, np.int64), np.empty((room, 7))
@@ -128,83 +144,89 @@ def arm_inverse(T, shoulder, a, b, tcp, limits, swivels):  # type: ignore
     turn = -math.pi + 2 * math.pi * np.arange(swivels) / swivels
     c, s = np.cos(turn), np.sin(turn)
     for k in range(T.shape[0]):
-        good, q4, to, shortest = _prepared(T[k], shoulder, a, b, tcp)
-        if not good or not (limits[3, 0] <= q4 <= limits[3, 1]):
-            continue
-        q[3], ce, se = q4, math.cos(q4), math.sin(q4)
-        for i in range(swivels):
-            _shoulder(c[i], s[i], to, shortest, W, q)
-            ready = False
-            for _ in range(2):
-                if _within(q, limits, 0):
-                    if not ready:
-                        _wrist(W, ce, se, T[k], q)
-                        ready = True
-                    for _ in range(2):
-                        if _within(q, limits, 4):
-                            if found == room:
-                                index, out = doubled(index, out)
-                                room *= 2
-                            index[found] = k
-                            out[found] = q
-                            found += 1
-                        _other_way(q, 4)
-                _other_way(q, 0)
+        for bend in range(2):
+            good, q4, to, shortest = _prepared(T[k], shoulder, a, b, tcp, bend)
+            if not good or not (limits[3, 0] <= q4 <= limits[3, 1]):
+                continue
+            q[3], ce, se = q4, math.cos(q4), math.sin(q4)
+            for i in range(swivels):
+                _shoulder(c[i], s[i], to, shortest, W, q)
+                ready = False
+                for _ in range(2):
+                    if _within(q, limits, 0):
+                        if not ready:
+                            _wrist(W, ce, se, T[k], roll, q)
+                            ready = True
+                        for _ in range(2):
+                            if _within(q, limits, 4):
+                                if found == room:
+                                    index, out = doubled(index, out)
+                                    room *= 2
+                                index[found] = k
+                                out[found] = q
+                                found += 1
+                            _other_way(q, 4, roll)
+                    _other_way(q, 0, roll)
     return index[:found], out[:found]
 
 
 @compiled
-def _at_swivel(c, s, way, T, to, ce, se, shortest, limits, near, weights, W, q):  # type: ignore
+def _at_swivel(c, s, way, T, to, ce, se, shortest, roll, limits, near, weights, W, q):  # type: ignore
     """Distance from `near` of the posture at one swivel, split in the way 0..3; it is written to `q`."""
     _shoulder(c, s, to, shortest, W, q)
     if way >= 2:
-        _other_way(q, 0)
+        _other_way(q, 0, roll)
     if not _within(q, limits, 0):
         return np.inf
-    _wrist(W, ce, se, T, q)
+    _wrist(W, ce, se, T, roll, q)
     if way % 2:
-        _other_way(q, 4)
+        _other_way(q, 4, roll)
     return distance(q, near, weights) if _within(q, limits, 4) else np.inf
 
 
 @compiled
-def nearest(T, shoulder, a, b, tcp, limits, swivels, near, weights):  # type: ignore
+def nearest(T, shoulder, a, b, tcp, roll, limits, swivels, near, weights):  # type: ignore
     """Whether there is a posture for one target, and the one nearest to `near`: the best swivel, then refined."""
     best, best_q = np.inf, np.zeros(7)
     W, q = np.empty((3, 3)), np.empty(7)
-    good, q4, to, shortest = _prepared(T, shoulder, a, b, tcp)
-    if not good or not (limits[3, 0] <= q4 <= limits[3, 1]):
-        return False, best_q
-    q[3], ce, se = q4, math.cos(q4), math.sin(q4)
-    step, at, way = 2 * math.pi / swivels, 0.0, -1
-    for i in range(swivels):
-        psi = -math.pi + step * i
-        _shoulder(math.cos(psi), math.sin(psi), to, shortest, W, q)
-        ready = False
-        for first in range(2):
-            if _within(q, limits, 0):
-                if not ready:
-                    _wrist(W, ce, se, T, q)
-                    ready = True
-                for second in range(2):
-                    if _within(q, limits, 4):
-                        total = distance(q, near, weights)
-                        if total < best:
-                            best, at, way = total, psi, 2 * first + second
-                            best_q[:] = q
-                    _other_way(q, 4)
-            _other_way(q, 0)
+    step, at, way, bent = 2 * math.pi / swivels, 0.0, -1, 0
+    for bend in range(2):
+        good, q4, to, shortest = _prepared(T, shoulder, a, b, tcp, bend)
+        if not good or not (limits[3, 0] <= q4 <= limits[3, 1]):
+            continue
+        q[3], ce, se = q4, math.cos(q4), math.sin(q4)
+        for i in range(swivels):
+            psi = -math.pi + step * i
+            _shoulder(math.cos(psi), math.sin(psi), to, shortest, W, q)
+            ready = False
+            for first in range(2):
+                if _within(q, limits, 0):
+                    if not ready:
+                        _wrist(W, ce, se, T, roll, q)
+                        ready = True
+                    for second in range(2):
+                        if _within(q, limits, 4):
+                            total = distance(q, near, weights)
+                            if total < best:
+                                best, at, way, bent = total, psi, 2 * first + second, bend
+                                best_q[:] = q
+                        _other_way(q, 4, roll)
+                _other_way(q, 0, roll)
     if way < 0:
         return False, best_q
+    _, q4, to, shortest = _prepared(T, shoulder, a, b, tcp, bent)
+    q[3], ce, se = q4, math.cos(q4), math.sin(q4)
     # Between two sampled swivels the distance has one minimum: without it the elbow would follow a line in jerks.
     low, high, ratio = at - step, at + step, (math.sqrt(5.0) - 1) / 2
     while high - low > 1e-5:
         psi, more = high - ratio * (high - low), low + ratio * (high - low)
-        one = _at_swivel(math.cos(psi), math.sin(psi), way, T, to, ce, se, shortest, limits, near, weights, W, q)
+        one = _at_swivel(math.cos(psi), math.sin(psi), way, T, to, ce, se, shortest, roll, limits, near, weights, W, q)
         if one < best:
             best = one
             best_q[:] = q
-        two = _at_swivel(math.cos(more), math.sin(more), way, T, to, ce, se, shortest, limits, near, weights, W, q)
+        two = _at_swivel(
+            math.cos(more), math.sin(more), way, T, to, ce, se, shortest, roll, limits, near, weights, W, q
+        )
         if two < best:
             best = two
             best_q[:] = q

@@ -25,9 +25,11 @@ def add_link(robot: ET.Element, name: str, mass: float, inertia: Sequence[float]
     return link
 
 
-def add_visual(link: ET.Element, kind: str, size: Sequence[float], at: Vector, color: Vector) -> None:
-    """Add something to see: "box" (sizes), "cylinder" (radius, length) or "sphere" (radius,) [m]."""
-    visual = _shape(link, "visual", kind, size, at)
+def add_visual(
+    link: ET.Element, kind: str, size: Sequence[float], at: Vector, color: Vector, rpy: Vector = ZERO
+) -> None:
+    """Add something to see: "box" (sizes), "cylinder" (radius, length) or "sphere" (radius,) [m], turned by rpy."""
+    visual = _shape(link, "visual", kind, size, at, rpy)
     material = ET.SubElement(visual, "material", name="-".join(map(str, color)))
     ET.SubElement(material, "color", rgba=text((*color, 1.0)))
 
@@ -37,9 +39,9 @@ def add_collision(link: ET.Element, kind: str, size: Sequence[float], at: Vector
     _shape(link, "collision", kind, size, at)
 
 
-def _shape(link: ET.Element, tag: str, kind: str, size: Sequence[float], at: Vector) -> ET.Element:
+def _shape(link: ET.Element, tag: str, kind: str, size: Sequence[float], at: Vector, rpy: Vector = ZERO) -> ET.Element:
     element = ET.SubElement(link, tag)
-    ET.SubElement(element, "origin", xyz=text(at))
+    ET.SubElement(element, "origin", xyz=text(at), rpy=text(rpy))
     geometry = ET.SubElement(element, "geometry")
     if kind == "box":
         ET.SubElement(geometry, "box", size=text(size))

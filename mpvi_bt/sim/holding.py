@@ -68,7 +68,7 @@ class Holding:
 
     def pinched(self, side: Side) -> list[str]:
         """The things that both fingers of one hand touch, by the contacts of the last physics step."""
-        fingers = [self._robot.links[n.removesuffix("_joint")].entity for n in self._robot.model.finger_joints[side]]
+        fingers = [self._robot.links[name].entity for name in self._robot.model.finger_links[side]]
         touched: list[set[str]] = [set(), set()]
         for contact in self._scene.get_contacts():
             a, b = (body.entity for body in contact.bodies)

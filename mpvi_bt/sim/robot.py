@@ -17,6 +17,7 @@ from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Side
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.r1_urdf import r1_urdf
+from mpvi_bt.robot.r1pro_urdf import r1pro_urdf
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.body import SimBody
 from mpvi_bt.sim.cameras import Cameras
@@ -24,7 +25,7 @@ from mpvi_bt.sim.cameras import Cameras
 FINGER_FRICTION = 2.0  # rubber pads
 CLOSED_M = -0.01  # finger target beyond zero: grip force = stiffness * (half width + 1 cm)
 BASE_ACCELERATION = np.array([1.5, 1.5, 3.0])  # [m/s^2, m/s^2, rad/s^2]: a jerk flings what is held
-_URDF: Mapping[str, Callable[[], str]] = {"r1": r1_urdf, "fetch": fetch_urdf}
+_URDF: Mapping[str, Callable[[], str]] = {"r1": r1_urdf, "fetch": fetch_urdf, "r1pro": r1pro_urdf}
 
 
 class SimRobot(SimBody):
@@ -202,9 +203,8 @@ def _exempt_neighbors(model: RobotModel, links: Mapping[str, sapien.physx.PhysxA
 def _load(scene: sapien.Scene, model: RobotModel, visible: bool) -> sapien.physx.PhysxArticulation:
     loader = scene.create_urdf_loader()
     loader.fix_root_link = True
-    for fingers in model.finger_joints.values():
-        for finger in fingers:
-            name = finger.removesuffix("_joint")
+    for fingers in model.finger_links.values():
+        for name in fingers:
             loader.set_link_material(name, FINGER_FRICTION, FINGER_FRICTION, 0.0)
             loader.set_link_patch_radius(name, 0.1)
             loader.set_link_min_patch_radius(name, 0.1)

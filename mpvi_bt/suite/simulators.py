@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from mpvi_bt.errors import UserError
 from mpvi_bt.extras import install
 from mpvi_bt.robot.r1 import R1
-from mpvi_bt.robot.robots import robot_named
+from mpvi_bt.robot.robots import ROBOTS, robot_named
 from mpvi_bt.suite.backends import split
 from mpvi_bt.suite.config import EpisodeConfig
 
@@ -24,16 +24,14 @@ def check_simulator_choice(config: EpisodeConfig) -> None:
     """Raise UserError if the simulator of an episode is not installed, or if it or the policy is not for its robot."""
     if config.sim == "maniskill" and importlib.util.find_spec("mani_skill") is None:
         raise UserError(f"--sim maniskill needs ManiSkill, which is not installed: {install('maniskill')}")
-    if robot_named(config.robot) is R1:
-        return
+    robot = robot_named(config.robot)
+    if config.sim != "sapien" and robot is not R1:
+        raise UserError(f"--robot {config.robot}: --sim {config.sim} runs trees with the r1 only.")
     policy, address = split(config.policy)
-    wrong = {
-        f"--sim {config.sim} runs trees": config.sim != "sapien",
-        f"policy {policy} speaks": bool(address),
-        "--demonstration records": config.demonstration is not None,
-    }
-    if refused := [what for what, so in wrong.items() if so]:
-        raise UserError(f"--robot {config.robot}: {refused[0]} with the r1 only.")
+    wrong = {f"policy {policy} speaks": bool(address), "--demonstration records": config.demonstration is not None}
+    if len(robot.sides) < 2 and (refused := [what for what, so in wrong.items() if so]):
+        able = " and ".join(name for name, known in ROBOTS.items() if len(known.sides) == 2)
+        raise UserError(f"--robot {config.robot}: {refused[0]} with {able} only.")
 
 
 def begin_elsewhere(config: EpisodeConfig, render: bool) -> tuple[World, Start]:

@@ -1,0 +1,189 @@
+"""Trunks: from a robot's four torso joints to where its chest is, and to how high, turned and bent that is.
+
+Planning thinks in postures, which mean the same for every robot; what is felt and commanded are joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul
+from mpvi_bt.robot.solids import Array
+
+_ROUNDING = 1e-9  # [rad] that a joint at its limit may be computed beyond it
+
+
+class Trunk(Protocol):
+    """What carries the chest.
+
+    A posture is lift [m], yaw, pitch, head tilt [rad]: how high the chest is above its lowest, which way it is turned,
+    how far it is bent forward, and the head against it. At one lift the shoulders of all upright robots are about
+    equally high, 0.78 m and the lift.
+    """
+
+    @property
+    def joint_limits(self) -> Array:
+        """(4, 2) lowest and highest joint positions [m or rad]; both 0 where there is no such joint."""
+        ...
+
+    @property
+    def limits(self) -> Array:
+        """(4, 2) lowest and highest of postures; within them each lift goes with each pitch."""
+        ...
+
+    def posture(self, joints: Array) -> Array:
+        """(..., 4) the posture that joints (..., 4) are in."""
+        ...
+
+    def joints(self, posture: Array) -> Array:
+        """(..., 4) joints for postures (..., 4) within the limits."""
+        ...
+
+    def chest(self, joints: Array) -> Array:
+        """T_base_chest (..., 4, 4)."""
+        ...
+
+    def links(self, joints: Array) -> Array:
+        """T_base_link (F, 4, 4), at joints (4,), of the parts between base and chest that bend; F may be 0."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class LiftTrunk:
+    """A lift, then yaw, then pitch, then the head's tilt: its joints are its posture.
+
+    Attributes:
+        waist: (3,) where the lift's zero is in the base frame [m].
+        chest_m: How far the chest's origin is above that of the lift.
+        limits: (4, 2) [m, rad]; 0, 0 for a joint that it does not have.
+    """
+
+    waist: Array
+    chest_m: float
+    limits: Array
+
+    @property
+    def joint_limits(self) -> Array:
+        """The same."""
+        return self.limits
+
+    def posture(self, joints: Array) -> Array:
+        """The same numbers."""
+        return np.asarray(joints, float)
+
+    def joints(self, posture: Array) -> Array:
+        """The same numbers."""
+        return np.asarray(posture, float)
+
+    def chest(self, joints: Array) -> Array:
+        """T_base_chest (..., 4, 4) of lift, yaw, pitch (..., >= 3)."""
+        joints = np.asarray(joints, float)
+        up = np.zeros((*joints.shape[:-1], 3))
+        up[..., :2] = self.waist[:2]
+        up[..., 2] = self.waist[2] + joints[..., 0] + self.chest_m
+        return kin.transform(matmul(kin.rot_z(joints[..., 1]), kin.rot_y(joints[..., 2])), up)
+
+    def links(self, joints: Array) -> Array:
+        """None: a column does not bend."""
+        return np.zeros((0, 4, 4))
+
+
+@dataclass(frozen=True, eq=False)
+class FoldingTrunk:
+    """Hip, knee and waist that pitch in one plane, then a yaw about the bent trunk's axis; the head is fixed.
+
+    Joints: hip and knee bend forward, the waist (positive) back: pitch = hip + knee - waist. With three joints in a
+    plane the chest's x is free where its height and pitch are given. Our choice: it is as near to `forward_m` as the
+    joints reach, with the knee in front (knee <= 0), so that neighboring postures have neighboring joints.
+
+    Attributes:
+        hip: (2,) x and z of the hip in the base frame [m].
+        thigh_m, shin_m, neck_m: Hip to knee, knee to waist, waist to the chest's origin (up the bent trunk).
+        forward_m: x of the chest that is aimed at.
+        ground_m: z of the chest at a lift of 0.
+        joint_limits: (4, 2) [rad].
+        limits: (4, 2) of postures; that of the tilt is 0, 0.
+    """
+
+    hip: Array
+    thigh_m: float
+    shin_m: float
+    neck_m: float
+    forward_m: float
+    ground_m: float
+    joint_limits: Array
+    limits: Array
+
+    def posture(self, joints: Array) -> Array:
+        """The chest's height above `ground_m`, yaw, pitch, and 0."""
+        joints = np.asarray(joints, float)
+        out = np.zeros(joints.shape)
+        out[..., 0] = self._place(joints)[1] - self.ground_m
+        out[..., 1] = joints[..., 3]
+        out[..., 2] = joints[..., 0] + joints[..., 1] - joints[..., 2]
+        return out
+
+    def joints(self, posture: Array) -> Array:
+        """Those that bring the chest nearest to `forward_m`; a posture beyond the limits is brought within."""
+        posture = np.clip(np.asarray(posture, float), *self.limits.T)
+        yaw, pitch = posture[..., 1], posture[..., 2]
+        a, b = self.thigh_m, self.shin_m
+        up = self.ground_m + posture[..., 0] - self.hip[1] - self.neck_m * np.cos(pitch)  # of the waist above the hip
+        aim = self.forward_m - self.hip[0] - self.neck_m * np.sin(pitch)  # and before it
+        # The nearest place has the waist where it is aimed at, or one of the joints at its limit.
+        ahead = np.stack(np.broadcast_arrays(aim, *self._at_limits(up, pitch)))
+        cosine = (ahead**2 + up**2 - a**2 - b**2) / (2 * a * b)
+        knee = -np.arccos(np.clip(cosine, -1.0, 1.0))
+        hip = np.arctan2(ahead, up) - np.arctan2(b * np.sin(knee), a + b * np.cos(knee))
+        found = np.stack([hip, knee, hip + knee - pitch, np.broadcast_to(yaw, hip.shape)], -1)
+        low, high = self.joint_limits.T
+        able = (np.abs(cosine) <= 1 + _ROUNDING) & ((low - _ROUNDING <= found) & (found <= high + _ROUNDING)).all(-1)
+        best = np.where(able, np.abs(ahead - aim), np.inf).argmin(0)
+        return np.clip(np.take_along_axis(found, best[None, ..., None], 0)[0], low, high)
+
+    def _at_limits(self, up: Array, pitch: Array) -> Iterator[Array]:
+        """How far before the hip the waist is, so far up, with one joint at a limit; nan where it cannot be."""
+        a, b = self.thigh_m, self.shin_m
+        hips, knees, waists = self.joint_limits[:3]
+        with np.errstate(invalid="ignore"):
+            for hip in hips:
+                beyond = np.sqrt(b**2 - (up - a * np.cos(hip)) ** 2)
+                yield a * np.sin(hip) + beyond
+                yield a * np.sin(hip) - beyond
+            for knee in (knees[0], 0.0):
+                beyond = np.sqrt(a**2 + b**2 + 2 * a * b * np.cos(knee) - up**2)
+                yield beyond
+                yield -beyond
+            for waist in waists:
+                lean = pitch + waist
+                beyond = np.sqrt(a**2 - (up - b * np.cos(lean)) ** 2)
+                yield b * np.sin(lean) + beyond
+                yield b * np.sin(lean) - beyond
+
+    def chest(self, joints: Array) -> Array:
+        """T_base_chest (..., 4, 4)."""
+        joints = np.asarray(joints, float)
+        pitch = joints[..., 0] + joints[..., 1] - joints[..., 2]
+        x, z = self._place(joints)
+        place = np.stack([x, np.zeros_like(x), z], -1)
+        return kin.transform(matmul(kin.rot_y(pitch), kin.rot_z(joints[..., 3])), place)
+
+    def links(self, joints: Array) -> Array:
+        """Thigh at the hip, shin at the knee, waist at the waist; z up along each."""
+        hip, knee, waist = np.asarray(joints, float)[:3]
+        lean = np.array([hip, hip + knee, hip + knee - waist])
+        steps = np.array([self.thigh_m, self.shin_m])[:, None] * np.stack([np.sin(lean[:2]), np.cos(lean[:2])], -1)
+        xz = self.hip + np.concatenate([np.zeros((1, 2)), steps.cumsum(0)])
+        return kin.transform(kin.rot_y(lean), np.stack([xz[:, 0], np.zeros(3), xz[:, 1]], -1))
+
+    def _place(self, joints: Array) -> tuple[Array, Array]:
+        """x and z of the chest, each (...)."""
+        lean = np.cumsum(joints[..., :3] * [1, 1, -1], -1)
+        lengths = np.array([self.thigh_m, self.shin_m, self.neck_m])
+        x, z = (self.hip[i] + (lengths * turned(lean)).sum(-1) for i, turned in enumerate((np.sin, np.cos)))
+        return x, z
