@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.manipulation import hand
-from mpvi_bt.manipulation.grasps import MAX_WIDTH_M, Grasp, grasps, lowest
+from mpvi_bt.manipulation.grasps import Grasp, grasps
 from mpvi_bt.manipulation.scene import Scene
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.perception.parts import Bar
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.kinematics import hand_rotation
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid, box, pose
 from mpvi_bt.sim.builder import Thing
 from mpvi_bt.sim.world import World
@@ -45,7 +45,7 @@ def box_of(solids: list[Solid]) -> Array:
 def test_candidates_are_sound(name: str, yaw: float, bearing: float) -> None:
     """Every candidate is a rigid pose tilted as it says, closes across the thing, and keeps its tips off the floor."""
     put(name, yaw)
-    found = grasps(TrueScene(WORLD), name, bearing)
+    found = grasps(TrueScene(WORLD), R1.hand, name, bearing)
     assert found
     solids = list(WORLD.solids(name))
     around = Surroundings(solids)
@@ -73,7 +73,7 @@ def test_candidates_are_sound(name: str, yaw: float, bearing: float) -> None:
 def test_the_palm_stays_clear(name: str) -> None:
     """No candidate has the thing reach behind the palm, 4 cm behind the tcp."""
     put(name, 0.3)
-    for grasp in grasps(TrueScene(WORLD), name, 0.0):
+    for grasp in grasps(TrueScene(WORLD), R1.hand, name, 0.0):
         approach, p = grasp.T_world_tcp[:3, 2], grasp.T_world_tcp[:3, 3]
         palm = p - 0.042 * approach
         spread = np.array([palm + s * grasp.T_world_tcp[:3, 1] for s in (-0.02, 0.0, 0.02)])
@@ -89,9 +89,9 @@ def best(found: list[Grasp]) -> Array:
 def test_grasps_move_with_the_thing(turn: float, x: float, y: float) -> None:
     """Thing and robot shifted and turned together, the best grasp is shifted and turned with them."""
     put("can_of_soda", 0.0)
-    here = best(grasps(TrueScene(WORLD), "can_of_soda", 0.3))
+    here = best(grasps(TrueScene(WORLD), R1.hand, "can_of_soda", 0.3))
     put("can_of_soda", turn, (x, y, 0.0))
-    there = best(grasps(TrueScene(WORLD), "can_of_soda", 0.3 + turn))
+    there = best(grasps(TrueScene(WORLD), R1.hand, "can_of_soda", 0.3 + turn))
     np.testing.assert_allclose(there, pose((x, y, 0.0), turn) @ here, atol=1e-5)
 
 
@@ -103,9 +103,9 @@ def test_off_center_the_hand_is_moved_along_its_closing_axis_only(name: str, yaw
     put(name, yaw)
     if WORLD.handles(name) or WORLD.volumes(name):
         return
-    centered = grasps(TrueScene(WORLD), name, bearing)
+    centered = grasps(TrueScene(WORLD), R1.hand, name, bearing)
     around = Surroundings(list(WORLD.solids(name)))
-    for grasp in grasps(TrueScene(WORLD), name, bearing, off_center=True):
+    for grasp in grasps(TrueScene(WORLD), R1.hand, name, bearing, off_center=True):
         R, p = grasp.T_world_tcp[:3, :3], grasp.T_world_tcp[:3, 3]
         origin = [
             g
@@ -122,8 +122,8 @@ def test_off_center_the_hand_is_moved_along_its_closing_axis_only(name: str, yaw
 
 def test_what_is_too_wide_has_no_grasp() -> None:
     """What is broader than the hand opens, without a handle or a rim, has none."""
-    assert np.ptp(CATALOGUE["book"].description.extent(), axis=0)[:2].min() > MAX_WIDTH_M
-    assert grasps(TrueScene(WORLD), "book", 0.0) == []
+    assert np.ptp(CATALOGUE["book"].description.extent(), axis=0)[:2].min() > R1.hand.widest_m
+    assert grasps(TrueScene(WORLD), R1.hand, "book", 0.0) == []
 
 
 @settings(deadline=None, max_examples=15)
@@ -131,7 +131,7 @@ def test_what_is_too_wide_has_no_grasp() -> None:
 def test_a_bowl_is_taken_by_its_rim(yaw: float, bearing: float) -> None:
     """Candidates for a bowl have one finger inside it, one outside, the wall between them, and the palm above it."""
     put("bowl", yaw, (0.1, 0.2, 0.0))
-    found = grasps(TrueScene(WORLD), "bowl", bearing)
+    found = grasps(TrueScene(WORLD), R1.hand, "bowl", bearing)
     assert found
     wall = Surroundings(list(WORLD.solids("bowl")))
     (inside,) = WORLD.volumes("bowl")
@@ -151,7 +151,7 @@ def test_a_bin_is_taken_by_its_bar(yaw: float) -> None:
     """Candidates for a thing with a bar close across the bar, at its middle, straight from above before slantwise."""
     put("trash_can", yaw, (0.2, 0.1, 0.0))
     (bar,) = WORLD.handles("trash_can")
-    found = grasps(TrueScene(WORLD), "trash_can", 0.0)
+    found = grasps(TrueScene(WORLD), R1.hand, "trash_can", 0.0)
     for grasp in found:
         np.testing.assert_allclose(grasp.T_world_tcp[:3, 3], bar.center, atol=1e-6)
         assert abs(grasp.T_world_tcp[:3, 1] @ bar.axis) < 1e-6
@@ -165,7 +165,7 @@ def test_a_lying_bin_is_taken_from_its_open_side() -> None:
     T[:3, :3] = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
     thing(WORLD, "trash_can").place(T)
     (bar,) = WORLD.handles("trash_can")
-    found = grasps(TrueScene(WORLD), "trash_can", 0.0)
+    found = grasps(TrueScene(WORLD), R1.hand, "trash_can", 0.0)
     assert found
     for grasp in found:
         assert grasp.T_world_tcp[:3, 2] @ bar.outward < 0
@@ -176,11 +176,11 @@ def test_a_lying_bin_is_taken_from_its_open_side() -> None:
 def test_the_lowest_hand_is_clear_of_the_floor(tilt: float) -> None:
     """At the least height of its tilt neither the fingers nor the palm reach below the surface."""
     R = hand_rotation((np.sin(tilt), 0.0, -np.cos(tilt)), (0.0, 1.0, 0.0))
-    centers, radii = hand.fingers(0.1)
+    centers, radii = R1.hand.fingers(0.1)
     corners = np.concatenate([centers - [s * 0.002, 0, 0] for s in (-1, 1)])
-    assert (lowest(tilt) + (corners @ R.T)[:, 2] > np.tile(radii, 2) - 1e-3).all()
+    assert (R1.hand.lowest(tilt) + (corners @ R.T)[:, 2] > np.tile(radii, 2) - 1e-3).all()
     palm = np.array([(x, y, z) for x in (-0.025, 0.025) for y in (-0.075, 0.075) for z in (-0.103, -0.043)])
-    assert (lowest(tilt) + (palm @ R.T)[:, 2] > 0).all()
+    assert (R1.hand.lowest(tilt) + (palm @ R.T)[:, 2] > 0).all()
 
 
 def test_a_lying_can_is_taken_across() -> None:
@@ -188,7 +188,7 @@ def test_a_lying_can_is_taken_across() -> None:
     T = pose((0.0, 0.0, 0.033))
     T[:3, :3] = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
     thing(WORLD, "can_of_soda").place(T)
-    found = grasps(TrueScene(WORLD), "can_of_soda", 0.4)
+    found = grasps(TrueScene(WORLD), R1.hand, "can_of_soda", 0.4)
     assert found
     for grasp in found:
         assert abs(grasp.T_world_tcp[:3, 1] @ T[:3, 2]) < 1e-6
@@ -200,11 +200,11 @@ def test_a_lying_can_is_taken_across() -> None:
 def test_hands_may_come_from_all_around(yaw: float, bearing: float, toward: float) -> None:
     """Wherever the robot stands now: a round thing is pinched from any side, a narrow box from both of its ends."""
     put("can_of_soda", yaw)
-    level = [g for g in grasps(TrueScene(WORLD), "can_of_soda", bearing) if g.tilt_rad > 1.3]
+    level = [g for g in grasps(TrueScene(WORLD), R1.hand, "can_of_soda", bearing) if g.tilt_rad > 1.3]
     ahead = np.array([np.cos(toward), np.sin(toward), 0.0])
     assert max(float(g.T_world_tcp[:3, 2] @ ahead) for g in level) > 0.95
     put("box_of_oatmeal", yaw)
-    slanted = [g for g in grasps(TrueScene(WORLD), "box_of_oatmeal", bearing) if g.tilt_rad > 1.1]
+    slanted = [g for g in grasps(TrueScene(WORLD), R1.hand, "box_of_oatmeal", bearing) if g.tilt_rad > 1.1]
     along = WORLD.pose("box_of_oatmeal")[:3, 1]
     assert {float(np.sign(g.T_world_tcp[:3, 2] @ along)) for g in slanted} == {-1.0, 1.0}
 
@@ -230,7 +230,7 @@ class Lone:
 
 def of(*solids: Solid) -> list[Grasp]:
     """Grasps of a thing of these solids from a robot that looks along x."""
-    return grasps(cast("Scene", Lone(*solids)), "thing", 0.0)
+    return grasps(cast("Scene", Lone(*solids)), R1.hand, "thing", 0.0)
 
 
 @pytest.mark.parametrize("length", [0.12, 0.2, 0.3, 0.4])
@@ -255,6 +255,6 @@ def test_what_is_too_wide_as_a_whole_is_taken_by_a_part(head: float) -> None:
     assert across
     around = Surroundings([handle, box((0.14, 0.0, 0.02), (0.03, head, 0.04))])
     for grasp in found:
-        for centers, radii in (hand.fingers(grasp.opening_m), hand.palm()):
+        for centers, radii in (R1.hand.fingers(grasp.opening_m), R1.hand.palm):
             at = centers @ grasp.T_world_tcp[:3, :3].T + grasp.T_world_tcp[:3, 3]
             assert (around.distance(at) > radii - 0.01).all()

@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.hands.rows import Job
 from benchmarks.hands.runner import run_job
-from mpvi_bt.manipulation.grasps import MAX_WIDTH_M
 from mpvi_bt.manipulation.hand_over import takes
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.in_hand import InHand
@@ -36,16 +35,16 @@ def held(half: tuple[float, float, float]) -> Held:
 @given(st.tuples(st.floats(0.01, 0.04), st.floats(0.01, 0.04), st.floats(0.01, 0.15)))
 def test_takes_are_around_the_thing_and_off_the_giving_hand(half: tuple[float, float, float]) -> None:
     """A taking hand's tcp lies on the thing, where its fingers have room; the hands are apart or come from opposite."""
-    for T in takes(held(half)):
+    for T in takes(R1.hand, held(half)):
         closing = int(np.abs(T[:3, 1]).argmax())
-        assert 2 * half[closing] <= MAX_WIDTH_M
+        assert 2 * half[closing] <= R1.hand.widest_m
         assert (np.abs(T[:3, 3]) <= np.array(half) + 1e-6).all()
         assert np.linalg.norm(T[:3, 3]) > 0.05 or T[2, 2] < -0.3
 
 
 def test_what_is_too_wide_every_way_cannot_be_taken() -> None:
     """No finger goes around a block of 12 cm."""
-    assert not list(takes(held((0.06, 0.06, 0.06))))
+    assert not list(takes(R1.hand, held((0.06, 0.06, 0.06))))
 
 
 def test_fingers_hold_what_keeps_them_apart_not_what_lies_in_it() -> None:

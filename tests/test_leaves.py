@@ -12,6 +12,7 @@ from mpvi_bt.manipulation.openings import moved
 from mpvi_bt.perception import leaves
 from mpvi_bt.perception.fronts import fronts
 from mpvi_bt.perception.leaves import leaf, with_leaf, within_drawer
+from mpvi_bt.robot.r1 import R1
 from tests.small_house import small_world
 from tests.test_fronts import EYE, FIXTURES, seen
 
@@ -65,7 +66,7 @@ def test_a_fist_pushes_the_outer_face_home(name: str, body: str, fraction: float
     world.set_opening("thing", body, fraction)
     world.refresh()
     (door,) = (d for d in world.doors("thing") if d.name == body)
-    courses = pushes(door, 0.0)
+    courses = pushes(R1.hand, door, 0.0)
     assert courses
     for course in courses:
         local = [(np.linalg.inv(moved(door, -door.position * x)) @ course.hand(x))[:3, 3] for x in (0.0, 0.5, 1.0)]
@@ -86,7 +87,7 @@ def test_a_fist_keeps_clear_of_a_bar_that_is_not_seen(name: str) -> None:
     (door,) = world.doors("thing")
     assert door.bar is not None
     beyond = []
-    for course in pushes(replace(door, bar=None)):
+    for course in pushes(R1.hand, replace(door, bar=None)):
         off = course.hand(0.0)[:3, 3] - door.bar.center
         beyond.append(abs(float(off @ door.bar.axis)) - door.bar.length_m / 2 > 0.05)
         assert beyond[-1] or np.linalg.norm(np.cross(off, door.bar.axis)) > 0.12

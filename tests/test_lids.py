@@ -15,6 +15,7 @@ from mpvi_bt.manipulation.openings import lid, moved, outward, swings
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 from tests.test_open import play, work_in
@@ -44,7 +45,7 @@ def test_a_lid_is_told_from_a_flap(entry: str) -> None:
 def test_a_fist_goes_down_on_the_outside_of_a_lid(entry: str) -> None:
     """All the way the fingertips are on the outer side of the lid, near its free edge; at the end they are on top."""
     door = lidded(entry, 0.8).doors("thing")[0]
-    courses = pushes(door, beyond=0.0)
+    courses = pushes(R1.hand, door, beyond=0.0)
     assert courses
     for course in courses:
         for x in (0.0, 0.5, 1.0):
@@ -73,7 +74,7 @@ def test_no_hand_lifts_a_thing_by_the_bar_of_its_lid() -> None:
     assert not world.handles("thing")
     bar = world.doors("thing")[0].bar
     assert bar is not None
-    found = grasps(TrueScene(world), "thing", 0.0)
+    found = grasps(TrueScene(world), R1.hand, "thing", 0.0)
     assert found
     assert all(abs(g.T_world_tcp[:3, 1] @ [0.0, 1.0, 0.0]) > 0.9 for g in found)
 

@@ -152,7 +152,7 @@ def test_a_push_ends_with_the_door_shut_and_never_meets_the_bar() -> None:
     world.refresh()
     door = world.doors("thing")[0]
     assert door.bar is not None
-    courses = pushes(door)
+    courses = pushes(R1.hand, door)
     assert courses
     for course in courses:
         fist = course.hand(0.0)[:3, 3]

@@ -358,7 +358,7 @@ def test_a_hand_that_points_down_gets_out_from_below_a_board(roof_m: float) -> N
     motion = Motion(world.robot.proprioception())
     search = Search(motion, "right", {"right": held}, Surroundings([roof]), [], np.random.default_rng(0))
     pose = placing.Pose(kin.transform(np.eye(3), (0.6, 0.0, 0.06)), 0.0)
-    options = list(placing._options(held, pose, 0.05))
+    options = list(placing._options(R1.hand, held, pose, 0.05))
     level = [option for option in options if abs(float(np.ptp(option.waypoints[1:, 2, 3]))) < 1e-9]
     for option in level:  # across the axis that the fingers close along
         assert float((option.waypoints[2] - option.waypoints[1])[:3, 3] @ option.waypoints[1, :3, 1]) == pytest.approx(
@@ -376,7 +376,7 @@ def test_fingers_do_not_slide_into_the_corner_of_what_they_let_go_of(length_m: f
     ends = [box((x, -0.06, 0.0), (0.004, 0.12, 0.08)) for x in (-length_m / 2, length_m / 2)]
     for solids, past in (((wall,), True), ((wall, *ends), slides)):
         held = Held("tupperware", "right", np.eye(4), solids, Load(solids))
-        assert placing._slides_past(held, np.array([1.0, 0.0, 0.0]), 0.05) is past
+        assert placing._slides_past(R1.hand, held, np.array([1.0, 0.0, 0.0]), 0.05) is past
 
 
 @pytest.mark.parametrize("jammed_m", [0.01, 1.0])

@@ -13,6 +13,7 @@ from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Solid, bounds
 from mpvi_bt.sim.world import Placement, World
 from tests.small_house import CATALOGUE, placed, small_world
@@ -31,7 +32,7 @@ def test_the_hand_starts_behind_and_ends_ahead_by_the_way(way: tuple[float, floa
     """Every course begins on the far side of the thing's middle, and leads hand and thing by the same way."""
     world = small_world({"box": placed("box", 0.4, 0.1, yaw=0.3)})
     solids, middle = world.solids("box"), world.pose("box")[:2, 3]
-    courses = pushes(solids, np.array(way))
+    courses = pushes(R1.hand, solids, np.array(way))
     assert courses
     for course in courses:
         start, end = course.hand(0.0), course.hand(1.0)
@@ -48,7 +49,7 @@ def test_fingertips_stay_off_the_support_and_behind_the_thing() -> None:
     world = small_world({"can": placed("can_of_soda", 0.4, 0.1)})
     (solid,) = world.solids("can")
     way = np.array([0.2, 0.1])
-    for course in pushes([solid], way):
+    for course in pushes(R1.hand, [solid], way):
         tip = (course.hand(0.0) @ [0.0, 0.0, 0.012, 1.0])[:3]
         assert tip[2] > solid.aabb()[0, 2] + 0.02
         assert (tip[:2] - world.pose("can")[:2, 3]) @ way < 0
@@ -61,7 +62,7 @@ def test_what_lies_flat_is_pushed_by_tips_behind_its_edge(entry: str) -> None:
     world = small_world({"flat": placed(entry, 0.4, 0.1)})
     solids = world.solids("flat")
     low, high = bounds(solids)
-    courses = pushes(solids, np.array([0.0, 0.2]))
+    courses = pushes(R1.hand, solids, np.array([0.0, 0.2]))
     assert courses
     for course in courses:
         tip = (course.hand(0.0) @ [0.0, 0.0, 0.012, 1.0])[:3]
@@ -82,7 +83,7 @@ def test_what_is_light_is_pushed_up_to_and_not_along(apart: float) -> None:
 def test_what_is_tall_and_thin_is_pushed_low() -> None:
     """A standing book is pushed no higher than it takes to stay clear of the table, if that can be had."""
     book = Solid("box", np.array([0.015, 0.09, 0.12]), kin.transform(np.eye(3), (0.5, 0.0, 0.12)))
-    cheapest = min(pushes([book], np.array([0.3, 0.0])), key=lambda course: course.cost)
+    cheapest = min(pushes(R1.hand, [book], np.array([0.3, 0.0])), key=lambda course: course.cost)
     assert cheapest.hand(0.0)[2, 3] < 0.05
 
 

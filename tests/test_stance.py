@@ -49,7 +49,7 @@ def carrying(world: World, felt: Proprioception, hand: Side, name: str) -> Searc
 def options(world: World, name: str = "can") -> list[Option]:
     """Ways to take hold of a thing: 10 cm before it, then at it."""
     out = []
-    for grasp in grasps(TrueScene(world), name, 0.0):
+    for grasp in grasps(TrueScene(world), R1.hand, name, 0.0):
         before = grasp.T_world_tcp.copy()
         before[:3, 3] -= 0.1 * before[:3, 2]
         out.append(Option(np.stack([before, grasp.T_world_tcp]), 1, grasp.cost))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mpvi_bt.behaviors.protocols import TriggerEvent
 from mpvi_bt.completion.triggers import ProprioceptiveTriggers, Thresholds
 from mpvi_bt.errors import UnknownName
-from mpvi_bt.robot.protocol import CONTROL_HZ, OPEN_M, SIDES, Proprioception, Side
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 from tests.navigation_maps import KinematicRobot
 from tests.test_squeeze import TORSO, facing_hands
@@ -167,7 +167,7 @@ def test_a_hand_that_begins_to_open_has_not_let_go(width_m: float) -> None:
     triggers = grips(hands)
     grasp(hands, triggers, width_m)
     for told_m in np.linspace(0.0, width_m + 0.02, 15):  # in half a second
-        assert go(hands, triggers, 1 / CONTROL_HZ, to_m=max(width_m, told_m), command=2 * told_m / OPEN_M - 1) == []
+        assert go(hands, triggers, 1 / CONTROL_HZ, to_m=max(width_m, told_m), command=2 * told_m / 0.10 - 1) == []
     assert go(hands, triggers, 0.7) == []
     assert go(hands, triggers, 1.0) == [TriggerEvent("release", "right")]
 

@@ -35,6 +35,7 @@ from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Actions, Motion
 from mpvi_bt.robot.protocol import SIDES, ActionLayout, Side
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.sim.world import Placement
@@ -64,7 +65,7 @@ def test_hands_face_each_other_across_the_box(half: tuple[float, float, float], 
     """They come from the two sides, as far off as is asked for, and are nearer to each other than without."""
     T = kin.transform(kin.rot_z(yaw), (0.0, 0.0, half[2]))
     for box in boxes_about(T, [Solid("box", np.array(half), T)]):
-        hands = box.hands(reach)
+        hands = box.hands(R1.hand, reach)
         tips = {s: hands[s][:3, 3] + 0.012 * hands[s][:3, 2] for s in SIDES}
         assert np.linalg.norm(tips["left"] - tips["right"]) == pytest.approx(abs(box.width + 2 * reach), abs=1e-6)
         across = tips["right"] - tips["left"]
@@ -77,7 +78,7 @@ def test_hands_face_each_other_across_the_box(half: tuple[float, float, float], 
 def test_fingertips_meet_the_side_of_what_is_low_and_not_its_edge(height: float, half: float, yaw: float) -> None:
     """The whole end of a finger is between its upper edge and what it lies on: on the edge it would press it down."""
     box = Box(np.array([0.4, 0.1, 0.3 + height / 2]), yaw, 0.5, 2 * half, height)
-    for T in box.hands(0.0).values():
+    for T in box.hands(R1.hand, 0.0).values():
         ends = [T[2, 3] + 0.012 * T[2, 2] + sign * 0.011 * T[2, 0] for sign in (-1, 1)]
         assert min(ends) > 0.3 + 0.004
         assert max(ends) < 0.3 + height - 0.004
@@ -250,7 +251,7 @@ def test_hands_open_wide_wherever_they_are(lift: float, x: float) -> None:
         motion.felt = world.robot.proprioception()
         return {side: motion.robot.tcp(motion.felt.torso, motion.felt.arm[side], side)[:3, 3] for side in SIDES}
 
-    for side, T in Box(np.array([x, 0.0, 0.338]), 0.0, 0.31, 0.33, 0.22).hands(0.0).items():
+    for side, T in Box(np.array([x, 0.0, 0.338]), 0.0, 0.31, 0.33, 0.22).hands(R1.hand, 0.0).items():
         q = motion.robot.nearest_posture(
             kin.inverse(motion.robot.chest(torso)) @ T, side, motion.robot.travel_arm[side]
         )

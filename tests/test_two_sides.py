@@ -22,6 +22,7 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.robot.motion import Motion, MotionFailure
 from mpvi_bt.robot.protocol import CameraImage, Proprioception
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, box
 from mpvi_bt.sim.world import World
 from tests.small_house import small_world
@@ -224,10 +225,10 @@ def test_a_course_keeps_clear_of_what_the_base_has_met() -> None:
     world = cabinet(0.5)
     work = working(world, truly)
     (door,) = world.doors("thing")
-    found = course_search(work, "thing", door, "right", []).start(pushes(door))
+    found = course_search(work, "thing", door, "right", []).start(pushes(R1.hand, door))
     assert found is not None
     work.motion.bumps.append(box((*found.base[:2], 0.2), (0.04, 0.04, 0.4)))
-    other = course_search(work, "thing", door, "right", []).start(pushes(door))
+    other = course_search(work, "thing", door, "right", []).start(pushes(R1.hand, door))
     assert other is None or np.linalg.norm(other.base[:2] - found.base[:2]) > 0.2
 
 
@@ -242,9 +243,9 @@ def searching(effort: Effort) -> tuple[CourseSearch, Door]:
 def test_a_course_search_ends_when_nothing_is_left_to_spend() -> None:
     """What searches may take is counted, and a search that may take nothing finds nothing."""
     search, door = searching(Effort(0.0))
-    assert search.start(pushes(door)) is None
+    assert search.start(pushes(R1.hand, door)) is None
     search, door = searching(Effort(100.0))
-    found = search.start(pushes(door))
+    found = search.start(pushes(R1.hand, door))
     assert found is not None
     assert search.effort.left < 100.0
 
@@ -265,7 +266,7 @@ def test_a_course_search_is_bounded() -> None:
 
         return asking
 
-    courses = [replace(c, moving=never, carry=counted(c.carry)) for c in pushes(door)[:8]]
+    courses = [replace(c, moving=never, carry=counted(c.carry)) for c in pushes(R1.hand, door)[:8]]
     assert search.start(courses) is None
     spent = 100.0 - search.effort.left
     assert 0.0 < spent < 26.0

@@ -100,7 +100,7 @@ def _posture(
         T = T_world_base @ pose((x, y * SIGN[side], z), yaw)
         world.place(name, T)
         heading = float(np.arctan2(T_world_base[1, 0], T_world_base[0, 0]))
-        for grasp in sorted(grasps(TrueScene(world), name, heading), key=lambda g: g.cost):
+        for grasp in sorted(grasps(TrueScene(world), R1.hand, name, heading), key=lambda g: g.cost):
             T_world_tcp = _shallow_enough(grasp.T_world_tcp, world.solids(name))
             if T_world_tcp is None:
                 continue

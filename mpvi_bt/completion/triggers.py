@@ -13,7 +13,7 @@ from mpvi_bt.behaviors.protocols import TriggerEvent
 from mpvi_bt.errors import UnknownName
 from mpvi_bt.robot import kinematics
 from mpvi_bt.robot.linear_algebra import matmul, norm
-from mpvi_bt.robot.protocol import CONTROL_HZ, OPEN_M, Proprioception, Robot, Side
+from mpvi_bt.robot.protocol import CONTROL_HZ, Proprioception, Robot, Side
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
@@ -414,7 +414,7 @@ class _Rest:
 
 def _told_m(body: Proprioception, side: Side) -> float:
     """The width that a hand is told to have; learned policies seldom say -1, and careful ones open just enough."""
-    return (body.gripper_command[side] + 1.0) * (OPEN_M / 2)
+    return (body.gripper_command[side] + 1.0) * (body.open_m / 2)
 
 
 def _steps(seconds: float) -> int:

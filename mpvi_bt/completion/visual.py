@@ -322,7 +322,7 @@ class _Picture:
         at_tips = (tip[..., 0] < self._sight.reach_m) & (tip[..., 2] < self._sight.reach_m)
         beyond_palm = (tip[..., 0] < 0.02) & (points[..., 2] > self._robot.tcp_m - 0.04)
         fingers = points[self._mask(ROBOT) & at_tips & beyond_palm][:, 1]
-        low, high = -self._robot.finger_travel_m, self._robot.finger_travel_m
+        low, high = -self._robot.hand.travel_m, self._robot.hand.travel_m
         if (fingers < 0).any() and (fingers > 0).any():
             low, high = float(np.percentile(fingers[fingers < 0], 98)), float(np.percentile(fingers[fingers > 0], 2))
         if high - low < self._sight.gap_m:

@@ -28,6 +28,7 @@ from mpvi_bt.manipulation.openings import (
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.perception.parts import Door
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
@@ -36,8 +37,6 @@ from mpvi_bt.robot.solids import Array, Solid
 _CLOSED = 0.03  # of its limit
 _MOST_DOORS = 8
 _FACING = 0.7  # cosine, of directions that are of the same front
-_FIST_M = 0.012  # the fingertips are that far before the tcp
-_FINGER_HALF_M = 0.0065  # half a finger's thickness
 _LEANS = (0.0, 0.5, -0.5, 1.0, -1.0)  # of a hand that pushes a lid down, along its hinge [rad]
 _SHORT_M = 0.10
 _TURNS = (0.5, 0.75, 0.3, 0.9)
@@ -124,7 +123,8 @@ def _shut(work: Work, thing: str, door: Door, tried: list[Array], hand: str | No
     """Push a door home, or bring it home by its bar; returns whether it was felt to stop where it has to be."""
     flap = door.kind == "hinge" and not upright(door)
     if work.sight is not None or upright(door) or lid(door):
-        courses, further = pushes(door), pushes(door, _beyond(work, door))
+        shape = work.motion.robot.hand
+        courses, further = pushes(shape, door), pushes(shape, door, _beyond(work, door))
         for heading in _headings(work, door, courses):
             for side in sides(work, door, thing, hand):
                 search = course_search(work, thing, door, side, tried, bendable=flap)
@@ -195,12 +195,13 @@ def _to_hinge(door: Door) -> Array:
     return np.asarray(_ASLANT * way / norm(way))
 
 
-def pushes(door: Door, beyond: float = 0.03) -> list[Course]:
+def pushes(hand: Hand, door: Door, beyond: float = 0.03) -> list[Course]:
     """Ways to push a door, a flap or a drawer shut with the fist, on its outer face, clear of its bar.
 
     What turns is pushed near its free edge, what slides anywhere.
 
     Args:
+        hand: What pushes.
         door: As it stands.
         beyond: How far beyond the closed door the fist goes [rad or m] if nothing stops it: arms give way.
     """
@@ -221,12 +222,12 @@ def pushes(door: Door, beyond: float = 0.03) -> list[Course]:
         if door.bar is not None and _near_bar(door, point):
             continue
         if lid(door):
-            out += [_push(door, point, R, 0.0, beyond, cost + bias) for R, cost in _from_above(door)]
+            out += [_push(hand, door, point, R, 0.0, beyond, cost + bias) for R, cost in _from_above(door)]
             continue
         for turn in _TURNS if door.kind == "hinge" else (0.0,):
             for flip in (1.0, -1.0):
                 straight = kin.hand_rotation(-matmul(shut[:3, :3], out_of), flip * np.cross(rise, out_of))
-                out.append(_push(door, point, straight, turn, beyond, 1.5 * abs(turn - 0.5) + bias))
+                out.append(_push(hand, door, point, straight, turn, beyond, 1.5 * abs(turn - 0.5) + bias))
     return sorted(out, key=lambda course: course.cost)[:_MOST_COURSES]
 
 
@@ -280,7 +281,7 @@ def _near_bar(door: Door, point: Array) -> bool:
     return bool(np.hypot(beyond, max(0.0, float(norm(flat)) - 0.06)) < _BESIDE_M - 0.03)
 
 
-def _push(door: Door, point: Array, straight: Array, turn: float, beyond: float, cost: float) -> Course:
+def _push(shape: Hand, door: Door, point: Array, straight: Array, turn: float, beyond: float, cost: float) -> Course:
     start, face = door.position, outward(door)
 
     def hand(x: float) -> Array:
@@ -290,8 +291,8 @@ def _push(door: Door, point: Array, straight: Array, turn: float, beyond: float,
             R = matmul(turned(door.axis, turn * at), straight)
         T = moved(door, at - start)
         out = matmul(T[:3, :3], face)
-        aside = _FINGER_HALF_M * float(norm(np.cross(out, R[:, 2])))  # a finger that lies along the face
-        return kin.transform(R, matmul(T[:3, :3], point) + T[:3, 3] - _FIST_M * R[:, 2] + aside * out)
+        aside = shape.finger_half_m * float(norm(np.cross(out, R[:, 2])))  # a finger that lies along the face
+        return kin.transform(R, matmul(T[:3, :3], point) + T[:3, 3] - shape.tip_m * R[:, 2] + aside * out)
 
     before = hand(0.0)
     touched = before[:3, 3].copy()

@@ -13,12 +13,11 @@ import numpy as np
 
 from mpvi_bt.manipulation.approach import approach, arrive, leave, lines, withdraw
 from mpvi_bt.manipulation.carry import settle
-from mpvi_bt.manipulation.grasps import lowest
-from mpvi_bt.manipulation.hand import CLOSED_HALF_M
 from mpvi_bt.manipulation.stance import Option
 from mpvi_bt.manipulation.two_hands import Box, boxes_about
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Side
@@ -82,7 +81,7 @@ def draw_out(work: Work, name: str, side: Side) -> Actions:
 
 def options(work: Work, name: str) -> list[Option]:
     """Ways to swing a thing out. Raises MotionFailure "no_stance" where nothing stands behind it."""
-    out = [option for swing in _swings(work, name) for option in _ways(swing)]
+    out = [option for swing in _swings(work, name) for option in _ways(work.motion.robot.hand, swing)]
     if not out:
         raise MotionFailure("no_stance")
     return out
@@ -105,21 +104,21 @@ def _swings(work: Work, name: str) -> Iterator[_Swing]:
                 yield swing
 
 
-def _ways(swing: _Swing) -> Iterator[Option]:
+def _ways(hand: Hand, swing: _Swing) -> Iterator[Option]:
     box = swing.box
     ahead = np.array([np.cos(box.heading), np.sin(box.heading), 0.0])
     radial = np.append(swing.end - swing.pivot, 0.0)
     radial /= norm(radial)
     turning = float(np.sign(np.cross(radial, ahead)[2]))
     for tilt in _TILTS:
-        z = box.bottom + max(lowest(tilt), min(0.02, 0.5 * box.height))
+        z = box.bottom + max(hand.lowest(tilt), min(0.02, 0.5 * box.height))
         if z > box.bottom + max(_LOW * box.height, min(_FLAT_M, box.height - _EDGE_M)):
             continue
         s, c = float(np.sin(tilt)), float(np.cos(tilt))
         for turn in _TURNS:
             approach = -s * matmul(kin.rot_z(turn), ahead) + [0, 0, -c]
             for depth in (d for d in _DEPTHS_M if d <= box.length):
-                start = np.append(swing.end, z) + ahead * depth + radial * CLOSED_HALF_M
+                start = np.append(swing.end, z) + ahead * depth + radial * hand.closed_half_m
                 R = kin.hand_rotation(approach, matmul(kin.rot_z(turn), radial))
                 arm = start[:2] - swing.pivot
                 points = [start - _BEFORE_M * approach + radial * _OFF_M, start + radial * _OFF_M]

@@ -8,16 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.manipulation import hand
 from mpvi_bt.manipulation.scene import Scene
 from mpvi_bt.perception.parts import Bar
 from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.kinematics import hand_rotation, inverse, transform, wrap
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array, Solid, bounds
 
-MAX_WIDTH_M = 0.086  # what 10 cm of opening takes with a margin
-_PALM_M = 0.038  # how far behind the tcp a thing may reach before it meets the palm
 _SPARE_M = 0.035  # opening beyond the width of what is to be taken, both sides together
 _BEFORE_M = 0.05  # the most that the fingers close before the middle of a thing that is deep for the palm
 _LONG_M = 0.05  # a thing that reaches farther from its middle is pinched nearer to its ends, too,
@@ -55,40 +53,34 @@ class Grasp:
     T_world_tcp: Array
     tilt_rad: float
     cost: float
-    opening_m: float = hand.FULL_M
+    opening_m: float
 
 
-def grasps(scene: Scene, name: str, bearing: float, off_center: bool = False) -> list[Grasp]:
+def grasps(scene: Scene, hand: Hand, name: str, bearing: float, off_center: bool = False) -> list[Grasp]:
     """Candidates for a thing; only the handles' if it has any.
 
     Args:
         scene: Where the thing is.
+        hand: What takes it.
         name: The thing.
         bearing: Heading [rad] from the robot to it; hands come from the robot's side if they can.
         off_center: Pinches whose hand is not over the middle, instead of those whose hand is.
     """
     bars = scene.handles(name)
     if bars:
-        return [g for bar in bars for g in _on_bar(bar, bearing)]
+        return [g for bar in bars for g in _on_bar(hand, bar, bearing)]
     solids = list(scene.solids(name))
     volumes = scene.volumes(name)
-    found = _pinches(
-        scene.pose(name), solids, bearing, () if volumes else solids, _OFF_CENTER_M if off_center else (0.0,)
-    )
+    offs = _OFF_CENTER_M if off_center else (0.0,)
+    found = _pinches(hand, scene.pose(name), solids, bearing, () if volumes else solids, offs)
     if volumes:  # a palm over the opening keeps what is inside from being poured out
         found = [replace(g, cost=g.cost + _COVERS * max(0.0, float(np.cos(g.tilt_rad)))) for g in found]
     for volume in volumes:
-        found += _rims(volume, solids, bearing)
+        found += _rims(hand, volume, solids, bearing)
     return found
 
 
-def lowest(tilt: float) -> float:
-    """How high [m] above a surface the tcp stays at least: tips, palm and wrist are clear of it."""
-    s, c = float(np.sin(tilt)), float(np.cos(tilt))
-    return 0.004 + max(0.012 * c + 0.011 * s, 0.030 * s - 0.073 * c, 0.045 - 0.158 * c)
-
-
-def _on_bar(bar: Bar, bearing: float) -> Iterator[Grasp]:
+def _on_bar(hand: Hand, bar: Bar, bearing: float) -> Iterator[Grasp]:
     """Toward the bar from its free side, closing across it."""
     ahead = np.array([np.cos(bearing), np.sin(bearing), 0.0])
     for turn in (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2):
@@ -101,20 +93,20 @@ def _on_bar(bar: Bar, bearing: float) -> Iterator[Grasp]:
         across = np.cross(bar.axis, approach)
         for sign in (1.0, -1.0):
             T = transform(hand_rotation(approach, sign * across), bar.center)
-            yield Grasp(T, tilt, 0.3 * tilt + 0.3 * abs(turn) + aside)
+            yield Grasp(T, tilt, 0.3 * tilt + 0.3 * abs(turn) + aside, hand.opening_m)
 
 
 def _pinches(
-    T: Array, solids: Sequence[Solid], bearing: float, parts: Sequence[Solid], offs: Sequence[float]
+    hand: Hand, T: Array, solids: Sequence[Solid], bearing: float, parts: Sequence[Solid], offs: Sequence[float]
 ) -> list[Grasp]:
     """Between two sides of a thing, from straight above to level; of `parts` of it too, which may be narrower."""
     inside = Surroundings(solids)
     tops = sorted({round(float(solid.aabb()[1, 2]), 2) for solid in solids}, reverse=True)
     support = float(min(s.aabb()[0, 2] for s in solids))
-    out = list(_between_sides(T, solids, bearing, support, tops[:_LEVELS], inside, offs))
+    out = list(_between_sides(hand, T, solids, bearing, support, tops[:_LEVELS], inside, offs))
     for part in parts if len(solids) > 1 and not _round(solids) else ():
-        found = _between_sides(part.T, [part], bearing, support, (), inside, offs)
-        out += [replace(g, cost=g.cost + _PART_COST) for g in found if _clear(g, inside)]
+        found = _between_sides(hand, part.T, [part], bearing, support, (), inside, offs)
+        out += [replace(g, cost=g.cost + _PART_COST) for g in found if _clear(hand, g, inside)]
     return out
 
 
@@ -125,8 +117,10 @@ def _round(solids: Sequence[Solid]) -> bool:
     )
 
 
-def _between_sides(T: Array, solids: Sequence[Solid], bearing: float, support: float, levels: Sequence[float],
-                   inside: Surroundings, offs: Sequence[float]) -> Iterator[Grasp]:  # fmt: skip
+def _between_sides(
+    hand: Hand, T: Array, solids: Sequence[Solid], bearing: float, support: float, levels: Sequence[float],
+    inside: Surroundings, offs: Sequence[float],
+) -> Iterator[Grasp]:  # fmt: skip
     """Between two sides of the box about solids along the axes of `T`; of a long one nearer to its ends, too.
 
     `support` is the height of what the thing lies on, `levels` are those of lower tops that a pinch may go down to,
@@ -141,11 +135,11 @@ def _between_sides(T: Array, solids: Sequence[Solid], bearing: float, support: f
     headings: list[tuple[float, float, float]] = []  # heading of the approach, half depth along it, width across it
     if _round(solids):
         width = float(size[flat[0]])
-        if width <= MAX_WIDTH_M:
+        if width <= hand.widest_m:
             headings = [(bearing + turn, width / 2, width) for turn in _AROUND]
     else:
         for i, j in (flat, flat[::-1]):
-            if size[i] <= MAX_WIDTH_M:
+            if size[i] <= hand.widest_m:
                 closing = T[:3, i]
                 heading = float(np.arctan2(-closing[0], closing[1]))
                 headings += [(heading + flip, float(size[j]) / 2, float(size[i])) for flip in (0.0, np.pi)]
@@ -156,8 +150,8 @@ def _between_sides(T: Array, solids: Sequence[Solid], bearing: float, support: f
             for tilt in _TILTS:
                 for level in (top, *(z for z in levels if z < top - 0.005)):
                     heights = (support, bottom, top, level)
-                    grasp = _pinch(middle - nearer * ahead, heights, heading, tilt, half - nearer, width)
-                    if grasp is not None and _between(grasp.T_world_tcp, inside):
+                    grasp = _pinch(hand, middle - nearer * ahead, heights, heading, tilt, half - nearer, width)
+                    if grasp is not None and _between(hand, grasp.T_world_tcp, inside):
                         grasp = replace(grasp, cost=grasp.cost + 0.3 * aside + _NEARER_COST * nearer)
                         yield from (_moved(grasp, off) for off in offs if abs(off) < _most(grasp, width))
                         break
@@ -175,24 +169,24 @@ def _moved(grasp: Grasp, off: float) -> Grasp:
     return replace(grasp, T_world_tcp=T, cost=grasp.cost + _OFF_CENTER_COST * abs(off))
 
 
-def _clear(grasp: Grasp, inside: Surroundings) -> bool:
+def _clear(hand: Hand, grasp: Grasp, inside: Surroundings) -> bool:
     """Whether open fingers and palm are clear of the rest of a thing."""
     T = grasp.T_world_tcp
     return all(
         bool((inside.distance(matmul(centers, T[:3, :3].T) + T[:3, 3]) > radii - slack).all())
-        for (centers, radii), slack in ((hand.fingers(grasp.opening_m), 0.002), (hand.palm(), 0.008))
+        for (centers, radii), slack in ((hand.fingers(grasp.opening_m), 0.002), (hand.palm, 0.008))
     )
 
 
-def _between(T_world_tcp: Array, inside: Surroundings) -> bool:
+def _between(hand: Hand, T_world_tcp: Array, inside: Surroundings) -> bool:
     """Whether something of a thing is between the fingers' pads: over a part of it that juts out there may be none."""
-    y = np.arange(-MAX_WIDTH_M / 2, MAX_WIDTH_M / 2 + 1e-9, 0.004)
+    y = np.arange(-hand.widest_m / 2, hand.widest_m / 2 + 1e-9, 0.004)
     pads = T_world_tcp[:3, 3] + _PAD_M * T_world_tcp[:3, 2] + y[:, None] * T_world_tcp[:3, 1]
     return bool((inside.distance(pads) <= 0).any())
 
 
-def _pinch(middle: Array, heights: tuple[float, float, float, float], heading: float, tilt: float, radius: float,
-           width: float) -> Grasp | None:  # fmt: skip
+def _pinch(hand: Hand, middle: Array, heights: tuple[float, float, float, float], heading: float, tilt: float,
+           radius: float, width: float) -> Grasp | None:  # fmt: skip
     """One pinch, as deep as palm and support allow; None if the thing is too flat or too deep for it.
 
     `heights` are those of what the thing lies on, the underside and the top of what is pinched, and the top of what is
@@ -200,21 +194,21 @@ def _pinch(middle: Array, heights: tuple[float, float, float, float], heading: f
     """
     support, bottom, top, level = heights
     s, c = float(np.sin(tilt)), float(np.cos(tilt))
-    z = top - max(0.012, (_PALM_M - radius * s) / max(c, 0.3))
-    z = max(min(max(z, bottom + 0.45 * (top - bottom)), level - 0.012), support + lowest(tilt))
+    z = top - max(0.012, (hand.room_m - radius * s) / max(c, 0.3))
+    z = max(min(max(z, bottom + 0.45 * (top - bottom)), level - 0.012), support + hand.lowest(tilt))
     if z > top + 0.004:
         return None
-    before = max(0.0, radius * s + (top - z) * c - _PALM_M + 0.004)
+    before = max(0.0, radius * s + (top - z) * c - hand.room_m + 0.004)
     if before > _BEFORE_M:
         return None
     approach = np.array([np.cos(heading) * s, np.sin(heading) * s, -c])
     p = np.array([middle[0], middle[1], z]) - before * approach
     R = hand_rotation(approach, np.array([-np.sin(heading), np.cos(heading), 0.0]))
     cost = 0.4 * tilt + 3.0 * before + 4.0 * max(0.0, z - top + 0.012)
-    return Grasp(transform(R, p), tilt, cost, min(hand.FULL_M, width + _SPARE_M))
+    return Grasp(transform(R, p), tilt, cost, min(hand.opening_m, width + _SPARE_M))
 
 
-def _rims(volume: Solid, solids: Sequence[Solid], bearing: float) -> Iterator[Grasp]:
+def _rims(hand: Hand, volume: Solid, solids: Sequence[Solid], bearing: float) -> Iterator[Grasp]:
     """Across the upright wall around a volume, one finger inside, one outside, from above."""
     R, half = volume.T[:3, :3], volume.half_m
     up = R[:, 2] * np.sign(R[2, 2])
@@ -242,7 +236,7 @@ def _rims(volume: Solid, solids: Sequence[Solid], bearing: float) -> Iterator[Gr
         for tilt in _RIM_TILTS:
             # So deep along the fingers: deeper, slanted ones would meet a round rim where they cross it.
             deep = _RIM_DEPTH_M * float(np.cos(tilt))
-            z = max(float(at[2]) - deep, max(support, inner_floor) + lowest(abs(tilt)))
+            z = max(float(at[2]) - deep, max(support, inner_floor) + hand.lowest(abs(tilt)))
             if z > at[2] - 0.002:
                 continue
             approach = -np.cos(tilt) * _UP + np.sin(tilt) * np.cross(_UP, outward)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.manipulation.carry import settle, tuck
-from mpvi_bt.manipulation.grasps import MAX_WIDTH_M
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.hold_out import THING, meet
 from mpvi_bt.manipulation.work import Words, Work
@@ -18,6 +17,7 @@ from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import posture_distance
 from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side, other
@@ -46,7 +46,7 @@ def hand_over(work: Work, words: Words, tried: list[Array]) -> Actions:
     held = work.held()
     if taker in held:
         raise MotionFailure("hands_full")
-    ways = list(takes(held[giver]))
+    ways = list(takes(motion.robot.hand, held[giver]))
     if not ways:
         raise MotionFailure("no_grasp")
     yield from motion.grip(taker, 1.0, 0.3)
@@ -75,13 +75,13 @@ def hand_over(work: Work, words: Words, tried: list[Array]) -> Actions:
         raise MotionFailure("dropped")
 
 
-def takes(held: Held) -> Iterator[Array]:
+def takes(hand: Hand, held: Held) -> Iterator[Array]:
     """T_giver_taker (4, 4) tcp frames: ways for another hand to take hold of what a hand holds."""
     frame = kin.inverse(held.T_tcp_thing)
     low, high = bounds(s.moved(frame) for s in held.solids)
     size, middle = high - low, (low + high) / 2
     for closing in range(3):
-        if size[closing] > MAX_WIDTH_M:
+        if size[closing] > hand.widest_m:
             continue
         u, v = (closing + 1) % 3, (closing + 2) % 3
         long = u if size[u] > size[v] else v

@@ -10,7 +10,6 @@ from mpvi_bt.manipulation.approach import LEGS, approach, arrive, go_around, lea
 from mpvi_bt.manipulation.carry import back_off, settle
 from mpvi_bt.manipulation.draw_out import draw_out
 from mpvi_bt.manipulation.grasps import grasps
-from mpvi_bt.manipulation.hand import opened
 from mpvi_bt.manipulation.stance import Option
 from mpvi_bt.manipulation.work import NEAR_M, Words, Work
 from mpvi_bt.perception.phrases import OTHER, normalize
@@ -105,7 +104,7 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
             raise
         yield from draw_out(work, name, side)
         stance, search = yield from approach(work, side, name, lambda: options(work, name), tried)
-    yield from motion.grip(side, opened(stance.opening_m), 0.2)
+    yield from motion.grip(side, motion.robot.hand.command(stance.opening_m), 0.2)
     try:
         stance = yield from arrive(work, stance, search, lambda: options(work, name))
         yield from lines(work, side, stance, [0])  # aside to where it stands: on a slant a finger would meet the thing
@@ -176,7 +175,8 @@ def _ways(work: Work, name: str, off_center: bool) -> list[Option]:
     at, here = work.scene.pose(name)[:2, 3], work.motion.felt.base_pose
     parts = [s for n in work.along(name) for s in work.scene.solids(n)]
     found = []
-    for grasp in grasps(work.scene, name, float(np.arctan2(at[1] - here[1], at[0] - here[0])), off_center):
+    bearing = float(np.arctan2(at[1] - here[1], at[0] - here[0]))
+    for grasp in grasps(work.scene, work.motion.robot.hand, name, bearing, off_center):
         T = grasp.T_world_tcp
         frame = kin.inverse(T)
         load = Load([solid.moved(frame) for solid in parts])

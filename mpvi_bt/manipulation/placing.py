@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -12,13 +13,13 @@ from scipy.spatial.transform import Rotation
 
 from mpvi_bt.manipulation.approach import LEGS, close_in, go_around, leave, lines, take_up, withdraw
 from mpvi_bt.manipulation.gaze import look_at
-from mpvi_bt.manipulation.hand import FULL_M, fingers, opened
 from mpvi_bt.manipulation.held import Held
 from mpvi_bt.manipulation.search import SPACINGS, Search
 from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
@@ -146,9 +147,8 @@ def place_at(
         for spacing, found in enumerate(tee(groups(held), len(SPACINGS))):
             seen = 0
             for group in found:
-                options = [
-                    option for pose in group for option in _options(held, pose, work.motion.felt.gripper_width[side])
-                ]
+                width_m, hand = work.motion.felt.gripper_width[side], work.motion.robot.hand
+                options = [option for pose in group for option in _options(hand, held, pose, width_m)]
                 if not options:
                     continue
                 seen += 1
@@ -186,7 +186,7 @@ def place_at(
     return bounds(s.moved(matmul(goal, kin.inverse(held.T_tcp_thing))) for s in held.solids)[:, 2]
 
 
-def release(work: Work, side: Side, opening_m: float = FULL_M, falls_s: float = 0.5) -> Actions:
+def release(work: Work, side: Side, opening_m: float = math.inf, falls_s: float = 0.5) -> Actions:
     """Open a hand as far as there is room for, and wait while what it held falls, by default into a deep container.
 
     A longer pause looks like the end of the motion: who is asked then may say yes before the hand is out of the way.
@@ -194,8 +194,9 @@ def release(work: Work, side: Side, opening_m: float = FULL_M, falls_s: float = 
     Raises:
         MotionFailure: "not_released" if the fingers do not open.
     """
-    enough = min(work.motion.felt.gripper_width[side] + 0.01, 0.8 * FULL_M)
-    yield from work.motion.grip(side, opened(opening_m), 0.5)
+    hand = work.motion.robot.hand
+    enough = min(work.motion.felt.gripper_width[side] + 0.01, 0.8 * hand.opening_m)
+    yield from work.motion.grip(side, hand.command(opening_m), 0.5)
     yield from work.motion.wait(falls_s)
     if work.motion.felt.gripper_width[side] < enough:
         with suppress(MotionFailure):  # fingertips that stand on the floor do not slide apart
@@ -219,11 +220,11 @@ def _lower(work: Work, side: Side, stance: Stance, goal: Array) -> Actions:
     yield from motion.line(side, planned, speed=0.10)
 
 
-def _options(held: Held, pose: Pose, width_m: float) -> Iterator[Option]:
+def _options(hand: Hand, held: Held, pose: Pose, width_m: float) -> Iterator[Option]:
     """Ways to bring a thing into a pose from above, and the hand back along its fingers, or level past the thing."""
     T = matmul(pose.T_world_thing, kin.inverse(held.T_tcp_thing))
-    opening = min(FULL_M, width_m + _SPARE_M)
-    asides = [aside for aside in _asides(T) if _slides_past(held, matmul(T[:3, :3].T, aside), opening)]
+    opening = min(hand.opening_m, width_m + _SPARE_M)
+    asides = [aside for aside in _asides(T) if _slides_past(hand, held, matmul(T[:3, :3].T, aside), opening)]
     for over_m, back_m, run_up, cost in _WAYS:
         over = T.copy()
         over[2, 3] += over_m
@@ -246,13 +247,13 @@ def _asides(T: Array) -> Iterator[Array]:
             yield away
 
 
-def _slides_past(held: Held, way: Array, opening_m: float) -> bool:
+def _slides_past(hand: Hand, held: Held, way: Array, opening_m: float) -> bool:
     """Whether fingers that are open so far slide along a unit vector (3,) in the tcp frame, past what they let go of.
 
     The finger within a vessel meets the wall around the corner, and that within a plate its lip farther along.
     """
     thing = Surroundings(held.solids)
-    centers, radii = fingers(opening_m)
+    centers, radii = hand.fingers(opening_m)
     gaps = thing.distance(centers + np.arange(0.0, _ASIDE_M, _SLID_M)[:, None, None] * way) - radii
     return bool((gaps > np.minimum(gaps[0], 0.0) - _GRAZED_M).all())
 

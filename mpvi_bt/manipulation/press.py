@@ -18,7 +18,6 @@ from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
 _SHORT_M = 0.08
-_TIP_M = 0.012  # the fingertips are that far before the tcp
 _BEYOND_M = 0.015  # the hand feels its way that far into where the switch should be
 _PRESS_M_S = 0.06
 _CALM_S = 0.3  # an arm that still swings from the way feels touches that are none
@@ -105,7 +104,7 @@ def options(work: Work, name: str) -> list[Option]:
                 for roll in np.arange(_ROLLS) * np.pi / _ROLLS * 2:
                     y = matmul(T[:3, :3], [np.cos(roll), np.sin(roll), 0.0])
                     R = kin.hand_rotation(z, y)
-                    at = T[:3, 3] - _TIP_M * z
+                    at = T[:3, 3] - work.motion.robot.hand.tip_m * z
                     touch = kin.transform(R, at + _BEYOND_M * z)
                     before = kin.transform(R, at - _SHORT_M * z)
                     for run_up, more in _WAYS:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -10,11 +11,11 @@ import numpy as np
 from mpvi_bt.manipulation.course import Course, CourseSearch, Start
 from mpvi_bt.manipulation.follow import go_along, resistance, take_up, touch
 from mpvi_bt.manipulation.gaze import study
-from mpvi_bt.manipulation.hand import FULL_M, opened
 from mpvi_bt.manipulation.open import then_leave
 from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings, covering_spheres
+from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
@@ -24,10 +25,8 @@ _FAR_M = 0.30  # how far to push if nothing is said of it
 _LEAST = 0.5  # of that way counts as pushed
 _GAP_M = 0.02  # what is that near to where it is to be need not be pushed
 _UNSURE_M = 0.05  # where what it is pushed up to may be nearer or farther by
-_TIP_M = 0.012  # the fingertips are that far before the tcp
 _SHORT_M = 0.10
 _STEP_M = 0.01  # of a thing on its way to another, until they meet
-_FINGER_HALF_M = 0.0065  # half a finger's thickness
 _APART = 0.6  # of a thing's width: how far apart two fingertips behind it keep it from turning or slipping away
 _DROOPS = (0.0, 0.4, 0.8, 1.1, 1.4)  # how far the hand points down [rad]
 _STEEP = (1.1, 1.4)  # those of a hand behind a thing so thin that a flat one had no room above what it stands on
@@ -48,7 +47,7 @@ class Push(Course):
         opening_m: Between the fingers.
     """
 
-    opening_m: float = FULL_M
+    opening_m: float = math.inf
 
 
 def push(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -82,7 +81,7 @@ def push(work: Work, words: Words, tried: list[Array]) -> Actions:
         yield from go_along(motion, course, side, start.torso_after, stuck, _SLOWNESS)
 
     tried.append(start.base)
-    yield from motion.grip(side, opened(course.opening_m), 0.2)
+    yield from motion.grip(side, motion.robot.hand.command(course.opening_m), 0.2)
     yield from take_up(work, start, side, search.other)
     yield from then_leave(work, side, going())
     yield from study(work, name)
@@ -135,7 +134,7 @@ def _reach(solids: Sequence[Solid], toward: Array, at: Array) -> float:
 def _beginning(
     work: Work, name: str, way: Array, tried: list[Array], hand: str | None
 ) -> tuple[Side, Start, Push, CourseSearch]:
-    courses = pushes(work.scene.solids(name), way)
+    courses = pushes(work.motion.robot.hand, work.scene.solids(name), way)
     at, here = work.middle(name)[:2], work.motion.felt.base_pose
     bearing = float(np.arctan2(at[1] - here[1], at[0] - here[0]))
     ahead = float(np.arctan2(way[1], way[0]))
@@ -156,7 +155,7 @@ def _search(work: Work, name: str, side: Side, tried: list[Array]) -> CourseSear
     return CourseSearch(work.motion, side, work.held(), near, touched, work.rng, list(tried), work.effort)
 
 
-def pushes(solids: Sequence[Solid], way: Array) -> list[Push]:
+def pushes(hand: Hand, solids: Sequence[Solid], way: Array) -> list[Push]:
     """Ways to push solids by `way` (2,) [m], the base going along or, where it cannot, standing."""
     length = float(norm(way))
     d = np.append(way / length, 0.0)
@@ -186,11 +185,11 @@ def pushes(solids: Sequence[Solid], way: Array) -> list[Push]:
         if rear is None:
             continue
         wide, deep = _width(solids, across, z), max(_width(solids, d, z), 1e-3)
-        opening = float(np.clip(_APART * wide - 2 * _FINGER_HALF_M, 0.0, FULL_M))
+        opening = float(np.clip(_APART * wide - 2 * hand.finger_half_m, 0.0, hand.opening_m))
         toppling = _TOPPLING * min(max(0.0, (z - low[2]) / deep - 1), 2.0)
         for droop in _STEEP if flat else _DROOPS:
             approach = d * np.cos(droop) - np.array([0.0, 0.0, np.sin(droop)])
-            at = rear - _TIP_M * approach - _FINGER_HALF_M * np.sin(droop) * d
+            at = rear - hand.tip_m * approach - hand.finger_half_m * np.sin(droop) * d
             for flip in (1.0, -1.0):
                 T = kin.transform(kin.hand_rotation(approach, flip * across), at)
                 before = T.copy()

@@ -230,7 +230,8 @@ class ScriptedPolicy:
             return True
         if not (found := self._scene.knowledge().find(phrase)):
             return True
-        return any(grasps(self._scene, e.name, float(work.motion.felt.base_pose[2])) for e in found)
+        hand, bearing = work.motion.robot.hand, float(work.motion.felt.base_pose[2])
+        return any(grasps(self._scene, hand, e.name, bearing) for e in found)
 
     def _carries(self, work: Work, phrase: str) -> bool:
         """Whether the robot carries something that a phrase names."""

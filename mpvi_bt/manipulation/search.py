@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpvi_bt.manipulation import hand
 from mpvi_bt.manipulation.detour import Detours
 from mpvi_bt.manipulation.postures import TOUCH_M, stance_at
 from mpvi_bt.manipulation.site import KNOWN_M, Site
@@ -148,10 +147,10 @@ class Search(Site):
 
     def fits(self, option: Option) -> bool:
         """Whether the bare hand, with what it holds, is clear of everything at each waypoint, whatever the arm does."""
-        takes = option.load is not None
+        hand, takes = self.motion.robot.hand, option.load is not None
         for k, T in enumerate(option.waypoints):
             around = self.everything if k < option.contact else self.rest
-            parts = [(*hand.palm(), TOUCH_M)]
+            parts = [(*hand.palm, TOUCH_M)]
             if k <= option.contact if takes else k >= option.contact:
                 parts.append((*hand.fingers(option.opening_m), 0.0))
             load = None if k == option.contact else self._load(k, option)

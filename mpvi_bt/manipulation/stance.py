@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from mpvi_bt.manipulation import hand
 from mpvi_bt.robot.collision import Load
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import Side
@@ -26,7 +26,7 @@ class Option:
             is done leaves the same way.
         load: What the hand has after the contact, in the tcp frame; None if nothing.
         opening_m: Between the fingers while they are open: up to the contact if the hand takes something, from the
-            contact on if it lets go.
+            contact on if it lets go; as far as they go if that is less.
     """
 
     waypoints: Array
@@ -34,7 +34,7 @@ class Option:
     cost: float = 0.0
     run_up_m: float = 0.0
     load: Load | None = None
-    opening_m: float = hand.FULL_M
+    opening_m: float = math.inf
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from mpvi_bt.manipulation.work import Words, Work
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.model import SIGN, RobotModel
 from mpvi_bt.robot.motion import Actions, MotionFailure
@@ -23,11 +24,9 @@ from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.robot.squeeze import pressing, squeezes
 
 _WIDTHS_M = (0.10, 0.46)  # between the hands: less is for one hand, more does not go between the arms
-_TIP_M = 0.012  # the fingertips reach this far past the tcp
 _WIDE_M = 0.05  # between a hand and its side of the box, before it closes in
 _PRESSING_S = 0.2  # shorter than a rest, which looks like the end of the lift
 _CLOSING_M_S = 0.12
-_TIP_HALF_M = 0.011  # half a fingertip's breadth across the hand
 _EDGE_M = 0.005  # a fingertip stays that far off what a thing lies on, and off the upper edge of its side
 _LOW_M = 0.07  # a thing that is lower than this is taken with hands that point down,
 _SLANT_RAD = 0.75  # slantwise, or more steeply: a tip that is broader than the side presses on its edge and slips
@@ -69,12 +68,12 @@ class Box:
         """Height of its underside [m]."""
         return float(self.middle[2]) - self.height / 2
 
-    def hands(self, reach: float) -> dict[Side, Array]:
+    def hands(self, hand: Hand, reach: float) -> dict[Side, Array]:
         """T_world_tcp (4, 4) of hands on both sides, seen from behind; `reach` [m] off the sides, negative within."""
         flatness, z = 1.0, max(0.05, 0.55 * self.height)
         if self.height < _LOW_M:
-            flatness = min(float(np.cos(_SLANT_RAD)), max(0.0, self.height / 2 - _EDGE_M) / _TIP_HALF_M)
-            z = max(self.height / 2, _EDGE_M + flatness * _TIP_HALF_M)
+            flatness = min(float(np.cos(_SLANT_RAD)), max(0.0, self.height / 2 - _EDGE_M) / hand.tip_half_m)
+            z = max(self.height / 2, _EDGE_M + flatness * hand.tip_half_m)
         along = np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
         leftward = np.array([-along[1], along[0], 0.0])
         steepness = np.sqrt(1 - flatness**2)
@@ -83,7 +82,7 @@ class Box:
             sign = SIGN[side]
             approach = -sign * leftward * flatness - np.array([0, 0, steepness])
             tip = np.array([*self.middle[:2], self.bottom + z]) + sign * leftward * (self.width / 2 + reach)
-            out[side] = kin.transform(kin.hand_rotation(approach, along), tip - _TIP_M * approach)
+            out[side] = kin.transform(kin.hand_rotation(approach, along), tip - hand.tip_m * approach)
         return out
 
 
@@ -241,8 +240,8 @@ def way_behind(search: Search, here: Array, base: Array) -> list[Array] | None:
 def _grip_at(work: Work, search: Search, base: Array, back: Array, box: Box) -> _Grip | None:
     """A torso and postures of both arms for one base pose and the one behind it."""
     to_base = kin.inverse(kin.base(base))
-    touching, wide = box.hands(0.0), box.hands(_WIDE_M)
     robot = work.motion.robot
+    touching, wide = box.hands(robot.hand, 0.0), box.hands(robot.hand, _WIDE_M)
     postures = robot.postures(_PITCHES, float(robot.trunk.posture(robot.travel_torso)[3]))
     torsos = robot.trunk.joints(postures)
     chests = kin.inverse(robot.chest(torsos))
@@ -305,7 +304,7 @@ def _go_behind(work: Work, grip: _Grip, search: Search) -> Actions:
 def _close_in(work: Work, box: Box) -> Actions:
     """Bring both hands to the sides, from where the base really stands."""
     to_base = kin.inverse(work.base)
-    hands = box.hands(0.0)
+    hands = box.hands(work.motion.robot.hand, 0.0)
     lines = [work.motion.line(side, matmul(to_base, hands[side]), _CLOSING_M_S, give_rad=np.inf) for side in SIDES]
     yield from together(*lines, motion_of=work)
 

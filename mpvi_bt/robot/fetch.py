@@ -9,11 +9,14 @@ head does not pan, as the robots' common layout has no such joint; and it has a 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import PannedArm
 from mpvi_bt.robot.model import Camera, Drive, Hull, RobotModel, wrist_mount
+from mpvi_bt.robot.r1 import HAND
 from mpvi_bt.robot.trunk import LiftTrunk
 
 HAND_M = 0.1385  # wrist to flange, at the roll joint
@@ -98,7 +101,7 @@ FETCH = RobotModel(
     head_to_camera=kin.transform(kin.LINK_TO_OPTICAL, HEAD_CAMERA_M),
     tcp_m=TCP_M,
     hand_to_camera=wrist_mount(WRIST_CAMERA_M, WRIST_CAMERA_TILT_RAD),
-    finger_travel_m=FINGER_TRAVEL_M,
+    hand=replace(HAND, travel_m=FINGER_TRAVEL_M),  # Our choice: planned with as if it were the r1's
     base_radius_m=BASE_RADIUS_M,
     travel_arm={"right": np.array([0.65, 1.22, -0.84, 2.15, -0.38, 1.44, 0.0])},  # within 0.33 m, 3 cm clear of itself
     travel_torso=np.array([0.20, 0.0, 0.0, 0.5]),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
-from mpvi_bt.robot.protocol import EMPTY_M, OPEN_M, Proprioception, Side
+from mpvi_bt.robot.protocol import EMPTY_M, Proprioception, Side
 
 _STEADY_M = 0.0005  # a width that changes by less than this in a step, so many steps in a row, is that of a thing held
 _STEADY_STEPS = 4
@@ -50,7 +50,7 @@ class GripWatch:
 
 def _narrowest_m(felt: Proprioception, side: Side) -> float:
     """The narrowest thing that keeps the fingers apart, told to be where they are told to be."""
-    return (felt.gripper_command[side] + 1.0) * (OPEN_M / 2) + EMPTY_M
+    return (felt.gripper_command[side] + 1.0) * (felt.open_m / 2) + EMPTY_M
 
 
 def _stopped(felt: Proprioception, side: Side) -> bool:

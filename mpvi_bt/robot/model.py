@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mpvi_bt.robot import arms
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import Arm
+from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array
@@ -117,7 +118,7 @@ class RobotModel:
         head_to_camera: (4, 4) T_head_camera, optical frame.
         tcp_m: Flange to tcp.
         hand_to_camera: (4, 4) T_hand_camera of each wrist camera, optical frame.
-        finger_travel_m: Of each finger; the hand opens twice that.
+        hand: What each arm ends in.
         base_radius_m: Of the circle about the base.
         travel_arm, travel_torso: Joints to drive in, and to begin with.
         lifts: Of the trunk [m], of which searches for a posture try each.
@@ -148,7 +149,7 @@ class RobotModel:
     head_to_camera: Array
     tcp_m: float
     hand_to_camera: Array
-    finger_travel_m: float
+    hand: Hand
     base_radius_m: float
     travel_arm: Mapping[Side, Array]
     travel_torso: Array

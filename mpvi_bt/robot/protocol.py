@@ -16,7 +16,6 @@ Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
 CONTROL_HZ = 30  # control steps, and ticks, a second (BEHAVIOR's rate)
 ACTION_SIZE = 23
-OPEN_M = 0.10  # between the fingers of a hand that is fully open
 EMPTY_M = 0.003  # a closed hand that is no wider than this closed on nothing
 
 
@@ -50,11 +49,12 @@ class Proprioception:
         torso: (4,) lift [m], waist yaw, waist pitch, head tilt [rad].
         arm: (7,) joint angles [rad] of each arm; a robot with one has it on the "right".
         arm_velocity: (7,) [rad/s] of each arm.
-        gripper_width: Opening between the fingers [m], 0 to 0.10, of each hand.
+        gripper_width: Opening between the fingers [m], 0 to `open_m`, of each hand.
         gripper_command: Last commanded value of each gripper, -1 closed ... 1 open.
         arm_command: (7,) last commanded joint angles [rad] of each arm; empty where the robot does not tell. What the
             arms press against keeps them from getting there.
         robot: What robot it is, by name.
+        open_m: Between the fingers of a hand that is fully open.
     """
 
     base_pose: Array
@@ -66,6 +66,7 @@ class Proprioception:
     gripper_command: Mapping[Side, float]
     arm_command: Mapping[Side, Array] = field(default_factory=dict)
     robot: str = "r1"
+    open_m: float = 0.10
 
     @property
     def sides(self) -> tuple[Side, ...]:
@@ -79,7 +80,7 @@ class Proprioception:
         """
         if side not in self.arm:
             return False
-        told_m = (self.gripper_command[side] + 1) / 2 * OPEN_M
+        told_m = (self.gripper_command[side] + 1) / 2 * self.open_m
         return self.gripper_command[side] < 0 and self.gripper_width[side] > told_m + EMPTY_M
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import SphericalArm
+from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.model import SIGN, Camera, Drive, Hull, RobotModel, wrist_mount
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
@@ -109,6 +110,19 @@ _HULL = Hull(
                       + [(-0.1, 0.0, z, 0.14) for z in (0.35, 0.5, 0.65, 0.8)]),
 )  # fmt: skip
 
+HAND = Hand(
+    travel_m=FINGER_TRAVEL_M,
+    tip_m=0.012,
+    finger_half_m=0.0065,
+    tip_half_m=0.011,
+    finger_z_m=np.array([0.125, 0.143, 0.161]) - TCP_M,
+    finger_m=0.009,
+    palm=(np.array([(0.0, y, 0.085 - TCP_M) for y in (-0.06, -0.02, 0.02, 0.06)]), np.full(4, 0.030)),
+    wrist=(-TCP_M, 0.045),
+    room_m=0.038,
+    widest_m=0.086,
+)
+
 R1 = RobotModel(
     name="r1",
     arms={s: SphericalArm(SHOULDER_M * [1, SIGN[s], 1], UPPER_ARM_M, FOREARM_M, TCP_M, ARM_LIMITS[s]) for s in SIGN},
@@ -130,7 +144,7 @@ R1 = RobotModel(
     head_to_camera=kin.transform(kin.LINK_TO_OPTICAL, HEAD_CAMERA_M),
     tcp_m=TCP_M,
     hand_to_camera=wrist_mount(WRIST_CAMERA_M, WRIST_CAMERA_TILT_RAD),
-    finger_travel_m=FINGER_TRAVEL_M,
+    hand=HAND,
     base_radius_m=BASE_RADIUS_M,
     travel_arm=TRAVEL_ARM,
     travel_torso=TRAVEL_TORSO,

@@ -15,6 +15,7 @@ import numpy as np
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import SphericalArm
+from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.model import SIGN, Camera, Drive, Hull, RobotModel
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
@@ -138,6 +139,19 @@ _HULL = Hull(
     link=np.repeat([0, 1], [5, 3]),
 )  # fmt: skip
 
+HAND = Hand(
+    travel_m=FINGER_TRAVEL_M,
+    tip_m=0.018,
+    finger_half_m=0.0055,
+    tip_half_m=0.007,
+    finger_z_m=np.array([-0.021, -0.006, 0.009]),
+    finger_m=0.009,
+    palm=(np.array([(0.0, y, -0.088) for y in (-0.04, 0.0, 0.04)]), np.full(3, 0.030)),
+    wrist=(-TCP_M, 0.048),
+    room_m=0.055,
+    widest_m=0.086,
+)
+
 R1PRO = RobotModel(
     name="r1pro",
     arms={s: _arm(s) for s in SIGN},
@@ -159,7 +173,7 @@ R1PRO = RobotModel(
     head_to_camera=_head_camera(),
     tcp_m=TCP_M,
     hand_to_camera=_wrist_camera(),
-    finger_travel_m=FINGER_TRAVEL_M,
+    hand=HAND,
     base_radius_m=BASE_RADIUS_M,
     travel_arm=TRAVEL_ARM,
     travel_torso=TRAVEL_TORSO,

@@ -18,7 +18,6 @@ _FLAT, _DOWN, _AWAY = 0.9, 0.7, 0.1  # or the fingers' flat sides do, of hands t
 _FORCE_N = 250.0  # that hands press with,
 _STRAIN = 0.9  # or less, so that no joint needs more than that share of what its drive can do
 _STEP_RAD = 1e-4  # for slopes
-_TIP_M = 0.012  # the fingertips reach this far past the tcp
 
 
 def squeezes(felt: Proprioception) -> bool:
@@ -54,7 +53,7 @@ def pressing(robot: RobotModel, torso: Array, arms: Mapping[Side, Array]) -> dic
     """
 
     def tip(side: Side, q: Array) -> Array:
-        return np.asarray(matmul(robot.tcp(torso, q, side), [0.0, 0.0, _TIP_M, 1.0])[:3])
+        return np.asarray(matmul(robot.tcp(torso, q, side), [0.0, 0.0, robot.hand.tip_m, 1.0])[:3])
 
     tips = {side: tip(side, arms[side]) for side in SIDES}
     rightward = (tips["right"] - tips["left"]) / max(float(norm(tips["right"] - tips["left"])), 1e-9)

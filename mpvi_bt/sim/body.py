@@ -14,8 +14,6 @@ from mpvi_bt.robot.protocol import CameraImage, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.cameras import Cameras
 
-_HALF_FINGER_M, _FINGERTIP_M = 0.0065, 0.012  # a finger's half thickness; its end lies that far before the tcp
-
 
 class SimBody:
     """What a robot feels.
@@ -82,6 +80,7 @@ class SimBody:
                 gripper_command=self.gripper_command,
                 arm_command=self.arm_command,
                 robot=self.model.name,
+                open_m=self.model.hand.opening_m,
             )
         return self._felt
 
@@ -106,6 +105,6 @@ class SimBody:
         base, chest = kin.base(felt.base_pose), self.model.chest(felt.torso)
         for side in self.model.sides:
             T = matmul(base, matmul(chest, self.model.arm(felt.arm[side], side)))
-            apart = felt.gripper_width[side] / 2 + _HALF_FINGER_M
-            out += [T[:3, 3] + y * T[:3, 1] + _FINGERTIP_M * T[:3, 2] for y in (-apart, apart)]
+            apart = felt.gripper_width[side] / 2 + self.model.hand.finger_half_m
+            out += [T[:3, 3] + y * T[:3, 1] + self.model.hand.tip_m * T[:3, 2] for y in (-apart, apart)]
         return np.array(out)

@@ -88,7 +88,7 @@ class Drives:
             self.robot.set_joint_drive_targets(targets.float(), joints)
             # Without its velocity a PD drive trails a moving target by damping / stiffness = 0.1 s.
             self.robot.set_joint_drive_velocity_targets(((targets - before) * CONTROL_HZ).float(), joints)
-            opened = CLOSED_M + (command[:, list(_FINGERS.values())] + 1) / 2 * (R1.finger_travel_m - CLOSED_M)
+            opened = CLOSED_M + (command[:, list(_FINGERS.values())] + 1) / 2 * (R1.hand.travel_m - CLOSED_M)
             self.robot.set_joint_drive_targets(opened.float(), self._fingers)
             self._sent[rows], self._moving = command.clone(), True
         elif self._moving:

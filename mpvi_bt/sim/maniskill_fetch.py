@@ -50,7 +50,7 @@ class ShippedFetch(SimRobot):
         q[self._base] = base_pose
         for i, at in self._torso:
             q[at] = FETCH.travel_torso[i]
-        q[self._arm["right"]], q[self._fingers["right"]] = FETCH.travel_arm["right"], FETCH.finger_travel_m
+        q[self._arm["right"]], q[self._fingers["right"]] = FETCH.travel_arm["right"], FETCH.hand.travel_m
         self.restore({"q": q.tolist(), "v": np.zeros_like(q).tolist()})
 
     @property
@@ -69,7 +69,7 @@ class ShippedFetch(SimRobot):
     def gripper_command(self) -> Mapping[Side, float]:
         """What the gripper's drives were told last, -1 closed ... 1 open."""
         told = float(self._joints[FETCH.finger_joints["right"][0]].drive_target[0])
-        return {"right": float(np.clip(2 * (told - CLOSED_M) / (FETCH.finger_travel_m - CLOSED_M) - 1, -1.0, 1.0))}
+        return {"right": float(np.clip(2 * (told - CLOSED_M) / (FETCH.hand.travel_m - CLOSED_M) - 1, -1.0, 1.0))}
 
     @property
     def arm_command(self) -> Mapping[Side, Array]:

@@ -51,7 +51,7 @@ class SimRobot(SimBody):
         for i, at in self._torso:
             q[at] = model.travel_torso[i]
         for s in model.sides:
-            q[self._arm[s]], q[self._fingers[s]] = model.travel_arm[s], model.finger_travel_m
+            q[self._arm[s]], q[self._fingers[s]] = model.travel_arm[s], model.hand.travel_m
         self.articulation.set_qpos(q)
         self.articulation.set_qvel(np.zeros_like(q))
         self.apply()
@@ -138,7 +138,7 @@ class SimRobot(SimBody):
                 # Without its velocity a PD drive trails a moving target by damping / stiffness = 0.1 s.
                 joint.set_drive_velocity_target((target - last) * CONTROL_HZ)
             for s in self.model.sides:
-                open_m = self.model.finger_travel_m - CLOSED_M
+                open_m = self.model.hand.travel_m - CLOSED_M
                 finger = CLOSED_M + (float(action[ActionLayout.GRIPPER[s]]) + 1) / 2 * open_m
                 for name in self.model.finger_joints[s]:
                     self._joints[name].set_drive_target(finger)

@@ -14,7 +14,6 @@ from mpvi_bt.errors import BackendError, DetectorError, shown
 from mpvi_bt.perception.detector import ROBOT, Detection, Detector, check_detection
 from mpvi_bt.robot.protocol import (
     ACTION_SIZE,
-    OPEN_M,
     SIDES,
     ActionLayout,
     CameraImage,
@@ -53,7 +52,7 @@ def check_robot(robot: Robot, step: Callable[[Array], None]) -> None:
         _require(value.shape == shape and bool(np.isfinite(value).all()), f"{name} must be {shape} and finite")
     _require(len(body.sides) >= 1, "a robot must have a hand")
     for side in body.sides:
-        _require(-0.005 <= body.gripper_width[side] <= OPEN_M + 0.005, "gripper_width must be 0 to 0.10 m")
+        _require(-0.005 <= body.gripper_width[side] <= body.open_m + 0.005, "gripper_width must be 0 to open_m")
         _require(-1 <= body.gripper_command[side] <= 1, "gripper_command must be -1 to 1")
     for bad in (np.zeros(ACTION_SIZE - 1), np.zeros((1, ACTION_SIZE)), np.full(ACTION_SIZE, np.nan)):
         try:

@@ -19,7 +19,6 @@ from mpvi_bt.plan.skills import Skill
 from mpvi_bt.robot.protocol import (
     ACTION_SIZE,
     CONTROL_HZ,
-    OPEN_M,
     SIDES,
     ActionLayout,
     CameraImage,
@@ -28,6 +27,8 @@ from mpvi_bt.robot.protocol import (
     Side,
 )
 from mpvi_bt.robot.solids import Array
+
+_OPEN_M = 0.10  # between its fingers
 
 
 class KinematicRobot:
@@ -43,7 +44,7 @@ class KinematicRobot:
         self._velocity = np.zeros(3)
         self._targets = np.zeros(ACTION_SIZE)
         self._targets[list(ActionLayout.GRIPPER.values())] = 1.0
-        self._width: dict[Side, float] = {"left": OPEN_M, "right": OPEN_M}
+        self._width: dict[Side, float] = dict.fromkeys(SIDES, _OPEN_M)
         self._arm_velocity = {side: np.zeros(7) for side in SIDES}
         self._action = self._targets.copy()
 
@@ -74,6 +75,7 @@ class KinematicRobot:
             gripper_width=dict(self._width),
             gripper_command={side: float(self._targets[ActionLayout.GRIPPER[side]]) for side in SIDES},
             arm_command={side: self._targets[ActionLayout.ARM[side]].copy() for side in SIDES},
+            open_m=_OPEN_M,
         )
 
     def look(self, camera: str) -> CameraImage:
@@ -109,7 +111,7 @@ class KinematicRobot:
         for side in SIDES:
             arm = ActionLayout.ARM[side]
             self._arm_velocity[side] = (action[arm] - self._targets[arm]) / dt
-            wanted = (float(np.clip(action[ActionLayout.GRIPPER[side]], -1, 1)) + 1) / 2 * OPEN_M
+            wanted = (float(np.clip(action[ActionLayout.GRIPPER[side]], -1, 1)) + 1) / 2 * _OPEN_M
             reach = 0.4 * dt
             width = self._width[side] + float(np.clip(wanted - self._width[side], -reach, reach))
             self._width[side] = max(width, self.between_m[side])
