@@ -76,11 +76,11 @@ def _settle(work: Work, without: Collection[str], feeling: bool = False) -> Acti
             with work.sight.trusting() if feeling and work.sight is not None else nullcontext():
                 path = _fold(work, side, without)
             yield from work.motion.follow(side, path)
-    upright = _upright(work)
-    arms = _homeward(work, upright, without)
+    straight = upright(work)
+    arms = _homeward(work, straight, without)
     if arms is None and (held or not feeling):
         raise MotionFailure("no_carry")
-    yield from work.motion.stand(upright, arms)
+    yield from work.motion.stand(straight, arms)
 
 
 def come_out(work: Work) -> Actions:
@@ -124,9 +124,11 @@ def _fold(work: Work, side: Side, without: Collection[str]) -> list[Array]:
     raise MotionFailure("no_fold")
 
 
-def _upright(work: Work) -> Array:
-    """(4,) the torso as for traveling."""
-    return np.append(work.motion.robot.travel_torso[:3], work.motion.torso[3])
+def upright(work: Work) -> Array:
+    """(4,) the torso as for traveling, but for the head's tilt."""
+    robot = work.motion.robot
+    posture = robot.trunk.posture(robot.travel_torso)
+    return robot.trunk.joints(np.append(posture[:3], work.motion.posture[3]))
 
 
 def _homeward(work: Work, torso: Array, without: Collection[str]) -> dict[Side, list[Array]] | None:
@@ -140,7 +142,7 @@ def _homeward(work: Work, torso: Array, without: Collection[str]) -> dict[Side, 
         return found
     sides = sorted(body.held, key=lambda s: float(work.motion.hand(s)[2, 3]))
     for margin, side in product(_CLEAR_M, sides):
-        now, checked, home = work.motion.hand(side), 0, replace(body, torso=torso[:3])
+        now, checked, home = work.motion.hand(side), 0, replace(body, torso=torso)
         for T in _carries(work, side, body):
             q = body.robot.nearest_posture(matmul(kin.inverse(body.robot.chest(torso)), T), side, work.motion.arm(side))
             if q is None or not home.free(side, q, margin)[0]:
@@ -161,14 +163,14 @@ def _swing_home(work: Work, without: Collection[str]) -> Actions:
 
     There they hang level once the torso has straightened up, which it then does.
     """
-    upright = _upright(work)
+    straight = upright(work)
     for side, held in work.held().items():
-        if _homeward(work, upright, without) is not None:
+        if _homeward(work, straight, without) is not None:
             return
         if held.laden:
             continue
         body = work.body(without)
-        home = [matmul(kin.inverse(body.robot.chest(upright)), T) for T in _carries(work, side, body)]
+        home = [matmul(kin.inverse(body.robot.chest(straight)), T) for T in _carries(work, side, body)]
         ends = (body.robot.nearest_posture(T, side, work.motion.arm(side)) for T in home)
         free = (q for q in ends if q is not None and body.free(side, q)[0])
         free = (q for q in free if _straightens(work, body, side, q) is not None)
@@ -176,13 +178,13 @@ def _swing_home(work: Work, without: Collection[str]) -> Actions:
         if (path := next((path for path in paths if path is not None), None)) is not None:
             yield from work.motion.follow(side, path)
             arms = _straightens(work, work.body(without), side, work.motion.arm(side))
-            yield from work.motion.stand(upright, arms or {})
+            yield from work.motion.stand(straight, arms or {})
 
 
 def _straightens(work: Work, body: Body, side: Side, q: Array) -> dict[Side, list[Array]] | None:
     """Postures of what the other hand holds while the torso straightens up with arm `side` in posture `q` (7,)."""
     hands = {s: arm_motion.stay(work.motion.hand(s)) for s in body.held if s != side}
-    return arm_motion.sweep(replace(body, arms={**body.arms, side: q}), _upright(work), hands)
+    return arm_motion.sweep(replace(body, arms={**body.arms, side: q}), upright(work), hands)
 
 
 def tuck(work: Work) -> Actions:

@@ -29,25 +29,23 @@ def study(work: Work, name: str | None) -> Actions:
     """
     if work.sight is None:
         return
-    torso = work.motion.torso
     if name is None:
-        torso[3] = _FLOOR_RAD
-        yield from work.motion.stand(torso)
+        yield from work.motion.stand(work.motion.bent(tilt=_FLOOR_RAD))
         yield from work.see("head")
     else:
         over = [_raised(work, name)] if work.held() else _overlooking(work, name)
         yield from work.motion.stand(over[0] if over else work.motion.torso)
         yield from look_at(work, name)
         if not work.held() and _covered(work, name):
-            torso = work.motion.torso
-            torso[:3] = [np.clip(work.middle(name)[2] - _EYES_M, *work.motion.robot.torso_limits[0]), 0.0, 0.0]
-            yield from work.motion.stand(torso)
+            trunk = work.motion.robot.trunk
+            posture = work.motion.posture
+            posture[:3] = [np.clip(work.middle(name)[2] - _EYES_M, *trunk.limits[0]), 0.0, 0.0]
+            yield from work.motion.stand(trunk.joints(posture))
             yield from look_at(work, name)
             work.studied = (name, _stands(work))
             return
-    torso = work.motion.torso
-    torso[3] += _HEAD_DOWN_RAD if torso[3] < _LEVEL_RAD else -_HEAD_UP_RAD
-    yield from work.motion.stand(torso)
+    tilt = float(work.motion.posture[3])
+    yield from work.motion.stand(work.motion.bent(tilt=tilt + (_HEAD_DOWN_RAD if tilt < _LEVEL_RAD else -_HEAD_UP_RAD)))
     yield from work.see("head")
     work.studied = (name, _stands(work))
 
@@ -87,23 +85,23 @@ def look_at(work: Work, *names: str) -> Actions:
 
 
 def tilted(work: Work, p_world: Array) -> Array:
-    """The torso posture (4,) as it is, but with a point (3,) in the middle of the head's view, up or down."""
+    """The torso (4,) as it is, but with a point (3,) in the middle of the head's view, up or down."""
     torso = work.motion.torso
     seen = matmul(kin.inverse(matmul(work.base, work.motion.robot.chest(torso))), np.append(p_world, 1.0))
     ahead = seen[:3] - work.motion.robot.head_m
-    torso[3] = np.clip(np.arctan2(-ahead[2], max(float(ahead[0]), 0.05)), *work.motion.robot.torso_limits[3])
-    return torso
+    down = np.arctan2(-ahead[2], max(float(ahead[0]), 0.05))
+    return work.motion.bent(tilt=float(np.clip(down, *work.motion.robot.trunk.limits[3])))
 
 
 def _raised(work: Work, name: str) -> Array:
-    """A torso posture (4,) from which what is high up is seen from the front, with hands that hold something."""
-    now = raised = work.motion.torso
-    wanted = float(np.clip(work.middle(name)[2] - _EYES_M, *work.motion.robot.torso_limits[0]))
-    if wanted <= now[0]:
-        return now
+    """A torso (4,) from which what is high up is seen from the front, with hands that hold something."""
+    raised, now = work.motion.torso, work.motion.posture[0]
+    wanted = float(np.clip(work.middle(name)[2] - _EYES_M, *work.motion.robot.trunk.limits[0]))
+    if wanted <= now:
+        return raised
     body = work.body({name})
-    for lift in np.linspace(now[0], wanted, 5)[1:]:
-        torso = np.append(lift, now[1:])
+    for lift in np.linspace(now, wanted, 5)[1:]:
+        torso = work.motion.bent(lift=lift)
         if not replace(body, torso=torso).all_free():
             break
         raised = torso
@@ -111,13 +109,14 @@ def _raised(work: Work, name: str) -> Array:
 
 
 def _overlooking(work: Work, name: str) -> list[Array]:
-    """Torso postures (4,) in which the folded hands do not hide a thing from the head, the least bent first."""
+    """Torsos (n, 4) in which the folded hands do not hide a thing from the head, the least bent first."""
     middle, robot = work.middle(name), work.motion.robot
     body, T = work.body({name}), kin.inverse(work.base)
     found = []
     for lift, pitch in _OVERLOOKS:
-        torso = np.array([max(lift, min(0.55, float(middle[2]) - 0.65)), 0.0, pitch, work.motion.torso[3]])
-        torso[:3] = np.clip(torso[:3], *robot.torso_limits[:3].T)
+        posture = np.array([max(lift, min(0.55, float(middle[2]) - 0.65)), 0.0, pitch, work.motion.posture[3]])
+        posture[:3] = np.clip(posture[:3], *robot.trunk.limits[:3].T)
+        torso = robot.trunk.joints(posture)
         seen = matmul(kin.inverse(robot.chest(torso)), T, np.append(middle, 1.0))[:3]
         ahead = seen - robot.head_m - robot.head_to_camera[:3, 3]
         if np.arctan2(-ahead[2], max(float(ahead[0]), 0.0)) < _HANDS_RAD and replace(body, torso=torso).all_free():

@@ -54,10 +54,8 @@ def go_to(work: Work, words: Words, tried: list[Array]) -> Actions:
     with contextlib.suppress(MotionFailure):
         if known:  # what it holds without knowing what stays as it is
             yield from settle(work)
-    torso = work.motion.torso
-    torso[3] = _TILT_RAD
     with contextlib.suppress(MotionFailure):
-        yield from work.motion.stand(torso)
+        yield from work.motion.stand(work.motion.bent(tilt=_TILT_RAD))
     yield from work.see("head")
     yield from _Drive(work, words["target"]).all()
 

@@ -84,10 +84,10 @@ def look_from_elsewhere(work: Work, place: Array, passable: Callable[[], Obstacl
 def _look(work: Work, found: Found, looks: int) -> Generator[Array, None, bool]:
     held = any(work.scene.holding(side) for side in SIDES) or work.scene.between() is not None
     for lift, tilt in _LOOKS[:looks]:
-        torso = np.array([lift, 0.0, 0.0, tilt])
+        trunk = work.motion.robot.trunk
+        torso = trunk.joints(np.array([lift, 0.0, 0.0, tilt]))
         if held:
-            torso = np.append(work.motion.torso[:3], tilt - work.motion.torso[2])
-            torso[3] = np.clip(torso[3], *work.motion.robot.torso_limits[3])
+            torso = work.motion.bent(tilt=float(np.clip(tilt - work.motion.posture[2], *trunk.limits[3])))
         with contextlib.suppress(MotionFailure):  # a picture from where it got to shows something, too
             yield from work.motion.stand(torso)
         yield from work.see("head")

@@ -187,9 +187,8 @@ def _rise_off(work: Work, side: Side) -> Actions:
     except MotionFailure as failure:
         if failure.reason != "no_reach":
             raise
-        torso = work.motion.torso
-        torso[0] = min(torso[0] + _RISE_M, work.motion.robot.torso_limits[0, 1])
-        yield from work.motion.stand(torso)
+        lift = min(work.motion.posture[0] + _RISE_M, work.motion.robot.trunk.limits[0, 1])
+        yield from work.motion.stand(work.motion.bent(lift=lift))
 
 
 def _trying(doing: Actions, failures: list[MotionFailure]) -> Actions:

@@ -133,9 +133,7 @@ def look_beside(work: Work, door: Door) -> Actions:
     left = float(np.sign(np.cross(toward_hinge, out)[2]))
     with suppress(MotionFailure):  # a base that cannot turn there has its picture all the same
         yield from work.motion.drive(np.array([x, y, np.arctan2(-out[1], -out[0]) + left * _BESIDE_RAD]))
-    torso = work.motion.torso
-    torso[3] = _DOWN_RAD
-    yield from work.motion.stand(torso)
+    yield from work.motion.stand(work.motion.bent(tilt=_DOWN_RAD))
     yield from work.see("head")
 
 

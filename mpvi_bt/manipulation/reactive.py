@@ -162,8 +162,7 @@ class ReactivePolicy(ScriptedPolicy):
         sides = [side for side in SIDES if felt.holds(side)]
         pressed = squeezes(felt)
         if sides or pressed:
-            torso = motion.torso
-            torso[3] = _HANDS_RAD
+            torso = motion.bent(tilt=_HANDS_RAD)
             if pressed:  # what is as large as that would be cut by the edge of the picture
                 hands = [work.hand(side) for side in SIDES]
                 torso = tilted(work, np.mean([T[:3, 3] for T in hands], axis=0))

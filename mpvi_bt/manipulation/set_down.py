@@ -136,8 +136,9 @@ def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tup
                 continue
             if (way := way_behind(search, here, base)) is None:
                 continue
-            torso = motion.torso  # raised by then, as `raise_both` does: lower down the arms would meet the surface
-            torso[0] = np.clip(torso[0] + max(0.0, spot[2] + _OVER_M - box.bottom), *motion.robot.torso_limits[0])
+            # Raised by then, as `raise_both` does: lower down the arms would meet the surface.
+            lift = motion.posture[0] + max(0.0, spot[2] + _OVER_M - box.bottom)
+            torso = motion.bent(lift=float(np.clip(lift, *motion.robot.trunk.limits[0])))
             body = Body(motion.robot, torso, arms)
             if all(_clear(body, search, pose) for pose in _drive_in(way[-1], base)):
                 return base, spot, way

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from mpvi_bt.manipulation.carry import back_off
+from mpvi_bt.manipulation.carry import back_off, upright
 from mpvi_bt.manipulation.gaze import look_at, look_into
 from mpvi_bt.manipulation.site import base_clear
 from mpvi_bt.manipulation.spots import is_floor
@@ -54,7 +54,7 @@ def stand_back(work: Work, *names: str) -> Actions:
     """Look at things upright from a little farther off: with what is above and beside them. Raises as any motion."""
     yield from back_off(work)
     if not work.held():
-        yield from work.motion.stand(np.append(work.motion.robot.travel_torso[:3], work.motion.torso[3]))
+        yield from work.motion.stand(upright(work))
     yield from look_at(work, *names)
 
 

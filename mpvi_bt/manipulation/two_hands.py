@@ -287,10 +287,11 @@ def _go_behind(work: Work, grip: _Grip, search: Search) -> Actions:
     motion = work.motion
     for pose in grip.way:
         yield from motion.drive(pose)
-    torso = np.append(grip.torso[:3], motion.torso[3])
-    folded = torso.copy()  # bent as low as that, the folded hands would meet the base
-    folded[0] = max(torso[0], _FOLDED_M)
-    yield from motion.stand(folded)
+    trunk = motion.robot.trunk
+    posture = np.append(trunk.posture(grip.torso)[:3], motion.posture[3])
+    torso = trunk.joints(posture)
+    posture[0] = max(posture[0], _FOLDED_M)  # bent as low as that, the folded hands would meet the base
+    yield from motion.stand(trunk.joints(posture))
     around = search.around(grip.back, touched=True)
     for side in SIDES:
         body = replace(motion.body(), around=around)
@@ -327,13 +328,11 @@ def raise_both(work: Work, by_m: float, seconds_per_m: float = 5.0) -> Actions:
     arms or, where these cannot go so far, by bending or straightening up with the hands kept level.
     """
     motion = work.motion
-    torso = motion.torso
-    low, high = work.motion.robot.torso_limits[0]
-    target = float(np.clip(torso[0] + by_m, low, high))
-    rest = by_m - (target - torso[0])
-    if abs(target - torso[0]) > 1e-3:
-        torso[0] = target
-        yield from motion.stand(torso)
+    lift = motion.posture[0]
+    target = float(np.clip(lift + by_m, *motion.robot.trunk.limits[0]))
+    rest = by_m - (target - lift)
+    if abs(target - lift) > 1e-3:
+        yield from motion.stand(motion.bent(lift=target))
     if abs(rest) > _SHORT_M:
         by = {side: np.array([0.0, 0.0, rest]) for side in SIDES}
         whole = yield from _shift(work, by, 1 / seconds_per_m, (1.0,))
@@ -347,11 +346,12 @@ def straighten_up(work: Work) -> Actions:
     height = float(motion.robot.tcp(motion.torso, motion.felt.arm["left"], "left")[2, 3])
     for share in (1.0, 0.6, 0.3):
         rise = max(0.0, _CARRY_M - height) * share
-        upright = [pitch for pitch in _UPRIGHT if pitch <= motion.torso[2]]
+        upright = [pitch for pitch in _UPRIGHT if pitch <= motion.posture[2]]
         by = {side: np.array([0.0, 0.0, rise]) for side in SIDES}
         if (yield from _bent(work, by, itertools.product(upright, _LIFTS_M))):
             return
-    yield from raise_both(work, max(0.0, min(motion.robot.torso_limits[0, 1] - motion.torso[0], _CARRY_M - height)))
+    room = motion.robot.trunk.limits[0, 1] - motion.posture[0]
+    yield from raise_both(work, max(0.0, min(room, _CARRY_M - height)))
 
 
 def look_over(work: Work) -> Actions:
@@ -363,10 +363,11 @@ def look_over(work: Work) -> Actions:
     far, top = box[1, 0], box[1, 2]
 
     def steepness(way: tuple[float, float]) -> float:
-        eye = motion.robot.head_camera(np.array([way[1], 0.0, way[0], 0.0]))[:3, 3]
+        torso = motion.robot.trunk.joints(np.array([way[1], 0.0, way[0], 0.0]))
+        eye = motion.robot.head_camera(torso)[:3, 3]
         return float(np.arctan2(eye[2] - top, far - eye[0]))
 
-    least = steepness((float(motion.torso[2]), float(motion.torso[0]))) + _STEEPER_RAD
+    least = steepness((float(motion.posture[2]), float(motion.posture[0]))) + _STEEPER_RAD
     ways = [way for way in itertools.product(_UPRIGHT, _LIFTS_M) if steepness(way) > least]
     yield from _bent(work, dict.fromkeys(SIDES, np.zeros(3)), sorted(ways, key=steepness, reverse=True))
 
@@ -381,7 +382,7 @@ def _bent(work: Work, by: Mapping[Side, Array], ways: Iterable[tuple[float, floa
     now = {side: robot.tcp(motion.torso, felt.arm[side], side) for side in SIDES}
     paths = {s: arm_motion.glide(T, kin.transform(T[:3, :3], T[:3, 3] + by[s])) for s, T in now.items()}
     for pitch, lift in ways:
-        torso = np.array([lift, 0.0, pitch, motion.torso[3]])
+        torso = robot.trunk.joints(np.array([lift, 0.0, pitch, motion.posture[3]]))
         if (arms := arm_motion.sweep(body, torso, paths)) is not None:
             told = _pressed(robot, motion.torso, torso, arms) if squeezes(felt) else arms
             yield from motion.stand(torso, told, give_rad=np.inf)

@@ -26,6 +26,7 @@ from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, normalize
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.perception.phrases import OTHER
 from mpvi_bt.robot.protocol import CameraImage, Robot
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
 _LOOKS = 4  # at what was gone to: a detector that sees it nine times of ten misses it once in ten thousand such
@@ -209,17 +210,22 @@ class ExploringNavigator(KnownPlaceNavigator):
                 continue
             if found():
                 return
-            torso = self._robot.proprioception().torso.copy()
+            lift, _, _, tilt = map(float, self._posture())
             top = np.array([*entry.center[:2], entry.highest[2]])
             for _ in crane(self._robot, lift_over(self._robot, float(top[2]))):
                 yield report
             for _ in nod(self._robot, tilt_toward(self._robot, top)):
                 yield report
             self.lookout.look()
-            for _ in nod(self._robot, float(torso[3])):
+            for _ in nod(self._robot, tilt):
                 yield report
-            for _ in crane(self._robot, float(torso[0])):
+            for _ in crane(self._robot, lift):
                 yield report
+
+    def _posture(self) -> Array:
+        """(4,) of the trunk, as felt."""
+        felt = self._robot.proprioception()
+        return robot_named(felt.robot).trunk.posture(felt.torso)
 
     def _look_again(self, trip: Trip, names: set[str]) -> Iterator[Report]:
         """Look at what was gone to, until a picture shows it: a detector may have erred, or may miss it now.
@@ -227,7 +233,7 @@ class ExploringNavigator(KnownPlaceNavigator):
         What is near and low is below the picture of a head that looks ahead: it is tilted down, and raised again.
         """
         report = Report(Progress.RUNNING, "", f"looking whether {trip.target} is there")
-        before = float(self._robot.proprioception().torso[3])
+        before = float(self._posture()[3])
         for _ in range(_LOOKS):
             self.lookout.look()
             entries = self._knowledge().entries

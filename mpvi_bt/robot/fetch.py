@@ -96,6 +96,7 @@ FETCH = RobotModel(
     torso_acceleration=np.array([0.5, 1.0, 1.0, 6.0]),
     base_speed=np.array([1.0, 0.0, 1.5]),
     drive_acceleration=np.array([1.0, 2.0]),
+    torso_give=np.array([0.015, 0.04, 0.04, 0.2]),
     top_speed=np.array([0.5, 2.0, 2.0, 5.0, *7 * [5.0]]),  # as of the r1
     head_m=HEAD_PAN_M + HEAD_TILT_M,
     head_to_camera=kin.transform(kin.LINK_TO_OPTICAL, HEAD_CAMERA_M),

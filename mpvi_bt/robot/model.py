@@ -111,6 +111,7 @@ class RobotModel:
         hand_links, finger_links: What the fingers are fixed to, and what they are.
         arm_speed, arm_acceleration: (7,) what motions are planned with [rad/s, rad/s^2].
         torso_speed, torso_acceleration: (4,) likewise [m or rad].
+        torso_give: (4,) something holds the torso up that is off its targets by more [m or rad].
         top_speed: (11,) of torso and arm, what the joints can do [m/s, rad/s]: how fast targets may run.
         base_speed: (3,) [m/s, m/s, rad/s] the most; the second is 0 for a base that cannot go sideways.
         drive_acceleration: (2,) of straight drives [m/s^2, rad/s^2].
@@ -144,6 +145,7 @@ class RobotModel:
     torso_acceleration: Array
     base_speed: Array
     drive_acceleration: Array
+    torso_give: Array
     top_speed: Array
     head_m: Array
     head_to_camera: Array

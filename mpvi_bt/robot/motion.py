@@ -29,7 +29,6 @@ _LEAP_RAD = 0.4  # between neighbors 1 cm apart on a line: another elbow, not th
 _HAND = np.array([[1.0, 1.0], [1.5, 4.0]])  # of a hand on a line: acceleration [m/s^2], turning [rad/s, rad/s^2]
 _GENTLY = 0.35  # of the accelerations, for what holds something
 BLOCKED_RAD = 0.06  # an arm held off its command by that much more than at the start has met something
-_BLOCKED_TORSO = np.array([0.015, 0.04, 0.04, 0.2])  # likewise [m, rad, rad, rad]
 _BLOCKED_BASE = np.array([0.06, 0.06, 0.12])  # [m, m, rad]
 _ARRIVED_M = 0.03
 _POST_M, _OFF_M = 0.05, 0.01  # what is taken to have held the base up: its radius, so far off where the base stands now
@@ -77,6 +76,19 @@ class Motion:
     def torso(self) -> Array:
         """(4,) commanded torso."""
         return self.action[ActionLayout.TORSO].copy()
+
+    @property
+    def posture(self) -> Array:
+        """(4,) the posture of the trunk as commanded."""
+        return self.robot.trunk.posture(self.torso)
+
+    def bent(self, lift: float | None = None, pitch: float | None = None, tilt: float | None = None) -> Array:
+        """The torso (4,) as commanded, but for these of its posture [m, rad]."""
+        posture = self.posture
+        for part, value in ((0, lift), (2, pitch), (3, tilt)):
+            if value is not None:
+                posture[part] = value
+        return self.robot.trunk.joints(posture, near=self.torso)
 
     def arm(self, side: Side) -> Array:
         """(7,) commanded posture of an arm."""
@@ -304,7 +316,7 @@ class _Watch:
         """To be called after each step. Lets go of the push and raises MotionFailure where the way is barred."""
         now = self._measured()
         reasons = ["arm_blocked" for s in self._sides if np.abs(now[s] - self._off[s]).max() > self._give]
-        if self._torso and (np.abs(now["torso"] - self._off["torso"]) > _BLOCKED_TORSO).any():
+        if self._torso and (np.abs(now["torso"] - self._off["torso"]) > self._motion.robot.torso_give).any():
             reasons.append("torso_blocked")
         self._blocked = self._blocked + 1 if reasons else 0
         if self._blocked < _NOTICED:

@@ -167,6 +167,7 @@ R1PRO = RobotModel(
     torso_speed=np.array([0.7, 1.0, 0.8, 0.8]),
     torso_acceleration=np.array([1.5, 2.0, 2.0, 2.5]),
     base_speed=np.array([0.75, 0.75, 1.0]),  # BEHAVIOR's
+    torso_give=np.array([0.03, 0.03, 0.03, 0.04]),
     top_speed=np.concatenate([TORSO_TOP_SPEED, ARM_TOP_SPEED]),
     drive_acceleration=np.array([1.0, 2.0]),
     head_m=ZED_M,

@@ -40,8 +40,8 @@ class Trunk(Protocol):
         """(..., 4) the posture that joints (..., 4) are in."""
         ...
 
-    def joints(self, posture: Array) -> Array:
-        """(..., 4) joints for postures (..., 4) within the limits."""
+    def joints(self, posture: Array, near: Array | None = None) -> Array:
+        """(..., 4) joints for postures (..., 4) within the limits; of several those nearest to joints (4,)."""
         ...
 
     def chest(self, joints: Array) -> Array:
@@ -74,11 +74,11 @@ class LiftTrunk:
 
     def posture(self, joints: Array) -> Array:
         """The same numbers."""
-        return np.asarray(joints, float)
+        return np.array(joints, float)
 
-    def joints(self, posture: Array) -> Array:
+    def joints(self, posture: Array, near: Array | None = None) -> Array:
         """The same numbers."""
-        return np.asarray(posture, float)
+        return np.array(posture, float)
 
     def chest(self, joints: Array) -> Array:
         """T_base_chest (..., 4, 4) of lift, yaw, pitch (..., >= 3)."""
@@ -98,13 +98,13 @@ class FoldingTrunk:
     """Hip, knee and waist that pitch in one plane, then a yaw about the bent trunk's axis; the head is fixed.
 
     Joints: hip and knee bend forward, the waist (positive) back: pitch = hip + knee - waist. With three joints in a
-    plane the chest's x is free where its height and pitch are given. Our choice: it is as near to `forward_m` as the
-    joints reach, with the knee in front (knee <= 0), so that neighboring postures have neighboring joints.
+    plane the chest's x is free where its height and pitch are given. Our choice: it is as near to what it was, or to
+    `forward_m`, as the joints reach, with the knee in front (knee <= 0): neighboring postures have neighboring joints.
 
     Attributes:
         hip: (2,) x and z of the hip in the base frame [m].
         thigh_m, shin_m, neck_m: Hip to knee, knee to waist, waist to the chest's origin (up the bent trunk).
-        forward_m: x of the chest that is aimed at.
+        forward_m: x of the chest that is aimed at where nothing is said of what it was.
         ground_m: z of the chest at a lift of 0.
         joint_limits: (4, 2) [rad].
         limits: (4, 2) of postures; that of the tilt is 0, 0.
@@ -128,13 +128,14 @@ class FoldingTrunk:
         out[..., 2] = joints[..., 0] + joints[..., 1] - joints[..., 2]
         return out
 
-    def joints(self, posture: Array) -> Array:
-        """Those that bring the chest nearest to `forward_m`; a posture beyond the limits is brought within."""
+    def joints(self, posture: Array, near: Array | None = None) -> Array:
+        """Those whose chest is as far forward as that of `near`, if it can; a posture is brought within the limits."""
+        forward = self.forward_m if near is None else float(self._place(np.asarray(near, float))[0])
         posture = np.clip(np.asarray(posture, float), *self.limits.T)
         yaw, pitch = posture[..., 1], posture[..., 2]
         a, b = self.thigh_m, self.shin_m
         up = self.ground_m + posture[..., 0] - self.hip[1] - self.neck_m * np.cos(pitch)  # of the waist above the hip
-        aim = self.forward_m - self.hip[0] - self.neck_m * np.sin(pitch)  # and before it
+        aim = forward - self.hip[0] - self.neck_m * np.sin(pitch)  # and before it
         # The nearest place has the waist where it is aimed at, or one of the joints at its limit.
         ahead = np.stack(np.broadcast_arrays(aim, *self._at_limits(up, pitch)))
         cosine = (ahead**2 + up**2 - a**2 - b**2) / (2 * a * b)
