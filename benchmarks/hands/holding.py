@@ -11,12 +11,10 @@ from mpvi_bt.goals.rays import interval
 from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.truth import TrueScene
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot import r1
 from mpvi_bt.robot.arms import posture_distance
 from mpvi_bt.robot.collision import Body, Load, Obstacles
-from mpvi_bt.robot.model import SIGN
+from mpvi_bt.robot.model import SIGN, RobotModel
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
-from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.sim.world import World
 
@@ -96,33 +94,34 @@ def _posture(
     around: Obstacles,
 ) -> tuple[Array, Array, Load]:
     """T_world_thing (4, 4), the arm's posture (7,) and what the hand will hold, in its tcp frame."""
+    robot = world.robot.model
     for x, y, z, yaw in _PLACES:
         T = T_world_base @ pose((x, y * SIGN[side], z), yaw)
         world.place(name, T)
         heading = float(np.arctan2(T_world_base[1, 0], T_world_base[0, 0]))
-        for grasp in sorted(grasps(TrueScene(world), R1.hand, name, heading), key=lambda g: g.cost):
-            T_world_tcp = _shallow_enough(grasp.T_world_tcp, world.solids(name))
+        for grasp in sorted(grasps(TrueScene(world), robot.hand, name, heading), key=lambda g: g.cost):
+            T_world_tcp = _shallow_enough(grasp.T_world_tcp, world.solids(name), robot)
             if T_world_tcp is None:
                 continue
             frame = kin.inverse(T_world_tcp)
             load = Load([s.moved(frame) for s in world.solids(name)], [v.moved(frame) for v in world.volumes(name)])
-            T_chest_tcp = kin.inverse(T_world_base @ R1.chest(r1.TRAVEL_TORSO)) @ T_world_tcp
-            _, found = R1.arm_inverse(T_chest_tcp, side)
+            T_chest_tcp = kin.inverse(T_world_base @ robot.chest(robot.travel_torso)) @ T_world_tcp
+            _, found = robot.arm_inverse(T_chest_tcp, side)
             if not len(found):
                 continue
-            body = Body(R1, r1.TRAVEL_TORSO[:3], dict(arms), {**loads, side: load}, around)
+            body = Body(robot, robot.travel_torso, dict(arms), {**loads, side: load}, around)
             free = found[body.free(side, found, margin=0.01)]
             if len(free):
-                best = posture_distance(free, r1.TRAVEL_ARM[side]).argmin()
+                best = posture_distance(free, robot.travel_arm[side]).argmin()
                 return T, free[best], load
     raise BackendError(f"{name} does not fit into the {side} hand that is to hold it at the start")
 
 
-def _shallow_enough(T_world_tcp: Array, solids: Sequence[Solid]) -> Array | None:
+def _shallow_enough(T_world_tcp: Array, solids: Sequence[Solid], robot: RobotModel) -> Array | None:
     """The hand drawn back until something is between its pads: grasps take for massive what has legs."""
     for back in (0.0, 0.01, 0.02, 0.03):
         p, closing = T_world_tcp[:3, 3] - back * T_world_tcp[:3, 2], T_world_tcp[:3, 1]
-        if any((span := interval(s, p, closing)) and abs(sum(span)) / 2 < r1.FINGER_TRAVEL_M for s in solids):
+        if any((span := interval(s, p, closing)) and abs(sum(span)) / 2 < robot.hand.travel_m for s in solids):
             T = T_world_tcp.copy()
             T[:3, 3] = p
             return T

@@ -24,6 +24,7 @@ class Job:
         noise: Error model of the senses: "none" or "realistic".
         perception_cm: Standard deviation of the error of where things are believed to be.
         assisted: Whether grasps are assisted.
+        robot: Whose hands.
     """
 
     skill: str
@@ -34,6 +35,7 @@ class Job:
     noise: str = "none"
     perception_cm: float = 0.0
     assisted: bool = False
+    robot: str = "r1"
 
     @property
     def name(self) -> str:
@@ -101,5 +103,6 @@ def _flat(row: Row) -> dict[str, Any]:
 
 
 def _row(data: Mapping[str, Any]) -> Row:
+    data = {"robot": "r1", **data}  # rows of before there was another
     job = Job(**{f.name: data[f.name] for f in fields(Job)})
     return Row(job, **{f.name: data[f.name] for f in fields(Row) if f.name != "job"})

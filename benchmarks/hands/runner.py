@@ -16,6 +16,7 @@ from benchmarks.hands.trial import play
 from benchmarks.pool import play_all
 from mpvi_bt.errors import BackendError, NoRenderingDevice, UserError
 from mpvi_bt.robot.protocol import CONTROL_HZ
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.sim.noise import NONE, REALISTIC, NoisyRobot
 
 ERRORS = {"none": NONE, "realistic": REALISTIC}  # of the senses of policies that see
@@ -37,7 +38,9 @@ def run_job(job: Job, show: Path | None = None, video: bool = False) -> Row:
     trial = draw(job.skill, job.case, job.seed, job.shapes)
     maker = POLICIES[job.policy]
     try:
-        world = trial.world(render=maker.pictures or show is not None, assisted=job.assisted)
+        world = trial.world(
+            render=maker.pictures or show is not None, assisted=job.assisted, robot=robot_named(job.robot)
+        )
     except BackendError as error:
         if isinstance(error, NoRenderingDevice):
             raise

@@ -11,7 +11,9 @@ import numpy as np
 
 from benchmarks.hands.holding import fill, put_in_hands
 from mpvi_bt.behaviors.protocols import Policy
+from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout, Robot, Side
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.house import House
 from mpvi_bt.sim.world import Placement, World
@@ -52,14 +54,14 @@ class Trial:
     filled: Mapping[str, Sequence[str]] = field(default_factory=dict)
     opened: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
-    def world(self, render: bool, assisted: bool = False) -> World:
+    def world(self, render: bool, assisted: bool = False, robot: RobotModel = R1) -> World:
         """The scene, settled, with the hands full where they have to be.
 
         Raises:
             BackendError: A thing does not fit into the hand that is to hold it.
             NoRenderingDevice: `render` was asked for on a machine that cannot.
         """
-        world = World(self.house, self.objects, self.base, render=render, assisted=assisted)
+        world = World(self.house, self.objects, self.base, render=render, assisted=assisted, robot=robot)
         for fixture, bodies in self.opened.items():
             for body, fraction in bodies.items():
                 world.set_opening(fixture, body, fraction)

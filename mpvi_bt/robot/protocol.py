@@ -28,7 +28,8 @@ class ActionLayout:
     """Slices of the 23-number action, in BEHAVIOR's order. What a robot does not have is 0 in it.
 
     BASE     vx, vy [m/s] and yaw rate [rad/s] in the base frame
-    TORSO    lift [m], waist yaw, waist pitch, head tilt [rad]: absolute targets
+    TORSO    absolute targets of the torso's joints: of the r1 and the fetch lift [m], waist yaw, waist pitch, head tilt
+             [rad]; of the r1pro torso_joint1 to 4 [rad]
     ARM      seven joint targets [rad] of each arm
     GRIPPER  -1 closed ... 1 fully open
     """
@@ -46,7 +47,7 @@ class Proprioception:
     Attributes:
         base_pose: (3,) x, y [m] and yaw [rad, -pi..pi] in the world (Paper, Navigation: localization is assumed).
         base_velocity: (3,) vx, vy [m/s] and yaw rate [rad/s] in the base frame.
-        torso: (4,) lift [m], waist yaw, waist pitch, head tilt [rad].
+        torso: (4,) its joints, as in `ActionLayout`.
         arm: (7,) joint angles [rad] of each arm; a robot with one has it on the "right".
         arm_velocity: (7,) [rad/s] of each arm.
         gripper_width: Opening between the fingers [m], 0 to `open_m`, of each hand.
