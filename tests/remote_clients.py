@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -31,8 +32,10 @@ def policy_at(server: PolicyServer | str, **changed: Any) -> OpenpiPolicy:
 
 
 def observation(cameras: tuple[str, ...] = CAMERAS, prompt: str = "pick up the cup") -> dict[str, Any]:
+    """Of an r1pro, whose numbers are BEHAVIOR's."""
     robot = KinematicRobot()
-    return {"prompt": prompt, "proprioception": robot.proprioception(), "images": {c: robot.look(c) for c in cameras}}
+    felt = replace(robot.proprioception(), robot="r1pro")
+    return {"prompt": prompt, "proprioception": felt, "images": {c: robot.look(c) for c in cameras}}
 
 
 @contextmanager

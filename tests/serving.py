@@ -70,7 +70,7 @@ def ask(connection: ClientConnection, message: Any) -> Any:
     return answer if isinstance(answer, str) else unpack(answer)
 
 
-def observation(prompt: str = "pick up the cup", size: int = 8, seed: int = 0) -> dict[str, Any]:
+def observation(prompt: str = "pick up the cup", size: int = 8, seed: int = 0, robot: str = "r1") -> dict[str, Any]:
     """What a policy is shown: a robot at rest, and three pictures of noise."""
     rng = np.random.default_rng(seed)
     images = {
@@ -86,4 +86,4 @@ def observation(prompt: str = "pick up the cup", size: int = 8, seed: int = 0) -
         for camera in CAMERAS
     }
     body = KinematicRobot().proprioception()
-    return {"prompt": prompt, "proprioception": replace(body, arm_command=body.arm), "images": images}
+    return {"prompt": prompt, "proprioception": replace(body, arm_command=body.arm, robot=robot), "images": images}

@@ -50,7 +50,7 @@ STARTS_2026: dict[str, int] = {
     "gripper_right_qpos": 49, "gripper_right_qvel": 51,
     "trunk_qpos": 53, "trunk_qvel": 57,
 }  # fmt: skip
-ROBOT = "r1"
+ROBOT = "r1pro"
 
 
 def body(yaw: float = 0.7) -> Proprioception:
@@ -90,10 +90,12 @@ def test_entries_are_what_the_robot_feels(dialect: Any) -> None:
     fields = fields_of(encoded(felt, dialect), dialect)
     for side in SIDES:
         hand = robot_named(ROBOT).tcp(felt.torso, felt.arm[side], side)
-        np.testing.assert_allclose(fields[f"arm_{side}_qvel"], felt.arm_velocity[side])
+        np.testing.assert_array_equal(fields[f"arm_{side}_qpos"], felt.arm[side])
+        np.testing.assert_array_equal(fields[f"arm_{side}_qvel"], felt.arm_velocity[side])
         np.testing.assert_allclose(fields[f"eef_{side}_pos"], hand[:3, 3])
         np.testing.assert_allclose(Rotation.from_quat(fields[f"eef_{side}_quat"]).as_matrix(), hand[:3, :3], atol=1e-9)
         np.testing.assert_allclose(fields[f"gripper_{side}_qpos"], felt.gripper_width[side] / 2)
+    np.testing.assert_array_equal(fields["trunk_qpos"], felt.torso)
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -103,8 +105,9 @@ def test_what_is_decoded_is_what_was_encoded(dialect: Any) -> None:
     fields = fields_of(encoded(felt, dialect, loaded_at=(4.0, 1.0, 0.9)), dialect)
     read = decoded(fields, felt.base_pose, felt.gripper_command)
     np.testing.assert_allclose(read.base_velocity, felt.base_velocity)
-    np.testing.assert_allclose(read.torso, fields["trunk_qpos"])
+    np.testing.assert_array_equal(read.torso, felt.torso)
     for side in SIDES:
+        np.testing.assert_array_equal(read.arm[side], felt.arm[side])
         np.testing.assert_allclose(read.arm_velocity[side], felt.arm_velocity[side])
         assert read.gripper_width[side] == pytest.approx(felt.gripper_width[side])
     in_world = pose_in_world(fields)
@@ -157,6 +160,16 @@ def test_all_joints_are_in_behaviors_order() -> None:
     for i, side in enumerate(SIDES):
         np.testing.assert_allclose(joints[10 + i : 24 : 2], fields[f"arm_{side}_qpos"])
         np.testing.assert_allclose(velocities[10 + i : 24 : 2], felt.arm_velocity[side])
+
+
+def test_hands_at_the_start_of_an_episode_are_where_behavior_has_them() -> None:
+    """Trunk at the start and arms hanging: 0.1213, +-0.2520, 0.4380 in base_link, about half a turn about y."""
+    start = replace(body(), torso=np.array([1.025, -1.45, -0.47, 0.0]), arm=dict.fromkeys(SIDES, np.zeros(7)))
+    fields = fields_of(encoded(start, "behavior-2026"), "behavior-2026")
+    for side, sign in (("left", 1), ("right", -1)):
+        np.testing.assert_allclose(fields[f"eef_{side}_pos"], [0.1213, sign * 0.2520, 0.4380], atol=1e-4)
+        quaternion = fields[f"eef_{side}_quat"] * np.sign(fields[f"eef_{side}_quat"][1])
+        np.testing.assert_allclose(quaternion, [0, 0.9997, 0, -0.0225], atol=1e-4)
 
 
 def test_a_batch_of_one_is_read() -> None:

@@ -14,7 +14,6 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, PolicyError, UnknownName, UserError
@@ -22,13 +21,11 @@ from mpvi_bt.remote import settings as settings_module
 from mpvi_bt.remote.mapping import MOST_ACTIONS, actions_of, message_of, resize_with_pad
 from mpvi_bt.remote.settings import CAMERAS, Action, Observation, Settings, load_settings
 from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Proprioception
-from mpvi_bt.robot.r1 import R1
 from mpvi_bt.testing.doubles import KinematicRobot
 from tests.openpi_env import openpi_python
 
 PRESETS = paths.names("policies")
 PAGE = (Path(__file__).parent.parent / "docs" / "policies.md").read_text(encoding="utf-8")
-BASE_UNITS = [0.75, 0.75, 1.0]  # BEHAVIOR's: [m/s, m/s, rad/s] of an input of 1
 
 
 def body() -> Proprioception:
@@ -54,109 +51,11 @@ def observation(cameras: tuple[str, ...] = CAMERAS) -> dict[str, Any]:
     return {"prompt": "pick up the cup", "proprioception": body(), "images": {c: robot.look(c) for c in cameras}}
 
 
-def message(name: str) -> dict[str, Any]:
-    layout = load_settings(name).observation
-    assert layout is not None
-    return message_of(observation(), layout)
-
-
-def expected_state_23(felt: Proprioception) -> list[float]:
-    """What openpi-comet's model reads of the 256 numbers, in its order."""
-    return [
-        *felt.base_velocity,
-        *felt.torso,
-        *felt.arm["left"],
-        *felt.arm["right"],
-        felt.gripper_width["left"],
-        felt.gripper_width["right"],
-    ]
-
-
 @pytest.mark.parametrize("name", PRESETS)
 def test_shipped_settings_are_documented(name: str) -> None:
     """Each file is valid, says what it is for, and stands in the page's table."""
     assert load_settings(name).about
     assert re.search(rf"^\| `{name}`", PAGE, re.MULTILINE)
-
-
-def test_comet_is_sent_what_its_server_reads() -> None:
-    """Keys, sizes and dtypes are those of the native server; its 23 numbers are where it looks for them."""
-    sent = message("openpi_comet")
-    pictures = [
-        "observation/egocentric_camera",
-        "observation/wrist_image_left",
-        "observation/wrist_image_right",
-    ]
-    assert set(sent) == {*pictures, "observation/state", "prompt"}
-    assert sent["prompt"] == "pick up the cup"
-    for key in pictures:
-        assert (sent[key].shape, sent[key].dtype) == ((224, 224, 3), np.uint8)
-    state = sent["observation/state"]
-    assert (state.shape, state.dtype) == ((256,), np.float32)
-    fingers = [state[193:195].sum(), state[232:234].sum()]
-    read = [*state[253:256], *state[236:240], *state[158:165], *state[197:204], *fingers]
-    np.testing.assert_allclose(read, expected_state_23(body()), rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("name", "size", "places"),
-    [
-        (
-            "behavior_2025",
-            256,
-            {"base": 253, "trunk": 236, "arm": (158, 197), "velocity": (179, 218), "hand": (186, 225)}
-            | {"fingers": (193, 232)},
-        ),
-        (
-            "behavior_2026",
-            61,
-            {"base": 0, "trunk": 53, "arm": (3, 28), "velocity": (10, 35), "hand": (17, 42), "fingers": (24, 49)},
-        ),
-    ],
-)
-def test_behavior_is_sent_its_own_layout(name: str, size: int, places: dict[str, Any]) -> None:
-    """Names are the evaluator's flattened ones, pictures have four channels, and numbers stand where it has them."""
-    sent = message(name)
-    cameras = [f"robot_r1::robot_r1:{link}_link:Camera:0::rgb" for link in ("zed", "left_realsense", "right_realsense")]
-    assert set(sent) == {*cameras, "robot_r1::proprio"}
-    for key in cameras:
-        assert (sent[key].shape, sent[key].dtype) == ((224, 224, 4), np.uint8)
-        assert (sent[key][..., 3] == 255).all()
-    state, felt = sent["robot_r1::proprio"], body()
-    assert (state.shape, state.dtype) == ((size,), np.float32)
-    np.testing.assert_allclose(state[places["base"] :][:3], felt.base_velocity, rtol=1e-6)
-    np.testing.assert_allclose(state[places["trunk"] :][:4], felt.torso, rtol=1e-6)
-    for i, side in enumerate(SIDES):
-        np.testing.assert_allclose(state[places["arm"][i] :][:7], felt.arm[side], rtol=1e-6)
-        np.testing.assert_allclose(state[places["velocity"][i] :][:7], felt.arm_velocity[side], rtol=1e-6)
-        T = R1.tcp(felt.torso, felt.arm[side], side)
-        hand = state[places["hand"][i] :][:7]
-        np.testing.assert_allclose(hand[:3], T[:3, 3], atol=1e-6)
-        np.testing.assert_allclose(Rotation.from_quat(hand[3:]).as_matrix(), T[:3, :3], atol=1e-6)
-        np.testing.assert_allclose(state[places["fingers"][i] :][:2], felt.gripper_width[side] / 2, rtol=1e-6)
-
-
-def test_behaviors_list_of_all_joints_is_filled() -> None:
-    """The 28 joints of 2025 hold trunk, arms in turn and fingers; sines, cosines and velocities likewise."""
-    state, felt = message("behavior_2025")["robot_r1::proprio"], body()
-    joints, sines, cosines, velocities = (state[28 * i : 28 * (i + 1)] for i in range(4))
-    np.testing.assert_allclose(joints[6:10], felt.torso, rtol=1e-6)
-    np.testing.assert_allclose(joints[24:28], [0.03, 0.03, 0.04, 0.04], rtol=1e-6)
-    for i, side in enumerate(SIDES):
-        np.testing.assert_allclose(joints[10 + i : 24 : 2], felt.arm[side], rtol=1e-6)
-        np.testing.assert_allclose(sines[10 + i : 24 : 2], np.sin(felt.arm[side]), rtol=1e-6)
-        np.testing.assert_allclose(cosines[10 + i : 24 : 2], np.cos(felt.arm[side]), rtol=1e-6)
-        np.testing.assert_allclose(velocities[10 + i : 24 : 2], felt.arm_velocity[side], rtol=1e-6)
-
-
-@pytest.mark.parametrize("name", ["openpi_comet", "behavior_2025", "behavior_2026"])
-def test_an_input_of_one_is_the_speed_that_behavior_means(name: str) -> None:
-    """The base is scaled from BEHAVIOR's -1 to 1; the other numbers are ours already."""
-    layout = load_settings(name).action
-    theirs = np.arange(1, 2 * ACTION_SIZE + 1, dtype=np.float32).reshape(2, -1) / 50
-    ours = actions_of({layout.key: theirs}, layout, body())
-    np.testing.assert_allclose(ours[:, ActionLayout.BASE], theirs[:, :3] * BASE_UNITS, rtol=1e-6)
-    np.testing.assert_allclose(ours[:, 3:], theirs[:, 3:], rtol=1e-6)
 
 
 def test_an_action_without_parts_is_ours() -> None:
@@ -371,6 +270,23 @@ MISTAKES = {
     "observation:\n  constants: { a: .nan }\n": (2, 19, "out-of-range"),
     "observation:\n  constants: { a: 99999999999999999999 }\n": (2, 19, "out-of-range"),
     "observation:\n  constants: { a: {} }\n": (2, 19, "wrong-type"),
+    "observation:\n  state:\n    s: { size: 3 }\n": (3, 8, "invalid-value"),
+    "observation:\n  state:\n    s: { dialect: behavior-2024 }\n": (3, 19, "unknown-value"),
+    "observation:\n  state:\n    s: { dialect: behavior-2025, size: 61 }\n": (3, 8, "invalid-value"),
+    "observation:\n  state:\n    s: { dialect: behavior-2025, parts: [{ part: torso, at: 0 }] }\n": (
+        3,
+        8,
+        "invalid-value",
+    ),
+    "observation:\n  state:\n    s: { base_velocity: zero, parts: [{ part: torso, at: 0 }] }\n": (
+        3,
+        8,
+        "invalid-value",
+    ),
+    "observation: { task_id: prompt }\n": (1, 14, "invalid-value"),
+    "observation: { prompt: null, prompts: tasks.json }\n": (1, 14, "invalid-value"),
+    "observation:\n  prompts: nowhere.json\n": (2, 12, "unreadable"),
+    "action: { dialect: behavior-2025, size: 22 }\n": (1, 9, "invalid-value"),
 }
 
 

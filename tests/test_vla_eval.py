@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import msgpack
@@ -23,11 +24,12 @@ from mpvi_bt.remote.settings import load_settings
 from mpvi_bt.remote.vla_eval import VlaEvalPolicy
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.testing import check_policy
+from tests import serving
 from tests.remote_servers import PolicyServer, packed
-from tests.serving import observation
 from tests.vla_eval_server import Model, model_server
 
 LAYOUT = load_settings("vla_eval")
+observation = partial(serving.observation, robot="r1pro")  # whose numbers models of BEHAVIOR are sent as they are
 QUICK = LAYOUT.model_copy(update={"connect_s": 2.0, "answer_s": 2.0, "tries": 1})
 
 

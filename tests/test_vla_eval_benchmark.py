@@ -79,7 +79,7 @@ def asking(relay: Relay, seen: dict[str, Any], results: list[Any]) -> Thread:
 def test_a_question_waits_for_its_answer() -> None:
     """What the other thread gives is what the episode gets, in our order and units."""
     relay, results = Relay("runner", MAPPED), list[Any]()
-    thread = asking(relay, observation("pick up the cup", size=224), results)
+    thread = asking(relay, observation("pick up the cup", size=224, robot="r1pro"), results)
     message = relay.asked()
     assert message is not None
     assert message["task_description"] == "pick up the cup"

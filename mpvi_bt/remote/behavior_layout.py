@@ -18,6 +18,7 @@ from mpvi_bt.errors import BadMessage
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Proprioception, Side
+from mpvi_bt.robot.retargeting import as_r1pro
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.rotations import rotation
 from mpvi_bt.robot.solids import Array
@@ -82,7 +83,7 @@ def encoded(
     base_velocity: BaseVelocity | None = None,
     loaded_at: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Array:
-    """(256,) or (61,) the numbers of what a robot feels.
+    """(256,) or (61,) the numbers of what a robot feels; of one that is no R1Pro the nearest (`retargeting`).
 
     Velocities of trunk and fingers, and efforts, are not felt here and are 0.
 
@@ -93,6 +94,9 @@ def encoded(
             was loaded at (BEHAVIOR of 2025); "robot" (2026, the default there); or "zero", as in the demonstrations of
             2025, whose frames were restored one by one.
         loaded_at: x, y [m] and yaw [rad] of that frame in the world.
+
+    Raises:
+        UserError: The robot is too unlike an R1Pro.
     """
     frame = base_velocity or ("robot" if dialect == "behavior-2026" else "world")
     base = _base_velocity(body, frame, float(loaded_at[2]))
@@ -120,17 +124,17 @@ def _turned(velocity: Array, yaw: float) -> Array:
 
 
 def _felt(body: Proprioception) -> dict[str, Array]:
-    """Entries of arms, hands and trunk."""
-    robot = robot_named(body.robot)
-    fields: dict[str, Array] = {"trunk_qpos": np.asarray(body.torso, float)}
+    """Entries of arms, hands and trunk: joints are an R1Pro's, hands are where the robot has them."""
+    robot, like = robot_named(body.robot), as_r1pro(body)
+    fields: dict[str, Array] = {"trunk_qpos": like.torso}
     for side in SIDES:
-        q = np.asarray(body.arm[side], float)
-        hand = robot.tcp(body.torso, q, side)
+        q = like.arm[side]
+        hand = robot.tcp(body.torso, body.arm[side], side)
         fields |= {
             f"arm_{side}_qpos": q,
             f"arm_{side}_qpos_sin": np.sin(q),
             f"arm_{side}_qpos_cos": np.cos(q),
-            f"arm_{side}_qvel": np.asarray(body.arm_velocity[side], float),
+            f"arm_{side}_qvel": like.arm_velocity[side],
             f"eef_{side}_pos": hand[:3, 3],
             f"eef_{side}_quat": rotation(hand[:3, :3]).as_quat(),
             f"gripper_{side}_qpos": np.full(2, body.gripper_width[side] / 2),

@@ -10,11 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.errors import PolicyError, shown
+from mpvi_bt.remote.behavior_layout import action_from, camera_poses, encoded
 from mpvi_bt.remote.settings import Action, Felt, Image, Observation, Piece, Vector
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout, CameraImage, Proprioception, Side
+from mpvi_bt.robot.retargeting import from_r1pro
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
+_ANSWERED = {"settings such as openpi_comet or mpvi": "actions", "settings such as behavior_2026": "action"}  # keys
 MOST_ACTIONS = 1024  # of a chunk: half a minute without a look
 _OURS: Mapping[str, slice] = {
     "base_velocity": ActionLayout.BASE,
@@ -33,16 +36,19 @@ def message_of(observation: Mapping[str, Any], layout: Observation) -> dict[str,
         observation: As `Policy.infer` takes it.
         layout: What goes where.
     """
-    message: dict[str, Any] = {}
-    if layout.prompt:
-        _put(message, layout.prompt, observation["prompt"])
+    body: Proprioception = observation["proprioception"]
+    flat: dict[str, Any] = {layout.prompt: observation["prompt"]} if layout.prompt else {}
     for key, image in layout.images.items():
         if image.camera in observation["images"]:
-            _put(message, key, picture(observation["images"][image.camera], image))
-    for key, vector in layout.state.items():
-        _put(message, key, state(observation["proprioception"], vector))
+            flat[key] = picture(observation["images"][image.camera], image)
+    flat |= {key: state(body, vector) for key, vector in layout.state.items()}
+    if layout.camera_poses:
+        flat[layout.camera_poses] = camera_poses(_cameras(body)).astype(np.float32)
     for key, constant in layout.constants.items():
-        _put(message, key, np.array(constant) if isinstance(constant, tuple) else constant)
+        flat[key] = np.array(constant) if isinstance(constant, tuple) else constant
+    message: dict[str, Any] = {}
+    for key, value in flat.items():
+        _put(message, key, value[None] if layout.batched and isinstance(value, np.ndarray) else value)
     return message
 
 
@@ -53,11 +59,21 @@ def _put(message: dict[str, Any], key: str, value: Any) -> None:
     message[last] = value
 
 
+def _cameras(body: Proprioception) -> dict[str, Array]:
+    """T_base_camera (4, 4) of each camera, optical frames."""
+    robot = robot_named(body.robot)
+    wrists = {side: robot.wrist_camera(body.torso, body.arm[side], side) for side in body.sides}
+    return {"head": robot.head_camera(body.torso), **wrists}
+
+
 def picture(image: CameraImage, layout: Image) -> np.ndarray[Any, Any]:
     """(H, W, 3 or 4) uint8, or (H, W) float32 [m] if depth is shown; with "chw", channels come first."""
-    pixels: np.ndarray[Any, Any] = image.depth if layout.show == "depth" else image.rgb
+    pixels: np.ndarray[Any, Any] = image.depth if layout.show.startswith("depth") else image.rgb
     if layout.size is not None:
-        pixels = resize_with_pad(pixels, *layout.size)
+        resize = resize_with_pad if layout.fit == "pad" else resize_with_crop
+        pixels = resize(pixels, *layout.size)
+    if layout.show == "depth_linear":
+        pixels = np.where(pixels > 0, pixels, np.float32(np.inf))
     if layout.show == "rgba":
         pixels = np.concatenate([pixels, np.full((*pixels.shape[:2], 1), 255, np.uint8)], axis=2)
     return np.moveaxis(pixels, -1, 0) if layout.layout == "chw" and pixels.ndim == 3 else pixels
@@ -74,15 +90,30 @@ def resize_with_pad(pixels: np.ndarray[Any, Any], height: int, width: int) -> np
         return pixels
     ratio = max(h / height, w / width)
     new_h, new_w = max(1, int(h / ratio)), max(1, int(w / ratio))
-    if pixels.ndim == 3:
-        scaled = _blended(_blended(pixels.swapaxes(0, 1), new_w).swapaxes(0, 1), new_h)
-    else:
-        rows, columns = ((np.arange(new) + 0.5) * old // new for new, old in ((new_h, h), (new_w, w)))
-        scaled = pixels[rows.astype(int)[:, None], columns.astype(int)]
     padded = np.zeros((height, width, *pixels.shape[2:]), pixels.dtype)
     top, left = (height - new_h) // 2, (width - new_w) // 2
-    padded[top : top + new_h, left : left + new_w] = scaled
+    padded[top : top + new_h, left : left + new_w] = _scaled(pixels, new_h, new_w)
     return padded
+
+
+def resize_with_crop(pixels: np.ndarray[Any, Any], height: int, width: int) -> np.ndarray[Any, Any]:
+    """The middle of a picture (H, W) or (H, W, C), as much of it as has that shape, scaled to (height, width)."""
+    h, w = pixels.shape[:2]
+    ratio = min(h / height, w / width)
+    old_h, old_w = max(1, round(height * ratio)), max(1, round(width * ratio))
+    top, left = (h - old_h) // 2, (w - old_w) // 2
+    return _scaled(pixels[top : top + old_h, left : left + old_w], height, width)
+
+
+def _scaled(pixels: np.ndarray[Any, Any], height: int, width: int) -> np.ndarray[Any, Any]:
+    """A picture (H, W), whose nearest pixels are taken, or (H, W, C), which are blended, of another size."""
+    h, w = pixels.shape[:2]
+    if (h, w) == (height, width):
+        return pixels
+    if pixels.ndim == 3:
+        return _blended(_blended(pixels.swapaxes(0, 1), width).swapaxes(0, 1), height)
+    rows, columns = ((np.arange(new) + 0.5) * old // new for new, old in ((height, h), (width, w)))
+    return pixels[rows.astype(int)[:, None], columns.astype(int)]
 
 
 def _blended(pixels: np.ndarray[Any, Any], size: int) -> np.ndarray[Any, Any]:
@@ -112,8 +143,10 @@ def _taps(old: int, new: int) -> list[tuple[NDArray[np.intp], NDArray[np.float32
 
 def state(body: Proprioception, layout: Vector) -> np.ndarray[Any, Any]:
     """(length,) the numbers of a state vector."""
+    if layout.dialect is not None:
+        return encoded(body, layout.dialect, layout.base_velocity).astype(layout.dtype)
     numbers = np.zeros(layout.length)
-    for piece in layout.parts:
+    for piece in layout.parts or ():
         values = (felt(body, piece.part) - np.array(piece.offset)) / np.array(piece.scale)
         if piece.function is not None:
             values = np.sin(values) if piece.function == "sin" else np.cos(values)
@@ -137,13 +170,14 @@ def felt(body: Proprioception, part: Felt) -> Array:
     return np.atleast_1d(np.asarray(getattr(body, name)[side], float))
 
 
-def actions_of(reply: Any, layout: Action, held: Proprioception) -> Array:
+def actions_of(reply: Any, layout: Action, held: Proprioception, felt: Proprioception | None = None) -> Array:
     """(H, 23) the actions of a reply.
 
     Args:
         reply: As unpacked; nothing is known of it.
         layout: Where our numbers are in it.
         held: What parts that the policy does not command are held at.
+        felt: What the robot feels now, if that is something else.
 
     Raises:
         PolicyError: "bad_reply": there is no such array, it has another shape or dtype, or numbers that are not finite.
@@ -152,11 +186,12 @@ def actions_of(reply: Any, layout: Action, held: Proprioception) -> Array:
     for name in layout.key.split("."):
         if not isinstance(given, dict) or name not in given:
             keys = [shown(key) for key in sorted(map(str, given))[:12]] if isinstance(given, dict) else [shown(given)]
-            raise PolicyError(
-                "bad_reply", f"no {layout.key!r} in the reply, which has: {', '.join(keys)[:200] or 'nothing'}"
-            )
+            said = f"no {layout.key!r} in the reply, which has: {', '.join(keys)[:200] or 'nothing'}"
+            raise PolicyError("bad_reply", said + _fitting(layout.key, given))
         given = given[name]
     theirs = _checked(given, layout)
+    if layout.dialect is not None:
+        return from_r1pro(action_from(theirs), felt or held)
     if not layout.parts:
         return theirs
     ours = np.tile(still(held), (len(theirs), 1))
@@ -165,6 +200,14 @@ def actions_of(reply: Any, layout: Action, held: Proprioception) -> Array:
     if not np.isfinite(ours).all():
         raise PolicyError("bad_reply", "actions that are not finite once scaled")
     return ours
+
+
+def _fitting(key: str, reply: Any) -> str:
+    """What settings the reply to an observation would fit, where it is of another dialect; else nothing."""
+    for settings, theirs in _ANSWERED.items():
+        if isinstance(reply, dict) and theirs in reply and theirs != key:
+            return f". So a server answers that {settings} fit"
+    return ""
 
 
 def _checked(given: Any, layout: Action) -> Array:

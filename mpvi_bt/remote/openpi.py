@@ -181,9 +181,10 @@ class OpenpiPolicy:
         connection.expect_silence(deadline)
         connection.send(pack(message), deadline)
         reply = connection.receive(deadline)
-        actions = actions_of(reply, action, held)
+        actions = actions_of(reply, action, held, observation["proprioception"])
         if asked is not None and "action_chunk" in reply:
-            first, actions = actions, actions_of(reply, action.model_copy(update={"key": "action_chunk"}), held)
+            whole = action.model_copy(update={"key": "action_chunk"})
+            first, actions = actions, actions_of(reply, whole, held, observation["proprioception"])
             if len(actions) != asked or not np.array_equal(first[0], actions[0]):
                 raise PolicyError(
                     "bad_reply",

@@ -92,7 +92,7 @@ class Relay:
             PolicyError: "bad_reply": the reply is none; the question is still open.
         """
         assert self._held is not None
-        actions = actions_of(reply, self._settings.action, self._held)
+        actions = actions_of(reply, self._settings.action, self._held, self._felt)
         self.cameras = cameras_of(reply, self._settings, self.cameras)
         if isinstance(note := reply.get("note"), str):
             self.note = one_line(note)

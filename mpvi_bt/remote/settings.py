@@ -14,6 +14,8 @@ from mpvi_bt import paths
 from mpvi_bt.errors import shown
 from mpvi_bt.file_kinds import expect
 from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
+from mpvi_bt.remote.behavior_layout import SIZE, BaseVelocity, Dialect
+from mpvi_bt.remote.prompts import check_prompts
 from mpvi_bt.robot.protocol import ACTION_SIZE
 
 CameraName = Literal["head", "left", "right"]
@@ -143,27 +145,42 @@ def _places(pieces: tuple[Piece, ...]) -> Iterator[tuple[int, str]]:
 
 
 class Vector(Record):
-    """Numbers that go under one key.
+    """Numbers that go under one key: parts of ours, or BEHAVIOR's of its R1Pro.
 
     Attributes:
         parts: What is in it; the rest is 0.
-        size: How many numbers; by default as many as the parts need.
+        dialect: Whose numbers it has in place of parts: 256 in 2025, 61 in 2026 (`behavior_layout`).
+        base_velocity: Of a dialect: the frame of the base's velocity, as `behavior_layout.encoded` takes it; None: as
+            the evaluator of that year.
+        size: How many numbers; by default as many as the parts need, or the dialect has.
         dtype: Of the array.
     """
 
-    parts: tuple[FeltPiece, ...] = Field(min_length=1)
+    parts: Annotated[tuple[FeltPiece, ...], Field(min_length=1)] | None = None
+    dialect: Dialect | None = None
+    base_velocity: BaseVelocity | None = None
     size: Annotated[int, Field(strict=True, ge=1, le=MOST_NUMBERS)] | None = None
     dtype: Literal["float32", "float64"] = "float32"
 
     @model_validator(mode="after")
     def _fits(self) -> Vector:
-        _check_places(self.parts, self.size)
+        if (self.parts is None) == (self.dialect is None):
+            raise ValueError(
+                "say what is in it: either by 'parts', which are ours, or by 'dialect', which is BEHAVIOR's"
+            )
+        if self.dialect is None and self.base_velocity is not None:
+            raise ValueError("'base_velocity' is of a dialect; a part has the name base_velocity, too")
+        if self.dialect is not None and self.size not in (None, SIZE[self.dialect]):
+            raise ValueError(f"{self.dialect} has {SIZE[self.dialect]} numbers, not {self.size}")
+        _check_places(self.parts or (), self.size)
         return self
 
     @property
     def length(self) -> int:
         """How many numbers."""
-        return self.size or 1 + max(i for piece in self.parts for i in piece.indices)
+        if self.dialect is not None:
+            return SIZE[self.dialect]
+        return self.size or 1 + max(i for piece in self.parts or () for i in piece.indices)
 
 
 class Image(Record):
@@ -171,14 +188,17 @@ class Image(Record):
 
     Attributes:
         camera: Whose.
-        show: "rgb" or "rgba" (uint8), or "depth" (float32 [m]).
-        size: Height and width [px] that it is scaled and padded to; by default it is sent as rendered.
+        show: "rgb" or "rgba" (uint8), or "depth" (float32 [m], 0 where nothing is seen), or "depth_linear", which is
+            BEHAVIOR's: inf there.
+        size: Height and width [px] that it is scaled to; by default it is sent as rendered.
+        fit: Where those have another shape: "pad" with zeros, as openpi does, or "crop" what is too much at the sides.
         layout: Order of its axes.
     """
 
     camera: CameraName
-    show: Literal["rgb", "rgba", "depth"] = "rgb"
+    show: Literal["rgb", "rgba", "depth", "depth_linear"] = "rgb"
     size: Annotated[tuple[Pixels, ...], Field(min_length=2, max_length=2)] | None = None
+    fit: Literal["pad", "crop"] = "pad"
     layout: Literal["hwc", "chw"] = "hwc"
 
 
@@ -187,19 +207,30 @@ class Observation(Record):
 
     Attributes:
         prompt: Key of the prompt; None: the server has one of its own.
+        prompts: File of whole tasks' prompts, of which the task's is sent in place of every subtask's (`prompts`).
         images: Pictures.
         state: What the robot feels.
+        camera_poses: Key of BEHAVIOR's `cam_rel_poses`.
+        task_id: Key of BEHAVIOR's number of the task.
         constants: Sent as they are, a list as an array.
+        batched: Whether every array has a leading dimension of 1, as BEHAVIOR has it from 3.9.3 on.
     """
 
     prompt: Key | None = "prompt"
+    prompts: Annotated[str, Field(min_length=1, max_length=4096)] | None = None
     images: dict[Key, Image] = {}
     state: dict[Key, Vector] = {}
+    camera_poses: Key | None = None
+    task_id: Key | None = None
     constants: dict[Key, Constant] = {}
+    batched: Truth = False
 
     @model_validator(mode="after")
     def _keys_differ(self) -> Observation:
-        keys = [*([self.prompt] if self.prompt else []), *self.images, *self.state, *self.constants]
+        if self.prompts is not None and self.prompt is None:
+            raise ValueError("'prompts' are given, and 'prompt' has no key to send one by")
+        keys = [key for key in (self.prompt, self.camera_poses, self.task_id) if key is not None]
+        keys += [*self.images, *self.state, *self.constants]
         for key in keys:
             if keys.count(key) > 1:
                 raise ValueError(f"the key {key!r} is used twice")
@@ -223,14 +254,18 @@ class Action(Record):
         size: Numbers of one action.
         parts: Where ours are among them; by default the 23 are ours. A part that is left out is held as it was when
             the policy was reset; the base stands still.
+        dialect: Whose 23 numbers they are in place of parts: BEHAVIOR's, of its R1Pro, are alike in both years.
     """
 
     key: Key = "actions"
     size: Annotated[int, Field(strict=True, ge=1, le=MOST_NUMBERS)] = ACTION_SIZE
     parts: tuple[CommandedPiece, ...] = ()
+    dialect: Dialect | None = None
 
     @model_validator(mode="after")
     def _fits(self) -> Action:
+        if self.dialect is not None and (self.parts or self.size != ACTION_SIZE):
+            raise ValueError(f"{self.dialect} says what all of its {ACTION_SIZE} numbers are: no 'parts' beside it")
         if not self.parts and self.size != ACTION_SIZE:
             raise ValueError(f"{self.size} numbers are not ours, which are {ACTION_SIZE}: say in 'parts' what they are")
         names = [piece.part for piece in self.parts]
@@ -283,6 +318,11 @@ def load_settings(given: str) -> Settings:
 
 
 def check_settings(data: Any, marks: Marks) -> Settings:
-    """As `load_settings`, of data that is already loaded."""
+    """As `load_settings`, of data that is already loaded. A file of prompts is looked for from their folder on."""
     expect("policy", data, marks)
-    return validate_data(data, marks, Settings)
+    settings = validate_data(data, marks, Settings)
+    if settings.observation is None or settings.observation.prompts is None:
+        return settings
+    file = check_prompts(settings.observation.prompts, marks, ("observation", "prompts"))
+    observation = settings.observation.model_copy(update={"prompts": str(file)})
+    return settings.model_copy(update={"observation": observation})

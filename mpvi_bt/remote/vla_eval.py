@@ -95,7 +95,7 @@ class VlaEvalPolicy(OpenpiPolicy):
         payload = _with_plain_arrays(question(observation, self._settings, self._fresh, self._vocabulary))
         connection.send(self._message("observation", payload), deadline)
         answer = _answer(connection, self._number, deadline)
-        actions = actions_of(answer, self._settings.action, held)
+        actions = actions_of(answer, self._settings.action, held, observation["proprioception"])
         super()._hear(answer)
         self._fresh = False
         return actions

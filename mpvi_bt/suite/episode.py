@@ -107,7 +107,7 @@ def run(
     detector = make_detector(config.detector, vocabulary, config.seed)
     seeing = None if detector.name in _LABELS else detector
     told = demonstrations() if config.planner == NOBODY else None
-    ground = Ground(skills, vocabulary, seeing, world, config.seed, told)
+    ground = Ground(skills, vocabulary, seeing, world, config.seed, told, task.problem, config.robot)
     policy = make(ground) if make is not None else make_policy(config.policy, ground, config.policy_settings)
     relevant = task_relevant(tree.spec, skills)
     navigator = make_navigator(config.detector, config.map, world, house, relevant, detector, config.seed)

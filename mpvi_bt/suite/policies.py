@@ -18,6 +18,7 @@ from mpvi_bt.suite.parts import find
 if TYPE_CHECKING:
     from mpvi_bt.manipulation.scripted import ScriptedPolicy
     from mpvi_bt.remote.observation import Vocabulary
+    from mpvi_bt.remote.settings import Settings
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,8 @@ class Ground:
         seed: Of everything random.
         demonstrations: Instruction to the prompts that it takes, where stand-ins for a VLA may be told whole
             instructions; None: they are told prompts.
+        task: Name that BEHAVIOR has for it; None: not known here.
+        robot: Name of the robot; None: not known here.
     """
 
     skills: Mapping[str, Skill]
@@ -40,6 +43,8 @@ class Ground:
     world: Any = None
     seed: int = 0
     demonstrations: Mapping[str, Sequence[str]] | None = None
+    task: str | None = None
+    robot: str | None = None
 
 
 def demonstrations() -> dict[str, list[str]]:
@@ -60,7 +65,8 @@ def make_policy(given: str, ground: Ground, settings: str | None = None) -> Poli
 
     Raises:
         UnknownName: There is no such policy, or there are no such settings.
-        UserError: The address is none, the policy needs the simulator, or has no settings.
+        UserError: The address is none, the policy needs the simulator, or has no settings; or the settings are not of
+            this task or this robot.
         FileProblems: Everything that is wrong with the settings.
     """
     backend = choose("policy", given)
@@ -113,11 +119,14 @@ def check_policy_choice(config: EpisodeConfig) -> None:
     Raises:
         UserError: As `make_policy`; or two ways to carry out chunks.
     """
+    from mpvi_bt.suite.tasks import load_task
+
     backend = choose("policy", config.policy)
     if config.policy_horizon is not None and config.policy_ensemble is not None:
         raise UserError("--policy-horizon and --policy-ensemble are two ways to carry out chunks: give one of them.")
     if backend.address or config.policy_settings is not None:
-        make_policy(config.policy, Ground({}), config.policy_settings)
+        task = load_task(config.task).problem if config.task else None
+        make_policy(config.policy, Ground({}, task=task, robot=config.robot), config.policy_settings)
 
 
 def _expert(ground: Ground, address: str, settings: str | None) -> Policy:
@@ -143,13 +152,37 @@ def _demonstrated(policy: ScriptedPolicy, ground: Ground) -> Policy:
 def _openpi(ground: Ground, address: str, settings: str | None) -> Policy:
     from mpvi_bt.remote.openpi import DEFAULT, OpenpiPolicy
 
-    return OpenpiPolicy(address, settings or DEFAULT, ground.vocabulary)
+    return OpenpiPolicy(address, settings_for(settings or DEFAULT, ground.task, ground.robot), ground.vocabulary)
 
 
 def _vla_eval(ground: Ground, address: str, settings: str | None) -> Policy:
     from mpvi_bt.remote.vla_eval import DEFAULT, VlaEvalPolicy
 
-    return VlaEvalPolicy(address, settings or DEFAULT, ground.vocabulary)
+    return VlaEvalPolicy(address, settings_for(settings or DEFAULT, ground.task, ground.robot), ground.vocabulary)
+
+
+def settings_for(given: str, task: str | None, robot: str | None) -> Settings:
+    """The settings of a remote policy, with what they need of a task filled in.
+
+    Args:
+        given: Name or file.
+        task: Name that BEHAVIOR has for it; None: not known.
+        robot: Name; None: not known.
+
+    Raises:
+        UserError: They do not exist, or are not of this task or this robot.
+        FileProblems: Everything that is wrong with them.
+    """
+    from mpvi_bt.remote.briefing import briefed, check_robot
+    from mpvi_bt.remote.settings import load_settings
+    from mpvi_bt.robot.robots import robot_named
+    from mpvi_bt.suite.human import human_stats
+
+    settings = load_settings(given)
+    if robot is not None:
+        check_robot(settings, robot_named(robot))
+    known = human_stats().get(task or "")
+    return briefed(settings, task, None if known is None else known.task_id)
 
 
 _MAKERS: Mapping[str, Callable[[Ground, str, str | None], Policy]] = {

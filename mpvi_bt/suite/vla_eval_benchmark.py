@@ -24,7 +24,7 @@ from mpvi_bt.remote.vla_eval import DEFAULT
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.methods import load_method
-from mpvi_bt.suite.policies import Ground
+from mpvi_bt.suite.policies import Ground, settings_for
 from mpvi_bt.suite.tasks import Task, load_task
 
 POLICY = "vla_eval:runner"  # what results call a policy that is asked over the runner's connection
@@ -34,7 +34,7 @@ _ICD = "MPVI_LAVAPIPE_ICD"  # environment variable: where Mesa's renderer is, if
 
 def action_spec(settings: Settings) -> dict[str, DimSpec]:
     """What actions are: the 23 numbers in our order and units, or those of BEHAVIOR's R1Pro where settings map them."""
-    if settings.action.parts:
+    if settings.action.parts or settings.action.dialect:
         said = settings.about
         return {"joints": DimSpec("joints", settings.action.size, "joint_positions_r1pro", description=said)}
     parts = {
@@ -175,7 +175,8 @@ class MpviBenchmark(StepBenchmark):  # type: ignore[misc]  # vla_eval is untyped
         config = EpisodeConfig(given, starts[int(task.get("episode_idx", 0)) % len(starts)], **self._common)
         if self._out is not None:
             config = replace(config, trace=self._out / f"{config.name}.trace.jsonl")
-        relay = Relay(POLICY, self._settings, self._cameras)
+        settings = settings_for(self._common["policy_settings"], known.problem, config.robot)
+        relay = Relay(POLICY, settings, self._cameras)
         playing = self._thread.submit(self._play, config, relay)
         self._playing = relay, playing
         first = relay.asked()
