@@ -123,6 +123,7 @@ def test_failures_are_counted_by_reason_end_and_predicate() -> None:
     [
         ("timeout", "still at until_complete/manipulate (pick: no_grasp), check_complete", "timeout (pick: no_grasp)"),
         ("gave_up", "pick: no_grasp", "gave_up (pick: no_grasp)"),
+        ("gave_up", "pick: no_stance (9 candidates: 9 out of reach)", "gave_up (pick: no_stance)"),
         ("gave_up", "done", "gave_up"),
         ("timeout", "still at manipulate#2 (place_in: no_room), check_complete (no)", "timeout (place_in: no_room)"),
         ("timeout", "still at until_complete/manipulate (done), check_complete (asked 2: no)", "timeout"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import pairwise
 
@@ -135,6 +136,24 @@ def test_what_is_out_of_reach_has_no_stance(world: World) -> None:
         T = kin.transform(kin.hand_rotation((0, 0, -1), (0, 1, 0)), p)
         ways = upright_options([(T, 0.0)], above_m=0.1, contact=2)
         assert search.find(np.array(p[:2]), ways) is None
+
+
+def test_a_search_that_finds_nothing_says_what_its_candidates_died_of(world: World) -> None:
+    """By number, with what is in the way: there is no room beside a table, and in its top no room for an arm."""
+    task = work(world)
+    top = max(s.aabb()[1, 2] for s in world.solids("table_1"))
+    T = kin.transform(kin.hand_rotation((0, 0, -1), (0, 1, 0)), (0.9, 0.6, top - 0.02))
+    assert task.search("left", set()).find(np.array([0.9, 0.6]), upright_options([(T, 0.0)], 0.1, contact=2)) is None
+    failure = task.no_stance()
+    assert failure.reason == "no_stance"
+    total, parts = failure.evidence.split(" candidates: ")
+    counts = [int(n) for n in re.findall(r"(?:^|, )(\d+) ", parts)]
+    assert int(total) == sum(counts)
+    assert counts == sorted(counts, reverse=True)
+    assert re.search(r"\d+ no room for the base \(table_1\)", parts)
+    assert re.search(r"\d+ arm or trunk in the way \(table_1\)", parts)
+    assert "out of reach" in parts
+    assert str(failure) == f"no_stance ({failure.evidence})"
 
 
 def test_without_options_there_is_no_stance(world: World) -> None:

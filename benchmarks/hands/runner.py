@@ -54,7 +54,8 @@ def run_job(job: Job, show: Path | None = None, video: bool = False) -> Row:
     if film is not None:
         film.end()
     attempts = getattr(policy, "attempts", None)
-    cause = f"{played.missing}: {played.note}" if played.note else played.missing
+    note = played.note.partition(" (")[0]  # without what candidates died of
+    cause = f"{played.missing}: {note}" if note else played.missing
     return Row(
         job, not played.missing, cause if played.missing else "", round(played.simulated_s, 2), played.steps,
         None if attempts is None else max(attempts - 1, 0), round(played.wall_s, 2), round(played.cpu_s, 2),

@@ -17,7 +17,7 @@ from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
 _CLIPPED = 1e-3  # [m, rad, m/s]: what is brought within the limits by less is no more than noise
-_NOTE = 200  # characters of a policy's note
+_NOTE = 300  # characters of a policy's note
 GRIP = "grip"  # the blackboard's key for the last notice, of trees that declare it
 
 

@@ -89,7 +89,7 @@ def close_in(
                 stance = find(search, looks > 0)
                 trusting = True
         if stance is None:
-            raise MotionFailure("no_stance")
+            raise work.no_stance()
         tried.append(stance.base)
         away = stance.route[-1] - work.motion.felt.base_pose
         if work.sight is None or (norm(away[:2]) < 0.02 and abs(kin.wrap(away[2])) < 0.03):

@@ -136,7 +136,7 @@ def _shut(work: Work, thing: str, door: Door, tried: list[Array], hand: str | No
     if door.bar is None:
         if not (yield from stand_before(work, thing, _edge(door), outward(door), door)):
             yield from stand_before_front(work, thing, door)  # beside a wall there is no way to its outer face
-        raise MotionFailure("no_stance")
+        raise work.no_stance()
     yield from swing(work, thing, door, [0.0], tried, hand)
     return False
 

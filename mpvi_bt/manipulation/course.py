@@ -120,11 +120,14 @@ class CourseSearch(Site):
             if any(norm(base[:2] - b[:2]) < 0.05 and abs(kin.wrap(base[2] - b[2])) < 0.2 for b in self.tried):
                 continue
             if not self.stands(base[None])[0]:
+                self.refuse_bases(base[None])
                 continue
             route = self._approach(here, base)
             if route is None:
+                self.refusals.add("no way there")
                 continue
             if spent >= _MOST_EFFORT or self.effort.left <= 0:
+                self.refusals.add("and more not looked at, as planning took too long")
                 break
             for hold in self.holds:
                 found, effort = self._begin(base, route, courses, hold)
@@ -164,17 +167,20 @@ class CourseSearch(Site):
         touches = matmul(T, np.stack([course.touch for course in courses]))
         torsos, t, g, q = self.postures(touches, [course.cost for course in courses], _PITCHES, swivels=16)
         if not len(q):
+            self.refusals.add("out of reach")
             return None, _GLANCE
         arms = {s: self.motion.arm(s) for s in self.motion.robot.sides}
         if self.other is not None:
             arms[self.other] = hold[-1]
         behind = self.around(back, touched=True)
         if self.other is not None and not self.body(self.motion.torso, behind, arms).free(self.other, hold[-1])[0]:
+            self.refusals.add("other hand in the way")
             return None, _GLANCE
         fits: dict[int, bool] = {}
         alike: dict[tuple[float, ...], bool] = {}  # courses that end alike fit alike
         seen: dict[tuple[int, int], int] = {}
         standing: dict[int, Standing | None] = {}
+        refused = "torso cannot get there"
         for row in range(len(q)):
             where = (int(t[row]), int(g[row]))
             course = courses[where[1]]
@@ -194,16 +200,20 @@ class CourseSearch(Site):
             stood = standing[where[0]]
             if stood is None:
                 continue
+            refused = "no free line to the touch"
             short = self._touch(stood.body, base, back, course, q[row])
             if short is None:
                 continue
             after = self._along(stood.body, base, course, q[row])
             if after is None:
+                refused = "arm cannot go along"
                 continue
+            refused = "no path of the arm"
             for margin in WAY_MARGINS_M:
                 path = arm_motion.plan(stood.body, self.side, short, self.rng, margin)
                 if path is not None:
                     return Start(base, route, torso, after, where[1], path, hold, stood.level), 1.0
+        self.refusals.add(refused if standing else "no room to go along")
         return None, 1.0 if standing else _GLANCE
 
     def _touch(self, body: Body, base: Array, back: Array, course: Course, q: Array) -> Array | None:

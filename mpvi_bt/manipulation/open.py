@@ -126,7 +126,7 @@ def swing(
             break
     else:
         yield from stand_before(work, thing, panel(door).T[:3, 3], outward(door), door)
-        raise MotionFailure("no_stance")
+        raise work.no_stance()
     side, start, course, search = found
     tried.append(start.base)
     yield from motion.grip(side, 1.0, 0.1)
@@ -241,7 +241,19 @@ def course_search(
     stays = [s for s in parts if not any(_alike(s, moving) for moving in door.solids)]
     held = work.held()
     near = work.with_bumps(near)
-    return CourseSearch(work.motion, side, held, near, parts, work.rng, list(tried), work.effort, stays, bendable)
+    return CourseSearch(
+        work.motion,
+        side,
+        held,
+        near,
+        parts,
+        work.rng,
+        list(tried),
+        work.effort,
+        stays,
+        bendable,
+        refusals=work.refusals,
+    )
 
 
 def _alike(a: Solid, b: Solid) -> bool:

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.manipulation.refusals import deepest
 from mpvi_bt.manipulation.site import Site, Standing
 from mpvi_bt.manipulation.stance import Option, Stance
 from mpvi_bt.robot import arm_motion
@@ -52,12 +54,14 @@ def stance_at(
     key_goals = np.stack([g[key] for g, key in zip(goals, keys, strict=True)])
     torsos, t, g, q = site.postures(key_goals, [options[k].cost for k in able], _PITCHES, swivels=12)
     if not len(q):
+        site.refusals.add("out of reach")
         return None, False
     arms = {s: site.motion.arm(s) for s in site.motion.robot.sides}
     behind = site.around(lane[0], touched=True)
     if site.other is not None:
         arms[site.other] = hold[-1]
         if not site.body(site.motion.torso, behind, arms).free(site.other, hold[-1])[0]:
+            site.refusals.add("other hand in the way")
             return None, False
     t, g, q = t[:_RANKED_POSTURES], g[:_RANKED_POSTURES], q[:_RANKED_POSTURES]
     touching = np.array([options[k].contact == key for k, key in zip(able, keys, strict=True)])
@@ -87,7 +91,24 @@ def stance_at(
         path = _reached(site, stood.body, lane, options[k], goals[where[1]], key, q[row])
         if path is not None:
             return Stance(base, torso, k, path, goals[where[1]], hold, stood.level, route, options[k].opening_m), True
+    if not len(rows):
+        first = site.body(torsos[t[0]], site.around(base, touched=True), arms)
+        site.refusals.add("arm or trunk in the way", partial(_met, site, first, base, q[0]))
+    elif any(standing.values()):
+        site.refusals.add("no path of the arm")
+    else:
+        site.refusals.add("torso cannot get there" if standing else "no free line of the hand")
     return None, len(rows) > 0
+
+
+def _met(site: Site, body: Body, base: Array, q: Array) -> Array:
+    """(4,) the sphere of the trunk, or else of the arm in posture q (7,), that meets something at a base pose (3,)."""
+    T, chest = kin.base(base), body.robot.chest(body.torso)
+    trunk = body.robot.hull.trunk
+    if not body.trunk_free():
+        return deepest(body.around, matmul(trunk[:, :3], chest[:3, :3].T) + chest[:3, 3], trunk[:, 3], T)
+    centers, radii = body.spheres(site.side, q)
+    return deepest(body.around, centers[0], radii, T)
 
 
 def _clear(site: Site, base: Array, torsos: Array, t: NDArray[np.intp], q: Array, touching: NDArray[np.bool_],

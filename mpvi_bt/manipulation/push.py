@@ -145,14 +145,16 @@ def _beginning(
             start = search.start(facing)
             if start is not None:
                 return side, start, facing[start.course], search
-    raise MotionFailure("no_stance")
+    raise work.no_stance()
 
 
 def _search(work: Work, name: str, side: Side, tried: list[Array]) -> CourseSearch:
     moved = work.along(name)
     near = work.scene.obstacles(work.motion.felt.base_pose[:2], 2.5, without=work.carried().union(moved))
     touched = [s for n in moved for s in work.scene.solids(n)]
-    return CourseSearch(work.motion, side, work.held(), near, touched, work.rng, list(tried), work.effort)
+    return CourseSearch(
+        work.motion, side, work.held(), near, touched, work.rng, list(tried), work.effort, refusals=work.refusals
+    )
 
 
 def pushes(hand: Hand, solids: Sequence[Solid], way: Array) -> list[Push]:

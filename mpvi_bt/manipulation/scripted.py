@@ -248,10 +248,11 @@ class ScriptedPolicy:
                 perform = REPERTOIRE.get(call.motion)
                 if perform is None:
                     raise MotionFailure("unknown_skill")
+                work.refusals.clear()
                 yield from perform(work, call.arguments, tried)
                 return True
             except MotionFailure as failure:
-                self.note = f"{call.skill.name}: {failure.reason}"
+                self.note = f"{call.skill.name}: {failure}"
                 if failure.reason in _ANYWHERE:
                     return False
                 yield from self._recover(work)
@@ -281,4 +282,4 @@ class ScriptedPolicy:
             if len(work.held()) == 1:  # two hands that are full may be at work on one another
                 yield from tuck(work)
         except MotionFailure as failure:
-            self.note = f"recovery: {failure.reason}"
+            self.note = f"recovery: {failure}"

@@ -53,13 +53,16 @@ class Search(Site):
             return None
         options = [self._as_it_stands(option) for option in options]
         able = [k for k, option in enumerate(options) if self.fits(option)]
+        self.refusals.add("no room for the hand", count=len(options) - len(able))
         if not able:
             return None
         here = self.motion.felt.base_pose
         if here_first and (found := self._here(here, options, able)) is not None:
             return found
         bases = _bases(here, focus_xy, self.side)
-        bases = bases[self.stands(bases)]
+        standing = self.stands(bases)
+        self.refuse_bases(bases[~standing])
+        bases = bases[standing]
         before = self.effort.failed.setdefault(self._sought(options, able), [])
         failed: list[Array] = [*self.tried, *before]
         for spacing in (SPACINGS[k] for k in spacings):
@@ -68,6 +71,7 @@ class Search(Site):
                 left = _apart_from(left, base, *spacing)
             while len(left) and checked < _CHECKED_BASES:
                 if self.effort.left <= 0:
+                    self.refusals.add("not looked at, as planning took too long", count=len(left))
                     return None
                 base = left[0]
                 found, effort = self._from(here, base, options, able)
@@ -131,7 +135,11 @@ class Search(Site):
         for run_up, some in ways.items():
             ready = base - np.array([np.cos(base[2]), np.sin(base[2]), 0.0]) * run_up
             lane = _lane(ready, base)
-            if not self.stands(lane).all() or (route := self.route(here, ready)) is None:
+            if not self.stands(lane).all():
+                self.refusals.add("no room to drive in")
+                continue
+            if (route := self.route(here, ready)) is None:
+                self.refusals.add("no way there")
                 continue
             effort = max(effort, _GLANCE)
             for hold in self.holds:

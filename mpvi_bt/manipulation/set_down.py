@@ -86,7 +86,7 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     search.tried.extend(tried)
     found = _find_place(work, search, box, list(spots))
     if found is None:
-        raise MotionFailure("no_stance")
+        raise work.no_stance()
     base, spot, way = found
     tried.append(base)
     yield from raise_both(work, max(0.0, spot[2] + _OVER_M - box.bottom))
@@ -135,6 +135,7 @@ def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tup
             if any(norm(base - b) < 0.05 for b in search.tried):
                 continue
             if (way := way_behind(search, here, base)) is None:
+                search.refusals.add("no way there and straight in")
                 continue
             # Raised by then, as `raise_both` does: lower down the arms would meet the surface.
             lift = motion.posture[0] + max(0.0, spot[2] + _OVER_M - box.bottom)
@@ -142,6 +143,7 @@ def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tup
             body = Body(motion.robot, torso, arms)
             if all(_clear(body, search, pose) for pose in _drive_in(way[-1], base)):
                 return base, spot, way
+            search.refusals.add("arm or trunk in the way")
     return None
 
 

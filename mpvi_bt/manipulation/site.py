@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.held import Held
+from mpvi_bt.manipulation.refusals import Refusals, deepest
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import NOTHING, Body, Obstacles, Surroundings, Together
@@ -60,6 +61,7 @@ class Site:
         tried: Base poses (3,) that did not do.
         effort: What it may take.
         underfoot: What is in the way of the base besides, in the world.
+        refusals: What candidates are refused for.
     """
 
     motion: Motion
@@ -71,6 +73,7 @@ class Site:
     tried: list[Array] = field(default_factory=list)
     effort: Effort = field(default_factory=Effort)
     underfoot: Obstacles = field(default=NOTHING, kw_only=True)
+    refusals: Refusals = field(default_factory=Refusals, kw_only=True)
 
     @property
     def other(self) -> Side | None:
@@ -120,12 +123,28 @@ class Site:
 
     def stands(self, bases: Array) -> NDArray[np.bool_]:
         """(n,) bool: base poses (n, 3) that are clear of everything as far as the base goes."""
+        clear = self._standing.distance(self._footing(bases)) >= self.motion.robot.hull.standing[:, 3]
+        return np.asarray(clear.all(1) & self._known(bases))
+
+    def refuse_bases(self, bases: Array) -> None:
+        """Note what base poses (n, 3) that do not stand are refused for."""
+        known = self._known(bases)
+        self.refusals.add("too far off", count=int((~known).sum()))
+        if known.any():
+            self.refusals.add("no room for the base", *(partial(self._blocked, base) for base in bases[known]))
+
+    def _blocked(self, base: Array) -> Array:
+        """(4,) the sphere of the base that would meet something at a pose (3,)."""
+        return deepest(self._standing, self._footing(base[None])[0], self.motion.robot.hull.standing[:, 3], np.eye(4))
+
+    def _footing(self, bases: Array) -> Array:
+        """(n, m, 3) the centers of what stands on the base, in the world, at poses (n, 3)."""
         ahead = np.stack([np.cos(bases[:, 2]), np.sin(bases[:, 2])], -1)
         standing = self.motion.robot.hull.standing
         p = np.empty((len(bases), len(standing), 3))
         p[..., :2] = bases[:, None, :2] + ahead[:, None] * standing[:, :1]
         p[..., 2] = standing[:, 2]
-        return np.asarray((self._standing.distance(p) >= standing[:, 3]).all(1) & self._known(bases))
+        return p
 
     def _known(self, bases: Array) -> NDArray[np.bool_]:
         return np.asarray(norm(bases[:, :2] - self.motion.felt.base_pose[:2], axis=1) <= KNOWN_M)

@@ -151,7 +151,7 @@ def _near(work: Work, name: str, tried: Sequence[Array]) -> Generator[Array, Non
             break
         for pose in way:
             yield from motion.drive(pose)
-    raise MotionFailure("no_stance")
+    raise work.no_stance()
 
 
 def _carcass(work: Work, name: str) -> list[Solid]:
@@ -214,9 +214,11 @@ def _find(work: Work, search: Search, bases: list[tuple[Array, Box]]) -> _Grip |
         if any(norm(base[:2] - b[:2]) < 0.03 and abs(kin.wrap(base[2] - b[2])) < 0.3 for b in search.tried):
             continue
         if (way := way_behind(search, here, base)) is None:
+            search.refusals.add("no way there and straight in")
             continue
         if (grip := _grip_at(work, search, base, way[-1], box)) is not None:
             return replace(grip, way=way)
+        search.refusals.add("no posture of both arms")
         checked += 1
         if checked >= _CHECKED_BASES:
             break

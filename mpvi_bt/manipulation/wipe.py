@@ -102,7 +102,7 @@ def _work_over(work: Work, words: Words, tried: list[Array], height: float, stro
                 again += 1
                 left.append(patch)
     if missed > whole * (1 - _MISSED):
-        raise MotionFailure("no_stance")
+        raise work.no_stance()
     yield from settle(work, without={target})
     if missed > whole * _MISSED:
         raise MotionFailure("uncovered")

@@ -9,6 +9,7 @@ import numpy as np
 
 from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.held import Held
+from mpvi_bt.manipulation.refusals import Refusals
 from mpvi_bt.manipulation.scene import Scene, Sight
 from mpvi_bt.manipulation.search import Search
 from mpvi_bt.perception.knowledge import Entry
@@ -27,6 +28,8 @@ _LIFTED_M = 0.10
 _RISES = (1.0, 0.5, 0.25)
 _AJAR = 0.3  # of its limit: a door that stands open so far is open
 EASY_M = 0.9  # above the floor, for hands
+_BASE_M = 0.2  # spheres of the base are larger, and reach into the floor
+_BESIDE_M = 0.03  # of a sphere: what is that near is what it meets, as boxes about things may be seen too small
 _ON_M = 0.03  # what lies on a thing is as much above its top, or below its bottom, at the most
 
 
@@ -42,6 +45,7 @@ class Work:
         wanted: Cameras whose pictures the next step has to bring.
         images: The pictures that it brought.
         effort: What searches may take.
+        refusals: What candidates of searches died of since the attempt began.
         ajar: Out of what front (3,) of things a door was last seen to stand open, by name.
         lay: Where things were when a hand closed on them: x, y of their frames, height of their lowest points [m].
         bearings: Directions in the world [rad] that words such as "left" had when they were first heeded.
@@ -57,6 +61,7 @@ class Work:
     wanted: tuple[str, ...] = ()
     images: Mapping[str, CameraImage] = field(default_factory=dict)
     effort: Effort = field(default_factory=Effort)
+    refusals: Refusals = field(default_factory=Refusals)
     ajar: dict[str, Array] = field(default_factory=dict)
     lay: dict[str, Array] = field(default_factory=dict)
     bearings: dict[str, float] = field(default_factory=dict)
@@ -218,7 +223,24 @@ class Work:
         """A stance search for one hand that works on the things `touched`."""
         carried = self.carried()
         own: list[Solid] = [s for n in sorted(touched) if n not in carried for s in self.scene.solids(n)]
-        return Search(self.motion, side, self.held(), self.near(touched), own, self.rng, effort=self.effort)
+        near, effort = self.near(touched), self.effort
+        return Search(self.motion, side, self.held(), near, own, self.rng, effort=effort, refusals=self.refusals)
+
+    def no_stance(self) -> MotionFailure:
+        """That searches for a stance have found nothing since the attempt began, with what candidates died of."""
+        return MotionFailure("no_stance", self.refusals.told(self._named))
+
+    def _named(self, sphere: Array) -> str | None:
+        """What a sphere (4,) x, y, z, radius meets, the nearest first, and of several the smallest; None if unknown."""
+        apart: dict[str, tuple[float, float]] = {}
+        for entry in self.scene.knowledge():
+            size = entry.highest - entry.lowest
+            off = float(norm(np.maximum(np.abs(sphere[:3] - (entry.lowest + entry.highest) / 2) - size / 2, 0.0)))
+            if entry.kind != "room" and off < sphere[3] + _BESIDE_M:
+                apart[entry.name] = off, float(np.prod(size))
+        if apart:
+            return min(apart, key=apart.__getitem__)
+        return "floor" if sphere[2] < sphere[3] < _BASE_M else None
 
     def body(self, without: Collection[str] = ()) -> Body:
         """The robot as commanded, with what it holds, among everything near but the things `without`."""

@@ -38,11 +38,19 @@ _TOUCH_M = 0.005  # a hand that feels its way has met something when it is held 
 
 
 class MotionFailure(Exception):
-    """A motion cannot go on; `reason` is a stable code such as "no_reach" or "arm_blocked"."""
+    """A motion cannot go on.
 
-    def __init__(self, reason: str) -> None:
+    Attributes:
+        reason: Stable code, such as "no_reach" or "arm_blocked".
+        evidence: What was found, one line for a person; "" where the reason says all.
+    """
+
+    def __init__(self, reason: str, evidence: str = "") -> None:
         super().__init__(reason)
-        self.reason = reason
+        self.reason, self.evidence = reason, evidence
+
+    def __str__(self) -> str:
+        return f"{self.reason} ({self.evidence})" if self.evidence else self.reason
 
 
 def smooth(u: float) -> float:
