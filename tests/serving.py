@@ -7,7 +7,7 @@ import contextlib
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from websockets.sync.client import ClientConnection, connect
@@ -16,10 +16,12 @@ from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.remote.codec import pack, unpack
 from mpvi_bt.remote.observation import Vocabulary
-from mpvi_bt.remote.server import Make, PolicyServer
+from mpvi_bt.remote.server import Make, PolicyServer, SocketServer
 from mpvi_bt.remote.settings import CAMERAS
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.testing.doubles import GripPolicy, KinematicRobot
+
+Server = TypeVar("Server", bound=SocketServer)
 
 
 def grip(vocabulary: Vocabulary | None = None) -> Policy:
@@ -29,8 +31,14 @@ def grip(vocabulary: Vocabulary | None = None) -> Policy:
 
 @contextlib.contextmanager
 def serving(make: Make = grip, api_key: str = "", idle_s: float | None = None) -> Iterator[PolicyServer]:
+    """A server of policies at a free port of this machine, in a thread of its own."""
+    with running(PolicyServer("grip", make, api_key, idle_s=idle_s)) as server:
+        yield server
+
+
+@contextlib.contextmanager
+def running(server: Server) -> Iterator[Server]:
     """A server at a free port of this machine, in a thread of its own."""
-    server = PolicyServer("grip", make, api_key, idle_s=idle_s)
     started, ended, loop = threading.Event(), asyncio.Event(), asyncio.new_event_loop()
 
     async def serve() -> None:
@@ -50,7 +58,7 @@ def serving(make: Make = grip, api_key: str = "", idle_s: float | None = None) -
         loop.close()
 
 
-def client(server: PolicyServer, **options: Any) -> ClientConnection:
+def client(server: SocketServer, **options: Any) -> ClientConnection:
     """Somebody who knows nothing but the protocol; the metadata are still to be received."""
     options = {"compression": None, "max_size": None, **options}
     return connect(f"ws://127.0.0.1:{server.port}", **options)

@@ -29,7 +29,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "diff": ("mpvi_bt.cli.trace:diff_", "Show the first tick at which two recorded runs part."),
     "suite": ("mpvi_bt.cli.suite:suite", "Run many episodes, resume them, tabulate the scores."),
     "dataset": ("mpvi_bt.cli.dataset:dataset", "Make a LeRobot dataset of recorded demonstrations."),
-    "serve": ("mpvi_bt.cli.serve:serve", "Serve a policy to other programs, by openpi's protocol."),
+    "serve": ("mpvi_bt.cli.serve:serve", "Serve a policy, or the executive, to other programs."),
+    "evaluate": ("mpvi_bt.cli.evaluate:evaluate", "Drive a server as BEHAVIOR's evaluator would, in our house."),
     "list": ("mpvi_bt.cli.listing:list_", "List tasks, skills, trees, objects, families, backends."),
     "doctor": ("mpvi_bt.cli.doctor:doctor", "Say what this machine can do, and how to mend the rest."),
 }

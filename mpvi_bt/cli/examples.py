@@ -105,7 +105,12 @@ EXAMPLES: Mapping[str, tuple[str, str, str]] = {
     "serve": (
         "reactive",
         "reactive --host 0.0.0.0 --port 8001",
-        "openpi:ws://gpu-box:8000 --policy-settings openpi_comet",
+        "mpvi --protocol behavior-2026 --detector grounding_dino",
+    ),
+    "evaluate": (
+        "picking_up_trash --dialect behavior-2026 --labels",
+        "picking_up_trash --dialect behavior-2025 --instance 1",
+        "picking_up_trash gpu-box:8000 --dialect openpi --on-demand",
     ),
     "list": (
         "tasks",

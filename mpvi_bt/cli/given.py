@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -279,6 +280,23 @@ def arguments(params: Iterable[str]) -> dict[str, str]:
             raise click.UsageError(f"--param {name} is given twice.")
         found[name] = value
     return found
+
+
+def given_here() -> list[click.Parameter]:
+    """The parameters that are on the command line."""
+    context = click.get_current_context()
+    said = click.core.ParameterSource.COMMANDLINE
+    return [p for p in context.command.params if context.get_parameter_source(str(p.name)) == said]
+
+
+def check_writable(folder: Path) -> None:
+    """Make a folder for results. Raises UserError if it cannot be made or written to."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise UserError(f"{folder}: cannot write there: {(error.strerror or str(error)).lower()}") from None
 
 
 def complete_param(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:

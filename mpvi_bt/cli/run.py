@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,13 +11,23 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mpvi_bt.cli import INTERRUPTED
-from mpvi_bt.cli.given import File, Name, arguments, backends, complete_param, complete_path, demonstration_fps
+from mpvi_bt.cli.given import (
+    File,
+    Name,
+    arguments,
+    backends,
+    check_writable,
+    complete_param,
+    complete_path,
+    demonstration_fps,
+    given_here,
+)
 from mpvi_bt.cli.score import brief_score, score
 from mpvi_bt.errors import BackendError, NodeError, UserError
 from mpvi_bt.suite.config import ASKING, EpisodeConfig
 
 if TYPE_CHECKING:
-    from mpvi_bt.executive.loop import Outcome, Subscriber
+    from mpvi_bt.executive.loop import Subscriber
     from mpvi_bt.executive.stop import Stop
     from mpvi_bt.suite.prepare import Prepared
 
@@ -143,7 +152,7 @@ def run(
     try:
         files = (config.video, config.picture, config.rerun)
         for folder in (out, *(file.parent for file in files if file is not None)):
-            _check_writable(folder)  # now, not when a minute's work is lost
+            check_writable(folder)  # now, not when a minute's work is lost
     except UserError:
         if trace or not dry:
             raise
@@ -170,9 +179,11 @@ def run(
             config.saved.unlink(missing_ok=True)  # that it went on from: it has come to its end
         return code
     except NodeError as error:
+        from mpvi_bt.suite.brief import brief
+
         click.echo(f"mpvi: {error}", err=True)
         broken = {"node": error.path, "message": error.message, "place": error.place}
-        _tell({**_brief(config, prepared, last.outcome), "error": broken}, config, dry, as_json)
+        _tell({**brief(config, prepared, last.outcome), "error": broken}, config, dry, as_json)
         return error.exit_code
 
 
@@ -237,6 +248,7 @@ def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], 
     """Run without robot and simulator, and print how it went."""
     from mpvi_bt.executive.dry import LIMIT_S, EmptyWorld, dry_tree, run_dry
     from mpvi_bt.executive.recorder import Recorder
+    from mpvi_bt.suite.brief import brief
     from mpvi_bt.suite.saved import Keeper
 
     tree = dry_tree(prepared.spec, prepared.rules)
@@ -254,31 +266,9 @@ def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], 
         outcome = run_dry(
             tree, prepared.skills, watchers, budget_s, keeper, world, saved, prepared.planner, config.drive
         )
-    result = _brief(config, prepared, outcome)
+    result = brief(config, prepared, outcome)
     _tell(result, config, True, as_json)
     return INTERRUPTED if outcome.ending == "interrupted" else 0 if result["success"] else 1
-
-
-def _brief(config: EpisodeConfig, prepared: Prepared, outcome: Outcome) -> dict[str, Any]:
-    """How a run went that nobody measures."""
-    from mpvi_bt.drawing.endings import is_plan
-
-    failures = [*outcome.log.failures, *filter(None, [outcome.failure])]
-    return {
-        "tree": prepared.spec.name,
-        "plan": is_plan(prepared.spec),
-        "success": outcome.ending == "success",
-        "ended": outcome.ending,
-        "ticks": outcome.ticks,
-        "time": {"simulator_time": outcome.time_s},
-        "failures": [
-            {"node": f.path, "reason": f.reason, "feedback": f.evidence, "time_s": f.time_s} for f in failures
-        ],
-        "replans": [
-            {"node": r.path, "segments": r.segments, "said": r.said, "time_s": r.time_s} for r in outcome.log.replans
-        ],
-        "trace": str(config.trace) if config.trace else None,
-    }
 
 
 def _tell(result: dict[str, Any], config: EpisodeConfig, dry: bool, as_json: bool) -> None:
@@ -296,7 +286,7 @@ def _left(config: EpisodeConfig) -> Path | None:
 def _refuse_beside_resume() -> None:
     """Raises UsageError if anything was given that the saved episode says itself."""
     own = {"resume", "breaks", "step", "out", "trace", "watch", "unicode", "as_json", *_OF_THIS_RUN}
-    for parameter in _given():
+    for parameter in given_here():
         if parameter.name not in own:
             given = parameter.opts[0] if parameter.param_type_name == "option" else "TASK"
             raise click.UsageError(f"--resume goes on with what FILE says; {given} can't be given beside it.")
@@ -304,23 +294,6 @@ def _refuse_beside_resume() -> None:
 
 def _refuse_in_a_dry_run() -> None:
     """Raises UsageError if it was said how to drive a policy: stand-ins do its work."""
-    for parameter in _given():
+    for parameter in given_here():
         if str(parameter.name).startswith("policy_"):
             raise click.UsageError(f"A dry run asks no policy; {parameter.opts[0]} can't be given with it.")
-
-
-def _given() -> list[click.Parameter]:
-    """The parameters that are on the command line."""
-    context = click.get_current_context()
-    said = click.core.ParameterSource.COMMANDLINE
-    return [p for p in context.command.params if context.get_parameter_source(str(p.name)) == said]
-
-
-def _check_writable(folder: Path) -> None:
-    """Make a folder for results. Raises UserError if it cannot be made or written to."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise UserError(f"{folder}: cannot write there: {(error.strerror or str(error)).lower()}") from None

@@ -1,4 +1,4 @@
-"""`mpvi serve`: a policy behind openpi's websocket protocol, until Ctrl-C."""
+"""`mpvi serve`: a policy, or the whole executive, behind a websocket, until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -6,45 +6,49 @@ import asyncio
 import contextlib
 import json
 import os
-import shutil
 import signal
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.shell_completion import CompletionItem
 
-from mpvi_bt.cli.given import Choice, File
-from mpvi_bt.drawing.cells import one_line
-from mpvi_bt.drawing.terminal import draw
+from mpvi_bt.cli.given import Choice, Name, arguments, backends, check_writable, complete_param, given_here
+from mpvi_bt.cli.status import Status
 from mpvi_bt.errors import PolicyError, UserError
 from mpvi_bt.suite.backends import BACKENDS, choose
+from mpvi_bt.suite.config import EpisodeConfig
 
 if TYPE_CHECKING:
-    from mpvi_bt.remote.server import PolicyServer
+    from mpvi_bt.remote.server import SocketServer
 
 EVERY_S = 1.0  # the status line is drawn anew
+EXECUTIVE = "mpvi"  # in the place of a policy
+_OF_POLICIES = ("what", "host", "port", "seed", "idle_s", "policy_settings", "as_json")
 _ENDS = (signal.SIGINT, signal.SIGTERM)
 
 
 def _complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """The policies that can be served."""
-    return [CompletionItem(name) for name in _servable() if name.startswith(incomplete)]
+    """The policies that can be served, and the executive."""
+    return [CompletionItem(name) for name in (EXECUTIVE, *_servable()) if name.startswith(incomplete)]
 
 
 def _servable() -> list[str]:
     return [f"{n}:" if b.address else n for n, b in BACKENDS["policy"].items() if not b.privileged]
 
 
-@click.command()
-@click.argument("policy", type=Choice("policy"), shell_complete=_complete)
-@click.option(
-    "--policy-settings",
-    "settings",
-    type=File("policies"),
-    metavar="NAME",
-    help="How a policy that is somewhere else is spoken to, by name or file.",
-)
+class _Served(Choice):
+    """A policy, or the executive."""
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """As given. Raises UserError if there is no such policy."""
+        return value if value == EXECUTIVE else super().convert(value, param, ctx)
+
+
+# What the executive is run with where nothing else is said: what needs neither a simulator nor a known house.
+@click.command(context_settings={"default_map": {"map": "online", "policy": "reactive"}})
+@click.argument("what", metavar="POLICY", type=_Served("policy"), shell_complete=_complete)
 @click.option(
     "--host", default="127.0.0.1", show_default=True, metavar="ADDRESS", help="0.0.0.0 lets other machines in."
 )
@@ -57,35 +61,67 @@ def _servable() -> list[str]:
     default=300.0,  # Our choice: longer than a robot drives, or a language model thinks, between two prompts
     show_default=True,
     metavar="SECONDS",
-    help="Who asks nothing for so long is let go.",
+    help="Who asks a policy nothing for so long is let go; of the executive nobody is.",
+)
+@click.option(
+    "--protocol",
+    type=click.Choice(["behavior-2025", "behavior-2026", "openpi"]),
+    help="What who drives the executive speaks; policies speak openpi's.",
+)
+@click.option(
+    "--robot",
+    type=click.Choice(["r1", "r1pro"]),
+    default="r1pro",
+    show_default=True,
+    help="Whose robot it is.",
+)
+@click.option("--task", type=Name("tasks/plans"), help="Do this task, whatever observations say.")
+@click.option("--instruction", default="", metavar="TEXT", help="Do this, whatever observations say.")
+@click.option("--tree", type=Name("trees", file=True), help="Run this tree, by name or file, instead of a plan's.")
+@click.option(
+    "--param",
+    "params",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Fill in a parameter of that tree.",
+    shell_complete=complete_param,
+)
+@click.option("--plan", type=Name("tasks/plans", file=True), help="Compile this plan, by name or file.")
+@backends
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default="runs",
+    show_default=True,
+    metavar="DIR",
+    help="Where results and traces of the executive go.",
 )
 @click.option("--json", "as_json", is_flag=True, help="For programs: where it listens, at the end what it did.")
-def serve(policy: str, settings: str | None, host: str, port: int, seed: int, idle_s: float, as_json: bool) -> int:
+def serve(what: str, host: str, port: int, seed: int, idle_s: float, as_json: bool, **executive: Any) -> int:
     """Serve POLICY by openpi's protocol until Ctrl-C: a websocket, GET /healthz, GET /metrics.
 
     Each client has a policy of its own. Where OPENPI_API_KEY is set, clients must send that key. What is sent and
     answered is in docs/policies.md.
+
+    The POLICY `mpvi` is the whole executive: a client's observations come in, actions go out, and behind the socket
+    the tree is ticked once for each. BEHAVIOR's evaluator, another simulator or a robot's driver can be that client:
+    docs/evaluator.md. Options from --protocol to --out are of the executive, but for --policy-settings.
     """
-    if choose("policy", policy).privileged:
-        raise UserError(
-            f"{policy} reads the simulator itself, which no client can send: it cannot be served. "
-            f"These can: {', '.join(_servable())}."
-        )
     if not host:
         raise UserError("--host is empty. 127.0.0.1 is this machine, 0.0.0.0 lets other machines in.")
     from mpvi_bt.remote.connection import KEY, key_of_environment
-    from mpvi_bt.remote.server import PolicyServer
-    from mpvi_bt.suite.policies import for_clients
 
-    make = for_clients(policy, seed, settings)
-    make({})  # what cannot be made is told now, not to the first client
+    status = Status()
     try:
-        status, key = Status(), key_of_environment()
+        key = key_of_environment()
     except PolicyError as error:
         raise UserError(f"{error}: no client could send it.") from None
+    if what == EXECUTIVE:
+        server = _executive(executive, seed, key, status)
+    else:
+        server = _policy(what, executive["policy_settings"], seed, idle_s, key, status)
     if not key and host not in ("127.0.0.1", "::1", "localhost"):
         status.say(f"{KEY} is not set: whoever reaches this machine may use it")
-    server = PolicyServer(policy, make, key, status.say, idle_s)
     try:
         asyncio.run(_until_stopped(server, host, port, status, as_json))
     except OSError as error:
@@ -93,12 +129,47 @@ def serve(policy: str, settings: str | None, host: str, port: int, seed: int, id
     return 0
 
 
+# Of a simulator, which is not here.
+serve.params = [option for option in serve.params if option.name not in ("split", "assisted")]
+
+
+def _policy(policy: str, settings: str | None, seed: int, idle_s: float, key: str, status: Status) -> SocketServer:
+    if own := [p.opts[0] for p in given_here() if p.name not in _OF_POLICIES]:
+        raise click.UsageError(f"{own[0]} is of the executive: mpvi serve {EXECUTIVE}.")
+    if choose("policy", policy).privileged:
+        raise UserError(
+            f"{policy} reads the simulator itself, which no client can send: it cannot be served. "
+            f"These can: {', '.join(_servable())}."
+        )
+    from mpvi_bt.remote.server import PolicyServer
+    from mpvi_bt.suite.policies import for_clients
+
+    make = for_clients(policy, seed, settings)
+    make({})  # what cannot be made is told now, not to the first client
+    return PolicyServer(policy, make, key, status.say, idle_s)
+
+
+def _executive(given: dict[str, Any], seed: int, key: str, status: Status) -> SocketServer:
+    from mpvi_bt.suite.served import Work, executive_server
+
+    protocol, instruction, out = given.pop("protocol"), given.pop("instruction"), given.pop("out")
+    if protocol is None:
+        raise click.UsageError("mpvi serve mpvi wants --protocol: behavior-2025, behavior-2026 or openpi.")
+    if given["task"] and instruction:
+        raise click.UsageError("--task and --instruction both say what is to be done: give one of them.")
+    config = EpisodeConfig(
+        given.pop("task") or "", seed=seed, arguments=tuple(arguments(given.pop("params")).items()), **given
+    )
+    check_writable(out)
+    return executive_server(protocol, Work(config, instruction, out), key, status.say)
+
+
 def _reason(error: OSError) -> str:
     """Without the address, which asyncio repeats."""
     return (os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror or str(error)).lower()
 
 
-async def _until_stopped(server: PolicyServer, host: str, port: int, status: Status, as_json: bool) -> None:
+async def _until_stopped(server: SocketServer, host: str, port: int, status: Status, as_json: bool) -> None:
     """Serve until Ctrl-C, or a request to end."""
     stop, loop = asyncio.Event(), asyncio.get_running_loop()
 
@@ -116,7 +187,7 @@ async def _until_stopped(server: PolicyServer, host: str, port: int, status: Sta
             click.echo(json.dumps({"policy": server.name, "address": address, "port": server.port}))
             sys.stdout.flush()
         while not stop.is_set():
-            status.draw(server)
+            status.draw(server.metrics.summary())
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(stop.wait(), EVERY_S)
         status.clear()
@@ -125,28 +196,3 @@ async def _until_stopped(server: PolicyServer, host: str, port: int, status: Sta
         told = {"clients": counts.connections, "answers": counts.inferences, "errors": dict(counts.errors)}
         click.echo(json.dumps(told))
     status.say(f"ended: {server.metrics.summary()}")
-
-
-class Status:
-    """What a person sees on stderr: lines that stay, and on a terminal one below that is drawn anew."""
-
-    def __init__(self) -> None:
-        self._live, self._drawn = sys.stderr.isatty(), ""
-
-    def say(self, line: str) -> None:
-        """A line that stays."""
-        self.clear()
-        click.echo(f"mpvi: {line}", err=True)
-
-    def draw(self, server: PolicyServer) -> None:
-        """How the server stands."""
-        line = one_line(server.metrics.summary())[: shutil.get_terminal_size().columns - 1]
-        if self._live and line != self._drawn:
-            draw(sys.stderr, f"\r\x1b[2K{line}")
-            self._drawn = line
-
-    def clear(self) -> None:
-        """Take the drawn line away."""
-        if self._drawn:
-            draw(sys.stderr, "\r\x1b[2K")
-            self._drawn = ""

@@ -228,7 +228,7 @@ def _open(url: str, deadline: float, most_bytes: int) -> ClientConnection:
         starting = True
         while starting:
             time.sleep(max(min(_POLL_S, deadline - time.monotonic()), 0.0))
-            starting = _health(url, deadline) in _STARTING
+            starting = health(url, deadline) in _STARTING
             if time.monotonic() >= deadline:
                 raise failure
 
@@ -281,7 +281,7 @@ def _refused(error: Exception, proxy: str) -> PolicyError:
     return PolicyError("server_absent", f"{proxies.told(proxy)}, is not there: {said}" if proxy else said)
 
 
-def _health(url: str, deadline: float) -> int | None:
+def health(url: str, deadline: float) -> int | None:
     """The HTTP status of /healthz, wherever it may point to; None if there is no answer by then."""
     parts = urlsplit(url)
     kind = http.client.HTTPSConnection if parts.scheme == "wss" else http.client.HTTPConnection

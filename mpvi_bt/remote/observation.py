@@ -91,10 +91,11 @@ def read_observation(message: Any) -> Question:
         "proprioception": _read_body(top["proprioception"]),
         "images": {camera: _read_image(camera, image) for camera, image in images.items()},
     }
-    return Question(observation, reset, _read_vocabulary(top["vocabulary"]) if "vocabulary" in top else None)
+    return Question(observation, reset, read_vocabulary(top["vocabulary"]) if "vocabulary" in top else None)
 
 
-def _read_vocabulary(given: Any) -> Vocabulary:
+def read_vocabulary(given: Any) -> Vocabulary:
+    """What labels of pictures are called. Raises BadMessage."""
     if not isinstance(given, dict):
         raise _wrong("vocabulary", given, "a mapping of names to what they are called")
     for name, words in given.items():
@@ -149,13 +150,14 @@ def _read_image(camera: str, given: Any) -> CameraImage:
         rgb=rgb,
         depth=depth.astype(np.float32, copy=False),
         labels=labels,
-        names=_read_names(image.get("names", {}), f"{where}.names"),
+        names=read_names(image.get("names", {}), f"{where}.names"),
         K=_numbers(image["K"], f"{where}.K", (3, 3)),
         T_world_camera=_numbers(image["T_world_camera"], f"{where}.T_world_camera", (4, 4)),
     )
 
 
-def _read_names(given: Any, where: str) -> dict[int, str]:
+def read_names(given: Any, where: str) -> dict[int, str]:
+    """What the label ids of a picture stand for. Raises BadMessage."""
     if not isinstance(given, dict):
         raise _wrong(where, given, "a mapping of label ids to names")
     names = {}

@@ -1,6 +1,6 @@
-"""Any policy behind openpi's websocket protocol: a metadata frame, then one answer for each observation.
+"""Whatever answers observations behind openpi's websocket protocol: a metadata frame, then an answer for each.
 
-Each client has a policy of its own, in a thread of its own: policies keep state, and a slow one holds up nobody else.
+Each client has its own, such as a policy, in a thread of its own: they keep state, and a slow one holds up nobody.
 What a client sends wrong ends that client's connection, as in openpi: a text frame says what was wrong, then the server
 closes with code 1011.
 """
@@ -17,7 +17,7 @@ import time
 import traceback
 from collections.abc import AsyncIterator, Callable, Mapping
 from http import HTTPStatus
-from typing import Any
+from typing import Any, Protocol, Self
 
 import numpy as np
 from websockets.asyncio.server import Server, ServerConnection, serve
@@ -62,19 +62,64 @@ class Unseen(Refused):
     """An observation without pictures that the last answer asked for."""
 
 
-class PolicyServer:
-    """Serves a policy until it is told to stop.
+class Talk(Protocol):
+    """One client's conversation, in a thread of its own."""
+
+    def begin(self) -> asyncio.Future[dict[str, Any]]:
+        """Make ready; what the metadata say of it. The future raises Refused."""
+        ...
+
+    def answer(self, given: Given) -> asyncio.Future[tuple[dict[str, Any] | None, float]]:
+        """The answer to a frame, None where it gets none, and how long it took [s]. The future raises Refused."""
+        ...
+
+    def end(self) -> None:
+        """The client is gone: let the thread end after what it is doing."""
+        ...
+
+    def is_at_work(self) -> bool:
+        """Whether the thread has not ended yet, be the client gone or not."""
+        ...
+
+
+class Promise:
+    """A future of the running loop that another thread keeps.
+
+    Attributes:
+        future: Which is awaited.
+    """
+
+    def __init__(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self.future: asyncio.Future[Any] = self._loop.create_future()
+
+    def keep(self, value: Any) -> None:
+        """Give what was promised."""
+        self._later(lambda: self.future.set_result(value))
+
+    def fail(self, error: Exception) -> None:
+        """Say why it cannot be had."""
+        self._later(lambda: self.future.set_exception(error))
+
+    def _later(self, settle: Callable[[], None]) -> None:
+        with contextlib.suppress(RuntimeError):  # the server has ended meanwhile
+            self._loop.call_soon_threadsafe(lambda: None if self.future.done() else settle())
+
+
+class SocketServer:
+    """Answers clients until it is told to stop.
 
     Args:
-        name: Of the policy, for the metadata.
-        make: Makes one, with what labels of pictures are called; for each client, in the client's thread, and anew when
-            the client says what its labels are called.
+        name: Of what is served, for the metadata.
+        open_: Begins the conversation with a client.
         api_key: What clients must send as `Authorization: Api-Key ...`; "": nothing.
         idle_s: A client that asks nothing for so long is told to go (1001), so that others can come; None: never.
         say: Told what a person should know, in one line, when it happens.
+        pong_s: How long a client may take to answer a ping before it counts as lost; None: any time.
+        parting_s: How long the end waits for what conversations have still to write.
 
     Attributes:
-        name: Of the policy.
+        name: Of what is served.
         metrics: What has happened so far.
         port: Where it listens, once it does.
     """
@@ -82,19 +127,22 @@ class PolicyServer:
     def __init__(
         self,
         name: str,
-        make: Make,
+        open_: Callable[[], Talk],
         api_key: str = "",
         say: Callable[[str], None] = lambda line: None,
         idle_s: float | None = None,
+        pong_s: float | None = 20.0,
+        parting_s: float = 0.0,
     ) -> None:
         self.metrics = Metrics()
         self.port = 0
-        self.name, self._make, self._say, self._idle_s = name, make, say, idle_s
-        self._sessions: list[Session] = []
+        self.name, self._open, self._say, self._idle_s, self._pong_s = name, open_, say, idle_s, pong_s
+        self._parting_s = parting_s
+        self._sessions: list[Talk] = []
         self._authorization = f"Api-Key {api_key}".encode() if api_key else b""
 
     @contextlib.asynccontextmanager
-    async def listening(self, host: str, port: int) -> AsyncIterator[PolicyServer]:
+    async def listening(self, host: str, port: int) -> AsyncIterator[Self]:
         """Serve at an address (port 0: any that is free) within the block; afterwards clients are told to go (1001).
 
         Raises:
@@ -110,11 +158,15 @@ class PolicyServer:
             max_queue=1,  # who sends more before an answer must wait
             origins=[None],  # no page in somebody's browser
             close_timeout=2,
+            ping_timeout=self._pong_s,
             logger=_log,
             server_header=None,
         ) as server:
             self.port = _port(server)
             yield self
+        until = time.monotonic() + self._parting_s
+        while any(session.is_at_work() for session in self._sessions) and time.monotonic() < until:
+            await asyncio.sleep(0.01)
 
     def _before(self, connection: ServerConnection, request: Request) -> Response | None:
         """Answer plain HTTP; None: go on to the websocket."""
@@ -126,7 +178,7 @@ class PolicyServer:
         given = " ".join(request.headers.get_all("Authorization")).encode()
         if self._authorization and not hmac.compare_digest(given, self._authorization):
             return connection.respond(HTTPStatus.UNAUTHORIZED, "An Authorization: Api-Key header is wanted.\n")
-        self._sessions = [session for session in self._sessions if session.is_at_work()]
+        self._sessions = [talk for talk in self._sessions if talk.is_at_work()]
         if len(self._sessions) >= MOST_CLIENTS:
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"There are {MOST_CLIENTS} clients already.\n")
         return None
@@ -135,10 +187,10 @@ class PolicyServer:
         """One client, from its first frame to its last."""
         self.metrics.clients += 1
         self.metrics.connections += 1
-        self._sessions.append(session := Session(self._make))
+        self._sessions.append(talk := self._open())
         gone = asyncio.ensure_future(connection.wait_closed())
         try:
-            await self._converse(connection, session, gone)
+            await self._converse(connection, talk, gone)
         except Refused as error:
             self.metrics.errors[error.kind] += 1
             self._say(
@@ -149,24 +201,26 @@ class PolicyServer:
                 await connection.close(INTERNAL_ERROR, "what went wrong is in the frame before")
         finally:
             gone.cancel()
-            session.end()
+            talk.end()
             self.metrics.clients -= 1
 
-    async def _converse(self, connection: ServerConnection, session: Session, gone: asyncio.Future[None]) -> None:
+    async def _converse(self, connection: ServerConnection, talk: Talk, gone: asyncio.Future[None]) -> None:
         with contextlib.suppress(ConnectionClosed):
-            cameras = await _unless(gone, session.begin())
-            if cameras is None:
+            about = await _unless(gone, talk.begin())
+            if about is None:
                 return
-            await connection.send(pack(self._metadata(cameras)))
+            await connection.send(pack(self._metadata(about)))
             total_s = None
             while (frame := await self._next(connection)) is not None:
                 started = time.perf_counter()
-                answer = await _unless(gone, session.answer(frame))
+                answer = await _unless(gone, talk.answer(frame))
                 if answer is None:
                     return
                 message, infer_s = answer
-                self.metrics.inferred(infer_s)
                 self.metrics.received_bytes += len(frame)
+                if message is None:
+                    continue
+                self.metrics.inferred(infer_s)
                 timing = {"infer_ms": infer_s * 1000}
                 if total_s is not None:
                     timing["prev_total_ms"] = total_s * 1000
@@ -185,14 +239,35 @@ class PolicyServer:
             await connection.close(CloseCode.GOING_AWAY, f"nothing was asked for {self._idle_s:g} s")
             return None
 
-    def _metadata(self, cameras: list[str]) -> dict[str, Any]:
+    def _metadata(self, about: dict[str, Any]) -> dict[str, Any]:
         return {
             "policy": self.name,
-            "cameras": cameras,
+            **about,
             "action_size": ACTION_SIZE,
             "control_hz": CONTROL_HZ,
             "mpvi_bt": __version__,
         }
+
+
+class PolicyServer(SocketServer):
+    """Serves a policy.
+
+    Args:
+        name: Of the policy, for the metadata.
+        make: Makes one, with what labels of pictures are called; for each client, in the client's thread, and anew when
+            the client says what its labels are called.
+        api_key, say, idle_s: As of `SocketServer`.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        make: Make,
+        api_key: str = "",
+        say: Callable[[str], None] = lambda line: None,
+        idle_s: float | None = None,
+    ) -> None:
+        super().__init__(name, lambda: Session(make), api_key, say, idle_s)
 
 
 class Session:
@@ -213,11 +288,11 @@ class Session:
         self._thread = threading.Thread(target=self._work, name="policy", daemon=True)
         self._thread.start()
 
-    def begin(self) -> asyncio.Future[list[str]]:
-        """Make the policy; the cameras that it wants first. The future raises Refused."""
+    def begin(self) -> asyncio.Future[dict[str, Any]]:
+        """Make the policy; `cameras`, those that it wants first. The future raises Refused."""
         return self._later(self._begin)
 
-    def answer(self, given: Given) -> asyncio.Future[tuple[dict[str, Any], float]]:
+    def answer(self, given: Given) -> asyncio.Future[tuple[dict[str, Any] | None, float]]:
         """The answer to an observation, and how long the policy took [s]. The future raises Refused."""
         return self._later(lambda: self._answer(given))
 
@@ -230,26 +305,18 @@ class Session:
         return self._thread.is_alive()
 
     def _later(self, call: Callable[[], Any]) -> asyncio.Future[Any]:
-        loop = asyncio.get_running_loop()
-        future: asyncio.Future[Any] = loop.create_future()
+        promise = Promise()
 
         def run() -> None:
             try:
-                value, error = call(), None
+                promise.keep(call())
             except Refused as refused:
-                value, error = None, refused
+                promise.fail(refused)
             except Exception:  # whatever a policy may raise is its client's to read
-                value, error = None, Refused("policy_failed", traceback.format_exc())
-
-            def set_() -> None:
-                if not future.done():
-                    future.set_exception(error) if error else future.set_result(value)
-
-            with contextlib.suppress(RuntimeError):  # the server has ended meanwhile
-                loop.call_soon_threadsafe(set_)
+                promise.fail(Refused("policy_failed", traceback.format_exc()))
 
         self._calls.put(run)
-        return future
+        return promise.future
 
     def _work(self) -> None:
         while (call := self._calls.get()) is not None:
@@ -260,11 +327,11 @@ class Session:
         with contextlib.suppress(Exception):  # its client is gone, or has no more use for it
             getattr(self._policy, "close", lambda: None)()
 
-    def _begin(self) -> list[str]:
+    def _begin(self) -> dict[str, Any]:
         self._close()
         self._policy = self._make(self._vocabulary)
         self._policy.reset()
-        return list(self._policy.cameras)
+        return {"cameras": list(self._policy.cameras)}
 
     def _answer(self, given: Given) -> tuple[dict[str, Any], float]:
         try:

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 
+from mpvi_bt.errors import BackendError
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout
 from mpvi_bt.robot.solids import Array
@@ -51,3 +52,27 @@ def within_reach_of(robot: RobotModel, last: Array, action: Array) -> Array:
         action: (23,) finite; what is asked for. One within the limits comes back bit by bit.
     """
     return np.clip(within_limits(robot, action), last - largest_step(robot), last + largest_step(robot))
+
+
+def commanded(robot: RobotModel, action: Array) -> Array:
+    """(23,) what a robot that is told `action` is commanded: the nearest within its limits.
+
+    Raises:
+        BackendError: The action is not 23 finite numbers.
+    """
+    action = np.asarray(action, float)
+    if action.shape != (ACTION_SIZE,):
+        raise BackendError(f"an action of shape {action.shape} was given; it has to be ({ACTION_SIZE},)")
+    if not np.isfinite(action).all():
+        raise BackendError(f"an action that is not finite was given: {action.tolist()}")
+    return within_limits(robot, action)
+
+
+def travel_action(robot: RobotModel) -> Array:
+    """(23,) the command of a robot that stands in the posture that it drives in, hands open."""
+    action = np.zeros(ACTION_SIZE)
+    action[ActionLayout.TORSO] = robot.travel_torso
+    for s in robot.sides:
+        action[ActionLayout.ARM[s]] = robot.travel_arm[s]
+        action[ActionLayout.GRIPPER[s]] = 1.0
+    return action

@@ -10,9 +10,8 @@ from xml.etree import ElementTree
 import numpy as np
 import sapien
 
-from mpvi_bt.errors import BackendError
 from mpvi_bt.robot.fetch_urdf import fetch_urdf
-from mpvi_bt.robot.limits import within_limits
+from mpvi_bt.robot.limits import commanded, travel_action
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Side
 from mpvi_bt.robot.r1 import R1
@@ -67,12 +66,7 @@ class SimRobot(SimBody):
         Raises:
             BackendError: The action is not 23 finite numbers.
         """
-        action = np.asarray(action, float)
-        if action.shape != (ACTION_SIZE,):
-            raise BackendError(f"an action of shape {action.shape} was given; it has to be ({ACTION_SIZE},)")
-        if not np.isfinite(action).all():
-            raise BackendError(f"an action that is not finite was given: {action.tolist()}")
-        self._action = within_limits(self.model, action)
+        self._action = commanded(self.model, action)
 
     @property
     def gripper_command(self) -> Mapping[Side, float]:
@@ -162,16 +156,6 @@ class SimRobot(SimBody):
         vx, vy, w = self._velocity
         for name, v in zip(self.model.base_joints, (c * vx - s * vy, s * vx + c * vy, w), strict=True):
             self._joints[name].set_drive_velocity_target(float(v))
-
-
-def travel_action(model: RobotModel) -> Array:
-    """(23,) the command of a robot that stands in the posture that it drives in, hands open."""
-    action = np.zeros(ACTION_SIZE)
-    action[ActionLayout.TORSO] = model.travel_torso
-    for s in model.sides:
-        action[ActionLayout.ARM[s]] = model.travel_arm[s]
-        action[ActionLayout.GRIPPER[s]] = 1.0
-    return action
 
 
 def load_robot(scene: sapien.Scene, model: RobotModel, visible: bool) -> sapien.physx.PhysxArticulation:

@@ -14,6 +14,7 @@ from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.parts import find
 
 if TYPE_CHECKING:
+    from mpvi_bt.remote.world import RemoteWorld
     from mpvi_bt.sim.world import World
     from mpvi_bt.suite.language import Models
 
@@ -21,12 +22,12 @@ Vocabulary = Mapping[str, Iterable[str]]  # label of a thing to what people call
 _MOST_STEPS = 10**6
 
 
-def make_checker(given: str, world: World, vocabulary: Vocabulary, seed: int, models: Models) -> Checker:
+def make_checker(given: str, world: World | RemoteWorld, vocabulary: Vocabulary, seed: int, models: Models) -> Checker:
     """The checker of a name.
 
     Args:
         given: Such as "visual", "visual:fp=0.05,fn=0.1" or "openai:MODEL".
-        world: The simulator's; only privileged checkers look at it.
+        world: The robot's; only privileged checkers look at it.
         vocabulary: What the labels of pictures, which are the names of things, stand for.
         seed: Of the mistakes that it is to make.
         models: Of the episode.
@@ -88,18 +89,21 @@ def _period(given: str) -> int:
     return int(address)
 
 
-def _visual(world: World, vocabulary: Vocabulary) -> Checker:
+def _visual(world: World | RemoteWorld, vocabulary: Vocabulary) -> Checker:
     from mpvi_bt.completion.visual import VisualChecker
 
     return VisualChecker(vocabulary, robot=world.robot.model)
 
 
-def _oracle(world: World, vocabulary: Vocabulary) -> Checker:
+def _oracle(world: World | RemoteWorld, vocabulary: Vocabulary) -> Checker:
     from mpvi_bt.completion.oracle import OracleChecker
+    from mpvi_bt.sim.world import World
     from mpvi_bt.suite.truth import TrueState
 
+    if not isinstance(world, World):
+        raise UserError("checker oracle reads the simulator itself, and there is none here.")
     return OracleChecker(TrueState(world), vocabulary)
 
 
 # Those that are computed here, and may be made to err.
-_MAKERS: Mapping[str, Callable[[World, Vocabulary], Checker]] = {"visual": _visual, "oracle": _oracle}
+_MAKERS: Mapping[str, Callable[[World | RemoteWorld, Vocabulary], Checker]] = {"visual": _visual, "oracle": _oracle}

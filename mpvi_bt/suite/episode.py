@@ -8,14 +8,12 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from typing import Any
 
-from mpvi_bt.behaviors.context import Context
 from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.completion.oracle import OracleChecker
 from mpvi_bt.executive.demonstration import Demonstration
 from mpvi_bt.executive.loop import Last, Subscriber, run_episode
 from mpvi_bt.executive.pictures import PathPicture
 from mpvi_bt.executive.recorder import Recorder
-from mpvi_bt.executive.replanning import Replanning, things
 from mpvi_bt.executive.rerun_log import RerunLog
 from mpvi_bt.executive.saved import restore_world
 from mpvi_bt.executive.stop import Stop
@@ -25,21 +23,18 @@ from mpvi_bt.goals.predicates import truth_in
 from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.perception.map import OccupancyMap
-from mpvi_bt.plan.planners import Planner
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.sim.catalogue import load_catalogue
-from mpvi_bt.sim.house import House, load_house
+from mpvi_bt.sim.house import load_house
 from mpvi_bt.sim.prior_map import prior_map
 from mpvi_bt.sim.sampling import Start
 from mpvi_bt.sim.world import World
-from mpvi_bt.suite.backends import NOBODY, choose
-from mpvi_bt.suite.checkers import make_checker, make_triggers
+from mpvi_bt.suite.assembly import assemble, floors
+from mpvi_bt.suite.backends import choose
 from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.detectors import make_detector
 from mpvi_bt.suite.instances import begin, expanded_problem
 from mpvi_bt.suite.metrics import Meter
-from mpvi_bt.suite.navigators import make_navigator
-from mpvi_bt.suite.policies import Ground, demonstrations, in_chunks, make_policy
+from mpvi_bt.suite.policies import Ground
 from mpvi_bt.suite.prepare import Prepared, prepare_episode
 from mpvi_bt.suite.queries import count_queries
 from mpvi_bt.suite.result import Failure, Grasps, Planning, Replanned, make_result
@@ -48,12 +43,7 @@ from mpvi_bt.suite.simulators import begin_elsewhere
 from mpvi_bt.suite.tasks import Task
 from mpvi_bt.suite.truth import Audit, TrueState
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.compile import Drive
-from mpvi_bt.tree.relevant import task_relevant
-from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.substitute import stand_ins
-
-_LABELS = ("oracle", "segmentation")  # policies that see have a detector of labels of their own, for what is near
 
 
 def run(
@@ -85,7 +75,7 @@ def run(
     """
     began = time.perf_counter()
     prepared = prepared or prepare_episode(config)
-    task, skills = prepared.task, prepared.skills
+    task = prepared.task
     assert task is not None
     tree = Tree(prepared.spec, stand_ins(prepared.rules))
     house, catalogue = load_house(task.house), load_catalogue()
@@ -103,35 +93,13 @@ def run(
     before = snapshot(problem, truth)
     places = _places(world)
     vocabulary = {e.name: e.phrases for e in world.knowledge() if e.kind != "room"}
-    judged = vocabulary | _floors(house)
-    detector = make_detector(config.detector, vocabulary, config.seed)
-    seeing = None if detector.name in _LABELS else detector
-    told = demonstrations() if config.planner == NOBODY else None
-    ground = Ground(skills, vocabulary, seeing, world, config.seed, told, task.problem, config.robot)
-    policy = make(ground) if make is not None else make_policy(config.policy, ground, config.policy_settings)
-    relevant = task_relevant(tree.spec, skills)
-    navigator = make_navigator(config.detector, config.map, world, house, relevant, detector, config.seed)
-    guided = _guided(config, prepared)
-    context = Context(
-        clock=world,
-        robot=world.robot,
-        navigator=navigator,
-        policy=in_chunks(policy, config),
-        checker=make_checker(config.checker, world, judged, config.seed, prepared.models),
-        triggers=make_triggers(config.trigger, world.robot),
-        skills=skills,
-        sense=navigator.feel if guided else lambda: None,
-        memory=navigator if guided else None,
-        while_asked=config.while_asked,
-        blackboard=dict(tree.spec.blackboard),
-    )
-    if prepared.planner is not None:
-        context.replanning = _replanning(prepared.planner, tree, context, task, world, config.drive)
+    parts = assemble(config, prepared, tree, world, vocabulary, house, make)
+    navigator, policy, context = parts.navigator, parts.policy, parts.context
     saved = prepared.saved
     if saved is not None:
         restore_world(saved.run, world, context)
     meter = Meter(saved.measurement if saved else None)
-    audit = Audit(OracleChecker(TrueState(world), judged), saved.truths if saved else ())
+    audit = Audit(OracleChecker(TrueState(world), vocabulary | floors(house)), saved.truths if saved else ())
     last = Last()
     demonstration = _demonstration(config, task)
     watchers = [
@@ -191,33 +159,9 @@ def run(
     return result.model_dump(mode="json")
 
 
-def _floors(house: House) -> dict[str, tuple[str, ...]]:
-    """What floors are called, by their names in the world: judges are asked of them, nobody looks for them."""
-    return {f"floor_{room.name}": ("floor", *(f"{p} floor" for p in room.phrases)) for room in house.rooms.values()}
-
-
 def _places(world: World) -> dict[str, list[float]]:
     """Where each movable thing is, x and y in the world [m], to whole centimetres."""
     return {e.name: [round(float(c), 2) for c in e.center[:2]] for e in world.knowledge() if e.kind == "object"}
-
-
-def _guided(config: EpisodeConfig, prepared: Prepared) -> bool:
-    """Whether the navigator has anything to do: to drive, or to know what new plans are told of."""
-    return (config.drive == "navigator" and config.planner != NOBODY) or prepared.planner is not None
-
-
-def _replanning(planner: Planner, tree: Tree, context: Context, task: Task, world: World, drive: Drive) -> Replanning:
-    """What makes new plans, of what the robot itself has seen; what they name is looked for from then on."""
-    navigator = context.navigator
-    if not isinstance(navigator, ExploringNavigator):
-        return Replanning(planner, tree, context, task.instruction, lambda: things(world.knowledge()), drive=drive)
-    discoveries = navigator.lookout.discoveries
-
-    def look_for(spec: TreeSpec) -> None:
-        discoveries.phrases = tuple(dict.fromkeys((*discoveries.phrases, *task_relevant(spec, context.skills))))
-
-    known = discoveries.knowledge
-    return Replanning(planner, tree, context, task.instruction, lambda: things(known), look_for, drive=drive)
 
 
 def _renders(config: EpisodeConfig) -> bool:

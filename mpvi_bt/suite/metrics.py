@@ -89,10 +89,14 @@ class Meter(Watcher):
     def start(self, tree: Tree, world: World) -> None:
         """Begin anew from where the robot is."""
         self._felt = []
-        self.step(tree, world)
+        self.note(world)
 
     def step(self, tree: Tree, world: World) -> None:
         """Note where base and joints are."""
+        self.note(world)
+
+    def note(self, world: World) -> None:
+        """Note where base and joints are, whoever drives."""
         felt = world.robot.proprioception()
         arms = (felt.arm.get(side, _NO_ARM) for side in SIDES)
         self._felt.append(np.concatenate([felt.base_pose, felt.torso, *arms]))

@@ -15,6 +15,7 @@ from mpvi_bt.navigation.visibility import VisibilityMap
 from mpvi_bt.perception.detector import Detector
 from mpvi_bt.perception.discovery import Discoveries
 from mpvi_bt.perception.knowledge import KnowledgeBase
+from mpvi_bt.remote.world import RemoteWorld
 from mpvi_bt.robot.stow import ArmStow
 from mpvi_bt.sim.house import House
 from mpvi_bt.sim.open_doors import OpenDoors
@@ -44,13 +45,18 @@ def make_navigator(
 
 
 def explorer(
-    world: World, house: House, phrases: Iterable[str], detector: Detector, map_: str = "prior", seed: int = 0
+    world: World | RemoteWorld,
+    house: House | None,
+    phrases: Iterable[str],
+    detector: Detector,
+    map_: str = "prior",
+    seed: int = 0,
 ) -> ExploringNavigator:
     """For detectors that look: what is movable has to be found first.
 
     Args:
         world: The robot's, and its clock.
-        house: What is known of beforehand with `map_` "prior": walls, rooms and fixtures.
+        house: What is known of beforehand with `map_` "prior": walls, rooms and fixtures; None: only "online" will do.
         phrases: What the task is about, looked for all the time.
         detector: Looks.
         map_: "prior", or "online": nothing is known, and the map is built from depth.
@@ -58,6 +64,7 @@ def explorer(
     """
     robot = world.robot
     if map_ == "prior":
+        assert house is not None
         occupancy = Occupancy.prior(prior_map(house), prior_map(house, loose=False).occupied)
         base = KnowledgeBase({entry.name: entry for entry in prior_knowledge(house)})
     else:

@@ -1,0 +1,166 @@
+"""The executive behind a socket: whoever has a robot sends what it feels and sees, and is told what it is to do."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mpvi_bt.remote.reading import CHUNK
+from mpvi_bt.robot.protocol import ActionLayout
+from mpvi_bt.trace.read import read_trace
+from tests.driven import DIALECTS, driving
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_an_episode_is_played_behind_the_socket(dialect: str, tmp_path: Path) -> None:
+    """Metadata come first; each observation is a tick, whose action is the answer; result and trace are written."""
+    said: list[str] = []
+    with driving(dialect, tmp_path, said=said) as driver:
+        assert driver.metadata["protocol"] == dialect
+        actions = np.concatenate([driver.step() for _ in range(80)])
+        assert "ended" in driver.told[-1]
+        assert "ended" not in driver.told[0]
+    assert (actions[:, ActionLayout.GRIPPER["right"]] == -1).any()
+    assert (actions[:, ActionLayout.GRIPPER["left"]] == 1).all()
+    (result,) = tmp_path.glob("runs/*_served_1.json")
+    told = json.loads(result.read_text())
+    assert told["ended"] == "failure"
+    assert told["failures"][0]["reason"] == "timeout"
+    trace = read_trace(tmp_path / "runs" / "exercise_served_1.trace.jsonl")
+    assert trace.ticks[-1].tick == told["ticks"] == told["time"]["simulator_time"] * 30 + 1
+    assert said[0] == "episode 1: exercise"
+    assert said[1].startswith("episode 1: ")
+
+
+def test_all_dialects_tell_the_same(tmp_path: Path) -> None:
+    """Action by action, to the rounding of the float32 that evaluators have."""
+    told = []
+    for dialect in DIALECTS:
+        with driving(dialect, tmp_path) as driver:
+            told.append(np.concatenate([driver.step() for _ in range(50)]))
+    for actions in told[:2]:
+        np.testing.assert_allclose(actions, told[2], atol=1e-6)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_resets_are_silent_and_begin_anew(dialect: str, tmp_path: Path) -> None:
+    """Before the first observation, several in a row, amid an episode, after its end: each begins one, at its start."""
+    with driving(dialect, tmp_path) as driver:
+        driver.reset()
+        driver.reset()
+        first = [driver.step() for _ in range(50)]
+        for steps in (50, 7, 50):
+            driver.reset()
+            driver.begin()
+            np.testing.assert_allclose([driver.step() for _ in range(steps)], first[:steps], atol=1e-6)
+    assert len(list(tmp_path.glob("runs/*.json"))) == 4
+
+
+@pytest.mark.parametrize("batched", [False, True])
+def test_chunks_are_ticked_one_by_one(batched: bool, tmp_path: Path) -> None:
+    """Asked for K actions the tree is ticked K times; the first is `action` to the bit, and the clock counts all."""
+    with driving("behavior-2026", tmp_path, batched) as driver:
+        driver.step()
+        shape = (1, 8, 23) if batched else (8, 23)
+        for _ in range(6):
+            driver.step(**{CHUNK: 8})
+            answer = driver.told[-1]
+            assert answer["action_chunk"].shape == shape
+            np.testing.assert_array_equal(answer["action"], answer["action_chunk"][..., 0, :])
+        chunked = [np.reshape(answer["action_chunk"], (8, 23)) for answer in driver.told[1:]]
+    with driving("behavior-2026", tmp_path) as driver:
+        driver.step()
+        singly = np.concatenate([np.reshape(driver.ask()["action"], (1, 23)) for _ in range(1)])
+    np.testing.assert_array_equal(chunked[0][0], singly[0])
+
+
+def test_batches_of_one_are_answered_alike(tmp_path: Path) -> None:
+    """With a leading 1 where the observation has one."""
+    with driving("behavior-2026", tmp_path, batched=True) as driver:
+        assert driver.ask()["action"].shape == (1, 23)
+    with driving("behavior-2026", tmp_path) as driver:
+        assert driver.ask()["action"].shape == (23,)
+
+
+REFUSED: dict[str, tuple[str, dict[str, Any], str]] = {
+    "task_id": ("behavior-2026", {"task_id": np.array([77])}, "task_id 77 is not known here"),
+    "size": ("behavior-2026", {"robot_r1::robot_r1:zed_link:Camera:0::rgb": np.zeros((6, 8, 4), np.uint8)}, "8 x 6"),
+    "nan": ("behavior-2026", {"robot_r1::proprio": np.full(61, np.nan)}, "base_qvel[0]"),
+    "batch": ("behavior-2026", {"robot_r1::proprio": np.zeros((2, 61))}, "a batch of 2"),
+    "depth": ("behavior-2025", {"robot_r1::robot_r1:zed_link:Camera:0::depth_linear": None}, "DefaultWrapper"),
+    "other": ("behavior-2025", {"robot_r1::proprio": np.zeros(61)}, "--protocol behavior-2026"),
+    "own": ("behavior-2025", {"proprioception": {}}, "--protocol openpi"),
+    "chunk": ("behavior-2026", {CHUNK: 0}, "1 to 1024 is wanted"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_begun_is_refused(name: str, tmp_path: Path) -> None:
+    """By a text frame, which evaluators end with, that says what is wrong and what would be right."""
+    dialect, wrong, why = REFUSED[name]
+    config = {"tree": None} if name == "task_id" else {}
+    with driving(dialect, tmp_path, **config) as driver:
+        answer = driver.ask(**wrong)
+        assert isinstance(answer, str)
+        assert answer.startswith("bad_message: ")
+        assert why in answer
+
+
+BROKEN: dict[str, tuple[str, dict[str, Any], str]] = {
+    "nan": ("behavior-2026", {"robot_r1::proprio": np.full(61, np.nan)}, "base_qvel[0]"),
+    "order": ("openpi", {}, "does not follow the one before"),
+    "lost": ("behavior-2025", {"robot_r1::proprio": None}, "no key that ends with '::proprio'"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_what_goes_wrong_on_the_way_is_held_through(name: str, tmp_path: Path) -> None:
+    """The robot stands and keeps its last targets, the reason is told, and the next episode is played."""
+    dialect, wrong, why = BROKEN[name]
+    said: list[str] = []
+    with driving(dialect, tmp_path, said=said) as driver:
+        first = [driver.step() for _ in range(40)]
+        if name == "order":
+            driver.world.robot.restore({**driver.world.robot.save(), "pose": [2.0, 0.0, 0.0]})
+        held = driver.step(**wrong)
+        expected = first[-1].copy()
+        expected[:, ActionLayout.BASE] = 0
+        np.testing.assert_allclose(held, expected, atol=1e-6)
+        assert why in driver.told[-1]["ended"]
+        np.testing.assert_array_equal(driver.step(), held)
+        driver.reset()
+        driver.begin()
+        np.testing.assert_allclose([driver.step() for _ in range(40)], first, atol=1e-6)
+    assert any(why in line for line in said)
+    told = json.loads((tmp_path / "runs" / "exercise_served_1.json").read_text())
+    assert told["ended"] == "error"
+    assert why in told["error"]
+
+
+def test_a_policy_that_fails_is_held_through(tmp_path: Path) -> None:
+    """One that is somewhere else and not there: the reason is its own, and the next episode asks it again."""
+    settings = tmp_path / "hurry.yaml"
+    settings.write_text("connect_s: 0.1\n")
+    said: list[str] = []
+    with driving("openpi", tmp_path, said=said, policy="openpi:127.0.0.1:9", policy_settings=str(settings)) as driver:
+        for _ in range(2):
+            driver.reset()
+            driver.begin()
+            while "ended" not in (driver.told or [""])[-1]:
+                driver.step()
+            assert "server_absent" in driver.told.pop()["ended"]
+    assert [line for line in said if line.endswith(": exercise")] == ["episode 1: exercise", "episode 2: exercise"]
+
+
+def test_who_leaves_amid_an_episode_leaves_a_whole_trace(tmp_path: Path) -> None:
+    """The episode is interrupted, its files are written, and others are served."""
+    with driving("openpi", tmp_path) as driver:
+        for _ in range(5):
+            driver.step()
+        driver.connection.close()
+    told = json.loads((tmp_path / "runs" / "exercise_served_1.json").read_text())
+    assert told["ended"] == "interrupted"
