@@ -184,12 +184,15 @@ def test_what_is_carried_goes_no_step_sideways() -> None:
 
 
 def test_what_it_cannot_do_is_refused_in_one_line() -> None:
-    """A plan for the left hand, a policy for the r1, and a robot that is not there are refused before anything runs."""
+    """A plan for the left hand, an R1Pro's settings and a robot that is not there are refused before anything runs."""
     config = EpisodeConfig("picking_up_trash", robot="fetch")
     with pytest.raises(UserError, match=r"left hand.*fetch has the right one"):
         prepare_episode(config)
-    with pytest.raises(UserError, match=r"--robot fetch: policy openpi speaks with r1 and r1pro only"):
-        prepare_episode(EpisodeConfig("picking_up_trash", robot="fetch", policy="openpi:ws://localhost:1"))
+    remote = EpisodeConfig(
+        "picking_up_trash", robot="fetch", policy="openpi:ws://localhost:1", policy_settings="openpi_comet"
+    )
+    with pytest.raises(UserError, match=r"the fetch is too unlike BEHAVIOR's R1Pro.*--robot r1pro"):
+        prepare_episode(remote)
     with pytest.raises(UnknownName, match=r"fetch"):
         robot_named("fetsch")
 

@@ -60,10 +60,21 @@ class Probe:
         return np.full((2, 23), self._calls + self._resets / 100)
 
 
+def test_a_robot_with_one_arm_comes_through() -> None:
+    """The fetch has a right arm and no left one, on the wire as well."""
+    two = observation()["proprioception"]
+    right = {name: {"right": getattr(two, name)["right"]} for name in ("arm", "arm_velocity", "gripper_width")}
+    more = {name: {"right": getattr(two, name)["right"]} for name in ("gripper_command", "arm_command")}
+    sent = {"prompt": "", "images": {}, "proprioception": replace(two, robot="fetch", **right, **more)}
+    read = read_observation(unpack(pack(write_observation(sent)))).observation["proprioception"]
+    assert (read.robot, read.sides) == ("fetch", ("right",))
+    np.testing.assert_array_equal(read.arm_command["right"], two.arm_command["right"])
+
+
 @pytest.mark.parametrize("bare", [False, True])
 def test_an_observation_comes_through_whole(bare: bool) -> None:
     """What is read is what was written, bit by bit, labels and what was told to the arms or not."""
-    sent = observation(size=5)
+    sent = observation(size=5, robot="r1pro")
     if bare:
         sent["proprioception"] = replace(sent["proprioception"], arm_command={})
         sent["images"] = {name: replace(image, labels=None, names={}) for name, image in sent["images"].items()}
@@ -209,6 +220,8 @@ BAD = {
     "arm_of_six": (_with(np.zeros(6), "proprioception", "arm", "left"), "(6,) float64 is given, (7,) numbers"),
     "arm_of_text": (_with("bent", "proprioception", "arm", "left"), "'bent' is given"),
     "nan": (_with(np.full(3, np.nan), "proprioception", "base_pose"), "not every value is finite"),
+    "unknown_robot": (_with("r1por", "proprioception", "robot"), "Did you mean 'r1pro'"),
+    "two_arms_of_one": (_with("fetch", "proprioception", "robot"), "unknown key 'left'"),
     "unknown_camera": (_with({}, "images", "chest"), "unknown key 'chest'"),
     "no_depth": (_without(GOOD, "images", "head", "depth"), "images.head: depth is missing"),
     "float_picture": (_with(np.zeros((8, 8, 3)), "images", "head", "rgb"), "(H, W, 3) uint8 is wanted"),

@@ -15,11 +15,12 @@ import numpy as np
 from mpvi_bt.errors import BadMessage, UnknownName, shown
 from mpvi_bt.plan.schema import MOST_OF_PROMPT
 from mpvi_bt.remote.settings import CAMERAS
-from mpvi_bt.robot.protocol import SIDES, CameraImage, Proprioception, Side
+from mpvi_bt.robot.protocol import CameraImage, Proprioception, Side
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
 _BODY = ("base_pose", "base_velocity", "torso", "arm", "arm_velocity", "gripper_width", "gripper_command")
-
+_ROBOT = "r1"  # where none is named
 
 Vocabulary = Mapping[str, Iterable[str]]  # name of a thing, as labels of pictures have it: what people call it
 
@@ -59,6 +60,7 @@ def write_observation(
             "gripper_width": dict(body.gripper_width),
             "gripper_command": dict(body.gripper_command),
             **({"arm_command": dict(body.arm_command)} if body.arm_command else {}),
+            "robot": body.robot,
         },
         "images": {camera: _write_image(image) for camera, image in images.items()},
     }
@@ -105,18 +107,25 @@ def read_vocabulary(given: Any) -> Vocabulary:
 
 
 def _read_body(given: Any) -> Proprioception:
-    body = _mapping(given, "proprioception", _BODY, ("arm_command",))
+    body = _mapping(given, "proprioception", _BODY, ("arm_command", "robot"))
+    robot = body.get("robot", _ROBOT)
+    if not isinstance(robot, str):
+        raise _wrong("proprioception.robot", robot, "the name of a robot")
+    try:
+        sides = robot_named(robot).sides
+    except UnknownName as error:
+        raise BadMessage(f"proprioception.robot: {error}") from None
 
     def numbers(name: str, size: int) -> Array:
         return _numbers(body[name], f"proprioception.{name}", (size,))
 
     def arms(name: str) -> dict[Side, Array]:
-        both = _mapping(body[name], f"proprioception.{name}", SIDES, ())
-        return {side: _numbers(both[side], f"proprioception.{name}.{side}", (7,)) for side in SIDES}
+        both = _mapping(body[name], f"proprioception.{name}", sides, ())
+        return {side: _numbers(both[side], f"proprioception.{name}.{side}", (7,)) for side in sides}
 
     def hands(name: str) -> dict[Side, float]:
-        both = _mapping(body[name], f"proprioception.{name}", SIDES, ())
-        return {side: float(_numbers(both[side], f"proprioception.{name}.{side}", ())) for side in SIDES}
+        both = _mapping(body[name], f"proprioception.{name}", sides, ())
+        return {side: float(_numbers(both[side], f"proprioception.{name}.{side}", ())) for side in sides}
 
     return Proprioception(
         base_pose=numbers("base_pose", 3),
@@ -127,6 +136,7 @@ def _read_body(given: Any) -> Proprioception:
         gripper_width=hands("gripper_width"),
         gripper_command=hands("gripper_command"),
         arm_command=arms("arm_command") if "arm_command" in body else {},
+        robot=robot,
     )
 
 

@@ -10,7 +10,6 @@ from mpvi_bt.errors import UserError
 from mpvi_bt.extras import install
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.robots import ROBOTS, robot_named
-from mpvi_bt.suite.backends import split
 from mpvi_bt.suite.config import EpisodeConfig
 
 if TYPE_CHECKING:
@@ -21,17 +20,15 @@ _MANISKILL = "mpvi_bt.sim.maniskill"  # stands above this part, which knows but 
 
 
 def check_simulator_choice(config: EpisodeConfig) -> None:
-    """Raise UserError if the simulator of an episode is not installed, or if it or the policy is not for its robot."""
+    """Raise UserError if an episode's simulator is not installed, or if it or what is recorded is not for its robot."""
     if config.sim == "maniskill" and importlib.util.find_spec("mani_skill") is None:
         raise UserError(f"--sim maniskill needs ManiSkill, which is not installed: {install('maniskill')}")
     robot = robot_named(config.robot)
     if config.sim != "sapien" and robot is not R1:
         raise UserError(f"--robot {config.robot}: --sim {config.sim} runs trees with the r1 only.")
-    policy, address = split(config.policy)
-    wrong = {f"policy {policy} speaks": bool(address), "--demonstration records": config.demonstration is not None}
-    if len(robot.sides) < 2 and (refused := [what for what, so in wrong.items() if so]):
+    if len(robot.sides) < 2 and config.demonstration is not None:
         able = " and ".join(name for name, known in ROBOTS.items() if len(known.sides) == 2)
-        raise UserError(f"--robot {config.robot}: {refused[0]} with {able} only.")
+        raise UserError(f"--robot {config.robot}: --demonstration records with {able} only.")
 
 
 def begin_elsewhere(config: EpisodeConfig, render: bool) -> tuple[World, Start]:
