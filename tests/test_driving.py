@@ -121,12 +121,14 @@ def test_it_arrives_or_says_why_and_keeps_off_what_it_sees_on_the_way(seed: int)
             true = with_disc(true, at, radius)
     robot = KinematicRobot(start[0], start[1], rng.uniform(-math.pi, math.pi))
     eyes = Eyes(robot, known, true)
-    spare = DEFAULTS.spare_m if seed % 2 else 0.0  # narrow ways may be taken, or not
-    driver = Driver(robot, lambda: eyes.map, KnowledgeBase, parameters=replace(DEFAULTS, spare_m=spare))
+    narrow = bool(seed % 2)
+    driver = Driver(robot, lambda: eyes.map, KnowledgeBase, parameters=replace(DEFAULTS, narrow=narrow))
     goals = [np.array([*end, rng.uniform(-math.pi, math.pi)]) for end in ends]
     reason, poses = drive(robot, driver, goals, eyes)
     clearance = traversability(true, FOOTPRINT_M).clearance_m
-    assert min(clearance[true.cell(pose)] for pose in poses) >= FOOTPRINT_M - spare - TOLERANCE_M
+    assert (
+        min(clearance[true.cell(pose)] for pose in poses) >= (r1.BASE_RADIUS_M if narrow else FOOTPRINT_M) - TOLERANCE_M
+    )
     assert steady(poses, driver.parameters.limits.acceleration_m_s2)
     if reason:
         assert reason in REASONS
@@ -167,9 +169,9 @@ def test_a_way_as_wide_as_the_base_is_taken_where_there_is_no_other() -> None:
     """
     grid_map = two_rooms(0.6)
     goal = np.array([7.0, 2.0, 0.0])
-    for spare, expected in ((0.0, "no_path"), (DEFAULTS.spare_m, "")):
+    for narrow, expected in ((False, "no_path"), (True, "")):
         robot = KinematicRobot(1.0, 3.0, 2.0)
-        driver = Driver(robot, lambda: grid_map, KnowledgeBase, parameters=replace(DEFAULTS, spare_m=spare))
+        driver = Driver(robot, lambda: grid_map, KnowledgeBase, parameters=replace(DEFAULTS, narrow=narrow))
         reason, poses = drive(robot, driver, [goal], Eyes(robot, grid_map, grid_map))
         assert reason == expected
     clear = driver.grid().clearance_m
@@ -359,7 +361,7 @@ def test_a_base_that_stands_too_near_leaves_without_coming_nearer(seed: int) -> 
     clear = np.array([grid.clearance_m[known.cell(pose)] for pose in poses])
     assert clear.min() >= clear[0] - TOLERANCE_M
     out = np.flatnonzero(clear >= FOOTPRINT_M)
-    assert not len(out) or clear[out[0] :].min() >= FOOTPRINT_M - DEFAULTS.spare_m - TOLERANCE_M
+    assert not len(out) or clear[out[0] :].min() >= r1.BASE_RADIUS_M - TOLERANCE_M
 
 
 def test_every_end_that_cannot_be_reached_has_its_reason() -> None:

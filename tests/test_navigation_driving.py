@@ -352,13 +352,6 @@ def test_it_drives_around_loose_things_on_the_floor() -> None:
     assert min(distance_to(box, pose[:2]) for pose in trace) >= 0.33 - 0.03
 
 
-def test_a_wider_footprint_is_respected() -> None:
-    """What is held can make the robot too wide for a doorway."""
-    robot = KinematicRobot(1.0, 1.0)
-    navigator = KnownPlaceNavigator(robot, two_rooms(), knowing(), footprint_radius_m=lambda: 0.6)
-    assert drive(robot, navigator, "living_room")[0].reason == "no_path"
-
-
 def test_an_unknown_target_fails() -> None:
     """Neither entry nor room: nobody knows."""
     robot = KinematicRobot(1.0, 1.0)

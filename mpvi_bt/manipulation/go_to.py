@@ -23,7 +23,6 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES
-from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
@@ -36,7 +35,7 @@ _LEAST_M = 0.15  # a way is barred if there is less room
 _LEGS_AHEAD = 3  # before it looks around again
 _ASIDE_RAD = (0.6, 1.2, 1.8)  # off the way to the thing where that is barred, to one side and then to the other
 _LOOKS = 5  # a full turn
-_HALF_WIDTH_M = R1.base_radius_m + 0.08
+_AROUND_BASE_M = 0.02  # that are free around the base where it drives
 _HEIGHT_M = (0.06, 1.45)  # of what is in the way; lower is the floor
 _SPECKS = 10  # so many pixels may be noise
 _LOAD_M = 0.4  # what is so near to a hand that holds something, and moves along, is what that holds,
@@ -154,9 +153,10 @@ class _Drive:
             return float(steps[free.index(False)]) - 0.15 if False in free else _LEG_M
         image = replace(work.images["head"], T_world_camera=work.motion.robot.head_camera(work.motion.felt.torso))
         p = image.points_world()  # (H, W, 3) in the base frame
-        own = np.hypot(p[..., 0], p[..., 1]) < _HALF_WIDTH_M  # its folded hands
+        ahead, aside = (work.motion.robot.base.reach(yaw) + _AROUND_BASE_M for yaw in (0.0, math.pi / 2))
+        own = np.hypot(p[..., 0], p[..., 1]) < max(ahead, aside)  # its folded hands
         along = _along(self._first, image.depth)
-        front, left, right = _HALF_WIDTH_M, _HALF_WIDTH_M, -_HALF_WIDTH_M
+        front, left, right = ahead, aside, -aside
         for load in _loads(work):
             x, y = matmul(kin.inverse(work.base), np.append(load, (0.0, 1.0)))[:2]
             own |= along & (np.hypot(p[..., 0] - x, p[..., 1] - y) < _LOAD_M)

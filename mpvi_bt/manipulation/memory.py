@@ -95,7 +95,7 @@ class Memory:
         moved = felt.base_pose - self._stood
         if norm(moved[:2]) > _MOVED[0] or abs(kin.wrap(moved[2])) > _MOVED[1]:
             if self._stand:
-                turned = robot_named(felt.robot).base_radius_m * abs(float(kin.wrap(moved[2])))
+                turned = robot_named(felt.robot).base.turn_m * abs(float(kin.wrap(moved[2])))
                 self._way_m += float(np.hypot(*moved[:2])) + turned
             self._stand, self._stood = self._stand + 1, felt.base_pose.copy()
         self._felt = felt

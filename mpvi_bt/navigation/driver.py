@@ -34,7 +34,6 @@ from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.kinematics import rot_z
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Robot
-from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
@@ -61,9 +60,8 @@ class NavigationParameters:
     """How to drive. Every figure is our choice; the paper gives none.
 
     Attributes:
-        footprint_m: Radius of the robot's footprint with its arms tucked.
-        spare_m: Of that radius, what only the arms need: where no way is so wide, one may be that much narrower, on
-            which they are heeded as what is carried is.
+        narrow: Where no way is wide enough for a robot that may turn anywhere, take one that is for its base, on which
+            its arms are heeded as what is carried is.
         handoff: Where to stand before a target.
         limits: With empty hands.
         carrying: With something in a hand, or between both.
@@ -77,8 +75,7 @@ class NavigationParameters:
         look_again_s: A map that stays the same is compared with what is known of loose things once in so long.
     """
 
-    footprint_m: float = 0.33
-    spare_m: float = 0.33 - R1.base_radius_m
+    narrow: bool = True
     handoff: Handoff = field(default_factory=Handoff)
     limits: Limits = field(default_factory=Limits)
     carrying: Limits = CARRYING
@@ -125,7 +122,6 @@ class Driver:
         occupancy_map: Callable[[], OccupancyMap],
         knowledge: Callable[[], KnowledgeBase],
         stow: Stow | None = None,
-        footprint_radius_m: Callable[[], float] | None = None,
         parameters: NavigationParameters = DEFAULTS,
     ) -> None:
         """Bind the parts; nothing moves yet.
@@ -135,14 +131,12 @@ class Driver:
             occupancy_map: What is known now of where the base may go; another object whenever that has changed.
             knowledge: What is known now of the things that stand there and that are carried.
             stow: Tucks the arms before each drive; None leaves them as they are.
-            footprint_radius_m: The footprint's radius [m] with all that is held now; None: that of the parameters.
             parameters: Distances and speeds.
         """
         self._robot, self._map, self._knowledge, self._stow = robot, occupancy_map, knowledge, stow
         self._model = robot_named(robot.proprioception().robot)
         self._sideways = self._model.sideways
         self.parameters = parameters
-        self._footprint = footprint_radius_m or (lambda: parameters.footprint_m)
         self._traversability = lru_cache(maxsize=4)(self._make_grid)
         self.blocks: list[Disc] = []
         self.halted = False
@@ -157,11 +151,11 @@ class Driver:
     def grid(self, blocks: bool = False, footprint_m: float | None = None) -> Traversability:
         """The planning grid of now; with or without the places that brought the base to a halt.
 
-        It is made anew only when map, footprint or loose things have changed. `footprint_m`: another radius than now.
+        It is made anew only when map or loose things have changed. `footprint_m`: another radius.
         """
         grid_map = self._map()
         boxes = snapped(grid_map, floor_obstacles(self._knowledge()))
-        radius_m = self._footprint() if footprint_m is None else footprint_m
+        radius_m = self._model.base.folded_m if footprint_m is None else footprint_m
         return self._traversability(grid_map, radius_m, boxes, tuple(self.blocks) if blocks else ())
 
     def to(self, goals: Goals, feedback: str, until: Callable[[], bool] = never) -> Iterator[Report]:
@@ -212,9 +206,10 @@ class Driver:
         pose = self._pose()
         goal, grid = np.array([*pose[:2], yaw_rad]), self.grid().escaping(pose[:2])
         footprint = self._takes_up()
-        path = loaded_path(grid, footprint, pose, goal, self._sideways) if len(footprint.loads) else goal[None, :2]
+        path = loaded_path(grid, footprint, pose, goal, self._sideways) if footprint.turns else goal[None, :2]
         if path is None:
-            raise GaveUp("blocked", "there is no room to turn with what is carried")
+            carrying = " with what is carried" if len(footprint.loads) else ""
+            raise GaveUp("blocked", f"there is no room to turn{carrying}")
         follower = self._follower(path, goal, grid, footprint, self._moving())
         if (yield from self._follow(follower, feedback, until, watchful=False)) is _End.HALTED:
             self.halted = True
@@ -253,7 +248,9 @@ class Driver:
         try:
             way = find_way(self.grid(), footprint, pose, goals, halts, self._sideways)
         except GaveUp as failure:
-            footprint = self._takes_up(max(footprint.base_m - self.parameters.spare_m, self._model.base_radius_m))
+            if not self.parameters.narrow or self._model.base.radius_m == footprint.base_m:
+                raise
+            footprint = self._takes_up(self._model.base.radius_m)
             try:
                 narrow = self.grid(footprint_m=footprint.base_m)
                 way = find_way(narrow, footprint, pose, goals, halts, self._sideways)
@@ -274,7 +271,7 @@ class Driver:
         )  # fmt: skip
 
     def _takes_up(self, base_m: float | None = None) -> Footprint:
-        radius_m = self._footprint() if base_m is None else base_m
+        radius_m = self._model.base.folded_m if base_m is None else base_m
         return Footprint.of(radius_m, self._robot.proprioception(), self._knowledge())
 
     # ------------------------------------------------------------------------------------------ motion
@@ -332,11 +329,12 @@ class Driver:
         """Note where the base was stopped, and drive a little the other way, as straight back as there is room."""
         pose, follower.velocity = self._pose(), np.zeros(3)
         ahead = math.atan2(*(follower.aim - pose[:2])[::-1])
-        at = pose[:2] + (self._footprint() + 0.10) * np.array([math.cos(ahead), math.sin(ahead)])
+        away_m = self._model.base.reach(ahead - float(pose[2])) + 0.10
+        at = pose[:2] + away_m * np.array([math.cos(ahead), math.sin(ahead)])
         self.blocks.append((float(at[0]), float(at[1]), 0.15))
         for aside in (0.0, 0.6, -0.6, 1.2, -1.2):
             away = np.array([math.cos(ahead + math.pi + aside), math.sin(ahead + math.pi + aside)])
-            if follower.may_go(pose[:2], away * self.parameters.back_off_m):
+            if follower.may_go(pose, away * self.parameters.back_off_m):
                 break
         else:
             return

@@ -56,7 +56,6 @@ class ExploringNavigator(KnownPlaceNavigator):
         knowledge: KnowledgeBase,
         lookout: Lookout,
         stow: Stow | None = None,
-        footprint_radius_m: Callable[[], float] | None = None,
         parameters: NavigationParameters = DEFAULTS,
     ) -> None:
         """Bind the parts; nothing moves before `start`.
@@ -65,9 +64,9 @@ class ExploringNavigator(KnownPlaceNavigator):
             robot: The robot to drive.
             knowledge: What is known; `lookout` adds to it.
             lookout: Looks while it drives; its map is what is driven by.
-            stow, footprint_radius_m, parameters: As of `KnownPlaceNavigator`.
+            stow, parameters: As of `KnownPlaceNavigator`.
         """
-        super().__init__(robot, lambda: lookout.occupancy.map, knowledge, stow, footprint_radius_m, parameters)
+        super().__init__(robot, lambda: lookout.occupancy.map, knowledge, stow, parameters)
         self.lookout = lookout
         self.search = Search(robot, lookout, self._driver)
 

@@ -1,10 +1,10 @@
-"""What the robot takes up on the floor and in front of itself: a circle for the base, one for each thing carried."""
+"""What the robot takes up on the floor and in front of itself: circles for the base, one for each thing carried."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from mpvi_bt.robot.protocol import Proprioception
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
-_ARM_M, _HAND_M = 0.05, 0.05  # radii of elbow and wrist, and along the hand, from the side
+_ROUND = np.zeros((0, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,10 +26,17 @@ class Footprint:
     Attributes:
         base_m: Radius of the robot with its arms folded; planning inflates the map by it.
         loads: (n, 3) x, y [m] in the base frame and radius [m] of what is carried.
+        base: (n, 3) likewise of what of the base is beyond `base_m`.
     """
 
     base_m: float
     loads: Array
+    base: Array = field(default_factory=lambda: _ROUND)
+
+    @property
+    def turns(self) -> bool:
+        """Whether it matters how the base is turned."""
+        return bool(len(self.loads) or len(self.base))
 
     @classmethod
     def carrying(cls, base_m: float, base_pose: Array, entries: Iterable[Entry]) -> Footprint:
@@ -53,39 +60,49 @@ class Footprint:
         """
         around = []
         robot = robot_named(body.robot)
+        m = robot.arm_m
         for side in body.sides:
             elbow, hand = (matmul(robot.chest(body.torso), T) for T in robot.arm_frames(body.arm[side], side)[-2:])
             wrist = hand[:3, 3] - robot.tcp_m * hand[:3, 2]
-            parts = [
-                (elbow[:3, 3], _ARM_M),
-                (wrist, _ARM_M),
-                ((wrist + hand[:3, 3]) / 2, _HAND_M),
-                (hand[:3, 3], _HAND_M),
-            ]
-            around += [(p[0], p[1], radius) for p, radius in parts if math.hypot(p[0], p[1]) + radius > base_m]
+            parts = [elbow[:3, 3], wrist, (wrist + hand[:3, 3]) / 2, hand[:3, 3]]
+            parts = [p for p in parts if math.hypot(p[0], p[1]) + m > base_m and not robot.base.covers(p[:2], m)]
+            around += [(p[0], p[1], m) for p in parts]
         load = cls.carrying(base_m, body.base_pose, entries)
-        return cls(base_m, np.concatenate([load.loads, np.array(around, float).reshape(-1, 3)]))
+        return cls(base_m, np.concatenate([load.loads, np.array(around, float).reshape(-1, 3)]), robot.base.circles)
 
     def smaller(self, by_m: float) -> Footprint:
         """The same with smaller loads."""
-        return Footprint(self.base_m, np.column_stack([self.loads[:, :2], (self.loads[:, 2] - by_m).clip(0.0)]))
+        return replace(self, loads=np.column_stack([self.loads[:, :2], (self.loads[:, 2] - by_m).clip(0.0)]))
 
     def places(self, poses: Array) -> Array:
         """(..., n, 2) where the loads' centers are [m] with the base at poses (..., 3)."""
-        c, s = np.cos(poses[..., 2, None]), np.sin(poses[..., 2, None])
-        x, y = self.loads[:, 0], self.loads[:, 1]
-        places: Array = np.stack([c * x - s * y, s * x + c * y], -1) + poses[..., None, :2]
-        return places
+        return turned(self.loads, poses)
 
     def slack(self, grid: Traversability, poses: Array) -> Array:
-        """(...,) how far [m] the loads keep from obstacles with the base at poses (..., 3).
+        """(...,) how far [m] loads and base keep from obstacles with the base at poses (..., 3).
 
-        Negative within, 9 without loads.
+        Negative within, 9 for an empty-handed robot that is round.
         """
+        room = self.room(grid, poses)
         if not len(self.loads):
-            return np.full(poses.shape[:-1], 9.0)
+            return room
         cells = np.floor(grid.cells(self.places(poses))).astype(int)
         inside = ((cells >= 0) & (cells < grid.occupied.shape)).all(-1)
         rows, columns = np.moveaxis(cells.clip(0, np.array(grid.occupied.shape) - 1), -1, 0)
         slack: Array = np.where(inside, grid.clearance_m[rows, columns] - self.loads[:, 2], -9.0).min(-1)
-        return slack
+        return np.minimum(slack, room) if len(self.base) else slack
+
+    def room(self, grid: Traversability, poses: Array) -> Array:
+        """(...,) how far [m] the base alone keeps from obstacles, at the least, but for `base_m`; 9 if it is round."""
+        if not len(self.base):
+            return np.full(poses.shape[:-1], 9.0)
+        room: Array = (grid.room(turned(self.base, poses)) - self.base[:, 2]).min(-1)
+        return room
+
+
+def turned(circles: Array, poses: Array) -> Array:
+    """(..., n, 2) where circles' centers (n, >= 2) in the base frame are [m] with the base at poses (..., 3)."""
+    c, s = np.cos(poses[..., 2, None]), np.sin(poses[..., 2, None])
+    x, y = circles[:, 0], circles[:, 1]
+    places: Array = np.stack([c * x - s * y, s * x + c * y], -1) + poses[..., None, :2]
+    return places

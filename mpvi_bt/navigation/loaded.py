@@ -1,4 +1,4 @@
-"""Ways for a robot that carries something: A* over place and heading, so that the load is not swung into things."""
+"""Ways for a robot that carries something, or is not round: A* over place and heading, that nothing is swung into."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from mpvi_bt.compiled import compiled_later
 from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.grid import cost_to_reach, shortest_path
-from mpvi_bt.navigation.traversability import ESCAPE_COST, Traversability
+from mpvi_bt.navigation.traversability import ESCAPE_COST, GRAIN, Traversability
 from mpvi_bt.robot.solids import Array
 
 _HEADINGS = 48
@@ -18,10 +18,10 @@ _TURN_M = 0.3  # Our choice: what turning by a radian costs, in metres of drivin
 _ASIDE = 1.0  # driving sideways costs so much more than driving ahead, backwards twice that
 _SWEPT = 2.0  # a load that is over furniture costs so much more sideways: there it is drawn off as it was put in
 _CANNOT, _OBLIQUE_RAD = 1e6, 0.45  # of a base that cannot go sideways: the price of a step farther off its heading
-_BESIDE_M = 2.0  # around the way of the base alone is looked for a way for the load
+_BESIDE_M = 2.0  # around the way of the base's middle is looked for a way for the rest
 _GREED = 1.5  # what lies ahead counts so much: ways are at most so much dearer than the cheapest, and found much sooner
 _MOST = 200_000  # states looked at: the search takes a third of a second at the most
-_CLEAR_M = 0.02  # between loads and obstacles: what following the path is off by
+_CLEAR_M = 0.02  # between obstacles and what turns: what following the path is off by
 _ROOMY_M, _TIGHT = 0.20, 4.0  # loads nearer than that to obstacles cost more, up to so many times where they touch
 _NEAR_M = 0.8  # of start and goal the load may be where it touches no more than there
 
@@ -36,11 +36,11 @@ def loaded_path(
 
     A step goes to a neighboring cell or turns by 7.5 degrees on the spot. Where a load is too near something at the
     start or at the goal, as above a table, it may be so around there, but not more; rather than swung over what else
-    stands there, which no map of the floor shows, it is drawn straight off.
+    stands there, which no map of the floor shows, it is drawn straight off. The base itself may be so at the start.
 
     Args:
         grid: Where the base's center may be, and how far obstacles are.
-        footprint: The loads.
+        footprint: What turns with the base.
         start, goal: (3,) x, y [m], yaw [rad].
         sideways: Whether the base can go sideways.
 
@@ -60,19 +60,28 @@ def loaded_path(
     step = 2 * math.pi / _HEADINGS
     yaws = np.arange(_HEADINGS) * step
     c, s = np.cos(yaws)[:, None], np.sin(yaws)[:, None]
+    cell_m = grid.map.resolution_m
     x, y, radii = footprint.loads.T + np.array([[0.0], [0.0], [_CLEAR_M]])
-    offsets = np.rint(np.stack([s * x + c * y, c * x - s * y], -1) / grid.map.resolution_m).astype(np.int64)
+    offsets = np.rint(np.stack([s * x + c * y, c * x - s * y], -1) / cell_m).astype(np.int64)
+    u, v, base_radii = footprint.base.T + np.array([[0.0], [0.0], [_CLEAR_M + GRAIN * cell_m]])
+    places = np.stack([s * u + c * v, c * u - s * v], -1) / cell_m
+    base = np.floor(places).astype(np.int64)
+    below, right = np.moveaxis(places - base, -1, 0)
+    shares = np.stack([(1 - below) * (1 - right), (1 - below) * right, below * (1 - right), below * right], -1)
     toward = np.arctan2(_ROW, _COLUMN)
     off = toward - yaws[:, None]
     aside = np.stack([1.0 + _ASIDE * (1.0 - np.cos(off)), 1.0 + _SWEPT * np.abs(np.sin(off))])
     if not sideways:
         aside[:, np.abs(np.sin(off)) > math.sin(_OBLIQUE_RAD)] = _CANNOT
-    turn = np.array([_TURN_M, (1.0 + _SWEPT) * np.hypot(x, y).max()]) * step / grid.map.resolution_m
+    farthest_m = np.hypot(np.append(x, u), np.append(y, v)).max()
+    turn = np.array([_TURN_M, (1.0 + _SWEPT) * farthest_m]) * step / cell_m
     bins = [round(float(pose[2]) / step) % _HEADINGS for pose in (start, goal)]
+    there = np.array([*grid.points(np.array([cells[0]]))[0], yaws[bins[0]]])  # the state to start from
+    stuck = min(0.0, float(footprint.room(grid, there)) - _CLEAR_M) - 1e-6
     states = _search(
         np.ascontiguousarray(cost), np.ascontiguousarray(ahead, np.float32), grid.clearance_m, low, offsets, radii,
-        aside, turn, np.array([bins[0], *first]), np.array([bins[1], *last]),
-        _NEAR_M / grid.map.resolution_m, ESCAPE_COST, _ROOMY_M, _TIGHT, _MOST, _ROW, _COLUMN,
+        base, shares, base_radii, stuck, aside, turn, np.array([bins[0], *first]), np.array([bins[1], *last]),
+        _NEAR_M / cell_m, ESCAPE_COST, _ROOMY_M, _TIGHT, _MOST, _ROW, _COLUMN,
     )  # fmt: skip
     if not len(states):
         return None
@@ -86,8 +95,9 @@ def loaded_path(
 
 @compiled_later
 def _search(  # type: ignore
-    cost, ahead, clearance, low, offsets, radii, aside, turn, start, goal, near, dear, roomy, tight, most, row, column
-):
+    cost, ahead, clearance, low, offsets, radii, base, shares, base_radii, stuck, aside, turn, start, goal,
+    near, dear, roomy, tight, most, row, column,
+):  # fmt: skip
     """A* from state to state (heading, row, column); returns the states between, (N, 3), none if there is no way.
 
     Args:
@@ -95,6 +105,9 @@ def _search(  # type: ignore
         ahead: (h, w) float32; what the base alone would pay from each cell to the goal.
         clearance: (H, W) float64 [m] of the whole map; `low` (2,) is the window's first cell.
         offsets: (headings, loads, 2) rows and columns from the base's cell to each load's; `radii` (loads,) [m].
+        base: (headings, circles, 2) likewise of the base, to the first of four cells whose clearance is interpolated,
+            with `shares` (headings, circles, 4); `base_radii` (circles,) [m].
+        stuck: The base may be so near to obstacles [m] around the start, negative within.
         aside: (2, headings, 8) by how much each step is dearer with each heading, in the open and where a load touches.
         turn: (2,) what turning by one heading costs, likewise.
         start, goal: (3,) states.
@@ -149,10 +162,21 @@ def _search(  # type: ignore
                         least = -np.inf
                     else:
                         least = min(least, clearance[rr, cc] - radii[j])
+                room = np.inf
+                for j in range(base_radii.size):
+                    rr, cc = r2 + low[0] + base[b2, j, 0], c2 + low[1] + base[b2, j, 1]
+                    if rr < 0 or cc < 0 or rr + 1 >= clearance.shape[0] or cc + 1 >= clearance.shape[1]:
+                        room = -np.inf
+                        break
+                    above = shares[b2, j, 0] * clearance[rr, cc] + shares[b2, j, 1] * clearance[rr, cc + 1]
+                    below = shares[b2, j, 2] * clearance[rr + 1, cc] + shares[b2, j, 3] * clearance[rr + 1, cc + 1]
+                    room = min(room, above + below - base_radii[j])
                 at_start = math.hypot(r2 - start[1], c2 - start[2]) <= near and least >= slack[0]
                 at_goal = math.hypot(r2 - goal[1], c2 - goal[2]) <= near and least >= slack[1]
-                if least >= 0.0:
-                    price[b2, r2, c2] = 1.0 + (tight - 1.0) * max(0.0, 1.0 - least / roomy) ** 2
+                if room < 0.0 and not (at_start and room >= stuck):
+                    price[b2, r2, c2] = np.inf
+                elif min(least, room) >= 0.0:
+                    price[b2, r2, c2] = 1.0 + (tight - 1.0) * max(0.0, 1.0 - min(least, room) / roomy) ** 2
                 else:
                     price[b2, r2, c2] = dear if at_start or at_goal else np.inf
             if price[b2, r2, c2] == np.inf:

@@ -51,7 +51,6 @@ class KnownPlaceNavigator:
         grid_map: OccupancyMap | Callable[[], OccupancyMap],
         knowledge: KnowledgeBase | Callable[[], KnowledgeBase],
         stow: Stow | None = None,
-        footprint_radius_m: Callable[[], float] | None = None,
         parameters: NavigationParameters = DEFAULTS,
     ) -> None:
         """Bind the parts; nothing moves before `start`.
@@ -61,13 +60,12 @@ class KnownPlaceNavigator:
             grid_map: The map, or a function that gives that of now.
             knowledge: What is known now, or a function that says so.
             stow: Tucks the arms before each drive; None leaves them as they are.
-            footprint_radius_m: The footprint's radius [m] with all that is held now; None: that of the parameters.
             parameters: Distances and speeds.
         """
         self._robot, self.parameters = robot, parameters
         self._map = grid_map if callable(grid_map) else lambda: grid_map
         self._knowledge = knowledge if callable(knowledge) else lambda: knowledge
-        self._driver = Driver(robot, self._map, self._knowledge, stow, footprint_radius_m, parameters)
+        self._driver = Driver(robot, self._map, self._knowledge, stow, parameters)
         self._work: Iterator[Report] | None = None
         self._trip = Trip("", None)
         self._last = Report(Progress.FAILED, "not_started")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from mpvi_bt.compiled import compiled_later
-from mpvi_bt.navigation.footprint import Footprint
+from mpvi_bt.navigation.footprint import Footprint, turned
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.drives import steering
@@ -101,7 +101,7 @@ class PathFollower:
             tolerance: When the goal counts as reached.
             lookahead_m: How far along the path the base aims.
             arrive_m: Distance to go from which the base turns to the goal's yaw.
-            footprint: What is carried, for a path of poses; None: nothing.
+            footprint: What turns with the base, for a path of poses; None: nothing.
             velocity: (3,) vx, vy [m/s] in the world and yaw rate [rad/s] that the base has now.
             sideways: Whether the base can go sideways.
         """
@@ -240,17 +240,26 @@ class PathFollower:
             return True
         if self._footprint is None:
             return False
-        loads = np.moveaxis(grid.cells(self._footprint.places(self._poses()[self._at :: 3])), 1, 0)  # (loads, N, 2)
-        radii = self._footprint.loads[:, 2] / grid.map.resolution_m
-        return any(_touches(new, cells, radius) for cells, radius in zip(loads, radii, strict=True))
+        footprint, poses = self._footprint, self._poses()[self._at :: 3]
+        for circles in (footprint.loads, footprint.base):
+            radii = circles[:, 2] / grid.map.resolution_m
+            cells = np.moveaxis(grid.cells(turned(circles, poses)), 1, 0)  # (circles, N, 2)
+            if any(_touches(new, at, radius) for at, radius in zip(cells, radii, strict=True)):
+                return True
+        return False
 
-    def may_go(self, xy: Array, move: Array) -> bool:
-        """Whether a straight move (2,) [m] from a place (2,) keeps off obstacles, or comes no nearer to them."""
+    def may_go(self, pose: Array, move: Array) -> bool:
+        """Whether a straight move (2,) [m] from a pose (3,) keeps off obstacles, or comes no nearer to them."""
+        xy = pose[:2]
         along = xy + np.linspace(0, 1, 2 + math.ceil(math.hypot(*move) / self.grid.map.resolution_m))[:, None] * move
         cells = np.floor(self.grid.cells(along)).astype(int)
         if cells.min() < 0 or (cells >= self.grid.occupied.shape).any():
             return False
         clear = self.grid.clearance_m[cells[:, 0], cells[:, 1]]
+        if self._footprint is not None:
+            room = self._footprint.room(self.grid, np.column_stack([along, np.full(len(along), pose[2])]))
+            if not (room >= min(0.0, room[0])).all():
+                return False
         return bool((clear >= min(self.grid.footprint_m, clear[0])).all())
 
     def _rooms(self) -> Array:

@@ -18,6 +18,13 @@ Box = tuple[tuple[float, float], tuple[float, float]]  # lowest and highest corn
 Disc = tuple[float, float, float]  # x, y, radius [m]
 
 ESCAPE_COST = 20.0  # of a cell that is too near an obstacle, which only a robot that stands there already may use
+GRAIN = 0.27
+"""Cells by which distances to obstacles may be less than they are taken to be, where they are interpolated.
+
+They are distances to centers of cells less half a cell: a corner is 0.21 nearer. And where a distance is r cells, the
+interpolation is up to 1/(8 r) too large, 0.06 for circles that are wider than two.
+"""
+
 _NEAR_M = 0.6  # a base that stands too near an obstacle may do so within this distance,
 _OUT_M, _DEEP_M = 0.15, 1.3  # or a little beyond the nearest place where it fits, if that is no farther than this
 
@@ -66,6 +73,15 @@ class Traversability:
     def points(self, cells: NDArray[np.int64]) -> Array:
         """(N, 2) world x, y [m] of the centers of cells (N, 2)."""
         return self.map.origin_m + (np.asarray(cells)[:, ::-1] + 0.5) * self.map.resolution_m
+
+    def room(self, xy: Array) -> Array:
+        """(...,) how far [m] world points (..., 2) are from obstacles, at the least; -9 off the map.
+
+        Between the centers of cells that is interpolated; only good where it is more than a cell.
+        """
+        cells = np.moveaxis(self.cells(xy) - 0.5, -1, 0)
+        room: Array = ndimage.map_coordinates(self.clearance_m, cells, order=1, cval=-9.0)
+        return room - GRAIN * self.map.resolution_m
 
     def escaping(self, xy: Array) -> Traversability:
         """The same grid for a robot that stands closer to an obstacle than its footprint: it may leave.

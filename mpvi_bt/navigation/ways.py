@@ -58,15 +58,14 @@ def find_way(
     start = pose[:2]
     grid = free.escaping(start)
     ranked = [goal for goal in goals(grid, start) if np.isfinite(goal.pose).all()]
-    left = [g for g in ranked if np.isfinite(g.score) and _fits(free, g) and not _given_up(g, halts)]
+    left = [g for g in ranked if np.isfinite(g.score) and _fits(free, footprint, g) and not _given_up(g, halts)]
     left = sorted(left, key=lambda g: (footprint.slack(grid, g.pose) < 0, g.score))
-    loaded = bool(len(footprint.loads))
-    for tried in (footprint, footprint.smaller(_TIGHT_M)) if loaded else (footprint,):
-        for goal in left[:_LOADED_GOALS] if loaded else left:
+    for tried in (footprint, footprint.smaller(_TIGHT_M)) if len(footprint.loads) else (footprint,):
+        for goal in left[:_LOADED_GOALS] if footprint.turns else left:
             path = _way(grid, tried, pose, goal.pose, sideways)
             if path is not None:
                 return path, goal.pose, grid
-    raise _why(free, start, ranked, halts)
+    raise _why(free, footprint, start, ranked, halts)
 
 
 def stuck(free: Traversability, start: Array) -> bool:
@@ -76,10 +75,11 @@ def stuck(free: Traversability, start: Array) -> bool:
     return not (np.isfinite(reach) & np.isfinite(free.cost)).any()
 
 
-def _fits(grid: Traversability, goal: Goal) -> bool:
-    """Whether the footprint is free at a goal."""
+def _fits(grid: Traversability, footprint: Footprint, goal: Goal) -> bool:
+    """Whether the base is free at a goal."""
     cell = grid.map.cell(goal.pose)
-    return grid.map.inside(*cell) and bool(np.isfinite(grid.cost[cell]))
+    free = grid.map.inside(*cell) and bool(np.isfinite(grid.cost[cell]))
+    return free and float(footprint.room(grid, goal.pose)) >= 0
 
 
 def _given_up(goal: Goal, halts: list[Array]) -> bool:
@@ -89,18 +89,18 @@ def _given_up(goal: Goal, halts: list[Array]) -> bool:
 
 def _way(grid: Traversability, footprint: Footprint, start: Array, goal: Array, sideways: bool) -> Array | None:
     """(N, 2) places [m] from pose to pose (3,), or (N, 3) poses where a load has to be seen to; None: no way."""
-    if len(footprint.loads):
+    if footprint.turns:
         return loaded_path(grid, footprint, start, goal, sideways)
     found = shortest_path(grid.cost, grid.map.cell(start), grid.map.cell(goal))
     return None if found is None else grid.points(found[0])
 
 
-def _why(free: Traversability, start: Array, goals: list[Goal], halts: list[Array]) -> GaveUp:
+def _why(free: Traversability, footprint: Footprint, start: Array, goals: list[Goal], halts: list[Array]) -> GaveUp:
     """Why there is no plan."""
     if stuck(free, start):
         return GaveUp("start_in_collision", "the base stands in obstacles and cannot leave them: no way")
     if halts:
         return GaveUp("blocked", "something blocks the way, and there is no other way")
-    if not any(_fits(free, goal) for goal in goals):
+    if not any(_fits(free, footprint, goal) for goal in goals):
         return GaveUp("goal_in_obstacle", "there is nowhere free to stand: no way")
     return GaveUp("no_path", "no free way")

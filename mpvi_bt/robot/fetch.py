@@ -15,6 +15,7 @@ import numpy as np
 
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import PannedArm
+from mpvi_bt.robot.mobile_base import MobileBase
 from mpvi_bt.robot.model import Camera, Drive, Hull, RobotModel, wrist_mount
 from mpvi_bt.robot.r1 import HAND
 from mpvi_bt.robot.trunk import LiftTrunk
@@ -103,7 +104,8 @@ FETCH = RobotModel(
     tcp_m=TCP_M,
     hand_to_camera=wrist_mount(WRIST_CAMERA_M, WRIST_CAMERA_TILT_RAD),
     hand=replace(HAND, travel_m=FINGER_TRAVEL_M),  # Our choice: planned with as if it were the r1's
-    base_radius_m=BASE_RADIUS_M,
+    base=MobileBase(radius_m=BASE_RADIUS_M, folded_m=0.33, turn_m=BASE_RADIUS_M, own_m=0.50),
+    arm_m=0.05,
     travel_arm={"right": np.array([0.65, 1.22, -0.84, 2.15, -0.38, 1.44, 0.0])},  # within 0.33 m, 3 cm clear of itself
     travel_torso=np.array([0.20, 0.0, 0.0, 0.5]),
     lifts=(0.0, 0.1, 0.2, 0.3, 0.386),

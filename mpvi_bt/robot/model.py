@@ -18,6 +18,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import Arm
 from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.linear_algebra import matmul
+from mpvi_bt.robot.mobile_base import MobileBase
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.trunk import Trunk
@@ -120,7 +121,8 @@ class RobotModel:
         tcp_m: Flange to tcp.
         hand_to_camera: (4, 4) T_hand_camera of each wrist camera, optical frame.
         hand: What each arm ends in.
-        base_radius_m: Of the circle about the base.
+        base: From above.
+        arm_m: Radius of elbow, wrist and hand, from above.
         travel_arm, travel_torso: Joints to drive in, and to begin with.
         lifts: Of the trunk [m], of which searches for a posture try each.
         drives: Gains by joint.
@@ -152,7 +154,8 @@ class RobotModel:
     tcp_m: float
     hand_to_camera: Array
     hand: Hand
-    base_radius_m: float
+    base: MobileBase
+    arm_m: float
     travel_arm: Mapping[Side, Array]
     travel_torso: Array
     lifts: tuple[float, ...]

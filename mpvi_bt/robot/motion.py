@@ -274,8 +274,11 @@ class Motion:
 
     def _met(self, way: Array) -> Solid:
         """A post on the floor right before the base, where it would go `way` (2,) and something does not let it."""
-        away, half = self.robot.hull.standing[:, 3].max() + _POST_M + _OFF_M, self.robot.hull.base[1] / 2
-        x, y = self.felt.base_pose[:2] + way / norm(way) * away
+        hull, toward = self.robot.hull, way / norm(way)
+        low = hull.standing[hull.standing[:, 2] < hull.base[1]]
+        ahead = matmul(kin.rot_z(float(self.felt.base_pose[2]))[:2, :2].T, toward)
+        away, half = (matmul(low[:, :2], ahead) + low[:, 3]).max() + _POST_M + _OFF_M, hull.base[1] / 2
+        x, y = self.felt.base_pose[:2] + toward * away
         return Solid("cylinder", np.array([_POST_M, _POST_M, half]), pose((float(x), float(y), float(half))))
 
     def _reached(self, side: Side, T_base_tcp: Array, near: Array) -> Array:

@@ -13,6 +13,7 @@ import numpy as np
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import SphericalArm
 from mpvi_bt.robot.hand import Hand
+from mpvi_bt.robot.mobile_base import MobileBase
 from mpvi_bt.robot.model import SIGN, Camera, Drive, Hull, RobotModel, wrist_mount
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
@@ -147,7 +148,8 @@ R1 = RobotModel(
     tcp_m=TCP_M,
     hand_to_camera=wrist_mount(WRIST_CAMERA_M, WRIST_CAMERA_TILT_RAD),
     hand=HAND,
-    base_radius_m=BASE_RADIUS_M,
+    base=MobileBase(radius_m=BASE_RADIUS_M, folded_m=0.33, turn_m=BASE_RADIUS_M, own_m=0.50),
+    arm_m=0.05,
     travel_arm=TRAVEL_ARM,
     travel_torso=TRAVEL_TORSO,
     lifts=(0.0, 0.1, 0.2, 0.3, 0.42, 0.55),

@@ -16,6 +16,7 @@ import numpy as np
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import SphericalArm
 from mpvi_bt.robot.hand import Hand
+from mpvi_bt.robot.mobile_base import MobileBase
 from mpvi_bt.robot.model import SIGN, Camera, Drive, Hull, RobotModel
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
@@ -38,7 +39,6 @@ HEAD_CAMERA_M = np.array([0.06, 0.0, 0.01])  # in that of zed_link, whose axes a
 REALSENSE_M, REALSENSE_RPY = np.array([0.05051, 0.0028934, 0.0051317]), (-3.1376, -0.43631, 3.1399)  # of the gripper
 BASE_M = np.array([[-0.40, 0.24], [-0.34, 0.34]])  # the base's bounds along x and y
 DECK_M = 0.20  # height of the base, but for what the hip is on
-BASE_RADIUS_M = 0.52  # of the circle about the base frame's origin
 
 _BASE_JOINTS = ("base_footprint_x_joint", "base_footprint_y_joint", "base_footprint_rz_joint")
 _TORSO_JOINTS = tuple(f"torso_joint{i}" for i in range(1, 5))
@@ -139,6 +139,13 @@ _HULL = Hull(
     link=np.repeat([0, 1], [5, 3]),
 )  # fmt: skip
 
+BASE = MobileBase(
+    radius_m=float(np.abs(BASE_M).min()),
+    folded_m=float(np.abs(BASE_M).min()),
+    turn_m=0.327,  # from the middle to each of the steered wheels
+    own_m=0.55,
+    corners=np.array([(BASE_M[0, i], BASE_M[1, j]) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]),
+)
 HAND = Hand(
     travel_m=FINGER_TRAVEL_M,
     tip_m=0.018,
@@ -175,7 +182,8 @@ R1PRO = RobotModel(
     tcp_m=TCP_M,
     hand_to_camera=_wrist_camera(),
     hand=HAND,
-    base_radius_m=BASE_RADIUS_M,
+    base=BASE,
+    arm_m=0.05,
     travel_arm=TRAVEL_ARM,
     travel_torso=TRAVEL_TORSO,
     lifts=(0.05, 0.15, 0.25, 0.35, 0.453, 0.58),

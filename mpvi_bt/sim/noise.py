@@ -15,11 +15,9 @@ from numpy.typing import NDArray
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import CameraImage, Proprioception, Robot
-from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
-_TURN_M_PER_RAD = R1.base_radius_m  # Our choice: turning on the spot drifts like driving as far as the wheels roll
 _STANDING = 0.03  # [m/s, rad/s]: slower than this the base stands
 _SAME_M = 0.05  # and this near it stands where it stood
 
@@ -77,8 +75,9 @@ class NoisyRobot:
         self._robot, self._cameras, self._errors = robot, cameras, errors
         fixed, self._walk, self._pixels, places = (np.random.default_rng([seed, k]) for k in range(4))
         felt = robot.proprioception()
-        own = robot_named(felt.robot).cameras
-        self.mounts: Mapping[str, Array] = {camera: _mount(errors, fixed) for camera in own}
+        own = robot_named(felt.robot)
+        self._turn_m = own.base.turn_m  # Our choice: turning on the spot drifts like driving as far as the wheels roll
+        self.mounts: Mapping[str, Array] = {camera: _mount(errors, fixed) for camera in own.cameras}
         self._true = felt.base_pose
         self._believed = self._true.copy()
         self._standing = Standing(errors.offset_m, places)
@@ -122,7 +121,7 @@ class NoisyRobot:
         """Add the motion since the last call to the belief, with its error."""
         forth = matmul(kin.inverse(kin.base(self._true)), kin.base(true))
         turn = float(kin.wrap(true[2] - self._true[2]))
-        way = float(np.hypot(*forth[:2, 3])) + _TURN_M_PER_RAD * abs(turn)
+        way = float(np.hypot(*forth[:2, 3])) + self._turn_m * abs(turn)
         self._true = true.copy()
         if way == 0.0:
             return

@@ -16,6 +16,7 @@ from mpvi_bt.perception.detector import Detector
 from mpvi_bt.perception.discovery import Discoveries
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.remote.world import RemoteWorld
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.stow import ArmStow
 from mpvi_bt.sim.house import House
 from mpvi_bt.sim.open_doors import OpenDoors
@@ -23,8 +24,7 @@ from mpvi_bt.sim.prior_map import knowledge as prior_knowledge
 from mpvi_bt.sim.prior_map import prior_map
 from mpvi_bt.sim.world import World
 
-_SELF_M = 0.50  # around the base: the robot itself, its hands tucked,
-_ABOUT_M = 0.06  # and around each circle of arms that reach out farther,
+_ABOUT_M = 0.06  # the robot itself reaches that far around each circle of arms that reach out farther,
 _BEHIND_M = 0.12  # and around what they carry, whose back may never have been seen
 
 
@@ -72,14 +72,16 @@ def explorer(
         base = KnowledgeBase()
     discoveries = Discoveries(base, phrases, detector, world)
 
+    own_m = robot_named(robot.proprioception().robot).base.own_m
+
     def takes_up() -> list[Circle]:
         body = robot.proprioception()
-        arms = Footprint.of(_SELF_M, body, ())
+        arms = Footprint.of(own_m, body, ())
         places = zip(arms.places(body.base_pose), arms.loads[:, 2], strict=True)
         own = [(*place, radius + _ABOUT_M) for place, radius in places]
         own += [(*e.center[:2], np.hypot(*(e.highest - e.lowest)[:2]) / 2 + _BEHIND_M) for e in base if e.held]
         x, y, _ = body.base_pose
-        return [(float(u), float(v), float(r)) for u, v, r in [(x, y, _SELF_M), *own]]
+        return [(float(u), float(v), float(r)) for u, v, r in [(x, y, own_m), *own]]
 
     lookout = Lookout(robot, world, occupancy, VisibilityMap(occupancy.map), discoveries, takes_up)
     return ExploringNavigator(robot, base, lookout, ArmStow(robot, seed))

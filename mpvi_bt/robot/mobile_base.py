@@ -1,0 +1,77 @@
+"""A mobile base from above, as a value: a disc, or a convex polygon that turns with it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from mpvi_bt.robot.linear_algebra import matmul, norm
+from mpvi_bt.robot.solids import Array
+
+_BEYOND_M = 0.03  # Our choice: so far circles reach beyond the polygon that they cover: 13 of them for a square one
+_SAMPLE_M = 0.01  # between points that are to be covered; circles are half a diagonal smaller while they are chosen
+
+
+@dataclass(frozen=True, eq=False)
+class MobileBase:
+    """The base, in its frame: x forward, y left.
+
+    Attributes:
+        radius_m: Of the largest circle about its origin that is within its outline: all of a base that is round.
+        folded_m: Of the circle about its origin that is kept clear while it drives with folded arms; where there is
+            no such way, `radius_m` is, and arms are heeded as what is carried is.
+        turn_m: Turning by a radian counts as driving so far: as far as its wheels roll.
+        own_m: What its head sees nearer to the origin than this is the robot itself, its arms folded.
+        corners: (n, 2) of its convex outline [m], counter-clockwise; none if it is round.
+    """
+
+    radius_m: float
+    folded_m: float
+    turn_m: float
+    own_m: float
+    corners: Array = field(default_factory=lambda: np.zeros((0, 2)))
+
+    def reach(self, yaw: float) -> float:
+        """How far it reaches from its origin toward a direction in its frame [rad]; round ones as far as `folded_m`."""
+        if not len(self.corners):
+            return self.folded_m
+        return float(matmul(self.corners, [math.cos(yaw), math.sin(yaw)]).max())
+
+    def covers(self, place: Array, radius_m: float) -> bool:
+        """Whether a circle about a place (2,) in its frame is over a base with corners, wherever it turns."""
+        return bool(len(self.corners)) and float(self._depth(place[None])[0]) >= radius_m
+
+    @cached_property
+    def circles(self) -> Array:
+        """(n, 3) x, y, radius [m]: they cover all of the outline that is beyond `radius_m`, and little besides."""
+        if not len(self.corners):
+            return np.zeros((0, 3))
+        low, high = self.corners.min(0), self.corners.max(0)
+        axes = [np.arange(a, b + _SAMPLE_M, _SAMPLE_M) for a, b in zip(low, high, strict=True)]
+        inside = np.stack(np.meshgrid(*axes), -1).reshape(-1, 2)
+        inside = inside[self._depth(inside) >= 0]
+        edges = [
+            a + (b - a) * np.linspace(0, 1, math.ceil(float(norm(b - a)) / _SAMPLE_M), endpoint=False)[:, None]
+            for a, b in zip(self.corners, np.roll(self.corners, -1, 0), strict=True)
+        ]
+        left = np.concatenate([inside, *edges])
+        left = left[norm(left, axis=1) > self.radius_m - _SAMPLE_M]
+        middles = inside[:: round(_BEYOND_M / _SAMPLE_M)]
+        radii = self._depth(middles) + _BEYOND_M
+        away = np.hypot(*(left[:, None] - middles).transpose(2, 0, 1))
+        covered = away <= radii - _SAMPLE_M * math.sqrt(0.5)
+        chosen: list[int] = []
+        while len(covered):
+            chosen.append(int(covered.sum(0).argmax()))
+            covered = covered[~covered[:, chosen[-1]]]
+        return np.column_stack([middles, radii])[chosen]
+
+    def _depth(self, places: Array) -> Array:
+        """(n,) how far [m] places (n, 2) are within the outline, negative outside."""
+        along = np.roll(self.corners, -1, 0) - self.corners
+        inward = np.stack([-along[:, 1], along[:, 0]], 1) / norm(along, axis=1)[:, None]
+        depth: Array = (matmul(places, inward.T) - (self.corners * inward).sum(1)).min(1)
+        return depth
