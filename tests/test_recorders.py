@@ -22,6 +22,7 @@ from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.tree.build import Tree
@@ -82,7 +83,10 @@ def has(picture: np.ndarray, rgb: tuple[int, int, int], tolerance: int = 12) -> 
 def test_the_picture_shows_the_way_from_start_to_end() -> None:
     """Early and late colors of the way appear where the base was at those times, and nowhere without a drive."""
     poses = np.linspace([1.0, 2.0, 0.0], [7.0, 2.0, 0.0], 200)
-    driven, parked = path_picture(two_rooms(), poses), path_picture(two_rooms(), poses[:1])
+    driven, parked = (
+        path_picture(two_rooms(), poses, R1.base.outline),
+        path_picture(two_rooms(), poses[:1], R1.base.outline),
+    )
     early, late = (60, 5, 150), (245, 180, 50)
     column = driven.shape[1] // 8  # a metre of the map
     way = driven[: -driven.shape[0] // 8]  # without the bar that explains the colors
@@ -96,7 +100,7 @@ def test_north_is_up_in_the_picture() -> None:
     """What lies at a greater y of the world is drawn higher."""
 
     def row_of_end(y: float) -> float:
-        picture = path_picture(two_rooms(), np.array([[6.0, 2.0, 0.0], [1.0, y, 0.0]]))
+        picture = path_picture(two_rooms(), np.array([[6.0, 2.0, 0.0], [1.0, y, 0.0]]), R1.base.outline)
         red = np.argwhere(np.abs(picture.astype(int) - (200, 40, 50)).max(-1) < 20)
         return float(np.median(red[:, 0]))
 
@@ -107,16 +111,16 @@ def test_moved_objects_are_marked_and_others_are_not() -> None:
     """An arrow's color appears only if something went somewhere."""
     poses, orange = np.array([[1.0, 2.0, 0.0]]), (240, 120, 20)
     can, moved = {"can": np.array([2.0, 3.0])}, {"can": np.array([6.0, 3.0])}
-    assert has(path_picture(two_rooms(), poses, can, moved), orange)
-    assert not has(path_picture(two_rooms(), poses, can, can), orange)
+    assert has(path_picture(two_rooms(), poses, R1.base.outline, can, moved), orange)
+    assert not has(path_picture(two_rooms(), poses, R1.base.outline, can, can), orange)
 
 
 def test_goals_are_marked_where_they_are() -> None:
     """A mark of their color at the pose, and none without."""
     poses, teal = np.array([[1.0, 2.0, 0.0]]), (20, 110, 150)
-    marked = path_picture(two_rooms(), poses, goals=[np.array([6.0, 2.0, 0.0])])
+    marked = path_picture(two_rooms(), poses, R1.base.outline, goals=[np.array([6.0, 2.0, 0.0])])
     assert has(marked[:, marked.shape[1] // 2 :], teal)
-    assert not has(path_picture(two_rooms(), poses), teal)
+    assert not has(path_picture(two_rooms(), poses, R1.base.outline), teal)
 
 
 def test_the_picture_of_a_search_shows_what_was_seen_and_found() -> None:
@@ -124,13 +128,13 @@ def test_the_picture_of_a_search_shows_what_was_seen_and_found() -> None:
     poses = np.array([[1.0, 2.0, 0.0]])
     search = MadeUpSearch(entries=[find("can", 6.0, 3.0)])
     search.frontier[20:60, 39] = True
-    picture = path_picture(two_rooms(), poses, search=search)
+    picture = path_picture(two_rooms(), poses, R1.base.outline, search=search)
     metre = picture.shape[1] / 8
     seen, unseen = (picture[round(metre) :, round(x * metre)].astype(int)[: round(2 * metre)] for x in (0.7, 3.0))
     assert np.median(seen.sum(-1)) > np.median(unseen.sum(-1)) + 60
     assert has(picture[:, round(1.8 * metre) : round(2.1 * metre)], colors.FRONTIER)
     assert has(picture[: round(1.5 * metre), round(5.8 * metre) : round(6.2 * metre)], colors.FOUND)
-    without = path_picture(two_rooms(), poses)
+    without = path_picture(two_rooms(), poses, R1.base.outline)
     assert not has(without, colors.FRONTIER)
     assert not has(without, colors.FOUND)
 
@@ -139,7 +143,9 @@ def test_the_picture_of_a_map_that_was_built_shows_what_is_known_of_it() -> None
     """It is as large as that, not as the grid."""
     search = MadeUpSearch()
     search.known[:, 80:] = False
-    picture = path_picture(two_rooms(), np.array([[1.0, 2.0, 0.0]]), search=replace(search, map=unlabeled(search.map)))
+    picture = path_picture(
+        two_rooms(), np.array([[1.0, 2.0, 0.0]]), R1.base.outline, search=replace(search, map=unlabeled(search.map))
+    )
     height, width = picture.shape[:2]
     assert width < 1.6 * height
 

@@ -19,6 +19,7 @@ from mpvi_bt.executive.search_frames import SearchFrames
 from mpvi_bt.executive.search_view import SearchView, Window, found, seen_m2, visible
 from mpvi_bt.perception.detector import ROBOT
 from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.r1 import R1
 from tests.navigation_maps import thing
 from tests.search_views import MadeUpSearch, box, find, look
 
@@ -28,7 +29,7 @@ SCALE = 100  # pixels a metre of the pictures below; all of the map is shown
 
 def draw(search: SearchView, **more: Any) -> Picture:
     """The two rooms, 8 m by 4 m."""
-    return MapPicture((8 * SCALE, 4 * SCALE)).draw(search, POSE, **more)
+    return MapPicture((8 * SCALE, 4 * SCALE)).draw(search, POSE, R1.base.outline, **more)
 
 
 def at(picture: Picture, x: float, y: float, radius_px: int = 6) -> Picture:
@@ -138,7 +139,7 @@ def test_there_is_a_picture_of_any_search(known: bool) -> None:
     )
     search.known[:] = known
     assert draw(search, image=search.image).shape == (4 * SCALE, 8 * SCALE, 3)
-    assert MapPicture((31, 17)).draw(search, np.array([1e3, -1e3, 0.0])).shape == (17, 31, 3)
+    assert MapPicture((31, 17)).draw(search, np.array([1e3, -1e3, 0.0]), R1.base.outline).shape == (17, 31, 3)
 
 
 def test_areas_are_told_in_square_metres() -> None:
@@ -173,7 +174,7 @@ class Still:
 
     def __init__(self) -> None:
         self.time_s, self.looks = 0.0, 0
-        self.robot = SimpleNamespace(proprioception=lambda: SimpleNamespace(base_pose=POSE), look=self.look)
+        self.robot = SimpleNamespace(proprioception=lambda: SimpleNamespace(base_pose=POSE, robot="r1"), look=self.look)
 
     def look(self, camera: str) -> Any:
         """Lighter than the pictures that were searched."""

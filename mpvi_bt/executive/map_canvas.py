@@ -17,6 +17,7 @@ from mpvi_bt.executive.search_view import Mask, SearchView, called, cropped, ext
 from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.linear_algebra import norm
+from mpvi_bt.robot.mobile_base import placed
 from mpvi_bt.robot.solids import Array
 
 _WIDTH_PX = 1400  # of the finished picture, at most; drawn at twice that and shrunk
@@ -137,13 +138,12 @@ class Canvas:
             beside = pose[:2] - 0.30 * np.array([np.cos(pose[2]), np.sin(pose[2])])
             self._text(str(k), beside, 0.7, _GOAL)
 
-    def robot(self, pose: Array, color: tuple[int, int, int], label: str) -> None:
-        """A disc of the base's size with an arrow where it faces."""
-        center = self._px(pose[:2])
-        radius = round(0.27 / self._map.resolution_m * self._scale)
-        ahead = self._px(pose[:2] + 0.27 * np.array([np.cos(pose[2]), np.sin(pose[2])]))
+    def robot(self, pose: Array, outline: Array, color: tuple[int, int, int], label: str) -> None:
+        """The outline (n, 2) of a base, with an arrow where it faces."""
+        center, corners = self._px(pose[:2]), self._px(placed(outline, pose)).astype(np.int32)
+        ahead = self._px(placed(np.array([[outline[:, 0].max(), 0.0]]), pose))[0]
         width = max(2, round(2.2 * self._unit))
-        self._cv.circle(self._rgb, center.tolist(), radius, color, width, self._cv.LINE_AA)
+        self._cv.polylines(self._rgb, [corners], True, color, width, self._cv.LINE_AA)
         self._cv.arrowedLine(self._rgb, center.tolist(), ahead.tolist(), color, width, self._cv.LINE_AA, 0, 0.35)
         self._text(label, pose[:2] + np.array([0.0, -0.36]), 0.7, color)
 

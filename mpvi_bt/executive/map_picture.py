@@ -12,11 +12,14 @@ from mpvi_bt.executive.labels import Color, Labels, Picture
 from mpvi_bt.executive.search_view import Mask, SearchView, Window, called, cropped, found, room_places, visible
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.linear_algebra import norm
+from mpvi_bt.robot.mobile_base import MobileBase, placed
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
 Pixels = Callable[[Array], NDArray[np.int32]]
 
+_LEAST_PX = 5
+_DISC = MobileBase(0.2, 0.2, 0.2, 0.2).outline  # of a goal
 
 _BLANK, _WALL, _UNKNOWN, _UNSEEN, _SEEN, _FRONTIER = range(6)
 _COLORS = np.array([colors.PAPER, colors.WALL, colors.UNKNOWN, colors.UNSEEN, colors.SEEN, colors.FRONTIER], np.uint8)
@@ -37,13 +40,19 @@ class MapPicture:
         self._rooms: tuple[NDArray[np.int16], list[tuple[str, Array]]] | None = None
 
     def draw(
-        self, view: SearchView, base_pose: Array, way: Sequence[Array] = (), image: CameraImage | None = None
+        self,
+        view: SearchView,
+        base_pose: Array,
+        outline: Array,
+        way: Sequence[Array] = (),
+        image: CameraImage | None = None,
     ) -> Picture:
         """Draw what is known now.
 
         Args:
             view: What is known.
             base_pose: (3,) where the robot is.
+            outline: (n, 2) corners of its base, in the base frame [m].
             way: (2,) or (3,) each; where it has been.
             image: What it sees: floor in view is marked.
 
@@ -78,8 +87,8 @@ class MapPicture:
             cv2.polylines(rgb, [px(view.path)], False, colors.PATH, 2, cv2.LINE_AA)
         self._names(rgb, view, px)
         if view.goal is not None and view.path is not None:
-            _pose(rgb, px, view.goal, 0.2, colors.SEEN, colors.PATH)
-        _pose(rgb, px, base_pose, 0.27, colors.ROBOT, colors.INK)
+            _shape(rgb, px, view.goal, _DISC, colors.SEEN, colors.PATH)
+        _shape(rgb, px, base_pose, outline, colors.ROBOT, colors.INK)
         picture = self._paper.copy()
         top, left = (self._size[1] - shape[0]) // 2, (self._size[0] - shape[1]) // 2
         picture[top : top + shape[0], left : left + shape[1]] = rgb
@@ -156,13 +165,14 @@ def _tint(rgb: Picture, corners: NDArray[np.int32]) -> None:
     part[(inside > 0) & (part == colors.SEEN).all(-1)] = colors.IN_VIEW
 
 
-def _pose(rgb: Picture, px: Pixels, pose: Array, radius_m: float, fill: Color, edge: Color) -> None:
-    """A disc with a line where it faces."""
+def _shape(rgb: Picture, px: Pixels, pose: Array, outline: Array, fill: Color, edge: Color) -> None:
+    """What has an outline (n, 2) at a pose (3,), with a line where it faces; large enough to be seen."""
     import cv2
 
-    ahead = px(pose[:2] + radius_m * np.array([np.cos(pose[2]), np.sin(pose[2])]))
     center = px(pose[:2])
-    radius = max(5, round(float(norm(px(pose[:2] + np.array([radius_m, 0.0])) - center))))
-    cv2.circle(rgb, center.tolist(), radius, fill, -1, cv2.LINE_AA)
-    cv2.circle(rgb, center.tolist(), radius, edge, 2, cv2.LINE_AA)
-    cv2.line(rgb, center.tolist(), ahead.tolist(), edge, 2, cv2.LINE_AA)
+    ahead_px = float(norm(px(pose[:2] + np.array([outline[:, 0].max(), 0.0])) - center))
+    outline = outline * max(1.0, _LEAST_PX / max(ahead_px, 1e-9))
+    corners, (front,) = (px(placed(points, pose)) for points in (outline, np.array([[outline[:, 0].max(), 0.0]])))
+    cv2.fillPoly(rgb, [corners], fill, cv2.LINE_AA)
+    cv2.polylines(rgb, [corners], True, edge, 2, cv2.LINE_AA)
+    cv2.line(rgb, center.tolist(), front.tolist(), edge, 2, cv2.LINE_AA)

@@ -19,6 +19,7 @@ from mpvi_bt.executive.search_view import SearchView, found
 from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.linear_algebra import norm
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.writing import unwritable
@@ -57,7 +58,8 @@ class PathPicture(Watcher):
     def start(self, tree: Tree, world: World) -> None:
         """Note where everything is."""
         self._tree = tree.spec
-        self._poses = [world.robot.proprioception().base_pose]
+        felt = world.robot.proprioception()
+        self._poses, self._outline = [felt.base_pose], robot_named(felt.robot).base.outline
         self._before = self._objects()
 
     def step(self, tree: Tree, world: World) -> None:
@@ -76,7 +78,8 @@ class PathPicture(Watcher):
             return
         how = f"{outcome.told(self._tree)}   {self._title}".strip()
         poses = np.array(self._poses)
-        picture = path_picture(self._map, poses, self._before, self._objects(), self._goals, how, self._search)
+        things = self._before, self._objects()
+        picture = path_picture(self._map, poses, self._outline, *things, self._goals, how, self._search)
         write_png(self._file, picture)
 
     def _objects(self) -> dict[str, Array]:
@@ -88,6 +91,7 @@ class PathPicture(Watcher):
 def path_picture(
     grid_map: OccupancyMap,
     poses: Array,
+    outline: Array,
     before: Mapping[str, Array] | None = None,
     after: Mapping[str, Array] | None = None,
     goals: Sequence[Array] = (),
@@ -99,6 +103,7 @@ def path_picture(
     Args:
         grid_map: Rooms and obstacles.
         poses: (N, 3) base poses in the order of time, at even intervals.
+        outline: (n, 2) corners of the base, in its frame [m].
         before: Name to (2,) place [m] of each object at the start.
         after: The same at the end; an arrow leads to it from where it was.
         goals: (3,) each; poses that were driven to, numbered in this order.
@@ -116,9 +121,9 @@ def path_picture(
     if search is not None:
         canvas.found(found(search.entries))
     canvas.names()
-    canvas.robot(poses[0], _START, "start")
+    canvas.robot(poses[0], outline, _START, "start")
     if len(poses) > 1:
-        canvas.robot(poses[-1], _END, "end")
+        canvas.robot(poses[-1], outline, _END, "end")
     return canvas.finished(title, len(poses) > 1)
 
 

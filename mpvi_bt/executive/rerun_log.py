@@ -23,13 +23,15 @@ from mpvi_bt.extras import install
 from mpvi_bt.perception.detector import Detection
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.linear_algebra import norm
+from mpvi_bt.robot.mobile_base import placed
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.writing import unwritable
 
 _JPEG = 80  # quality of the head's pictures: 20 kB each
-_ROBOT_M = (0.27, 0.27, 0.6)  # half sizes of the box that stands for it
+_TALL_M = 1.2  # of the box that stands for the robot
 _WAY_M = 0.1  # between points of the way, which is logged anew with each
 _FLUSH_S = 30.0  # of wall time, in which a disk takes a frame
 _GROUND_S = 10.0  # simulated time between two textures of the ground, which the viewer cannot keep compressed
@@ -104,7 +106,10 @@ class RerunLog(Watcher):
         if self._title:
             self._stream.send_recording_name(self._title)
         self._stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        body = rerun.Boxes3D(centers=[(0, 0, _ROBOT_M[2])], half_sizes=[_ROBOT_M], colors=[colors.ROBOT])
+        self._base = robot_named(world.robot.proprioception().robot).base
+        low, high = self._base.outline.min(0), self._base.outline.max(0)
+        middle, half = ((*((high + low) / 2), _TALL_M / 2), (*((high - low) / 2), _TALL_M / 2))
+        body = rerun.Boxes3D(centers=[middle], half_sizes=[half], colors=[colors.ROBOT])
         self._stream.log("world/robot", body, static=True)
 
     def step(self, tree: Tree, world: World) -> None:
@@ -188,8 +193,11 @@ class RerunLog(Watcher):
             self._way.append(pose[:2].copy())
         ahead = np.array([[x, y], [x + 0.6 * np.cos(yaw), y + 0.6 * np.sin(yaw)]])
         center, tip = self._pixels(ahead)
-        radius = _ROBOT_M[0] / self._part.resolution_m
+        radius = self._base.radius_m / self._part.resolution_m
         log("map/robot", rr.Points2D([center], colors=[colors.ROBOT], radii=[radius]))
+        around = self._pixels(placed(self._base.outline, pose))
+        outline = rr.LineStrips2D([np.vstack([around, around[:1]])], colors=[colors.INK], radii=[1.0])
+        log("map/robot/outline", outline)
         log("map/robot/ahead", rr.Arrows2D(origins=[center], vectors=[tip - center], colors=[colors.INK], radii=[1.0]))
         self._line("way", np.array(self._way), colors.WAY)
         if self._search is not None:

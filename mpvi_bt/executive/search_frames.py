@@ -29,6 +29,7 @@ from mpvi_bt.executive.map_picture import MapPicture, hatched
 from mpvi_bt.executive.search_view import Head, SearchView, called, found, seen_m2
 from mpvi_bt.perception.detector import Detection
 from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
 _VIEW = (480, 360)  # from outside, upper left; of the head, beside it; the legend fills the row
@@ -67,9 +68,10 @@ class SearchFrames:
             frame[:height, :width] = cv2.resize(outside, _VIEW, interpolation=cv2.INTER_AREA)
         image, detections = self._eye.look(world)
         frame[:height, width : 2 * width] = self._head(image, detections)
-        pose = world.robot.proprioception().base_pose
-        self._way.append(pose)
-        frame[height:, : _MAP[0]] = self._map.draw(self._view, pose, self._way, image)
+        felt = world.robot.proprioception()
+        self._way.append(felt.base_pose)
+        outline = robot_named(felt.robot).base.outline
+        frame[height:, : _MAP[0]] = self._map.draw(self._view, felt.base_pose, outline, self._way, image)
         self._legend(frame[:, 2 * width :][:height], [*caption.status[:1], caption.title, *caption.status[1:]])
         told = wrapped(caption.instruction, 2 * width - 16, 2)
         if told:

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from mpvi_bt.robot.kinematics import rot_z
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
 
@@ -33,6 +34,14 @@ class MobileBase:
     turn_m: float
     own_m: float
     corners: Array = field(default_factory=lambda: np.zeros((0, 2)))
+
+    @cached_property
+    def outline(self) -> Array:
+        """(n, 2) corners of it, also of one that is round: to be drawn [m]."""
+        if len(self.corners):
+            return self.corners
+        angles = np.arange(48) * (2 * math.pi / 48)
+        return self.radius_m * np.stack([np.cos(angles), np.sin(angles)], 1)
 
     def reach(self, yaw: float) -> float:
         """How far it reaches from its origin toward a direction in its frame [rad]; round ones as far as `folded_m`."""
@@ -75,3 +84,8 @@ class MobileBase:
         inward = np.stack([-along[:, 1], along[:, 0]], 1) / norm(along, axis=1)[:, None]
         depth: Array = (matmul(places, inward.T) - (self.corners * inward).sum(1)).min(1)
         return depth
+
+
+def placed(points: Array, pose: Array) -> Array:
+    """(n, 2) in the world where points (n, 2) in the base frame are with the base at a pose (3,) [m, m, rad]."""
+    return np.asarray(matmul(points, rot_z(float(pose[2]))[:2, :2].T) + pose[:2])
