@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import mpvi_bt
+from mpvi_bt.robot.robots import ROBOTS
 
 PACKAGE = Path(mpvi_bt.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
@@ -44,6 +45,19 @@ SHARED = {"mpvi_bt.behaviors.protocols", "mpvi_bt.behaviors.chunk"}
 
 # Another simulator's env of our tasks lies in sim with what it builds, and knows tasks and instances: it stands above.
 MANISKILL = {f"sim/{path.name}" for path in (PACKAGE / "sim").glob("maniskill*.py")}
+
+# Where a robot stands in if none is named, and what is about one robot; all else asks the robot that is there.
+ROBOTS_OWN = {
+    "sim/world.py",
+    "sim/robot.py",
+    "sim/maniskill_agent.py",
+    "sim/maniskill_drives.py",
+    "sim/maniskill_fetch.py",
+    "completion/visual.py",
+    "suite/instances.py",
+    "suite/simulators.py",
+    "suite/served.py",
+}
 
 ONLY_IN = {
     "sapien": {"sim", "maniskill"},
@@ -133,6 +147,19 @@ def test_heavy_libraries_stay_in_their_place(path: Path) -> None:
     for name in imports(path):
         allowed = ONLY_IN.get(name.split(".")[0])
         assert allowed is None or allowed & places, f"{name} is imported only in {sorted(allowed)}"
+
+
+def test_no_module_knows_a_robot_by_heart() -> None:
+    """Outside of robot a robot's own module is imported for a default, or by what is about that robot, alone."""
+    robots = {f"mpvi_bt.robot.{name}{more}" for name in ROBOTS for more in ("", "_urdf")}
+    knows = {
+        path.relative_to(PACKAGE).as_posix()
+        for path in MODULES
+        if part_of(path) != "robot"
+        for name in imports(path)
+        if name in robots or name.rpartition(".")[0] in robots
+    }
+    assert knows == ROBOTS_OWN
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))

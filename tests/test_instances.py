@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -13,16 +15,23 @@ from mpvi_bt import paths
 from mpvi_bt.errors import UserError
 from mpvi_bt.goals.evaluate import early, unmet
 from mpvi_bt.goals.predicates import truth_in
+from mpvi_bt.navigation.footprint import Footprint
+from mpvi_bt.navigation.traversability import traversability
+from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.fetch import FETCH
+from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.boards import Shape
 from mpvi_bt.sim.catalogue import load_catalogue
+from mpvi_bt.sim.ground import standing_room
 from mpvi_bt.sim.house import load_house
+from mpvi_bt.sim.prior_map import prior_map
 from mpvi_bt.sim.sampling import Start, sample
 from mpvi_bt.sim.world import World
 from mpvi_bt.suite import instances
 from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.instances import begin, expanded_problem, faults, settled
+from mpvi_bt.suite.instances import _with_room, begin, expanded_problem, faults, settled
 from mpvi_bt.suite.prepare import check_episode
 from mpvi_bt.suite.splits import HIDDEN_SEED, generator, hidden_seed
 from mpvi_bt.suite.tasks import load_task
@@ -202,3 +211,22 @@ def test_a_kept_hidden_start_does_not_tell_its_secret(own_cache: Path, monkeypat
     (file,) = own_cache.iterdir()
     assert SECRET not in file.name
     assert SECRET not in file.read_text()
+
+
+def test_a_robot_that_is_not_round_begins_where_it_has_room() -> None:
+    """In the place of the r1 if it fits there, else nearby; a round robot always begins in the same place."""
+    rng, empty = np.random.default_rng(0), cast("World", SimpleNamespace(knowledge=KnowledgeBase))
+    grid = traversability(prior_map(HOUSE), R1PRO.base.radius_m)
+    footprint = Footprint(R1PRO.base.radius_m, np.zeros((0, 3)), R1PRO.base.circles)
+    cells = np.argwhere(standing_room(prior_map(HOUSE)))
+    stayed = 0
+    for xy in grid.points(cells[rng.integers(len(cells), size=12)]):
+        start = Start({}, np.array([*xy, rng.uniform(-np.pi, np.pi)]), {})
+        assert _with_room(FETCH, start, HOUSE, empty) is start
+        pose = _with_room(R1PRO, start, HOUSE, empty).base_pose
+        assert footprint.room(grid, pose) >= 0
+        assert np.abs(pose[:2] - xy).max() <= 0.6 + 1e-9
+        if footprint.room(grid, start.base_pose) >= 0:
+            stayed += 1
+            np.testing.assert_allclose(pose, start.base_pose, atol=1e-9)
+    assert 0 < stayed < 12

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
+import numpy as np
 from scipy import ndimage
 
 from mpvi_bt.errors import BackendError
@@ -11,6 +13,9 @@ from mpvi_bt.goals.evaluate import early, unmet
 from mpvi_bt.goals.predicates import truth_in
 from mpvi_bt.goals.problem import Problem, load_problem
 from mpvi_bt.goals.state import aabb
+from mpvi_bt.navigation.footprint import Footprint
+from mpvi_bt.navigation.traversability import floor_obstacles, traversability
+from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.r1 import R1
@@ -31,6 +36,7 @@ OVERLAP_M = 0.003  # that things lie in each other by contact's give; more is in
 _TOUCH_M = 0.002
 _LOW_M = 0.3  # what begins lower than this is in the way of a robot's base
 _SETTLE_S, _WATCH_S, _MORE = 1.0, 0.25, 12
+_ASIDE_M = 0.6  # so far from where the r1 begins, along x and along y, another robot may
 _STILL_M = 0.002  # what moves less in that time is at rest
 
 
@@ -54,7 +60,8 @@ def begin(
     """An instance of a task, settled and checked. The same arguments give the same world.
 
     A start that did is kept in the user's cache, so that the draws before it are not made again. An instance is the
-    same for all robots: what does is found with the r1, and another one stands in its place.
+    same for all robots: what does is found with the r1, and another one stands in its place, or as near to that as it
+    has room.
 
     Args:
         task: What is done.
@@ -69,7 +76,8 @@ def begin(
         BackendError: No draw would do; it says why the last would not. Or another robot does not fit where it begins.
     """
     if robot is not R1:
-        _, same = begin(task, house, catalogue, problem, instance, split, render=False)
+        world, same = begin(task, house, catalogue, problem, instance, split, render=False)
+        same = _with_room(robot, same, house, world)
         world, _ = settled(house, same, render=render, assisted=assisted, robot=robot)
         if (unfit := next(faults(world, same, house, problem), None)) is not None:
             raise BackendError(f"{task.problem}, instance {instance}, will not do for {robot.name}: {unfit}")
@@ -96,6 +104,26 @@ def begin(
             return world, start
         wrong = reason
     raise BackendError(f"{task.problem}: no start of instance {instance} would do in {DRAWS} draws; the last: {wrong}")
+
+
+def _with_room(robot: RobotModel, start: Start, house: House, world: World) -> Start:
+    """The start with a robot that is not round where it fits, the nearest to where it is; the same if that is nowhere.
+
+    `world` is that of the start, with another robot.
+    """
+    base = robot.base
+    if not len(base.corners):
+        return start
+    grid = traversability(prior_map(house), base.radius_m, floor_obstacles(world.knowledge()))
+    offsets = np.stack(np.meshgrid(*[np.arange(-_ASIDE_M, _ASIDE_M + 1e-9, 0.05)] * 2), -1).reshape(-1, 2)
+    poses = np.array([start.base_pose + [x, y, turn] for x, y in offsets for turn in np.arange(8) * np.pi / 4])
+    cells = np.floor(grid.cells(poses)).astype(int).clip(0, np.array(grid.occupied.shape) - 1)
+    free = np.isfinite(grid.cost[cells[:, 0], cells[:, 1]])
+    free &= Footprint(base.radius_m, np.zeros((0, 3)), base.circles).room(grid, poses) >= 0
+    if not free.any():
+        return start
+    change = poses[free] - start.base_pose
+    return replace(start, base_pose=poses[free][np.argmin(norm(change[:, :2], axis=1) + np.abs(wrap(change[:, 2])))])
 
 
 def settled(
