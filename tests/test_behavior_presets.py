@@ -19,6 +19,8 @@ from mpvi_bt.remote.settings import CAMERAS, Observation, Settings, load_setting
 from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, CameraImage, Proprioception
 from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.robots import robot_named
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.policies import check_policy_choice, settings_for
 
 LINKS = {"head": "zed_link", "left": "left_realsense_link", "right": "right_realsense_link"}
 REST = [1.025, -1.45, -0.47, 0.0]  # of the trunk, where an episode of BEHAVIOR begins
@@ -266,6 +268,33 @@ def test_a_task_without_a_number_is_refused() -> None:
     with pytest.raises(UserError, match="no task is named"):
         briefed(settings, None, None)
     assert briefed(load_settings("openpi_comet"), None, None) == load_settings("openpi_comet")
+
+
+def test_the_number_is_that_of_the_episodes_task(tmp_path: Path) -> None:
+    """Of a task of BEHAVIOR's, by its name there, the number in its table; of another one the user is told."""
+    for task, number in ((TASK, NUMBER), ("make_pizza", 49)):
+        observation = settings_for("behavior_2025", task, "r1pro").observation
+        assert observation is not None
+        assert observation.constants == {"task_id": (number,)}
+    with pytest.raises(UserError, match="no number for the task 'make_pasta'"):
+        settings_for("behavior_2026", "make_pasta", "r1pro")
+    with pytest.raises(UserError, match="two arms"):
+        settings_for("openpi_comet", TASK, "fetch")
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("about: Mine\nobservation: { prompt: null, constants: { task_id: [7] } }\n")
+    assert settings_for(str(mine), "make_pasta", "r1pro") == load_settings(str(mine))
+
+
+def test_a_run_is_refused_before_it_begins(tmp_path: Path) -> None:
+    """A file of prompts without the task's, or a robot that does not fit, end the command, not the episode."""
+    (tmp_path / "prompts.json").write_text('{"turning_on_radio": "Turn it on."}')
+    (tmp_path / "mine.yaml").write_text("about: Mine\nobservation: { prompts: prompts.json }\n")
+    config = EpisodeConfig(
+        TASK, robot="r1pro", policy="openpi:localhost:1", policy_settings=str(tmp_path / "mine.yaml")
+    )
+    with pytest.raises(UnknownName, match=rf"prompts.json.*{TASK}.*Known: turning_on_radio"):
+        check_policy_choice(config)
+    check_policy_choice(replace(config, task="turning_on_radio"))
 
 
 @pytest.mark.parametrize(

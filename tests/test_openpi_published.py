@@ -16,11 +16,12 @@ import numpy as np
 import pytest
 
 from mpvi_bt.behaviors.protocols import Policy
+from mpvi_bt.errors import PolicyError
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.remote.codec import pack, unpack
 from mpvi_bt.remote.observation import Vocabulary, write_observation
 from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.suite.policies import Ground, make_policy
 from mpvi_bt.testing import KinematicRobot
@@ -44,6 +45,40 @@ for message in msgpack_numpy.unpackb(open(messages, "rb").read()):
     except RuntimeError as error:
         answered.append(str(error))
 open(answers, "wb").write(msgpack_numpy.packb(answered))
+"""
+
+# openpi's own server, as its protocol is described: metadata first, then an answer for each observation; an error is a
+# text frame, then close code 1011. Messages are packed and unpacked by the published package.
+SERVER = """
+import asyncio, sys, traceback
+import numpy as np
+import websockets
+from openpi_client import msgpack_numpy
+from websockets.asyncio.server import serve
+
+async def talk(connection):
+    pack = msgpack_numpy.Packer().pack
+    await connection.send(pack({"model": "echo"}))
+    try:
+        while True:
+            seen = msgpack_numpy.unpackb(await connection.recv())
+            state, head = seen["observation/state"], seen["observation/egocentric_camera"]
+            assert (state.shape, head.shape, head.dtype) == ((256,), (224, 224, 3), np.uint8)
+            posture = np.concatenate([[0, 0, 0], state[236:240], state[158:165], [1], state[197:204], [-1]])
+            answer = {"actions": np.tile(posture, (32, 1)), "state": state, "policy_timing": {"infer_ms": 1.0}}
+            await connection.send(pack({**answer, "prompt": seen["prompt"]}))
+    except websockets.ConnectionClosed:
+        pass
+    except Exception:
+        await connection.send(traceback.format_exc())
+        await connection.close(1011, "Internal server error. Traceback included in previous frame.")
+
+async def main():
+    async with serve(talk, "127.0.0.1", 0, compression=None, max_size=None) as server:
+        print(server.sockets[0].getsockname()[1], flush=True)
+        await server.serve_forever()
+
+asyncio.run(main())
 """
 
 
@@ -154,6 +189,32 @@ def test_the_published_client_is_told_what_was_wrong(tmp_path: Path) -> None:
     with serving(api_key="sesame") as server:
         _, told = replayed(server.port, [bad], tmp_path)
     assert told == "Error in inference server:\nbad_message: proprioception: torso is missing"
+
+
+@pytest.mark.rare
+@pytest.mark.slow
+def test_our_client_drives_a_server_of_the_published_package() -> None:
+    """It is understood by openpi's own packing, gets an r1pro's posture back, and is told of a dialect that is not."""
+    seen = observation("pick up the cup", robot="r1pro")
+    with subprocess.Popen([openpi_python(), "-c", SERVER], stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            address = f"127.0.0.1:{int(process.stdout.readline())}"
+            policy = OpenpiPolicy(address, "openpi_comet")
+            policy.reset()
+            chunk = policy.infer(seen)
+            policy.close()
+            felt = seen["proprioception"]
+            assert chunk.shape == (32, 23)
+            np.testing.assert_allclose(chunk[0, ActionLayout.TORSO], felt.torso, atol=1e-6)
+            np.testing.assert_allclose(chunk[0, ActionLayout.ARM["right"]], felt.arm["right"], atol=1e-6)
+            assert list(chunk[0, [14, 22]]) == [1.0, -1.0]
+            behaviors = OpenpiPolicy(address, "openpi_comet_b1k")
+            with pytest.raises(PolicyError, match="KeyError: 'observation/state'") as told:
+                behaviors.infer(seen)
+            assert told.value.reason == "server_error"
+        finally:
+            process.kill()
 
 
 def test_our_client_gets_the_same_from_our_server() -> None:

@@ -16,6 +16,7 @@ from mpvi_bt import __version__, paths
 from mpvi_bt.errors import UserError, shown
 from mpvi_bt.goals.problem import activities
 from mpvi_bt.marked_yaml import Record, load_marked
+from mpvi_bt.remote.settings import load_settings
 from mpvi_bt.sim.catalogue import Entry, load_catalogue
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.suite.config import EpisodeConfig
@@ -180,6 +181,9 @@ def _files(config: EpisodeConfig, task: Task) -> Iterator[Path]:
         yield paths.find_or_file("trees", tree)
     if config.policy_settings:
         yield paths.find_or_file("policies", config.policy_settings)
+        observation = load_settings(config.policy_settings).observation
+        if observation is not None and observation.prompts is not None:
+            yield Path(observation.prompts)
 
 
 def _digest(path: Path) -> str:
