@@ -17,7 +17,7 @@ from mpvi_bt.remote.codec import pack, unpack
 from mpvi_bt.remote.own_keys import OwnKeys
 from mpvi_bt.remote.reading import CHUNK
 from mpvi_bt.robot.limits import travel_action
-from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.robot.protocol import CameraImage, Proprioception
 from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.suite.config import EpisodeConfig
@@ -72,15 +72,13 @@ class Driver:
         """The present observation; entries that are given beside override it, None leaves one out."""
         robot = self.world.robot
         body = replace(robot.proprioception(), robot="r1pro")
-        images = {name: _small(name) for name in ("head", "left", "right")}
+        images = {name: _picture(name) for name in ("head", "left", "right")}
         if self.dialect == "openpi":
             seen = {"prompt": "", "proprioception": body, "images": images}
             message = OwnKeys().write(seen, robot.action, {})
         else:
-            wrists = {s: R1PRO.wrist_camera(body.torso, body.arm[s], s) for s in body.sides}
-            poses = {"head": R1PRO.head_camera(body.torso), **wrists}
             dialect = Behavior("behavior-2025" if self.dialect == "behavior-2025" else "behavior-2026")
-            message = dialect.write(body, images, poses, 1, batched=self.batched, labels=True, vocabulary={})
+            message = dialect.write(body, images, _cameras(body), 1, batched=self.batched, labels=True, vocabulary={})
         return {key: value for key, value in {**message, **more}.items() if value is not None}
 
     def ask(self, **more: Any) -> Any:
@@ -108,11 +106,25 @@ class Driver:
         self.world.step(action)
 
 
-def _small(camera: str) -> CameraImage:
-    K = np.array([[8.0, 0, 4], [0, 8, 4], [0, 0, 1]])
-    return CameraImage(
-        camera, np.zeros((8, 8, 3), np.uint8), np.ones((8, 8), np.float32), np.zeros((8, 8), np.int32), {}, K, np.eye(4)
-    )
+def _picture(camera: str, size: int = 8) -> CameraImage:
+    """Of a wall 1 m away."""
+    rgb, depth, labels = np.zeros((size, size, 3), np.uint8), np.ones((size, size), np.float32), np.zeros((size, size))
+    K = np.array([[size, 0, size / 2], [0, size, size / 2], [0, 0, 1]], float)
+    return CameraImage(camera, rgb, depth, labels.astype(np.int32), {}, K, np.eye(4))
+
+
+def observation_2026(size: int) -> dict[str, Any]:
+    """What BEHAVIOR's evaluator of 2026 sends of a robot that stands where episodes begin, with labels beside."""
+    world = KinematicWorld()
+    world.step(travel_action(R1PRO))
+    body = replace(world.robot.proprioception(), robot="r1pro")
+    images = {name: _picture(name, size) for name in ("head", "left", "right")}
+    return Behavior("behavior-2026").write(body, images, _cameras(body), 1, batched=True, labels=True, vocabulary={})
+
+
+def _cameras(body: Proprioception) -> dict[str, Array]:
+    wrists = {side: R1PRO.wrist_camera(body.torso, body.arm[side], side) for side in body.sides}
+    return {"head": R1PRO.head_camera(body.torso), **wrists}
 
 
 @contextmanager

@@ -8,11 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from websockets.sync.client import connect
 
+from mpvi_bt.errors import UserError
+from mpvi_bt.remote.behavior import NAMES
+from mpvi_bt.remote.odometry import moved
 from mpvi_bt.remote.reading import CHUNK
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.trace.read import read_trace
-from tests.driven import DIALECTS, driving
+from tests.driven import DIALECTS, Driver, driving
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -164,3 +168,65 @@ def test_who_leaves_amid_an_episode_leaves_a_whole_trace(tmp_path: Path) -> None
         driver.connection.close()
     told = json.loads((tmp_path / "runs" / "exercise_served_1.json").read_text())
     assert told["ended"] == "interrupted"
+
+
+def test_the_base_is_where_its_speed_has_taken_it() -> None:
+    """The evaluator of 2026 does not say where the base is: it is where it began, and as far as it went since."""
+    pose = np.zeros(3)
+    for _ in range(30):
+        pose = moved(pose, np.array([0.3, 0.0, 1.0]), 1 / 30)
+    np.testing.assert_allclose(pose, [0.3 * np.sin(1), 0.3 * (1 - np.cos(1)), 1.0], atol=1e-3)
+
+
+def test_pictures_are_asked_for_where_they_are_left_out(tmp_path: Path) -> None:
+    """In the place of an action; the same observation with the picture then gets one."""
+    tree = tmp_path / "look.yaml"
+    tree.write_text("tree: look\nroot:\n  navigate: cup\n")
+    with driving("openpi", tmp_path, tree=str(tree)) as driver:
+        asked = driver.ask(images={})
+        assert asked["look"] == ["head"]
+        assert "actions" not in asked
+        assert "actions" in driver.ask()
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({"policy": "expert"}, "policy expert reads the simulator itself"),
+        ({"checker": "oracle"}, "checker oracle reads the simulator itself"),
+        ({"map": "prior"}, "choose --map online"),
+        ({"robot": "r1"}, "choose --robot r1pro"),
+        ({"tree": None, "task": "picking_up_trsh"}, "picking_up_trash"),
+    ],
+)
+def test_what_cannot_be_served_is_told_before_anybody_connects(given: dict[str, Any], why: str, tmp_path: Path) -> None:
+    """With what would be right."""
+    with pytest.raises(UserError, match=why), driving("behavior-2026", tmp_path, **given):
+        pass
+
+
+def test_labels_are_wanted_where_something_reads_them(tmp_path: Path) -> None:
+    """A detector of labels sees nothing in an evaluator's pictures: that is told, and what would see."""
+    with driving("behavior-2026", tmp_path) as driver:
+        assert "choose another, such as --detector grounding_dino" in driver.ask(**{NAMES: None})
+
+
+def test_two_are_served_at_once(tmp_path: Path) -> None:
+    """Each has its own executive, at its own tick."""
+    with driving("openpi", tmp_path) as first:
+        host, port = first.connection.remote_address[:2]
+        alone = [first.step() for _ in range(40)]
+        first.reset()
+        first.begin()
+        with connect(f"ws://{host}:{port}", compression=None) as connection:
+            other = Driver(connection, "openpi")
+            both = [(first.step(), other.step() if i % 2 else None) for i in range(40)]
+    np.testing.assert_array_equal([mine for mine, _ in both], alone)
+    theirs = [actions for _, actions in both if actions is not None]
+    np.testing.assert_array_equal(theirs, alone[: len(theirs)])
+
+
+def test_an_instruction_needs_a_plan(tmp_path: Path) -> None:
+    """One that is on file; for others a planner has to be chosen."""
+    with driving("openpi", tmp_path, tree=None) as driver:
+        assert "no plan is on file for 'sing a song'" in driver.ask(prompt="sing a song")

@@ -124,6 +124,8 @@ def serve(what: str, host: str, port: int, seed: int, idle_s: float, as_json: bo
         status.say(f"{KEY} is not set: whoever reaches this machine may use it")
     try:
         asyncio.run(_until_stopped(server, host, port, status, as_json))
+    except BrokenPipeError:  # nobody reads what is printed
+        raise
     except OSError as error:
         raise UserError(f"cannot listen at {host}:{port}: {_reason(error)}") from None
     return 0

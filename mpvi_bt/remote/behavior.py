@@ -6,11 +6,10 @@ labels its pictures may add.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mpvi_bt.errors import BadMessage, shown
 from mpvi_bt.remote import behavior_layout as layout
@@ -58,11 +57,14 @@ class Behavior:
         if pose is not None:
             cameras = {camera: matmul(kin.base(pose), T) for camera, T in cameras.items()}
         names = read_names(message[NAMES], NAMES) if NAMES in message else None
-        images = {
-            camera: self._picture(message, f"{prefix}::{prefix}:{link}:Camera:0", camera, robot, cameras[camera], names)
-            for camera, link in LINKS.items()
-            if f"{prefix}::{prefix}:{link}:Camera:0::rgb" in message
-        }
+        keys = {camera: f"{prefix}::{prefix}:{link}:Camera:0" for camera, link in LINKS.items()}
+        images = Pictures(
+            {
+                camera: self._picture(message, key, camera, robot, cameras[camera], names)
+                for camera, key in keys.items()
+                if f"{key}::rgb" in message
+            }
+        )
         return Reading(
             body=body,
             images=images,
@@ -141,7 +143,8 @@ class Behavior:
         robot: RobotModel,
         T: Array,
         names: dict[int, str] | None,
-    ) -> CameraImage:
+    ) -> Callable[[], CameraImage]:
+        """What makes a picture, once its shapes are known to be right."""
         rgb = _single(message[f"{key}::rgb"], 3, f"{key}::rgb")
         if rgb.dtype != np.uint8 or rgb.shape[2] not in (3, 4) or not rgb.size:
             raise BadMessage(f"{key}::rgb: {rgb.shape} {rgb.dtype} is given, (H, W, 4) uint8 is wanted")
@@ -154,21 +157,44 @@ class Behavior:
         depth = _single(message[there], 2, there)
         if depth.shape != size or depth.dtype.kind != "f":
             raise BadMessage(f"{there}: {depth.shape} {depth.dtype} is given, {size} float32, as rgb is, is wanted")
-        labels: NDArray[np.int32] | None = None
+        given: np.ndarray[Any, Any] | None = None
         if names is not None and (there := f"{key}::seg_instance_id") in message:
             given = _single(message[there], 2, there)
             if given.shape != size or given.dtype.kind not in "iu":
                 raise BadMessage(f"{there}: {given.shape} {given.dtype} is given, {size} int32, as rgb is, is wanted")
-            labels = given.astype(np.int32)
-        return CameraImage(
-            camera=camera,
-            rgb=np.ascontiguousarray(rgb[..., :3]),
-            depth=np.where(np.isfinite(depth), depth, 0.0).astype(np.float32),
-            labels=labels,
-            names=names or {},
-            K=K,
-            T_world_camera=T,
-        )
+
+        def make() -> CameraImage:
+            return CameraImage(
+                camera=camera,
+                rgb=np.ascontiguousarray(rgb[..., :3]),
+                depth=np.where(np.isfinite(depth), depth, 0.0).astype(np.float32),
+                labels=None if given is None else given.astype(np.int32),
+                names=names or {},
+                K=K,
+                T_world_camera=T,
+            )
+
+        return make
+
+
+class Pictures(Mapping[str, CameraImage]):
+    """Pictures that are made when somebody looks: of most steps nobody looks at any.
+
+    Args:
+        makers: What makes each, by camera.
+    """
+
+    def __init__(self, makers: Mapping[str, Callable[[], CameraImage]]) -> None:
+        self._makers = makers
+
+    def __getitem__(self, camera: str) -> CameraImage:
+        return self._makers[camera]()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._makers)
+
+    def __len__(self) -> int:
+        return len(self._makers)
 
 
 def _intrinsics(model: Camera, camera: str, height: int, width: int) -> Array:

@@ -78,10 +78,15 @@ class RemoteRobot:
         if camera not in self._images:
             if camera not in self.model.cameras:
                 raise BackendError(f"no camera {camera!r}; known: {', '.join(self.model.cameras)}")
-            again = self._line.look(camera)
-            if camera not in again.images:
-                raise BadMessage(f"no picture of the camera {camera!r}, which was asked for")
-            self._images = {**self._images, **self._placed(again)}
+            seen = self._seen
+            if camera not in seen.images:
+                seen = self._line.look(camera)
+                if camera not in seen.images:
+                    raise BadMessage(f"no picture of the camera {camera!r}, which was asked for")
+            image = seen.images[camera]
+            if not seen.placed:
+                image = replace(image, T_world_camera=matmul(kin.base(self._seen_from), image.T_world_camera))
+            self._images[camera] = image
         return self._images[camera]
 
     def take(self, reading: Reading, odometry: Array) -> None:
@@ -97,7 +102,8 @@ class RemoteRobot:
             robot=self.model.name,
             open_m=self.model.hand.opening_m,
         )
-        self._images: Mapping[str, CameraImage] = self._placed(reading)
+        self._seen, self._seen_from = reading, pose
+        self._images: dict[str, CameraImage] = {}
 
     def foresee(self) -> None:
         """Go on as commanded for a step of which nothing will be heard; pictures stay as they are."""
@@ -113,16 +119,6 @@ class RemoteRobot:
             gripper_command={side: float(action[ActionLayout.GRIPPER[side]]) for side in body.sides},
             arm_command=arms,
         )
-
-    def _placed(self, reading: Reading) -> dict[str, CameraImage]:
-        """Its pictures, their cameras' poses in the world."""
-        if reading.placed:
-            return dict(reading.images)
-        base = kin.base(self._body.base_pose)
-        return {
-            name: replace(image, T_world_camera=matmul(base, image.T_world_camera))
-            for name, image in reading.images.items()
-        }
 
 
 class RemoteWorld:

@@ -206,7 +206,7 @@ def _instructed(config: EpisodeConfig, name: str, instruction: str, tell: Callab
 
 def _check_sight(config: EpisodeConfig, first: Reading) -> None:
     """Raise UserError if a backend reads labels of pictures, and there are none."""
-    if not first.images or any(image.labels is not None for image in first.images.values()):
+    if any(image.labels is not None for image in first.images.values()) or not first.images:
         return
     for kind, reads, instead in (
         ("detector", "segmentation", "grounding_dino"),
