@@ -7,9 +7,8 @@ import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, cast
 
 import imageio_ffmpeg
@@ -25,62 +24,13 @@ from mpvi_bt.errors import FileProblems, UserError
 from mpvi_bt.executive.demonstration import CAMERAS, Demonstration, state
 from mpvi_bt.executive.loop import Outcome
 from mpvi_bt.paths import find
-from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout, Proprioception, Side
-from mpvi_bt.suite.dataset import QUANTILES, VECTORS, write_dataset
+from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
+from mpvi_bt.suite.dataset import Form, write_dataset
+from mpvi_bt.suite.dataset_statistics import QUANTILES
 from mpvi_bt.suite.demonstrations import check_demonstrations, find_demonstrations, read_demonstration
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.yaml_io import load_tree
-
-SIZES = {"head": (240, 320), "left": (224, 224), "right": (224, 224)}
-
-
-class Moving:
-    """A robot whose every sense and command tells the step it is at."""
-
-    def __init__(self) -> None:
-        self.steps = 0
-        self.looked: list[str] = []
-
-    @property
-    def robot(self) -> Moving:
-        return self
-
-    @property
-    def action(self) -> np.ndarray:
-        return np.arange(ACTION_SIZE) + 100.0 * self.steps
-
-    def proprioception(self) -> Proprioception:
-        n = float(self.steps)
-        sides: dict[Side, float] = {"left": 1.0, "right": 2.0}
-        return Proprioception(
-            base_pose=np.array([n, 1, 2]),
-            base_velocity=np.array([n, 0, 0]),
-            torso=np.full(4, n),
-            arm={side: np.full(7, n + k) for side, k in sides.items()},
-            arm_velocity={side: np.zeros(7) for side in sides},
-            gripper_width={side: k / 100 for side, k in sides.items()},
-            gripper_command=dict.fromkeys(sides, 1.0),
-        )
-
-    def look(self, camera: str) -> SimpleNamespace:
-        self.looked.append(camera)
-        return SimpleNamespace(rgb=np.full((*SIZES[camera], 3), 8 * (self.steps // 3) % 256, np.uint8))
-
-
-def recorded(
-    folder: Path, frames: int, q: float = 1.0, fps: int = 10, cameras: Sequence[str] = CAMERAS, **about: object
-) -> Path:
-    """A demonstration of so many frames, in a folder."""
-    tree, world = Tree(load_tree(find("trees", "hello"))), cast("Any", Moving())
-    told = {"task": "hello", "instance": 0, "seed": 0, "instruction": "Wave.", **about}
-    demonstration = Demonstration(folder, told, fps, cameras)
-    demonstration.start(tree, world)
-    for _ in range((frames - 1) * (30 // fps) + 1):
-        demonstration.step(tree, world)
-        world.steps += 1
-    demonstration.end(Outcome("success"))
-    demonstration.conclude(q, q == 1.0)
-    return folder
+from tests.demonstrating import Moving, held, recorded, told
 
 
 def test_a_row_has_what_was_felt_before_the_action_that_it_names(tmp_path: Path) -> None:
@@ -139,9 +89,11 @@ def test_a_dataset_holds_every_row_of_its_episodes(tmp_path: Path) -> None:
         place = info["data_path"].format(chunk_index=row["data/chunk_index"], file_index=row["data/file_index"])
         table = pd.read_parquet(tmp_path / "set" / place)
         frames = read_demonstration(folder).frames
-        for key, (name, names) in VECTORS.items():
+        for name in ("state", "base_pose", "action"):
+            key = name if name == "action" else f"observation.{name}"
+            feature = info["features"][key]
             assert (np.stack(table[key]) == frames[name]).all()
-            assert info["features"][key]["shape"] == [len(names)] == [frames[name].shape[1]]
+            assert feature["shape"] == [len(feature["names"]["motors"])] == [frames[name].shape[1]]
         assert set(table.columns) | {f"observation.images.{c}" for c in CAMERAS} == info["features"].keys()
         assert np.allclose(table["timestamp"], np.arange(len(table)) / 10)
         assert tasks.iloc[table["task_index"][0]].name == read_demonstration(folder).about.instruction
@@ -211,28 +163,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(tmp_path_factory.mktemp("whole") / "one", 3, cameras=["head"])
 
 
-def told(**changes: object) -> Callable[[Path], object]:
-    """Write `episode.json` with other entries; None leaves one out."""
-
-    def spoil(folder: Path) -> None:
-        file = folder / "episode.json"
-        about = {**json.loads(file.read_text()), **changes}
-        file.write_text(json.dumps({key: value for key, value in about.items() if value is not None}))
-
-    return spoil
-
-
-def held(**changes: object) -> Callable[[Path], object]:
-    """Write `frames.npz` with other arrays; None leaves one out."""
-
-    def spoil(folder: Path) -> None:
-        with np.load(folder / "frames.npz") as file:
-            arrays: dict[str, Any] = {**file, **changes}
-        np.savez(folder / "frames.npz", **{key: array for key, array in arrays.items() if array is not None})
-
-    return spoil
-
-
 def cut(name: str, share: float) -> Callable[[Path], object]:
     """Leave only the first part of a file."""
     return lambda f: os.truncate(f / name, int((f / name).stat().st_size * share))
@@ -272,7 +202,7 @@ SPOILED = {
     "cut json": ("episode.json", cut("episode.json", 0.5), "not valid JSON"),
     "empty json": ("episode.json", cut("episode.json", 0), "empty"),
     "list as json": ("episode.json", lambda f: (f / "episode.json").write_text("[]"), "a mapping"),
-    "other version": ("episode.json", told(version=99), "version 99; this mpvi_bt reads 1"),
+    "other version": ("episode.json", told(version=99), "version 99; this mpvi_bt reads 1 and 2"),
     "no instruction": ("episode.json", told(instruction=None), "missing key 'instruction'"),
     "empty instruction": ("episode.json", told(instruction=""), "should have 1 character or more"),
     "no subtasks": ("episode.json", told(subtasks=[]), "should have 1 item or more, not 0"),
@@ -382,19 +312,23 @@ def test_episodes_that_do_not_go_together_are_refused(tmp_path: Path) -> None:
         write_dataset([], tmp_path / "set")
 
 
-@pytest.mark.skipif("LEROBOT_PYTHON" not in os.environ, reason="LEROBOT_PYTHON names no environment with lerobot")
-def test_lerobots_own_loader_reads_what_was_recorded(tmp_path: Path) -> None:
+LEROBOTS = {"v3.0": "LEROBOT_PYTHON", "v2.1": "LEROBOT_V21_PYTHON"}
+
+
+@pytest.mark.parametrize("version", LEROBOTS)
+def test_lerobots_own_loader_reads_what_was_recorded(version: Any, tmp_path: Path) -> None:
     """In an environment of its own (it pins an older torch), every row and picture comes out as recorded."""
+    if (python := os.environ.get(LEROBOTS[version])) is None:
+        pytest.skip(f"{LEROBOTS[version]} names no environment with lerobot")
     folders = [recorded(tmp_path / f"e{n}", n) for n in (12, 9)]
-    write_dataset([read_demonstration(folder) for folder in folders], tmp_path / "set")
-    script = Path(__file__).with_name("lerobot_loader.py")
-    done = subprocess.run(
-        [os.environ["LEROBOT_PYTHON"], str(script), str(tmp_path / "set")], capture_output=True, text=True, check=False
-    )
+    write_dataset([read_demonstration(folder) for folder in folders], tmp_path / "set", Form(format=version))
+    script = [python, str(Path(__file__).with_name("lerobot_loader.py")), str(tmp_path / "set")]
+    done = subprocess.run([*script, "observation.images.head"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     read = json.loads(done.stdout.splitlines()[-1])
     actions = np.concatenate([read_demonstration(f).frames["action"] for f in folders])
     assert np.array_equal(read["action"], actions)
+    assert np.allclose(read["mean"], actions.mean(0))
     assert read["task"] == ["Wave."] * 21
     shades = [8 * n / 255 for count in (12, 9) for n in range(count)]
     assert read["shade"] == pytest.approx(shades, abs=3 / 255)

@@ -68,7 +68,7 @@ ONLY_IN = {
     "transformers": {"perception/grounding_dino.py"},
     "rerun": {"executive/rerun_log.py"},
     "ray": {"suite/ray_engine.py"},
-    "pandas": {"suite/dataset.py"},
+    "pandas": {"suite/dataset_files.py"},
     "openai": {"language/openai.py"},
     "httpx2": {"language/openai.py"},
     "xllamacpp": {"language/llama_server.py"},

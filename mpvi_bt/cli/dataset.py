@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import click
 
 _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
+
+
+def _even(ctx: click.Context, param: click.Parameter, given: int | None) -> int | None:
+    if given is not None and given % 2:
+        raise click.BadParameter(f"{given} is odd; videos have an even number of pixels: {given - 1} or {given + 1}")
+    return given
 
 
 @click.command()
@@ -16,13 +23,47 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
     "--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder of the dataset, a new one."
 )
 @click.option("--all", "every", is_flag=True, help="Take episodes, too, that did not reach their goal.")
+@click.option(
+    "--format",
+    type=click.Choice(("v3.0", "v2.1")),
+    default="v3.0",
+    show_default=True,
+    help="Of LeRobot's dataset: v3.0 is for lerobot 0.4 and newer, v2.1 for older ones, openpi and openpi-comet.",
+)
+@click.option(
+    "--like",
+    type=click.Choice(("behavior",)),
+    help="Keys and numbers of BEHAVIOR's demonstrations of 2025, and in v2.1 their folders. Needs r1pro, 30 Hz.",
+)
+@click.option(
+    "--base-velocity",
+    type=click.Choice(("zero", "world")),
+    default="zero",
+    show_default=True,
+    help="With --like behavior: 0, as in its demonstrations, or as its evaluator tells it.",
+)
+@click.option(
+    "--prompt",
+    type=click.Choice(("instruction", "subtask")),
+    default="instruction",
+    show_default=True,
+    help="A row's `task`: what the episode is told, or what the robot is at.",
+)
+@click.option(
+    "--size",
+    type=click.IntRange(16, 2048),
+    callback=_even,
+    metavar="PIXELS",
+    help="Scale and pad all pictures to this width and height.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Say as JSON what was written.")
-def dataset(folders: tuple[Path, ...], out: Path, every: bool, as_json: bool) -> None:
-    """Make a LeRobot dataset (v3.0) of the demonstrations in each FOLDER.
+def dataset(folders: tuple[Path, ...], out: Path, every: bool, as_json: bool, **form: Any) -> None:
+    """Make a LeRobot dataset of the demonstrations in each FOLDER.
 
     `mpvi run --demonstration DIR` records one, `mpvi suite run --demonstrations` one an episode.
     """
-    from mpvi_bt.suite.dataset import require_pandas, write_dataset
+    from mpvi_bt.suite.dataset import Form, write_dataset
+    from mpvi_bt.suite.dataset_files import require_pandas
     from mpvi_bt.suite.demonstrations import Demonstrated, find_demonstrations
 
     require_pandas()
@@ -32,12 +73,12 @@ def dataset(folders: tuple[Path, ...], out: Path, every: bool, as_json: bool) ->
     def tell(what: str, number: int, episode: Demonstrated) -> None:
         click.echo(f"{what} {number + 1}/{len(taken)}  {episode.folder.name}  {episode.about.frames} frames", err=True)
 
-    write_dataset(taken, out, tell)
+    write_dataset(taken, out, Form(**form), tell)
     frames = sum(episode.about.frames for episode in taken)
     if as_json:
         left = [str(episode.folder) for episode in found if episode not in taken]
         said = {"dataset": str(out), "episodes": len(taken), "frames": frames, "left_out": left}
-        click.echo(json.dumps(said, indent=1, ensure_ascii=False))
+        click.echo(json.dumps(said | form, indent=1, ensure_ascii=False))
         return
     without = f"; {len(found) - len(taken)} that missed their goal left out" if len(found) > len(taken) else ""
     click.echo(f"{out}: {len(taken)} episodes, {frames} frames{without}")

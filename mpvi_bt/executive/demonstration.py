@@ -19,13 +19,16 @@ from mpvi_bt.behaviors.parameters import NavigateTo, Prompt
 from mpvi_bt.errors import BackendError
 from mpvi_bt.executive.loop import Outcome, Watcher, World
 from mpvi_bt.perception.phrases import OTHER
-from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, Proprioception
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul
+from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout, Proprioception
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.writing import unwritable, write_whole
 
-VERSION = 1
+VERSION = 2  # 1 had neither `arm_velocity` nor `T_base_camera`
 CAMERAS = ("head", "left", "right")
+NUMBERS = ("state", "base_pose", "arm_velocity", "action")  # arrays of a row's numbers
 FPS = 10  # Our choice: pictures are most of what recording costs on a CPU, and openpi's own datasets have 10 to 50
 
 
@@ -40,6 +43,27 @@ def state(felt: Proprioception) -> Array:
         values[joints] = felt.arm[side]
         values[ActionLayout.GRIPPER[side]] = felt.gripper_width[side]
     return values
+
+
+def felt_again(state: Array, base_pose: Array, arm_velocity: Array, robot: str) -> Proprioception:
+    """What was felt, of a recorded row: the inverse of `state`, for robots with two arms.
+
+    Args:
+        state: (23,).
+        base_pose: (3,) x, y [m], yaw [rad] in the world.
+        arm_velocity: (14,) [rad/s], the left arm's first.
+        robot: Its name.
+    """
+    return Proprioception(
+        base_pose=base_pose,
+        base_velocity=state[ActionLayout.BASE],
+        torso=state[ActionLayout.TORSO],
+        arm={side: state[ActionLayout.ARM[side]] for side in SIDES},
+        arm_velocity=dict(zip(SIDES, arm_velocity.reshape(2, 7), strict=True)),
+        gripper_width={side: float(state[ActionLayout.GRIPPER[side]]) for side in SIDES},
+        gripper_command={},
+        robot=robot,
+    )
 
 
 class Demonstration(Watcher):
@@ -58,8 +82,9 @@ class Demonstration(Watcher):
     def __init__(self, folder: Path, about: dict[str, Any], fps: int = FPS, cameras: Sequence[str] = CAMERAS) -> None:
         self._folder, self._about, self._fps, self._cameras = folder, about, fps, tuple(cameras)
         self._every = CONTROL_HZ // fps
-        self._rows: dict[str, list[Any]] = {"state": [], "base_pose": [], "action": [], "subtask": []}
-        self._videos: dict[str, _CameraVideo] = {}
+        self._rows: dict[str, list[Any]] = {key: [] for key in (*NUMBERS, "subtask")}
+        self._rows |= {f"T_base_camera/{camera}": [] for camera in self._cameras}
+        self._videos: dict[str, CameraVideo] = {}
         self._finished = False
 
     def start(self, tree: Tree, world: World) -> None:
@@ -77,13 +102,16 @@ class Demonstration(Watcher):
         felt = world.robot.proprioception()
         self._rows["state"].append(state(felt))
         self._rows["base_pose"].append(felt.base_pose)
+        self._rows["arm_velocity"].append(np.concatenate([felt.arm_velocity.get(s, np.zeros(7)) for s in SIDES]))
         self._rows["action"].append(world.robot.action.copy())
         self._rows["subtask"].append(subtask(tree))
+        T_base_world = kin.inverse(kin.base(felt.base_pose))
         for camera in self._cameras:
-            picture = world.robot.look(camera).rgb
+            image = world.robot.look(camera)
+            self._rows[f"T_base_camera/{camera}"].append(matmul(T_base_world, image.T_world_camera))
             if camera not in self._videos:
-                self._videos[camera] = _CameraVideo(self._folder / f"{camera}.mp4", picture.shape, self._fps)
-            self._videos[camera].add(picture)
+                self._videos[camera] = CameraVideo(self._folder / f"{camera}.mp4", image.rgb.shape, self._fps)
+            self._videos[camera].add(image.rgb)
 
     def end(self, outcome: Outcome) -> None:
         """Close the videos, however the episode ended."""
@@ -102,7 +130,7 @@ class Demonstration(Watcher):
             return
         names = list(dict.fromkeys(self._rows["subtask"]))
         arrays: dict[str, NDArray[Any]] = {
-            key: np.array(self._rows[key], np.float32) for key in ("state", "base_pose", "action")
+            key: np.array(rows, np.float32) for key, rows in self._rows.items() if key != "subtask"
         }
         arrays["subtask"] = np.array([names.index(name) for name in self._rows["subtask"]], np.int64)
         for camera, video in self._videos.items():
@@ -136,8 +164,13 @@ def subtask(tree: Tree) -> str:
     return ""
 
 
-class _CameraVideo:
-    """One camera's h264 file, every frame at its exact time, and how often each value was in each channel."""
+class CameraVideo:
+    """One camera's h264 file, every frame at its exact time, and how often each value was in each channel.
+
+    Attributes:
+        size: Height and width [px].
+        histogram: (3, 256) of all pictures.
+    """
 
     def __init__(self, file: Path, shape: tuple[int, ...], fps: int) -> None:
         import imageio_ffmpeg

@@ -21,6 +21,7 @@ from mpvi_bt.executive.demonstration import VERSION
 from mpvi_bt.marked_yaml import Record, load_marked, validate_data
 from mpvi_bt.robot.protocol import ACTION_SIZE
 
+READ = (1, VERSION)
 CODEC = "h264"
 _TOLERANCE_S = 1e-4  # as LeRobot's loader has it, between a row's time and its picture's
 
@@ -28,11 +29,26 @@ Size = Annotated[int, Field(gt=0)]
 Camera = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]*$")]
 
 
+class Chosen(Record):
+    """What is read of how the episode was run.
+
+    Attributes:
+        robot: Its name.
+    """
+
+    model_config = ConfigDict(strict=True, extra="ignore")
+
+    robot: str = "r1"
+
+
 class Description(Record):
     """What is read of `episode.json`; it may say more.
 
     Attributes:
         version: Of the layout.
+        task: Its name.
+        problem: BEHAVIOR's activity that the task is; recordings of version 1 do not tell.
+        config: How it was run.
         instruction: What the robot was told.
         fps: Rows a second of simulated time.
         frames: How many rows there are, and pictures of each camera.
@@ -44,6 +60,9 @@ class Description(Record):
     model_config = ConfigDict(strict=True, extra="ignore")
 
     version: int
+    task: str = ""
+    problem: str | None = None
+    config: Chosen = Chosen()
     instruction: Annotated[str, Field(min_length=1)]
     fps: Size
     frames: Size
@@ -66,7 +85,10 @@ class Demonstrated:
 
     @cached_property
     def frames(self) -> dict[str, NDArray[Any]]:
-        """Arrays by name: state (n, 23), base_pose (n, 3), action (n, 23), subtask (n,), histogram/CAMERA (3, 256).
+        """Arrays by name.
+
+        They are state (n, 23), base_pose (n, 3), action (n, 23), subtask (n,), of each camera histogram/CAMERA (3, 256)
+        and, but for recordings of version 1, arm_velocity (n, 14) and T_base_camera/CAMERA (n, 4, 4).
 
         Raises:
             FileProblems: Everything that is wrong with the file.
@@ -86,11 +108,13 @@ class Demonstrated:
     def _wrong(self, arrays: dict[str, NDArray[Any]]) -> Iterator[str]:
         """What is wrong with the arrays, each in a sentence."""
         n, last = self.about.frames, len(self.about.subtasks) - 1
-        due = {"state": (n, ACTION_SIZE), "base_pose": (n, 3), "action": (n, ACTION_SIZE), "subtask": (n,)}
-        due |= {f"histogram/{camera}": (3, 256) for camera in self.about.cameras}
+        due: dict[str, tuple[int, ...]] = {"state": (n, ACTION_SIZE), "base_pose": (n, 3), "action": (n, ACTION_SIZE)}
+        due |= {"subtask": (n,)} | {f"histogram/{camera}": (3, 256) for camera in self.about.cameras}
+        if self.about.version > 1:
+            due |= {"arm_velocity": (n, 14)} | {f"T_base_camera/{camera}": (n, 4, 4) for camera in self.about.cameras}
         for name, shape in due.items():
             array = arrays.get(name)
-            counts = name == "subtask" or "/" in name
+            counts = name == "subtask" or name.startswith("histogram/")
             if array is None:
                 yield f"no array {name!r}; it has {', '.join(map(shown, arrays)) or 'none'}"
             elif array.shape != shape:
@@ -101,7 +125,7 @@ class Demonstrated:
                 yield f"{name} has values that are not finite"
             elif name == "subtask" and not 0 <= array.min() <= array.max() <= last:
                 yield f"subtask has the number {array.min() if array.min() < 0 else array.max()}; there are 0 to {last}"
-            elif "/" in name:
+            elif name.startswith("histogram/"):
                 height, width = self.about.cameras[name.partition("/")[2]]
                 if array.min() < 0 or (array.sum(1) != n * height * width).any():
                     yield f"{name} does not count {n} pictures of {height} x {width} pixels"
@@ -118,8 +142,9 @@ def read_demonstration(folder: Path) -> Demonstrated:
     if not paths.is_file(file):
         raise UserError(f"{folder}: no demonstration there (no episode.json)")
     data, marks = load_marked(file)
-    if isinstance(data, dict) and (version := data.get("version", VERSION)) != VERSION:
-        raise UserError(f"{file}: a demonstration of version {shown(version)}; this mpvi_bt reads {VERSION}")
+    if isinstance(data, dict) and (version := data.get("version", VERSION)) not in READ:
+        known = " and ".join(map(str, READ))
+        raise UserError(f"{file}: a demonstration of version {shown(version)}; this mpvi_bt reads {known}")
     return Demonstrated(folder, validate_data(data, marks, Description))
 
 

@@ -175,7 +175,7 @@ def _demonstration(config: EpisodeConfig, task: Task) -> list[Demonstration]:
     if config.demonstration is None:
         return []
     about = {"task": config.task_name, "instance": config.instance, "seed": config.seed, "config": config.record()}
-    about["instruction"] = task.instruction
+    about |= {"problem": task.problem, "instruction": task.instruction}
     return [Demonstration(config.demonstration, about, config.demonstration_fps)]
 
 
