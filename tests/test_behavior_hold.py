@@ -9,7 +9,7 @@ import pytest
 
 from mpvi_bt.remote.openpi import OpenpiPolicy
 from mpvi_bt.remote.settings import load_settings
-from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout
+from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout
 from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.sim.world import World
 from tests.remote_servers import PolicyServer
@@ -56,3 +56,21 @@ def test_a_server_that_holds_still_leaves_the_robot_in_its_posture(name: str, ho
         assert after.gripper_width[side] == pytest.approx(0.10, abs=1e-3)
     assert start.rgb.std() > 10
     assert (np.abs(start.rgb.astype(int) - end.rgb).max(axis=2) > 2).mean() < 1e-3
+
+
+@pytest.mark.render
+def test_velocities_of_trunk_and_hands_are_felt(house: World) -> None:
+    """They are how far joints and fingers go in a step, by its time, while a trunk rises and hands close."""
+    for step in range(8):
+        before, rising = house.robot.proprioception(), REST.astype(float)
+        rising[ActionLayout.TORSO] += 0.01 * step * np.array([-1, 1, 1, -1])
+        rising[[ActionLayout.GRIPPER[side] for side in SIDES]] -= 0.05 * step
+        house.step(rising)
+    after = house.robot.proprioception()
+    moved = (after.torso - before.torso) * CONTROL_HZ
+    assert np.abs(moved).min() > 0.1
+    np.testing.assert_allclose((before.torso_velocity + after.torso_velocity) / 2, moved, rtol=0.2)
+    for side in SIDES:
+        closed = (after.gripper_width[side] - before.gripper_width[side]) * CONTROL_HZ
+        assert closed < -0.02
+        assert 1.5 * closed < after.gripper_velocity[side] < 0.3 * closed  # fingers go by fits and starts within a step

@@ -68,6 +68,8 @@ def body(yaw: float = 0.7) -> Proprioception:
         arm_velocity={side: take(7) for side in SIDES},
         gripper_width={"left": 0.06, "right": 0.08},
         gripper_command={"left": -1.0, "right": 0.5},
+        torso_velocity=take(4),
+        gripper_velocity={"left": 0.02, "right": -0.04},
         robot=ROBOT,
     )
 
@@ -95,7 +97,9 @@ def test_entries_are_what_the_robot_feels(dialect: Any) -> None:
         np.testing.assert_allclose(fields[f"eef_{side}_pos"], hand[:3, 3])
         np.testing.assert_allclose(Rotation.from_quat(fields[f"eef_{side}_quat"]).as_matrix(), hand[:3, :3], atol=1e-9)
         np.testing.assert_allclose(fields[f"gripper_{side}_qpos"], felt.gripper_width[side] / 2)
+        np.testing.assert_allclose(fields[f"gripper_{side}_qvel"], felt.gripper_velocity[side] / 2)
     np.testing.assert_array_equal(fields["trunk_qpos"], felt.torso)
+    np.testing.assert_array_equal(fields["trunk_qvel"], felt.torso_velocity)
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -106,6 +110,8 @@ def test_what_is_decoded_is_what_was_encoded(dialect: Any) -> None:
     read = decoded(fields, felt.base_pose, felt.gripper_command)
     np.testing.assert_allclose(read.base_velocity, felt.base_velocity)
     np.testing.assert_array_equal(read.torso, felt.torso)
+    np.testing.assert_array_equal(read.torso_velocity, felt.torso_velocity)
+    assert read.gripper_velocity == pytest.approx(felt.gripper_velocity)
     for side in SIDES:
         np.testing.assert_array_equal(read.arm[side], felt.arm[side])
         np.testing.assert_allclose(read.arm_velocity[side], felt.arm_velocity[side])
@@ -157,6 +163,8 @@ def test_all_joints_are_in_behaviors_order() -> None:
     np.testing.assert_allclose(joints[:6], [1.5, -2.0, 0, 0, 0, 0.7])
     np.testing.assert_allclose(joints[6:10], fields["trunk_qpos"])
     np.testing.assert_allclose(joints[24:], [0.03, 0.03, 0.04, 0.04])
+    np.testing.assert_array_equal(velocities[6:10], felt.torso_velocity)
+    np.testing.assert_allclose(velocities[24:], [0.01, 0.01, -0.02, -0.02])
     for i, side in enumerate(SIDES):
         np.testing.assert_allclose(joints[10 + i : 24 : 2], fields[f"arm_{side}_qpos"])
         np.testing.assert_allclose(velocities[10 + i : 24 : 2], felt.arm_velocity[side])

@@ -31,6 +31,7 @@ def body(torso: Any = (0.3, 0.0, 0.0, 0.5), arms: Any = None, robot: str = "r1")
         gripper_width=dict.fromkeys(SIDES, 0.1),
         gripper_command=dict.fromkeys(SIDES, 1.0),
         arm_command=arms,
+        torso_velocity=np.array([0.1, 0.2, -0.1, 0.3]),
         robot=robot,
     )
 
@@ -91,9 +92,12 @@ def test_behaviors_rest_posture_stands_the_r1_likewise() -> None:
 
 
 def test_velocities_are_of_the_joints_that_are_sent() -> None:
-    """A tenth of a second of the velocity that is sent is how far the angles that are sent have gone then."""
+    """A hundredth of a second of the velocity that is sent is how far the angles that are sent have gone then."""
     felt = body()
-    later = replace(felt, arm={side: felt.arm[side] + 0.01 * felt.arm_velocity[side] for side in SIDES})
+    arms = {side: felt.arm[side] + 0.01 * felt.arm_velocity[side] for side in SIDES}
+    later = replace(felt, arm=arms, torso=felt.torso + 0.01 * felt.torso_velocity)
+    moved = as_r1pro(later).torso - as_r1pro(felt).torso
+    np.testing.assert_allclose(moved, 0.01 * as_r1pro(felt).torso_velocity, atol=1e-4)
     for side in SIDES:
         moved = as_r1pro(later).arm[side] - as_r1pro(felt).arm[side]
         np.testing.assert_allclose(moved, 0.01 * as_r1pro(felt).arm_velocity[side], atol=1e-4)

@@ -64,7 +64,8 @@ def test_a_robot_with_one_arm_comes_through() -> None:
     """The fetch has a right arm and no left one, on the wire as well."""
     two = observation()["proprioception"]
     right = {name: {"right": getattr(two, name)["right"]} for name in ("arm", "arm_velocity", "gripper_width")}
-    more = {name: {"right": getattr(two, name)["right"]} for name in ("gripper_command", "arm_command")}
+    told = ("gripper_command", "arm_command", "gripper_velocity")
+    more = {name: {"right": getattr(two, name)["right"]} for name in told}
     sent = {"prompt": "", "images": {}, "proprioception": replace(two, robot="fetch", **right, **more)}
     read = read_observation(unpack(pack(write_observation(sent)))).observation["proprioception"]
     assert (read.robot, read.sides) == ("fetch", ("right",))

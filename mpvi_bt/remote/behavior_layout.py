@@ -85,7 +85,7 @@ def encoded(
 ) -> Array:
     """(256,) or (61,) the numbers of what a robot feels; of one that is no R1Pro the nearest (`retargeting`).
 
-    Velocities of trunk and fingers, and efforts, are not felt here and are 0.
+    Efforts are not felt here and are 0.
 
     Args:
         body: What it feels.
@@ -126,7 +126,7 @@ def _turned(velocity: Array, yaw: float) -> Array:
 def _felt(body: Proprioception) -> dict[str, Array]:
     """Entries of arms, hands and trunk: joints are an R1Pro's, hands are where the robot has them."""
     robot, like = robot_named(body.robot), as_r1pro(body)
-    fields: dict[str, Array] = {"trunk_qpos": like.torso}
+    fields: dict[str, Array] = {"trunk_qpos": like.torso, "trunk_qvel": like.torso_velocity}
     for side in SIDES:
         q = like.arm[side]
         hand = robot.tcp(body.torso, body.arm[side], side)
@@ -138,6 +138,7 @@ def _felt(body: Proprioception) -> dict[str, Array]:
             f"eef_{side}_pos": hand[:3, 3],
             f"eef_{side}_quat": rotation(hand[:3, :3]).as_quat(),
             f"gripper_{side}_qpos": np.full(2, body.gripper_width[side] / 2),
+            f"gripper_{side}_qvel": np.full(2, body.gripper_velocity.get(side, 0.0) / 2),
         }
     return fields
 
@@ -171,7 +172,7 @@ def _joint_fields(fields: Mapping[str, Array], base_velocity: Array) -> dict[str
     qvel[_JOINTS["base"]] = (*base_velocity[:2], 0, 0, 0, base_velocity[2])
     for part in ("trunk", "arm_left", "arm_right", "gripper_left", "gripper_right"):
         qpos[_JOINTS[part]] = fields[f"{part}_qpos"]
-        qvel[_JOINTS[part]] = fields.get(f"{part}_qvel", 0.0)
+        qvel[_JOINTS[part]] = fields[f"{part}_qvel"]
     return {"joint_qpos": qpos, "joint_qpos_sin": np.sin(qpos), "joint_qpos_cos": np.cos(qpos), "joint_qvel": qvel}
 
 
@@ -220,6 +221,8 @@ def decoded(
         gripper_width={side: max(float(fields[f"gripper_{side}_qpos"].sum()), 0.0) for side in SIDES},
         gripper_command=dict(gripper_command),
         arm_command=dict(arm_command or {}),
+        torso_velocity=fields["trunk_qvel"],
+        gripper_velocity={side: float(fields[f"gripper_{side}_qvel"].sum()) for side in SIDES},
         robot="r1pro",
     )
 

@@ -20,6 +20,7 @@ from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
 _BODY = ("base_pose", "base_velocity", "torso", "arm", "arm_velocity", "gripper_width", "gripper_command")
+_MORE = ("arm_command", "torso_velocity", "gripper_velocity", "robot")
 _ROBOT = "r1"  # where none is named
 
 Vocabulary = Mapping[str, Iterable[str]]  # name of a thing, as labels of pictures have it: what people call it
@@ -60,6 +61,8 @@ def write_observation(
             "gripper_width": dict(body.gripper_width),
             "gripper_command": dict(body.gripper_command),
             **({"arm_command": dict(body.arm_command)} if body.arm_command else {}),
+            "torso_velocity": body.torso_velocity,
+            **({"gripper_velocity": dict(body.gripper_velocity)} if body.gripper_velocity else {}),
             "robot": body.robot,
         },
         "images": {camera: _write_image(image) for camera, image in images.items()},
@@ -107,14 +110,15 @@ def read_vocabulary(given: Any) -> Vocabulary:
 
 
 def _read_body(given: Any) -> Proprioception:
-    body = _mapping(given, "proprioception", _BODY, ("arm_command", "robot"))
+    body = _mapping(given, "proprioception", _BODY, _MORE)
     robot = body.get("robot", _ROBOT)
     if not isinstance(robot, str):
         raise _wrong("proprioception.robot", robot, "the name of a robot")
     try:
-        sides = robot_named(robot).sides
+        model = robot_named(robot)
     except UnknownName as error:
         raise BadMessage(f"proprioception.robot: {error}") from None
+    sides = model.sides
 
     def numbers(name: str, size: int) -> Array:
         return _numbers(body[name], f"proprioception.{name}", (size,))
@@ -136,7 +140,10 @@ def _read_body(given: Any) -> Proprioception:
         gripper_width=hands("gripper_width"),
         gripper_command=hands("gripper_command"),
         arm_command=arms("arm_command") if "arm_command" in body else {},
+        torso_velocity=numbers("torso_velocity", 4) if "torso_velocity" in body else np.zeros(4),
+        gripper_velocity=hands("gripper_velocity") if "gripper_velocity" in body else {},
         robot=robot,
+        open_m=model.hand.opening_m,
     )
 
 

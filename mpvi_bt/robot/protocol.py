@@ -54,6 +54,8 @@ class Proprioception:
         gripper_command: Last commanded value of each gripper, -1 closed ... 1 open.
         arm_command: (7,) last commanded joint angles [rad] of each arm; empty where the robot does not tell. What the
             arms press against keeps them from getting there.
+        torso_velocity: (4,) of the torso's joints [m/s or rad/s]; 0 where it is not felt.
+        gripper_velocity: How fast each hand opens [m/s]; empty where it is not felt.
         robot: What robot it is, by name.
         open_m: Between the fingers of a hand that is fully open.
     """
@@ -66,6 +68,8 @@ class Proprioception:
     gripper_width: Mapping[Side, float]
     gripper_command: Mapping[Side, float]
     arm_command: Mapping[Side, Array] = field(default_factory=dict)
+    torso_velocity: Array = field(default_factory=lambda: np.zeros(4))
+    gripper_velocity: Mapping[Side, float] = field(default_factory=dict)
     robot: str = "r1"
     open_m: float = 0.10
 

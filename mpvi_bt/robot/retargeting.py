@@ -44,9 +44,14 @@ def as_r1pro(body: Proprioception) -> Proprioception:
     check_like_r1pro(robot)
     arm = {side: _wrist_of_r1pro(robot, body.arm[side]) for side in SIDES}
     after = {side: _wrist_of_r1pro(robot, body.arm[side] + _STEP_S * body.arm_velocity[side]) for side in SIDES}
+    trunk, trunk_after = (
+        R1PRO.trunk.joints(robot.trunk.posture(torso))
+        for torso in (body.torso, body.torso + _STEP_S * body.torso_velocity)
+    )
     return replace(
         body,
-        torso=R1PRO.trunk.joints(robot.trunk.posture(body.torso)),
+        torso=trunk,
+        torso_velocity=(trunk_after - trunk) / _STEP_S,
         arm=arm,
         arm_velocity={side: kin.wrap(after[side] - arm[side]) / _STEP_S for side in SIDES},
         arm_command={side: _wrist_of_r1pro(robot, q) for side, q in body.arm_command.items()},

@@ -67,9 +67,9 @@ class SimBody:
             x, y, yaw = q[self._base]
             c, s = np.cos(yaw), np.sin(yaw)
             vx, vy, w = v[self._base]
-            torso = np.zeros(len(self.model.torso_joints))
+            torso, torso_velocity = np.zeros(len(self.model.torso_joints)), np.zeros(len(self.model.torso_joints))
             for i, joint in self._torso:
-                torso[i] = q[joint]
+                torso[i], torso_velocity[i] = q[joint], v[joint]
             self._felt = Proprioception(
                 base_pose=np.array([x, y, kin.wrap(yaw)]),
                 base_velocity=np.array([c * vx + s * vy, -s * vx + c * vy, w]),
@@ -79,6 +79,8 @@ class SimBody:
                 gripper_width={k: float(q[i].sum()) for k, i in self._fingers.items()},
                 gripper_command=self.gripper_command,
                 arm_command=self.arm_command,
+                torso_velocity=torso_velocity,
+                gripper_velocity={k: float(v[i].sum()) for k, i in self._fingers.items()},
                 robot=self.model.name,
                 open_m=self.model.hand.opening_m,
             )

@@ -46,6 +46,7 @@ def check_robot(robot: Robot, step: Callable[[Array], None]) -> None:
         ("base_pose", body.base_pose, (3,)),
         ("base_velocity", body.base_velocity, (3,)),
         ("torso", body.torso, (4,)),
+        ("torso_velocity", body.torso_velocity, (4,)),
         *((f"arm[{s}]", body.arm[s], (7,)) for s in body.sides),
         *((f"arm_velocity[{s}]", body.arm_velocity[s], (7,)) for s in body.sides),
     ):

@@ -46,6 +46,8 @@ class KinematicRobot:
         self._targets[list(ActionLayout.GRIPPER.values())] = 1.0
         self._width: dict[Side, float] = dict.fromkeys(SIDES, _OPEN_M)
         self._arm_velocity = {side: np.zeros(7) for side in SIDES}
+        self._torso_velocity = np.zeros(4)
+        self._gripper_velocity: dict[Side, float] = dict.fromkeys(SIDES, 0.0)
         self._action = self._targets.copy()
 
     @property
@@ -75,6 +77,8 @@ class KinematicRobot:
             gripper_width=dict(self._width),
             gripper_command={side: float(self._targets[ActionLayout.GRIPPER[side]]) for side in SIDES},
             arm_command={side: self._targets[ActionLayout.ARM[side]].copy() for side in SIDES},
+            torso_velocity=self._torso_velocity.copy(),
+            gripper_velocity=dict(self._gripper_velocity),
             open_m=_OPEN_M,
         )
 
@@ -111,10 +115,13 @@ class KinematicRobot:
         for side in SIDES:
             arm = ActionLayout.ARM[side]
             self._arm_velocity[side] = (action[arm] - self._targets[arm]) / dt
+            before = self._width[side]
             wanted = (float(np.clip(action[ActionLayout.GRIPPER[side]], -1, 1)) + 1) / 2 * _OPEN_M
             reach = 0.4 * dt
             width = self._width[side] + float(np.clip(wanted - self._width[side], -reach, reach))
             self._width[side] = max(width, self.between_m[side])
+            self._gripper_velocity[side] = (self._width[side] - before) / dt
+        self._torso_velocity = (action[ActionLayout.TORSO] - self._targets[ActionLayout.TORSO]) / dt
         self._targets = action.copy()
         self._targets[ActionLayout.BASE] = 0.0
 
