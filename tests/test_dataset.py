@@ -24,6 +24,7 @@ from mpvi_bt.errors import FileProblems, UserError
 from mpvi_bt.executive.demonstration import CAMERAS, Demonstration, state
 from mpvi_bt.executive.loop import Outcome
 from mpvi_bt.paths import find
+from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
 from mpvi_bt.suite.dataset import Form, write_dataset
 from mpvi_bt.suite.dataset_statistics import QUANTILES
@@ -48,6 +49,14 @@ def test_the_state_has_the_order_of_the_action() -> None:
     assert (values[ActionLayout.ARM["right"]] == felt.arm["right"]).all()
     assert values[ActionLayout.GRIPPER["left"]] == felt.gripper_width["left"]
     assert (values[ActionLayout.TORSO] == felt.torso).all()
+
+
+def test_a_row_says_where_cameras_were_against_the_base(tmp_path: Path) -> None:
+    """The double's cameras stay at the world's origin while its base drives off and looks elsewhere."""
+    frames = read_demonstration(recorded(tmp_path / "one", 3)).frames
+    for camera in CAMERAS:
+        for pose, T in zip(frames["base_pose"], frames[f"T_base_camera/{camera}"], strict=True):
+            assert np.allclose(kin.base(pose) @ T, np.eye(4), atol=1e-6)
 
 
 def test_pictures_are_taken_only_for_rows(tmp_path: Path) -> None:

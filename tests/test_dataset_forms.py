@@ -201,6 +201,23 @@ def test_like_behavior_tells_subtasks_where_comet_reads_them(theirs: Sequence[Pa
     assert read_lines(tmp_path / "set/meta/episodes.jsonl")[0]["tasks"] == ["Do picking_up_trash."]
 
 
+def test_tasks_are_told_in_the_words_of_a_file(
+    theirs: Sequence[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Policies that were trained on BEHAVIOR's texts know no others; a task that the file lacks is told."""
+    words = {"turning_on_radio": {"task": "Radio on."}, "picking_up_trash": "Trash up."}
+    (tmp_path / "words.json").write_text(json.dumps(words))
+    given = ["dataset", *map(str, theirs), "--format", "v2.1", "--like", "behavior"]
+    assert run([*given, "--out", str(tmp_path / "set"), "--prompts", str(tmp_path / "words.json")]) == 0
+    tasks = [line["task"] for line in read_lines(tmp_path / "set/meta/tasks.jsonl")]
+    assert tasks == ["Radio on.", "Trash up."]
+    (tmp_path / "fewer.json").write_text('{"picking_up_trash": "Trash up."}')
+    capsys.readouterr()
+    assert run([*given, "--out", str(tmp_path / "no"), "--prompts", str(tmp_path / "fewer.json")]) == 2
+    assert "turning_on_radio" in capsys.readouterr().err
+    assert not (tmp_path / "no").exists()
+
+
 def old(folder: Path) -> None:
     """Make a recording one of version 1."""
     told(version=1)(folder)

@@ -50,6 +50,12 @@ def _even(ctx: click.Context, param: click.Parameter, given: int | None) -> int 
     help="A row's `task`: what the episode is told, or what the robot is at.",
 )
 @click.option(
+    "--prompts",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Have each task's instruction from this file, such as openpi-comet's task_mapping.json.",
+)
+@click.option(
     "--size",
     type=click.IntRange(16, 2048),
     callback=_even,
@@ -57,7 +63,9 @@ def _even(ctx: click.Context, param: click.Parameter, given: int | None) -> int 
     help="Scale and pad all pictures to this width and height.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Say as JSON what was written.")
-def dataset(folders: tuple[Path, ...], out: Path, every: bool, as_json: bool, **form: Any) -> None:
+def dataset(
+    folders: tuple[Path, ...], out: Path, every: bool, prompts: Path | None, as_json: bool, **form: Any
+) -> None:
     """Make a LeRobot dataset of the demonstrations in each FOLDER.
 
     `mpvi run --demonstration DIR` records one, `mpvi suite run --demonstrations` one an episode.
@@ -68,7 +76,8 @@ def dataset(folders: tuple[Path, ...], out: Path, every: bool, as_json: bool, **
 
     require_pandas()
     found = find_demonstrations(folders)
-    taken = [episode for episode in found if every or episode.about.success]
+    reached = [episode for episode in found if every or episode.about.success]
+    taken = reached if prompts is None else [episode.told_as_in(prompts) for episode in reached]
 
     def tell(what: str, number: int, episode: Demonstrated) -> None:
         click.echo(f"{what} {number + 1}/{len(taken)}  {episode.folder.name}  {episode.about.frames} frames", err=True)
@@ -76,7 +85,7 @@ def dataset(folders: tuple[Path, ...], out: Path, every: bool, as_json: bool, **
     write_dataset(taken, out, Form(**form), tell)
     frames = sum(episode.about.frames for episode in taken)
     if as_json:
-        left = [str(episode.folder) for episode in found if episode not in taken]
+        left = [str(episode.folder) for episode in found if episode not in reached]
         said = {"dataset": str(out), "episodes": len(taken), "frames": frames, "left_out": left}
         click.echo(json.dumps(said | form, indent=1, ensure_ascii=False))
         return

@@ -19,6 +19,7 @@ from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, Problem, UserError, shown
 from mpvi_bt.executive.demonstration import VERSION
 from mpvi_bt.marked_yaml import Record, load_marked, validate_data
+from mpvi_bt.remote.prompts import prompt_of
 from mpvi_bt.robot.protocol import ACTION_SIZE
 
 READ = (1, VERSION)
@@ -82,6 +83,16 @@ class Demonstrated:
 
     folder: Path
     about: Description
+
+    def told_as_in(self, prompts: Path) -> Demonstrated:
+        """The same, with the instruction that a file has for its task.
+
+        Raises:
+            UnknownName: The file does not name the task.
+            UserError, FileProblems: It cannot be read, or everything that is wrong with it.
+        """
+        told = prompt_of(self.about.problem or self.about.task, prompts)
+        return Demonstrated(self.folder, self.about.model_copy(update={"instruction": told}))
 
     @cached_property
     def frames(self) -> dict[str, NDArray[Any]]:
