@@ -21,29 +21,11 @@ from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.policies import check_policy_choice, settings_for
+from tests.numbered_body import numbered_body
 
 LINKS = {"head": "zed_link", "left": "left_realsense_link", "right": "right_realsense_link"}
 REST = [1.025, -1.45, -0.47, 0.0]  # of the trunk, where an episode of BEHAVIOR begins
 TASK, NUMBER = "picking_up_trash", 1  # a task, and its number in BEHAVIOR's table
-
-
-def body(yaw: float = 0.0) -> Proprioception:
-    """Every number different from every other."""
-    numbers = iter(np.arange(1, 100) / 100)
-
-    def take(n: int) -> Any:
-        return np.array([next(numbers) for _ in range(n)])
-
-    return Proprioception(
-        base_pose=np.array([1.5, -2.0, yaw]),
-        base_velocity=take(3),
-        torso=take(4),
-        arm={side: take(7) for side in SIDES},
-        arm_velocity={side: take(7) for side in SIDES},
-        gripper_width={"left": 0.06, "right": 0.08},
-        gripper_command={"left": -1.0, "right": 0.5},
-        robot="r1pro",
-    )
 
 
 def picture_of(camera: str, height: int = 48, width: int = 64) -> CameraImage:
@@ -58,7 +40,9 @@ def sent(name: str, felt: Proprioception | None = None) -> dict[str, Any]:
     layout = briefed(load_settings(name), TASK, NUMBER).observation
     assert layout is not None
     images = {camera: picture_of(camera) for camera in CAMERAS}
-    return message_of({"prompt": "pick up the can", "proprioception": felt or body(), "images": images}, layout)
+    return message_of(
+        {"prompt": "pick up the can", "proprioception": felt or numbered_body(), "images": images}, layout
+    )
 
 
 @pytest.mark.parametrize("name", ["openpi_comet", "openpi_comet_b1k", "vla_eval", "behavior_2025"])
@@ -68,7 +52,7 @@ def test_the_23_numbers_that_comet_reads_are_the_robots(name: str, yaw: float) -
 
     The indices are those of openpi-comet's `extract_state_from_proprio`.
     """
-    felt = body(yaw)
+    felt = numbered_body(yaw=yaw)
     message = sent(name, felt)
     (state,) = (message[key] for key in ("observation/state", "robot_r1::proprio", "states") if key in message)
     assert (state.shape, state.dtype) == ((256,), np.float32)
@@ -110,29 +94,29 @@ def test_behaviors_servers_are_sent_what_its_evaluators_send(name: str, size: in
 def test_base_velocity_of_2026_is_in_the_robots_frame() -> None:
     """Whichever way the robot is turned."""
     for yaw in (0.0, 2.1):
-        state = sent("behavior_2026", body(yaw))["robot_r1::proprio"][0]
-        np.testing.assert_allclose(state[:3], body().base_velocity, rtol=1e-6)
+        state = sent("behavior_2026", numbered_body(yaw=yaw))["robot_r1::proprio"][0]
+        np.testing.assert_allclose(state[:3], numbered_body().base_velocity, rtol=1e-6)
 
 
 def test_base_velocity_may_be_as_in_the_demonstrations() -> None:
     """A key of the settings has it 0, as a checkpoint of 2025 has seen it."""
     layout = Observation.model_validate({"state": {"s": {"dialect": "behavior-2025", "base_velocity": "zero"}}})
-    state = message_of({"prompt": "", "proprioception": body(), "images": {}}, layout)["s"]
+    state = message_of({"prompt": "", "proprioception": numbered_body(), "images": {}}, layout)["s"]
     assert not state[253:256].any()
-    np.testing.assert_allclose(state[236:240], body().torso, rtol=1e-6)
+    np.testing.assert_allclose(state[236:240], numbered_body().torso, rtol=1e-6)
 
 
 def test_camera_poses_are_of_left_wrist_right_wrist_and_head() -> None:
     """In base_link, USD's axes, xyzw: at the start of an episode the head's is where BEHAVIOR's simulator has it."""
-    start = replace(body(), torso=np.array(REST), arm=dict.fromkeys(SIDES, np.zeros(7)))
+    start = replace(numbered_body(), torso=np.array(REST), arm=dict.fromkeys(SIDES, np.zeros(7)))
     left, right, head = sent("behavior_2025", start)["robot_r1::cam_rel_poses"].reshape(3, 7)
     np.testing.assert_allclose(head[:3], [0.2397, 0.0, 1.3918], atol=1e-4)
     np.testing.assert_allclose(np.sign(-head[3]) * head[3:], [-0.392, 0.392, 0.588, -0.588], atol=1e-3)
     np.testing.assert_allclose(left[:3], [0.1747, 0.2549, 0.5007], atol=1e-4)
     np.testing.assert_allclose(right[:3], [0.1747, -0.2491, 0.5007], atol=1e-4)
-    for side, pose in (("left", left), ("right", right)):
+    for side, pose in zip(SIDES, (left, right), strict=True):
         axes = Rotation.from_quat(pose[3:]).as_matrix()
-        T = R1PRO.wrist_camera(start.torso, start.arm[side], side)  # type: ignore[index]
+        T = R1PRO.wrist_camera(start.torso, start.arm[side], side)
         np.testing.assert_allclose(-axes[:, 2], T[:3, 2], atol=1e-6)
         np.testing.assert_allclose(axes[:, 1], -T[:3, 1], atol=1e-6)
 
@@ -144,7 +128,7 @@ def test_depth_linear_is_infinite_where_nothing_is_seen() -> None:
             shown = {"camera": "head", "show": "depth_linear", "size": size, "fit": fit}
             layout = Observation.model_validate({"images": {"d": shown}})
             depth = message_of(
-                {"prompt": "", "proprioception": body(), "images": {"head": picture_of("head")}}, layout
+                {"prompt": "", "proprioception": numbered_body(), "images": {"head": picture_of("head")}}, layout
             )["d"]
             assert depth.dtype == np.float32
             assert set(np.unique(depth)) == {np.float32(2.5), np.float32(np.inf)}
@@ -176,7 +160,7 @@ def test_an_r1pros_actions_are_behaviors(name: str) -> None:
     layout = load_settings(name).action
     theirs = np.random.default_rng(0).normal(size=(3, ACTION_SIZE))
     theirs[:, :3] = [[0.5, -0.2, 1.0], [2.0, -7.0, 1.2], [0.0, 0.0, -3.0]]
-    ours = actions_of({layout.key: theirs[None]}, layout, body())
+    ours = actions_of({layout.key: theirs[None]}, layout, numbered_body())
     np.testing.assert_allclose(ours[:, ActionLayout.BASE], [[0.375, -0.15, 1.0], [0.75, -0.75, 1.0], [0, 0, -1.0]])
     assert np.array_equal(ours[:, 3:], theirs[:, 3:])
 
@@ -186,7 +170,9 @@ def test_behaviors_posture_does_not_turn_the_r1() -> None:
     layout = load_settings("openpi_comet").action
     rest = np.zeros((1, ACTION_SIZE))
     rest[:, ActionLayout.TORSO] = REST
-    lift, yaw, pitch, _ = actions_of({"actions": rest}, layout, replace(body(), robot="r1"))[0, ActionLayout.TORSO]
+    lift, yaw, pitch, _ = actions_of({"actions": rest}, layout, replace(numbered_body(), robot="r1"))[
+        0, ActionLayout.TORSO
+    ]
     assert yaw == 0
     assert (lift, pitch) == (pytest.approx(0.453, abs=1e-3), pytest.approx(0.045))
 
@@ -201,7 +187,7 @@ def test_behaviors_posture_does_not_turn_the_r1() -> None:
 def test_an_answer_in_another_dialect_is_told(name: str, reply: Any, words: list[str]) -> None:
     """It is said which settings such an answer fits."""
     with pytest.raises(PolicyError) as caught:
-        actions_of(reply, load_settings(name).action, body())
+        actions_of(reply, load_settings(name).action, numbered_body())
     assert caught.value.reason == "bad_reply"
     assert all(word in str(caught.value) for word in words), caught.value
 
@@ -223,7 +209,7 @@ def test_a_whole_tasks_prompt_is_sent_for_every_subtask(tmp_path: Path) -> None:
     for task, prompt in ((TASK, "Throw the cans away."), ("mine", "Do it.")):
         layout = briefed(settings, task, None).observation
         assert layout is not None
-        message = message_of({"prompt": "pick up the can", "proprioception": body(), "images": {}}, layout)
+        message = message_of({"prompt": "pick up the can", "proprioception": numbered_body(), "images": {}}, layout)
         assert message == {"prompt": prompt}
 
 

@@ -20,35 +20,22 @@ from mpvi_bt.errors import FileProblems, PolicyError, UnknownName, UserError
 from mpvi_bt.remote import settings as settings_module
 from mpvi_bt.remote.mapping import MOST_ACTIONS, actions_of, message_of, resize_with_pad
 from mpvi_bt.remote.settings import CAMERAS, Action, Observation, Settings, load_settings
-from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Proprioception
+from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout
 from mpvi_bt.testing.doubles import KinematicRobot
+from tests.numbered_body import numbered_body
 from tests.openpi_env import openpi_python
 
 PRESETS = paths.names("policies")
 PAGE = (Path(__file__).parent.parent / "docs" / "policies.md").read_text(encoding="utf-8")
 
 
-def body() -> Proprioception:
-    """Every number different from every other."""
-    numbers = iter(np.arange(1, 100) / 100)
-
-    def take(n: int) -> Any:
-        return np.array([next(numbers) for _ in range(n)])
-
-    return Proprioception(
-        base_pose=take(3),
-        base_velocity=take(3),
-        torso=take(4),
-        arm={side: take(7) for side in SIDES},
-        arm_velocity={side: take(7) for side in SIDES},
-        gripper_width={"left": 0.06, "right": 0.08},
-        gripper_command={"left": -1.0, "right": 0.5},
-    )
-
-
 def observation(cameras: tuple[str, ...] = CAMERAS) -> dict[str, Any]:
     robot = KinematicRobot()
-    return {"prompt": "pick up the cup", "proprioception": body(), "images": {c: robot.look(c) for c in cameras}}
+    return {
+        "prompt": "pick up the cup",
+        "proprioception": numbered_body("r1"),
+        "images": {c: robot.look(c) for c in cameras},
+    }
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -61,16 +48,16 @@ def test_shipped_settings_are_documented(name: str) -> None:
 def test_an_action_without_parts_is_ours() -> None:
     """`mpvi serve` answers in our own order and units: nothing is changed, to the last bit."""
     theirs = np.random.default_rng(0).normal(size=(4, ACTION_SIZE))
-    assert np.array_equal(actions_of({"actions": theirs}, load_settings("mpvi").action, body()), theirs)
+    assert np.array_equal(actions_of({"actions": theirs}, load_settings("mpvi").action, numbered_body("r1")), theirs)
 
 
 def test_parts_that_a_policy_lacks_are_held() -> None:
     """A policy for one arm leaves trunk, other arm and other gripper as they were, and the base still."""
     layout = Action.model_validate({"size": 7, "parts": [{"part": "arm_right", "at": 0}]})
-    ours = actions_of({"actions": np.ones((3, 7))}, layout, body())
+    ours = actions_of({"actions": np.ones((3, 7))}, layout, numbered_body("r1"))
     assert not ours[:, ActionLayout.BASE].any()
-    assert (ours[:, ActionLayout.TORSO] == body().torso).all()
-    assert (ours[:, ActionLayout.ARM["left"]] == body().arm["left"]).all()
+    assert (ours[:, ActionLayout.TORSO] == numbered_body("r1").torso).all()
+    assert (ours[:, ActionLayout.ARM["left"]] == numbered_body("r1").arm["left"]).all()
     assert (ours[:, ActionLayout.ARM["right"]] == 1).all()
     assert (ours[:, [ActionLayout.GRIPPER[side] for side in SIDES]] == [-1.0, 0.5]).all()
 
@@ -86,8 +73,8 @@ def test_what_a_policy_echoes_is_where_the_arm_is(order: list[int], scale: list[
     state = {"state": {"parts": [piece], "dtype": "float64"}}
     sent = message_of(observation(()), Observation.model_validate({"state": state}))
     layout = Action.model_validate({"size": 7, "parts": [piece]})
-    ours = actions_of({"actions": sent["state"][None]}, layout, body())
-    np.testing.assert_allclose(ours[0, ActionLayout.ARM["left"]], body().arm["left"], atol=1e-9)
+    ours = actions_of({"actions": sent["state"][None]}, layout, numbered_body("r1"))
+    np.testing.assert_allclose(ours[0, ActionLayout.ARM["left"]], numbered_body("r1").arm["left"], atol=1e-9)
 
 
 def test_keys_with_dots_nest_and_constants_are_sent() -> None:
@@ -204,7 +191,7 @@ BAD = {
 def test_what_is_no_chunk_of_actions_is_refused(name: str) -> None:
     """Whatever a reply holds instead is a bad reply, told in one line."""
     with pytest.raises(PolicyError) as caught:
-        actions_of(BAD[name], Action(), body())
+        actions_of(BAD[name], Action(), numbered_body("r1"))
     assert caught.value.reason == "bad_reply"
     assert "\n" not in str(caught.value)
 
@@ -213,14 +200,14 @@ def test_numbers_that_overflow_when_scaled_are_refused() -> None:
     """What is finite on the wire but not in our units is no action."""
     layout = Action.model_validate({"parts": [{"part": "torso", "at": 0, "scale": 1e6}]})
     with pytest.raises(PolicyError, match="not finite"):
-        actions_of({"actions": np.full((1, ACTION_SIZE), 1e305)}, layout, body())
+        actions_of({"actions": np.full((1, ACTION_SIZE), 1e305)}, layout, numbered_body("r1"))
 
 
 @pytest.mark.parametrize("shape", [(ACTION_SIZE,), (1, ACTION_SIZE), (1, 5, ACTION_SIZE), (1, 1, ACTION_SIZE)])
 def test_one_action_or_a_batch_of_one_is_a_chunk(shape: tuple[int, ...]) -> None:
     """BEHAVIOR's servers answer one action, with or without a batch's axis; half precision and integers are numbers."""
     for dtype in (np.float16, np.float32, np.float64, np.int32):
-        chunk = actions_of({"actions": np.ones(shape, dtype)}, Action(), body())
+        chunk = actions_of({"actions": np.ones(shape, dtype)}, Action(), numbered_body("r1"))
         assert chunk.shape == (shape[-2] if len(shape) > 2 else 1, ACTION_SIZE)
         assert chunk.dtype == np.dtype(float)
         chunk[:] = 0  # and may be written to
@@ -343,7 +330,7 @@ def test_any_data_are_settings_or_have_problems(data: Any) -> None:
 def test_held_parts_are_those_of_the_handoff() -> None:
     """What is held is what was handed over, not what the arm sags to since."""
     layout = Action.model_validate({"size": 1, "parts": [{"part": "gripper_command_left", "at": 0}]})
-    before, now = body(), replace(body(), torso=body().torso - 0.1)
+    before, now = numbered_body("r1"), replace(numbered_body("r1"), torso=numbered_body("r1").torso - 0.1)
     ours = actions_of({"actions": np.zeros((1, 1))}, layout, before)
     assert (ours[0, ActionLayout.TORSO] == before.torso).all()
     assert (ours[0, ActionLayout.TORSO] != now.torso).all()

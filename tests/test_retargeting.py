@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mpvi_bt.errors import UserError
 from mpvi_bt.robot.fetch import FETCH
-from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Proprioception
+from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout, Proprioception, Side
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.retargeting import as_r1pro, from_r1pro
@@ -116,7 +116,7 @@ def test_a_hand_turns_the_nearer_way() -> None:
 
 def test_a_robot_with_one_arm_is_refused() -> None:
     """The fetch is no R1Pro with an arm missing: it is told so, and what to choose."""
-    arms = {"right": np.zeros(7)}
+    arms: dict[Side, Any] = {"right": np.zeros(7)}
     felt = replace(body(robot="fetch"), arm=arms, arm_velocity=arms, arm_command=arms)
     assert FETCH.sides == ("right",)
     for convert in (lambda: as_r1pro(felt), lambda: from_r1pro(np.zeros((1, ACTION_SIZE)), felt)):
