@@ -7,6 +7,8 @@ looks around, finds the box, builds a map on the way and drives up to it. A driv
 import json
 import subprocess
 import sys
+from collections.abc import Iterable
+from typing import Any
 
 import msgpack
 import numpy as np
@@ -14,24 +16,25 @@ from websockets.sync.client import connect
 
 from mpvi_bt.robot.kinematics import base
 from mpvi_bt.robot.r1 import R1  # for where its camera is; a driver of another robot knows that of its own
+from mpvi_bt.robot.solids import Array
 
 BOX, ROOM = np.array([[1.8, -1.4, 0.0], [2.2, -1.0, 0.8]]), np.array([[-3.0, -2.0, 0.0], [3.0, 2.0, 2.5]])
 K = np.array([[117.0, 0, 80], [0, 117, 60], [0, 0, 1]])
 LABELS = {"1": "wall", "2": "box"}
 
 
-def encoded(value):
+def encoded(value: Any) -> dict[bytes, Any]:
     """An array as openpi packs it."""
     array = np.asarray(value)
     return {b"__ndarray__": True, b"data": array.tobytes(), b"dtype": array.dtype.str, b"shape": array.shape}
 
 
-def decoded(item):
+def decoded(item: dict[Any, Any]) -> Any:
     """The inverse."""
     return np.frombuffer(item[b"data"], item[b"dtype"]).reshape(item[b"shape"]) if b"__ndarray__" in item else item
 
 
-def picture(pose, torso):
+def picture(pose: Array, torso: Array) -> dict[str, Any]:
     """What the head sees, ray by ray: how far the box is, or else wall, floor or ceiling."""
     T = base(pose) @ R1.head_camera(torso)
     u, v = np.meshgrid(np.arange(160) + 0.5, np.arange(120) + 0.5)
@@ -46,7 +49,7 @@ def picture(pose, torso):
     return {**told, "names": LABELS, "K": K, "T_world_camera": T}
 
 
-def observation(pose, action, cameras):
+def observation(pose: Array, action: Array, cameras: Iterable[str]) -> dict[str, Any]:
     """What the robot feels and sees, with the targets that it has."""
     arms = {"left": action[7:14], "right": action[15:22]}
     hands = {"left": float(action[14]), "right": float(action[22])}
@@ -62,9 +65,11 @@ def observation(pose, action, cameras):
 command = "serve mpvi --protocol openpi --robot r1 --port 0 --json --tree go_to --param place=box"
 words = [sys.executable, "-c", "from mpvi_bt.cli import main; main()", *command.split()]
 with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as server:
+    assert server.stdout is not None
     with connect(json.loads(server.stdout.readline())["address"], compression=None, max_size=None) as socket:
         print(msgpack.unpackb(socket.recv(), object_hook=decoded))
-        pose, action, answer, steps = np.zeros(3), np.zeros(23), {}, 0
+        answer: dict[str, Any] = {}
+        pose, action, steps = np.zeros(3), np.zeros(23), 0
         action[3:7] = R1.travel_torso
         action[7:14], action[15:22] = R1.travel_arm["left"], R1.travel_arm["right"]
         while "ended" not in answer and steps < 3000:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,13 @@ from websockets.sync.client import connect
 
 from mpvi_bt.errors import UserError
 from mpvi_bt.remote.behavior import NAMES
+from mpvi_bt.remote.codec import pack, unpack
 from mpvi_bt.remote.odometry import moved
 from mpvi_bt.remote.reading import CHUNK
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.trace.read import read_trace
 from tests.driven import DIALECTS, Driver, driving
+from tests.openpi_env import openpi_python
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -230,3 +233,28 @@ def test_an_instruction_needs_a_plan(tmp_path: Path) -> None:
     """One that is on file; for others a planner has to be chosen."""
     with driving("openpi", tmp_path, tree=None) as driver:
         assert "no plan is on file for 'sing a song'" in driver.ask(prompt="sing a song")
+
+
+THEIRS = """
+import sys
+from openpi_client import msgpack_numpy
+from openpi_client.websocket_client_policy import WebsocketClientPolicy
+message = msgpack_numpy.unpackb(open(sys.argv[1], "rb").read())
+policy = WebsocketClientPolicy("127.0.0.1", int(sys.argv[2]))
+open(sys.argv[3], "wb").write(msgpack_numpy.packb([policy.infer(message) for _ in range(3)]))
+"""
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_the_published_client_is_told_the_same(dialect: str, tmp_path: Path) -> None:
+    """What openpi's own client unpacks equals what ours does, in each dialect."""
+    with driving(dialect, tmp_path) as driver:
+        message, told = driver.message(), [driver.ask() for _ in range(3)]
+        driver.reset()
+        (tmp_path / "message").write_bytes(pack(message))
+        port = str(driver.connection.remote_address[1])
+        words = [openpi_python(), "-c", THEIRS, str(tmp_path / "message"), port, str(tmp_path / "answers")]
+        subprocess.run(words, check=True, timeout=60)
+    key = "actions" if dialect == "openpi" else "action"
+    for theirs, ours in zip(unpack((tmp_path / "answers").read_bytes()), told, strict=True):
+        np.testing.assert_array_equal(theirs[key], ours[key])

@@ -1,0 +1,200 @@
+"""The stand-in for BEHAVIOR's evaluator: what it sends, in which order, and what it makes of answers."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from websockets.http11 import Request, Response
+from websockets.sync.server import ServerConnection, serve
+
+from mpvi_bt.cli.evaluate import evaluate as command
+from mpvi_bt.errors import PolicyError, UserError
+from mpvi_bt.executive.loop import Watcher, World
+from mpvi_bt.remote.codec import pack, unpack
+from mpvi_bt.robot.protocol import ActionLayout
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.suite.episode import run
+from mpvi_bt.suite.evaluator import Session, evaluate
+from mpvi_bt.suite.served import Work, executive_server
+from mpvi_bt.tree.build import Tree
+from tests.serving import running
+
+TASK = "picking_up_trash"
+START = np.concatenate([np.zeros(3), [1.025, -1.45, -0.47, 0.0], np.zeros(7), [1.0], np.zeros(7), [1.0]])
+
+
+class Ear:
+    """Hears how it goes.
+
+    Attributes:
+        actions: That were carried out.
+    """
+
+    def __init__(self) -> None:
+        self.actions: list[Array] = []
+
+    def said(self, line: str) -> None:
+        pass
+
+    def stepped(self, instance: int, step: int, most: int) -> None:
+        pass
+
+    def acted(self, instance: int, action: Array) -> None:
+        self.actions.append(action)
+
+
+@contextmanager
+def scripted(answer: Callable[[dict[str, Any], int], Any]) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+    """A server as plain as those of the challenge; its address, and what it was sent."""
+    heard: list[dict[str, Any]] = []
+
+    def talk(connection: ServerConnection) -> None:
+        connection.send(pack({}))
+        for frame in connection:
+            assert isinstance(frame, bytes)
+            heard.append(unpack(frame))
+            if "reset" not in heard[-1]:
+                told = answer(heard[-1], len(heard))
+                connection.send(told if isinstance(told, str) else pack(told))
+
+    def healthy(connection: ServerConnection, request: Request) -> Response | None:
+        return connection.respond(200, "OK\n") if request.path == "/healthz" else None
+
+    with serve(talk, "127.0.0.1", 0, compression=None, max_size=None, process_request=healthy) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield f"127.0.0.1:{server.socket.getsockname()[1]}", heard
+        server.shutdown()
+        thread.join()
+
+
+def _still(message: dict[str, Any], count: int) -> dict[str, Any]:
+    """Stand, in whichever shape is asked for."""
+    batched = message["robot_r1::proprio"].ndim == 2
+    chunk = np.tile(START.astype(np.float32), (message.get("__action_chunk_size__", 1), 1))
+    chunk = chunk[None] if batched else chunk
+    more = {"action_chunk": chunk} if "__action_chunk_size__" in message else {}
+    return {"action": chunk[..., 0, :], **more}
+
+
+@pytest.mark.slow
+@pytest.mark.render
+def test_it_goes_on_as_the_evaluators_do(tmp_path: Path) -> None:
+    """Resets, shapes of what is sent, replayed chunks and results, of 2025 and 2026, from the same start."""
+    with scripted(_still) as (address, heard):
+        (first,) = evaluate(Session(address, "behavior-2025", TASK, max_steps=2, out=tmp_path), Ear())
+        resets = [list(message) == ["reset"] for message in heard]
+        assert resets == [True, True, True, False, False]
+        assert "mpvi::names" not in heard[-1]
+        old = heard[-1]
+        assert old["robot_r1::proprio"].shape == (256,)
+        assert old["robot_r1::robot_r1:zed_link:Camera:0::rgb"].shape == (320, 320, 4)
+        heard.clear()
+        session = Session(address, "behavior-2026", TASK, batched=True, chunk=4, max_steps=10, out=tmp_path)
+        ear = Ear()
+        (second,) = evaluate(session, ear)
+        assert [list(message) == ["reset"] for message in heard] == [True, False, False, False]
+        assert heard[1]["robot_r1::proprio"].shape == (1, 61)
+        assert heard[1]["task_id"].tolist() == [[1]]
+        np.testing.assert_allclose(heard[1]["robot_r1::cam_rel_poses"][0], old["robot_r1::cam_rel_poses"], atol=1e-3)
+        np.testing.assert_allclose(heard[1]["robot_r1::proprio"][0, 53:57], START[ActionLayout.TORSO], atol=1e-2)
+        assert len(ear.actions) == 10
+    told = json.loads((tmp_path / "metrics" / f"{TASK}_0_0.json").read_text())
+    assert told == first.result
+    assert set(told) == {"q_score", "agent_distance", "normalized_agent_distance", "time"}
+    told = json.loads((tmp_path / "json" / f"{TASK}_0_0.json").read_text())
+    assert told == second.result
+    assert (told["steps"], told["success"], told["q_score"]) == (10, False, {"final": 0.0})
+
+
+class Acts(Watcher):
+    """Keeps the first actions of an episode, and then ends it.
+
+    Attributes:
+        actions: Those.
+    """
+
+    def __init__(self, most: int) -> None:
+        self.actions: list[Array] = []
+        self._most = most
+
+    def step(self, tree: Tree, world: World) -> None:
+        if len(self.actions) == self._most:
+            raise KeyboardInterrupt
+        self.actions.append(world.robot.action)
+
+
+@pytest.mark.slow
+@pytest.mark.render
+def test_the_executive_does_behind_a_socket_what_it_does_here() -> None:
+    """Action by action: to the bit in our own keys, to the rounding of float32 in the evaluator's.
+
+    The map is built online in both, and reactive acts. Long episodes in the evaluator's keys part in the end: what is
+    rounded goes into searches.
+    """
+    steps = 150
+    config = EpisodeConfig("", policy="reactive", map="online", robot="r1pro")
+    here = Acts(steps)
+    run(EpisodeConfig(TASK, policy="reactive", map="online", robot="r1pro"), [here])
+    assert np.ptp(here.actions, axis=0).any()
+    for dialect, tolerance in (("openpi", 0.0), ("behavior-2025", 1e-3)):
+        ear = Ear()
+        with running(executive_server(dialect, Work(config))) as server:
+            address = f"127.0.0.1:{server.port}"
+            evaluate(
+                Session(address, dialect, TASK, labels=True, on_demand=True, max_steps=steps),
+                ear,  # type: ignore[arg-type]
+            )
+        np.testing.assert_allclose(ear.actions, here.actions, rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({"task": "picking_up_trsh"}, "picking_up_trash"),
+        ({"instances": (99,)}, "instance 99 is out of range"),
+        ({"chunk": 8}, "one action at a time"),
+        ({"robot": "r1"}, "choose --robot r1pro"),
+    ],
+)
+def test_what_cannot_be_evaluated_is_told_at_once(given: dict[str, Any], why: str) -> None:
+    """Before a server is looked for."""
+    with pytest.raises(UserError, match=why):
+        evaluate(Session(**{"address": "127.0.0.1:9", "dialect": "behavior-2025", "task": TASK, **given}), Ear())
+
+
+def test_a_server_that_is_not_there_is_told() -> None:
+    """As one line and exit code 3, once it has been waited for."""
+    error = CliRunner().invoke(
+        command, [TASK, "127.0.0.1:9", "--dialect", "behavior-2026", "--wait", "0"], standalone_mode=False
+    )
+    assert isinstance(error.exception, PolicyError)
+    assert error.exception.exit_code == 3
+    assert "/healthz is not answered" in str(error.exception)
+
+
+BAD: dict[str, tuple[Callable[[dict[str, Any], int], Any], str]] = {
+    "text": (lambda message, count: "Traceback\nValueError: no such stage", "ValueError: no such stage"),
+    "none": (lambda message, count: {"actions": START}, "no action in 3 answers"),
+    "shape": (lambda message, count: {"action": START[:22]}, r"actions of shape \(22,\)"),
+    "nan": (lambda message, count: {"action": START * np.nan}, "not finite"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.render
+def test_bad_answers_are_told() -> None:
+    """Each by what is wrong with it; an answer without an action is asked for three times."""
+    for answer, why in BAD.values():
+        with scripted(answer) as (address, heard), pytest.raises(PolicyError, match=why):
+            evaluate(Session(address, "behavior-2025", TASK, max_steps=2), Ear())
+        assert sum("reset" not in message for message in heard) == (3 if "3 answers" in why else 1)
