@@ -220,7 +220,7 @@ class Driver:
     def _make_grid(
         self, grid_map: OccupancyMap, footprint_m: float, boxes: tuple[Box, ...], discs: tuple[Disc, ...]
     ) -> Traversability:
-        return traversability(grid_map, footprint_m, boxes, discs, self.parameters.clearance)
+        return traversability(grid_map, footprint_m, boxes, discs, self.parameters.clearance, self._model.base)
 
     def _pose(self) -> Array:
         pose = self._robot.proprioception().base_pose

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mpvi_bt.navigation.traversability import Traversability
+from mpvi_bt.navigation.traversability import Traversability, turned
 from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.robot.kinematics import rot_z
 from mpvi_bt.robot.linear_algebra import matmul
@@ -71,8 +71,12 @@ class Footprint:
         return cls(base_m, np.concatenate([load.loads, np.array(around, float).reshape(-1, 3)]), robot.base.circles)
 
     def smaller(self, by_m: float) -> Footprint:
-        """The same with smaller loads."""
-        return replace(self, loads=np.column_stack([self.loads[:, :2], (self.loads[:, 2] - by_m).clip(0.0)]))
+        """The same with smaller loads, and half as much less of the base."""
+        loads, base = (
+            np.column_stack([circles[:, :2], (circles[:, 2] - m).clip(0.0)])
+            for circles, m in ((self.loads, by_m), (self.base, by_m / 2))
+        )
+        return replace(self, loads=loads, base=base)
 
     def places(self, poses: Array) -> Array:
         """(..., n, 2) where the loads' centers are [m] with the base at poses (..., 3)."""
@@ -98,11 +102,3 @@ class Footprint:
             return np.full(poses.shape[:-1], 9.0)
         room: Array = (grid.room(turned(self.base, poses)) - self.base[:, 2]).min(-1)
         return room
-
-
-def turned(circles: Array, poses: Array) -> Array:
-    """(..., n, 2) where circles' centers (n, >= 2) in the base frame are [m] with the base at poses (..., 3)."""
-    c, s = np.cos(poses[..., 2, None]), np.sin(poses[..., 2, None])
-    x, y = circles[:, 0], circles[:, 1]
-    places: Array = np.stack([c * x - s * y, s * x + c * y], -1) + poses[..., None, :2]
-    return places

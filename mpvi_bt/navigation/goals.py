@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,8 @@ from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
 
+_ASKEW_RAD = (0.0, 0.15, -0.15, 0.3, -0.3)  # so a base that is not round may face its target, where it fits no better
+_AROUND_RAD = (0.0, 0.4, -0.4, 0.8, -0.8, 1.6, -1.6, np.pi)  # and so where it does not matter where it looks
 _BEHIND_M = 4.0  # of driving, that a place at the side of a thing is worse than one before its front: twice that behind
 
 
@@ -108,9 +111,12 @@ def object_goals(entry: Entry, start: Array, grid: Traversability, handoff: Hand
         cells, points = cells[keep], points[keep]
         keep = _in_sight(entry, points, grid)
         cells, points = cells[keep], points[keep]
+        yaw = _fitting(grid, points, facing_yaw(entry, points), _ASKEW_RAD)
+        keep = np.isfinite(yaw)
+        cells, points, yaw = cells[keep], points[keep], yaw[keep]
         reached = np.isfinite(effort[cells[:, 0], cells[:, 1]])
         if reached.any():
-            cells, points = cells[reached], points[reached]
+            cells, points, yaw = cells[reached], points[reached], yaw[reached]
             break
     nearest = nearest_point(entry, points)
     distance = norm(nearest - points, axis=1)
@@ -123,7 +129,6 @@ def object_goals(entry: Entry, start: Array, grid: Traversability, handoff: Hand
     )
     if entry.front is not None:
         score += _BEHIND_M * (1.0 - matmul(points - nearest, entry.front) / np.maximum(distance, 1e-6))
-    yaw = facing_yaw(entry, points)
     order = _apart(cells, score.astype(float))[:most]
     return [Goal(np.array([*points[i], yaw[i]]), float(score[i])) for i in order]
 
@@ -135,7 +140,7 @@ def near_goals(entry: Entry, start: Array, grid: Traversability, most: int = 20)
     points = grid.points(cells)
     apart = norm(nearest_point(entry, points) - points, axis=1)
     order = np.argsort(apart, kind="stable")[:most]
-    yaw = facing_yaw(entry, points[order])
+    yaw = _anyhow(grid, points[order], facing_yaw(entry, points[order]))
     return [Goal(np.array([*points[i], y]), float(apart[i])) for i, y in zip(order, yaw, strict=True)]
 
 
@@ -159,9 +164,25 @@ def room_goals(room: str, start: Array, grid: Traversability, inset_m: float = 0
     points = grid.points(cells)
     score = effort[cells[:, 0], cells[:, 1]]
     toward = grid.points(np.argwhere(inside)).mean(0) - points
-    yaw = np.arctan2(toward[:, 1], toward[:, 0])
+    yaw = _anyhow(grid, points, np.arctan2(toward[:, 1], toward[:, 0]))
     order = _apart(cells, score.astype(float))[:most]
     return [Goal(np.array([*points[i], yaw[i]]), float(score[i])) for i in order]
+
+
+def _fitting(grid: Traversability, points: Array, yaw: Array, offs_rad: Iterable[float]) -> Array:
+    """(N,) the yaw at points (N, 2) or, where the base does not fit so, the first that it fits with, off it; or nan."""
+    best = np.full(len(points), np.nan)
+    for off in offs_rad:
+        left = np.flatnonzero(np.isnan(best))
+        tried = yaw[left] + off
+        best[left] = np.where(grid.fits(np.column_stack([points[left], tried])), tried, np.nan)
+    return best
+
+
+def _anyhow(grid: Traversability, points: Array, yaw: Array) -> Array:
+    """(N,) likewise, where it matters little; the same yaw where the base does not fit at all."""
+    best = _fitting(grid, points, yaw, _AROUND_RAD)
+    return np.where(np.isnan(best), yaw, best)
 
 
 def _apart(cells: NDArray[np.int64], score: Array) -> NDArray[np.int64]:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from mpvi_bt.compiled import compiled_later
-from mpvi_bt.navigation.footprint import Footprint, turned
-from mpvi_bt.navigation.traversability import Traversability
+from mpvi_bt.navigation.footprint import Footprint
+from mpvi_bt.navigation.traversability import Traversability, turned
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.drives import steering
 from mpvi_bt.robot.kinematics import wrap

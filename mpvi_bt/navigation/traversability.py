@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from scipy import ndimage
 from mpvi_bt.perception.field import distance_to
 from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.robot.mobile_base import MobileBase
 from mpvi_bt.robot.solids import Array
 
 Box = tuple[tuple[float, float], tuple[float, float]]  # lowest and highest corner [m], of floor that is taken
@@ -53,6 +54,7 @@ class Traversability:
         clearance_m: (H, W) distance from each cell's center to the nearest obstacle's edge.
         cost: (H, W) float32, at least 1, inf where the footprint does not fit.
         footprint_m: Radius that was kept clear.
+        base: (n, 3) x, y, radius [m] of circles that turn with the base, which are kept clear besides.
     """
 
     map: OccupancyMap
@@ -60,6 +62,7 @@ class Traversability:
     clearance_m: Array
     cost: NDArray[np.float32]
     footprint_m: float
+    base: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
     def blocked(self) -> NDArray[np.bool_]:
@@ -73,6 +76,13 @@ class Traversability:
     def points(self, cells: NDArray[np.int64]) -> Array:
         """(N, 2) world x, y [m] of the centers of cells (N, 2)."""
         return self.map.origin_m + (np.asarray(cells)[:, ::-1] + 0.5) * self.map.resolution_m
+
+    def fits(self, poses: Array) -> NDArray[np.bool_]:
+        """(...,) whether nothing is in the way of how the base is turned, at poses (..., 3) of cells that are free."""
+        if not len(self.base):
+            return np.ones(poses.shape[:-1], bool)
+        fit: NDArray[np.bool_] = (self.room(turned(self.base, poses)) >= self.base[:, 2]).all(-1)
+        return fit
 
     def room(self, xy: Array) -> Array:
         """(...,) how far [m] world points (..., 2) are from obstacles, at the least; -9 off the map.
@@ -102,7 +112,7 @@ class Traversability:
             clear = clear - ndimage.distance_transform_edt(self.occupied) * self.map.resolution_m
         leave = near & np.isinf(self.cost) & (clear >= clear[row, column] - 1e-9)
         cost = np.where(leave, np.float32(ESCAPE_COST), self.cost)
-        return Traversability(self.map, self.occupied, self.clearance_m, cost, self.footprint_m)
+        return replace(self, cost=cost)
 
 
 def traversability(
@@ -111,6 +121,7 @@ def traversability(
     boxes: Iterable[Corners] = (),
     discs: Iterable[Disc] = (),
     clearance_cost: ClearanceCost = ClearanceCost(),
+    base: MobileBase | None = None,
 ) -> Traversability:
     """Inflate a map by the robot's radius, with obstacles that the map lacks.
 
@@ -120,6 +131,7 @@ def traversability(
         boxes: Lowest and highest corners, (2,) or (3,) each [m], of things on the floor.
         discs: x, y, radius [m] of places found to be blocked.
         clearance_cost: How dear it is to pass close by.
+        base: What of it turns; None: nothing.
     """
     res = grid_map.resolution_m
     taken = occupied(grid_map, boxes, discs)
@@ -130,7 +142,20 @@ def traversability(
     clear = clearance[window] = np.maximum(to_center - res / 2, 0.0)
     near = np.clip((footprint_m + clearance_cost.margin_m - clear) / clearance_cost.margin_m, 0.0, 1.0)
     cost[window] = np.where(clear < footprint_m, np.inf, 1.0 + clearance_cost.weight * near**2)
-    return Traversability(grid_map, taken, clearance, cost, footprint_m)
+    if base is None or not len(base.corners):
+        return Traversability(grid_map, taken, clearance, cost, footprint_m)
+    off_m, radius_m = base.core  # wherever the base is, a place for its largest circle is near
+    far = clear.size > 0 and distance_to(clear >= radius_m) * res > off_m + res
+    cost[window] = np.where(far, np.inf, cost[window])
+    return Traversability(grid_map, taken, clearance, cost, footprint_m, base.circles)
+
+
+def turned(circles: Array, poses: Array) -> Array:
+    """(..., n, 2) where circles' centers (n, >= 2) in the base frame are [m] with the base at poses (..., 3)."""
+    c, s = np.cos(poses[..., 2, None]), np.sin(poses[..., 2, None])
+    x, y = circles[:, 0], circles[:, 1]
+    places: Array = np.stack([c * x - s * y, s * x + c * y], -1) + poses[..., None, :2]
+    return places
 
 
 def about(cells: NDArray[np.bool_]) -> tuple[slice, slice]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.robot.solids import Array
 
 _LOADED_GOALS = 2  # so many are tried with something in the hands: that search takes its time
-_TIGHT_M = 0.02  # by so much less room is given to loads where they do not fit with it
+_BASE_GOALS, _APART_M = 4, 0.3  # and so many for a base that is not round, so far apart
+_TIGHT_M = 0.02  # by so much less room is given to loads where they do not fit with it, half of that to the base
 
 
 class GaveUp(Exception):
@@ -60,12 +61,29 @@ def find_way(
     ranked = [goal for goal in goals(grid, start) if np.isfinite(goal.pose).all()]
     left = [g for g in ranked if np.isfinite(g.score) and _fits(free, footprint, g) and not _given_up(g, halts)]
     left = sorted(left, key=lambda g: (footprint.slack(grid, g.pose) < 0, g.score))
-    for tried in (footprint, footprint.smaller(_TIGHT_M)) if len(footprint.loads) else (footprint,):
-        for goal in left[:_LOADED_GOALS] if footprint.turns else left:
+    for tried in (footprint, footprint.smaller(_TIGHT_M)) if footprint.turns else (footprint,):
+        for goal in _to_try(left, footprint):
             path = _way(grid, tried, pose, goal.pose, sideways)
             if path is not None:
                 return path, goal.pose, grid
     raise _why(free, footprint, start, ranked, halts)
+
+
+def _to_try(goals: list[Goal], footprint: Footprint) -> Iterator[Goal]:
+    """Those of ranked goals to which ways are looked for: all, or few where that takes its time.
+
+    Those of a base that is not round are apart: next to one that it cannot get to there is seldom one that it can.
+    """
+    if not footprint.turns:
+        yield from goals
+    elif not len(footprint.base):
+        yield from goals[:_LOADED_GOALS]
+    else:
+        tried: list[Goal] = []
+        for goal in goals:
+            if len(tried) < _BASE_GOALS and all(math.dist(goal.pose[:2], t.pose[:2]) > _APART_M for t in tried):
+                tried.append(goal)
+                yield goal
 
 
 def stuck(free: Traversability, start: Array) -> bool:

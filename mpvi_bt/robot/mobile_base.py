@@ -12,7 +12,7 @@ from mpvi_bt.robot.kinematics import rot_z
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
 
-_BEYOND_M = 0.03  # Our choice: so far circles reach beyond the polygon that they cover: 13 of them for a square one
+_BEYOND_M = 0.02  # Our choice: so far circles reach beyond the polygon that they cover: some 16 of them
 _SAMPLE_M = 0.01  # between points that are to be covered; circles are half a diagonal smaller while they are chosen
 
 
@@ -58,17 +58,14 @@ class MobileBase:
         """(n, 3) x, y, radius [m]: they cover all of the outline that is beyond `radius_m`, and little besides."""
         if not len(self.corners):
             return np.zeros((0, 3))
-        low, high = self.corners.min(0), self.corners.max(0)
-        axes = [np.arange(a, b + _SAMPLE_M, _SAMPLE_M) for a, b in zip(low, high, strict=True)]
-        inside = np.stack(np.meshgrid(*axes), -1).reshape(-1, 2)
-        inside = inside[self._depth(inside) >= 0]
+        inside = self._samples
         edges = [
             a + (b - a) * np.linspace(0, 1, math.ceil(float(norm(b - a)) / _SAMPLE_M), endpoint=False)[:, None]
             for a, b in zip(self.corners, np.roll(self.corners, -1, 0), strict=True)
         ]
         left = np.concatenate([inside, *edges])
         left = left[norm(left, axis=1) > self.radius_m - _SAMPLE_M]
-        middles = inside[:: round(_BEYOND_M / _SAMPLE_M)]
+        middles = inside[::3]
         radii = self._depth(middles) + _BEYOND_M
         away = np.hypot(*(left[:, None] - middles).transpose(2, 0, 1))
         covered = away <= radii - _SAMPLE_M * math.sqrt(0.5)
@@ -77,6 +74,24 @@ class MobileBase:
             chosen.append(int(covered.sum(0).argmax()))
             covered = covered[~covered[:, chosen[-1]]]
         return np.column_stack([middles, radii])[chosen]
+
+    @cached_property
+    def core(self) -> tuple[float, float]:
+        """Of the largest circle within its outline: how far its middle is from the origin, and its radius [m]."""
+        if not len(self.corners):
+            return 0.0, self.radius_m
+        places = self._samples
+        depth = self._depth(places)
+        best = int(depth.argmax())
+        return float(norm(places[best])), float(depth[best])
+
+    @cached_property
+    def _samples(self) -> Array:
+        """(n, 2) places all over the outline."""
+        low, high = self.corners.min(0), self.corners.max(0)
+        axes = [np.arange(a, b + _SAMPLE_M, _SAMPLE_M) for a, b in zip(low, high, strict=True)]
+        inside = np.stack(np.meshgrid(*axes), -1).reshape(-1, 2)
+        return np.asarray(inside[self._depth(inside) >= 0])
 
     def _depth(self, places: Array) -> Array:
         """(n,) how far [m] places (n, 2) are within the outline, negative outside."""
