@@ -65,10 +65,10 @@ class MobileBase:
         ]
         left = np.concatenate([inside, *edges])
         left = left[norm(left, axis=1) > self.radius_m - _SAMPLE_M]
-        middles = inside[::3]
+        middles = np.concatenate([inside[::3], *edges])  # with these even an acute corner is covered
         radii = self._depth(middles) + _BEYOND_M
-        away = np.hypot(*(left[:, None] - middles).transpose(2, 0, 1))
-        covered = away <= radii - _SAMPLE_M * math.sqrt(0.5)
+        away2 = sum(np.subtract.outer(left[:, k], middles[:, k]) ** 2 for k in range(2))
+        covered = away2 <= np.maximum(radii - _SAMPLE_M * math.sqrt(0.5), 0.0) ** 2
         chosen: list[int] = []
         while len(covered):
             chosen.append(int(covered.sum(0).argmax()))
