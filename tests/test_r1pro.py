@@ -116,11 +116,11 @@ def test_ready_postures_of_others_reach_where_they_are_meant_to() -> None:
     T = R1PRO.tcp(START, aimed, "left")
     np.testing.assert_allclose(T[:3, 3], (0.55, 0.10, 0.95), atol=1.5e-5)  # joints have four decimals
     np.testing.assert_allclose(T[:3, 2], (0, 0, -1), atol=1e-4)
-    for side, y in (("left", 0.562), ("right", -0.562)):
+    for side, y in zip(SIDES, (0.562, -0.562), strict=True):
         untucked = np.array([0, 1.57, 0, -1.57, 1.57, 0, 0]) * (1 if y > 0 else MIRROR)
         np.testing.assert_allclose(R1PRO.tcp(START, untucked, side)[:3, 3], (0.635, y, 1.204), atol=5e-4)
     ready = np.array([-0.2, 0, 0.1, -1.4, 0.1, 0.7, 0])
-    for side, y in (("left", 0.278), ("right", -0.227)):
+    for side, y in zip(SIDES, (0.278, -0.227), strict=True):
         np.testing.assert_allclose(R1PRO.tcp(START, ready, side)[:3, 3], (0.629, y, 0.771), atol=6e-4)
 
 
