@@ -148,8 +148,8 @@ class _Drive:
         work = self._work
         if self._first is None:
             near, steps = work.near(), np.arange(_LEAST_M, _LEG_M + 0.01, 0.15)
-            ahead = (kin.transform(np.eye(3), (x, 0.0, 0.0)) for x in steps)
-            free = [base_clear(work.motion.robot, near.seen_from(matmul(work.base, T))) for T in ahead]
+            stops = (kin.transform(np.eye(3), (x, 0.0, 0.0)) for x in steps)
+            free = [base_clear(work.motion.robot, near.seen_from(matmul(work.base, T))) for T in stops]
             return float(steps[free.index(False)]) - 0.15 if False in free else _LEG_M
         image = replace(work.images["head"], T_world_camera=work.motion.robot.head_camera(work.motion.felt.torso))
         p = image.points_world()  # (H, W, 3) in the base frame
