@@ -81,7 +81,15 @@ TRUNK = FoldingTrunk(
 
 def turned(roll: float, pitch: float, yaw: float) -> Array:
     """(3, 3) rotation of a URDF's rpy [rad]."""
-    return np.asarray(np.einsum("ij,jk,kl->il", kin.rot_z(yaw), kin.rot_y(pitch), kin.rot_x(roll)))
+    return _product(kin.rot_z(yaw), kin.rot_y(pitch), kin.rot_x(roll))
+
+
+def _product(first: Array, *more: Array) -> Array:
+    """Of matrices (3, 3), or at last a vector (3,): `matmul` would load numba with the list of robots."""
+    out = first
+    for factor in more:
+        out = np.stack([(row[:, None] * factor.reshape(3, -1)).sum(0) for row in out]).reshape(factor.shape)
+    return out
 
 
 def _arm(side: Side) -> SphericalArm:
@@ -91,14 +99,14 @@ def _arm(side: Side) -> SphericalArm:
 
 def _head_camera() -> Array:
     R = turned(*ZED_RPY)
-    return kin.transform(R, np.einsum("ij,j->i", R, HEAD_CAMERA_M))
+    return kin.transform(R, _product(R, HEAD_CAMERA_M))
 
 
 def _wrist_camera() -> Array:
     """In the hand frame, which is the gripper's turned by half a turn about y, at the wrist."""
     half = np.diag([-1.0, 1.0, -1.0])
-    R = np.einsum("ij,jk,kl->il", half, turned(*REALSENSE_RPY), kin.rot_z(-np.pi / 2))
-    return kin.transform(R, np.einsum("ij,j->i", half, REALSENSE_M) + [0.0, 0.0, GRIPPER_M])
+    R = _product(half, turned(*REALSENSE_RPY), kin.rot_z(-np.pi / 2))
+    return kin.transform(R, _product(half, REALSENSE_M) + [0.0, 0.0, GRIPPER_M])
 
 
 def _drives() -> dict[str, Drive]:
