@@ -17,7 +17,7 @@ from mpvi_bt.remote.codec import pack, unpack
 from mpvi_bt.remote.own_keys import OwnKeys
 from mpvi_bt.remote.reading import CHUNK
 from mpvi_bt.robot.limits import travel_action
-from mpvi_bt.robot.protocol import CameraImage, Proprioception
+from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.suite.config import EpisodeConfig
@@ -78,7 +78,15 @@ class Driver:
             message = OwnKeys().write(seen, robot.action, {})
         else:
             dialect = Behavior("behavior-2025" if self.dialect == "behavior-2025" else "behavior-2026")
-            message = dialect.write(body, images, _cameras(body), 1, batched=self.batched, labels=True, vocabulary={})
+            message = dialect.write(
+                body,
+                images,
+                R1PRO.camera_poses(body.torso, body.arm),
+                1,
+                batched=self.batched,
+                labels=True,
+                vocabulary={},
+            )
         return {key: value for key, value in {**message, **more}.items() if value is not None}
 
     def ask(self, **more: Any) -> Any:
@@ -119,12 +127,9 @@ def observation_2026(size: int) -> dict[str, Any]:
     world.step(travel_action(R1PRO))
     body = replace(world.robot.proprioception(), robot="r1pro")
     images = {name: _picture(name, size) for name in ("head", "left", "right")}
-    return Behavior("behavior-2026").write(body, images, _cameras(body), 1, batched=True, labels=True, vocabulary={})
-
-
-def _cameras(body: Proprioception) -> dict[str, Array]:
-    wrists = {side: R1PRO.wrist_camera(body.torso, body.arm[side], side) for side in body.sides}
-    return {"head": R1PRO.head_camera(body.torso), **wrists}
+    return Behavior("behavior-2026").write(
+        body, images, R1PRO.camera_poses(body.torso, body.arm), 1, batched=True, labels=True, vocabulary={}
+    )
 
 
 @contextmanager

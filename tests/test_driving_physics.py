@@ -23,6 +23,7 @@ from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import CONTROL_HZ, Side
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, pose
 from mpvi_bt.robot.stow import ArmStow
 from mpvi_bt.sim.catalogue import load_catalogue
@@ -142,7 +143,7 @@ def test_what_only_depth_shows_is_driven_around() -> None:
 
 def free_goal(world: World, driver: Driver, rng: np.random.Generator, east: bool) -> Array:
     """A pose in one of the halls where base and load are free."""
-    footprint = Footprint.of(driver.parameters.footprint_m, world.robot.proprioception(), world.knowledge())
+    footprint = Footprint.of(R1.base.folded_m, world.robot.proprioception(), world.knowledge())
     grid = driver.grid()
     while True:
         x, y, yaw = rng.uniform((0.5, -1.5, -3.1), (3.4, 1.5, 3.1))

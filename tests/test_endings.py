@@ -18,6 +18,7 @@ from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_epis
 from mpvi_bt.executive.pictures import PathPicture, path_picture
 from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.goals.evaluate import Condition, GoalReport
+from mpvi_bt.robot.r1 import R1
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.trace.explain import explain
 from mpvi_bt.trace.explain_text import explanation_text
@@ -84,7 +85,7 @@ def test_it_is_the_same_wherever_a_run_is_told(told: tuple[str, Trace, str, Path
     assert explained[0] == f"picking_up_trash: {line}, tick {trace.last_tick}"
     assert explained[1:3] == ["  1 of 2 conditions of the goal hold", "  not met: inside(can, bin)"]
     assert '"text":"' + line in trace_page(trace)
-    expected = path_picture(two_rooms(), np.zeros((1, 3)), title=f"{line}   trash")
+    expected = path_picture(two_rooms(), np.zeros((1, 3)), R1.base.outline, title=f"{line}   trash")
     drawn = cv2.imread(str(picture))
     assert drawn is not None
     assert (drawn[:25, :, ::-1] == expected[:25]).all()

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -146,13 +146,14 @@ def test_the_executive_does_behind_a_socket_what_it_does_here() -> None:
     here = Acts(steps)
     run(EpisodeConfig(TASK, policy="reactive", map="online", robot="r1pro"), [here])
     assert np.ptp(here.actions, axis=0).any()
-    for dialect, tolerance in (("openpi", 0.0), ("behavior-2025", 1e-3)):
+    within: dict[Literal["openpi", "behavior-2025"], float] = {"openpi": 0.0, "behavior-2025": 1e-3}
+    for dialect, tolerance in within.items():
         ear = Ear()
         with running(executive_server(dialect, Work(config))) as server:
             address = f"127.0.0.1:{server.port}"
             evaluate(
                 Session(address, dialect, TASK, labels=True, on_demand=True, max_steps=steps),
-                ear,  # type: ignore[arg-type]
+                ear,
             )
         np.testing.assert_allclose(ear.actions, here.actions, rtol=0, atol=tolerance)
 

@@ -109,7 +109,7 @@ REFUSED: dict[str, tuple[str, dict[str, Any], str]] = {
 def test_what_cannot_be_begun_is_refused(name: str, tmp_path: Path) -> None:
     """By a text frame, which evaluators end with, that says what is wrong and what would be right."""
     dialect, wrong, why = REFUSED[name]
-    config = {"tree": None} if name == "task_id" else {}
+    config: dict[str, Any] = {"tree": None} if name == "task_id" else {}
     with driving(dialect, tmp_path, **config) as driver:
         answer = driver.ask(**wrong)
         assert isinstance(answer, str)

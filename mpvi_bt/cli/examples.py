@@ -99,7 +99,6 @@ EXAMPLES: Mapping[str, tuple[str, str, str]] = {
     ),
     "dataset": (
         "demos --out datasets/trash",
-        "demos more_demos --out datasets/both",
         "demos --all --out datasets/all --json",
         "demos --format v2.1 --like behavior --size 224 --out datasets/comet",
     ),

@@ -132,8 +132,7 @@ class Behavior:
         key = f"{prefix}::cam_rel_poses"
         if key in message:
             return layout.cameras_in_base(_array(message[key], key))
-        wrists = {side: robot.wrist_camera(body.torso, body.arm[side], side) for side in robot.sides}
-        return {"head": robot.head_camera(body.torso), **wrists}
+        return robot.camera_poses(body.torso, body.arm)
 
     def _picture(
         self,

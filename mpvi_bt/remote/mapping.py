@@ -43,7 +43,9 @@ def message_of(observation: Mapping[str, Any], layout: Observation) -> dict[str,
             flat[key] = picture(observation["images"][image.camera], image)
     flat |= {key: state(body, vector) for key, vector in layout.state.items()}
     if layout.camera_poses:
-        flat[layout.camera_poses] = camera_poses(_cameras(body)).astype(np.float32)
+        flat[layout.camera_poses] = camera_poses(robot_named(body.robot).camera_poses(body.torso, body.arm)).astype(
+            np.float32
+        )
     for key, constant in layout.constants.items():
         flat[key] = np.array(constant) if isinstance(constant, tuple) else constant
     message: dict[str, Any] = {}
@@ -57,13 +59,6 @@ def _put(message: dict[str, Any], key: str, value: Any) -> None:
     for name in outer:
         message = message.setdefault(name, {})
     message[last] = value
-
-
-def _cameras(body: Proprioception) -> dict[str, Array]:
-    """T_base_camera (4, 4) of each camera, optical frames."""
-    robot = robot_named(body.robot)
-    wrists = {side: robot.wrist_camera(body.torso, body.arm[side], side) for side in body.sides}
-    return {"head": robot.head_camera(body.torso), **wrists}
 
 
 def picture(image: CameraImage, layout: Image) -> np.ndarray[Any, Any]:

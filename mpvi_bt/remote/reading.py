@@ -46,13 +46,12 @@ class Reading:
 
 
 class Dialect(Protocol):
-    """What names, units and orders an evaluator, or a robot's driver, has for all this.
+    """What names, units and orders an evaluator, or a robot's driver, has for all this."""
 
-    Attributes:
-        name: As `--protocol` has it.
-    """
-
-    name: str
+    @property
+    def name(self) -> str:
+        """As `--protocol` has it."""
+        ...
 
     def read(self, message: Mapping[str, Any], robot: RobotModel) -> Reading:
         """What an observation says. Raises BadMessage: what is wrong, where, and what would be right."""

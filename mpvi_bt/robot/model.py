@@ -201,6 +201,11 @@ class RobotModel:
         flange = matmul(self.tcp(torso, q, side), kin.transform(np.eye(3), (0.0, 0.0, -self.tcp_m)))
         return matmul(flange, self.hand_to_camera)
 
+    def camera_poses(self, torso: Array, arm: Mapping[Side, Array]) -> dict[str, Array]:
+        """T_base_camera (4, 4), optical frames, of each camera, of torso (4,) and arms (7,)."""
+        poses: dict[str, Array] = {"head": self.head_camera(torso)}
+        return poses | {side: self.wrist_camera(torso, arm[side], side) for side in self.sides}
+
     def arm_frames(self, q: Array, side: Side) -> Array:
         """Poses in the chest frame (..., F, 4, 4) of an arm's parts at angles (..., 7), as of `Arm.frames`."""
         q = np.asarray(q, float)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.executive.demonstration import felt_again
 from mpvi_bt.remote.behavior_layout import FIELDS, SIZE, action_for, camera_poses, encoded
+from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ
 from mpvi_bt.suite.dataset_content import Feature, vector
 from mpvi_bt.suite.dataset_files import Table, write_json
@@ -161,7 +162,7 @@ def distances(table: Table) -> dict[str, float]:
     names = {"robot_pos": "distance_traveled", "eef_left_pos": "left_eef_displacement"}
     names |= {"eef_right_pos": "right_eef_displacement"}
     paths = {told: table["observation.state"][:, FIELDS["behavior-2025"][name]] for name, told in names.items()}
-    return {told: round(float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()), 4) for told, path in paths.items()}
+    return {told: round(float(norm(np.diff(path, axis=0)).sum()), 4) for told, path in paths.items()}
 
 
 def runs_of(episode: Demonstrated) -> Iterator[tuple[str, int, int]]:

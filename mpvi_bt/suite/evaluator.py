@@ -193,8 +193,10 @@ def _rollout(session: Session, task: Task, instance: int, most: int, server: _Se
 
 def _result(session: Session, instance: int, goal: GoalReport, measured: Any, human: Human | None) -> dict[str, Any]:
     """In the layout of the evaluator's files; null where it writes a figure that JSON does not have."""
-    distance = {"base": measured.base_m, **measured.hand_world_m}
-    means = {"base": human.base_m, **human.hand_m} if human else {}
+    distance: dict[str, float] = {"base": measured.base_m} | {str(side): m for side, m in measured.hand_world_m.items()}
+    means: dict[str, float] = (
+        {"base": human.base_m} | {str(side): m for side, m in human.hand_m.items()} if human else {}
+    )
     told: dict[str, Any] = {
         "q_score": {"final": goal.q},
         "agent_distance": distance,
@@ -237,9 +239,7 @@ class _Writer:
             seen = {"prompt": self._task.instruction, "proprioception": body, "images": self._images}
             message = OwnKeys().write(seen, robot.action, vocabulary)
         else:
-            model = robot.model
-            wrists = {side: model.wrist_camera(body.torso, body.arm[side], side) for side in model.sides}
-            poses = {"head": model.head_camera(body.torso), **wrists}
+            poses = robot.model.camera_poses(body.torso, body.arm)
             message = Behavior(session.dialect).write(
                 body, self._images, poses, self._number, batched=session.batched, labels=session.labels,
                 vocabulary=vocabulary,

@@ -38,9 +38,8 @@ from mpvi_bt.tree.substitute import stand_ins
 
 _PARTING_S = 5.0  # for the results of episodes that the end cuts off
 NAME = "mpvi"  # of what is served
-DIALECTS: Mapping[str, Dialect] = {
-    dialect.name: dialect for dialect in (Behavior("behavior-2025"), Behavior("behavior-2026"), OwnKeys())
-}
+_SPOKEN: tuple[Dialect, ...] = (Behavior("behavior-2025"), Behavior("behavior-2026"), OwnKeys())
+DIALECTS: Mapping[str, Dialect] = {dialect.name: dialect for dialect in _SPOKEN}
 
 
 @dataclass(frozen=True)
