@@ -81,8 +81,7 @@ class Traversability:
         """(...,) whether nothing is in the way of how the base is turned, at poses (..., 3) of cells that are free."""
         if not len(self.base):
             return np.ones(poses.shape[:-1], bool)
-        fit: NDArray[np.bool_] = (self.room(turned(self.base, poses)) >= self.base[:, 2]).all(-1)
-        return fit
+        return np.asarray((self.room(turned(self.base, poses)) >= self.base[:, 2]).all(-1))
 
     def room(self, xy: Array) -> Array:
         """(...,) how far [m] world points (..., 2) are from obstacles, at the least; -9 off the map.

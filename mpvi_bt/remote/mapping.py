@@ -43,9 +43,8 @@ def message_of(observation: Mapping[str, Any], layout: Observation) -> dict[str,
             flat[key] = picture(observation["images"][image.camera], image)
     flat |= {key: state(body, vector) for key, vector in layout.state.items()}
     if layout.camera_poses:
-        flat[layout.camera_poses] = camera_poses(robot_named(body.robot).camera_poses(body.torso, body.arm)).astype(
-            np.float32
-        )
+        poses = robot_named(body.robot).camera_poses(body.torso, body.arm)
+        flat[layout.camera_poses] = camera_poses(poses).astype(np.float32)
     for key, constant in layout.constants.items():
         flat[key] = np.array(constant) if isinstance(constant, tuple) else constant
     message: dict[str, Any] = {}
