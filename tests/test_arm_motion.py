@@ -47,6 +47,7 @@ def finely(path: list[Array], step: float = 0.01) -> Array:
     return np.concatenate(legs)
 
 
+@pytest.mark.rare
 @settings(deadline=None, max_examples=40)
 @given(seeds, sides)
 def test_planned_paths_are_free_between_their_checks(seed: int, side: Side) -> None:

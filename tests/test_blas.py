@@ -149,6 +149,7 @@ def test_the_small_algebra_is_the_same_under_every_kernel() -> None:
     assert len(set(under_each_kernel(ALGEBRA))) == 1
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 @pytest.mark.render
 @pytest.mark.parametrize(("policy", "checker", "steps"), [("expert", "oracle", 300), ("reactive", "visual", 500)])

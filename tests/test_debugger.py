@@ -276,6 +276,7 @@ def test_ctrl_c_at_the_question_stops_at_once(tmp_path: Path) -> None:
     assert (tmp_path / "runs/go_to_dry.saved.json").is_file()
 
 
+@pytest.mark.rare
 def test_the_page_about_it_is_true(tmp_path: Path) -> None:
     """Every command of docs/debugging.md prints what stands there."""
     text = (ROOT / "docs" / "debugging.md").read_text(encoding="utf-8")

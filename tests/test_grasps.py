@@ -95,6 +95,7 @@ def test_grasps_move_with_the_thing(turn: float, x: float, y: float) -> None:
     np.testing.assert_allclose(there, pose((x, y, 0.0), turn) @ here, atol=1e-5)
 
 
+@pytest.mark.rare
 @pytest.mark.parametrize("name", NAMES)
 @settings(deadline=None, max_examples=3)
 @given(yaw=st.floats(-3.1, 3.1), bearing=st.floats(-3.1, 3.1))

@@ -79,6 +79,7 @@ def test_a_hand_points_along_its_approach(v: list[float]) -> None:
     assert R[:, 0] @ closing == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.rare
 @settings(deadline=None)
 @given(seeds, sides)
 def test_every_inverse_solution_reaches_the_target(seed: int, side: Side) -> None:

@@ -206,6 +206,7 @@ def test_plain_http_to_another_machine_is_warned_of(
     assert (EXPOSED in doctor.endpoint()) is exposed
 
 
+@pytest.mark.rare
 def test_the_warning_is_on_the_screen(mpvi: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     """Of `plan`, `run` and `suite run`, whatever becomes of the question."""
     planner = ("--planner", "openai:m@http://no-such-host.invalid/v1")
@@ -216,6 +217,7 @@ def test_the_warning_is_on_the_screen(mpvi: Callable[..., Any], monkeypatch: pyt
         assert done.stderr.index(EXPOSED) < done.stderr.index("asking")
 
 
+@pytest.mark.rare
 def test_no_secret_is_on_the_screen_or_in_files(
     scripted_chat_server: ChatServer, tmp_path: Path, mpvi: Callable[..., Any]
 ) -> None:

@@ -138,6 +138,7 @@ def taken_back(began: bool) -> Iterator[str]:
         yield text.replace("{other}", other).replace("{thing}", thing).replace("{place}", place)
 
 
+@pytest.mark.rare
 @pytest.mark.parametrize("began", [True, False])
 def test_an_answer_that_takes_its_word_back_is_none(began: bool) -> None:
     """Five hundred ways to: none is read as either."""

@@ -248,6 +248,7 @@ def test_physics_are_set_as_in_the_core(env: gymnasium.Env[Any, Any]) -> None:
     assert inner(env).scene.timestep == pytest.approx(scene.timestep)
 
 
+@pytest.mark.rare
 def test_deltas_of_zero_leave_the_joints_where_they_are() -> None:
     """In both delta modes a robot that is asked for nothing stays as it stands."""
     for mode in ("pd_joint_target_delta_pos", "pd_ee_target_delta_pose"):

@@ -14,6 +14,7 @@ from tests.test_tutorial import HOUSE, play
 TEXT = (Path(__file__).parent.parent / "docs" / "own_tasks.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.rare
 def test_the_page_is_true_without_a_simulator(tmp_path: Path) -> None:
     """A house, things, a goal, a skill, a plan and a task of one's own pass check, compile and run dry."""
     text = TEXT.partition(HOUSE)[0]

@@ -329,6 +329,7 @@ def malformed() -> Iterator[str]:
         yield "".join(text)[: draw.choice([10**6, 10**6, draw.randrange(len(GOOD))])]
 
 
+@pytest.mark.rare
 def test_no_answer_breaks_the_planner_or_passes_unchecked(tmp_path: Path) -> None:
     """Of 500 malformed answers each gives the clear failure, or a plan with nothing wrong; and none anything else."""
     answers = list(malformed())

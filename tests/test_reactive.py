@@ -164,6 +164,7 @@ def test_a_clause_that_wants_a_thing_in_hand_has_it_picked_up_first() -> None:
     assert [world.holding(s) for s in SIDES] == [None, None]
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 @pytest.mark.render
 def test_a_fridge_in_a_corner_is_opened() -> None:
@@ -176,6 +177,7 @@ def test_a_fridge_in_a_corner_is_opened() -> None:
     assert is_open(world.doors("fridge")[0])
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 @pytest.mark.render
 def test_a_can_is_set_down_on_a_table() -> None:

@@ -145,6 +145,7 @@ def test_the_table_fits_a_terminal_and_tells_everything() -> None:
     assert "simulator truth: policy:expert" in text
 
 
+@pytest.mark.rare
 def test_status_and_report_read_the_folder(mpvi: Shell, tmp_path: Path) -> None:
     """What is done, what broke and what is to do, for people and for programs."""
     store = Store(tmp_path / "runs" / "trash10")
@@ -184,6 +185,7 @@ def test_a_broken_note_of_what_is_at_work_is_none(text: str, tmp_path: Path) -> 
     assert read(tmp_path) == []
 
 
+@pytest.mark.rare
 def test_the_folder_of_the_results_says_which_suite_they_are_of(mpvi: Shell, tmp_path: Path) -> None:
     """Whoever has been given a folder need not know how it came to be; one without results is refused."""
     store = Store(tmp_path / "given")

@@ -29,6 +29,7 @@ root:
 """
 
 
+@pytest.mark.rare
 @pytest.mark.parametrize("changes", [1, 4, 7])
 def test_a_stopped_dry_run_goes_on(changes: int, mpvi: Shell, tmp_path: Path) -> None:
     """Stopped at any change, it ends as if it had not been, and its trace tells the whole of it."""
@@ -50,6 +51,7 @@ def test_a_stopped_dry_run_goes_on(changes: int, mpvi: Shell, tmp_path: Path) ->
     assert walls == sorted(walls)
 
 
+@pytest.mark.rare
 def test_it_can_be_stopped_and_resumed_again(mpvi: Shell, tmp_path: Path) -> None:
     """The file that it went on from is replaced by the newer one."""
     (tmp_path / "laps.yaml").write_text(TREE)
@@ -93,6 +95,7 @@ def test_what_cannot_be_resumed_is_one_clear_error(
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.rare
 def test_it_goes_on_from_another_folder(mpvi: Shell, tmp_path: Path) -> None:
     """With the rules that it was begun with; once it has come to its end nothing is left to go on from."""
     (tmp_path / "laps.yaml").write_text(TREE)

@@ -90,6 +90,7 @@ def test_a_room_that_the_house_does_not_have_is_refused(mpvi: Shell, tmp_path: P
         assert "setting up" not in done.stderr
 
 
+@pytest.mark.rare
 def test_a_tree_of_another_task_is_doubted(mpvi: Shell, tmp_path: Path) -> None:
     """In one line on stderr, and it runs; none where the instruction is the task's or the tree has none."""
     (tmp_path / "mine.yaml").write_text(ROOM.format("kitchen"))
@@ -142,6 +143,7 @@ def test_single_nodes_are_replaced_in_the_simulator(mpvi: Shell, tmp_path: Path)
     assert "substituted by rules.yaml:2" in " ".join(explained.stdout.split())
 
 
+@pytest.mark.rare
 def test_a_suite_with_a_tree_that_is_not_there_fails_before_workers_start(mpvi: Shell, tmp_path: Path) -> None:
     """Once, not once an episode; parameters without a value and rooms likewise."""
     (tmp_path / "mine.yaml").write_text(ROOM.format("kitchn"))
@@ -180,6 +182,7 @@ def test_speed_is_compared_where_it_means_something(success: bool, normalized: f
     assert ("0.50 of human speed" in text) is said
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_the_result_is_printed_as_json_and_written(mpvi: Shell, tmp_path: Path) -> None:
     """`--json` prints what the result file holds, but its digest; the tree goes to stderr; no pictures are needed."""

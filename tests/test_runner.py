@@ -19,6 +19,7 @@ from mpvi_bt.suite.store import Store
 from tests.suite_runs import EPISODES, Heard, launch, processes, started, wait_until, workers_gone
 
 
+@pytest.mark.rare
 def test_a_killed_run_resumes_with_nothing_lost_and_nothing_twice(tmp_path: Path, log: Path) -> None:
     """SIGKILL half-way, start again: ten valid results, and what was there is untouched and never ran again."""
     out = tmp_path / "out"

@@ -302,6 +302,7 @@ def test_a_thing_without_a_binding_is_said() -> None:
         sample(HOUSE, CATALOGUE, PROBLEM, BINDINGS, np.random.default_rng(0))
 
 
+@pytest.mark.rare
 def test_a_full_floor_is_said() -> None:
     """Where there is no room for one thing more, the error names the room."""
     can = Fact(Literal("ontop", ("can__of__soda.n.01_1", "floor.n.01_1")))

@@ -28,6 +28,7 @@ def test_a_scene_follows_from_its_seed_and_takes_a_search(seed: int) -> None:
     assert len(set(kinds)) == len(kinds)
 
 
+@pytest.mark.rare
 def test_nothing_stands_under_a_worktop() -> None:
     """What is drawn on furniture has room over it: a thing in a closed counter cannot be looked for."""
     boxes = [solid.aabb() for fixture in HOUSE.fixtures.values() for solid in fixture.solids()]

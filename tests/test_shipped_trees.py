@@ -37,6 +37,7 @@ def test_the_task_is_done_by_a_tree_written_by_hand(mpvi: Shell) -> None:
     assert (result["success"], result["q_score"], result["failures"]) == (True, {"final": 1.0}, [])
 
 
+@pytest.mark.rare
 @pytest.mark.parametrize("tree", ["hello", "go_to", "fetch", "patrol", "guard"])
 def test_trees_without_a_goal_succeed(tree: str, mpvi: Shell) -> None:
     """They drive, look around, carry a can to the table: the root ends in SUCCESS and nothing was given up."""

@@ -245,6 +245,7 @@ def test_a_suite_cannot_name_a_folder_outside(
     assert [path.name for path in (tmp_path / "in").iterdir()] == [name]
 
 
+@pytest.mark.rare
 def test_a_folder_that_cannot_be_written_is_told_before_an_episode_is_played(tmp_path: Path, log: Path) -> None:
     """One line, exit code 2."""
     (tmp_path / "file").touch()
@@ -264,6 +265,7 @@ def test_a_disk_that_is_read_only_is_told(small_disk: Path, log: Path) -> None:
     assert (code, said) == (2, [f"mpvi: {small_disk}: cannot be written: read-only file system"])
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_a_full_disk_ends_the_suite_and_costs_nothing_that_is_there(small_disk: Path, log: Path) -> None:
     """One line, exit code 3; with more room, the same command goes on."""
@@ -283,6 +285,7 @@ def test_a_full_disk_ends_the_suite_and_costs_nothing_that_is_there(small_disk: 
     assert "trash10: 10/10 episodes" in text
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_a_suite_tells_how_it_stands_while_it_runs(tmp_path: Path, log: Path, mpvi: Shell) -> None:
     """Status and report read what is there; neither is in the way of the run, nor the run in theirs."""
@@ -302,6 +305,7 @@ def test_a_suite_tells_how_it_stands_while_it_runs(tmp_path: Path, log: Path, mp
     assert "trash10: 10/10 episodes" in text
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 def test_a_broken_result_file_is_put_aside_and_its_episode_run_again(tmp_path: Path, log: Path) -> None:
     """One line says where to; what is put aside is never overwritten."""

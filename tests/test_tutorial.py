@@ -53,6 +53,7 @@ def commands(console: str) -> list[str]:
     return [line.removeprefix("$ ") for line in console.splitlines() if line.startswith("$ ")]
 
 
+@pytest.mark.rare
 def test_the_tutorial_is_true_without_a_simulator(tmp_path: Path) -> None:
     """Everything before the house prints what stands there, character by character."""
     text = FILE.read_text(encoding="utf-8").partition(HOUSE)[0]

@@ -44,6 +44,7 @@ def test_no_stroke_is_made_twice(half: tuple[float, float], reach: tuple[float, 
     assert len(set(points)) == len(points)
 
 
+@pytest.mark.rare
 @pytest.mark.slow
 @pytest.mark.parametrize("policy", ["expert", pytest.param("reactive", marks=pytest.mark.render)])
 def test_a_top_is_wiped(policy: str) -> None:

@@ -100,7 +100,7 @@ EXAMPLES: Mapping[str, tuple[str, str, str]] = {
     "dataset": (
         "demos --out datasets/trash",
         "demos --all --out datasets/all --json",
-        "demos --format v2.1 --like behavior --size 224 --out datasets/comet",
+        "demos --format v2.1 --like behavior --out datasets/comet",
     ),
     "serve": (
         "reactive",
