@@ -83,7 +83,7 @@ def options(work: Work, name: str) -> list[Option]:
     """Ways to swing a thing out. Raises MotionFailure "no_stance" where nothing stands behind it."""
     out = [option for swing in _swings(work, name) for option in _ways(work.motion.robot.hand, swing)]
     if not out:
-        raise MotionFailure("no_stance")
+        raise work.no_stance()  # with what the search for a grasp of it died of
     return out
 
 

@@ -50,6 +50,7 @@ class Search(Site):
             spacings: How closely to look, one after the other: 0 coarsely, 1 finely.
         """
         if self.effort.left <= 0:
+            self.refusals.add("not looked at, as planning took too long", count=len(options))
             return None
         options = [self._as_it_stands(option) for option in options]
         able = [k for k, option in enumerate(options) if self.fits(option)]
