@@ -25,7 +25,7 @@ from mpvi_bt.executive.loop import Watcher, run_episode
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.suite import episode
+from mpvi_bt.suite import assembly, episode
 from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.methods import load_method
 from mpvi_bt.suite.prepare import prepare
@@ -257,7 +257,7 @@ def absent(what: str) -> Any:
 def test_the_policy_alone_asks_neither_planner_nor_navigator_nor_checker(monkeypatch: pytest.MonkeyPatch) -> None:
     """They may break at the first word: the episode goes on, and its result says what method it was."""
     for what in ("navigator", "checker", "triggers"):
-        monkeypatch.setattr(episode, f"make_{what}", absent(what))
+        monkeypatch.setattr(assembly, f"make_{what}", absent(what))
     monkeypatch.setattr("mpvi_bt.suite.prepare.make_planner", absent("planner"))
     result = run(config("e2e"), 150)
     assert result["config"]["method"] == "e2e"
@@ -269,7 +269,7 @@ def test_the_policy_alone_asks_neither_planner_nor_navigator_nor_checker(monkeyp
 @pytest.mark.slow
 def test_a_policy_that_drives_is_told_segments_and_asks_no_navigator(monkeypatch: pytest.MonkeyPatch) -> None:
     """The checker is asked whether it is there, at the first rest at the latest."""
-    monkeypatch.setattr(episode, "make_navigator", absent("navigator"))
+    monkeypatch.setattr(assembly, "make_navigator", absent("navigator"))
     result = run(config("subtask_prediction"), 150)
     assert result["config"]["drive"] == "policy"
     assert result["agent_distance"]["base"] > 0.05
