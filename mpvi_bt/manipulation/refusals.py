@@ -43,7 +43,7 @@ class Refusals:
         self._places.clear()
 
     def told(self, named: Callable[[Array], str | None]) -> str:
-        """In a line, such as "18 candidates: 12 arm blocked (sofa), 6 no way there"; empty if there were none.
+        """In a line, such as "18 candidates: 12 no room for the base (sofa), 6 no way there"; empty if there were none.
 
         Args:
             named: What a sphere (4,) x, y, z, radius [m] in the world meets, by name.

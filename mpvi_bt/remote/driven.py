@@ -48,7 +48,8 @@ class DrivenSession:
     def __init__(self, dialect: Dialect, robot: RobotModel, play: Play, say: Callable[[str], None]) -> None:
         self._dialect, self._robot, self._play, self._say = dialect, robot, play, say
         self._frames: queue.SimpleQueue[tuple[Given, Promise] | None] = queue.SimpleQueue()
-        self._asked: Mapping[str, Any] = {}  # the observation that is open
+        self._asked: Mapping[str, Any] = {}  # the observation that is open,
+        self._broken: BadMessage | None = None  # and why it is none
         self._promise: Promise | None = None
         self._began = 0.0
         self._gone = False
@@ -115,9 +116,10 @@ class DrivenSession:
                 return
             except MpviError as error:
                 said = str(error)
-            except Exception:  # a fault of ours, which must not keep the next episode from being played
-                said = traceback.format_exc().strip()
-            said = one_line(said.splitlines()[-1])
+            except Exception as error:  # a fault of ours, which must not keep the next episode from being played
+                self._say(traceback.format_exc().strip())
+                said = f"{type(error).__name__}: {error}"
+            said = one_line(said)
             self._say(said)
             while True:
                 self._hold(world, said)
@@ -166,8 +168,7 @@ class DrivenSession:
             try:
                 self._asked = _message(given)
             except BadMessage as error:
-                self._asked = {}
-                self._broken: BadMessage | None = error
+                self._asked, self._broken = {}, error
             else:
                 self._broken = None
             reset = self._asked.get(RESET, False)
