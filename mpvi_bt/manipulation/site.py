@@ -29,8 +29,10 @@ KNOWN_M = 1.4  # from here; farther off there may be walls that are not among th
 _LEGS_M = (1.3, 1.0, 0.7)  # such legs are driven toward what is too far off,
 _NEARER_M = 0.2  # if they lead so much nearer
 _VIAS = ((-0.35, 0.0), (-0.7, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.35, 0.5), (-0.35, -0.5))  # ahead and left of here [m]
-# Where the other hand may bring what it holds: x, y toward its own side, z [m]; reachable from a bent torso too.
-_ASIDE = ((0.50, 0.30, 0.76), (0.52, 0.16, 0.76), (0.42, 0.36, 0.78), (0.50, 0.30, 0.90))
+# Turns about the vertical [rad] of a payload that is brought aside: a wrist that turns little reaches bent torsos so.
+_PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1)  # [rad] of the torsos from which it should be in reach there
+_TURNS_RAD = (0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, np.pi)
+_SHARE = 0.5  # Our choice: a hand is turned where it would be in reach from fewer of the torsos than that
 # Off where the hand that works has what it holds, y toward its own side [m]: a torso that is lowered or bent would meet
 # what hangs close to the body, such as a sack from its handle.
 _OUT_M = np.array([(0.12, 0.1, -0.12), (0.2, 0.1, -0.15), (0.3, 0.1, -0.2)])
@@ -86,13 +88,27 @@ class Site:
         side = self.other
         if side is None:
             return [[]]
-        now, body = self.motion.hand(side), self.body(self.motion.torso, NOTHING)
-        holds = [[self.motion.arm(side)]]
-        for x, y, z in _ASIDE:
-            T = kin.transform(now[:3, :3], (x, y * SIGN[side], z))
+        body, holds = self.body(self.motion.torso, NOTHING), [[self.motion.arm(side)]]
+        for at in self.motion.robot.aside * [1, SIGN[side], 1]:
+            T = self._turned(self.motion.hand(side), side, at)
             if (path := arm_motion.plan_level(body, side, T)) is not None:
                 holds.append(path)
         return holds
+
+    def _turned(self, T: Array, side: Side, at: Array) -> Array:
+        """T_base_tcp (4, 4) at a place (3,), as upright as before; turned if few torsos would have it in reach so."""
+        robot = self.motion.robot
+        turned = np.stack([kin.transform(matmul(kin.rot_z(turn), T[:3, :3]), at) for turn in _TURNS_RAD])
+        chests = kin.inverse(robot.chest(self.torsos(_PITCHES)[0]))
+        reached, _ = robot.arm_inverse(matmul(chests[:, None], turned[None]).reshape(-1, 4, 4), side, swivels=12)
+        shares = np.bincount(np.unique(reached) % len(turned), minlength=len(turned)) / len(chests)
+        return np.asarray(turned[0 if shares[0] >= _SHARE else int(shares.argmax())])
+
+    def torsos(self, pitches: Sequence[float]) -> tuple[Array, Array]:
+        """Joints (m, 4) and postures (m, 4) of the torsos that a search tries, at pitches [rad]."""
+        robot = self.motion.robot
+        postures = robot.postures(pitches, float(robot.trunk.posture(robot.travel_torso)[3]))
+        return robot.trunk.joints(postures), postures
 
     def postures(
         self, goals: Array, costs: Sequence[float], pitches: Sequence[float], swivels: int
@@ -109,8 +125,8 @@ class Site:
             Torsos (m, 4); the index of its torso (n,), the index of its goal (n,) and the arm (n, 7) of each posture.
         """
         robot = self.motion.robot
-        postures = robot.postures(pitches, float(robot.trunk.posture(robot.travel_torso)[3]))
-        torsos, lift = robot.trunk.joints(postures), robot.trunk.posture(self.motion.torso)[0]
+        torsos, postures = self.torsos(pitches)
+        lift = robot.trunk.posture(self.motion.torso)[0]
         chests = kin.inverse(robot.chest(torsos))
         at, q = robot.arm_inverse(matmul(chests[:, None], goals[None]).reshape(-1, 4, 4), self.side, swivels=swivels)
         t, g = at // len(goals), at % len(goals)

@@ -109,6 +109,7 @@ FETCH = RobotModel(
     travel_arm={"right": np.array([0.65, 1.22, -0.84, 2.15, -0.38, 1.44, 0.0])},  # within 0.33 m, 3 cm clear of itself
     travel_torso=np.array([0.20, 0.0, 0.0, 0.5]),
     lifts=(0.0, 0.1, 0.2, 0.3, 0.386),
+    aside=np.zeros((0, 3)),  # with one arm there is no other hand
     drives={
         **dict.fromkeys(_BASE_JOINTS, Drive(0.0, 1e3, 1e3)),
         "torso_lift_joint": Drive(5e4, 5e3, 2e3),

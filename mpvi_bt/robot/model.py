@@ -125,6 +125,8 @@ class RobotModel:
         arm_m: Radius of elbow, wrist and hand, from above.
         travel_arm, travel_torso: Joints to drive in, and to begin with.
         lifts: Of the trunk [m], of which searches for a posture try each.
+        aside: (k, 3) where a hand may bring a payload before the torso moves: ahead, toward its own side, up [m] in the
+            base frame; in reach from bent torsos too.
         drives: Gains by joint.
         cameras: "head", and of each arm one by the name of its side.
         hull: Where it would touch.
@@ -159,6 +161,7 @@ class RobotModel:
     travel_arm: Mapping[Side, Array]
     travel_torso: Array
     lifts: tuple[float, ...]
+    aside: Array
     drives: Mapping[str, Drive]
     cameras: Mapping[str, Camera]
     hull: Hull

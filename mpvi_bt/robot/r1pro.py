@@ -195,6 +195,8 @@ R1PRO = RobotModel(
     travel_arm=TRAVEL_ARM,
     travel_torso=TRAVEL_TORSO,
     lifts=(0.05, 0.15, 0.25, 0.35, 0.453, 0.58),
+    # Our choice: of places 0.1 m apart those in reach from most of the torsos that searches try, hand down or ahead.
+    aside=np.array([(0.55, 0.50, 0.75), (0.50, 0.50, 0.85), (0.60, 0.40, 0.85), (0.60, 0.50, 0.90)]),
     drives=_drives(),
     cameras={
         "head": Camera(320, 320, float(np.deg2rad(99.3)), 0.02, 20.0, "head_camera_link"),
