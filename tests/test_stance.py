@@ -25,9 +25,11 @@ from mpvi_bt.manipulation.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Body, Load, Surroundings
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Proprioception, Side, other
 from mpvi_bt.robot.r1 import R1
+from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.solids import Array, Solid, box
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
@@ -278,6 +280,30 @@ def test_what_hangs_on_the_near_side_of_its_hand_is_turned_outward_as_the_torso_
         for u, q in zip(np.linspace(0, 1, len(path)), path, strict=True):
             now = torso + (np.array(bent) - torso) * u
             np.testing.assert_allclose(R1.tcp(now, q, "left")[2, :3], hand[2, :3], atol=1e-3)
+
+
+@pytest.mark.parametrize("hand", [((0.0, 0.0, -1.0), (0.97, -0.25, 0.0)), ((0.5, -0.87, 0.0), (-0.87, -0.5, 0.0))])
+def test_a_payload_is_brought_to_where_it_can_stay_as_the_torso_bends(
+    world: World, hand: tuple[tuple[float, ...], tuple[float, ...]]
+) -> None:
+    """Level in the other hand, at a place aside, while the torso goes down to where the floor is in reach."""
+    robot = R1PRO
+    felt = replace(world.robot.proprioception(), robot=robot.name, torso=robot.travel_torso)
+    there = kin.hand_rotation(*hand)
+    near = matmul(kin.inverse(robot.chest(felt.torso)), kin.transform(there, (0.35, 0.28, 0.75)))
+    _, postures = robot.arm_inverse(near[None], "left")
+    motion = Motion(replace(felt, arm={**robot.travel_arm, "left": postures[0]}))
+    tub = (box((0.0, 0.0, 0.1), (0.12, 0.12, 0.2)),)
+    held = {"left": Held("tub", "left", np.eye(4), tub, Load(tub), False)}
+    site = Search(motion, "right", held, Surroundings([]), [], np.random.default_rng(0))
+    torsos, _ = site.torsos([0.8])
+    around = site.around(motion.felt.base_pose, touched=True)
+    stood = []
+    for path in site.holds:
+        arms = {"left": path[-1], "right": robot.travel_arm["right"]}
+        np.testing.assert_allclose(robot.tcp(motion.torso, path[-1], "left")[2, :3], there[2], atol=1e-3)
+        stood.append(sum(site.stood(torso, around, arms) is not None for torso in torsos))
+    assert max(stood[1:]) >= len(torsos) / 2, stood
 
 
 @pytest.mark.parametrize("laden", [False, True])
