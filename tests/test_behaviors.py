@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from mpvi_bt.behaviors.context import Context, Stopwatch
+from mpvi_bt.behaviors.context import Context, Query, Stopwatch
 from mpvi_bt.behaviors.node import failure_of
 from mpvi_bt.behaviors.protocols import Judgement, Progress, Report, TriggerEvent
 from mpvi_bt.behaviors.question import Question
@@ -207,6 +207,26 @@ def test_a_policy_that_gives_up_ends_its_unit() -> None:
     policy.gave_up = False
     assert bench.tree.tick() == Status.RUNNING
     assert policy.resets == 2
+
+
+def test_a_unit_given_up_tells_what_the_checker_said_no_to() -> None:
+    """The last no since the handoff of the check beside it, with what was seen; no earlier one, nor another unit's."""
+    bench = Bench("until_complete:\nchildren: [{manipulate: pick up the cup}, {check_complete: a cup is held}]")
+    bench.context.policy = policy = Chunks(1)
+    bench.run(1)
+    now = bench.context.clock.time_s
+    for path, complete, reason, time_s in (
+        ("until_complete/check_complete", False, "too early", now - 1),
+        ("until_complete/check_complete", False, "the hand is empty", now),
+        ("until_complete/check_complete", True, "that was a yes", now),
+        ("other/check_complete", False, "of another", now),
+    ):
+        bench.context.log.queries.append(Query("a cup is held", "grasp", "head", complete, reason, path, time_s))
+    policy.gave_up, policy.note = True, "done"
+    bench.run(1)
+    failure = failure_of(bench.node("manipulate"))
+    assert failure is not None
+    assert failure.evidence == 'done; "a cup is held": no, the hand is empty'
 
 
 def test_a_unit_given_up_waits_for_the_answer_that_is_awaited() -> None:

@@ -218,7 +218,9 @@ def test_what_cannot_be_set_down_from_here_is_set_down_from_elsewhere(
     monkeypatch.setattr(placing, "go_around", go_around)
     monkeypatch.setattr(placing, "_options", lambda *args: [None])
     motion = SimpleNamespace(felt=SimpleNamespace(gripper_width={"left": 0.05}), robot=R1)
-    work = cast("Work", SimpleNamespace(load=lambda side: None, motion=motion))
+    said = SimpleNamespace(load=lambda side: SimpleNamespace(name="jar"), motion=motion)
+    said.no_free_spot = lambda payload, place: MotionFailure("no_free_spot", f"{payload}, {place}")
+    work = cast("Work", said)
     groups = [[placing.Pose(np.eye(4), 0.0)]] * poses
     with pytest.raises(MotionFailure, match=reason):
         list(placing.place_at(work, "left", about, lambda held: groups, []))

@@ -158,6 +158,30 @@ def test_a_search_that_finds_nothing_says_what_its_candidates_died_of(world: Wor
     assert str(failure) == f"no_stance ({failure.evidence})"
 
 
+def test_a_blocked_base_names_what_it_stands_at(world: World) -> None:
+    """With how far it is off its goal; other failures keep their evidence."""
+    task = work(world)
+    leg = min((s.aabb() for s in world.solids("table_1")), key=lambda box: float(box[0, 2]))
+    before = np.array([leg[0, 0] - R1.base.radius_m, leg[:, 1].mean(), 0.0])
+    task.motion.felt = replace(task.motion.felt, base_pose=before)
+    told = task.explained(MotionFailure("base_blocked", "9 cm and 0 degrees off its goal"))
+    assert str(told) == "base_blocked (9 cm and 0 degrees off its goal; at table_1)"
+    assert str(task.explained(MotionFailure("no_reach", "far"))) == "no_reach (far)"
+
+
+def test_a_place_without_room_tells_the_payload_and_what_is_there() -> None:
+    """Sizes in centimeters, and the names of what lies on it; the floor has no name."""
+    world = small_world({"can": placed("can_of_soda", 0.9, 0.6), "sack": placed("sack", -1.5, 0.5)}, table_1=TABLE)
+    world.settle()
+    task = work(world)
+    told = task.no_free_spot("sack", "table_1").evidence
+    size = np.ptp(np.concatenate([s.aabb() for s in world.solids("sack")]), axis=0) * 100
+    assert (
+        told == f"no room for {max(size[:2]):.0f} x {min(size[:2]):.0f} cm, {size[2]:.0f} cm high, at table_1 with can"
+    )
+    assert task.no_free_spot("can", None).evidence.endswith("cm high, on the floor")
+
+
 def test_without_options_there_is_no_stance(world: World) -> None:
     """A thing that can be let go of nowhere, or grasped nowhere, is no error: there is just no place to stand."""
     assert work(world).search("left", {"can"}).find(world.pose("can")[:2, 3], []) is None
@@ -284,7 +308,7 @@ def test_what_hangs_on_the_near_side_of_its_hand_is_turned_outward_as_the_torso_
 
 @pytest.mark.parametrize("hand", [((0.0, 0.0, -1.0), (0.97, -0.25, 0.0)), ((0.5, -0.87, 0.0), (-0.87, -0.5, 0.0))])
 def test_a_payload_is_brought_to_where_it_can_stay_as_the_torso_bends(
-    world: World, hand: tuple[tuple[float, ...], tuple[float, ...]]
+    world: World, hand: tuple[tuple[float, float, float], tuple[float, float, float]]
 ) -> None:
     """Level in the other hand, at a place aside, while the torso goes down to where the floor is in reach."""
     robot = R1PRO
@@ -294,13 +318,13 @@ def test_a_payload_is_brought_to_where_it_can_stay_as_the_torso_bends(
     _, postures = robot.arm_inverse(near[None], "left")
     motion = Motion(replace(felt, arm={**robot.travel_arm, "left": postures[0]}))
     tub = (box((0.0, 0.0, 0.1), (0.12, 0.12, 0.2)),)
-    held = {"left": Held("tub", "left", np.eye(4), tub, Load(tub), False)}
+    held: dict[Side, Held] = {"left": Held("tub", "left", np.eye(4), tub, Load(tub), False)}
     site = Search(motion, "right", held, Surroundings([]), [], np.random.default_rng(0))
     torsos, _ = site.torsos([0.8])
     around = site.around(motion.felt.base_pose, touched=True)
     stood = []
     for path in site.holds:
-        arms = {"left": path[-1], "right": robot.travel_arm["right"]}
+        arms: dict[Side, Array] = {"left": path[-1], "right": robot.travel_arm["right"]}
         np.testing.assert_allclose(robot.tcp(motion.torso, path[-1], "left")[2, :3], there[2], atol=1e-3)
         stood.append(sum(site.stood(torso, around, arms) is not None for torso in torsos))
     assert max(stood[1:]) >= len(torsos) / 2, stood

@@ -26,6 +26,7 @@ class Manipulate(Leaf):
 
     FAILURE with reason "gave_up" once the policy says so, its chunk is used up and no answer of the checker is awaited
     (Our choice: learned policies can't say it; of one that can, the time until its timeout would be lost to the rest).
+    Its evidence is the policy's note, and what the checker last said no to.
 
     A chunk of actions is carried out whole, one a step, before the policy is asked again (Our choice: as openpi's
     clients do; `mpvi_bt.manipulation.chunks` has other ways). At a handoff, that is whenever it starts, and when the
@@ -44,10 +45,12 @@ class Manipulate(Leaf):
         self.prompt = prompt
         self._said = prompt
         self._chunk: deque[Array] = deque()
+        self._since_s = 0.0
 
     def initialise(self) -> None:
         """Hand over to the policy."""
         super().initialise()
+        self._since_s = self.context.clock.time_s
         self._begin(self.resolve(self.prompt))
         felt = self.context.robot.proprioception()
         self._grip, self._model = GripWatch(felt), robot_named(felt.robot)
@@ -72,7 +75,7 @@ class Manipulate(Leaf):
         note = str(getattr(context.policy, "note", ""))
         self.feedback_message = " ".join(note.split())[:_NOTE]
         if getattr(context.policy, "gave_up", False) and not (self._chunk or context.asking):
-            return self.fail("gave_up", self.feedback_message)
+            return self.fail("gave_up", "; ".join(filter(None, (self.feedback_message, self._refused()))))
         return Status.RUNNING
 
     def terminate(self, new_status: Status) -> None:
@@ -92,6 +95,16 @@ class Manipulate(Leaf):
             context.log.notices.append(Notice(kind, side, self.path, context.clock.time_s))
             if GRIP in context.blackboard:
                 context.blackboard[GRIP] = f"{kind} {side}"
+
+    def _refused(self) -> str:
+        """What the checker beside this node last said no to since the handoff, and why; "" if it did not."""
+        beside = self.path.rpartition("/")[0] + "/"
+        for query in reversed(self.context.log.queries):
+            if query.time_s < self._since_s:
+                break
+            if query.path.startswith(beside) and not query.complete:
+                return f'"{query.criterion}": no, {query.reason}'
+        return ""
 
     def _infer(self, body: Proprioception) -> Array:
         """(H, 23) actions from the policy. Raises PolicyError unless they are that, and finite."""

@@ -94,7 +94,7 @@ def go_along(
         last = goal
         if norm(error[:2]) > _ASTRAY_M:  # pressed against a wall it could not even draw its hand back
             yield from motion.drive(course.base(smooth(max(0.0, k / n - _BACK)), start), _BASE_SPEED_M_S)
-            raise MotionFailure("base_blocked")
+            raise MotionFailure("base_blocked", f"{100 * norm(error[:2]):.0f} cm off its course")
         motion.action[ActionLayout.TORSO] = torso + (torso_after - torso) * x
         lost = 0 if _reach(motion, side, course.hand(x)) else lost + 1
         if lost >= _LOST_STEPS:

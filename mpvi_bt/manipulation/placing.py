@@ -170,7 +170,7 @@ def place_at(
             if failure.reason != "no_stance":
                 raise
             if not seen:
-                raise MotionFailure("no_free_spot") from None
+                raise work.no_free_spot(held.name, about) from None
             if about is None or leg == LEGS or not (yield from go_around(work, about, been)):
                 raise
     try:

@@ -252,7 +252,7 @@ class ScriptedPolicy:
                 yield from perform(work, call.arguments, tried)
                 return True
             except MotionFailure as failure:
-                self.note = f"{call.skill.name}: {failure}"
+                self.note = f"{call.skill.name}: {work.explained(failure)}"
                 if failure.reason in _ANYWHERE:
                     return False
                 yield from self._recover(work)

@@ -82,7 +82,7 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
         for base in route:
             yield from motion.drive(base, speed=0.3)
     if not spots:
-        raise MotionFailure("no_free_spot")
+        raise work.no_free_spot(name, surface)
     search.tried.extend(tried)
     found = _find_place(work, search, box, list(spots))
     if found is None:

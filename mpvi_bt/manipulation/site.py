@@ -32,7 +32,7 @@ _VIAS = ((-0.35, 0.0), (-0.7, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.35, 0.5), (-0.3
 # Turns about the vertical [rad] of a payload that is brought aside: a wrist that turns little reaches bent torsos so.
 _PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1)  # [rad] of the torsos from which it should be in reach there
 _TURNS_RAD = (0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, np.pi)
-_SHARE = 0.5  # Our choice: a hand is turned where it would be in reach from fewer of the torsos than that
+_SHARE = 0.2  # Our choice: a hand is turned where it would be in reach from fewer of the torsos than that
 # Off where the hand that works has what it holds, y toward its own side [m]: a torso that is lowered or bent would meet
 # what hangs close to the body, such as a sack from its handle.
 _OUT_M = np.array([(0.12, 0.1, -0.12), (0.2, 0.1, -0.15), (0.3, 0.1, -0.2)])

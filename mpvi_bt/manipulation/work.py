@@ -9,7 +9,7 @@ import numpy as np
 
 from mpvi_bt.manipulation.effort import Effort
 from mpvi_bt.manipulation.held import Held
-from mpvi_bt.manipulation.refusals import Refusals
+from mpvi_bt.manipulation.refusals import Refusals, deepest
 from mpvi_bt.manipulation.scene import Scene, Sight
 from mpvi_bt.manipulation.search import Search
 from mpvi_bt.perception.knowledge import Entry
@@ -229,6 +229,26 @@ class Work:
     def no_stance(self) -> MotionFailure:
         """That searches for a stance have found nothing since the attempt began, with what candidates died of."""
         return MotionFailure("no_stance", self.refusals.told(self._named))
+
+    def no_free_spot(self, payload: str, place: str | None) -> MotionFailure:
+        """That a payload has no room on, in or beside a place, or on the floor: its size, and what is there."""
+        size = np.ptp(bounds(self.scene.solids(payload)), axis=0)
+        length, width, height = 100 * np.append(np.sort(size[:2])[::-1], size[2])
+        room = f"no room for {length:.0f} x {width:.0f} cm, {height:.0f} cm high"
+        if place is None:
+            return MotionFailure("no_free_spot", f"{room}, on the floor")
+        known, carried = {e.name: e for e in self.scene.knowledge()}, self.carried()
+        there = [n for n, e in known.items() if place in known and _there(e, known[place]) and n not in carried]
+        return MotionFailure("no_free_spot", f"{room}, at {place}" + (f" with {', '.join(there)}" if there else ""))
+
+    def explained(self, failure: MotionFailure) -> MotionFailure:
+        """A failure with evidence of its own: where the base is held up, what is nearest to it there."""
+        if failure.reason != "base_blocked":
+            return failure
+        standing, T = self.motion.robot.hull.standing, self.base
+        centers = matmul(standing[:, :3], T[:3, :3].T) + T[:3, 3]
+        nearest = self._named(deepest(self.near(), centers, standing[:, 3], np.eye(4)))
+        return MotionFailure(failure.reason, "; ".join(filter(None, (failure.evidence, nearest and f"at {nearest}"))))
 
     def _named(self, sphere: Array) -> str | None:
         """What a sphere (4,) x, y, z, radius meets, the nearest first, and of several the smallest; None if unknown."""

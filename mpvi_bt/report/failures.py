@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 from mpvi_bt.suite.result import Failure, Result
 
-# What a policy gave up of stands in the evidence: "pick: no_grasp", with what
-# its candidates died of in brackets; of a timeout, "manipulate (pick: no_grasp)".
+# What a policy gave up of stands in the evidence: "pick: no_grasp", with what its candidates died of in brackets, and
+# behind a semicolon what the checker said no to; of a timeout, "manipulate (pick: no_grasp)".
 _GAVE_UP = {
-    "gave_up": re.compile(r"^([a-z_]+: [a-z_]+)(?: \(|$)"),
+    "gave_up": re.compile(r"^([a-z_]+: [a-z_]+|done)(?: \(|;|$)"),
     "timeout": re.compile(r"\bmanipulate(?:#\d+)? \(([a-z_]+: [a-z_]+)(?: \(|\))"),
 }
 # As the goal's conditions are printed: a predicate stands before its arguments, "inside(a, b)", or, where a condition

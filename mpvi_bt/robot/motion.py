@@ -242,8 +242,9 @@ class Motion:
         for leg in legs(self.robot, self.felt.base_pose, goal):
             yield from self._leg(leg, speed)
         off = goal - self.felt.base_pose
-        if norm(off[:2]) > _ARRIVED_M or abs(kin.wrap(off[2])) > 0.05:
-            raise MotionFailure("base_blocked")
+        far, turn = float(norm(off[:2])), abs(float(kin.wrap(off[2])))
+        if far > _ARRIVED_M or turn > 0.05:
+            raise MotionFailure("base_blocked", f"{100 * far:.0f} cm and {np.degrees(turn):.0f} degrees off its goal")
 
     def _leg(self, goal: Array, speed: float) -> Actions:
         """One straight leg of a drive; it ends where something holds the base off its way."""
