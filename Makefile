@@ -8,7 +8,7 @@ bin := $(VENV)/bin
 run_tests = OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(bin)/pytest --numprocesses $(TEST_WORKERS) --maxprocesses 8 --dist worksteal
 pip_install = $(bin)/python -m pip install --quiet --constraint constraints.txt
 
-.PHONY: help demo setup setup-test system test test-all check lint format types pytest pytest-all quick clean
+.PHONY: help demo setup setup-test system test test-all check lint format types pytest pytest-all quick docs docs-links setup-docs clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1 @ /p' Makefile | column -t -s @
@@ -48,8 +48,17 @@ pytest-all:  ## all tests
 quick:  ## tests without the slow ones
 	$(run_tests) -m "not slow and not rare"
 
+docs: setup-docs  ## build the site in docs/_build/html; a warning, such as a dead link, is an error
+	$(bin)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
+	@echo "docs/_build/html/index.html"
+
+docs-links: setup-docs  ## ask every address on the pages whether it is still there (needs a network)
+	$(bin)/sphinx-build -q -b linkcheck docs docs/_build/links
+
+setup-docs: system $(VENV)/.docs
+
 clean:  ## remove the virtual environment and caches
-	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .numba_cache
+	rm -rf $(VENV) docs/_build .mypy_cache .pytest_cache .ruff_cache .numba_cache
 
 system:
 	@PYTHON=$(PYTHON) scripts/system-packages.sh
@@ -67,3 +76,8 @@ $(VENV)/.test: pyproject.toml constraints.txt | $(bin)/python
 	@echo "set-up: installing everything into $(VENV) (3.3 GB)"
 	$(pip_install) --editable '.[dev]'
 	@touch $(VENV)/.core $@
+
+$(VENV)/.docs: pyproject.toml constraints.txt | $(VENV)/.core
+	@echo "set-up: installing Sphinx into $(VENV) (80 MB)"
+	$(pip_install) --editable '.[docs]'
+	@touch $@

@@ -27,11 +27,12 @@ def other(side: Side) -> Side:
 class ActionLayout:
     """Slices of the 23-number action, in BEHAVIOR's order. What a robot does not have is 0 in it.
 
-    BASE     vx, vy [m/s] and yaw rate [rad/s] in the base frame
-    TORSO    absolute targets of the torso's joints: of the r1 and the fetch lift [m], waist yaw, waist pitch, head tilt
-             [rad]; of the r1pro torso_joint1 to 4 [rad]
-    ARM      seven joint targets [rad] of each arm
-    GRIPPER  -1 closed ... 1 fully open
+    Attributes:
+        BASE: vx, vy [m/s] and yaw rate [rad/s] in the base frame.
+        TORSO: Absolute targets of the torso's joints: of the r1 and the fetch lift [m], waist yaw, waist pitch, head
+            tilt [rad]; of the r1pro torso_joint1 to 4 [rad].
+        ARM: Seven joint targets [rad] of each arm.
+        GRIPPER: -1 closed ... 1 fully open.
     """
 
     BASE = slice(0, 3)
