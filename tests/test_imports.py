@@ -25,7 +25,7 @@ RANKS = [
     {"file_kinds"},
     {"robot", "paths", "marked_yaml", "writing", "proxies"},
     {"extras"},
-    {"language"},
+    {"language", "rules"},
     {"goals", "perception"},
     {"plan"},
     {"navigation", "manipulation", "completion", "remote", "sim"},

@@ -1,0 +1,48 @@
+"""Mounts: a thing that is brought close to a mount of its kind is fixed to it, until something tears it off.
+
+Source: OmniGibson, object_states/attached_to.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpvi_bt.robot.linear_algebra import matmul, norm
+from mpvi_bt.robot.solids import Array
+
+NEAR_M, NEAR_RAD = 0.05, float(np.deg2rad(15.0))
+BREAKS_N, BREAKS_NM = 5e3, 1e4
+
+
+@dataclass(frozen=True, eq=False)
+class Mount:
+    """A place of a thing that fits one of another.
+
+    Attributes:
+        kind: Of the pair, such as "wall_nail".
+        male: The male one is the child's, the female one the parent's.
+        pose: (4, 4) in the world.
+        free: Whether nothing is mounted there.
+    """
+
+    kind: str
+    male: bool
+    pose: Array
+    free: bool = True
+
+
+def fits(child: Mount, parent: Mount, contact: bool) -> bool:
+    """Whether a child is fixed to a parent now: they touch, their mounts are a free pair, close and turned alike."""
+    if not (contact and child.kind == parent.kind and child.male and not parent.male and child.free and parent.free):
+        return False
+    off = float(norm(child.pose[:3, 3] - parent.pose[:3, 3]))
+    turn = matmul(child.pose[:3, :3].T, parent.pose[:3, :3])
+    angle = float(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1.0, 1.0)))
+    return off <= NEAR_M and angle <= NEAR_RAD
+
+
+def breaks(force_n: float, torque_nm: float) -> bool:
+    """Whether what holds two mounts together gives way."""
+    return force_n > BREAKS_N or torque_nm > BREAKS_NM

@@ -1,0 +1,45 @@
+"""Sprayers: while one is on, rays leave the tip of its cone; what each meets first gets a mark there.
+
+Source: OmniGibson, object_states/particle_modifier.py (ParticleApplier).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpvi_bt.robot.solids import Array
+from mpvi_bt.rules.marks import Marks
+
+EVERY_STEPS = 5
+MARKS_AT_ONCE = 2
+
+
+@dataclass(frozen=True)
+class Sprayer:
+    """What sprays.
+
+    Attributes:
+        kind: Of the marks that it makes, such as "pesticide.n.01".
+        length_m, radius_m: Of its cone, from the tip along x to the middle of the base, and of the base.
+    """
+
+    kind: str
+    length_m: float
+    radius_m: float
+
+    def rays(self, on: bool, step: int, rng: np.random.Generator) -> Array:
+        """(n, 3) where rays from the tip end on the base in this step, in the cone's frame [m]; n may be 0."""
+        if not on or step % EVERY_STEPS:
+            return np.zeros((0, 3))
+        angle = rng.uniform(0, 2 * np.pi, MARKS_AT_ONCE)
+        r = self.radius_m * np.sqrt(rng.uniform(0, 1, MARKS_AT_ONCE))  # evenly over the disc
+        return np.stack([np.full(MARKS_AT_ONCE, self.length_m), r * np.cos(angle), r * np.sin(angle)], -1)
+
+
+def sprayed(marks: Marks, kind: str, points: Array) -> Marks:
+    """What is on a thing once rays met it at points (n, 3) in its frame."""
+    if not len(points):
+        return marks
+    return marks.with_kind(kind, np.concatenate([marks.points.get(kind, np.zeros((0, 3))), points]))
