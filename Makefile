@@ -8,7 +8,7 @@ bin := $(VENV)/bin
 run_tests = OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(bin)/pytest --numprocesses $(TEST_WORKERS) --maxprocesses 8 --dist worksteal
 pip_install = $(bin)/python -m pip install --quiet --constraint constraints.txt
 
-.PHONY: help demo setup setup-test system test test-all check lint format types pytest pytest-all quick docs docs-links setup-docs clean
+.PHONY: help demo setup setup-test system test test-all check lint format types pytest pytest-all quick docs results docs-links setup-docs clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1 @ /p' Makefile | column -t -s @
@@ -51,6 +51,9 @@ quick:  ## tests without the slow ones
 docs: setup-docs  ## build the site in docs/_build/html; a warning, such as a dead link, is an error
 	$(bin)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
 	@echo "docs/_build/html/index.html"
+
+results:  ## write the tables of measurements into docs/, from benchmarks/results/
+	$(bin)/python -m benchmarks.tables
 
 docs-links: setup-docs  ## ask every address on the pages whether it is still there (needs a network)
 	$(bin)/sphinx-build -q -b linkcheck docs docs/_build/links
