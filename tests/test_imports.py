@@ -21,7 +21,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 # What stands above what. A part may import parts of lower rank and itself; parts of one rank do not know each other.
 RANKS = [
     {"errors"},
-    {"yaml_reader", "compiled"},
+    {"yaml_reader", "compiled", "import_paths"},
     {"file_kinds"},
     {"robot", "paths", "marked_yaml", "writing", "proxies"},
     {"extras"},

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,8 +16,8 @@ from mpvi_bt.suite.config import EpisodeConfig
 from tests.fake_episodes import fake_result
 
 ROOT = Path(__file__).parent.parent
-RUN = {"command": "python -m benchmarks.x", "commit": "0123abc", "date": "2026-11-25", "processor": "p"}
-TABLE = {
+RUN: dict[str, Any] = {"command": "python -m benchmarks.x", "commit": "0123abc", "date": "2026-11-25", "processor": "p"}
+TABLE: dict[str, Any] = {
     "kind": "table",
     "runs": [RUN],
     "columns": [{"head": "a"}, {"head": "b", "format": ".2f"}],

@@ -17,7 +17,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 FILE = ROOT / "docs" / "tutorial.md"
 BLOCK = re.compile(
-    r"`([\w./]+)`:\n\n```(?:yaml|lisp)\n(.*?)^```$|^```console\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL
+    r"`([\w./]+)`:\n\n```(?:yaml|lisp|python)\n(.*?)^```$|^```console\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL
 )
 HOUSE = "## In the house"
 MARK = "=== a command ends here ==="

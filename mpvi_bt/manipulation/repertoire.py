@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from mpvi_bt.import_paths import imported
 from mpvi_bt.manipulation.close import close
 from mpvi_bt.manipulation.free_hand import with_a_free_hand
 from mpvi_bt.manipulation.go_to import go_to
@@ -18,6 +19,7 @@ from mpvi_bt.manipulation.set_down import either, set_down
 from mpvi_bt.manipulation.two_hands import lift
 from mpvi_bt.manipulation.wipe import spray, wipe
 from mpvi_bt.manipulation.work import Perform
+from mpvi_bt.plan.skills import Skill
 
 REPERTOIRE: Mapping[str, Perform] = {
     "go_to": go_to,
@@ -36,3 +38,15 @@ REPERTOIRE: Mapping[str, Perform] = {
     "spray": spray,
     "wipe": wipe,
 }
+
+
+def motion_of(skill: Skill) -> Perform | None:
+    """The motion that does a skill; None if there is none.
+
+    Raises:
+        UserError: Its file names a function that is not there.
+    """
+    if skill.motion is not None:
+        motion: Perform = imported(skill.motion, f"skill {skill.name}: motion")
+        return motion
+    return REPERTOIRE.get(skill.like or skill.name)

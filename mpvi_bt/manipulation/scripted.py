@@ -15,7 +15,7 @@ from mpvi_bt.manipulation.follow import around, draw_off
 from mpvi_bt.manipulation.gaze import look_at
 from mpvi_bt.manipulation.grasps import grasps
 from mpvi_bt.manipulation.hold_out import present
-from mpvi_bt.manipulation.repertoire import REPERTOIRE
+from mpvi_bt.manipulation.repertoire import motion_of
 from mpvi_bt.manipulation.scene import Scene, Sight
 from mpvi_bt.manipulation.showing import fell_beside, views
 from mpvi_bt.manipulation.work import Work
@@ -64,8 +64,13 @@ class ScriptedPolicy:
         self, scene: Scene, skills: Mapping[str, Skill], seed: int = 0, timer: Callable[[], float] | None = None,
         sight: Sight | None = None,
     ) -> None:  # fmt: skip
-        """Work in what `scene` knows; the same seed plans the same motions. `sight` takes in pictures for the scene."""
+        """Work in what `scene` knows; the same seed plans the same motions. `sight` takes in pictures for the scene.
+
+        Raises:
+            UserError: A skill's file names a motion that is not there.
+        """
         self._scene, self._sight = scene, sight
+        self._motions = {name: motion_of(skill) for name, skill in skills.items()}
         self._skills, self._seed, self._timer = skills, seed, timer
         self._calls = 0
         self._meant: dict[str, str] = {}
@@ -245,7 +250,7 @@ class ScriptedPolicy:
         for _ in range(_ATTEMPTS):
             self.attempts += 1
             try:
-                perform = REPERTOIRE.get(call.motion)
+                perform = self._motions.get(call.skill.name)
                 if perform is None:
                     raise MotionFailure("unknown_skill")
                 work.refusals.clear()

@@ -13,6 +13,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems
 from mpvi_bt.file_kinds import expect
+from mpvi_bt.import_paths import IMPORT_PATH
 from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
 from mpvi_bt.plan.pattern import Pattern, pattern
 from mpvi_bt.plan.phrases import checked_phrase, checked_template, filled, first_words, slots
@@ -49,6 +50,8 @@ class Skill(Record):
         triggers: Events that ask the completion checker.
         timeout_s: Simulated time that it may take.
         like: Another skill, whose motion does this one too; its slots are that one's. None: it has a motion of its own.
+        motion: That motion, where it is not one of ours: the import path of a function, "my_module:turn_knob", which
+            the scripted policies call as they call those of `mpvi_bt.manipulation.repertoire`.
     """
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
@@ -59,6 +62,15 @@ class Skill(Record):
     triggers: tuple[Trigger, ...] = Field(min_length=1)
     timeout_s: float = Field(gt=0, le=86_400, allow_inf_nan=False, strict=True)
     like: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")] | None = None
+    motion: Annotated[str, Field(pattern=rf"^{IMPORT_PATH.pattern}$")] | None = None
+
+    @field_validator("motion")
+    @classmethod
+    def _is_the_only_one(cls, motion: str | None, info: ValidationInfo) -> str | None:
+        """Raises ValueError beside `like`: one of them would do nothing."""
+        if motion is not None and info.data.get("like") is not None:
+            raise ValueError(f"the skill is done like {info.data['like']!r} already; leave one of the two out")
+        return motion
 
     @field_validator("shows")
     @classmethod

@@ -24,11 +24,11 @@ def lint_skill(data: Any, marks: Marks) -> list[Problem]:
     """The warning of a skill that none of our policies knows how to do, of a file without errors."""
     if (like := data.get("like")) is not None:
         return list(_unlike(data, like, marks))
-    if (name := data["name"]) in REPERTOIRE:
+    if data.get("motion") is not None or (name := data["name"]) in REPERTOIRE:
         return []
     message = (
         f"none of our policies ({', '.join(SCRIPTED)}) knows how to do {name!r}, only perhaps that of a server "
-        f"({', '.join(_SERVERS)}); where one of theirs does it as well, say which by `like`"
+        f"({', '.join(_SERVERS)}); where one of theirs does it as well, say which by `like`, or name yours by `motion`"
     )
     more: dict[str, Any] = {"nearest": nearest(name, REPERTOIRE), "known": tuple(sorted(REPERTOIRE))}
     return [marks.problem(("name",), "no-doer", message, severity="warning", **more)]
@@ -57,7 +57,7 @@ def doubt(config: EpisodeConfig, spec: TreeSpec, skills: Mapping[str, Skill]) ->
         for placed in spec.nodes
         if isinstance(prompt := placed.spec.parameters, Prompt)
         for clause in clauses(prompt.prompt, skills)
-        if (call := match(clause, skills)) is not None and call.motion not in REPERTOIRE
+        if (call := match(clause, skills)) is not None and not call.skill.motion and call.motion not in REPERTOIRE
     }
     what = ", ".join(f"{skill!r} ({path})" for skill, path in asked.items())
     return f"policy {name} does not know how to do {what}: these units will fail" if asked else ""

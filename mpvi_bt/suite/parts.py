@@ -6,18 +6,14 @@ The entry point groups are `mpvi_bt.planner`, `mpvi_bt.detector`, `mpvi_bt.polic
 
 from __future__ import annotations
 
-import importlib
 import importlib.metadata
 import inspect
-import re
-import sys
-import traceback
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from mpvi_bt.errors import UserError, did_you_mean, nearest, shown
+from mpvi_bt.errors import UserError
+from mpvi_bt.import_paths import IMPORT_PATH, imported, told
 
 # Kind to what its parts may ask for, by the names of parameters.
 OFFERED: Mapping[str, tuple[str, ...]] = {
@@ -27,7 +23,6 @@ OFFERED: Mapping[str, tuple[str, ...]] = {
     "checker": ("vocabulary", "seed"),
     "trigger": ("robot",),
 }
-_PATH = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 
 @dataclass(frozen=True)
@@ -52,25 +47,7 @@ class Part:
         Raises:
             UserError: There is none, or it breaks the contract.
         """
-        module, _, name = self.path.partition(":")
-        here = str(Path.cwd())
-        if here not in sys.path:
-            sys.path.append(here)  # after what is installed, which no file here shall hide
-        try:
-            found = importlib.import_module(module)
-        except Exception as error:
-            if isinstance(error, ModuleNotFoundError) and error.name and f"{module}.".startswith(f"{error.name}."):
-                where = f"neither in {here} nor among what is installed"
-                hint = did_you_mean(nearest(module, self.known), self.known)
-                raise UserError(f"{self._said}: there is no module {error.name!r}, {where}.{hint}") from None
-            raise UserError(f"{self._said}: importing {module} raised {_told(error)}") from None
-        made = getattr(found, name, None)
-        if made is None:
-            known = [word for word in vars(found) if not word.startswith("_")]
-            hint = did_you_mean(nearest(name, known), known)
-            raise UserError(f"{self._said}: module {module!r} has no {shown(name)}.{hint}")
-        if not callable(made):
-            raise UserError(f"{self._said}: is no class or function, but {type(made).__name__}.")
+        made: Callable[..., Any] = imported(self.path, self._said, self.known)
         self._arguments(made, dict.fromkeys(OFFERED[self.kind]))
         if isinstance(made, type):
             self._check(made, attributes=False)
@@ -82,7 +59,7 @@ class Part:
         try:
             part = make(**self._arguments(make, offered))
         except Exception as error:
-            raise UserError(f"{self._said}: making it raised {_told(error)}") from error
+            raise UserError(f"{self._said}: making it raised {told(error)}") from error
         self._check(part, attributes=True)
         return part
 
@@ -122,7 +99,7 @@ def find(kind: str, given: str, known: Iterable[str] = ()) -> Part | None:
     """
     if kind not in OFFERED:
         return None
-    if _PATH.fullmatch(given):
+    if IMPORT_PATH.fullmatch(given):
         return Part(kind, given, given, tuple(known))
     path = entry_points(kind).get(given)
     return Part(kind, given, path) if path else None
@@ -140,10 +117,3 @@ def _protocol(kind: str) -> type:
 
     protocols = {"planner": Planner, "detector": Detector, "policy": Policy, "checker": Checker, "trigger": Triggers}
     return protocols[kind]
-
-
-def _told(error: Exception) -> str:
-    """An error of somebody else's code, on one line, with its place."""
-    last = traceback.extract_tb(error.__traceback__)[-1]
-    text = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-    return f"{text} ({last.filename}:{last.lineno})"
