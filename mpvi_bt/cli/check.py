@@ -18,9 +18,11 @@ from mpvi_bt.marked_yaml import MAX_PROBLEMS
     "--task",
     type=File("tasks"),
     metavar="TASK",
-    help="Also check rooms, and what to drive to, against this task's house and things.",
+    help="Also compare rooms and targets with this task's house and objects.",
 )
-@click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object, made for mending the files.")
+@click.option(
+    "--json", "as_json", is_flag=True, help="For programs: one JSON object with all problems and their places."
+)
 def check(files: tuple[str, ...], task: str | None, as_json: bool) -> int:
     """List every problem in trees, plans, skills, tasks, suites, methods, houses, rules, policies and catalogues.
 

@@ -21,8 +21,10 @@ FORMATS = {".xml": "xml", ".yaml": "yaml", ".yml": "yaml"}
 @click.command()
 @click.argument("tree", type=File("trees"))
 @click.argument("out", type=File(), required=False)
-@click.option("--to", type=click.Choice(["xml", "yaml"]), help="What to write. [default: by OUT, or what TREE is not]")
-@click.option("--force", is_flag=True, help="Write over files that are there already with another text.")
+@click.option(
+    "--to", type=click.Choice(["xml", "yaml"]), help="Format to write. [default: by OUT, or the other one than TREE's]"
+)
+@click.option("--force", is_flag=True, help="Overwrite existing files that differ.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object with the text and the warnings.")
 def convert(tree: str, out: str | None, to: str | None, force: bool, as_json: bool) -> None:
     """Turn a tree into XML of BehaviorTree.CPP 4, which Groot2 opens, or such XML into a tree.

@@ -20,9 +20,9 @@ def _even(ctx: click.Context, param: click.Parameter, given: int | None) -> int 
 @click.command()
 @click.argument("folders", type=_FOLDER, nargs=-1, required=True, metavar="FOLDER...")
 @click.option(
-    "--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder of the dataset, a new one."
+    "--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="New folder for the dataset."
 )
-@click.option("--all", "every", is_flag=True, help="Take episodes, too, that did not reach their goal.")
+@click.option("--all", "every", is_flag=True, help="Include episodes that missed their goal.")
 @click.option(
     "--format",
     type=click.Choice(("v3.0", "v2.1")),
@@ -47,13 +47,13 @@ def _even(ctx: click.Context, param: click.Parameter, given: int | None) -> int 
     type=click.Choice(("instruction", "subtask")),
     default="instruction",
     show_default=True,
-    help="A row's `task`: what the episode is told, or what the robot is at.",
+    help="A row's `task`: the whole instruction, or the present subtask.",
 )
 @click.option(
     "--prompts",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="Have each task's instruction from this file, such as openpi-comet's task_mapping.json.",
+    help="File with each task's instruction, such as openpi-comet's task_mapping.json.",
 )
 @click.option(
     "--size",
@@ -62,7 +62,7 @@ def _even(ctx: click.Context, param: click.Parameter, given: int | None) -> int 
     metavar="PIXELS",
     help="Scale and pad all pictures to this width and height.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Say as JSON what was written.")
+@click.option("--json", "as_json", is_flag=True, help="For programs: what was written, as JSON.")
 def dataset(
     folders: tuple[Path, ...], out: Path, every: bool, prompts: Path | None, as_json: bool, **form: Any
 ) -> None:

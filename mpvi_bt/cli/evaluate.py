@@ -26,17 +26,17 @@ EVERY_S = 0.5  # the status line is drawn anew
     "--dialect",
     type=click.Choice(["behavior-2025", "behavior-2026", "openpi"]),
     required=True,
-    help="What the server is spoken to in.",
+    help="Protocol of the server.",
 )
 @click.option(
     "--instance",
     "instances",
     type=click.IntRange(min=0),
     multiple=True,
-    help="Start state; again for more.  [default: 0]",
+    help="Start state; may be repeated.  [default: 0]",
 )
 @click.option(
-    "--robot", type=click.Choice(["r1", "r1pro"]), default="r1pro", show_default=True, help="Which robot stands there."
+    "--robot", type=click.Choice(["r1", "r1pro"]), default="r1pro", show_default=True, help="Robot in the house."
 )
 @click.option(
     "--batched/--unbatched",
@@ -44,11 +44,14 @@ EVERY_S = 0.5  # the status line is drawn anew
     help="Whether arrays have a leading 1, as since 3.9.3 of 2026.  [default: as the dialect has it]",
 )
 @click.option("--chunk", type=click.IntRange(1, 1024), metavar="K", help="Ask for K actions at once; not in 2025.")
-@click.option("--labels", is_flag=True, help="Tell what things in pictures are, which no evaluator does.")
+@click.option("--labels", is_flag=True, help="Send labels of pictures, which no evaluator does.")
 @click.option("--on-demand", is_flag=True, help="Send only pictures that the server asks for; evaluators send all.")
-@click.option("--assisted", is_flag=True, help="A closing hand fixes what it pinches to itself, as in BEHAVIOR.")
+@click.option("--assisted", is_flag=True, help="Fix a grasped object to the hand, as BEHAVIOR does.")
 @click.option(
-    "--max-steps", type=click.IntRange(min=1), metavar="N", help="Of an instance.  [default: by how long people took]"
+    "--max-steps",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Time limit of an episode.  [default: by human demonstrations]",
 )
 @click.option(
     "--wait",
@@ -57,7 +60,7 @@ EVERY_S = 0.5  # the status line is drawn anew
     default=60.0,
     show_default=True,
     metavar="SECONDS",
-    help="For a server that is not there yet.",
+    help="Wait so long for the server to start.",
 )
 @click.option(
     "--out",
@@ -65,7 +68,7 @@ EVERY_S = 0.5  # the status line is drawn anew
     default="runs/evaluated",
     show_default=True,
     metavar="DIR",
-    help="Where results go, in the evaluator's layout.",
+    help="Folder of the results, in the evaluator's layout.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
 def evaluate(dialect: Any, instances: tuple[int, ...], batched: bool | None, as_json: bool, **given: Any) -> int:

@@ -141,7 +141,7 @@ def method(command: Any) -> Any:
         is_eager=True,
         callback=_take_method,
         metavar="NAME",
-        help="Choose all of these as a method does, by name or file; what is given beside it overrides the method.",
+        help="Set the backends below by a method, by name or file; other options override it.",
     )(command)
 
 
@@ -163,7 +163,7 @@ def drive(command: Any) -> Any:
         type=click.Choice(["navigator", "policy"]),
         default="navigator",
         show_default=True,
-        help="Who carries out the navigation segments of a plan: the planned route, or the policy, told in words.",
+        help="Who drives: the navigator, or the policy, with the segment's description as its prompt.",
     )(command)
 
 
@@ -175,9 +175,8 @@ def on_failure(command: Any) -> Any:
         default="advance",
         show_default=True,
         metavar="WHAT",
-        help="What becomes of a unit of the plan that fails: advance: it is given up, and the next one begins; "
-        "retry:N: it is tried N more times before; replan: the planner makes a new plan for the rest, without a model: "
-        "what was to come, and then once more what failed.",
+        help="After a unit of the plan has failed: advance: go on with the next one; retry:N: try it N more times "
+        "first; replan: make a new plan for the rest, or without a model, go on and try it once more at the end.",
     )(command)
 
 
@@ -199,29 +198,27 @@ def backends(command: Any) -> Any:
             "--policy-settings",
             type=File("policies"),
             metavar="NAME",
-            help="How a policy that is somewhere else is spoken to, by name or file.",
+            help="Settings of a policy server, by name or file.",
         ),
         click.option(
             "--policy-horizon",
             type=click.IntRange(min=1),
             metavar="N",
-            help="Carry out N actions of each chunk, then ask again.  [default: all]",
+            help="Execute N actions of each chunk, then ask again.  [default: all]",
         ),
         click.option(
             "--policy-ensemble",
             type=Finite(min=0),
             metavar="DECAY",
-            help="Ask at every step, and average what chunks foresee for it with weights exp(-DECAY i).",
+            help="Ask at every step, and average overlapping chunks with weights exp(-DECAY i).",
         ),
-        click.option(
-            "--assisted", is_flag=True, help="A closing hand fixes what it pinches to itself; every report says so."
-        ),
+        click.option("--assisted", is_flag=True, help="Fix a grasped object to the hand; every report says so."),
         click.option(
             "--while-asked",
             type=click.Choice(["go_on", "hold"]),
             default="go_on",
             show_default=True,
-            help="What the robot does while the checker has not answered yet.",
+            help="What the robot does until the checker answers.",
         ),
     ]
     command = language(drive(on_failure(command)))
@@ -248,20 +245,20 @@ def language(command: Any) -> Any:
             "--exchanges",
             type=click.Path(file_okay=False, path_type=Path),
             metavar="DIR",
-            help="Keep what language models are asked and answer; what is kept there is not asked again.",
+            help="Keep questions and answers of language models, and reuse them.",
         ),
-        click.option("--offline", is_flag=True, help="Ask language models nothing that is not kept there."),
+        click.option("--offline", is_flag=True, help="Ask no language model; use kept answers only."),
         click.option(
             "--calls",
             type=click.IntRange(min=0),
             metavar="N",
-            help="Ask language models N questions at most, in an episode.",
+            help="At most N questions to language models in an episode.",
         ),
         click.option(
             "--tokens",
             type=click.IntRange(min=0),
             metavar="N",
-            help="Ask them nothing more once questions and answers took N tokens.",
+            help="No more questions after N tokens.",
         ),
     ]
     for option in reversed(options):

@@ -22,7 +22,7 @@ FOLDERS = {
 
 @click.command(name="list")
 @click.argument("what", type=click.Choice([*FOLDERS, "objects", "families", "behaviors", "backends"]))
-@click.option("--long", "whole", is_flag=True, help="All that files say of themselves, in as many lines as it takes.")
+@click.option("--long", "whole", is_flag=True, help="Full descriptions, over several lines.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object by name.")
 def list_(what: str, whole: bool, as_json: bool) -> None:
     """What tasks, suites, methods, skills, trees, behaviors or backends there are, with one line each.

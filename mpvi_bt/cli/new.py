@@ -50,7 +50,12 @@ def tree(name: str, root: Path | None, as_json: bool) -> None:
 @new.command()
 @_named
 @click.option(
-    "--like", type=File("skills"), metavar="SKILL", default="place_in", show_default=True, help="Done as this one is."
+    "--like",
+    type=File("skills"),
+    metavar="SKILL",
+    default="place_in",
+    show_default=True,
+    help="Skill whose motion does this one.",
 )
 def skill(name: str, root: Path | None, as_json: bool, like: str) -> None:
     """A skill that is done as another one is, named by a verb of its own."""
@@ -66,18 +71,18 @@ def skill(name: str, root: Path | None, as_json: bool, like: str) -> None:
     metavar="NAME",
     default="block",
     show_default=True,
-    help="With the shape of this family, or of this entry of the catalogue.",
+    help="Shape: a family, or an entry of the catalogue.",
 )
 @click.option("--synset", metavar="SYNSET", help="BEHAVIOR's name for it.  [default: one of that name]")
 @click.option(
-    "--mesh", type=_FILE, metavar="FILE", help="With the shape of this GLB, OBJ, PLY or STL; of a URDF its joints, too."
+    "--mesh", type=_FILE, metavar="FILE", help="Shape from a GLB, OBJ, PLY or STL, or from a URDF with its joints."
 )
 @click.option(
     "--part", "parts", type=_FILE, multiple=True, metavar="FILE", help="A convex part of the mesh.  [default: computed]"
 )
-@click.option("--scale", type=Finite(min=1e-6), default=1.0, show_default=True, help="Metres of a unit of the mesh.")
-@click.option("--up", type=click.Choice(["y", "z"]), help="Its axis that points up.  [default: z of PLY, STL, URDF]")
-@click.option("--hulls", type=int, default=16, show_default=True, metavar="N", help="Convex parts at most.")
+@click.option("--scale", type=Finite(min=1e-6), default=1.0, show_default=True, help="Length of the mesh's unit [m].")
+@click.option("--up", type=click.Choice(["y", "z"]), help="Axis that points up.  [default: z of PLY, STL, URDF]")
+@click.option("--hulls", type=int, default=16, show_default=True, metavar="N", help="Maximum number of convex parts.")
 def object_(
     name: str,
     root: Path | None,

@@ -32,12 +32,12 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     help="; ".join(f"{b.spelled(n)}: {b.about}" for n, b in BACKENDS["planner"].items()),
 )
 @language
-@click.option("--house", type=File("tasks/houses"), help="What house a model is told of.  [default: the task's]")
+@click.option("--house", type=File("tasks/houses"), help="House that the planner knows.  [default: the task's]")
 @click.option("--out", type=_FILE, metavar="FILE", help="Write here instead of to the terminal.")
 @click.option(
-    "--export", type=_FILE, metavar="FILE", help="Write the recorded plans as chats to fine-tune on, one JSON a line."
+    "--export", type=_FILE, metavar="FILE", help="Write the recorded plans as chats for fine-tuning, one JSON a line."
 )
-@click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object with the plan and what it took.")
+@click.option("--json", "as_json", is_flag=True, help="For programs: one JSON object with the plan and its cost.")
 def plan(
     what: tuple[str, ...],
     planner: str,

@@ -70,7 +70,7 @@ class _Picture:
     shell_complete=complete_param,
     help="Fill in a parameter of the tree.",
 )
-@click.option("--tick", type=click.IntRange(min=0), help="Of a trace: as it stood after this tick, not at its end.")
+@click.option("--tick", type=click.IntRange(min=0), help="Of a trace: after this tick instead of at the end.")
 @click.option("--json", "as_json", is_flag=True, help="For programs: every node with its path, depth and state.")
 def render(
     tree: str,

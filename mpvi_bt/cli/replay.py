@@ -43,9 +43,9 @@ _HELP = "q quit  n next  p back  f next failure  PgDn/PgUp by 10  Home/End"
 
 @click.command()
 @click.argument("trace", type=File(), metavar="TRACE")
-@click.option("--tick", type=click.IntRange(min=0), metavar="N", help="Print the whole tree as it stood after tick N.")
+@click.option("--tick", type=click.IntRange(min=0), metavar="N", help="Print the whole tree after tick N.")
 @click.option("--unicode", is_flag=True, help="Draw with lines and signs beyond ASCII.")
-@click.option("--json", "as_json", is_flag=True, help="For programs: every tick's changes, or all that held at --tick.")
+@click.option("--json", "as_json", is_flag=True, help="For programs: every tick's changes, or the state at --tick.")
 def replay(trace: str, tick: int | None, unicode: bool, as_json: bool) -> None:
     """Show a recorded run, tick by tick, forward and back.
 

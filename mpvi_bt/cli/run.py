@@ -40,7 +40,7 @@ _OF_THIS_RUN = ("video", "picture", "rerun", *ASKING)  # of an episode that goes
 @click.command()
 @click.argument("task", type=Name("tasks"), required=False)
 @click.option("--instance", type=click.IntRange(min=0), default=0, show_default=True, help="Start state of the task.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of everything random.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of everything random.")
 @backends
 @click.option("--tree", type=Name("trees", file=True), help="Run this tree, by name or file, instead of a plan's.")
 @click.option(
@@ -64,29 +64,27 @@ _OF_THIS_RUN = ("video", "picture", "rerun", *ASKING)  # of an episode that goes
     type=click.Choice(["sapien", "maniskill"]),
     default="sapien",
     show_default=True,
-    help="Whose scene it runs in: the project's own, or that of its ManiSkill environment.",
+    help="Simulator: the project's own, or its ManiSkill environment.",
 )
 @click.option("--dry", is_flag=True, help="No robot, no simulator: stand-ins do the work. Needs no TASK with --tree.")
 @click.option(
     "--substitute",
     type=File(),
     metavar="FILE",
-    help="Put stand-ins in the place of nodes, by the rules of this file.",
+    help="Replace nodes by stand-ins, by the rules of this file.",
 )
-@click.option(
-    "--resume", type=File(), metavar="FILE", help="Go on with an episode that was stopped, from the file it left."
-)
+@click.option("--resume", type=File(), metavar="FILE", help="Continue a stopped episode from its saved file.")
 @click.option(
     "--break",
     "breaks",
     multiple=True,
     metavar="PATH",
-    help="Pause where such a node begins; * is any text.",
+    help="Pause when a matching node begins; * is any text.",
     shell_complete=complete_path,
 )
-@click.option("--step", is_flag=True, help="Pause wherever something changes.")
+@click.option("--step", is_flag=True, help="Pause at every change.")
 @click.option("--video", type=_OUTPUT, metavar="FILE", help="Film the episode, as mp4.")
-@click.option("--picture", type=_OUTPUT, metavar="FILE", help="Draw the way taken, from above, as png.")
+@click.option("--picture", type=_OUTPUT, metavar="FILE", help="Draw the robot's path from above, as png.")
 @click.option("--rerun", type=_OUTPUT, metavar="FILE", help="Log the episode for the rerun viewer, as rrd.")
 @click.option(
     "--demonstration",
@@ -101,12 +99,12 @@ _OF_THIS_RUN = ("video", "picture", "rerun", *ASKING)  # of an episode that goes
     default="runs",
     show_default=True,
     metavar="DIR",
-    help="Where result and trace go.",
+    help="Folder of result and trace.",
 )
 @click.option("--trace/--no-trace", default=True, show_default=True, help="Write what happened tick by tick.")
 @click.option("--watch/--no-watch", default=True, show_default=True, help="Show the tree while it runs.")
 @click.option("--unicode", is_flag=True, help="Draw it with lines and signs beyond ASCII.")
-@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON; what is watched goes to stderr.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON; the live view goes to stderr.")
 def run(
     task: str | None,
     params: tuple[str, ...],

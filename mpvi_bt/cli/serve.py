@@ -50,10 +50,14 @@ class _Served(Choice):
 @click.command(context_settings={"default_map": {"map": "online", "policy": "reactive"}})
 @click.argument("what", metavar="POLICY", type=_Served("policy"), shell_complete=_complete)
 @click.option(
-    "--host", default="127.0.0.1", show_default=True, metavar="ADDRESS", help="0.0.0.0 lets other machines in."
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    metavar="ADDRESS",
+    help="Address to listen on; 0.0.0.0 for other machines.",
 )
-@click.option("--port", type=click.IntRange(0, 65535), default=8000, show_default=True, help="0: any that is free.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of everything random.")
+@click.option("--port", type=click.IntRange(0, 65535), default=8000, show_default=True, help="Port; 0: any free one.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of everything random.")
 @click.option(
     "--idle",
     "idle_s",
@@ -61,22 +65,22 @@ class _Served(Choice):
     default=300.0,  # Our choice: longer than a robot drives, or a language model thinks, between two prompts
     show_default=True,
     metavar="SECONDS",
-    help="Who asks a policy nothing for so long is let go; of the executive nobody is.",
+    help="Disconnect a policy's client after so long without a request.",
 )
 @click.option(
     "--protocol",
     type=click.Choice(["behavior-2025", "behavior-2026", "openpi"]),
-    help="What who drives the executive speaks; policies speak openpi's.",
+    help="Protocol of the executive's clients; policies use openpi's.",
 )
 @click.option(
     "--robot",
     type=click.Choice(["r1", "r1pro"]),
     default="r1pro",
     show_default=True,
-    help="Whose robot it is.",
+    help="Robot of the client.",
 )
-@click.option("--task", type=Name("tasks/plans"), help="Do this task, whatever observations say.")
-@click.option("--instruction", default="", metavar="TEXT", help="Do this, whatever observations say.")
+@click.option("--task", type=Name("tasks/plans"), help="Task, in place of that in the observations.")
+@click.option("--instruction", default="", metavar="TEXT", help="Instruction, in place of the task's.")
 @click.option("--tree", type=Name("trees", file=True), help="Run this tree, by name or file, instead of a plan's.")
 @click.option(
     "--param",
@@ -94,9 +98,9 @@ class _Served(Choice):
     default="runs",
     show_default=True,
     metavar="DIR",
-    help="Where results and traces of the executive go.",
+    help="Folder of the executive's results and traces.",
 )
-@click.option("--json", "as_json", is_flag=True, help="For programs: where it listens, at the end what it did.")
+@click.option("--json", "as_json", is_flag=True, help="For programs: the address, and a summary at the end.")
 def serve(what: str, host: str, port: int, seed: int, idle_s: float, as_json: bool, **executive: Any) -> int:
     """Serve POLICY by openpi's protocol until Ctrl-C: a websocket, GET /healthz, GET /metrics.
 

@@ -15,7 +15,7 @@ _JPEG_QUALITY = 85
 
 @click.command()
 @click.argument("name", required=False, metavar="NAME")
-@click.option("--out", type=_FILE, metavar="FILE", help="Write there, as png or jpg.  [default: NAME.png]")
+@click.option("--out", type=_FILE, metavar="FILE", help="File to write, png or jpg.  [default: NAME.png]")
 @click.option("--page", type=_FILE, metavar="FILE", help="Write a page of all families instead, as Markdown.")
 def show(name: str | None, out: Path | None, page: Path | None) -> None:
     """Draw the thing of the catalogue that is called NAME, or that is of the family NAME; its doors ajar.

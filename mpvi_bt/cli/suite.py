@@ -79,7 +79,7 @@ def _played(command: Any) -> Any:
     "--workers",
     type=click.IntRange(1, 4096),
     default=None,
-    help="Episodes at work at once.  [default: one a core, of this machine or of the cluster]",
+    help="Episodes in parallel.  [default: one a core of the machine or cluster]",
 )
 @click.option(
     "--wall-limit",
@@ -94,7 +94,7 @@ def _played(command: Any) -> Any:
     type=click.Choice(["processes", "ray"]),
     default="processes",
     show_default=True,
-    help="Where episodes are played: in processes of this machine, or on a Ray cluster.",
+    help="Play episodes in processes of this machine, or on a Ray cluster.",
 )
 @click.option(
     "--ray-address",
@@ -111,11 +111,9 @@ def _played(command: Any) -> Any:
     "--suite-calls",
     type=click.IntRange(min=0),
     metavar="N",
-    help="Ask language models N questions at most, in all episodes of all runs with this --out together.",
+    help="At most N questions to language models in all runs with this --out.",
 )
-@click.option(
-    "--suite-tokens", type=click.IntRange(min=0), metavar="N", help="Likewise, of what questions and answers take."
-)
+@click.option("--suite-tokens", type=click.IntRange(min=0), metavar="N", help="The same for tokens.")
 def run(
     name: str,
     out: Path | None,
@@ -265,11 +263,11 @@ def _told(config: EpisodeConfig) -> str:
 @click.argument("names", type=File("tasks/suites"), nargs=-1, required=True, metavar="SUITE...")
 @click.option("--out", type=_FOLDER, help="Folder of the results of the one SUITE.  [default: runs/SUITE]")
 @click.option("--json", "as_json", is_flag=True, help="Write the report as JSON.")
-@click.option("--html", type=_FILE, help="Write one page with plots and every episode, which needs nothing else.")
+@click.option("--html", type=_FILE, help="Write one self-contained page with plots and every episode.")
 @click.option("--markdown", type=_FILE, help="Write Markdown, with its plots as SVG files beside it.")
 @click.option("--csv", type=_FILE, help="Write a row for every episode, for spreadsheets, pandas and R.")
 @click.option("--latex", type=_FILE, help="Write the tables of a paper.")
-@click.option("--baseline", metavar="METHOD", help="What to compare with.  [default: e2e, or the first method]")
+@click.option("--baseline", metavar="METHOD", help="Method to compare with.  [default: e2e, or the first method]")
 def report(names: tuple[str, ...], out: Path | None, as_json: bool, baseline: str | None, **files: Path | None) -> None:
     """Tabulate the results of SUITE, or of the folder that they are in, so far; of several, side by side.
 
