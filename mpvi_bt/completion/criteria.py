@@ -25,7 +25,8 @@ _BOTH = r"(?:in|by|with|between) (?:both|two|the two) (?:of )?(?:its |the )?(?:r
 _TURNED = r"(?:turned |switched |powered |toggled )?"
 
 Relation = Literal[
-    "at", "held", "lifted", "inside", "ontop", "nextto", "under", "open", "closed", "on", "off", "clean", "sprayed"
+    "at", "held", "lifted", "inside", "ontop", "nextto", "under", "open", "closed", "on", "off", "clean", "sprayed",
+    "cooked", "frozen", "hot",
 ]  # fmt: skip
 _PATTERNS: tuple[tuple[Relation, re.Pattern[str]], ...] = tuple(
     (relation, re.compile(text))  # type: ignore[misc]
@@ -42,6 +43,9 @@ _PATTERNS: tuple[tuple[Relation, re.Pattern[str]], ...] = tuple(
         ("on", rf"(?P<subject>.+?) {_BE} {_TURNED}on"),
         ("off", rf"(?P<subject>.+?) {_BE} {_TURNED}off"),
         ("clean", rf"(?P<subject>.+?) {_BE} (?:wiped clean|wiped|clean|cleaned|dusted|scrubbed)"),
+        ("cooked", rf"(?P<subject>.+?) {_BE} (?:fully |completely )?(?:cooked|fried|baked|roasted)(?: through)?"),
+        ("frozen", rf"(?P<subject>.+?) {_BE} (?:fully |completely )?(?:frozen)(?: through)?"),
+        ("hot", rf"(?P<subject>.+?) {_BE} (?:hot|heated(?: up)?)"),
         ("sprayed", rf"(?P<subject>.+?) {_BE} (?:sprayed|misted|watered)(?: with .+)?"),
         ("nextto", rf"(?P<subject>.+?) {_BE} {_PUT}(?:on .+? )?{_BESIDE} (?P<object>.+)"),
         ("under", rf"(?P<subject>.+?) {_BE} {_PUT}(?:on .+? )?{_UNDER} (?P<object>.+)"),
@@ -49,7 +53,20 @@ _PATTERNS: tuple[tuple[Relation, re.Pattern[str]], ...] = tuple(
         ("ontop", rf"(?P<subject>.+?) {_BE} {_PUT}{_ON} (?P<object>.+)"),
     )
 )  # fmt: skip
-UNARY = ("at", "held", "lifted", "open", "closed", "on", "off", "clean", "sprayed")  # relations of one thing
+UNARY = (
+    "at",
+    "held",
+    "lifted",
+    "open",
+    "closed",
+    "on",
+    "off",
+    "clean",
+    "sprayed",
+    "cooked",
+    "frozen",
+    "hot",
+)  # relations of one thing
 
 
 @dataclass(frozen=True)
@@ -58,7 +75,7 @@ class Criterion:
 
     Attributes:
         relation: "held" in a hand or "lifted" by both; "inside" a container, "ontop" of a surface, "nextto" or "under"
-            a thing; "open" or "closed", switched "on" or "off", "clean", "sprayed"; "at": where the robot itself is.
+            a thing; "open" or "closed", switched "on" or "off", "clean", "sprayed", "cooked", "frozen", "hot"; "at": where the robot itself is.
         subject: What the state is about, such as "can of soda".
         object: The other thing; "" for a relation in `UNARY`.
         count: How many of the subject, at least.
@@ -78,7 +95,7 @@ def parse(text: str) -> Criterion | None:
     "the robot is at <place>"; "<object> is held in a gripper", "... in the left gripper", "... with both hands";
     "<object> is in <container>"; likewise "on", "next to" and "under"; each also with a count ("two cans of soda are in
     the trash can", "there are 2 cans of soda in ..."). "<object> is open", "closed", "turned on", "turned off",
-    "clean", "sprayed".
+    "clean", "sprayed", "cooked", "frozen", "hot".
     """
     if len(text) > MOST_CHARACTERS:
         return None

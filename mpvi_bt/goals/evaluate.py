@@ -10,7 +10,8 @@ from mpvi_bt.goals.problem import AGENT, Fact, Problem
 from mpvi_bt.goals.qscore import fraction, qscore
 
 Snapshot = Mapping[Literal, bool]
-UNSIMULATED = ("cooked",)  # what :init may say of things, and is taken as it is said: temperatures are not simulated
+# What :init may say of how warm things are, and is taken as it is said: all begin as warm as the room.
+UNSIMULATED = ("cooked", "frozen", "hot", "on_fire")
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from mpvi_bt.goals.rays import contains, crosses, interval
 from mpvi_bt.goals.state import WorldState, aabb
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.rules import heat
 
 RAY_M = 5.0
 OPEN_FRACTION = 0.05  # of a joint's range
@@ -75,9 +76,36 @@ def toggled_on(state: WorldState, a: str) -> bool:
     return state.toggled_on(a)
 
 
+def cooked(state: WorldState, a: str) -> bool:
+    """It was once hot enough."""
+    return heat.cooked(*state.heat(a))
+
+
+def frozen(state: WorldState, a: str) -> bool:
+    """It is cold enough now."""
+    return heat.frozen(*state.heat(a))
+
+
+def hot(state: WorldState, a: str) -> bool:
+    """It is hot now."""
+    return heat.heated(*state.heat(a))
+
+
+def on_fire(state: WorldState, a: str) -> bool:
+    """It burns."""
+    return state.heat(a)[0].on_fire
+
+
 Unary = Callable[[WorldState, str], bool]
 Binary = Callable[[WorldState, str, str], bool]
-UNARY: Mapping[str, Unary] = {"open": open_, "toggled_on": toggled_on}
+UNARY: Mapping[str, Unary] = {
+    "open": open_,
+    "toggled_on": toggled_on,
+    "cooked": cooked,
+    "frozen": frozen,
+    "hot": hot,
+    "on_fire": on_fire,
+}
 BINARY: Mapping[str, Binary] = {
     "inside": inside,
     "ontop": ontop,

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.rules.heat import Heat, Thermal
 
 
 class WorldState(Protocol):
@@ -37,6 +38,10 @@ class WorldState(Protocol):
 
     def toggled_on(self, name: str) -> bool:
         """Whether the thing's switch is on."""
+        ...
+
+    def heat(self, name: str) -> tuple[Heat, Thermal]:
+        """How warm the thing is, and what heat does to it."""
         ...
 
 

@@ -17,6 +17,7 @@ from mpvi_bt.manipulation.press import press
 from mpvi_bt.manipulation.push import push
 from mpvi_bt.manipulation.set_down import either, set_down
 from mpvi_bt.manipulation.two_hands import lift
+from mpvi_bt.manipulation.wait import wait
 from mpvi_bt.manipulation.wipe import spray, wipe
 from mpvi_bt.manipulation.work import Perform
 from mpvi_bt.plan.skills import Skill
@@ -36,6 +37,7 @@ REPERTOIRE: Mapping[str, Perform] = {
     "hand_over": hand_over,
     "pour": pour,
     "spray": spray,
+    "wait": wait,
     "wipe": wipe,
 }
 

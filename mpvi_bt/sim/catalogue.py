@@ -17,11 +17,34 @@ from mpvi_bt.errors import FileProblems, Problem, UnknownName, UserError
 from mpvi_bt.goals.vocabulary import abilities, behavior, unknown_synset
 from mpvi_bt.marked_yaml import Location, Marks, Record, load_marked, validate_data
 from mpvi_bt.perception.knowledge import normalize
+from mpvi_bt.rules.heat import APPLIANCE_PER_S, FREEZES_C, HEATED_C, Placing, Source, Thermal
 from mpvi_bt.sim.description import Description
 from mpvi_bt.sim.families import FAMILIES, describe, parameters
 
 FOLDER = "tasks/catalogues"
 Synset = Annotated[str, StringConstraints(pattern=r"^\S+\.[nvasr]\.\d\d$")]
+
+
+Celsius = Annotated[float, Field(ge=-100, le=2000)]
+
+
+class HeatFile(Record):
+    """What heat does to it, as it stands in the file."""
+
+    cooked_c: Annotated[float, Field(ge=30, le=400)] | None = None
+    heated_c: Annotated[float, Field(ge=24, le=200)] = HEATED_C
+    freezes_c: Annotated[float, Field(ge=-100, le=20)] = FREEZES_C
+    ignites_c: Annotated[float, Field(ge=100, le=1000)] | None = None
+
+
+class SourceFile(Record):
+    """What it warms or cools, as it stands in the file."""
+
+    at_c: Celsius
+    per_s: Annotated[float, Field(gt=0, le=1)] = APPLIANCE_PER_S
+    placing: Placing = "inside"
+    switched: bool = False
+    shut: bool = False
 
 
 class EntryFile(Record):
@@ -36,6 +59,8 @@ class EntryFile(Record):
     rolling_damping: Annotated[float, Field(ge=0, le=10)] = 0.5
     abilities: tuple[str, ...] = ()
     at_back: bool = False
+    heat: HeatFile | None = None
+    source: SourceFile | None = None
 
 
 class CatalogueFile(Record):
@@ -60,6 +85,8 @@ class Entry:
             round things need 3: their rim gains energy as it rolls on a box.
         abilities: BEHAVIOR's, such as "fillable" or "openable".
         at_back: Whether it is set up at the back of what it stands on, such as a monitor, and nobody carries it.
+        heat: What heat does to it; None: its temperature is not followed.
+        source: What it warms or cools things with, such as a fridge; None: nothing.
     """
 
     name: str
@@ -72,6 +99,8 @@ class Entry:
     rolling_damping: float = 0.5
     abilities: tuple[str, ...] = ()
     at_back: bool = False
+    heat: Thermal | None = None
+    source: Source | None = None
 
     @cached_property
     def description(self) -> Description:
@@ -143,11 +172,30 @@ def check_catalogue(data: Any, marks: Marks) -> Catalogue:
         problems += shape_problems(marks, (*place, "shape"), given.family, shape)
         words = re.sub(r"[_\W]+", " ", given.synset.rsplit(".", 2)[0])
         phrases = dict.fromkeys(normalize(p) for p in (*given.phrases, words, name))
-        fields = given.model_dump(exclude={"phrases", "shape"})
-        entries[name] = Entry(name=name, phrases=tuple(phrases), shape=shape, **fields)
+        fields = given.model_dump(exclude={"phrases", "shape", "heat", "source"})
+        heat = None if given.heat is None else Thermal(**given.heat.model_dump())
+        source = None if given.source is None else Source(**given.source.model_dump())
+        entry = Entry(name=name, phrases=tuple(phrases), shape=shape, heat=heat, source=source, **fields)
+        entries[name] = entry
+        if source is not None and not problems:
+            problems += _source_problems(entry, source, place, marks)
     if problems:
         raise FileProblems(problems)
     return Catalogue(entries)
+
+
+def _source_problems(entry: Entry, source: Source, place: Location, marks: Marks) -> Iterator[Problem]:
+    """What a source asks for that its thing does not have."""
+    bodies = entry.description.bodies
+    wanted = {
+        "switched": (source.switched, any(body.switches for body in bodies), "a switch"),
+        "shut": (source.shut, any(body.joint is not None for body in bodies), "a door"),
+        "placing": (source.placing == "inside", any(body.volumes for body in bodies), "room inside"),
+    }
+    for field, (asked, there, what) in wanted.items():
+        if asked and not there:
+            at = (*place, "source", field) if field in marks.keys else (*place, "source")
+            yield marks.problem(at, "impossible-source", f"a {entry.family} has not {what} that this source needs")
 
 
 def _placed(shape: Mapping[str, Any], marks: Marks) -> dict[str, Any]:

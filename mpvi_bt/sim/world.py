@@ -18,6 +18,7 @@ from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage, Side
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.rules.heat import Heat, Thermal
 from mpvi_bt.sim.assisted import Attachments
 from mpvi_bt.sim.builder import Thing, build_house, build_object
 from mpvi_bt.sim.bumps import Bumps
@@ -29,6 +30,7 @@ from mpvi_bt.sim.house import House
 from mpvi_bt.sim.robot import SimRobot
 from mpvi_bt.sim.shaders import new_scene
 from mpvi_bt.sim.switches import Switches
+from mpvi_bt.sim.temperatures import Temperatures
 from mpvi_bt.sim.whereabouts import Whereabouts
 
 PHYSICS_HZ = 120
@@ -97,6 +99,10 @@ class World:
             things = {entity.per_scene_id: t.name for t in self._things.values() for entity in t.entities.values()}
             self.cameras.names = {**things, **self._switches.labels, **own}
             self.cameras.before = self._switches.show
+        kinds = {n: p.entry.heat for n, p in objects.items() if p.entry.heat is not None}
+        entries = {**{n: f.entry for n, f in house.fixtures.items()}, **{n: p.entry for n, p in objects.items()}}
+        sources = {n: e.source for n, e in entries.items() if e.source is not None}
+        self._temperatures = Temperatures(kinds, sources)
         self._holding = Holding(self._scene, self.robot, self._objects, self._things)
         phrases = {n: p.entry.phrases for n, p in objects.items()}
         self._whereabouts = Whereabouts(house, self._fixtures, self._objects, phrases, self._holding)
@@ -135,6 +141,7 @@ class World:
             self._attachments.step(self.pinched)
         if self._switches.on:
             self._switches.step(self.robot.fingertips_world())
+        self._temperatures.step(self, 1 / CONTROL_HZ)
 
     def measure_bumps(self, carried: Collection[str] = ()) -> Bumps:
         """Measure from now on how hard the robot bumps into walls and fixtures; it costs time in each physics step.
@@ -221,7 +228,7 @@ class World:
         """How everything stands, as JSON values: the robot, and every thing that can move."""
         things = {name: thing.motion() for name, thing in self._things.items() if thing.moves}
         return {"steps": self.steps, "robot": self.robot.save(), "things": things, "on": self._switches.on,
-                "whereabouts": self._whereabouts.save()}  # fmt: skip
+                "whereabouts": self._whereabouts.save(), "heat": self._temperatures.save()}  # fmt: skip
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Bring everything to how it stood. Contacts are found anew, so what follows is close to, not the same as,
@@ -241,6 +248,7 @@ class World:
         self.robot.restore(saved["robot"])
         self._switches.turn(saved.get("on", {}))
         self._whereabouts.restore(saved.get("whereabouts", {}))
+        self._temperatures.restore(saved.get("heat", {}))
         self.steps = int(saved["steps"])
 
     def look_from(self, T_world_camera: Array, size: tuple[int, int] = (640, 480), fov_rad: float = 1.0) -> CameraImage:
@@ -290,6 +298,10 @@ class World:
     def toggled_on(self, name: str) -> bool:
         """Whether it is turned on; False for what has no switch."""
         return self._switches.on.get(name, False)
+
+    def heat(self, name: str) -> tuple[Heat, Thermal]:
+        """How warm it is, and what heat does to it."""
+        return self._temperatures.of(name)
 
     # --- Truth
 

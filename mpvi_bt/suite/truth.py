@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 
 _AT_M = Handoff().distance_m + Handoff().slack_m  # as far as a base stops that was sent to a thing
 _PREDICATES: Mapping[Relation, tuple[str, bool]] = {
-    **{relation: (relation, False) for relation in ("inside", "ontop", "nextto", "under", "open")},
+    **{
+        relation: (relation, False)
+        for relation in ("inside", "ontop", "nextto", "under", "open", "cooked", "frozen", "hot")
+    },
     "closed": ("open", True),
     "on": ("toggled_on", False),
     "off": ("toggled_on", True),
