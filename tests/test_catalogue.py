@@ -163,6 +163,20 @@ def exit_code(path: Path) -> int:
     return code
 
 
+def test_numbers_of_heat_that_make_no_sense_are_told(tmp_path: Path) -> None:
+    """A melting point of 1e9, and a source that wants a switch, a door or room inside that its thing does not have."""
+    path = catalogue_file(tmp_path, "mine", a=BALL % ("ball.n.01", ", heat: {freezes_c: 1e9}"))
+    assert said(path) == ["2:102: freezes_c: Input should be less than or equal to 20 [invalid-value]"]
+    source = ", source: {at_c: 100, placing: near, switched: true}"
+    path = catalogue_file(tmp_path, "mine", a=BALL % ("ball.n.01", source))
+    assert said(path) == ["2:127: 'ball' has not a switch that its source asks for [impossible-source]"]
+    path = catalogue_file(tmp_path, "mine", a=BALL % ("ball.n.01", ", source: {at_c: -18, shut: true}"))
+    assert [line.split(": ", 1)[1] for line in said(path)] == [
+        "'ball' has not a door that its source asks for [impossible-source]",
+        "'ball' has not room inside that its source asks for [impossible-source]",
+    ]
+
+
 def test_names_that_behavior_does_not_have_are_told(tmp_path: Path) -> None:
     """A misspelt synset is a warning, as a thing of one's own may have its own; a misspelt ability is an error."""
     path = catalogue_file(

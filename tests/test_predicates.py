@@ -18,6 +18,7 @@ from mpvi_bt.goals.formula import Literal
 from mpvi_bt.goals.predicates import inside, nextto, ontop, open_, resting_on, touching, truth_in, under
 from mpvi_bt.goals.rays import contains, crosses, interval
 from mpvi_bt.robot.solids import Solid, box, pose
+from mpvi_bt.rules.heat import Heat, Thermal
 
 
 @dataclass
@@ -29,6 +30,7 @@ class Table:
     contacts: set[frozenset[str]] = field(default_factory=set)
     joints: dict[str, list[float]] = field(default_factory=dict)
     on: set[str] = field(default_factory=set)
+    heats: dict[str, Heat] = field(default_factory=dict)
 
     def exists(self, name: str) -> bool:
         return name in self.things
@@ -47,6 +49,9 @@ class Table:
 
     def toggled_on(self, name: str) -> bool:
         return name in self.on
+
+    def heat(self, name: str) -> tuple[Heat, Thermal]:
+        return self.heats.get(name, Heat()), Thermal(cooked_c=70.0)
 
 
 def bin_at(x: float, y: float) -> tuple[list[Solid], Solid]:
@@ -335,6 +340,14 @@ def test_toggled_on_is_the_states() -> None:
     truth = truth_in(Table({"radio": FLOOR, "lamp": FLOOR}, on={"radio"}))
     assert truth(Literal("toggled_on", ("radio",)))
     assert not truth(Literal("toggled_on", ("lamp",)))
+
+
+def test_what_was_hot_is_cooked_and_what_is_cold_is_frozen() -> None:
+    """By how warm a thing is now, how warm it ever was, and whether it burns."""
+    heats = {"egg": Heat(20.0, 71.0), "pie": Heat(-1.0, 23.0), "log": Heat(1000.0, 1000.0, on_fire=True)}
+    truth = truth_in(Table(dict.fromkeys(heats, FLOOR), heats=heats))
+    true = {name: [p for p in ("cooked", "frozen", "hot", "on_fire") if truth(Literal(p, (name,)))] for name in heats}
+    assert true == {"egg": ["cooked"], "pie": ["frozen"], "log": ["cooked", "hot", "on_fire"]}
 
 
 def test_names_are_bound_to_the_scene() -> None:

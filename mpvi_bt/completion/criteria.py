@@ -53,20 +53,8 @@ _PATTERNS: tuple[tuple[Relation, re.Pattern[str]], ...] = tuple(
         ("ontop", rf"(?P<subject>.+?) {_BE} {_PUT}{_ON} (?P<object>.+)"),
     )
 )  # fmt: skip
-UNARY = (
-    "at",
-    "held",
-    "lifted",
-    "open",
-    "closed",
-    "on",
-    "off",
-    "clean",
-    "sprayed",
-    "cooked",
-    "frozen",
-    "hot",
-)  # relations of one thing
+# Relations of one thing.
+UNARY = ("at", "held", "lifted", "open", "closed", "on", "off", "clean", "sprayed", "cooked", "frozen", "hot")
 
 
 @dataclass(frozen=True)
@@ -75,7 +63,8 @@ class Criterion:
 
     Attributes:
         relation: "held" in a hand or "lifted" by both; "inside" a container, "ontop" of a surface, "nextto" or "under"
-            a thing; "open" or "closed", switched "on" or "off", "clean", "sprayed", "cooked", "frozen", "hot"; "at": where the robot itself is.
+            a thing; "open" or "closed", switched "on" or "off", "clean", "sprayed",
+            "cooked", "frozen", "hot"; "at": where the robot itself is.
         subject: What the state is about, such as "can of soda".
         object: The other thing; "" for a relation in `UNARY`.
         count: How many of the subject, at least.

@@ -194,8 +194,9 @@ def _source_problems(entry: Entry, source: Source, place: Location, marks: Marks
     }
     for field, (asked, there, what) in wanted.items():
         if asked and not there:
-            at = (*place, "source", field) if field in marks.keys else (*place, "source")
-            yield marks.problem(at, "impossible-source", f"a {entry.family} has not {what} that this source needs")
+            named: Location = (*place, "source", field)
+            at = named if named in marks.keys else (*place, "source")
+            yield marks.problem(at, "impossible-source", f"{entry.family!r} has not {what} that its source asks for")
 
 
 def _placed(shape: Mapping[str, Any], marks: Marks) -> dict[str, Any]:
