@@ -16,6 +16,7 @@ from mpvi_bt.plan.skills import SkillCall
 from tests.symbolic_state import FLOORS, SIDES, CannotBe, SymbolicState
 
 ON_ONLY_CLOSED = {"washer.n.03", "microwave.n.02"}
+HEATS, COOLS = {"stove.n.01", "oven.n.01", "microwave.n.02"}, {"electric_refrigerator.n.01"}
 _CUT = re.compile(
     r"(?:dice|cut|split) (?:an?|the(?: other| last)?|both) (?P<what>.+?) on the (?P<board>.+?)(?: in halves)? "
     r"with the (?P<tool>.+)"
@@ -237,6 +238,18 @@ class SymbolicRun(SymbolicState):
         thing = self.one(target, lambda t: t in near, "in reach")
         self.covered.add((thing, self.sources[self._tool(tool)]))
         self.used.append(thing)
+
+    def _wait(self, object: str = "", target: str = "", container: str = "") -> None:
+        """What is on a stove or in an oven that is on is cooked then, what is in a closed fridge is frozen."""
+        for thing in self.at:
+            below = self.at[thing][1]
+            while below:
+                synset = self.problem.objects.get(below)
+                if synset in HEATS and below in self.on and below not in self.open:
+                    self.cooked.add(thing)
+                if synset in COOLS and below not in self.open:
+                    self.frozen.add(thing)
+                below = self.at.get(below, ("", ""))[1]
 
     def _bring_about(self, description: str, criterion: criteria.Criterion | None) -> None:
         """What no skill does: cutting takes a tool and ends what is cut; then the criterion is so."""

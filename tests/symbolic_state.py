@@ -64,6 +64,8 @@ class SymbolicState:
         self.open: set[str] = set()
         self.on: set[str] = set()
         self.covered: set[tuple[str, str]] = set()
+        self.cooked: set[str] = set()
+        self.frozen: set[str] = set()
         self.gone = set(problem.future)
         self.beside: dict[str, str] = {}  # what was laid on a floor, to where the robot stood
         self.moved: Counter[str] = Counter()
@@ -137,6 +139,8 @@ class SymbolicState:
                 return (subject in self.on) == (criterion.relation == "on")
             case "clean" | "sprayed":
                 return any(thing == subject for thing, _ in self.covered) == (criterion.relation == "sprayed")
+            case "cooked" | "frozen" | "hot":
+                return subject in (self.frozen if criterion.relation == "frozen" else self.cooked)
             case relation:
                 return KEPT[relation](self, subject, other)
 
@@ -224,6 +228,8 @@ KEPT: Mapping[str, Callable[..., bool]] = {
     "under": lambda run, a, b: ("under", a, b) in run.pairs,
     "open": lambda run, a: a in run.open,
     "toggled_on": lambda run, a: a in run.on,
+    "cooked": lambda run, a: a in run.cooked,
+    "frozen": lambda run, a: a in run.frozen,
     "covered": lambda run, a, b: (a, b) in run.covered,
     "contains": lambda run, a, b: b not in run.gone and run.inside(b, a),
     "real": lambda run, a: a not in run.gone,

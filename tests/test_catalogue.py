@@ -166,14 +166,14 @@ def exit_code(path: Path) -> int:
 def test_numbers_of_heat_that_make_no_sense_are_told(tmp_path: Path) -> None:
     """A melting point of 1e9, and a source that wants a switch, a door or room inside that its thing does not have."""
     path = catalogue_file(tmp_path, "mine", a=BALL % ("ball.n.01", ", heat: {freezes_c: 1e9}"))
-    assert said(path) == ["2:102: freezes_c: Input should be less than or equal to 20 [invalid-value]"]
+    assert said(path) == ["2:102: should be less than or equal to 20, not 1000000000.0 [out-of-range]"]
     source = ", source: {at_c: 100, placing: near, switched: true}"
     path = catalogue_file(tmp_path, "mine", a=BALL % ("ball.n.01", source))
-    assert said(path) == ["2:127: 'ball' has not a switch that its source asks for [impossible-source]"]
+    assert said(path) == ["2:129: 'ball' has not a switch that its source asks for [impossible-source]"]
     path = catalogue_file(tmp_path, "mine", a=BALL % ("ball.n.01", ", source: {at_c: -18, shut: true}"))
     assert [line.split(": ", 1)[1] for line in said(path)] == [
-        "'ball' has not a door that its source asks for [impossible-source]",
         "'ball' has not room inside that its source asks for [impossible-source]",
+        "'ball' has not a door that its source asks for [impossible-source]",
     ]
 
 

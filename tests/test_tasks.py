@@ -101,7 +101,21 @@ def test_what_is_wrong_with_a_tasks_own_problem_is_said_of_the_problem(
     [
         ("living_room", "sauna", "no start can be drawn: unknown room 'sauna'"),
         ("(ontop can__of__soda.n.01_1", "(attached can__of__soda.n.01_1", "cannot be sampled yet; known: ontop"),
-        ("(inside ?can__of__soda.n.01 ?ashcan.n.01_1)", "(frozen ?can__of__soda.n.01)", "the goal cannot be judged"),
+        (
+            "(inside ?can__of__soda.n.01 ?ashcan.n.01_1)",
+            "(draped ?can__of__soda.n.01 ?ashcan.n.01_1)",
+            "the goal cannot be judged",
+        ),
+        (
+            "(inside ?can__of__soda.n.01 ?ashcan.n.01_1)",
+            "(frozen ?can__of__soda.n.01)",
+            "no rule makes frozen(can__of__soda.n.01_1): 'can_of_soda' says nothing of heat",
+        ),
+        (
+            "(inside ?can__of__soda.n.01 ?ashcan.n.01_1)",
+            "(cooked ?can__of__soda.n.01)",
+            "no rule makes cooked(can__of__soda.n.01_1): 'can_of_soda' says nothing of heat",
+        ),
     ],
 )
 def test_what_cannot_be_played_is_told_by_check(

@@ -6,12 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from mpvi_bt.goals.formula import All, Formula, Literal, Truth, holds, literals, signed
+from mpvi_bt.goals.predicates import OF_HEAT
 from mpvi_bt.goals.problem import AGENT, Fact, Problem
 from mpvi_bt.goals.qscore import fraction, qscore
 
 Snapshot = Mapping[Literal, bool]
 # What :init may say of how warm things are, and is taken as it is said: all begin as warm as the room.
-UNSIMULATED = ("cooked", "frozen", "hot", "on_fire")
+UNSIMULATED = OF_HEAT
 
 
 @dataclass(frozen=True)

@@ -98,6 +98,7 @@ def on_fire(state: WorldState, a: str) -> bool:
 
 Unary = Callable[[WorldState, str], bool]
 Binary = Callable[[WorldState, str, str], bool]
+OF_HEAT = ("cooked", "frozen", "hot", "on_fire")  # predicates of how warm things are or were
 UNARY: Mapping[str, Unary] = {
     "open": open_,
     "toggled_on": toggled_on,

@@ -23,7 +23,7 @@ _VERBS = """
     polish cut chop slice dice peel halve stir mix cook heat boil fry bake roast grill toast freeze light ignite
     extinguish go navigate drive walk travel head approach reach arrive enter exit climb remove swap exchange search
     locate find aim swing deposit dump flick hit rub shift sprinkle spritz squirt tip unlatch use~ run~ rest~ stand~
-    mist~ tap~ power~
+    mist~ tap~ power~ let~ wait~
 """
 _IRREGULAR = {  # past and participle, where they are not made by a rule
     "put": "put", "set": "set", "cut": "cut", "shut": "shut", "lay": "laid", "leave": "left", "bring": "brought",

@@ -12,8 +12,8 @@ from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, UnknownName, UserError
 from mpvi_bt.errors import Problem as FileProblem
 from mpvi_bt.file_kinds import expect
-from mpvi_bt.goals.formula import literals
-from mpvi_bt.goals.predicates import check_known
+from mpvi_bt.goals.formula import Literal, literals
+from mpvi_bt.goals.predicates import OF_HEAT, check_known
 from mpvi_bt.goals.problem import Problem, activities, load_problem
 from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
 from mpvi_bt.sim.catalogue import Catalogue, load_catalogue
@@ -221,9 +221,24 @@ def _check_playable(task: Task, problem: Problem, marks: Marks) -> list[FileProb
         what = "the goal cannot be judged"
         for literal in literals(problem.goal):
             check_known(literal)
+            if literal.predicate in OF_HEAT:
+                _check_heat(literal, task, problem)
     except UserError as error:
         return [marks.problem(("problem",), "unplayable", f"{what}: {error}")]
     return []
+
+
+def _check_heat(literal: Literal, task: Task, problem: Problem) -> None:
+    """Raise UserError where no rule can make a literal true of how warm a thing is, by its catalogue entry."""
+    entry = load_catalogue().entries.get(task.bindings.get(problem.objects.get(literal.args[0], ""), ""))
+    if entry is None:
+        return  # a fixture, or a binding that is told of already
+    if entry.heat is None:
+        raise UserError(f"no rule makes {literal}: {entry.name!r} says nothing of heat")
+    needed = {"cooked": ("cooked_c", entry.heat.cooked_c), "on_fire": ("ignites_c", entry.heat.ignites_c)}
+    field, value = needed.get(literal.predicate, ("", 0.0))
+    if value is None:
+        raise UserError(f"no rule makes {literal}: {entry.name!r} has no heat: {{{field}: ...}}")
 
 
 @lru_cache(maxsize=4)
