@@ -1,4 +1,4 @@
-"""Attempt: record a failure, then let the plan go on, or have a new one made."""
+"""Attempt: record a failure, then advance the plan or ask for a new one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading the blackboard: parameters that refer to its keys, and what a key's value should be."""
+"""References to blackboard keys in parameters, and the types of their values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CheckComplete: ask the checker whether the criterion holds, but only when an event says that it may."""
+"""CheckComplete: after a trigger event, ask the checker whether the criterion holds."""
 
 from __future__ import annotations
 

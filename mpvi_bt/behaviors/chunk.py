@@ -1,4 +1,4 @@
-"""Asking a policy for a chunk of actions, and taking only what is one."""
+"""Ask a policy for a chunk of actions, and validate the answer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What behaviors are handed at setup: the backends of one run, its clock, log and blackboard. Nothing is global."""
+"""The context that behaviors get at setup: backends, clock, log and blackboard of one run. Nothing is global."""
 
 from __future__ import annotations
 

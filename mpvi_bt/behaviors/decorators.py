@@ -1,4 +1,4 @@
-"""What may be wrapped around a child: subtree, invert, retry, repeat."""
+"""Decorators: subtree, invert, retry, repeat."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Guards, which look before each tick whether their child may be ticked: condition, cooldown."""
+"""Guards: decorators that decide before each tick whether to tick their child: condition, cooldown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all our nodes share on top of py_trees: a path, the run, a reason for failure, a state to resume from."""
+"""The base of all nodes, on top of py_trees: path, context, reason of failure, state for resuming."""
 
 from __future__ import annotations
 

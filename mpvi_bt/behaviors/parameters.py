@@ -1,4 +1,4 @@
-"""What the parameters of nodes may be: durations, blackboard keys, values, texts; and a model for each set of them."""
+"""Types of node parameters (durations, blackboard keys, values, texts), and a model for each kind of node."""
 
 from __future__ import annotations
 

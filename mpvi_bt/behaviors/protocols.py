@@ -1,4 +1,4 @@
-"""What behaviors ask of the parts that they drive: a navigator, a policy, a checker, and a clock."""
+"""Protocols of the parts that behaviors use: navigator, policy, checker, triggers and clock."""
 
 from __future__ import annotations
 

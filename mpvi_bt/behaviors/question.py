@@ -1,4 +1,4 @@
-"""A question to something that takes its time, such as a language model: asked in a thread, answered ticks later."""
+"""A question to a slow backend, such as a language model: asked in a thread, answered some ticks later."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Every kind of node that a tree may have, with its typed parameters.
+"""The registry of node kinds, with their typed parameters.
 
-One table that the YAML reader, the compiler, the renderer, the checker, the schema and the builder share. It names the
-classes as text, so that a tree is read, checked and drawn without loading py_trees or numpy.
+One table for the YAML reader, compiler, renderer, linter, schema and builder. Classes are named as text, so that trees
+can be read, checked and drawn without py_trees or numpy.
 
 Other packages add kinds of their own through the entry point group `mpvi_bt.behaviors`: each entry point is a NodeType
 or an iterable of them.

@@ -1,4 +1,4 @@
-"""Values of a node's saved state, checked: the file they are from may have been damaged, or written by hand."""
+"""Checked reading of a node's saved state: the file may be damaged, or written by hand."""
 
 from __future__ import annotations
 

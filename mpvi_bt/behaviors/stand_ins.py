@@ -1,4 +1,4 @@
-"""A node that stands where another would, for runs without a robot and for faults that one wants to see."""
+"""Stand-ins for nodes, for dry runs and for injected faults."""
 
 from __future__ import annotations
 

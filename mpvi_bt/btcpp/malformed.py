@@ -1,6 +1,6 @@
-"""Why a text is no XML: what a parser calls "not well-formed" by its cause, with the right spelling.
+"""Causes of malformed XML, in place of a parser's "not well-formed", with the right spelling.
 
-Other readers of trees let some of it pass, so that files hold it: "&&" and "<" in scripts, "--" in comments.
+Other readers of trees accept some of it, so files contain it: "&&" and "<" in scripts, "--" in comments.
 """
 
 from __future__ import annotations

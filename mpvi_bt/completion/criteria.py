@@ -1,4 +1,4 @@
-"""The small language of completion criteria that checkers without a language model understand."""
+"""The grammar of completion criteria for checkers without a language model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The judge that is a language model: a picture and a statement, and a strict yes or no."""
+"""The checker that asks a vision-language model: a picture and a criterion in, a strict yes or no out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A checker that errs: false yes and false no at given rates, and answers that take their time."""
+"""A checker with errors: false yes and false no at given rates, and latency."""
 
 from __future__ import annotations
 

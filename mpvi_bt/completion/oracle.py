@@ -1,4 +1,4 @@
-"""The privileged judge: answers from simulator truth. Every report that used it says so."""
+"""The privileged checker: it reads the simulator's state. Every report names it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Polling: the trigger that looks at nothing but the clock, as the paper's ablation has it."""
+"""Polling: a trigger at fixed intervals, as in the paper's ablation."""
 
 from __future__ import annotations
 

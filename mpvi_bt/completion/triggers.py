@@ -1,4 +1,4 @@
-"""Proprioceptive triggers: when a grasp, a release or another motion has just ended, so that looking is worth it."""
+"""Proprioceptive triggers: events at the end of a grasp, a release or another motion."""
 
 from __future__ import annotations
 

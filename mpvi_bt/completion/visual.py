@@ -1,4 +1,4 @@
-"""The judge that sees: answers a criterion from one labeled depth picture and nothing else."""
+"""The visual checker: it judges a criterion from one labeled depth picture and nothing else."""
 
 from __future__ import annotations
 

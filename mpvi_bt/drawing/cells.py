@@ -1,4 +1,4 @@
-"""Text in the columns of a terminal: what is safe to print, how wide it is, and how it is cut."""
+"""Text in terminal columns: escaping, width and truncation."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""How the end of a run is told, the same everywhere: q first where a goal was scored, then what became of the plan.
+"""The wording of a run's end, the same everywhere: q first if a goal was scored, then the end of the plan.
 
-The end of a plan is no success: a unit that fails is given up, and the next one begins.
+The end of a plan is no success: failed units are given up, and the plan advances.
 """
 
 from __future__ import annotations

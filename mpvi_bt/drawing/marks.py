@@ -1,4 +1,4 @@
-"""How the state of a node is marked, the same in every kind of drawing."""
+"""Marks of node states, the same in every kind of drawing."""
 
 from __future__ import annotations
 

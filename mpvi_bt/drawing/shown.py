@@ -1,4 +1,4 @@
-"""What Python shows of a tree once this is loaded: `print` its drawing as text, a notebook the same as a picture."""
+"""Makes trees draw themselves in Python: `print` shows text, a notebook a picture."""
 
 from __future__ import annotations
 

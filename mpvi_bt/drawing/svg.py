@@ -1,4 +1,4 @@
-"""A tree as a drawing that stands alone: boxes from top to bottom, titles as tooltips.
+"""A tree as a self-contained SVG: boxes from top to bottom, titles as tooltips.
 
 Our choice of layout: the block of a node is its box with its children's blocks below, side by side; blocks that would
 make a row wider than a page go on in a next row, as words do, and hang from a spine at the left. So a tree of a hundred

@@ -1,8 +1,8 @@
-"""Text on its way to a terminal: nothing that comes from a file, a model or a server is obeyed there.
+"""Safe output to a terminal: control sequences from files, models or servers have no effect.
 
-While a command runs, `guarded` stands before its output: whatever is printed by whomever goes through `cells.harmless`,
-whether a terminal is at the other end or a pipe to one. Two doors lead past it: `draw` for our own colors and moves of
-the cursor, and `give` for data that a program is to get as they are.
+While a command runs, `guarded` filters its output: everything printed goes through `cells.harmless`, whether to a
+terminal or a pipe. There are two exceptions: `draw` for our own colors and cursor moves, and `give` for unchanged data
+to programs.
 """
 
 from __future__ import annotations

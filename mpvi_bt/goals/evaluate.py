@@ -1,4 +1,4 @@
-"""A goal seen at the start and at the end of an episode: is it reached, how far, and what is missing."""
+"""Evaluation of a goal from the states at the start and at the end of an episode: truth, scores, unmet conditions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Words between nested parentheses, as BDDL is written, each with its place in the text."""
+"""S-expressions, the syntax of BDDL, with the position of every word."""
 
 from __future__ import annotations
 

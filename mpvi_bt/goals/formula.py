@@ -1,4 +1,4 @@
-"""Grounded goal formulas: literals over named things, joined by the connectives that BDDL has.
+"""Grounded goal formulas: literals over named objects, joined by BDDL's connectives.
 
 Quantifiers are gone by the time a formula is here: `problem.py` writes them out over the problem's objects.
 """

@@ -1,4 +1,4 @@
-"""What a goal predicate may ask of the world. `sim` implements it; tests make states by hand."""
+"""The protocol by which goal predicates query the world. `sim` implements it; tests make states by hand."""
 
 from __future__ import annotations
 

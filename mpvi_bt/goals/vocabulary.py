@@ -1,4 +1,4 @@
-"""What BEHAVIOR has names for: predicates, synsets, rooms and abilities, read from the `bddl` distribution's data.
+"""BEHAVIOR's vocabulary: predicates, synsets, rooms and abilities, from the `bddl` distribution's data.
 
 The package itself is never imported: its knowledge base takes minutes.
 """

@@ -1,4 +1,4 @@
-"""Finds the JSON object that a model answers with: untrusted text of any length, in any dress."""
+"""Extracts the JSON object from a model's answer: untrusted text of any length and form."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much may be asked of models: calls and tokens, of an episode and of a suite."""
+"""Budgets of calls and tokens for an episode and for a suite."""
 
 from __future__ import annotations
 

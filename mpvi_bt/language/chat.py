@@ -1,4 +1,4 @@
-"""What everything that speaks with a language model knows of it: messages in, an answer out."""
+"""The interface to language models: messages in, an answer out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a language model is asked, and what lets us in. Keys come from the environment, and from nowhere else."""
+"""Address and credentials of a language model's endpoint. Keys come from the environment only."""
 
 from __future__ import annotations
 

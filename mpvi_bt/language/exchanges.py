@@ -1,7 +1,7 @@
-"""What was asked of models and what they answered, on file: a cache, a recording and its replay in one.
+"""Questions to models and their answers on file: a cache, a recording and its replay in one.
 
-A question is known by its content: the model, the messages with their pictures, and the schema. One JSON file an
-exchange, named by the digest of that; a picture lies beside it under its own. Several processes may use one folder.
+A question is identified by its content: model, messages with pictures, and schema. An exchange is a JSON file named by
+the digest of the question; pictures lie beside it under their own digests. Several processes may share a folder.
 """
 
 from __future__ import annotations

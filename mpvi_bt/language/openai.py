@@ -1,6 +1,6 @@
 """A model behind any endpoint that speaks OpenAI's chat completions, by the openai SDK (extra "openai").
 
-Whatever comes back is untrusted: of bounded size and time, parsed here, and freed of what must not be told.
+Responses are untrusted: bounded in size and time, parsed here, and freed of secrets.
 """
 
 from __future__ import annotations

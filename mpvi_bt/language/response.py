@@ -1,4 +1,4 @@
-"""Reads what an endpoint of chat completions sends: an answer, or what is wrong with it."""
+"""Parses the response of a chat-completions endpoint: an answer, or the fault."""
 
 from __future__ import annotations
 

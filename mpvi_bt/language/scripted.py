@@ -1,4 +1,4 @@
-"""A model that says what it is told to: for tests, and for trying things out without one."""
+"""A scripted model, for tests and for trying things out without a real one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Keys and passwords, and how they are kept out of whatever is told: answers, errors, recordings and logs."""
+"""Keys and passwords, and their removal from answers, errors, recordings and logs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which part of an answer is thinking: models that reason write it before what they answer, marked in several ways."""
+"""Separates marked thinking from the answer: reasoning models write it first, marked in several ways."""
 
 from __future__ import annotations
 

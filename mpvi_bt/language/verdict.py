@@ -1,4 +1,4 @@
-"""Reads a yes or a no: untrusted text of any length, in any dress."""
+"""Reads yes or no from a model's answer: untrusted text of any length and form."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The form in which a language model answers with a plan: its JSON Schema, a plan in it, and segments read from it.
 
-It is a plan's own form, but that the hand that does a thing has a key, "hand": where a server holds its model to the
-schema, what is known is enumerated, so that the model can name no hand, no room and no target that is not there.
+It is the form of a plan with an extra key "hand". Known hands, rooms and targets are enumerated in the schema, so a
+model that is constrained by it can name no other.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What is wrong with a plan besides its form: all of it at once, as of a tree."""
+"""Checks of a plan beyond its form: all problems at once, as for trees."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading prompts: the clauses that one joins, and the skill that each names."""
+"""Prompts split into clauses, and the skill that each clause names."""
 
 from __future__ import annotations
 

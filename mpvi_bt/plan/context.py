@@ -1,4 +1,4 @@
-"""What a planner can know of the place and the robot before anything happens: the grounding of its plan."""
+"""The grounding of a planner: what it knows of house and robot before the episode."""
 
 from __future__ import annotations
 

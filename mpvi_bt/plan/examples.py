@@ -1,4 +1,4 @@
-"""Plans on file as examples for a planner: few, short, and never the very task's own."""
+"""Recorded plans as few-shot examples for a planner: few, short, and never the task's own."""
 
 from __future__ import annotations
 

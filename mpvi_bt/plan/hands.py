@@ -1,4 +1,4 @@
-"""What the hands of a plan hold as it goes along, as far as that is certain."""
+"""The payload of each hand along a plan, as far as it is certain."""
 
 from __future__ import annotations
 

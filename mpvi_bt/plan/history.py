@@ -1,4 +1,4 @@
-"""What a planner is told when a part of its plan has failed: what is done, what failed and why, what was seen."""
+"""The history for replanning: finished and failed segments, reasons, and seen objects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The planner that asks a language model (Paper, Subtask Planning), and takes nothing that it has not checked."""
+"""The planner that asks a language model (Paper, Subtask Planning) and checks every answer."""
 
 from __future__ import annotations
 

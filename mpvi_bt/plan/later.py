@@ -1,4 +1,4 @@
-"""A new plan without a model: what is to come, and then once more what failed."""
+"""A new plan without a model: the remaining segments, then the failed ones once more."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""What a phrase fits: it is read once, and matched in time that grows as the text does.
+"""Compiled phrases, matched in time linear in the text.
 
-A phrase becomes a graph of nodes without cycles. At a place in the text a node has several ways to go on, the best one
-first; they are tried depth first, and no node twice at one place: what failed there once fails always, as where the
-words of a slot may end does not depend on where they began. So a match takes at most nodes times letters steps, however
-many parts may be left out (the rule of RE2's bit-state matcher).
+A phrase becomes an acyclic graph. At a position of the text a node has several successors, the best one first; they are
+tried depth first, and no node twice at one position: a failure there is final, because the end of a slot does not
+depend on its beginning. So a match takes at most nodes times letters steps, however many parts are optional (the rule
+of RE2's bit-state matcher).
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""Phrases: small patterns in which a skill is said, and the words in them that fill its slots.
+"""Phrases: small patterns that name a skill, with slots for its arguments.
 
-A phrase is a small pattern: plain words, `(one|another)` for alternatives, `[...]` for what may be left out, and slots
-such as `{object}` whose words become the call's arguments; those of `{object:button|switch}` end in one of the words
-listed. The first alternative that fits wins, so longer ones come first: `(take hold of|take)`.
+A phrase has plain words, `(one|another)` for alternatives, `[...]` for optional parts, and slots such as `{object}`
+whose words become the call's arguments; those of `{object:button|switch}` end in one of the listed words. The first
+matching alternative wins, so longer ones come first: `(take hold of|take)`.
 
-Slots: `object` is what the hands do something to; `container`, `surface` and `target` are where it goes, or what a
-`tool` is held over; `source` is where it comes from. Four have words of their own: `hand` and, of a thing that changes
-hands, `to_hand` are left or right, `state` is on or off, `direction` a way to push.
+Slots: `object` is the manipulated object; `container`, `surface` and `target` are its destination, or what a `tool` is
+held over; `source` is its origin. Four have fixed words: `hand` and, for a hand-over, `to_hand` are left or right,
+`state` is on or off, `direction` a direction to push.
 """
 
 from __future__ import annotations

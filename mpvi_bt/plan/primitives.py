@@ -1,4 +1,4 @@
-"""Post-processing of a plan: which primitive each manipulation is, and which ones must be seen to be complete."""
+"""Post-processing of a plan: the primitive of each manipulation, and which ones the checker has to confirm."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
-"""What a language model is told and asked when it is to plan (Paper, Subtask Planning; the words are ours).
+"""The planner's prompt for a language model (Paper, Subtask Planning; the words are ours).
 
-Names of things and the instruction come from elsewhere: they stand in JSON strings, and the model is told that what is
-in them is data.
+Object names and the instruction are untrusted: they are JSON strings, and the model is told that they are data.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a plan is: an instruction cut into navigation and manipulation segments (Paper, Subtask Planning)."""
+"""A plan as data: an instruction split into navigation and manipulation segments (Paper, Subtask Planning)."""
 
 from __future__ import annotations
 

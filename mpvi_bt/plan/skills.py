@@ -1,4 +1,4 @@
-"""What a manipulation primitive is, from skill files: the phrases that name it, what shows that it ended, its time."""
+"""Skills (manipulation primitives) from files: phrases, criterion, trigger events, timeout, motion."""
 
 from __future__ import annotations
 

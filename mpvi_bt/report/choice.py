@@ -1,6 +1,6 @@
-"""Which episodes a page shows, chosen by its reader: all, those that fall short, or those with a certain failure.
+"""Filters of a report page: all episodes, those that miss their goal, or those with a given failure.
 
-Radio buttons and a style sheet do it, so that the page needs no script.
+They are radio buttons and a style sheet, so the page needs no script.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Why episodes fall short: reason codes, how they ended, and which predicates of the goal stayed unmet."""
+"""Failures of episodes: reason codes, how they ended, and unmet predicates of the goal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every figure of a report, computed in one place: pages and JSON only tell them."""
+"""All figures of a report, computed in one place; pages and JSON only show them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A report's tables as LaTeX, to be put into a paper; they need the package booktabs and nothing else."""
+"""A report's tables as LaTeX; they need the package booktabs only."""
 
 from __future__ import annotations
 

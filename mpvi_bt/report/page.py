@@ -1,4 +1,4 @@
-"""A suite's results as one HTML page that needs nothing else: no network, no script, no file but films beside it."""
+"""A suite's results as one self-contained HTML page: no network, no script, no other file but films."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paper's figures, to be set beside ours."""
+"""The paper's figures, for comparison with ours."""
 
 from __future__ import annotations
 

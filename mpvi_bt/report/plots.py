@@ -1,4 +1,4 @@
-"""The two plots of the paper's form: by how much each task gained, and every method's q on each task."""
+"""Two plots in the paper's form: the gain on each task, and every method's q on each task."""
 
 from __future__ import annotations
 

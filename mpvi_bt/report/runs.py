@@ -1,4 +1,4 @@
-"""What a report is made of: the episodes of each method, their results, and what is measured of a result."""
+"""Inputs of a report: the episodes of each method, their results, and the measures of a result."""
 
 from __future__ import annotations
 

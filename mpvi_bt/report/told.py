@@ -1,4 +1,4 @@
-"""What the commands of suites and `mpvi_bt.run_suite` tell of results, in every form."""
+"""The report of a suite in every form, for the commands and for `mpvi_bt.run_suite`."""
 
 from __future__ import annotations
 

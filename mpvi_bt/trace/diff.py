@@ -1,4 +1,4 @@
-"""Where two runs part: the first tick after which their nodes or their blackboards stand differently."""
+"""The first difference between two runs: the first tick with other node states or another blackboard."""
 
 from __future__ import annotations
 

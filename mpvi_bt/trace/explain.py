@@ -1,4 +1,4 @@
-"""Why a run ended as it did: from the root down to the leaf, each node with its evidence, read from a trace."""
+"""Explains from a trace why a run ended as it did: the chain of causes from root to leaf, with evidence."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""A tree, or a run of it, as one page that needs nothing else: nodes fold, a slider goes through the ticks.
+"""A tree, or a run of it, as one self-contained page: nodes fold, a slider goes through the ticks.
 
-The page is put together from the files in `page/`. What it shows is embedded as JSON, and its script writes text only
-as text, so that nothing in a label or a feedback becomes markup; its content policy lets no other script run, and
-nothing load from anywhere.
+The page is assembled from the files in `page/`. Its data are embedded as JSON, and its script writes text as text, so
+no label or feedback becomes markup; its content policy allows no other script and no request.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The lines of a trace, as what they are read into. `docs/trace.md` is the contract."""
+"""Data models of a trace's lines. `docs/trace.md` is the contract."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a subtree node calls: the file that it means, and whether the arguments are those that the tree there takes."""
+"""Calls of subtrees: the file of the callee, and a check of the arguments against its parameters."""
 
 from __future__ import annotations
 

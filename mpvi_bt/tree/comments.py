@@ -1,4 +1,4 @@
-"""Comments of a YAML text: where they stand, what they belong to, and how they move to another text of the same data.
+"""Comments of a YAML text: their position, the key that they belong to, and their transfer to a reformatted text.
 
 YAML libraries drop comments. Here each is tied to the key or list item that it is about: a comment on a line of its own
 to what comes next, or, if it is indented deeper than that, to what came before; a comment at the end of a line to what

@@ -1,4 +1,4 @@
-"""What can be told from a tree alone though every node of it is valid: it will hardly do what was meant."""
+"""Warnings about valid trees that will probably not do what was meant."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""How the nodes of a tree can end, told from the tree alone.
+"""Static analysis of how the nodes of a tree can end.
 
-An over-estimate on purpose: a node is said never to fail, or never to end, only where that is sure, because warnings
-are built on it.
+Conservative: a node counts as never failing, or never ending, only if that is certain, because warnings are based on
+it.
 """
 
 from __future__ import annotations

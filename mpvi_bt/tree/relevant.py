@@ -1,4 +1,4 @@
-"""What a tree is about: the things that are looked for while it runs."""
+"""The objects that a tree is about: the detector looks for them while it runs."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""How every node of a tree stands, as JSON values, so that another process can go on from there. No pickles.
+"""The state of every node of a tree as JSON values, so that another process can resume. No pickles.
 
-A node says itself what it needs (`Node.state`). What drives a backend is begun anew where it was cut off, since the
-backends' own state is not kept: a navigator plans again from where the base stands.
+Each node defines its own state (`Node.state`). Work of a backend that was interrupted begins anew, since the backend's
+state is not saved: a navigator plans again from the present base pose.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The JSON Schema of tree files, from the table of nodes: with it editors complete names and underline mistakes.
+"""The JSON Schema of tree files, from the registry of nodes: editors use it to complete names and underline mistakes.
 
-Draft 7, which editors know best. It covers what can be said of one file by itself; `mpvi check` says the rest, such as
-names of skills, arguments of subtrees and keys that nothing writes.
+Draft 7, which most editors support. It covers one file by itself; `mpvi check` covers the rest, such as names of
+skills, arguments of subtrees and keys that nothing writes.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A behavior tree as data: what files hold, what the compiler makes, what is drawn and built."""
+"""A behavior tree as data: read from files or made by the compiler, then drawn, checked and built."""
 
 from __future__ import annotations
 

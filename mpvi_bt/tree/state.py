@@ -1,4 +1,4 @@
-"""How a node of a tree stands: what is drawn, traced and compared."""
+"""The state of a node at a tick, as drawn, traced and compared."""
 
 from __future__ import annotations
 

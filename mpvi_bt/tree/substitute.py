@@ -1,4 +1,4 @@
-"""Rules that put stand-ins in the place of nodes, by glob over their paths; they need no py_trees to be checked.
+"""Rules that replace nodes by stand-ins, by globs over paths; they can be checked without py_trees.
 
     about: The trash can slips out of the hand once.
     substitute:
@@ -15,8 +15,8 @@
       - nodes: "*/set"
         raise: the driver went away  # an exception
 
-The first rule that fits a node wins. In the rounds after its `times`, and after a delay, the next rule that fits has
-its turn, in the end the node itself. What is below a node that another stands in for is not ticked.
+The first rule that matches a node wins. After its `times` rounds, and after a delay, the next matching rule applies,
+and finally the node itself. Children of a replaced node are not ticked.
 """
 
 from __future__ import annotations

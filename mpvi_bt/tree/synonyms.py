@@ -1,4 +1,4 @@
-"""What other behavior-tree libraries, and people, call our kinds of nodes.
+"""Names of our node kinds in other behavior-tree libraries and in common speech.
 
 From py_trees, BehaviorTree.CPP 3 and 4, and common speech. A word with no counterpart here is left out: a wrong hint
 costs more than none.

@@ -1,4 +1,4 @@
-"""A tree file before its nodes are read: the keys at its top, what its parameters may be, and what was found so far."""
+"""A tree file before its nodes are read: top-level keys, types of parameters, and problems so far."""
 
 from __future__ import annotations
 
