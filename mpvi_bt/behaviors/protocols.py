@@ -13,7 +13,7 @@ from mpvi_bt.robot.solids import Array
 
 
 class Clock(Protocol):
-    """Simulated time. Everything that waits, waits in it."""
+    """Simulated time, in which everything waits."""
 
     @property
     def time_s(self) -> float:
@@ -27,7 +27,7 @@ class Clock(Protocol):
 
 
 class Progress(Enum):
-    """How a module's work stands."""
+    """Progress of a module's work."""
 
     RUNNING = "running"
     SUCCEEDED = "succeeded"
@@ -36,11 +36,11 @@ class Progress(Enum):
 
 @dataclass(frozen=True)
 class Report:
-    """What a module says after each step.
+    """A module's report after each step.
 
     Attributes:
-        progress: How its work stands.
-        reason: Stable code once it has failed, such as "no_path"; "" before.
+        progress: Of its work.
+        reason: Stable code after a failure, such as "no_path"; "" before.
         feedback: One short line for a person, without numbers that change every step.
     """
 
@@ -57,7 +57,7 @@ class Navigator(Protocol):
         ...
 
     def step(self) -> Report:
-        """Write the robot's command for one step and say how the drive stands."""
+        """Write the robot's command for one step and report the progress of the drive."""
         ...
 
     def stop(self) -> None:
@@ -66,23 +66,22 @@ class Navigator(Protocol):
 
 
 class Memory(Protocol):
-    """Learns while a run lasts, such as where things are; a run that is stopped and goes on still knows it."""
+    """State learned during a run, such as places of objects; a resumed run keeps it."""
 
     def save(self) -> dict[str, Any]:
-        """What was learned so far, as JSON values."""
+        """The learned state, as JSON values."""
         ...
 
     def restore(self, saved: Mapping[str, Any]) -> None:
-        """Go on with that. Raises KeyError, TypeError or ValueError if it is not as `save` writes it."""
+        """Restore that state. Raises KeyError, TypeError or ValueError if it is not as `save` writes it."""
         ...
 
 
 class Policy(Protocol):
     """A manipulation policy: observation in, action chunk out (the VLA's place in the paper).
 
-    It may have three things besides: `note`, a str that says on one line what it is doing or why it is stuck, without
-    numbers that change every step; `gave_up`, a bool: it will do no more about this prompt; and `close()`, called once
-    when nothing more will be asked of it.
+    Optional: `note`, a str, one line on what it is doing or why it is stuck, without numbers that change every step;
+    `gave_up`, a bool: it has given up this prompt; and `close()`, called once at the end.
     """
 
     @property
@@ -92,10 +91,9 @@ class Policy(Protocol):
 
     @property
     def cameras(self) -> tuple[str, ...]:
-        """The cameras that it wants in the next observation, of "head", "left", "right"; read before every `infer`.
+        """The cameras needed in the next observation, of "head", "left", "right"; read before every `infer`.
 
-        A picture that nobody asks for costs nothing, so a policy may ask for one only when it looks. It must not mind
-        more pictures than it asked for.
+        Pictures are rendered on demand, so ask for one only when it is used. The observation may have more.
         """
         ...
 
@@ -110,14 +108,15 @@ class Policy(Protocol):
             observation: "prompt": str; "proprioception": Proprioception; "images": Mapping camera -> CameraImage.
 
         Raises:
-            PolicyError: What runs the policy, such as a server, failed; the episode ends and is not the policy's.
+            PolicyError: The policy's backend, such as a server, failed; the episode ends and does not count for the
+                policy.
         """
         ...
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What a language model's answer cost.
+    """Cost of a language model's answer.
 
     Attributes:
         model: That gave it.
@@ -133,13 +132,13 @@ class Cost:
 
 @dataclass(frozen=True)
 class Judgement:
-    """A checker's answer: is the criterion met, and what made it think so.
+    """A checker's answer, with its reason.
 
     Attributes:
         complete: The answer.
-        reason: What made it think so, one line.
-        latency_s: How long the answer took, or is to take in simulated time; 0: it is there in the same tick.
-        fault: Code of what was wrong, where this is a no for want of an answer, such as "bad_answer" or "refused".
+        reason: One line.
+        latency_s: Time that the answer took, and takes in simulated time; 0: it arrives in the same tick.
+        fault: Code, such as "bad_answer" or "refused", if this is a no for lack of an answer.
         cost: Of a language model's answer, or None.
     """
 
@@ -153,12 +152,12 @@ class Judgement:
 class Checker(Protocol):
     """Decides whether a completion criterion holds (the VLM's place in the paper).
 
-    It may have `remote` besides, a bool: True if `check` waits for something elsewhere. Such a checker is asked in a
-    thread and the control loop goes on meanwhile; any other is asked in the loop.
+    Optional: `remote`, a bool: True if `check` waits for another process. Such a checker is asked in a thread while the
+    control loop goes on; any other is asked in the loop.
 
     Attributes:
         name: As given on the command line.
-        needs_image: Whether `check` must be handed a picture.
+        needs_image: Whether `check` needs a picture.
     """
 
     name: str
@@ -167,21 +166,21 @@ class Checker(Protocol):
     def check(self, criterion: str, image: CameraImage | None) -> Judgement:
         """Whether `criterion`, a state such as "the trash can is held in a gripper", is met.
 
-        Anything that it cannot decide is a no.
+        An undecidable criterion is a no.
 
         Raises:
-            ModelError: A language model may not be asked at all, as without a key; the episode ends.
+            ModelError: A language model cannot be asked at all, as without a key; the episode ends.
         """
         ...
 
 
 @dataclass(frozen=True)
 class TriggerEvent:
-    """Proprioception says that something just happened (Paper, Completion Checker).
+    """An event in proprioception (Paper, Completion Checker).
 
     Attributes:
         kind: "grasp", "release", "stop", "rest", "arrival", "idle" or "periodic".
-        side: The hand that it happened to, whose camera may show it; None if it is no hand's.
+        side: The hand concerned, whose camera may show the result; None for the whole body.
     """
 
     kind: str
@@ -195,8 +194,8 @@ class Triggers(Protocol):
         """Begin anew.
 
         Args:
-            kinds: Events that will fire, each with the least simulated time between it and the one before, of the same
-                hand (None: as the triggers have it). None: all that may end a primitive that nobody has told us of.
+            kinds: Events that may fire, each with the least simulated time after the previous event of the same hand
+                (None: the default). None: all events that may end an unknown primitive.
         """
         ...
 

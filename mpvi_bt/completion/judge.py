@@ -35,14 +35,14 @@ _CAMERAS: Mapping[str, str] = {
 
 
 class LanguageChecker:
-    """Asks a model that sees (implements `Checker`; the VLM of the paper's Completion Checker).
+    """Asks a vision-language model (implements `Checker`; the VLM of the paper's Completion Checker).
 
-    Only what `parse_yes_no` takes for a yes is one. Any other answer is a no, with fault "bad_answer" if it is no plain
-    no either; a question that a server refused, or that got no answer in time, is a no with that fault: the episode
-    goes on and the result counts them (Paper: a false positive cascades, a false negative costs time).
+    A yes is a yes by `parse_yes_no`. Any other answer is a no, with the fault "bad_answer" if it is not a plain no; a
+    refusal or a timeout is a no with that fault. The episode goes on, and the result counts them (Paper: a false
+    positive cascades, a false negative costs time).
 
-    The statement is data: it comes from a plan, which a language model may have written, and may name things as anybody
-    has called them. It is quoted, and no part of it is looked at when the answer is read.
+    The criterion is untrusted data: it comes from a plan, which a language model may have written. It is quoted, and
+    plays no part in reading the answer.
 
     Attributes:
         name: The model's, as given on the command line.

@@ -52,11 +52,11 @@ class CheckErrors:
 
 
 class MistakenChecker:
-    """Another checker's answers, some of them turned round (implements `Checker`).
+    """Another checker's answers, some of them inverted (implements `Checker`).
 
-    A draw follows from the seed, the criterion and the step at which it is asked, so that the same run has the same
-    mistakes, and every question may be answered wrongly, as a language model may (Paper, Completion Checker: each query
-    introduces an independent risk of hallucination).
+    A draw follows from the seed, the criterion and the step, so the same run has the same errors, and every answer may
+    be wrong, as a language model's may (Paper, Completion Checker: each query introduces an independent risk of
+    hallucination).
 
     Attributes:
         name: The other's, with the errors' address.

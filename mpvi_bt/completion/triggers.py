@@ -26,7 +26,7 @@ _LONG_AGO = 10**9  # steps
 
 @dataclass(frozen=True)
 class Thresholds:
-    """What counts as a grasp, a release, a stop and a rest.
+    """Thresholds of a grasp, a release, a stop and a rest.
 
     Our choice throughout; the paper says only that a gripper "closes and holds at a nonzero width".
 
@@ -34,8 +34,8 @@ class Thresholds:
         smoothing: Weight of the newest width in its exponential moving average.
         still_m_s: The width is steady while it changes by less than this.
         hold_s: How long the width must be steady.
-        held_m: A hand that is wider than it is told to be, by more than this, has something between its fingers.
-        empty_m: One that got to within this of where it was told to be has not; between the two it is as before.
+        held_m: A hand wider than its command by more than this has something between its fingers.
+        empty_m: A hand within this of its command has nothing; in between, the last state is kept.
         opened_m: How much wider than its grasp a hand must get to have let go,
         full_m: or, of a thing nearly as wide as the hand opens, how wide at all.
         arm_still_rad_s: The arms are at rest while no joint of either is faster; for "rest", base and torso too [m/s].
@@ -43,8 +43,8 @@ class Thresholds:
         moved_m: How far a hand must have moved what it holds since it took hold of it, or since the last event,
         still_hand_m_s: and how slow it must be then, for a stop to be an event.
         driven_m, turned_rad: How far the base must have gone from where it stood, or turned, for its rest to be news,
-        arrived_s: and how long the whole body must then stand: who looks around pauses for less.
-        idle_s: Who stands still for so long has no more to do.
+        arrived_s: and how long the whole body must then stand: a look around pauses for less.
+        idle_s: Standing still for so long means that there is no more to do.
         settle_s: How long the arms must be at rest: the event marks the end of a primitive, not its middle.
         refractory_s: At least this long between two events of one hand, unless a skill says otherwise.
     """
@@ -78,25 +78,24 @@ class ProprioceptiveTriggers:
     Two hands that pressed a thing between them and do so no more have let go of it, too: a "release" of no hand, when
     the whole body has come to rest. Our choice: the paper's triggers know grippers only, and those stay open meanwhile.
 
-    "stop": what a hand has taken hold of was moved and now stands, the hand still on it, such as a door that is open as
-    far as it goes. What was in hand before, such as a bin that is carried along, is no news.
+    "stop": a grasped object was moved and has stopped, the hand still on it, such as a door at its end stop. An object
+    that was in hand before, such as a bin that is carried along, causes none.
 
-    "rest": the arms have gone somewhere and the whole body has come to rest. What ends in none of the above, such as a
-    door that was pushed shut or a button that was pressed, shows in this alone. It is the event of the arm that went
-    farther. A hand that has taken hold of something since, such as of a door's bar, is not done before it lets go.
+    "rest": the arms have moved and the whole body has come to rest. It covers primitives without the events above, such
+    as pushing a door shut or pressing a button. It belongs to the arm that moved farther. If a hand has grasped
+    something since, such as a door's bar, it fires after the release.
 
-    "arrival": the base has driven or turned and the whole body stands. Our choice, for policies that drive (the paper's
-    heuristics are of grippers and arms): only a skill that drives asks for it. The first rest is an arrival too, as the
-    robot may be there already (Paper, Navigation appendix: that is looked at first).
+    "arrival": the base has driven or turned and the whole body is at rest. Our choice, for policies that drive (the
+    paper's heuristics concern grippers and arms): only a skill that drives uses it. The first rest is an arrival, too,
+    as the robot may be there already (Paper, Navigation appendix: that is checked first).
 
-    "idle": the whole body has stood still for seconds, and no event was told of since it came to stand: who has no more
-    to do believes to be done. So ends what began done, such as the pick of a thing that is in hand, and what is seen
-    better from where the body stands now. It is the event of each hand that holds something, one after the other, or of
-    none. Our choice: an arm state that ends a primitive, too, and told of once until the body has moved again, as the
-    same picture would be judged the same. Of what ends by letting go it is none before something was let go: a policy
-    that thinks stands still as well, and another can may be in the bin already.
+    "idle": the whole body has stood still for seconds without another event: the policy has no more to do. It covers
+    primitives that were done at the start, such as the pick of an object in hand, and results that only the present
+    pose shows. It fires for each hand with a payload in turn, or for none. Our choice: it fires once until the body
+    moves again, since the same picture would be judged the same. Where a release ends the primitive it does not fire
+    before one: a policy that is planning stands still as well, and another can may be in the bin already.
 
-    One end is one event: of several that are due, the first of this list.
+    Of several simultaneous events the first of this list fires.
     """
 
     def __init__(self, robot: Robot, thresholds: Thresholds | None = None) -> None:
@@ -106,7 +105,7 @@ class ProprioceptiveTriggers:
         self.reset()
 
     def reset(self, kinds: Mapping[str, float | None] | None = None) -> None:
-        """Begin anew. What a hand holds now it is known to hold.
+        """Begin anew. Payloads at this time cause no event.
 
         Args:
             kinds: As of `Triggers`; None: all but "arrival", as a primitive that nobody has told us of may end in any

@@ -23,7 +23,7 @@ from mpvi_bt.tree.state import Ending
 
 
 class World(Protocol):
-    """What the loop steps. It is the run's clock too."""
+    """The world that the loop steps. It is the run's clock, too."""
 
     @property
     def time_s(self) -> float:
@@ -37,7 +37,7 @@ class World(Protocol):
 
     @property
     def robot(self) -> Robot:
-        """Whose command each step carries out."""
+        """The robot that each step moves."""
         ...
 
     def step(self, action: Array) -> None:
@@ -45,30 +45,30 @@ class World(Protocol):
         ...
 
     def save(self) -> dict[str, Any]:
-        """How everything in it stands, as JSON values."""
+        """The state of everything in it, as JSON values."""
         ...
 
     def restore(self, saved: Mapping[str, Any]) -> None:
-        """Bring a world that was just made as the saved one was to how that stood.
+        """Restore the saved state in a newly made world of the same configuration.
 
         Raises:
-            UserError: It was saved of another world.
+            UserError: The state is of another world.
         """
         ...
 
 
 @dataclass
 class Outcome:
-    """How an episode went.
+    """The outcome of an episode.
 
     Attributes:
         ending: The root's SUCCESS or FAILURE, the limit of simulated time, Ctrl-C, a policy's server or a language
             model that failed, or another exception.
         time_s, steps: Simulated time and control steps.
         ticks: Updates of the tree.
-        failure: Why the root failed, if it did; what the backend failed of.
-        error: What ended it, where ending is "error" or "backend_error".
-        goal: How the goal stood at the end; None where there is none, or where an exception ended it.
+        failure: Cause of the root's failure, or of the backend's.
+        error: The exception, if ending is "error" or "backend_error".
+        goal: The goal at the end; None without a goal, or after an exception.
         log: Segments that were given up, questions to the checker, what hands noticed, actions that were clipped.
         wall_s: Wall time [s] by activity: "stepping" the world; within ticks the behaviors' "navigation", "motion",
             "policy", "rendering", "triggers", "checker", "planner", and "ticking", the rest of it, which is the tree's
@@ -91,7 +91,7 @@ class Outcome:
         return self.ending == "success" and not self.log.failures
 
     def told(self, tree: TreeSpec) -> str:
-        """In a line, of the tree that ran, such as "q = 0.333, plan finished after 15.6 s, 2 units given up"."""
+        """One line, such as "q = 0.333, plan finished after 15.6 s, 2 units given up"."""
         q = self.goal.q if self.goal else None
         return ended(self.ending, len(self.log.failures), is_plan(tree), self.time_s, q)
 
@@ -100,20 +100,20 @@ class Subscriber(Protocol):
     """Watches an episode."""
 
     def start(self, tree: Tree, world: World) -> None:
-        """Before the tree is set up, so that a setup that fails is seen too."""
+        """Called before the tree's setup, so that a failing setup is seen, too."""
         ...
 
     def step(self, tree: Tree, world: World) -> None:
-        """After each tick, before the world is stepped with the command that it left."""
+        """Called after each tick, before the world is stepped."""
         ...
 
     def end(self, outcome: Outcome) -> None:
-        """The last call, whatever happened; close files here."""
+        """The last call, in every case; close files here."""
         ...
 
 
 class Watcher:
-    """A subscriber that does nothing; a base for those that need only some of the calls."""
+    """A subscriber that does nothing: a base class."""
 
     def start(self, tree: Tree, world: World) -> None:
         """Nothing."""
@@ -152,23 +152,23 @@ def run_episode(
 ) -> Outcome:
     """Tick the tree and step the world until the tree ends or the time is up.
 
-    However it ends, every behavior is terminated, the robot is told to hold, the goal is scored, and every subscriber's
-    `end` is called.
+    In every case all behaviors are terminated, the robot holds still, the goal is scored, and every subscriber's `end`
+    is called.
 
     Args:
         tree: What to tick; it is set up here.
         world: What to step.
         context: The run's backends.
-        subscribers: Who watches.
+        subscribers: Observers of the episode.
         max_time_s: Simulated time after which the episode is over.
         wall_limit_s: A guard against a hung backend, in wall time.
-        stop: Asked before every tick; where it says so the run is interrupted, between two ticks.
-        saved: How the tree stood when this run was interrupted before; world and context stand so already.
-        score: Judges the goal, once, unless an exception ended the run; None: there is none.
+        stop: Asked before every tick; if true, the run is interrupted there.
+        saved: State of the tree of an interrupted run; world and context are restored already.
+        score: Evaluates the goal once, unless an exception ended the run; None: there is no goal.
 
     Raises:
         UserError: `saved` is of another tree.
-        NodeError: A behavior raised. (PolicyError and ModelError are not raised on: they are how it ended.)
+        NodeError: A behavior raised. (PolicyError and ModelError end the episode as outcomes instead.)
         BackendError: The wall limit was passed.
         KeyboardInterrupt: Ctrl-C.
     """

@@ -14,8 +14,8 @@ class Message:
     """One message of a conversation.
 
     Attributes:
-        role: Whose it is.
-        text: What it says.
+        role: Its author.
+        text: Its content.
         png: A picture beside the text, as the bytes of a PNG file; only a user's message may have one.
     """
 
@@ -26,16 +26,16 @@ class Message:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a model said, and what it took.
+    """A model's answer and its cost.
 
     Attributes:
-        text: As it came: untrusted, whatever was asked for; of bounded size.
-        model: Which model the server says that it was.
-        latency_s: Wall time from the question to the answer, with all that was tried again; on file: as it was then.
-        tokens_in: Of the question, as the server counts them; 0 if it does not say.
+        text: Unchanged and untrusted; of bounded size.
+        model: Name of the model, as the server reports it.
+        latency_s: Wall time from the question to the answer, retries included; of an answer on file, the original time.
+        tokens_in: Of the question, as the server counts them; 0 if it does not.
         tokens_out: Of the answer, likewise.
-        tries: How often the question was put until there was an answer.
-        kept: Whether it came from the exchanges on file, and cost nothing.
+        tries: Number of requests until there was an answer.
+        kept: Whether it came from the exchanges on file, without cost.
     """
 
     text: str
@@ -48,7 +48,7 @@ class Answer:
 
 
 class ChatModel(Protocol):
-    """A language model, or one that sees as well. It may be asked from several threads at once.
+    """A language model, perhaps with vision. Thread-safe.
 
     Attributes:
         name: As given on the command line, such as "openai:gpt-5".
@@ -61,10 +61,10 @@ class ChatModel(Protocol):
 
         Args:
             messages: The conversation so far; the last one is answered.
-            schema: JSON Schema of an object that the answer should be. A server that does not offer this is asked for
-                JSON, or for nothing of the kind: whoever asks parses what comes, and checks it.
+            schema: JSON Schema of the answer. A server without this feature is asked for JSON, or for plain text, so
+                the caller has to parse and check the answer.
 
         Raises:
-            ModelError: There is no answer, or none that can be one.
+            ModelError: There is no answer, or a malformed one.
         """
         ...

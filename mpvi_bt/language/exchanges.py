@@ -66,10 +66,10 @@ class _Exchange(Record):
 
 
 class KeptModel:
-    """A model whose exchanges are kept: what is on file is not asked again, and costs nothing.
+    """A model whose exchanges are kept: an answer on file is reused, without cost.
 
-    An answer from a file is as it was, with the time that it took then, so that a run that is repeated goes the same
-    way. Of two processes that ask the same at once, both are given what was kept first.
+    It has its original latency, so a repeated run is identical. Two processes that ask the same question at once both
+    get the answer that was kept first.
 
     Args:
         name: Of the model, as given on the command line.

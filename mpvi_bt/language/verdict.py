@@ -71,10 +71,9 @@ _PENDING = _words("far before until remains yet still")
 def parse_yes_no(text: str) -> bool | None:
     """Whether an answer is a yes or a no; None: neither, or not surely.
 
-    It is one if it begins with the plain word, and if that is all ("Yes.", "**no**") or nothing behind it takes it back
-    ("YES, the task is complete"). Thinking before it does not count. Whatever sounds like second thoughts, doubt, a
-    restriction or the other answer takes it back, more often than need be: who reads a yes into it ends a task that
-    is not done. So a "not" anywhere takes back a yes.
+    An answer counts if it begins with the plain word, and the rest is empty ("Yes.", "**no**") or does not withdraw it
+    ("YES, the task is complete"). Thinking before it is skipped. Second thoughts, doubt, a restriction or the other
+    answer withdraw it. The rule is strict, since a false yes ends an unfinished task: a "not" anywhere withdraws a yes.
     """
     said = spoken(text)
     found = _BEGINNING.match(said) if len(said) <= LONGEST and _READABLE.fullmatch(said) else None

@@ -15,13 +15,13 @@ _SENTENCE = 300
 
 @dataclass(frozen=True)
 class Unit:
-    """One unit of a plan that was begun.
+    """One begun unit of a plan.
 
     Attributes:
-        said: What it was to do.
-        reason: Code of why it was given up, such as "no_path"; "" if it was done.
-        evidence: What was seen then.
-        answers: What the completion checker answered last while it was at work.
+        said: Its description.
+        reason: Code of its failure, such as "no_path"; "" if it was done.
+        evidence: Of the failure.
+        answers: The completion checker's last answers about it.
     """
 
     said: str
@@ -32,7 +32,7 @@ class Unit:
 
 @dataclass(frozen=True)
 class Thing:
-    """Something that the robot knows of because it has seen it.
+    """An object that the robot has seen.
 
     Attributes:
         name: What it is called.
@@ -49,12 +49,12 @@ class Thing:
 
 @dataclass(frozen=True)
 class History:
-    """How the work went so far.
+    """The episode so far.
 
     Attributes:
-        units: What was begun, in order; the last one has just failed.
-        planned: What was to come after it.
-        seen: What is known of things, the surest first.
+        units: Begun units, in order; the last one has just failed.
+        planned: The units after it.
+        seen: Known objects, the most certain first.
     """
 
     units: tuple[Unit, ...]

@@ -17,12 +17,12 @@ _OPENS, _CLOSES = "open", "close"  # skills
 
 
 class LaterPlanner:
-    """Puts off what failed: a plan's units that failed are done once more after all the others (implements `Planner`).
+    """Tries failed units once more after all others (implements `Planner`).
 
-    Our choice (the paper's plan advances, and what failed is given up): what barred the way is often gone by then, and
-    whoever comes anew stands elsewhere. What a unit needs comes with it: the drive to it; the units that take what it
-    puts down, and put down what it takes; that which takes the bin that it fills; and those that open and close what
-    was open meanwhile. They keep their order. What fails once more is given up for good.
+    Our choice (the paper's plan advances, and failures are final): an obstacle may have gone by then, and the robot
+    comes from elsewhere. A unit brings its requirements along: the drive to it; the pick of the object that it puts
+    down, and the placing of the one that it picks up; the pick of a bin that it fills; and the opening and closing of
+    what was open meanwhile. The order is kept. A second failure is final.
 
     Args:
         plan: That the episode began with.

@@ -15,12 +15,12 @@ from mpvi_bt.plan.schema import Plan, load_plan
 
 @dataclass(frozen=True)
 class Planned:
-    """A plan, and what it took.
+    """A plan and its cost.
 
     Attributes:
         plan: A valid one, without errors.
         answers: Of a language model, if one was asked.
-        doubts: Warnings that are left.
+        doubts: Remaining warnings.
     """
 
     plan: Plan
@@ -29,16 +29,16 @@ class Planned:
 
     @property
     def latency_s(self) -> float:
-        """What all the answers took, together [s of wall time]."""
+        """Total wall time of the answers [s]."""
         return sum(answer.latency_s for answer in self.answers)
 
 
 class NoPlan(ModelError):
-    """A planner answered, and its answers hold no plan.
+    """A planner's answers have no plan.
 
     Attributes:
-        reason: "bad_answer": none that can be carried out. "refused": it finds none for the instruction.
-            "nothing_left": it finds that nothing is left to do. "tried_again": what failed was put off before.
+        reason: "bad_answer": no executable plan. "refused": no plan for this instruction. "nothing_left": nothing is
+            left to do. "tried_again": the failed units have had their second try.
         answers: What a language model said.
     """
 
@@ -48,10 +48,10 @@ class NoPlan(ModelError):
 
 
 class Planner(Protocol):
-    """Cuts an instruction into segments (the LLM's place in the paper).
+    """Splits an instruction into segments (the LLM's place in the paper).
 
-    It may have `remote` besides, a bool: True if `ask` waits for something elsewhere. An episode then asks in a thread.
-    And `most`, an int: how often an episode may ask; by default as `mpvi_bt.executive.replanning.MOST` says.
+    Optional: `remote`, a bool: True if `ask` waits for another process, and is then asked in a thread; `most`, an int:
+    how often an episode may ask, by default `mpvi_bt.executive.replanning.MOST`.
 
     Attributes:
         name: As given on the command line.
@@ -65,16 +65,16 @@ class Planner(Protocol):
         Args:
             task_name: Name of the plan.
             instruction: What a user said; untrusted.
-            history: What has happened so far, if the robot is under way: then what is left is planned.
+            history: Of the episode so far; then the plan is for the rest. None before the first tick.
 
         Raises:
-            MpviError: There is none to be had; NoPlan with "nothing_left": none is needed, as nothing is left to do.
+            MpviError: There is no plan; NoPlan with "nothing_left": none is needed.
         """
         ...
 
 
 class RecordedPlanner:
-    """Hands out the plan file `<task_name>.json` or `.yaml` of a folder."""
+    """Reads the plan file `<task_name>.json` or `.yaml` from a folder."""
 
     name = "recorded"
 
@@ -83,7 +83,7 @@ class RecordedPlanner:
         self._folder = folder
 
     def ask(self, task_name: str, instruction: str = "", history: History | None = None) -> Planned:
-        """As `plan`. Raises UserError, too, where the robot is under way: what is on file begins at the beginning."""
+        """As `plan`. Raises UserError with a history, too: a recorded plan begins at the start."""
         if history is not None:
             raise UserError("the recorded planner can't plan what is left; choose --planner openai:MODEL.")
         return Planned(self.plan(task_name, instruction))

@@ -56,7 +56,7 @@ class Ticks(Sequence[Tick]):
 
 @dataclass
 class Moment:
-    """How everything stands after a tick; `apply` takes it to the next.
+    """The full state after a tick; `apply` advances it to the next.
 
     Attributes:
         tree: In force.
@@ -110,7 +110,7 @@ _UNKNOWN = NodeState()
 
 
 class Trace:
-    """A run that was recorded.
+    """A recorded run.
 
     Attributes:
         file: Path as the user gave it.
@@ -133,7 +133,7 @@ class Trace:
 
     @property
     def cut(self) -> bool:
-        """Nothing says how the run ended: it was killed, or still goes on."""
+        """Whether the end is missing: the run was killed, or still goes on."""
         return self.end is None
 
     @functools.cached_property
@@ -151,11 +151,11 @@ class Trace:
 
     @property
     def last_tick(self) -> int:
-        """Number of the last tick that is told of; 0 if none is."""
+        """Number of the last recorded tick; 0 if there is none."""
         return max(self.ticks[-1].tick if self.ticks else 0, self.end.tick if self.end else 0)
 
     def require_tick(self, tick: int) -> None:
-        """Raise UserError if the trace does not tell of a tick of that number; 0 is before the first."""
+        """Raise UserError if the trace has no tick of that number; 0 is before the first."""
         if tick > self.last_tick:
             raise UserError(f"{self.file}: there is no tick {tick}; the last is {self.last_tick}.")
 
@@ -192,7 +192,7 @@ class Trace:
         return bisect.bisect_right(self.ticks, tick, key=lambda change: change.tick) - 1
 
     def moments(self) -> Iterator[tuple[Tick, Moment]]:
-        """Each tick with how everything stands after it. The moment is the same object all the way."""
+        """Each tick with the full state after it. The moment is one object, updated in place."""
         moment = Moment(self.tree)
         for tick in self.ticks:
             moment.apply(tick)
