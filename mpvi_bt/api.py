@@ -72,8 +72,8 @@ def compile_plan(plan: Plan | File, on_failure: str = "advance", drive: Drive = 
 
     Args:
         plan: The plan, or its name or file.
-        on_failure: What becomes of a unit that fails: "advance", "retry:N" or "replan".
-        drive: Who carries out navigation segments.
+        on_failure: After a failed unit: "advance", "retry:N" or "replan".
+        drive: Who drives: "navigator" or "policy".
 
     Raises:
         UserError: There is no such plan or setting.
