@@ -31,6 +31,7 @@ class Table:
     joints: dict[str, list[float]] = field(default_factory=dict)
     on: set[str] = field(default_factory=set)
     heats: dict[str, Heat] = field(default_factory=dict)
+    marks: set[tuple[str, str]] = field(default_factory=set)
 
     def exists(self, name: str) -> bool:
         return name in self.things
@@ -49,6 +50,9 @@ class Table:
 
     def toggled_on(self, name: str) -> bool:
         return name in self.on
+
+    def covered(self, name: str, kind: str) -> bool:
+        return (name, kind) in self.marks
 
     def heat(self, name: str) -> tuple[Heat, Thermal]:
         return self.heats.get(name, Heat()), Thermal(cooked_c=70.0)
@@ -348,6 +352,14 @@ def test_what_was_hot_is_cooked_and_what_is_cold_is_frozen() -> None:
     truth = truth_in(Table(dict.fromkeys(heats, FLOOR), heats=heats))
     true = {name: [p for p in ("cooked", "frozen", "hot", "on_fire") if truth(Literal(p, (name,)))] for name in heats}
     assert true == {"egg": ["cooked"], "pie": ["frozen"], "log": ["cooked", "hot", "on_fire"]}
+
+
+def test_covered_is_about_a_substance_that_is_no_thing() -> None:
+    """Any mark of it will do; what is not there is covered by nothing."""
+    truth = truth_in(Table({"cup": FLOOR}, marks={("cup", "dust.n.01")}))
+    assert truth(Literal("covered", ("cup", "dust.n.01_1")))
+    assert not truth(Literal("covered", ("cup", "mud.n.03_1")))
+    assert not truth(Literal("covered", ("plate", "dust.n.01_1")))
 
 
 def test_names_are_bound_to_the_scene() -> None:

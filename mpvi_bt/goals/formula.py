@@ -20,6 +20,10 @@ class Literal:
         return f"{self.predicate}({', '.join(self.args)})"
 
 
+# Predicates of a thing and a substance, which is no thing itself: dust.n.01_1 stands for all dust.
+OF_SUBSTANCE = ("covered", "filled", "contains", "saturated", "insource")
+
+
 @dataclass(frozen=True)
 class Fact:
     """A literal that the :init section of a problem states, or denies."""

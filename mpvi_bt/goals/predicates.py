@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.goals.formula import Literal, Truth
+from mpvi_bt.goals.formula import OF_SUBSTANCE, Literal, Truth
 from mpvi_bt.goals.rays import contains, crosses, interval
 from mpvi_bt.goals.state import WorldState, aabb
 from mpvi_bt.robot.linear_algebra import norm
@@ -96,6 +96,11 @@ def on_fire(state: WorldState, a: str) -> bool:
     return state.heat(a)[0].on_fire
 
 
+def covered(state: WorldState, a: str, b: str) -> bool:
+    """There is at least one mark of a substance on it."""
+    return state.covered(a, b.rpartition("_")[0])
+
+
 Unary = Callable[[WorldState, str], bool]
 Binary = Callable[[WorldState, str, str], bool]
 OF_HEAT = ("cooked", "frozen", "hot", "on_fire")  # predicates of how warm things are or were
@@ -113,6 +118,7 @@ BINARY: Mapping[str, Binary] = {
     "under": under,
     "nextto": nextto,
     "touching": touching,
+    "covered": covered,
 }
 
 
@@ -140,7 +146,7 @@ def truth_in(state: WorldState, names: Mapping[str, str] | None = None) -> Truth
     def truth(literal: Literal) -> bool:
         check_known(literal)
         args = [bound.get(arg, arg) for arg in literal.args]
-        if not all(state.exists(arg) for arg in args):
+        if not all(map(state.exists, args[:1] if literal.predicate in OF_SUBSTANCE else args)):
             return False
         if len(args) == 1:
             return UNARY[literal.predicate](state, args[0])

@@ -17,7 +17,7 @@ from mpvi_bt import paths
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.goals.expressions import Expression
 from mpvi_bt.goals.findings import Findings
-from mpvi_bt.goals.formula import All, Fact, Formula, Literal
+from mpvi_bt.goals.formula import OF_SUBSTANCE, All, Fact, Formula, Literal, literals
 from mpvi_bt.goals.grounding import Grounding
 from mpvi_bt.goals.problem_text import AGENT, read_problem
 from mpvi_bt.goals.vocabulary import ABSENT, ANY, Vocabulary, behavior
@@ -96,8 +96,15 @@ class Problem:
 
     @property
     def movables(self) -> tuple[str, ...]:
-        """Objects that an instance places: all but fixtures, floors, the robot and what does not exist yet."""
-        return tuple(o for o, s in self.objects.items() if s != AGENT and o not in self.rooms and o not in self.future)
+        """Objects that an instance places: not fixtures, floors, the robot, substances, nor what does not exist yet."""
+        others = {*self.rooms, *self.future, *self.substances}
+        return tuple(o for o, s in self.objects.items() if s != AGENT and o not in others)
+
+    @cached_property
+    def substances(self) -> frozenset[str]:
+        """What things are covered by, filled with or a source of, such as dust: no things themselves."""
+        stated = (*(fact.literal for fact in self.init), *literals(self.goal))
+        return frozenset(literal.args[1] for literal in stated if literal.predicate in OF_SUBSTANCE)
 
 
 def activities() -> dict[str, Path]:

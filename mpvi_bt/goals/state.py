@@ -40,6 +40,10 @@ class WorldState(Protocol):
         """Whether the thing's switch is on."""
         ...
 
+    def covered(self, name: str, kind: str) -> bool:
+        """Whether there are marks of a kind on the thing, such as "dust.n.01"."""
+        ...
+
     def heat(self, name: str) -> tuple[Heat, Thermal]:
         """How warm the thing is, and what heat does to it."""
         ...

@@ -61,6 +61,7 @@ class EntryFile(Record):
     at_back: bool = False
     heat: HeatFile | None = None
     source: SourceFile | None = None
+    washes: dict[Synset, tuple[Synset, ...]] | None = None
 
 
 class CatalogueFile(Record):
@@ -87,6 +88,8 @@ class Entry:
         at_back: Whether it is set up at the back of what it stands on, such as a monitor, and nobody carries it.
         heat: What heat does to it; None: its temperature is not followed.
         source: What it warms or cools things with, such as a fridge; None: nothing.
+        washes: Kinds of marks that it takes off what is in it as it begins to run, each with the solvents of which one
+            is needed; None: it is no washer.
     """
 
     name: str
@@ -101,6 +104,7 @@ class Entry:
     at_back: bool = False
     heat: Thermal | None = None
     source: Source | None = None
+    washes: Mapping[str, tuple[str, ...]] | None = None
 
     @cached_property
     def description(self) -> Description:

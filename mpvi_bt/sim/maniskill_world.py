@@ -69,7 +69,3 @@ class ManiSkillWorld(World):
         short = action.astype(np.float32)
         self.robot.act(short.astype(float) if self._wrapped else action)
         self._step(short)
-
-    def show_switches(self) -> None:
-        """Bring what cameras see of switches to where they are."""
-        self._switches.show()

@@ -33,6 +33,7 @@ class Start:
         scene_names: BDDL name of every fixture and floor to its name in the house.
         openings: Name in the world of each thing that is not closed to how far its joints are open, 0 to 1, by body.
         on: Names in the world of the things that are turned on.
+        marks: Names in the world of what is marked, each with a kind of marks, such as "dust.n.01".
     """
 
     objects: Mapping[str, Placement]
@@ -40,6 +41,13 @@ class Start:
     scene_names: Mapping[str, str]
     openings: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     on: tuple[str, ...] = ()
+    marks: tuple[tuple[str, str], ...] = ()
+
+
+def marks_of(problem: Problem, names: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
+    """What :init has covered, by names in the world, and with what."""
+    facts = (fact.literal.args for fact in _facts(problem, "covered") if fact.positive)
+    return tuple((names.get(thing, thing), problem.objects[kind]) for thing, kind in facts)
 
 
 def sample(
@@ -82,6 +90,7 @@ def sample(
         scene_names=names,
         openings=opened,
         on=tuple(names.get(f.literal.args[0], f.literal.args[0]) for f in _facts(problem, "toggled_on") if f.positive),
+        marks=marks_of(problem, names),
     )
 
 

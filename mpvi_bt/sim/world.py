@@ -27,6 +27,7 @@ from mpvi_bt.sim.catalogue import Entry
 from mpvi_bt.sim.description import Handle
 from mpvi_bt.sim.holding import TOUCHING_M, Holding
 from mpvi_bt.sim.house import House
+from mpvi_bt.sim.marking import Marking
 from mpvi_bt.sim.robot import SimRobot
 from mpvi_bt.sim.shaders import new_scene
 from mpvi_bt.sim.switches import Switches
@@ -98,11 +99,12 @@ class World:
             own = {link.entity.per_scene_id: "robot" for link in self.robot.links.values()}
             things = {entity.per_scene_id: t.name for t in self._things.values() for entity in t.entities.values()}
             self.cameras.names = {**things, **self._switches.labels, **own}
-            self.cameras.before = self._switches.show
+            self.cameras.before = self.show_switches
         kinds = {n: p.entry.heat for n, p in objects.items() if p.entry.heat is not None}
         entries = {**{n: f.entry for n, f in house.fixtures.items()}, **{n: p.entry for n, p in objects.items()}}
         sources = {n: e.source for n, e in entries.items() if e.source is not None}
         self._temperatures = Temperatures(kinds, sources)
+        self._marking = Marking({n: e.washes for n, e in entries.items() if e.washes is not None})
         self._holding = Holding(self._scene, self.robot, self._objects, self._things)
         phrases = {n: p.entry.phrases for n, p in objects.items()}
         self._whereabouts = Whereabouts(house, self._fixtures, self._objects, phrases, self._holding)
@@ -142,6 +144,7 @@ class World:
         if self._switches.on:
             self._switches.step(self.robot.fingertips_world())
         self._temperatures.step(self, 1 / CONTROL_HZ)
+        self._marking.step(self)
 
     def measure_bumps(self, carried: Collection[str] = ()) -> Bumps:
         """Measure from now on how hard the robot bumps into walls and fixtures; it costs time in each physics step.
@@ -197,6 +200,20 @@ class World:
             raise UnknownName("thing with a switch", name, self._switches.on)
         self._switches.turn({name: on})
 
+    def mark(self, name: str, kind: str) -> None:
+        """Cover a thing with marks of a kind, such as "dust.n.01". Raises UnknownName if there is no such thing."""
+        if name not in self._things:
+            raise UnknownName("thing", name, self._things)
+        self._marking.put(name, kind, self.solids(name), self.pose(name))
+        if self.cameras is not None:
+            dots = self._marking.draw(self._scene, name, kind)
+            self.cameras.names = {**self.cameras.names, dots.per_scene_id: name}
+
+    def show_switches(self) -> None:
+        """Bring what cameras see of switches and marks to where they are."""
+        self._switches.show()
+        self._marking.show(self.pose)
+
     @property
     def switched(self) -> dict[str, bool]:
         """Whether each thing that has a switch is on."""
@@ -228,7 +245,8 @@ class World:
         """How everything stands, as JSON values: the robot, and every thing that can move."""
         things = {name: thing.motion() for name, thing in self._things.items() if thing.moves}
         return {"steps": self.steps, "robot": self.robot.save(), "things": things, "on": self._switches.on,
-                "whereabouts": self._whereabouts.save(), "heat": self._temperatures.save()}  # fmt: skip
+                "whereabouts": self._whereabouts.save(), "heat": self._temperatures.save(),
+                "marks": self._marking.save()}  # fmt: skip
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Bring everything to how it stood. Contacts are found anew, so what follows is close to, not the same as,
@@ -249,6 +267,7 @@ class World:
         self._switches.turn(saved.get("on", {}))
         self._whereabouts.restore(saved.get("whereabouts", {}))
         self._temperatures.restore(saved.get("heat", {}))
+        self._marking.restore(saved.get("marks", {}))
         self.steps = int(saved["steps"])
 
     def look_from(self, T_world_camera: Array, size: tuple[int, int] = (640, 480), fov_rad: float = 1.0) -> CameraImage:
@@ -298,6 +317,14 @@ class World:
     def toggled_on(self, name: str) -> bool:
         """Whether it is turned on; False for what has no switch."""
         return self._switches.on.get(name, False)
+
+    def covered(self, name: str, kind: str) -> bool:
+        """Whether there are marks of a kind on it."""
+        return self._marking.covered(name, kind)
+
+    def clean(self, name: str) -> bool:
+        """Whether there are no marks on it."""
+        return self._marking.clean(name)
 
     def heat(self, name: str) -> tuple[Heat, Thermal]:
         """How warm it is, and what heat does to it."""

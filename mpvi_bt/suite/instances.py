@@ -141,6 +141,8 @@ def come_to_rest(world: World, start: Start) -> list[str]:
             world.set_opening(name, body, fraction)
     for name in start.on:
         world.turn(name, True)
+    for name, kind in start.marks:
+        world.mark(name, kind)
     world.settle(_SETTLE_S)
     for _ in range(_MORE):
         before = {name: world.pose(name)[:3, 3] for name in world.objects}

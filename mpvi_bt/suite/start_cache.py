@@ -23,7 +23,7 @@ from mpvi_bt.sim import arranging, boards, ground, sampling
 from mpvi_bt.sim.catalogue import Catalogue
 from mpvi_bt.sim.description import Description
 from mpvi_bt.sim.house import House
-from mpvi_bt.sim.sampling import Start, scene_names
+from mpvi_bt.sim.sampling import Start, marks_of, scene_names
 from mpvi_bt.sim.world import Placement
 from mpvi_bt.suite.splits import Split, hidden_seed
 from mpvi_bt.suite.tasks import Task
@@ -120,7 +120,8 @@ class StartCache:
             for name in kept.objects
         }
         names = scene_names(self._house, self._problem)
-        return Start(objects, np.array(kept.base_pose), names, kept.openings, kept.on)
+        marks = marks_of(self._problem, names)
+        return Start(objects, np.array(kept.base_pose), names, kept.openings, kept.on, marks)
 
 
 def _geometry(house: House, catalogue: Catalogue, task: Task) -> Iterator[bytes]:
