@@ -20,7 +20,7 @@ DUST, RUST = "dust.n.01", "rust.n.01"
 def a_ball_in_a_washer() -> World:
     """Both kinds of marks are on the ball and on the can beside the washer."""
     drum = small_world(washer_1=WASHER).volumes("washer_1")[0]
-    inner = Placement(CATALOGUE["tennis_ball"], pose(tuple(float(x) for x in drum.T[:3, 3])))
+    inner = Placement(CATALOGUE["tennis_ball"], pose(drum.T[:3, 3]))
     world = small_world({"ball": inner, "can": placed("can_of_soda", 0.4, 0.0)}, washer_1=WASHER)
     for name in ("ball", "can"):
         for kind in (DUST, RUST):
