@@ -1,7 +1,4 @@
-"""The page on skills of one's own is what a reader gets: its three files, its commands, and what they print.
-
-`python -m tests.test_tutorial docs/own_skill.md` runs it, and writes what the commands print into it.
-"""
+"""A skill's file may name its own motion; what it names is found, or told. The page on it is run by test_own_tasks."""
 
 from __future__ import annotations
 
@@ -12,9 +9,7 @@ import pytest
 from mpvi_bt.errors import FileProblems, UserError
 from mpvi_bt.manipulation.repertoire import REPERTOIRE, motion_of
 from mpvi_bt.plan.skills import Skill, load_skill, load_skills
-from tests.test_tutorial import HOUSE, play
 
-TEXT = (Path(__file__).parent.parent / "docs" / "own_skill.md").read_text(encoding="utf-8")
 FILE = """\
 name: turn_knob
 about: Turn a knob.
@@ -59,17 +54,3 @@ def test_a_motion_is_a_path_and_the_only_one(tmp_path: Path, motion: str, more: 
     with pytest.raises(FileProblems) as problems:
         skill(tmp_path, motion, more)
     assert problems.value.problems[0].line == 3
-
-
-@pytest.mark.rare
-def test_the_page_is_true_without_a_simulator(tmp_path: Path) -> None:
-    """Three files make a skill that check, list and its own test know."""
-    text = TEXT.partition(HOUSE)[0]
-    assert play(text, tmp_path) == text
-
-
-@pytest.mark.rare
-@pytest.mark.slow
-def test_the_page_is_true_in_the_house(tmp_path: Path) -> None:
-    """The expert turns the knob of the stove."""
-    assert play(TEXT, tmp_path) == TEXT
