@@ -1,17 +1,17 @@
 """Every error that mpvi_bt raises on purpose.
 
-MpviError                  exit code 3  a fault of the machine or a backend
-├── UserError              exit code 2  bad usage or input: what was given, where, what would be valid
-│   ├── UnknownName                     a name that is in no registry, with the nearest match
-│   └── FileProblems                    everything wrong with a file, each as file:line:col
-├── BackendError           exit code 3  a backend broke or refused
-│   ├── DiskFull                        there is no room for what is to be written
-│   ├── NoRenderingDevice               pictures were asked for and this machine can draw none
-│   ├── PolicyError                     a policy's server is away or answers what no policy may; has a reason code
-│   ├── DetectorError                   a detector broke, hangs or answers what no detector may; has a reason code
-│   ├── ModelError                      a language model is away, refuses or gives no answer; has a reason code
-│   └── BadMessage                      bytes from elsewhere are not what the protocol says
-└── NodeError              exit code 3  a behavior raised; names the path of its node in the tree
+    MpviError                  exit code 3  a fault of the machine or a backend
+    ├── UserError              exit code 2  bad usage or input: what was given, where, what would be valid
+    │   ├── UnknownName                     a name that is in no registry, with the nearest match
+    │   └── FileProblems                    everything wrong with a file, each as file:line:col
+    ├── BackendError           exit code 3  a backend broke or refused
+    │   ├── DiskFull                        there is no room for what is to be written
+    │   ├── NoRenderingDevice               pictures were asked for and this machine can draw none
+    │   ├── PolicyError                     a policy's server is away or answers what no policy may; has a reason code
+    │   ├── DetectorError                   a detector broke, hangs or answers what no detector may; has a reason code
+    │   ├── ModelError                      a language model is away, refuses or gives no answer; has a reason code
+    │   └── BadMessage                      bytes from elsewhere are not what the protocol says
+    └── NodeError              exit code 3  a behavior raised; names the path of its node in the tree
 
 World failures (a grasp that slipped, a path that is blocked) are not errors: they are FAILURE with a reason code.
 """
