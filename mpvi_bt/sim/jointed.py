@@ -113,7 +113,9 @@ def drawers(
     return Description(tuple(bodies))
 
 
-def washer(*, size_m: Size, color: Rgb, door_color: Rgb = _GLASS) -> Description:
+def washer(
+    *, size_m: Size, color: Rgb, door_color: Rgb = _GLASS, hinge: Literal["left", "right"] = "left"
+) -> Description:
     """A front loader: a drum behind a door, a panel above with a dial that is its switch."""
     x, y, z = size_m
     parts = Parts()
@@ -130,7 +132,7 @@ def washer(*, size_m: Size, color: Rgb, door_color: Rgb = _GLASS) -> Description
     parts.box((x / 2 - _WALL, -0.1, z - 0.08), (0.012, 0.2, 0.06), _DARK, collides=False)
     drum = box(((back - _WALL) / 2, 0, (low + high) / 2), (carcass - back, inside, high - low))
     opening = (x / 2 - _WALL, inside + 0.04, low - 0.02, high + 0.02)
-    door = _door("door", opening, 0.0, inside + 0.04, "left", door_color, 0.12, True, _STEEL)
+    door = _door("door", opening, 0.0, inside + 0.04, hinge, door_color, 0.12, True, _STEEL)
     dial = switch((x / 2 + 0.002, 0.16, z - 0.08), "x", closed_only=True)
     return Description((parts.body(volumes=(drum,), switches=(dial,)), door))
 
