@@ -21,7 +21,13 @@ from mpvi_bt.sim.description import Color, Part
 
 _COUNT = 24  # Our choice: marks of one kind on one thing, many enough to be seen from each side
 _RADIUS_M = 0.006
-_COLORS: Sequence[Color] = ((0.55, 0.5, 0.44), (0.36, 0.24, 0.13), (0.2, 0.2, 0.2), (0.45, 0.52, 0.3))
+_COLORS: Mapping[str, Color] = {
+    "dust": (0.62, 0.6, 0.56),
+    "dirt": (0.36, 0.24, 0.13),
+    "mud": (0.25, 0.17, 0.1),
+    "debris": (0.3, 0.3, 0.32),
+}
+_OTHER: Color = (0.45, 0.52, 0.3)
 
 Solvents = Mapping[str, Collection[str]]  # of each kind that is taken those of which one is needed; empty: none is
 
@@ -73,7 +79,7 @@ class Marking:
 
     def draw(self, scene: sapien.Scene, name: str, kind: str) -> sapien.Entity:
         """Make what cameras see of the marks of a kind on a thing."""
-        color = _COLORS[zlib.crc32(kind.encode()) % len(_COLORS)]
+        color = _COLORS.get(kind.partition(".")[0], _OTHER)
         dots = [
             Part(Solid("sphere", np.full(3, _RADIUS_M), kin.transform(np.eye(3), point)), color, collides=False)
             for point in self._marks[name].points[kind]
