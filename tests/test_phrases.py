@@ -19,7 +19,7 @@ DATA = yaml.safe_load(Path(phrases.__file__).with_suffix(".yaml").read_text(enco
 CATALOGUE = {entry.name: entry.phrases for entry in load_catalogue()}
 NAMES = sorted({phrase for names in CATALOGUE.values() for phrase in names})
 PAGE = (Path(__file__).parent.parent / "docs" / "detectors.md").read_text(encoding="utf-8")
-_CALLED = re.findall(r'"([^"]+)"', PAGE.split("\nWith things called ")[1].split(":\n")[0])
+_CALLED = re.findall(r'"([^"]+)"', PAGE.split("\nWith objects called ")[1].split(":\n")[0])
 THINGS = Vocabulary({names.split(", ")[0]: names.split(", ") for names in _CALLED})
 EXAMPLES = re.findall(r"^\| ([^|]+) \| ([^|]+) \| [^|]+ \|$", PAGE.split("| query |")[1].split("\n\n")[0], re.MULTILINE)
 words = st.text(string.ascii_lowercase, min_size=1, max_size=8)
