@@ -65,7 +65,7 @@ def test_marks_are_saved_and_a_clean_world_saves_none() -> None:
     clean = small_world({"can": placed("can_of_soda", 0.4, 0.0)})
     clean.step(np.zeros(ACTION_SIZE))
     assert clean.save()["marks"] == {}
-    assert clean.clean("can")
+    assert not clean.covered("can", DUST)
 
 
 def test_what_is_not_there_cannot_be_marked() -> None:

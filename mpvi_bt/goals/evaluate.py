@@ -11,8 +11,6 @@ from mpvi_bt.goals.problem import AGENT, Fact, Problem
 from mpvi_bt.goals.qscore import fraction, qscore
 
 Snapshot = Mapping[Literal, bool]
-# What :init may say of how warm things are, and is taken as it is said: all begin as warm as the room.
-UNSIMULATED = OF_HEAT
 
 
 @dataclass(frozen=True)
@@ -72,13 +70,13 @@ def judge(problem: Problem, start: Snapshot, end: Snapshot) -> GoalReport:
 def unmet(problem: Problem, truth: Truth) -> list[Fact]:
     """Facts of :init that do not hold: what a sampler still has to mend.
 
-    Where fixtures are (`inroom`), what exists later (`future`), substances' taps (`insource`), the robot's own place
-    and what is not simulated are left out.
+    Left out: where fixtures are (`inroom`), what exists later (`future`), substances' taps (`insource`), the robot's own
+    place, and how warm things are.
     """
     return [
         fact
         for fact in problem.init
-        if fact.literal.predicate not in {"inroom", "future", "insource", *UNSIMULATED}
+        if fact.literal.predicate not in {"inroom", "future", "insource", *OF_HEAT}
         and problem.objects.get(fact.literal.args[0]) != AGENT
         and truth(fact.literal) != fact.positive
     ]

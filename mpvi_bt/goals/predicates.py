@@ -103,7 +103,8 @@ def covered(state: WorldState, a: str, b: str) -> bool:
 
 Unary = Callable[[WorldState, str], bool]
 Binary = Callable[[WorldState, str, str], bool]
-OF_HEAT = ("cooked", "frozen", "hot", "on_fire")  # predicates of how warm things are or were
+# Predicates of how warm things are or were. What :init says of them is taken as said: all begin as warm as the room.
+OF_HEAT = ("cooked", "frozen", "hot", "on_fire")
 UNARY: Mapping[str, Unary] = {
     "open": open_,
     "toggled_on": toggled_on,

@@ -125,7 +125,7 @@ HAND = Hand(
     widest_m=0.086,
 )
 
-# Our choice: in reach from nine in ten of the torsos that searches try.
+# Our choice, by trial in episodes.
 ASIDE_M = np.array([(0.50, 0.30, 0.76), (0.52, 0.16, 0.76), (0.42, 0.36, 0.78), (0.50, 0.30, 0.90)])
 
 R1 = RobotModel(

@@ -412,7 +412,7 @@ class MpviHouseEnv(BaseEnv):  # type: ignore[misc]  # mani_skill is untyped
 
     def _get_obs_sensor_data(self, apply_texture_transforms: bool = True) -> Any:
         if not self._twinned:
-            self.world.show_switches()
+            self.world.show_states()
         return super()._get_obs_sensor_data(apply_texture_transforms)
 
     # --- its state

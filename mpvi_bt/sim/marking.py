@@ -60,10 +60,6 @@ class Marking:
         """Whether there is a mark of a kind on a thing."""
         return covered(self._marks.get(name, Marks()), kind)
 
-    def clean(self, name: str) -> bool:
-        """Whether there is no mark on a thing."""
-        return not any(len(points) for points in self._marks.get(name, Marks()).points.values())
-
     def step(self, state: WorldState) -> None:
         """One control step later: a washer that begins to run takes what it takes off all that is in it."""
         if not self._marks:
@@ -110,7 +106,7 @@ class Marking:
         """Bring every mark to where it was; what is marked now and not among them becomes clean."""
         self._marks = {
             name: Marks({kind: np.array(p, float).reshape(-1, 3) for kind, p in saved.get(name, {}).items()})
-            for name in {*saved, *self._marks}
+            for name in dict.fromkeys((*saved, *self._marks))
         }
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from mpvi_bt.errors import UserError
-from mpvi_bt.goals.evaluate import UNSIMULATED
 from mpvi_bt.goals.formula import Literal
+from mpvi_bt.goals.predicates import OF_HEAT
 from mpvi_bt.goals.problem import AGENT, Problem
 from mpvi_bt.sim.house import House
 
@@ -70,7 +70,7 @@ def _groups(problem: Problem, names: Mapping[str, str]) -> Groups:
     groups: Groups = {}
     for fact in problem.init:
         literal = fact.literal
-        if literal.predicate in ("inroom", *STATES, *UNSIMULATED) or problem.objects.get(literal.args[0]) == AGENT:
+        if literal.predicate in ("inroom", *STATES, *OF_HEAT) or problem.objects.get(literal.args[0]) == AGENT:
             continue
         if literal.predicate not in PLACES or not fact.positive:
             known = ", ".join((*PLACES, *STATES))

@@ -99,7 +99,7 @@ class World:
             own = {link.entity.per_scene_id: "robot" for link in self.robot.links.values()}
             things = {entity.per_scene_id: t.name for t in self._things.values() for entity in t.entities.values()}
             self.cameras.names = {**things, **self._switches.labels, **own}
-            self.cameras.before = self.show_switches
+            self.cameras.before = self.show_states
         kinds = {n: p.entry.heat for n, p in objects.items() if p.entry.heat is not None}
         entries = {**{n: f.entry for n, f in house.fixtures.items()}, **{n: p.entry for n, p in objects.items()}}
         sources = {n: e.source for n, e in entries.items() if e.source is not None}
@@ -209,7 +209,7 @@ class World:
             dots = self._marking.draw(self._scene, name, kind)
             self.cameras.names = {**self.cameras.names, dots.per_scene_id: name}
 
-    def show_switches(self) -> None:
+    def show_states(self) -> None:
         """Bring what cameras see of switches and marks to where they are."""
         self._switches.show()
         self._marking.show(self.pose)
@@ -321,10 +321,6 @@ class World:
     def covered(self, name: str, kind: str) -> bool:
         """Whether there are marks of a kind on it."""
         return self._marking.covered(name, kind)
-
-    def clean(self, name: str) -> bool:
-        """Whether there are no marks on it."""
-        return self._marking.clean(name)
 
     def heat(self, name: str) -> tuple[Heat, Thermal]:
         """How warm it is, and what heat does to it."""
