@@ -70,8 +70,8 @@ def judge(problem: Problem, start: Snapshot, end: Snapshot) -> GoalReport:
 def unmet(problem: Problem, truth: Truth) -> list[Fact]:
     """Facts of :init that do not hold: what a sampler still has to mend.
 
-    Left out: where fixtures are (`inroom`), what exists later (`future`), substances' taps (`insource`), the robot's own
-    place, and how warm things are.
+    Left out: where fixtures are (`inroom`), what exists later (`future`), substances' taps (`insource`), the robot's
+    own place, and how warm things are.
     """
     return [
         fact
