@@ -20,8 +20,8 @@ import numpy as np
 from benchmarks.searches.play import Job, play
 from mpvi_bt.behaviors.protocols import Progress
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.sim.prior_map import prior_map

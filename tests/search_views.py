@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.perception.detector import Detection
-from mpvi_bt.perception.knowledge import Entry
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.knowledge import Entry
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 from tests.navigation_maps import thing, two_rooms
 
 Mask = NDArray[np.bool_]

@@ -12,7 +12,7 @@ import pytest
 
 from mpvi_bt.cli.given import Choice
 from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.manipulation.chunks import RecedingHorizon, TemporalEnsemble
+from mpvi_bt.manipulation.policies.chunks import RecedingHorizon, TemporalEnsemble
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.suite.backends import BACKENDS, choose, privileged, split
 from mpvi_bt.suite.config import EpisodeConfig

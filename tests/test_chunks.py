@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.errors import PolicyError, UserError
-from mpvi_bt.manipulation.chunks import RecedingHorizon, TemporalEnsemble
+from mpvi_bt.manipulation.policies.chunks import RecedingHorizon, TemporalEnsemble
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import ACTION_SIZE
 from mpvi_bt.robot.solids import Array

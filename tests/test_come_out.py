@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.expert import ExpertPolicy
+from mpvi_bt.manipulation.policies.expert import ExpertPolicy
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
 from mpvi_bt.robot.r1 import R1

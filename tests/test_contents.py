@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from mpvi_bt.manipulation.approach import approach
-from mpvi_bt.manipulation.pick import options
-from mpvi_bt.manipulation.truth import TrueScene
-from mpvi_bt.manipulation.work import Work
+from mpvi_bt.manipulation.motion.approach import approach
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.skills.pick import options
 from mpvi_bt.robot.motion import Motion
+from mpvi_bt.scene.true_scene import TrueScene
 from tests.small_house import placed, small_world
 
 

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from mpvi_bt.perception.discovery import Discoveries
-from mpvi_bt.perception.knowledge import LIKELY, Entry, KnowledgeBase
 from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, CameraImage
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, pose
+from mpvi_bt.scene.discovery import Discoveries
+from mpvi_bt.scene.knowledge import LIKELY, Entry, KnowledgeBase
 from mpvi_bt.sim.catalogue import Entry as CatalogueEntry
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.sim.prior_map import knowledge, prior_map

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.draw_out import draw_out, options
-from mpvi_bt.manipulation.truth import TrueScene
-from mpvi_bt.manipulation.work import Work
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.skills.draw_out import draw_out, options
 from mpvi_bt.robot.motion import Motion, MotionFailure
 from mpvi_bt.robot.solids import pose
+from mpvi_bt.scene.true_scene import TrueScene
 from mpvi_bt.sim.world import Placement, World
 from tests.small_house import CATALOGUE, placed, small_world
 

@@ -13,12 +13,12 @@ from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.goals import Goal, distance_to
 from mpvi_bt.navigation.grid import cost_to_reach
 from mpvi_bt.navigation.traversability import Traversability, traversability
-from mpvi_bt.perception.knowledge import KnowledgeBase
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, Proprioception
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.knowledge import KnowledgeBase
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
 
 FOOTPRINT_M = 0.33

@@ -12,20 +12,20 @@ from benchmarks.hands.holding import put_in_hands
 from benchmarks.hands.rooms import placed
 from benchmarks.hands.trial import Trial, play
 from benchmarks.hands.two_hands import carried, large_things
-from mpvi_bt.manipulation.expert import ExpertPolicy
+from mpvi_bt.manipulation.policies.expert import ExpertPolicy
 from mpvi_bt.marked_yaml import parse_marked
 from mpvi_bt.navigation.driver import Driver, GaveUp
 from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.goals import Goal
-from mpvi_bt.navigation.occupancy import Occupancy
 from mpvi_bt.navigation.traversability import Traversability
-from mpvi_bt.perception.knowledge import KnowledgeBase
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import CONTROL_HZ, Side
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, pose
 from mpvi_bt.robot.stow import ArmStow
+from mpvi_bt.scene.knowledge import KnowledgeBase
+from mpvi_bt.scene.occupancy import Occupancy
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import House, check_house
 from mpvi_bt.sim.prior_map import prior_map

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mpvi_bt.goals.predicates import inside, nextto, ontop, under
-from mpvi_bt.manipulation.expert import ExpertPolicy
+from mpvi_bt.manipulation.policies.expert import ExpertPolicy
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.motion import Motion
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side

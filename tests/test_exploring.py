@@ -15,14 +15,14 @@ from mpvi_bt.errors import DetectorError
 from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.goals import Handoff, distance_to
 from mpvi_bt.navigation.lookout import Lookout
-from mpvi_bt.navigation.occupancy import Occupancy
-from mpvi_bt.navigation.visibility import VisibilityMap
 from mpvi_bt.perception.detector import Detection, Detector, Guarded
-from mpvi_bt.perception.discovery import Discoveries
-from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, CameraImage, Proprioception
+from mpvi_bt.scene.discovery import Discoveries
+from mpvi_bt.scene.knowledge import Entry, KnowledgeBase
+from mpvi_bt.scene.occupancy import Occupancy
+from mpvi_bt.scene.occupancy_map import OccupancyMap
+from mpvi_bt.scene.visibility import VisibilityMap
 from tests.depth_pictures import Box, picture, walls
 from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
 

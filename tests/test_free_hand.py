@@ -7,9 +7,9 @@ from typing import Any, cast
 
 import pytest
 
-from mpvi_bt.manipulation import free_hand
-from mpvi_bt.manipulation.free_hand import with_a_free_hand
-from mpvi_bt.manipulation.work import Words, Work
+from mpvi_bt.manipulation.motion.work import Words, Work
+from mpvi_bt.manipulation.skills import free_hand
+from mpvi_bt.manipulation.skills.free_hand import with_a_free_hand
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 

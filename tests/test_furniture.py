@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.perception.fit import fit
-from mpvi_bt.perception.furniture import furniture
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.shapes.fit import fit
+from mpvi_bt.shapes.furniture_shape import furniture
 
 DEPTH, WIDTH, TOP, BOARD = 0.56, 0.58, 0.86, 0.48
 THICK_M, GRAIN_M = 0.02, 0.008

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.demonstrated import DemonstratedPolicy
-from mpvi_bt.manipulation.expert import ExpertPolicy
-from mpvi_bt.manipulation.reactive import ReactivePolicy
-from mpvi_bt.manipulation.scripted import ScriptedPolicy
+from mpvi_bt.manipulation.policies.demonstrated import DemonstratedPolicy
+from mpvi_bt.manipulation.policies.expert import ExpertPolicy
+from mpvi_bt.manipulation.policies.reactive import ReactivePolicy
+from mpvi_bt.manipulation.policies.scripted_policy import ScriptedPolicy
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import CONTROL_HZ

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.manipulation.grasps import Grasp, grasps
-from mpvi_bt.manipulation.scene import Scene
-from mpvi_bt.manipulation.truth import TrueScene
-from mpvi_bt.perception.parts import Bar
+from mpvi_bt.manipulation.stance.grasps import Grasp, grasps
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.kinematics import hand_rotation
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid, box, pose
+from mpvi_bt.scene.scene import Scene
+from mpvi_bt.scene.true_scene import TrueScene
+from mpvi_bt.shapes.moving_parts import Bar
 from mpvi_bt.sim.builder import Thing
 from mpvi_bt.sim.world import World
 from tests.small_house import CATALOGUE, placed, small_world

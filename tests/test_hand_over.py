@@ -12,17 +12,17 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.hands.rows import Job
 from benchmarks.hands.runner import run_job
-from mpvi_bt.manipulation.hand_over import takes
-from mpvi_bt.manipulation.held import Held
-from mpvi_bt.manipulation.in_hand import InHand
-from mpvi_bt.manipulation.seen import Seen
-from mpvi_bt.manipulation.thing import Thing
+from mpvi_bt.manipulation.skills.hand_over import takes
 from mpvi_bt.perception.segmentation import SegmentationDetector
-from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Load
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Solid
+from mpvi_bt.scene.held import Held
+from mpvi_bt.scene.in_hand import InHand
+from mpvi_bt.scene.seen import Seen
+from mpvi_bt.scene.thing import Thing
+from mpvi_bt.shapes.shape import Shape
 from tests.small_house import small_world
 
 

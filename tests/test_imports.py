@@ -26,9 +26,14 @@ RANKS = [
     {"robot", "paths", "marked_yaml", "writing", "proxies"},
     {"extras"},
     {"language", "rules"},
-    {"goals", "perception"},
+    {"goals", "perception", "shapes"},
     {"plan"},
-    {"navigation", "manipulation", "completion", "remote", "sim"},
+    {"scene"},
+    {"navigation", "manipulation/stance", "completion", "remote", "sim"},
+    {"manipulation/motion"},
+    {"manipulation/skills"},
+    {"manipulation/policies"},
+    {"manipulation"},
     {"behaviors"},
     {"tree", "testing"},
     {"drawing", "btcpp"},
@@ -101,9 +106,12 @@ HEAVY = (
 
 
 def part_of(path: Path) -> str:
-    """The folder or module right under the package that a file belongs to, such as "sim"; or "maniskill"."""
+    """The folder or module under the package that a file belongs to: "sim", "manipulation/skills" or "maniskill"."""
     within = path.relative_to(PACKAGE)
-    return "maniskill" if within.as_posix() in MANISKILL else within.parts[0].removesuffix(".py")
+    if within.as_posix() in MANISKILL:
+        return "maniskill"
+    room = "/".join(within.parts[:2])
+    return room if room in RANK else within.parts[0].removesuffix(".py")
 
 
 def imports(path: Path) -> Iterator[str]:
@@ -121,8 +129,9 @@ def of_ours(path: Path) -> Iterator[tuple[str, str]]:
     """(part, full name) of each import of our own modules."""
     for name in imports(path):
         if name.startswith("mpvi_bt."):
-            part = "maniskill" if name.startswith("mpvi_bt.sim.maniskill") else name.split(".")[1]
-            if part in RANK:
+            folders = name.split(".")[1:3]
+            rooms = ["maniskill" if name.startswith("mpvi_bt.sim.maniskill") else "/".join(folders), folders[0]]
+            if part := next((room for room in rooms if room in RANK), None):
                 yield part, name
 
 

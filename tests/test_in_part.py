@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.seen import Seen
-from mpvi_bt.perception.in_part import in_part
 from mpvi_bt.perception.segmentation import SegmentationDetector
-from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.robot.solids import box
+from mpvi_bt.scene.seen import Seen
+from mpvi_bt.shapes.in_part import in_part
+from mpvi_bt.shapes.shape import Shape
 from mpvi_bt.sim.world import World
 from tests.small_house import run, small_world
 

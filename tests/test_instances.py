@@ -17,11 +17,11 @@ from mpvi_bt.goals.evaluate import early, unmet
 from mpvi_bt.goals.predicates import truth_in
 from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.traversability import traversability
-from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.fetch import FETCH
 from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.knowledge import KnowledgeBase
 from mpvi_bt.sim.boards import Shape
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.ground import standing_room

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from mpvi_bt.goals.predicates import open_
-from mpvi_bt.manipulation.close import pushes
-from mpvi_bt.manipulation.grasps import grasps
-from mpvi_bt.manipulation.open import _rise_off
-from mpvi_bt.manipulation.openings import lid, moved, outward, swings
-from mpvi_bt.manipulation.truth import TrueScene
+from mpvi_bt.manipulation.skills.close import pushes
+from mpvi_bt.manipulation.skills.open import _rise_off
+from mpvi_bt.manipulation.skills.openings import lid, moved, outward, swings
+from mpvi_bt.manipulation.stance.grasps import grasps
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.r1 import R1
+from mpvi_bt.scene.true_scene import TrueScene
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 from tests.test_open import play, work_in

@@ -15,10 +15,10 @@ from mpvi_bt.navigation.grid import segment_free, shortest_path
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.navigation.pursuit import CARRYING, Limits, PathFollower
 from mpvi_bt.navigation.traversability import traversability
-from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout
+from mpvi_bt.scene.knowledge import Entry, KnowledgeBase
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 from mpvi_bt.testing import check_navigator
 from tests.navigation_maps import KinematicRobot, put_box, thing, two_rooms
 

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation import pick as picking
-from mpvi_bt.manipulation.approach import arrive
-from mpvi_bt.manipulation.pick import _bring, pick
-from mpvi_bt.manipulation.stance import Stance
-from mpvi_bt.manipulation.truth import TrueScene
-from mpvi_bt.manipulation.work import Work
+from mpvi_bt.manipulation.motion.approach import arrive
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.skills import pick as picking
+from mpvi_bt.manipulation.skills.pick import _bring, pick
+from mpvi_bt.manipulation.stance.stance import Stance
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, pose
+from mpvi_bt.scene.true_scene import TrueScene
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 

@@ -12,22 +12,22 @@ import numpy as np
 import pytest
 
 from benchmarks.hands.holding import put_in_hands
-from mpvi_bt.manipulation import drop, place, placing
-from mpvi_bt.manipulation.effort import Effort
-from mpvi_bt.manipulation.held import Held
-from mpvi_bt.manipulation.outline import outline
-from mpvi_bt.manipulation.placing import leaning
-from mpvi_bt.manipulation.scene import Scene
-from mpvi_bt.manipulation.search import Search
-from mpvi_bt.manipulation.stance import Option
-from mpvi_bt.manipulation.truth import TrueScene
-from mpvi_bt.manipulation.work import Work
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.skills import drop, place, placing
+from mpvi_bt.manipulation.skills.placing import leaning
+from mpvi_bt.manipulation.stance.effort import Effort
+from mpvi_bt.manipulation.stance.stance import Option
+from mpvi_bt.manipulation.stance.stance_search import Search
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Load, Surroundings
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import Proprioception, Side
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, box, pose
+from mpvi_bt.scene.held import Held
+from mpvi_bt.scene.scene import Scene
+from mpvi_bt.scene.true_scene import TrueScene
+from mpvi_bt.shapes.from_above import outline
 from tests.small_house import placed, small_world
 from tests.test_motion import obey, play, reaching
 

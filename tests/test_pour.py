@@ -11,16 +11,16 @@ from scipy.spatial.transform import Rotation
 from benchmarks.hands.rows import Job
 from benchmarks.hands.runner import run_job
 from benchmarks.hands.scenes import draw
-from mpvi_bt.manipulation import pour
-from mpvi_bt.manipulation.effort import Effort
-from mpvi_bt.manipulation.pour import lip, righted
-from mpvi_bt.manipulation.truth import TrueScene
-from mpvi_bt.manipulation.work import Work
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.skills import pour
+from mpvi_bt.manipulation.skills.pour import lip, righted
+from mpvi_bt.manipulation.stance.effort import Effort
 from mpvi_bt.plan.clauses import match
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Motion
 from mpvi_bt.robot.solids import Solid
+from mpvi_bt.scene.true_scene import TrueScene
 
 angles = st.floats(-3.1, 3.1)
 

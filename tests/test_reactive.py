@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from mpvi_bt.goals.predicates import inside, ontop
-from mpvi_bt.manipulation import reactive as module
-from mpvi_bt.manipulation.open import is_open
-from mpvi_bt.manipulation.reactive import ReactivePolicy
-from mpvi_bt.manipulation.work import Work
-from mpvi_bt.perception.knowledge import Entry, KnowledgeBase
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.policies import reactive as module
+from mpvi_bt.manipulation.policies.reactive import ReactivePolicy
+from mpvi_bt.manipulation.skills.open import is_open
 from mpvi_bt.plan.clauses import match
 from mpvi_bt.plan.skills import SkillCall, load_skills
 from mpvi_bt.remote.settings import CAMERAS
 from mpvi_bt.robot.motion import Motion
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.knowledge import Entry, KnowledgeBase
 from mpvi_bt.sim.world import World
 from mpvi_bt.testing import KinematicRobot, check_policy
 from tests.small_house import placed, small_world

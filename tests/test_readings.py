@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mpvi_bt.manipulation.readings import count, readings
+from mpvi_bt.manipulation.policies.readings import count, readings
 from mpvi_bt.plan.clauses import match
 from mpvi_bt.plan.skills import load_skills
 

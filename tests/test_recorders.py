@@ -17,13 +17,13 @@ from mpvi_bt.executive.frame_text import SIZE, Caption
 from mpvi_bt.executive.loop import Subscriber, Watcher, World, run_episode
 from mpvi_bt.executive.pictures import PathPicture, path_picture
 from mpvi_bt.executive.video import Follower, Video, compose
-from mpvi_bt.perception.knowledge import KnowledgeBase
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.knowledge import KnowledgeBase
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import compile_plan

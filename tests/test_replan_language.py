@@ -17,7 +17,6 @@ from mpvi_bt.executive.loop import Outcome, Watcher, World, run_episode
 from mpvi_bt.executive.replanning import Replanning, history_of, things
 from mpvi_bt.language.chat import Message
 from mpvi_bt.language.scripted import Says, ScriptedChatModel
-from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.plan.answer_form import answer_text
 from mpvi_bt.plan.history import LONGEST, History, Thing, Unit
 from mpvi_bt.plan.language import LanguagePlanner
@@ -25,6 +24,7 @@ from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.prompt import LONGEST_SITUATION
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.knowledge import Entry
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import compile_plan

@@ -8,14 +8,14 @@ from typing import Any, cast
 
 import pytest
 
-from mpvi_bt.manipulation.scene import Scene, Sight
-from mpvi_bt.manipulation.scripted import Performance, ScriptedPolicy
-from mpvi_bt.manipulation.work import Work
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.policies.scripted_policy import Performance, ScriptedPolicy
 from mpvi_bt.plan.clauses import match
 from mpvi_bt.plan.skills import SkillCall, load_skills
 from mpvi_bt.robot.motion import MotionFailure
 from mpvi_bt.robot.protocol import CONTROL_HZ
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.scene import Scene, Sight
 from tests.serving import observation
 
 PROMPT = "put the cup on the table with the left hand, then put the bowl on the table with the right hand"

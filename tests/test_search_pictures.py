@@ -18,8 +18,8 @@ from mpvi_bt.executive.map_picture import MapPicture
 from mpvi_bt.executive.search_frames import SearchFrames
 from mpvi_bt.executive.search_view import SearchView, Window, found, seen_m2, visible
 from mpvi_bt.perception.detector import ROBOT
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.r1 import R1
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 from tests.navigation_maps import thing
 from tests.search_views import MadeUpSearch, box, find, look
 

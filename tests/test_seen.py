@@ -9,12 +9,6 @@ import numpy as np
 import pytest
 
 from benchmarks.hands.holding import put_in_hands
-from mpvi_bt.manipulation import memory
-from mpvi_bt.manipulation import seen as module
-from mpvi_bt.manipulation.seen import Seen
-from mpvi_bt.manipulation.thing import Thing
-from mpvi_bt.perception.furniture import furniture
-from mpvi_bt.perception.parts import Door
 from mpvi_bt.perception.phrases import kinds
 from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.robot import kinematics as kin
@@ -22,6 +16,12 @@ from mpvi_bt.robot.motion import MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Proprioception
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, bounds
+from mpvi_bt.scene import memory
+from mpvi_bt.scene import seen as module
+from mpvi_bt.scene.seen import Seen
+from mpvi_bt.scene.thing import Thing
+from mpvi_bt.shapes.furniture_shape import furniture
+from mpvi_bt.shapes.moving_parts import Door
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, run, small_world
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation import carry
-from mpvi_bt.manipulation.carry import settle, tuck
-from mpvi_bt.manipulation.truth import TrueScene
-from mpvi_bt.manipulation.work import Work
+from mpvi_bt.manipulation.motion import carry
+from mpvi_bt.manipulation.motion.carry import settle, tuck
+from mpvi_bt.manipulation.motion.work import Work
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.motion import Motion, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Proprioception
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid, box
+from mpvi_bt.scene.true_scene import TrueScene
 from tests.small_house import placed, run, small_world
 from tests.test_motion import play, reaching
 

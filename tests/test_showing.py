@@ -9,16 +9,16 @@ import pytest
 
 from benchmarks.hands.holding import put_in_hands
 from mpvi_bt.completion.triggers import ProprioceptiveTriggers
-from mpvi_bt.manipulation.gaze import look_into
-from mpvi_bt.manipulation.scripted import Performance, ScriptedPolicy
-from mpvi_bt.manipulation.showing import done_at, fell_beside, step_up, views
-from mpvi_bt.manipulation.truth import TrueScene
-from mpvi_bt.manipulation.work import Work
+from mpvi_bt.manipulation.motion.gaze import look_into
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.policies.scripted_policy import Performance, ScriptedPolicy
+from mpvi_bt.manipulation.policies.showing import done_at, fell_beside, step_up, views
 from mpvi_bt.plan.clauses import match
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.motion import Motion
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, Side
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.true_scene import TrueScene
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 

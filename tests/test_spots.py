@@ -9,15 +9,15 @@ from hypothesis import strategies as st
 
 from mpvi_bt.goals.predicates import beside as in_line
 from mpvi_bt.goals.predicates import nextto, under
-from mpvi_bt.manipulation import place, spots
-from mpvi_bt.manipulation.outline import outline
-from mpvi_bt.manipulation.placing import Pose, leaning
-from mpvi_bt.manipulation.truth import TrueScene
-from mpvi_bt.manipulation.work import Work
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.skills import place, spots
+from mpvi_bt.manipulation.skills.placing import Pose, leaning
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.motion import Motion, MotionFailure
 from mpvi_bt.robot.solids import bounds
+from mpvi_bt.scene.true_scene import TrueScene
+from mpvi_bt.shapes.from_above import outline
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 

@@ -12,16 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.hands.rooms import things
-from mpvi_bt.manipulation.approach import approach, go_around
-from mpvi_bt.manipulation.detour import Detours
-from mpvi_bt.manipulation.effort import Effort
-from mpvi_bt.manipulation.grasps import grasps
-from mpvi_bt.manipulation.held import Held
-from mpvi_bt.manipulation.pick import options as pick_options
-from mpvi_bt.manipulation.search import Search, _bases
-from mpvi_bt.manipulation.stance import Option, Stance, upright_options
-from mpvi_bt.manipulation.truth import TrueScene
-from mpvi_bt.manipulation.work import Work
+from mpvi_bt.manipulation.motion.approach import approach, go_around
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.skills.pick import options as pick_options
+from mpvi_bt.manipulation.stance.detour import Detours
+from mpvi_bt.manipulation.stance.effort import Effort
+from mpvi_bt.manipulation.stance.grasps import grasps
+from mpvi_bt.manipulation.stance.stance import Option, Stance, upright_options
+from mpvi_bt.manipulation.stance.stance_search import Search, _bases
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Body, Load, Surroundings
@@ -31,6 +29,8 @@ from mpvi_bt.robot.protocol import SIDES, Proprioception, Side, other
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.solids import Array, Solid, box
+from mpvi_bt.scene.held import Held
+from mpvi_bt.scene.true_scene import TrueScene
 from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 

@@ -11,27 +11,27 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.hands.holding import put_in_hands
-from mpvi_bt.manipulation.approach import close_in
-from mpvi_bt.manipulation.gaze import studied, study
-from mpvi_bt.manipulation.inside import Look, looks_inside
-from mpvi_bt.manipulation.looking import look_from_elsewhere
-from mpvi_bt.manipulation.place import place_in
-from mpvi_bt.manipulation.search import Search
-from mpvi_bt.manipulation.stance import Stance
-from mpvi_bt.manipulation.truth import TrueScene
-from mpvi_bt.manipulation.work import Work
+from mpvi_bt.manipulation.motion.approach import close_in
+from mpvi_bt.manipulation.motion.gaze import studied, study
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.policies.looking import look_from_elsewhere
+from mpvi_bt.manipulation.skills.inside import Look, looks_inside
+from mpvi_bt.manipulation.skills.place import place_in
+from mpvi_bt.manipulation.stance.stance import Stance
+from mpvi_bt.manipulation.stance.stance_search import Search
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, CameraImage, Proprioception
 from mpvi_bt.robot.solids import Array, Solid, pose
+from mpvi_bt.scene.true_scene import TrueScene
 from tests.small_house import placed, small_world
 
 HUNG = "{entry: wall_cabinet, at: [1.2, 0.0], yaw_deg: 180, z_m: 1.35, shape: {size_m: [0.36, 0.6, 0.7]}}"
 
 
 class Blind:
-    """A `mpvi_bt.manipulation.scene.Sight` that learns nothing."""
+    """A `mpvi_bt.scene.scene.Sight` that learns nothing."""
 
     def __init__(self) -> None:
         self.lifts: list[float] = []

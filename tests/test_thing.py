@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mpvi_bt.manipulation.thing import Thing, is_again
-from mpvi_bt.perception.shape import Shape
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.solids import Solid
+from mpvi_bt.scene.thing import Thing, is_again
+from mpvi_bt.shapes.shape import Shape
 
 
 def box(name: str, middle: tuple[float, float, float], size: tuple[float, float, float]) -> Thing:

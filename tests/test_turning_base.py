@@ -14,13 +14,13 @@ from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.grid import shortest_path
 from mpvi_bt.navigation.loaded import loaded_path
 from mpvi_bt.navigation.traversability import traversability
-from mpvi_bt.perception.knowledge import KnowledgeBase
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.mobile_base import MobileBase
 from mpvi_bt.robot.protocol import Proprioception
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.knowledge import KnowledgeBase
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 from tests.navigation_maps import KinematicRobot, put_box, two_rooms
 from tests.test_driving import Eyes, drive, furnished
 

@@ -16,10 +16,10 @@ from benchmarks.hands.rows import Job
 from benchmarks.hands.runner import run_job
 from benchmarks.hands.two_hands import large_things
 from mpvi_bt.goals.predicates import ontop
-from mpvi_bt.manipulation.expert import ExpertPolicy
-from mpvi_bt.manipulation.set_down import set_down
-from mpvi_bt.manipulation.truth import TrueScene
-from mpvi_bt.manipulation.two_hands import (
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.policies.expert import ExpertPolicy
+from mpvi_bt.manipulation.skills.set_down import set_down
+from mpvi_bt.manipulation.skills.two_hands import (
     Box,
     _carcass,
     behind,
@@ -30,7 +30,6 @@ from mpvi_bt.manipulation.two_hands import (
     together,
     way_behind,
 )
-from mpvi_bt.manipulation.work import Work
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Actions, Motion
@@ -38,6 +37,7 @@ from mpvi_bt.robot.protocol import SIDES, ActionLayout, Side
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.robot.squeeze import squeezes
+from mpvi_bt.scene.true_scene import TrueScene
 from mpvi_bt.sim.world import Placement
 from tests.small_house import placed, small_world
 from tests.test_open import play

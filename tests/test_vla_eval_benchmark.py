@@ -33,7 +33,7 @@ from vla_eval.specs import check_specs
 
 from mpvi_bt.errors import BackendError, PolicyError, UnknownName, UserError
 from mpvi_bt.executive.loop import Last, run_episode
-from mpvi_bt.manipulation.demonstrated import DemonstratedPolicy
+from mpvi_bt.manipulation.policies.demonstrated import DemonstratedPolicy
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.remote.mapping import still
 from mpvi_bt.remote.observation import write_observation

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from benchmarks.hands.rows import Job
 from benchmarks.hands.runner import run_job
-from mpvi_bt.manipulation.wipe import strokes_over
+from mpvi_bt.manipulation.skills.wipe import strokes_over
 
 sizes = st.tuples(st.floats(0.02, 0.25), st.floats(0.02, 0.25))
 

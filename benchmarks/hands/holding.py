@@ -8,14 +8,14 @@ import numpy as np
 
 from mpvi_bt.errors import BackendError
 from mpvi_bt.goals.rays import interval
-from mpvi_bt.manipulation.grasps import grasps
-from mpvi_bt.manipulation.truth import TrueScene
+from mpvi_bt.manipulation.stance.grasps import grasps
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import posture_distance
 from mpvi_bt.robot.collision import Body, Load, Obstacles
 from mpvi_bt.robot.model import SIGN, RobotModel
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
 from mpvi_bt.robot.solids import Array, Solid, pose
+from mpvi_bt.scene.true_scene import TrueScene
 from mpvi_bt.sim.world import World
 
 _CLOSING_S = 1.0

@@ -13,10 +13,10 @@ from mpvi_bt.behaviors.protocols import Progress
 from mpvi_bt.navigation.goals import Handoff, distance_to, facing_yaw, object_goals
 from mpvi_bt.navigation.grid import cost_to_reach
 from mpvi_bt.navigation.traversability import ClearanceCost, floor_obstacles, traversability
-from mpvi_bt.perception.knowledge import Entry
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.knowledge import Entry
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 from mpvi_bt.sim.catalogue import Catalogue, load_catalogue
 from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.prior_map import prior_map

@@ -11,9 +11,9 @@ from scipy import ndimage
 
 from mpvi_bt.navigation.goals import Handoff, object_goals
 from mpvi_bt.navigation.traversability import floor_obstacles, traversability
-from mpvi_bt.perception.knowledge import Entry as Known
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.solids import Array, pose
+from mpvi_bt.scene.knowledge import Entry as Known
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 from mpvi_bt.sim.catalogue import Catalogue, Entry
 from mpvi_bt.sim.house import House
 from mpvi_bt.sim.world import Placement

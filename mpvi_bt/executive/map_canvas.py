@@ -14,11 +14,11 @@ from mpvi_bt.executive import search_colors as colors
 from mpvi_bt.executive.labels import Labels, Picture
 from mpvi_bt.executive.map_picture import hatch
 from mpvi_bt.executive.search_view import Mask, SearchView, called, cropped, extent, room_places
-from mpvi_bt.perception.knowledge import Entry
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.mobile_base import placed
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.knowledge import Entry
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 
 _WIDTH_PX = 1400  # of the finished picture, at most; drawn at twice that and shrunk
 _OUTSIDE, _WALL, _INK, _UNKNOWN = (255, 255, 255), (74, 78, 92), (40, 44, 54), (206, 210, 216)

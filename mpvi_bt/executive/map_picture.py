@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from mpvi_bt.executive import search_colors as colors
 from mpvi_bt.executive.labels import Color, Labels, Picture
 from mpvi_bt.executive.search_view import Mask, SearchView, Window, called, cropped, found, room_places, visible
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.mobile_base import MobileBase, placed
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 
 Pixels = Callable[[Array], NDArray[np.int32]]
 

@@ -16,11 +16,11 @@ from mpvi_bt.executive.labels import Picture
 from mpvi_bt.executive.loop import Outcome, Watcher, World
 from mpvi_bt.executive.map_canvas import Canvas
 from mpvi_bt.executive.search_view import SearchView, found
-from mpvi_bt.perception.knowledge import KnowledgeBase
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.knowledge import KnowledgeBase
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.writing import unwritable
 

@@ -15,10 +15,10 @@ from mpvi_bt.behaviors.question import Question
 from mpvi_bt.behaviors.references import unescaped
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.language.chat import Answer
-from mpvi_bt.perception.knowledge import LIKELY, Entry
 from mpvi_bt.plan.history import History, Thing, Unit
 from mpvi_bt.plan.planners import NoPlan, Planner
 from mpvi_bt.plan.schema import Plan
+from mpvi_bt.scene.knowledge import LIKELY, Entry
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import Drive, compile_units
 from mpvi_bt.tree.spec import Placed, TreeSpec

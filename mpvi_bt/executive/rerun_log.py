@@ -21,12 +21,12 @@ from mpvi_bt.executive.loop import Outcome, Watcher, World
 from mpvi_bt.executive.search_view import Head, SearchView, Window, called, cropped, found, seen_m2
 from mpvi_bt.extras import install
 from mpvi_bt.perception.detector import Detection
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.mobile_base import placed
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.writing import unwritable
 

@@ -12,10 +12,10 @@ from scipy import ndimage
 
 from mpvi_bt.executive.loop import World
 from mpvi_bt.perception.detector import ROBOT, Detection
-from mpvi_bt.perception.knowledge import LIKELY, Entry
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.knowledge import LIKELY, Entry
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 
 Mask = NDArray[np.bool_]
 

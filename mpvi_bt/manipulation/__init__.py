@@ -1,1 +1,1 @@
-"""Policies that move the hands, and what a scripted one is made of."""
+""""""

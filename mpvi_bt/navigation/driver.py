@@ -29,14 +29,14 @@ from mpvi_bt.navigation.traversability import (
     traversability,
 )
 from mpvi_bt.navigation.ways import GaveUp, Goals, find_way
-from mpvi_bt.perception.knowledge import KnowledgeBase
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.kinematics import rot_z
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Robot
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
+from mpvi_bt.scene.knowledge import KnowledgeBase
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 
 __all__ = ["DEFAULTS", "Driver", "GaveUp", "Goals", "NavigationParameters", "Stow", "never"]
 

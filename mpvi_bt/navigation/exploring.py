@@ -22,12 +22,12 @@ from mpvi_bt.navigation.search import Search
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.navigation.ways import stuck
 from mpvi_bt.perception.detector import Detection
-from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, normalize
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.perception.phrases import OTHER
 from mpvi_bt.robot.protocol import CameraImage, Robot
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.knowledge import Entry, KnowledgeBase, normalize
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 
 _LOOKS = 4  # at what was gone to: a detector that sees it nine times of ten misses it once in ten thousand such
 _OTHER_S = 60.0  # that another one is looked for by who carries or left one: it may be the other one already

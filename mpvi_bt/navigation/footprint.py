@@ -9,12 +9,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mpvi_bt.navigation.traversability import Traversability, turned
-from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.robot.kinematics import rot_z
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import Proprioception
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.knowledge import Entry
 
 _ROUND = np.zeros((0, 3))
 

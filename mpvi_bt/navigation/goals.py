@@ -11,10 +11,10 @@ from scipy import ndimage
 
 from mpvi_bt.navigation.grid import cost_to_reach
 from mpvi_bt.navigation.traversability import Traversability
-from mpvi_bt.perception.knowledge import Entry
 from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.knowledge import Entry
 
 _ASKEW_RAD = (0.0, 0.15, -0.15, 0.3, -0.3)  # so a base that is not round may face its target, where it fits no better
 _AROUND_RAD = (0.0, 0.4, -0.4, 0.8, -0.8, 1.6, -1.6, np.pi)  # and so where it does not matter where it looks

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.behaviors.protocols import Clock
-from mpvi_bt.navigation.occupancy import Occupancy
-from mpvi_bt.navigation.visibility import VisibilityMap
-from mpvi_bt.perception.discovery import Discoveries
 from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage, Robot
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.discovery import Discoveries
+from mpvi_bt.scene.occupancy import Occupancy
+from mpvi_bt.scene.visibility import VisibilityMap
 
 Circle = tuple[float, float, float]  # x, y, radius [m] in the world
 

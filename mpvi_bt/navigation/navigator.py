@@ -13,12 +13,12 @@ from mpvi_bt.errors import nearest
 from mpvi_bt.navigation.driver import DEFAULTS, Driver, GaveUp, NavigationParameters, Stow, never
 from mpvi_bt.navigation.goals import Goal, at_target, object_goals, room_goals
 from mpvi_bt.navigation.traversability import Traversability
-from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, normalize
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.perception.phrases import OTHER
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import SIDES, Robot
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.knowledge import Entry, KnowledgeBase, normalize
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 
 
 @dataclass

@@ -12,12 +12,12 @@ from scipy import ndimage
 from mpvi_bt.compiled import compiled_later
 from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.traversability import Traversability, turned
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.drives import steering
 from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import CONTROL_HZ
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 
 
 @dataclass(frozen=True)

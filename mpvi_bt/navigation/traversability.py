@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from mpvi_bt.perception.field import distance_to
-from mpvi_bt.perception.knowledge import Entry
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.mobile_base import MobileBase
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.scene.field import distance_to
+from mpvi_bt.scene.knowledge import Entry
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 
 Box = tuple[tuple[float, float], tuple[float, float]]  # lowest and highest corner [m], of floor that is taken
 Disc = tuple[float, float, float]  # x, y, radius [m]

@@ -51,7 +51,7 @@ class Skill(Record):
         timeout_s: Simulated time that it may take.
         like: Another skill, whose motion does this one too; its slots are that one's. None: it has a motion of its own.
         motion: That motion, where it is not one of ours: the import path of a function, "my_module:turn_knob", which
-            the scripted policies call as they call those of `mpvi_bt.manipulation.repertoire`.
+            the scripted policies call as they call those of `mpvi_bt.manipulation.policies.repertoire`.
     """
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]

@@ -16,8 +16,8 @@ from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, Problem, UnknownName, UserError
 from mpvi_bt.goals.vocabulary import abilities, behavior, unknown_synset
 from mpvi_bt.marked_yaml import Location, Marks, Record, load_marked, validate_data
-from mpvi_bt.perception.knowledge import normalize
 from mpvi_bt.rules.heat import APPLIANCE_PER_S, FREEZES_C, HEATED_C, Placing, Source, Thermal
+from mpvi_bt.scene.knowledge import normalize
 from mpvi_bt.sim.description import Description
 from mpvi_bt.sim.families import FAMILIES, describe, parameters
 

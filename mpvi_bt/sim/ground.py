@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from mpvi_bt.errors import BackendError
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 from mpvi_bt.sim.house import House
 from mpvi_bt.sim.prior_map import BAND_M, marked, prior_map
 

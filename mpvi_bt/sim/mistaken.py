@@ -11,18 +11,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from mpvi_bt.perception.knowledge import KnowledgeBase
-from mpvi_bt.perception.parts import Door
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.scene.knowledge import KnowledgeBase
+from mpvi_bt.shapes.moving_parts import Door
 from mpvi_bt.sim.description import Handle
 from mpvi_bt.sim.noise import Standing
 from mpvi_bt.sim.world import World
 
 
 class MistakenTruth:
-    """`mpvi_bt.manipulation.truth.Truth` of a world, everything a little aside.
+    """`mpvi_bt.scene.true_scene.Truth` of a world, everything a little aside.
 
     Each thing is off by a vector of its own, drawn anew wherever the base comes to stand; what is in hand is felt, and
     is where it is.

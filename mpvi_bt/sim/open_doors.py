@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mpvi_bt.perception.map import OccupancyMap
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 from mpvi_bt.sim.prior_map import marked
 from mpvi_bt.sim.world import World
 

@@ -12,10 +12,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.perception.knowledge import Entry
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.scene.knowledge import Entry
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 from mpvi_bt.sim.house import House
 
 RESOLUTION_M = 0.05

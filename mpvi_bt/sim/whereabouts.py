@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt.perception.knowledge import Entry, KnowledgeBase, laid_down
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array, bounds
+from mpvi_bt.scene.knowledge import Entry, KnowledgeBase, laid_down
 from mpvi_bt.sim.builder import Thing
 from mpvi_bt.sim.holding import Holding
 from mpvi_bt.sim.house import House

@@ -11,14 +11,14 @@ import numpy as np
 import sapien
 
 from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.perception.knowledge import KnowledgeBase
-from mpvi_bt.perception.parts import Door
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage, Side
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.rules.heat import Heat, Thermal
+from mpvi_bt.scene.knowledge import KnowledgeBase
+from mpvi_bt.shapes.moving_parts import Door
 from mpvi_bt.sim.assisted import Attachments
 from mpvi_bt.sim.builder import Thing, build_house, build_object
 from mpvi_bt.sim.bumps import Bumps

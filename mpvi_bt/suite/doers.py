@@ -7,7 +7,7 @@ from typing import Any
 
 from mpvi_bt.behaviors.parameters import Prompt
 from mpvi_bt.errors import Problem, nearest
-from mpvi_bt.manipulation.repertoire import REPERTOIRE
+from mpvi_bt.manipulation.policies.repertoire import REPERTOIRE
 from mpvi_bt.marked_yaml import Marks
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.pattern import pattern

@@ -22,8 +22,8 @@ from mpvi_bt.goals.evaluate import GoalReport, judge, snapshot
 from mpvi_bt.goals.predicates import truth_in
 from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
-from mpvi_bt.perception.map import OccupancyMap
 from mpvi_bt.robot.robots import robot_named
+from mpvi_bt.scene.occupancy_map import OccupancyMap
 from mpvi_bt.sim.catalogue import load_catalogue
 from mpvi_bt.sim.house import load_house
 from mpvi_bt.sim.prior_map import prior_map

@@ -10,14 +10,14 @@ from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.lookout import Circle, Lookout
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
-from mpvi_bt.navigation.occupancy import Occupancy
-from mpvi_bt.navigation.visibility import VisibilityMap
 from mpvi_bt.perception.detector import Detector
-from mpvi_bt.perception.discovery import Discoveries
-from mpvi_bt.perception.knowledge import KnowledgeBase
 from mpvi_bt.remote.world import RemoteWorld
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.stow import ArmStow
+from mpvi_bt.scene.discovery import Discoveries
+from mpvi_bt.scene.knowledge import KnowledgeBase
+from mpvi_bt.scene.occupancy import Occupancy
+from mpvi_bt.scene.visibility import VisibilityMap
 from mpvi_bt.sim.house import House
 from mpvi_bt.sim.open_doors import OpenDoors
 from mpvi_bt.sim.prior_map import knowledge as prior_knowledge

@@ -16,7 +16,7 @@ from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.parts import find
 
 if TYPE_CHECKING:
-    from mpvi_bt.manipulation.scripted import ScriptedPolicy
+    from mpvi_bt.manipulation.policies.scripted_policy import ScriptedPolicy
     from mpvi_bt.remote.observation import Vocabulary
     from mpvi_bt.remote.settings import Settings
 
@@ -104,7 +104,7 @@ def for_clients(given: str, seed: int, settings: str | None = None) -> Callable[
 
 def in_chunks(policy: Policy, config: EpisodeConfig) -> Policy:
     """The policy, with its action chunks carried out as the config says."""
-    from mpvi_bt.manipulation.chunks import RecedingHorizon, TemporalEnsemble
+    from mpvi_bt.manipulation.policies.chunks import RecedingHorizon, TemporalEnsemble
 
     if config.policy_ensemble is not None:
         return TemporalEnsemble(policy, config.policy_ensemble)
@@ -130,13 +130,13 @@ def check_policy_choice(config: EpisodeConfig) -> None:
 
 
 def _expert(ground: Ground, address: str, settings: str | None) -> Policy:
-    from mpvi_bt.manipulation.expert import ExpertPolicy
+    from mpvi_bt.manipulation.policies.expert import ExpertPolicy
 
     return _demonstrated(ExpertPolicy(ground.world, ground.skills, ground.seed, timer=time.perf_counter), ground)
 
 
 def _reactive(ground: Ground, address: str, settings: str | None) -> Policy:
-    from mpvi_bt.manipulation.reactive import ReactivePolicy
+    from mpvi_bt.manipulation.policies.reactive import ReactivePolicy
 
     made = ReactivePolicy(ground.skills, ground.seed, time.perf_counter, ground.detector, ground.vocabulary)
     return _demonstrated(made, ground)
@@ -144,7 +144,7 @@ def _reactive(ground: Ground, address: str, settings: str | None) -> Policy:
 
 def _demonstrated(policy: ScriptedPolicy, ground: Ground) -> Policy:
     """What scripted policies make of whole instructions, where they are told these."""
-    from mpvi_bt.manipulation.demonstrated import DemonstratedPolicy
+    from mpvi_bt.manipulation.policies.demonstrated import DemonstratedPolicy
 
     return policy if ground.demonstrations is None else DemonstratedPolicy(policy, ground.demonstrations)
 

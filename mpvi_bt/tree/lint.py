@@ -46,7 +46,7 @@ def check_rooms(spec: TreeSpec, rooms: Collection[str], marks: Marks = _NO_MARKS
         rooms: Names of the house's rooms, such as "living_room".
         marks: As for `lint`.
     """
-    from mpvi_bt.perception.knowledge import normalize  # loads numpy
+    from mpvi_bt.scene.knowledge import normalize  # loads numpy
 
     known = sorted(normalize(room) for room in rooms)
     linter = _Linter(spec, None, marks)
@@ -70,7 +70,7 @@ def check_targets(spec: TreeSpec, phrases: Collection[str], marks: Marks = _NO_M
         phrases: What its rooms, fixtures and things are called, such as "coffee table".
         marks: As for `lint`.
     """
-    from mpvi_bt.perception.knowledge import normalize  # loads numpy
+    from mpvi_bt.scene.knowledge import normalize  # loads numpy
 
     known = sorted({normalize(phrase) for phrase in phrases})
     linter = _Linter(spec, None, marks)

@@ -1,0 +1,1 @@
+"""Motions that skills are made of: approach, carry, follow a course, look."""

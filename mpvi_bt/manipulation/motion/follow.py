@@ -1,0 +1,170 @@
+"""Going along a course with the whole robot: the base follows the hand's goal, the arm is solved anew at every step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.stance.course import Course, Start
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.drives import in_base_frame
+from mpvi_bt.robot.linear_algebra import matmul, norm
+from mpvi_bt.robot.motion import Actions, Motion, MotionFailure, smooth
+from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, Side
+from mpvi_bt.robot.solids import Array
+
+_BASE_GAIN = 3.0  # [1/s]; without the velocity of its goal fed forward the base would trail by a third of it
+_BASE_SPEED_M_S = 0.28
+_HAND_SPEED_M_S = 0.30
+_TURN_SPEED_RAD_S = 0.6
+_STEP_RAD = 0.12  # that a joint's target may move a step
+_LEAP_RAD = 0.6  # more is another elbow
+_SETTLING_STEPS = 15
+_LOST_STEPS = 5  # a hand that has been out of reach for so long has lost the course
+_OFF_M = 0.15  # what a hand is drawn back by, off what its fingers stand around
+_LEVEL = 0.3  # of the length of its approach, seen from above: one that points down more steeply is raised instead
+_BETWEEN_M = 0.03  # from the middle between open fingers to either side
+_TOUCHED_M = 0.005
+_ASTRAY_M = 0.12  # a base that far from its goal is held up by something,
+_BACK = 0.2  # and goes back so much of the course
+
+
+def take_up(work: Work, start: Start, side: Side, idle: Side | None) -> Actions:
+    """Go to where a course begins, the hand short of the touch.
+
+    Raises:
+        MotionFailure: "base_blocked" or "arm_blocked".
+    """
+    motion = work.motion
+    for pose in start.route:
+        yield from motion.drive(pose)
+    if idle is not None and len(start.aside) > 1:
+        yield from motion.follow(idle, start.aside, speed=0.8)
+    yield from motion.stand(start.torso, start.level)
+    yield from motion.follow(side, start.path)
+    yield from motion.drive(start.base, speed=0.3)
+
+
+def touch(work: Work, course: Course, side: Side, speed: float = 0.16, until_contact: bool = False) -> Actions:
+    """Bring the hand to where the course begins, in a straight line from wherever the base really stands.
+
+    With `until_contact` it stops where something holds it up: what was only seen may be nearer.
+
+    Raises:
+        MotionFailure: "no_reach" if the arm cannot.
+    """
+    yield from work.motion.line(side, matmul(kin.inverse(work.base), course.hand(0.0)), speed, until_contact)
+
+
+def go_along(
+    motion: Motion,
+    course: Course,
+    side: Side,
+    torso_after: Array,
+    arrived: Callable[[float], bool],
+    slowness: float = 1.0,
+) -> Actions:
+    """Go along a course with the hand, from where the base stands now.
+
+    Args:
+        motion: The robot.
+        course: What the hand does.
+        side: The hand.
+        torso_after: (4,) the torso at the end.
+        arrived: Called at every step with the progress 0..1: whether to stop there. Raises MotionFailure when
+            something is amiss.
+        slowness: How many times slower than usual.
+
+    Raises:
+        MotionFailure: "off_course" if the arm cannot keep up, "base_blocked" if the base cannot, which has gone back a
+            little by then, or what `arrived` raises.
+    """
+    start, torso = motion.felt.base_pose.copy(), motion.torso
+    n = max(10, round(_seconds(course, start) * slowness * CONTROL_HZ))
+    lost, last = 0, start
+    for k in range(1, n + _SETTLING_STEPS + 1):
+        x = smooth(min(1.0, k / n))
+        goal = course.base(x, start)
+        forward = (goal - last) * CONTROL_HZ
+        error = goal - motion.felt.base_pose
+        error[2], forward[2] = kin.wrap(error[2]), kin.wrap(goal[2] - last[2]) * CONTROL_HZ
+        last = goal
+        if norm(error[:2]) > _ASTRAY_M:  # pressed against a wall it could not even draw its hand back
+            yield from motion.drive(course.base(smooth(max(0.0, k / n - _BACK)), start), _BASE_SPEED_M_S)
+            raise MotionFailure("base_blocked", f"{100 * norm(error[:2]):.0f} cm off its course")
+        motion.action[ActionLayout.TORSO] = torso + (torso_after - torso) * x
+        lost = 0 if _reach(motion, side, course.hand(x)) else lost + 1
+        if lost >= _LOST_STEPS:
+            raise MotionFailure("off_course")
+        yield _moving(motion, forward + _BASE_GAIN * error)
+        if arrived(x):
+            break
+    motion.still()
+
+
+def resistance(motion: Motion, side: Side) -> float:
+    """How far a hand is from where its arm is told to have it [m]: the arm is a spring, and something holds it off."""
+    felt = motion.robot.tcp(motion.felt.torso, motion.felt.arm[side], side)
+    return float(norm((felt - motion.hand(side))[:3, 3]))
+
+
+def back_out(motion: Motion, direction: Array, distance_m: float, speed: float = 0.25) -> Actions:
+    """Move the base, arms as they are, along a direction (2,) in the world.
+
+    Raises:
+        MotionFailure: "base_blocked" if something is in the way.
+    """
+    goal = motion.felt.base_pose.copy()
+    goal[:2] += direction / max(float(norm(direction)), 1e-9) * distance_m
+    yield from motion.drive(goal, speed)
+
+
+def around(work: Work, side: Side) -> bool:
+    """Whether the fingers of a hand that points ahead stand around something that the robot does not carry."""
+    T = matmul(work.base, work.motion.hand(side))
+    between = T[:3, 3] + np.outer(np.linspace(-1, 1, 5) * _BETWEEN_M, T[:3, 1])
+    return bool(np.hypot(*T[:2, 2]) > _LEVEL and (work.near().distance(between) < _TOUCHED_M).any())
+
+
+def draw_off(work: Work, side: Side) -> Actions:
+    """Have the base draw a hand that points ahead straight back, arms as they are.
+
+    Raises:
+        MotionFailure: "base_blocked" if something is in the way.
+    """
+    yield from back_out(work.motion, -matmul(work.base, work.motion.hand(side))[:2, 2], _OFF_M)
+
+
+def _seconds(course: Course, start: Array) -> float:
+    """How long a course takes: base and hand have their speeds, and neither is to be outrun."""
+    xs = np.linspace(0, 1, 21)
+    bases, hands = [course.base(float(x), start) for x in xs], [course.hand(float(x)) for x in xs]
+    way = sum(float(norm((b - a)[:2])) for a, b in pairwise(bases))
+    reach = sum(float(norm((b - a)[:3, 3])) for a, b in pairwise(hands))
+    turn = sum(
+        float(np.arccos(np.clip((np.trace(matmul(a[:3, :3].T, b[:3, :3])) - 1) / 2, -1, 1))) for a, b in pairwise(hands)
+    )
+    return max(way / _BASE_SPEED_M_S, reach / _HAND_SPEED_M_S, turn / _TURN_SPEED_RAD_S)
+
+
+def _reach(motion: Motion, side: Side, T_world_tcp: Array) -> bool:
+    """Turn the arm's targets toward a hand pose, seen from where base and torso really are; False if it is far off.
+
+    The arm stays where it is then: on its way to another elbow the hand would swing what it holds.
+    """
+    T_chest_world = kin.inverse(matmul(kin.base(motion.felt.base_pose), motion.robot.chest(motion.felt.torso)))
+    now = motion.arm(side)
+    q = motion.robot.nearest_posture(matmul(T_chest_world, T_world_tcp), side, now)
+    if q is None or np.abs(q - now).max() > _LEAP_RAD:
+        return False
+    motion.action[ActionLayout.ARM[side]] = now + np.clip(q - now, -_STEP_RAD, _STEP_RAD)
+    return True
+
+
+def _moving(motion: Motion, velocity_world: Array) -> Array:
+    yaw = float(motion.felt.base_pose[2])
+    motion.action[ActionLayout.BASE] = in_base_frame(motion.robot, velocity_world, yaw)
+    return motion.action.copy()

@@ -1,0 +1,131 @@
+"""Looking at a thing: where to point the head, and how to bend so that the hands do not hide it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mpvi_bt.manipulation.motion.work import NEAR_M, Work
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul
+from mpvi_bt.robot.motion import Actions
+from mpvi_bt.robot.solids import Array
+
+_HEAD_UP_RAD, _HEAD_DOWN_RAD = 0.5, 0.65
+_FLOOR_RAD = 0.9
+_EYES_M = 0.80  # a thing that much above the lift's height is well before the eyes
+_ABOVE = np.array([[0.0, 0.0, z] for z in (0.2, 0.28, 0.36, 0.44)])  # a thing, where a board may be
+_STILL = 0.01  # [m, rad] is what base and joints may move while they stand
+_LEVEL_RAD = 0.3  # a head that is tilted less does not see the floor before it
+_HANDS_RAD = 0.9  # so far down from the chest's horizon the head sees past the folded hands
+_OVERLOOKS = ((0.42, 0.0), (0.42, 0.5), (0.42, 0.8), (0.25, 0.8), (0.25, 1.1), (0.1, 1.1))  # lift [m], pitch [rad]
+
+
+def study(work: Work, name: str | None) -> Actions:
+    """Look at a thing, and above it, or below what is high up; nothing where the scene needs no pictures.
+
+    Without a name it looks at the floor ahead.
+    """
+    if work.sight is None:
+        return
+    if name is None:
+        yield from work.motion.stand(work.motion.bent(tilt=_FLOOR_RAD))
+        yield from work.see("head")
+    else:
+        over = [_raised(work, name)] if work.held() else _overlooking(work, name)
+        yield from work.motion.stand(over[0] if over else work.motion.torso)
+        yield from look_at(work, name)
+        if not work.held() and _covered(work, name):
+            trunk = work.motion.robot.trunk
+            posture = work.motion.posture
+            posture[:3] = [np.clip(work.middle(name)[2] - _EYES_M, *trunk.limits[0]), 0.0, 0.0]
+            yield from work.motion.stand(trunk.joints(posture))
+            yield from look_at(work, name)
+            work.studied = (name, _stands(work))
+            return
+    tilt = float(work.motion.posture[3])
+    yield from work.motion.stand(work.motion.bent(tilt=tilt + (_HEAD_DOWN_RAD if tilt < _LEVEL_RAD else -_HEAD_UP_RAD)))
+    yield from work.see("head")
+    work.studied = (name, _stands(work))
+
+
+def studied(work: Work, name: str | None) -> bool:
+    """Whether a thing was the last to be studied, and neither base nor arms have moved since."""
+    return (
+        work.studied is not None
+        and work.studied[0] == name
+        and bool(np.abs(work.studied[1] - _stands(work)).max() < _STILL)
+    )
+
+
+def _stands(work: Work) -> Array:
+    """How base and arms stand, as felt [m, rad]."""
+    felt = work.motion.felt
+    return np.concatenate([felt.base_pose, *(felt.arm[side] for side in felt.sides)])
+
+
+def look_into(work: Work, name: str) -> Actions:
+    """Look at a thing from as high above it as the torso brings the eyes; one that holds something is not bent."""
+    postures = [_raised(work, name)] if work.held() else _overlooking(work, name) or [work.motion.torso]
+    middle = matmul(kin.inverse(work.base), np.append(work.middle(name), 1.0))[:3]
+
+    def steepness(torso: Array) -> float:
+        down = work.motion.robot.head_camera(torso)[:3, 3] - middle
+        return float(np.arctan2(down[2], -down[0]))
+
+    yield from work.motion.stand(max(postures, key=steepness))
+    yield from look_at(work, name)
+
+
+def look_at(work: Work, *names: str) -> Actions:
+    """Tilt the head so that the middle of things is in the middle of its view, up or down, and look."""
+    yield from work.motion.stand(tilted(work, np.mean([work.middle(name) for name in names], axis=0)))
+    yield from work.see("head")
+
+
+def tilted(work: Work, p_world: Array) -> Array:
+    """The torso (4,) as it is, but with a point (3,) in the middle of the head's view, up or down."""
+    torso = work.motion.torso
+    seen = matmul(kin.inverse(matmul(work.base, work.motion.robot.chest(torso))), np.append(p_world, 1.0))
+    ahead = seen[:3] - work.motion.robot.head_m
+    down = np.arctan2(-ahead[2], max(float(ahead[0]), 0.05))
+    return work.motion.bent(tilt=float(np.clip(down, *work.motion.robot.trunk.limits[3])))
+
+
+def _raised(work: Work, name: str) -> Array:
+    """A torso (4,) from which what is high up is seen from the front, with hands that hold something."""
+    raised, now = work.motion.torso, work.motion.posture[0]
+    wanted = float(np.clip(work.middle(name)[2] - _EYES_M, *work.motion.robot.trunk.limits[0]))
+    if wanted <= now:
+        return raised
+    body = work.body({name})
+    for lift in np.linspace(now, wanted, 5)[1:]:
+        torso = work.motion.bent(lift=lift)
+        if not replace(body, torso=torso).all_free():
+            break
+        raised = torso
+    return raised
+
+
+def _overlooking(work: Work, name: str) -> list[Array]:
+    """Torsos (n, 4) in which the folded hands do not hide a thing from the head, the least bent first."""
+    middle, robot = work.middle(name), work.motion.robot
+    body, T = work.body({name}), kin.inverse(work.base)
+    found = []
+    for lift, pitch in _OVERLOOKS:
+        posture = np.array([max(lift, min(0.55, float(middle[2]) - 0.65)), 0.0, pitch, work.motion.posture[3]])
+        posture[:3] = np.clip(posture[:3], *robot.trunk.limits[:3].T)
+        torso = robot.trunk.joints(posture)
+        seen = matmul(kin.inverse(robot.chest(torso)), T, np.append(middle, 1.0))[:3]
+        ahead = seen - robot.head_m - robot.head_to_camera[:3, 3]
+        if np.arctan2(-ahead[2], max(float(ahead[0]), 0.0)) < _HANDS_RAD and replace(body, torso=torso).all_free():
+            found.append(torso)
+    return found
+
+
+def _covered(work: Work, name: str) -> bool:
+    """Whether something is above a thing, or hides what is there: that is looked into from lower down."""
+    middle = work.middle(name)
+    around = work.scene.obstacles(middle[:2], NEAR_M, without=work.carried() | {name})
+    return bool((around.distance(middle + _ABOVE) < 0.03).any())

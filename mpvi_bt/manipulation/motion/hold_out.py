@@ -1,0 +1,108 @@
+"""Holding out what a hand holds: to the other hand, so that the two meet, or to the head."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.robot import arm_motion
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.linear_algebra import matmul
+from mpvi_bt.robot.model import SIGN
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import Side, other
+from mpvi_bt.robot.solids import Array
+
+_ELSEWHERE = 0.05  # between two poses, in any number of their matrices [m or the sine of a turn]
+
+# Which postures (7,) of the coming arm to plan to, the best first, each with the index of what it is to reach: of the
+# body that holds out and T_base_tcp (4, 4) of the hand that does, the indices (m,) of what can be reached at all and
+# postures (m, 7) that reach it.
+Choose = Callable[[Body, Array, NDArray[np.intp], Array], Iterable[tuple[int, Array]]]
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where a hand holds something out, besides where it has it.
+
+    Attributes:
+        turns: About the vertical, from how it is held [rad].
+        at: x, y toward the hand's own side, z [m] of the tcp in the base frame.
+        swivels: Elbow positions of the coming arm that are looked at.
+        iterations: Of planning its way.
+    """
+
+    turns: Sequence[float]
+    at: Sequence[tuple[float, float, float]]
+    swivels: int
+    iterations: int
+
+    def poses(self, now: Array, side: Side) -> Iterator[Array]:
+        """T_base_tcp (4, 4): as the hand is `now`, then before the body, turned."""
+        yield now
+        for turn in self.turns:
+            for x, y, z in self.at:
+                yield kin.transform(matmul(kin.rot_z(turn), now[:3, :3]), (x, y * SIGN[side], z))
+
+
+VESSEL = Places((0.0, 0.6, -0.6, 1.2, -1.2, 1.57, -1.57),
+                ((0.50, 0.14, 0.72), (0.45, 0.24, 0.72), (0.55, 0.24, 0.72), (0.50, 0.14, 0.82)), 24, 120)  # fmt: skip
+THING = Places((0.0, 0.6, -0.6, 1.2, -1.2, 1.8, -1.8),
+               ((0.48, 0.06, 0.80), (0.55, 0.12, 0.90), (0.45, 0.14, 0.72)), 12, 150)  # fmt: skip
+
+
+def meet(work: Work, holder: Side, places: Places, goals: Array, choose: Choose) -> Generator[Array, None, int]:
+    """Hold out what a hand holds and bring the other hand there, the base standing still.
+
+    Args:
+        work: Robot and world.
+        holder: The hand that holds out.
+        places: Where it may.
+        goals: (n, 4, 4) T_holder_tcp: poses of the other hand, one of which is to be reached.
+        choose: Which postures the other arm is planned to.
+
+    Returns:
+        The index of the goal that the other arm is now planned for.
+
+    Raises:
+        MotionFailure: "no_release" if there is no such place, or a motion's own reason.
+    """
+    motion, comer = work.motion, other(holder)
+    now, still = motion.hand(holder), work.body()
+    chest = kin.inverse(motion.robot.chest(motion.torso))
+    for shown in places.poses(now, holder):
+        aside = [motion.arm(holder)] if shown is now else arm_motion.plan_level(still, holder, shown)
+        if aside is None:
+            continue
+        body = replace(still, arms={**still.arms, holder: aside[-1]})
+        if not body.free(comer, motion.arm(comer))[0]:
+            continue
+        at, q = motion.robot.arm_inverse(matmul(chest, shown, goals), comer, swivels=places.swivels)
+        for k, goal in choose(body, shown, at, q):
+            path = arm_motion.plan(body, comer, goal, work.rng, iterations=places.iterations)
+            if path is not None:
+                yield from motion.follow(holder, aside, speed=0.8)
+                yield from motion.follow(comer, path, speed=1.0)
+                return k
+    raise MotionFailure("no_release")
+
+
+def present(work: Work, side: Side, turn: int) -> Actions:
+    """Hold what a hand has out in front of the body, each `turn` in another pose: what one hides another may show.
+
+    Raises:
+        MotionFailure: "no_reach" if there is no other pose to go to.
+    """
+    now, body = work.motion.hand(side), work.body()
+    poses = [T for T in VESSEL.poses(now, side) if np.abs(T - now).max() > _ELSEWHERE]
+    for shown in poses[turn % len(poses) :] + poses[: turn % len(poses)]:
+        path = arm_motion.plan_level(body, side, shown)
+        if path is not None:
+            yield from work.motion.follow(side, path, speed=0.8)
+            return
+    raise MotionFailure("no_reach")

@@ -1,0 +1,1 @@
+"""Policies that move the hands: scripted ones by truth or by sight, and ways to play action chunks."""

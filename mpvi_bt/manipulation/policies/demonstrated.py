@@ -1,0 +1,83 @@
+"""A policy that is told whole instructions and knows, as from demonstrations, which subtasks they take, in what order.
+
+Our choice: the stand-in for a VLA that was trained on demonstrations of these instructions (Paper, Experiments: the
+baseline). docs/methods.md tells what it stands for and what not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from mpvi_bt.manipulation.policies.scripted_policy import ScriptedPolicy
+from mpvi_bt.robot.solids import Array
+
+
+class DemonstratedPolicy:
+    """A `mpvi_bt.behaviors.protocols.Policy` for whole instructions, by one that knows prompts.
+
+    It gives the other policy one prompt after the other. When that thinks that it is done, or has given up, the next
+    one comes: by its own senses alone, as nobody judges. What it has no demonstration of it takes for a prompt: who
+    serves a policy is not told which of the two its clients will say.
+
+    Attributes:
+        name: The other policy's.
+        note: What it is at; of a prompt the other policy's.
+    """
+
+    def __init__(self, inner: ScriptedPolicy, demonstrations: Mapping[str, Sequence[str]]) -> None:
+        """Take the policy.
+
+        Args:
+            inner: Carries out each prompt.
+            demonstrations: Instruction to the prompts that it takes, in order, one or more.
+        """
+        self.name = inner.name
+        self._inner = inner
+        self._demonstrations = {_plain(told): tuple(prompts) for told, prompts in demonstrations.items()}
+        self._told = ""
+        self._at = 0
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """The other policy's."""
+        return self._inner.cameras
+
+    @property
+    def planning_s(self) -> float:
+        """The other policy's."""
+        return self._inner.planning_s
+
+    @property
+    def note(self) -> str:
+        """What it is at, for a person."""
+        prompts = self._demonstrations.get(_plain(self._told))
+        if prompts is None:
+            return self._inner.note
+        return f"{self._at + 1} of {len(prompts)}, {prompts[self._at]}: {self._inner.note}"
+
+    @property
+    def gave_up(self) -> bool:
+        """Whether the other policy gave up the last of the prompts."""
+        return self._inner.gave_up and self._at + 1 >= len(self._demonstrations.get(_plain(self._told), ()))
+
+    def reset(self) -> None:
+        """Begin the instruction anew."""
+        self._at = 0
+        self._inner.reset()
+
+    def infer(self, observation: Mapping[str, Any]) -> Array:
+        """The next actions, (H, 23)."""
+        if observation["prompt"] != self._told:
+            self._told = str(observation["prompt"])
+            self.reset()
+        prompts = self._demonstrations.get(_plain(self._told), (self._told,))
+        if self._inner.ended and self._at + 1 < len(prompts):
+            self._at += 1
+            self._inner.reset()
+        return self._inner.infer({**observation, "prompt": prompts[self._at]})
+
+
+def _plain(instruction: str) -> str:
+    """An instruction without what does not change it: case, and how it is spaced."""
+    return " ".join(instruction.lower().split())

@@ -1,0 +1,119 @@
+"""Looking for things: around from where the robot stands, then from elsewhere, then wherever there is room to go."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Generator, Iterator
+from itertools import chain
+
+import numpy as np
+
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.skills.two_hands import look_over
+from mpvi_bt.manipulation.stance.site import base_clear
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Obstacles
+from mpvi_bt.robot.linear_algebra import norm
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import SIDES
+from mpvi_bt.robot.solids import Array
+
+# Lift [m] and head tilt [rad] to look around: down, near, ahead, and from low down and high up into compartments.
+_LOOKS = ((0.42, 0.55), (0.42, 0.95), (0.42, 0.10), (0.05, 0.40), (0.05, -0.10), (0.55, -0.30))
+# Turns of the base from where it came [rad], and how many of the looks there: what it is to work on is ahead, mostly.
+_TURNS = ((0.0, 6), (0.6, 6), (-0.6, 6), (-1.8, 2), (3.0, 2), (1.8, 2))
+_BEFORE_M = 0.9  # a robot that is handed over stands about so far from what it is to work on,
+_AROUND = (0.9, -0.9, 1.6, -1.6, 2.4, -2.4)  # which other bearings may show [rad]
+_FARTHER_M = (1.3, 1.8)  # from there where nothing nearer can be gone to
+_STROLLS = 40  # tried on from there, at random
+_STROLL_M = (0.5, 1.5)
+_STEP_M = 0.15
+
+Found = Callable[[], bool]
+
+
+def look_for(work: Work, found: Found, passable: Callable[[], Obstacles]) -> Generator[Array, None, bool]:
+    """Look until `found` says so.
+
+    It looks around from where it stands, then from other sides of the place before it, as far as the way there is seen
+    to be free, then strolls about at random. It keeps no map: what was looked at once may be looked at again.
+
+    Args:
+        work: Robot and scene.
+        found: Asked after every picture.
+        passable: Says what is known to be in the way of the base.
+
+    Returns:
+        Whether it was found before there was nowhere else to go.
+    """
+    yield from look_over(work)
+    start = work.motion.felt.base_pose.copy()
+    for turn, looks in _TURNS:
+        if turn:
+            with contextlib.suppress(MotionFailure):  # what it does not turn to it does not see
+                yield from work.motion.drive(start + [0, 0, turn])
+        if (yield from _look(work, found, looks)):
+            return True
+    place = start[:2] + _BEFORE_M * np.array([np.cos(start[2]), np.sin(start[2])])
+    for goal in chain(_views(place, float(start[2]), _BEFORE_M), _strolls(work)):
+        if not _free(work, goal, passable()):
+            continue
+        with contextlib.suppress(MotionFailure):
+            yield from work.motion.drive(goal)
+        if (yield from _look(work, found, 4)):
+            return True
+    return False
+
+
+def look_from_elsewhere(work: Work, place: Array, passable: Callable[[], Obstacles]) -> Actions:
+    """Go to look at a place (2,) from the first other side to which the way is seen to be free; stay where none is.
+
+    What stands out from the place, such as its door, may be in the way near it: then it looks from farther off.
+    """
+    here = work.motion.felt.base_pose
+    bearing = float(np.arctan2(place[1] - here[1], place[0] - here[0]))
+    around = passable()
+    for goal in chain(*(_views(place, bearing, far) for far in (_BEFORE_M, *_FARTHER_M))):
+        if _free(work, goal, around):
+            with contextlib.suppress(MotionFailure):
+                yield from work.motion.drive(goal)
+            yield from _look(work, lambda: False, 3)
+            return
+
+
+def _look(work: Work, found: Found, looks: int) -> Generator[Array, None, bool]:
+    held = any(work.scene.holding(side) for side in SIDES) or work.scene.between() is not None
+    for lift, tilt in _LOOKS[:looks]:
+        trunk = work.motion.robot.trunk
+        torso = trunk.joints(np.array([lift, 0.0, 0.0, tilt]))
+        if held:
+            torso = work.motion.bent(tilt=float(np.clip(tilt - work.motion.posture[2], *trunk.limits[3])))
+        with contextlib.suppress(MotionFailure):  # a picture from where it got to shows something, too
+            yield from work.motion.stand(torso)
+        yield from work.see("head")
+        if found():
+            return True
+    return False
+
+
+def _views(place: Array, bearing: float, far_m: float) -> Iterator[Array]:
+    """Base poses (3,) that look at a place (2,) from other sides than the one with this bearing [rad] to it."""
+    for turn in _AROUND:
+        heading = float(kin.wrap(bearing + turn))
+        yield np.append(place - far_m * np.array([np.cos(heading), np.sin(heading)]), heading)
+
+
+def _strolls(work: Work) -> Iterator[Array]:
+    """Base poses (3,) somewhere about the robot, each drawn when the one before has been gone to or found blocked."""
+    for _ in range(_STROLLS):
+        here = work.motion.felt.base_pose
+        heading, far = here[2] + work.rng.uniform(-np.pi, np.pi), work.rng.uniform(*_STROLL_M)
+        yield np.array([here[0] + far * np.cos(heading), here[1] + far * np.sin(heading), kin.wrap(heading)])
+
+
+def _free(work: Work, goal: Array, around: Obstacles) -> bool:
+    here, around = work.motion.felt.base_pose, work.with_bumps(around)
+    way = goal[:2] - here[:2]
+    count = max(2, int(np.ceil(norm(way) / _STEP_M)))
+    poses = [np.array([*(here[:2] + way * u), goal[2]]) for u in np.linspace(0, 1, count + 1)[1:]]
+    return all(base_clear(work.motion.robot, around.seen_from(kin.base(pose))) for pose in poses)

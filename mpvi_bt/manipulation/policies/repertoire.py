@@ -1,0 +1,54 @@
+"""The motions of the skills that scripted policies know, by the skill's name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from mpvi_bt.import_paths import imported
+from mpvi_bt.manipulation.motion.work import Perform
+from mpvi_bt.manipulation.skills.close import close
+from mpvi_bt.manipulation.skills.free_hand import with_a_free_hand
+from mpvi_bt.manipulation.skills.go_to import go_to
+from mpvi_bt.manipulation.skills.hand_over import hand_over
+from mpvi_bt.manipulation.skills.open import open_
+from mpvi_bt.manipulation.skills.pick import pick
+from mpvi_bt.manipulation.skills.place import place_in, place_next_to, place_on, place_under
+from mpvi_bt.manipulation.skills.pour import pour
+from mpvi_bt.manipulation.skills.press import press
+from mpvi_bt.manipulation.skills.push import push
+from mpvi_bt.manipulation.skills.set_down import either, set_down
+from mpvi_bt.manipulation.skills.two_hands import lift
+from mpvi_bt.manipulation.skills.wait import wait
+from mpvi_bt.manipulation.skills.wipe import spray, wipe
+from mpvi_bt.plan.skills import Skill
+
+REPERTOIRE: Mapping[str, Perform] = {
+    "go_to": go_to,
+    "open": with_a_free_hand(open_),
+    "close": with_a_free_hand(close),
+    "press": with_a_free_hand(press),
+    "push": with_a_free_hand(push),
+    "pick": with_a_free_hand(pick),
+    "place_in": place_in,
+    "place_on": either(place_on, set_down),
+    "place_next_to": place_next_to,
+    "place_under": place_under,
+    "lift": with_a_free_hand(lift),
+    "hand_over": hand_over,
+    "pour": pour,
+    "spray": spray,
+    "wait": wait,
+    "wipe": wipe,
+}
+
+
+def motion_of(skill: Skill) -> Perform | None:
+    """The motion that does a skill; None if there is none.
+
+    Raises:
+        UserError: Its file names a function that is not there.
+    """
+    if skill.motion is not None:
+        motion: Perform = imported(skill.motion, f"skill {skill.name}: motion")
+        return motion
+    return REPERTOIRE.get(skill.like or skill.name)

@@ -1,0 +1,1 @@
+"""One file a skill, and what several skills share."""

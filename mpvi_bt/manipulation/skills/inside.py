@@ -1,0 +1,81 @@
+"""Places to look from into what something is to be put in."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from contextlib import suppress
+
+import numpy as np
+
+from mpvi_bt.manipulation.motion.gaze import study
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.skills.openings import stand_before_open
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.motion import MotionFailure
+from mpvi_bt.robot.solids import Array, bounds
+
+_SAME = 0.05  # [m, rad]: from places this near one sees the same
+_FACING_RAD = 0.15
+_TURNS_RAD = (0.0, 0.6, -0.6)  # from facing it: of what is large the picture may have shown an end
+_AROUND_RAD = (0.0, 0.7, -0.7, 1.2, -1.2)
+_OFF_M = 1.0  # from its nearest face, where what is carried does not hide it
+
+Look = Generator[Array, None, bool]  # returns whether there was a way to look from there
+
+
+def looks_inside(work: Work, name: str) -> Iterator[Look]:
+    """Looks into a thing, one after the other, for whoever did not find room in it by what has been seen so far.
+
+    It may have been seen in part only, or from beside, or past what is carried. So it looks from where it stands if it
+    knows of no room at all, then from before what stands open, turned to it and, still without any, to both sides, from
+    farther off, and from around. The truth needs no looks, and what the robot carries is looked at where it is.
+    """
+    yield _from_here(work, name)
+    if work.sight is not None and name not in work.carried():
+        yield _from_before(work, name)
+        for goal in _viewpoints(work, name):
+            yield _from(work, name, goal)
+
+
+def _from_here(work: Work, name: str) -> Look:
+    if not work.scene.volumes(name):
+        yield from study(work, name)
+    return True
+
+
+def _from_before(work: Work, name: str) -> Look:
+    here, known = work.motion.felt.base_pose.copy(), bool(work.scene.volumes(name))
+    with suppress(MotionFailure):
+        yield from stand_before_open(work, name)
+    return not (known and np.allclose(work.motion.felt.base_pose, here, atol=_SAME))
+
+
+def _from(work: Work, name: str, goal: Array) -> Look:
+    assert work.sight is not None
+    with work.sight.trusting(remembering=True):
+        route = work.search("right", {name}).route(work.motion.felt.base_pose.copy(), goal)
+    try:
+        for base in route or ():
+            yield from work.motion.drive(base)
+    except MotionFailure:  # something that no picture showed
+        return False
+    if route is not None:
+        yield from study(work, name)
+    return route is not None
+
+
+def _viewpoints(work: Work, name: str) -> Iterator[Array]:
+    """Base poses (3,) to look at a thing from, as it is known when the next one is asked for."""
+    start = work.motion.felt.base_pose.copy()
+    for turn in _TURNS_RAD:
+        ahead = work.middle(name)[:2] - start[:2]
+        goal = np.append(start[:2], kin.wrap(np.arctan2(ahead[1], ahead[0]) + turn))
+        if not (work.scene.volumes(name) if turn else abs(kin.wrap(goal[2] - start[2])) < _FACING_RAD):
+            yield goal
+    for around in _AROUND_RAD:
+        box = bounds(work.scene.solids(name))[:, :2]
+        middle, half = box.mean(0), np.ptp(box, axis=0) / 2
+        bearing = float(np.arctan2(*(start[:2] - middle)[::-1])) + around
+        out = np.array([np.cos(bearing), np.sin(bearing)])
+        far = float(np.min(half / np.maximum(np.abs(out), 1e-6))) + _OFF_M
+        yield np.append(middle + far * out, kin.wrap(bearing + np.pi))

@@ -1,0 +1,114 @@
+"""Press a switch with the fingertips, which turns a thing on or off."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from mpvi_bt.manipulation.motion.approach import approach, arrive, leave, lines, withdraw
+from mpvi_bt.manipulation.motion.carry import settle
+from mpvi_bt.manipulation.motion.gaze import study
+from mpvi_bt.manipulation.motion.work import Words, Work
+from mpvi_bt.manipulation.stance.stance import Option, Stance
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul, norm
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.solids import Array
+
+_SHORT_M = 0.08
+_BEYOND_M = 0.015  # the hand feels its way that far into where the switch should be
+_PRESS_M_S = 0.06
+_CALM_S = 0.3  # an arm that still swings from the way feels touches that are none
+_SHORT_OF_M = 0.04
+_PRESSED_S = 0.4  # twice as long as a switch takes to notice
+# How far a finger may lean from straight on, toward how many sides, and with what cost; the hand may roll.
+_LEANS = ((0.0, 1, 0.0), (0.35, 6, 0.3), (0.7, 6, 0.8))
+_ROLLS = 4
+_WAYS = ((0.0, 0.0), (0.3, 0.2))  # run-up [m] of the base, with its cost
+
+
+def press(work: Work, words: Words, tried: list[Array]) -> Actions:
+    """Press the switch of what `words["object"]` names; if `words["state"]` says on or off, only if it is not so yet.
+
+    Args:
+        work: Robot and world.
+        words: Of the skill call.
+        tried: Base poses that did not do; those taken are added.
+
+    Raises:
+        MotionFailure: "unknown_object", "no_switch", "hands_full", "no_stance", "not_pressed", or a motion's own
+            reason.
+    """
+    name = work.nearest(_thing(work, words.get("object", "")))
+    if not work.scene.switches(name):
+        yield from study(work, name)
+    before = work.scene.is_on(name)
+    if before is not None and words.get("state") == ("on" if before else "off"):
+        return
+    free = work.free_hands(name, words.get("hand"))
+    for side in free:
+        try:
+            yield from _press(work, name, side, tried)
+            break
+        except MotionFailure as failure:
+            if failure.reason != "no_stance" or side == free[-1]:
+                raise
+    yield from study(work, name)
+    if before is not None and work.scene.is_on(name) == before:
+        raise MotionFailure("not_pressed")
+
+
+def _thing(work: Work, phrase: str) -> str:
+    """The thing whose switch a phrase may be about: "power button of the radio" is about the radio."""
+    if work.scene.knowledge().find(phrase):
+        return phrase  # such as a light switch on the wall
+    return re.sub(r"^.*\b(?:button|switch|lever|knob)\s+(?:of|on)\s+|\s+(?:button|switch|lever|knob)$", "", phrase)
+
+
+def _press(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
+    motion = work.motion
+    yield from motion.grip(side, -1.0, 0.3)
+    stance, search = yield from approach(work, side, name, lambda: options(work, name), tried)
+    try:
+        stance = yield from arrive(work, stance, search, lambda: options(work, name))
+        yield from _push_in(work, side, stance)
+    except MotionFailure:
+        yield from withdraw(work, side, stance)
+        raise
+    yield from lines(work, side, stance, [0])
+    yield from leave(work, stance)
+    yield from motion.grip(side, 1.0, 0.3)
+    yield from settle(work, without={name})
+
+
+def _push_in(work: Work, side: Side, stance: Stance) -> Actions:
+    """Onto the switch until it is felt, and stay."""
+    motion = work.motion
+    yield from motion.wait(_CALM_S)
+    T = matmul(kin.inverse(work.base), kin.base(stance.base), stance.waypoints[1])
+    yield from motion.line(side, T, _PRESS_M_S, until_contact=True)
+    yield from motion.wait(_PRESSED_S)
+    if norm((motion.robot.tcp(motion.felt.torso, motion.felt.arm[side], side) - T)[:3, 3]) > _SHORT_OF_M:
+        raise MotionFailure("not_pressed")  # something else was in the way
+
+
+def options(work: Work, name: str) -> list[Option]:
+    """Ways to bring the fingertips onto a switch of a thing. Raises MotionFailure "no_switch"."""
+    out = []
+    for T in work.scene.switches(name):
+        for lean, sides, cost in _LEANS:
+            for toward in np.arange(sides) * 2 * np.pi / sides:
+                z = -matmul(T[:3, :3], [np.sin(lean) * np.cos(toward), np.sin(lean) * np.sin(toward), np.cos(lean)])
+                for roll in np.arange(_ROLLS) * np.pi / _ROLLS * 2:
+                    y = matmul(T[:3, :3], [np.cos(roll), np.sin(roll), 0.0])
+                    R = kin.hand_rotation(z, y)
+                    at = T[:3, 3] - work.motion.robot.hand.tip_m * z
+                    touch = kin.transform(R, at + _BEYOND_M * z)
+                    before = kin.transform(R, at - _SHORT_M * z)
+                    for run_up, more in _WAYS:
+                        out.append(Option(np.stack([before, touch]), 1, cost + more, run_up, opening_m=0.0))
+    if not out:
+        raise MotionFailure("no_switch")
+    return out

@@ -1,0 +1,158 @@
+"""Setting down what two hands hold between them: the base drives it in over the surface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mpvi_bt.manipulation.motion.carry import settle
+from mpvi_bt.manipulation.motion.gaze import look_at
+from mpvi_bt.manipulation.motion.work import Perform, Words, Work
+from mpvi_bt.manipulation.skills.spots import floor_around, is_floor
+from mpvi_bt.manipulation.skills.two_hands import (
+    Box,
+    behind,
+    look_over,
+    open_wide,
+    raise_both,
+    seen_box,
+    straighten_up,
+    way_behind,
+)
+from mpvi_bt.manipulation.stance.stance_search import Search
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.linear_algebra import matmul, norm
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.solids import Array, bounds
+from mpvi_bt.robot.squeeze import squeezes
+
+_OVER_M = 0.05  # between a box and the surface that it is driven in over
+_HANDS_M = 0.09  # room beside it, if there is such, for hands that let go, and for those that are to lift its neighbor
+_ABOVE_M = 0.08  # that hands rise before the base draws them back: at the surface they would sweep what lies behind
+_CARRIED = 0.35  # of a box that stands on something narrower, so much of its breadth around its middle is carried
+_HEADINGS = tuple(np.arange(16) * np.pi / 8)
+_SPOTS = 40
+_FAR_M, _OFF_M, _LEG_M = 1.7, 1.3, 1.2  # a spot that far off is driven up to, in legs within what is known around
+_LEGS = 4
+_STEP_M = 0.08  # between checks on the way in: what stands beside it, such as a screen, is not to be met by an elbow
+
+
+def either(one: Perform, both: Perform) -> Perform:
+    """The way of one hand or, while two hands hold a thing between them, the way of both."""
+
+    def perform(work: Work, words: Words, tried: list[Array]) -> Actions:
+        return (both if squeezes(work.motion.felt) else one)(work, words, tried)
+
+    return perform
+
+
+def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
+    """Set the thing that both hands hold between them down on `words["surface"]`.
+
+    Raises:
+        MotionFailure: "not_held", "unknown_object", "no_free_spot", "no_stance", "slipped", "missed", or a motion's own
+            reason.
+    """
+    scene, motion = work.scene, work.motion
+    name = scene.between()
+    if name is None or name not in {e.name for e in scene.knowledge().find(words["object"])}:
+        raise MotionFailure("not_held")
+    surface = None if is_floor(words["surface"]) else work.nearest(words["surface"])
+    for _ in range(_LEGS):
+        if surface is not None:
+            if work.sight is not None and bounds(scene.solids(surface))[1, 2] < seen_box(work, name).bottom:
+                yield from look_over(work)
+            yield from look_at(work, surface)
+        box = seen_box(work, name)
+        radius, here = max(box.length, box.width) / 2 + 0.01, motion.felt.base_pose[:2]
+        if surface is None:
+            ahead = box.middle[:2] + here - behind(motion.felt.base_pose)[:2]  # in view, and driven in from here
+            spots = floor_around(work, words["surface"], radius, box.height, ahead)
+        else:
+            apart = max(box.length / 2, box.width / 2 + _HANDS_M) + 0.01
+            wide, close = (scene.spots(surface, r, box.height + 0.1, here) for r in (apart, radius))
+            spots = [*wide[: _SPOTS // 2], *close] or _on_the_middle(work, surface, box)
+        search = work.search("right", {name})
+        # What is far off may have room that is not seen from here.
+        far_off = spots[0] if spots else None if surface is None else work.middle(surface)
+        nearer = None if far_off is None else _toward(motion.felt.base_pose, far_off)
+        route = None if nearer is None else search.route(motion.felt.base_pose, nearer)
+        if route is None:
+            break
+        for base in route:
+            yield from motion.drive(base, speed=0.3)
+    if not spots:
+        raise work.no_free_spot(name, surface)
+    search.tried.extend(tried)
+    found = _find_place(work, search, box, list(spots))
+    if found is None:
+        raise work.no_stance()
+    base, spot, way = found
+    tried.append(base)
+    yield from raise_both(work, max(0.0, spot[2] + _OVER_M - box.bottom))
+    for pose in way:
+        yield from motion.drive(pose, speed=0.3)
+    if scene.between() != name:
+        raise MotionFailure("slipped")
+    yield from motion.drive(base, speed=0.2)
+    yield from raise_both(work, spot[2] + 0.004 - seen_box(work, name).bottom, seconds_per_m=7.0)
+    yield from motion.wait(0.2)
+    yield from open_wide(work)
+    yield from raise_both(work, _ABOVE_M, seconds_per_m=3.0)
+    yield from motion.drive(way[-1], speed=0.3)
+    yield from straighten_up(work)
+    yield from settle(work, without={name} if surface is None else {name, surface})
+    yield from look_at(work, name)
+    if abs(min(s.aabb()[0, 2] for s in scene.solids(name)) - spot[2]) > 0.04:
+        raise MotionFailure("missed")
+
+
+def _on_the_middle(work: Work, surface: str, box: Box) -> list[Array]:
+    """Places (3,) for what is about as broad as its support, such as one box on another: those next to its middle."""
+    radius, here = _CARRIED * min(box.length, box.width), work.motion.felt.base_pose[:2]
+    spots = work.scene.spots(surface, radius, box.height + 0.1, here)
+    return sorted(spots, key=lambda spot: float(norm((spot - work.middle(surface))[:2])))
+
+
+def _toward(here: Array, spot: Array) -> Array | None:
+    """A base pose (3,) on the straight way to a spot that is too far off for what is known around; else None."""
+    way = spot[:2] - here[:2]
+    far = float(norm(way))
+    if far < _FAR_M:
+        return None
+    return np.array([*(here[:2] + way * min(_LEG_M, far - _OFF_M) / far), np.arctan2(way[1], way[0])])
+
+
+def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tuple[Array, Array, list[Array]] | None:
+    """A base pose (3,) from which the held box comes to stand on a spot (3,), that spot, and how to get behind it."""
+    motion = work.motion
+    here = motion.felt.base_pose
+    held_at = matmul(kin.inverse(work.base), np.append(box.middle, 1.0))[:2]
+    arms = {s: motion.arm(s) for s in motion.robot.sides}
+    for spot in spots[:_SPOTS]:
+        for heading in sorted(_HEADINGS, key=lambda h: abs(float(kin.wrap(h - here[2])))):
+            base = np.array([*(spot[:2] - matmul(kin.rot_z(heading)[:2, :2], held_at)), kin.wrap(heading)])
+            if any(norm(base - b) < 0.05 for b in search.tried):
+                continue
+            if (way := way_behind(search, here, base)) is None:
+                search.refusals.add("no way there and straight in")
+                continue
+            # Raised by then, as `raise_both` does: lower down the arms would meet the surface.
+            lift = motion.posture[0] + max(0.0, spot[2] + _OVER_M - box.bottom)
+            torso = motion.bent(lift=float(np.clip(lift, *motion.robot.trunk.limits[0])))
+            body = Body(motion.robot, torso, arms)
+            if all(_clear(body, search, pose) for pose in _drive_in(way[-1], base)):
+                return base, spot, way
+            search.refusals.add("arm or trunk in the way")
+    return None
+
+
+def _drive_in(back: Array, base: Array) -> Array:
+    """(n, 3) base poses on the straight way in from `back` to `base`, the last one first: it is the most cramped."""
+    return np.linspace(base, back, int(np.ceil(float(norm(base[:2] - back[:2])) / _STEP_M)) + 1)
+
+
+def _clear(body: Body, search: Search, base: Array) -> bool:
+    """Whether trunk and arms, but for the fingers, are clear of everything from a base pose (3,)."""
+    there = body.amid(search.around(base, touched=False))
+    return there.trunk_free() and all(bool(there.free(side, q, grasping=True)[0]) for side, q in there.arms.items())

@@ -1,0 +1,441 @@
+"""What is too wide for one hand: a box is pressed from both sides with open hands, raised and carried."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mpvi_bt.manipulation.motion.gaze import look_at
+from mpvi_bt.manipulation.motion.work import Words, Work
+from mpvi_bt.manipulation.stance.stance_search import Search
+from mpvi_bt.robot import arm_motion
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.hand import Hand
+from mpvi_bt.robot.linear_algebra import matmul, norm
+from mpvi_bt.robot.model import SIGN, RobotModel
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
+from mpvi_bt.robot.solids import Array, Solid, bounds
+from mpvi_bt.robot.squeeze import pressing, squeezes
+
+_WIDTHS_M = (0.10, 0.46)  # between the hands: less is for one hand, more does not go between the arms
+_WIDE_M = 0.05  # between a hand and its side of the box, before it closes in
+_PRESSING_S = 0.2  # shorter than a rest, which looks like the end of the lift
+_CLOSING_M_S = 0.12
+_EDGE_M = 0.005  # a fingertip stays that far off what a thing lies on, and off the upper edge of its side
+_LOW_M = 0.07  # a thing that is lower than this is taken with hands that point down,
+_SLANT_RAD = 0.75  # slantwise, or more steeply: a tip that is broader than the side presses on its edge and slips
+_LIFT_M = 0.15
+_BACKS_M = (0.4, 0.3, 0.2)  # so far straight behind where it stands to take hold; the farthest for which there is room
+# Where to stand: a box begins so far before the middle of the base, and its middle is so far left of it. The rare ones
+# where there is no room for the others.
+_PLACES_M = tuple(itertools.product((0.31, 0.35, 0.39, 0.43, 0.47), (0.0, 0.05, -0.05)))
+_RARE_PLACES_M = (
+    *itertools.product((0.52, 0.57, 0.62), (0.0, 0.05, -0.05, 0.1, -0.1)),
+    *itertools.product((0.31, 0.35, 0.39, 0.43, 0.47), (0.1, -0.1)),
+)
+_OUTWARD_M, _LOOSE_M = 0.07, 0.05  # that each hand goes outward; what is between both comes along if they open by less
+_FOLDED_M = 0.06  # of the lift, at the least, while hands are folded before a body that is bent
+_CARRY_M = 0.62  # height of the hands to carry at, if the arms get there
+_PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1, 1.35)
+_UPRIGHT = (0.0, 0.25, 0.5, 0.8)  # of these, to carry
+_LIFTS_M = (0.3, 0.42, 0.2, 0.55, 0.1)
+_SHORT_M = 0.004  # what the lift may be short of
+_SHARES = (1.0, 0.75, 0.5, 0.25)  # of a way of both hands, where all of it is too far
+_STEEPER_RAD = 0.1  # that the head looks down over what is held: for less the body is not bent
+_LEGS = 3  # around a thing, to where its far sides are known
+_CHECKED_BASES = 24
+_CHECKED_TORSOS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """The upright box about a thing: middle (3,), full length along `heading`, width across it, and height [m]."""
+
+    middle: Array
+    heading: float
+    length: float
+    width: float
+    height: float
+
+    @property
+    def bottom(self) -> float:
+        """Height of its underside [m]."""
+        return float(self.middle[2]) - self.height / 2
+
+    def hands(self, hand: Hand, reach: float) -> dict[Side, Array]:
+        """T_world_tcp (4, 4) of hands on both sides, seen from behind; `reach` [m] off the sides, negative within."""
+        flatness, z = 1.0, max(0.05, 0.55 * self.height)
+        if self.height < _LOW_M:
+            flatness = min(float(np.cos(_SLANT_RAD)), max(0.0, self.height / 2 - _EDGE_M) / hand.tip_half_m)
+            z = max(self.height / 2, _EDGE_M + flatness * hand.tip_half_m)
+        along = np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
+        leftward = np.array([-along[1], along[0], 0.0])
+        steepness = np.sqrt(1 - flatness**2)
+        out: dict[Side, Array] = {}
+        for side in SIDES:
+            sign = SIGN[side]
+            approach = -sign * leftward * flatness - np.array([0, 0, steepness])
+            tip = np.array([*self.middle[:2], self.bottom + z]) + sign * leftward * (self.width / 2 + reach)
+            out[side] = kin.transform(kin.hand_rotation(approach, along), tip - hand.tip_m * approach)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Grip:
+    """Where to stand and how to press: a base pose, the one straight behind it where the hands are formed, base poses
+    on the way there, a torso, and postures of the arms wide and touching.
+    """
+
+    box: Box
+    base: Array
+    back: Array
+    torso: Array
+    arms: Mapping[Side, list[Array]]
+    way: Sequence[Array] = ()
+
+
+def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
+    """Take the thing that `words["object"]` names between both hands and raise it.
+
+    Raises:
+        MotionFailure: "unknown_object", "hands_full", "no_grasp", "no_stance", "not_squeezed", "slipped", or a motion's
+            own reason.
+    """
+    scene, motion = work.scene, work.motion
+    name = work.nearest(words["object"])
+    if scene.between() == name:
+        return  # in hand already
+    if work.held() or squeezes(motion.felt):
+        raise MotionFailure("hands_full")
+    grip, search = yield from _near(work, name, tried)
+    tried.append(grip.base)
+    yield from together(motion.grip("left", 1.0, 0.3), motion.grip("right", 1.0, 0.3), motion_of=work)
+    yield from _go_behind(work, grip, search)
+    yield from motion.drive(grip.base, speed=0.25)
+    yield from _close_in(work, grip.box)
+    yield from _press(work)
+    if not squeezes(motion.felt):
+        yield from open_wide(work)
+        raise MotionFailure("not_squeezed")
+    yield from raise_both(work, _LIFT_M)
+    away = float(norm(grip.back[:2] - grip.base[:2]))
+    yield from motion.drive(behind(motion.felt.base_pose, away), speed=0.25)
+    yield from straighten_up(work)
+    yield from work.see("head")
+    if not squeezes(motion.felt) or scene.between() != name:
+        raise MotionFailure("slipped")
+
+
+def _near(work: Work, name: str, tried: Sequence[Array]) -> Generator[Array, None, tuple[_Grip, Search]]:
+    """A grip, from where its stances are known: if need be it drives around the thing. Raises as `lift`."""
+    motion = work.motion
+    for leg in range(_LEGS + 1):
+        yield from look_at(work, name)
+        sides = boxes_about(work.scene.pose(name), _carcass(work, name))
+        boxes = [box for box in sides if _WIDTHS_M[0] < box.width < _WIDTHS_M[1]]
+        if not boxes:
+            raise MotionFailure("no_grasp")
+        search = work.search("right", work.along(name))
+        search.tried.extend(tried)
+        usual, rare = (_bases(motion.felt.base_pose, boxes, places) for places in (_PLACES_M, _RARE_PLACES_M))
+        if (grip := _find(work, search, usual) or _find(work, search, rare)) is not None:
+            return grip, search
+        way = search.toward(np.stack([behind(base) for base, _ in usual])) if leg < _LEGS else None
+        if way is None:
+            break
+        for pose in way:
+            yield from motion.drive(pose)
+    raise work.no_stance()
+
+
+def _carcass(work: Work, name: str) -> list[Solid]:
+    """A thing's solids without its doors and lids: pressed between two hands a lid would rise and leave the rest."""
+    leaves = [leaf for door in work.scene.doors(name) for leaf in door.solids]
+    solids = list(work.scene.solids(name))
+    return [s for s in solids if not any(np.allclose(s.T, leaf.T) for leaf in leaves)] or solids
+
+
+def together(*motions: Actions, motion_of: Work) -> Actions:
+    """Motions of different parts of the body at the same time, until the last has ended."""
+    going = list(motions)
+    while going:
+        going = [motion for motion in going if next(motion, None) is not None]
+        if going:
+            yield motion_of.motion.action.copy()
+
+
+def boxes_about(T: Array, solids: list[Solid]) -> Iterator[Box]:
+    """The box about a thing's solids as seen from each of its four sides."""
+    up = int(np.abs(T[2, :3]).argmax())
+    ahead = T[:3, (up + 1) % 3]
+    yaw = float(np.arctan2(ahead[1], ahead[0]))
+    frame = kin.transform(kin.rot_z(yaw), T[:3, 3])
+    low, high = bounds(s.moved(kin.inverse(frame)) for s in solids)
+    middle = matmul(frame[:3, :3], (low + high) / 2) + frame[:3, 3]
+    x, y, z = (high - low).tolist()
+    for quarter in range(4):
+        length, width = (x, y) if quarter % 2 == 0 else (y, x)
+        yield Box(middle, float(kin.wrap(yaw + quarter * np.pi / 2)), length, width, z)
+
+
+def seen_box(work: Work, name: str) -> Box:
+    """The box about a thing as the robot sees it that holds it before itself."""
+    yaw = float(work.motion.felt.base_pose[2])
+    boxes = boxes_about(work.scene.pose(name), list(work.scene.solids(name)))
+    return min(boxes, key=lambda b: abs(float(kin.wrap(b.heading - yaw))))
+
+
+def _bases(here: Array, boxes: list[Box], places: Sequence[tuple[float, float]]) -> list[tuple[Array, Box]]:
+    """Base poses (3,) to take a thing from, at these places as seen from each of its sides, the nearest first.
+
+    Our choice: the base always faces a side. Turned by 0.35 rad from that, 2 of 30 lifts held.
+    """
+    ranked = []
+    for box in boxes:
+        for ahead, aside in places:
+            offset = matmul(kin.rot_z(box.heading)[:2, :2], [box.length / 2 + ahead, aside])
+            base = np.array([*(box.middle[:2] - offset), box.heading])
+            turn = abs(float(kin.wrap(base[2] - here[2])))
+            way = float(norm(base[:2] - here[:2]))
+            ranked.append((way + 0.4 * turn + abs(aside) + 1.5 * abs(ahead - 0.37), base, box))
+    return [(base, box) for _, base, box in sorted(ranked, key=lambda r: r[0])]
+
+
+def _find(work: Work, search: Search, bases: list[tuple[Array, Box]]) -> _Grip | None:
+    """The first good grip."""
+    here, checked = work.motion.felt.base_pose, 0
+    for base, box in bases:
+        if any(norm(base[:2] - b[:2]) < 0.03 and abs(kin.wrap(base[2] - b[2])) < 0.3 for b in search.tried):
+            continue
+        if (way := way_behind(search, here, base)) is None:
+            search.refusals.add("no way there and straight in")
+            continue
+        if (grip := _grip_at(work, search, base, way[-1], box)) is not None:
+            return replace(grip, way=way)
+        search.refusals.add("no posture of both arms")
+        checked += 1
+        if checked >= _CHECKED_BASES:
+            break
+    return None
+
+
+def behind(base: Array, by_m: float = _BACKS_M[0]) -> Array:
+    """The base pose (3,) from which the base drives straight in to another."""
+    return base - [by_m * np.cos(base[2]), by_m * np.sin(base[2]), 0.0]
+
+
+def way_behind(search: Search, here: Array, base: Array) -> list[Array] | None:
+    """Base poses (3,) to drive to, the last as far straight behind `base` as there is room; None if there is no way."""
+    for by_m in _BACKS_M:
+        back = behind(base, by_m)
+        if search.drivable(back, base) and (way := search.route(here, back)) is not None:
+            return way
+    return None
+
+
+def _grip_at(work: Work, search: Search, base: Array, back: Array, box: Box) -> _Grip | None:
+    """A torso and postures of both arms for one base pose and the one behind it."""
+    to_base = kin.inverse(kin.base(base))
+    robot = work.motion.robot
+    touching, wide = box.hands(robot.hand, 0.0), box.hands(robot.hand, _WIDE_M)
+    postures = robot.postures(_PITCHES, float(robot.trunk.posture(robot.travel_torso)[3]))
+    torsos = robot.trunk.joints(postures)
+    chests = kin.inverse(robot.chest(torsos))
+    found: dict[Side, dict[int, list[Array]]] = {}
+    for side in SIDES:
+        at, q = robot.arm_inverse(matmul(chests, to_base, touching[side]), side, swivels=16)
+        cost = robot.limit_cost(q, side) + 0.05 * np.abs(q - robot.travel_arm[side]).sum(1)
+        found[side] = {}
+        for row in np.argsort(cost):
+            found[side].setdefault(int(at[row]), []).append(q[row])
+    shared = sorted(set(found["left"]) & set(found["right"]), key=lambda t: 0.6 * postures[t, 2] - 0.2 * postures[t, 0])
+    loose, all_around = search.around(base, touched=False), search.around(base, touched=True)
+    rear = search.around(back, touched=True)
+    for t in shared[:_CHECKED_TORSOS]:
+        torso = torsos[t]
+        arms: dict[Side, list[Array]] = {}
+        for side in SIDES:
+            for q in found[side][t][:6]:
+                line = arm_motion.trace(robot, torso, side, q, matmul(to_base, wide[side]))
+                if line is None:
+                    continue
+                path = [line[-1], q]
+                body = Body(robot, torso, {**robot.travel_arm, **{s: p[0] for s, p in arms.items()}}, {}, loose)
+                open_body = Body(robot, torso, body.arms, {}, all_around)
+                backed = Body(robot, torso, body.arms, {}, rear)
+                if (
+                    body.free(side, q, grasping=True)[0]
+                    and open_body.free(side, path[0], grasping=True)[0]
+                    and backed.free(side, path[0], margin=0.01)[0]
+                ):
+                    arms[side] = path
+                    break
+        bodies = [Body(robot, torso, {s: p[k] for s, p in arms.items()}, {}, loose) for k in range(2)]
+        if len(arms) == 2 and all(
+            body.free(side, arms[side][k], grasping=True)[0] for side in SIDES for k, body in enumerate(bodies)
+        ):
+            return _Grip(box, base, back, torso, arms)
+    return None
+
+
+def _go_behind(work: Work, grip: _Grip, search: Search) -> Actions:
+    """Form the arms some way before the box, where there is room."""
+    motion = work.motion
+    for pose in grip.way:
+        yield from motion.drive(pose)
+    trunk = motion.robot.trunk
+    posture = np.append(trunk.posture(grip.torso)[:3], motion.posture[3])
+    torso = trunk.joints(posture)
+    posture[0] = max(posture[0], _FOLDED_M)  # bent as low as that, the folded hands would meet the base
+    yield from motion.stand(trunk.joints(posture))
+    around = search.around(grip.back, touched=True)
+    for side in SIDES:
+        body = replace(motion.body(), around=around)
+        path = arm_motion.plan(body, side, grip.arms[side][0], work.rng)
+        if path is None:
+            raise MotionFailure("no_path")
+        yield from motion.follow(side, path)
+    yield from motion.stand(torso)
+
+
+def _close_in(work: Work, box: Box) -> Actions:
+    """Bring both hands to the sides, from where the base really stands."""
+    to_base = kin.inverse(work.base)
+    hands = box.hands(work.motion.robot.hand, 0.0)
+    lines = [work.motion.line(side, matmul(to_base, hands[side]), _CLOSING_M_S, give_rad=np.inf) for side in SIDES]
+    yield from together(*lines, motion_of=work)
+
+
+def _press(work: Work) -> Actions:
+    """Press with both hands straight toward each other."""
+    motion = work.motion
+    start = {side: motion.arm(side) for side in SIDES}
+    told = pressing(motion.robot, motion.torso, start)
+    n = round(_PRESSING_S * CONTROL_HZ)
+    for k in range(1, n + 1):
+        for side in SIDES:
+            motion.action[ActionLayout.ARM[side]] = start[side] + (told[side] - start[side]) * k / n
+        yield motion.still()
+    yield motion.still()
+
+
+def raise_both(work: Work, by_m: float, seconds_per_m: float = 5.0) -> Actions:
+    """Raise what is held, negative lowers, so that the squeeze stays: by the lift with the arms frozen, then by both
+    arms or, where these cannot go so far, by bending or straightening up with the hands kept level.
+    """
+    motion = work.motion
+    lift = motion.posture[0]
+    target = float(np.clip(lift + by_m, *motion.robot.trunk.limits[0]))
+    rest = by_m - (target - lift)
+    if abs(target - lift) > 1e-3:
+        yield from motion.stand(motion.bent(lift=target))
+    if abs(rest) > _SHORT_M:
+        by = {side: np.array([0.0, 0.0, rest]) for side in SIDES}
+        whole = yield from _shift(work, by, 1 / seconds_per_m, (1.0,))
+        if not whole and not (yield from _bent(work, by, itertools.product(_PITCHES, _LIFTS_M))):
+            yield from _shift(work, by, 1 / seconds_per_m)
+
+
+def straighten_up(work: Work) -> Actions:
+    """Straighten up with the hands, and a box between them, kept level before the body, as far as the arms allow."""
+    motion = work.motion
+    height = float(motion.robot.tcp(motion.torso, motion.felt.arm["left"], "left")[2, 3])
+    for share in (1.0, 0.6, 0.3):
+        rise = max(0.0, _CARRY_M - height) * share
+        upright = [pitch for pitch in _UPRIGHT if pitch <= motion.posture[2]]
+        by = {side: np.array([0.0, 0.0, rise]) for side in SIDES}
+        if (yield from _bent(work, by, itertools.product(upright, _LIFTS_M))):
+            return
+    room = motion.robot.trunk.limits[0, 1] - motion.posture[0]
+    yield from raise_both(work, max(0.0, min(room, _CARRY_M - height)))
+
+
+def look_over(work: Work) -> Actions:
+    """Bring the head to where it sees over what both hands hold, that kept where it is, as near behind it as it can."""
+    motion, name = work.motion, work.scene.between()
+    if name is None:
+        return
+    box = bounds(s.moved(kin.inverse(work.base)) for s in work.scene.solids(name))
+    far, top = box[1, 0], box[1, 2]
+
+    def steepness(way: tuple[float, float]) -> float:
+        torso = motion.robot.trunk.joints(np.array([way[1], 0.0, way[0], 0.0]))
+        eye = motion.robot.head_camera(torso)[:3, 3]
+        return float(np.arctan2(eye[2] - top, far - eye[0]))
+
+    least = steepness((float(motion.posture[2]), float(motion.posture[0]))) + _STEEPER_RAD
+    ways = [way for way in itertools.product(_UPRIGHT, _LIFTS_M) if steepness(way) > least]
+    yield from _bent(work, dict.fromkeys(SIDES, np.zeros(3)), sorted(ways, key=steepness, reverse=True))
+
+
+def _bent(work: Work, by: Mapping[Side, Array], ways: Iterable[tuple[float, float]]) -> Generator[Array, None, bool]:
+    """Move both hands by (3,) in the base frame, turned as they are, while the body comes to the first pitch [rad] and
+    lift [m] for which that can be done. Returns whether there was one.
+    """
+    motion = work.motion
+    robot, felt = motion.robot, motion.felt
+    body = replace(motion.body(), arms=dict(felt.arm))  # where the hands are, not where they press to
+    now = {side: robot.tcp(motion.torso, felt.arm[side], side) for side in SIDES}
+    paths = {s: arm_motion.glide(T, kin.transform(T[:3, :3], T[:3, 3] + by[s])) for s, T in now.items()}
+    for pitch, lift in ways:
+        torso = robot.trunk.joints(np.array([lift, 0.0, pitch, motion.posture[3]]))
+        if (arms := arm_motion.sweep(body, torso, paths)) is not None:
+            told = _pressed(robot, motion.torso, torso, arms) if squeezes(felt) else arms
+            yield from motion.stand(torso, told, give_rad=np.inf)
+            return True
+    return False
+
+
+def _pressed(robot: RobotModel, start: Array, end: Array, arms: Mapping[Side, list[Array]]) -> dict[Side, list[Array]]:
+    """What arms are told that go on pressing along paths of postures (7,), while the torso moves from start to end."""
+    n = len(arms["left"])
+    torsos = start + (end - start) * np.linspace(0, 1, n)[:, None]
+    told = [pressing(robot, torso, {s: arms[s][k] for s in SIDES}) for k, torso in enumerate(torsos)]
+    return {side: [t[side] for t in told] for side in SIDES}
+
+
+def open_wide(work: Work) -> Actions:
+    """Take both hands off what they press, outward; where the arms cannot go there, with the body bent otherwise."""
+    motion, outward = work.motion, {side: np.array([0.0, SIGN[side] * _OUTWARD_M, 0.0]) for side in SIDES}
+    for side in SIDES:  # from where the hands are, not from where they press to
+        motion.action[ActionLayout.ARM[side]] = motion.felt.arm[side]
+    yield motion.still()
+    start = _apart(work)
+    with suppress(MotionFailure):  # hands that have let go, if not by the whole way, are good enough
+        yield from _shift(work, outward, 0.12)
+    if _apart(work) - start < _LOOSE_M:
+        with suppress(MotionFailure):
+            yield from _bent(work, outward, itertools.product(_PITCHES, _LIFTS_M))
+
+
+def _apart(work: Work) -> float:
+    """Between the hands, as felt [m]."""
+    felt = work.motion.felt
+    left, right = (work.motion.robot.tcp(felt.torso, felt.arm[side], side)[:3, 3] for side in SIDES)
+    return float(norm(left - right))
+
+
+def _shift(
+    work: Work, by: Mapping[Side, Array], speed: float, shares: Sequence[float] = _SHARES
+) -> Generator[Array, None, bool]:
+    """Move both hands along straight lines (3,) in the base frame, by the first of `shares` that both arms can go.
+
+    Returns whether there was one.
+    """
+    motion = work.motion
+    for share in shares:
+        goals = {side: motion.hand(side) for side in SIDES}
+        for side in SIDES:
+            goals[side][:3, 3] += share * by[side]
+        robot, torso = motion.robot, motion.torso
+        if all(arm_motion.trace(robot, torso, side, motion.arm(side), goals[side]) is not None for side in SIDES):
+            lines = [motion.line(side, goals[side], speed, give_rad=np.inf) for side in SIDES]
+            yield from together(*lines, motion_of=work)
+            return True
+    return False

@@ -1,0 +1,1 @@
+"""Where to stand for a piece of work, and in which posture."""

@@ -1,0 +1,261 @@
+"""Grasp candidates of a two-finger hand on things of known shape: across two sides, on a rim, on a bar."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mpvi_bt.robot.collision import Surroundings
+from mpvi_bt.robot.hand import Hand
+from mpvi_bt.robot.kinematics import hand_rotation, inverse, transform, wrap
+from mpvi_bt.robot.linear_algebra import matmul
+from mpvi_bt.robot.solids import Array, Solid, bounds
+from mpvi_bt.scene.scene import Scene
+from mpvi_bt.shapes.moving_parts import Bar
+
+_SPARE_M = 0.035  # opening beyond the width of what is to be taken, both sides together
+_BEFORE_M = 0.05  # the most that the fingers close before the middle of a thing that is deep for the palm
+_LONG_M = 0.05  # a thing that reaches farther from its middle is pinched nearer to its ends, too,
+_NEARER = (0.0, 0.35, 0.7)  # by such shares of the way,
+_NEARER_COST = 3.0  # each meter of it: what hangs from one end is heavy for the fingers
+_PART_COST = 0.1  # of a pinch of one part
+_LEVELS = 4  # heights of parts that a pinch may be at
+_OFF_CENTER_M = (0.006, -0.006, 0.012, -0.012)  # of the hand, across the thing: its wall is nearer than half a palm
+_GAP_M = 0.004  # that stays between a thing and the finger that is nearer
+_OFF_CENTER_COST = 5.0  # each meter of it: the hand draws the thing along as it closes
+_PAD_M = 0.006  # from the tcp to the middle of the pads' lower half
+_RIM_OPENING_M = 0.056
+_RIM_DEPTH_M = 0.018  # of the tcp below a rim, along the approach
+_RIM_WALL_M = 0.03  # thicker walls are no rims
+_RIM_COST = 0.15
+_RIM_TILTS = (0.0, 0.5, -0.5, 0.9, -0.9)  # along the rim
+_TILTS = (0.0, 0.3, 0.6, 0.9, 1.2, 1.4, np.pi / 2)
+_AROUND = np.arange(-7, 9) * np.pi / 8  # headings from which a round thing is pinched: the robot may drive around it
+_COVERS = 0.8  # cost of a hand right over the opening of a vessel
+_PALM_REACH_M = 0.07  # how far over an opening a palm reaches from the rim that is pinched
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Grasp:
+    """One way to take hold of a thing.
+
+    Attributes:
+        T_world_tcp: (4, 4) where the hand closes.
+        tilt_rad: Of the approach from straight down; pi/2 is level.
+        cost: Preference; smaller is better.
+        opening_m: Between the fingers before they close.
+    """
+
+    T_world_tcp: Array
+    tilt_rad: float
+    cost: float
+    opening_m: float
+
+
+def grasps(scene: Scene, hand: Hand, name: str, bearing: float, off_center: bool = False) -> list[Grasp]:
+    """Candidates for a thing; only the handles' if it has any.
+
+    Args:
+        scene: Where the thing is.
+        hand: What takes it.
+        name: The thing.
+        bearing: Heading [rad] from the robot to it; hands come from the robot's side if they can.
+        off_center: Pinches whose hand is not over the middle, instead of those whose hand is.
+    """
+    bars = scene.handles(name)
+    if bars:
+        return [g for bar in bars for g in _on_bar(hand, bar, bearing)]
+    solids = list(scene.solids(name))
+    volumes = scene.volumes(name)
+    offs = _OFF_CENTER_M if off_center else (0.0,)
+    found = _pinches(hand, scene.pose(name), solids, bearing, () if volumes else solids, offs)
+    if volumes:  # a palm over the opening keeps what is inside from being poured out
+        found = [replace(g, cost=g.cost + _COVERS * max(0.0, float(np.cos(g.tilt_rad)))) for g in found]
+    for volume in volumes:
+        found += _rims(hand, volume, solids, bearing)
+    return found
+
+
+def _on_bar(hand: Hand, bar: Bar, bearing: float) -> Iterator[Grasp]:
+    """Toward the bar from its free side, closing across it."""
+    ahead = np.array([np.cos(bearing), np.sin(bearing), 0.0])
+    for turn in (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2):
+        approach = Rotation.from_rotvec(turn * bar.axis).apply(-bar.outward)
+        if approach[2] > 0.2:
+            continue
+        tilt = float(np.arccos(np.clip(-approach[2], -1, 1)))
+        # a hand does not come from beyond the thing
+        aside = max(0.0, -float(matmul(approach, ahead))) * float(np.sin(tilt))
+        across = np.cross(bar.axis, approach)
+        for sign in (1.0, -1.0):
+            T = transform(hand_rotation(approach, sign * across), bar.center)
+            yield Grasp(T, tilt, 0.3 * tilt + 0.3 * abs(turn) + aside, hand.opening_m)
+
+
+def _pinches(
+    hand: Hand, T: Array, solids: Sequence[Solid], bearing: float, parts: Sequence[Solid], offs: Sequence[float]
+) -> list[Grasp]:
+    """Between two sides of a thing, from straight above to level; of `parts` of it too, which may be narrower."""
+    inside = Surroundings(solids)
+    tops = sorted({round(float(solid.aabb()[1, 2]), 2) for solid in solids}, reverse=True)
+    support = float(min(s.aabb()[0, 2] for s in solids))
+    out = list(_between_sides(hand, T, solids, bearing, support, tops[:_LEVELS], inside, offs))
+    for part in parts if len(solids) > 1 and not _round(solids) else ():
+        found = _between_sides(hand, part.T, [part], bearing, support, (), inside, offs)
+        out += [replace(g, cost=g.cost + _PART_COST) for g in found if _clear(hand, g, inside)]
+    return out
+
+
+def _round(solids: Sequence[Solid]) -> bool:
+    """Whether a thing is as wide from all sides."""
+    return all(s.kind == "sphere" for s in solids) or all(
+        s.kind == "cylinder" and abs(s.T[2, 2]) > 0.95 for s in solids
+    )
+
+
+def _between_sides(
+    hand: Hand, T: Array, solids: Sequence[Solid], bearing: float, support: float, levels: Sequence[float],
+    inside: Surroundings, offs: Sequence[float],
+) -> Iterator[Grasp]:  # fmt: skip
+    """Between two sides of the box about solids along the axes of `T`; of a long one nearer to its ends, too.
+
+    `support` is the height of what the thing lies on, `levels` are those of lower tops that a pinch may go down to,
+    `inside` is the whole thing, and `offs` are how far the hand is off its middle, along its closing axis [m].
+    """
+    frame = inverse(T)
+    low, high = bounds(s.moved(frame) for s in solids)
+    size, middle = high - low, matmul(T[:3, :3], (low + high) / 2) + T[:3, 3]
+    up = int(np.abs(T[2, :3]).argmax())
+    flat = [i for i in range(3) if i != up]
+    top, bottom = float(middle[2] + size[up] / 2), float(middle[2] - size[up] / 2)
+    headings: list[tuple[float, float, float]] = []  # heading of the approach, half depth along it, width across it
+    if _round(solids):
+        width = float(size[flat[0]])
+        if width <= hand.widest_m:
+            headings = [(bearing + turn, width / 2, width) for turn in _AROUND]
+    else:
+        for i, j in (flat, flat[::-1]):
+            if size[i] <= hand.widest_m:
+                closing = T[:3, i]
+                heading = float(np.arctan2(-closing[0], closing[1]))
+                headings += [(heading + flip, float(size[j]) / 2, float(size[i])) for flip in (0.0, np.pi)]
+    for heading, half, width in headings:
+        aside = abs(float(wrap(heading - bearing)))
+        ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
+        for nearer in half * np.array(_NEARER if half > _LONG_M and not _round(solids) else _NEARER[:1]):
+            for tilt in _TILTS:
+                for level in (top, *(z for z in levels if z < top - 0.005)):
+                    heights = (support, bottom, top, level)
+                    grasp = _pinch(hand, middle - nearer * ahead, heights, heading, tilt, half - nearer, width)
+                    if grasp is not None and _between(hand, grasp.T_world_tcp, inside):
+                        grasp = replace(grasp, cost=grasp.cost + 0.3 * aside + _NEARER_COST * nearer)
+                        yield from (_moved(grasp, off) for off in offs if abs(off) < _most(grasp, width))
+                        break
+
+
+def _most(grasp: Grasp, width: float) -> float:
+    """How far off the middle of a thing so wide a hand may be, less than this [m]: both fingers stay beside it."""
+    return max(1e-9, (grasp.opening_m - width) / 2 - _GAP_M)
+
+
+def _moved(grasp: Grasp, off: float) -> Grasp:
+    """The same with the hand moved along its closing axis."""
+    T = grasp.T_world_tcp.copy()
+    T[:3, 3] += off * T[:3, 1]
+    return replace(grasp, T_world_tcp=T, cost=grasp.cost + _OFF_CENTER_COST * abs(off))
+
+
+def _clear(hand: Hand, grasp: Grasp, inside: Surroundings) -> bool:
+    """Whether open fingers and palm are clear of the rest of a thing."""
+    T = grasp.T_world_tcp
+    return all(
+        bool((inside.distance(matmul(centers, T[:3, :3].T) + T[:3, 3]) > radii - slack).all())
+        for (centers, radii), slack in ((hand.fingers(grasp.opening_m), 0.002), (hand.palm, 0.008))
+    )
+
+
+def _between(hand: Hand, T_world_tcp: Array, inside: Surroundings) -> bool:
+    """Whether something of a thing is between the fingers' pads: over a part of it that juts out there may be none."""
+    y = np.arange(-hand.widest_m / 2, hand.widest_m / 2 + 1e-9, 0.004)
+    pads = T_world_tcp[:3, 3] + _PAD_M * T_world_tcp[:3, 2] + y[:, None] * T_world_tcp[:3, 1]
+    return bool((inside.distance(pads) <= 0).any())
+
+
+def _pinch(hand: Hand, middle: Array, heights: tuple[float, float, float, float], heading: float, tilt: float,
+           radius: float, width: float) -> Grasp | None:  # fmt: skip
+    """One pinch, as deep as palm and support allow; None if the thing is too flat or too deep for it.
+
+    `heights` are those of what the thing lies on, the underside and the top of what is pinched, and the top of what is
+    to be between the fingers.
+    """
+    support, bottom, top, level = heights
+    s, c = float(np.sin(tilt)), float(np.cos(tilt))
+    z = top - max(0.012, (hand.room_m - radius * s) / max(c, 0.3))
+    z = max(min(max(z, bottom + 0.45 * (top - bottom)), level - 0.012), support + hand.lowest(tilt))
+    if z > top + 0.004:
+        return None
+    before = max(0.0, radius * s + (top - z) * c - hand.room_m + 0.004)
+    if before > _BEFORE_M:
+        return None
+    approach = np.array([np.cos(heading) * s, np.sin(heading) * s, -c])
+    p = np.array([middle[0], middle[1], z]) - before * approach
+    R = hand_rotation(approach, np.array([-np.sin(heading), np.cos(heading), 0.0]))
+    cost = 0.4 * tilt + 3.0 * before + 4.0 * max(0.0, z - top + 0.012)
+    return Grasp(transform(R, p), tilt, cost, min(hand.opening_m, width + _SPARE_M))
+
+
+def _rims(hand: Hand, volume: Solid, solids: Sequence[Solid], bearing: float) -> Iterator[Grasp]:
+    """Across the upright wall around a volume, one finger inside, one outside, from above."""
+    R, half = volume.T[:3, :3], volume.half_m
+    up = R[:, 2] * np.sign(R[2, 2])
+    if up[2] < 0.9:
+        return
+    rim = volume.T[:3, 3] + up * half[2]
+    inner_floor = float(rim[2] - 2 * half[2])
+    support = float(min(s.aabb()[0, 2] for s in solids))
+    wall = Surroundings(solids)
+    covered = max(0.0, min(1.0, _PALM_REACH_M / float(half[:2].min()) - 1.0))  # none of a bowl, nearly all of a cup
+    for edge, outward in _edges(volume):
+        if wall.distance((rim + edge - 0.01 * outward + 0.006 * up)[None])[0] <= 0:
+            continue  # a lid is on it
+        reach = np.arange(-0.004, _RIM_WALL_M + 0.002, 0.001)
+        inside = wall.distance(rim + edge - 0.008 * up + reach[:, None] * outward) <= 0
+        if not inside.any():
+            continue
+        first = int(inside.argmax())
+        rest = ~inside[first:]
+        if not rest.any():
+            continue  # thicker than a hand would take for a wall
+        middle = float(reach[first] + reach[first + int(rest.argmax())]) / 2
+        at = rim + edge + middle * outward
+        far = abs(float(wrap(np.arctan2(outward[1], outward[0]) - bearing - np.pi)))
+        for tilt in _RIM_TILTS:
+            # So deep along the fingers: deeper, slanted ones would meet a round rim where they cross it.
+            deep = _RIM_DEPTH_M * float(np.cos(tilt))
+            z = max(float(at[2]) - deep, max(support, inner_floor) + hand.lowest(abs(tilt)))
+            if z > at[2] - 0.002:
+                continue
+            approach = -np.cos(tilt) * _UP + np.sin(tilt) * np.cross(_UP, outward)
+            for sign in (1.0, -1.0):
+                T = transform(hand_rotation(approach, sign * outward), np.array([at[0], at[1], z]))
+                cost = _RIM_COST + 0.15 * far + 0.4 * abs(tilt) + _COVERS * covered
+                yield Grasp(T, abs(tilt), cost, _RIM_OPENING_M)
+
+
+def _edges(volume: Solid) -> Iterator[tuple[Array, Array]]:
+    """Places on the upper edge of a volume, from its middle (3,), with the direction out of it (3,)."""
+    R, half = volume.T[:3, :3], volume.half_m
+    if volume.kind == "cylinder":
+        for a in np.arange(16) * np.pi / 8:
+            outward = matmul(R, [np.cos(a), np.sin(a), 0.0])
+            yield outward * half[0], outward
+        return
+    for i, j in ((0, 1), (1, 0)):
+        for sign in (1.0, -1.0):
+            outward = sign * R[:, i]
+            for along in (0.0, 0.5, -0.5):
+                yield outward * half[i] + along * half[j] * R[:, j], outward

@@ -1,0 +1,292 @@
+"""Where a hand is to work: what is around, where the base can stand and drive to, and how the body then stands."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpvi_bt.manipulation.stance.effort import Effort
+from mpvi_bt.manipulation.stance.refusals import Refusals, deepest
+from mpvi_bt.robot import arm_motion
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import NOTHING, Body, Obstacles, Surroundings, Together
+from mpvi_bt.robot.drives import legs
+from mpvi_bt.robot.linear_algebra import matmul, norm
+from mpvi_bt.robot.model import SIGN, RobotModel
+from mpvi_bt.robot.motion import Motion
+from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.solids import Array, Solid, box
+from mpvi_bt.scene.held import Held
+
+FLOOR = box((0.0, 0.0, -0.1), (60.0, 60.0, 0.2))
+KNOWN_M = 1.4  # from here; farther off there may be walls that are not among the obstacles
+_LEGS_M = (1.3, 1.0, 0.7)  # such legs are driven toward what is too far off,
+_NEARER_M = 0.2  # if they lead so much nearer
+_VIAS = ((-0.35, 0.0), (-0.7, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.35, 0.5), (-0.35, -0.5))  # ahead and left of here [m]
+# Turns about the vertical [rad] of a payload that is brought aside: a wrist that turns little reaches bent torsos so.
+_PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1)  # [rad] of the torsos from which it should be in reach there
+_TURNS_RAD = (0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, np.pi)
+_SHARE = 0.2  # Our choice: a hand is turned where it would be in reach from fewer of the torsos than that
+# Off where the hand that works has what it holds, y toward its own side [m]: a torso that is lowered or bent would meet
+# what hangs close to the body, such as a sack from its handle.
+_OUT_M = np.array([(0.12, 0.1, -0.12), (0.2, 0.1, -0.15), (0.3, 0.1, -0.2)])
+_OUT_RAD = (0.0, 0.8, -0.8)  # turned about the vertical, for what is broad and hangs on the near side of its hand
+# Off the middle of the way to where the hand works: before what stands over that there may be no room to stay out.
+_ON_M = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 0.15), (-0.15, 0.0, 0.0), (0.15, 0.0, 0.15)])
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """The body once the torso has moved, and how the other hand was kept level meanwhile."""
+
+    body: Body
+    level: Mapping[Side, list[Array]]
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """What a search for a place to stand is about.
+
+    Attributes:
+        motion: The robot's present command and feeling.
+        side: The hand that works.
+        held: What each hand holds.
+        obstacles: What is in the way, in the world, without what is held.
+        touched: Those solids in the world that the hand works on: obstacles to the base and until contact.
+        rng: Randomness of arm planning.
+        tried: Base poses (3,) that did not do.
+        effort: What it may take.
+        underfoot: What is in the way of the base besides, in the world.
+        refusals: What candidates are refused for.
+    """
+
+    motion: Motion
+    side: Side
+    held: Mapping[Side, Held]
+    obstacles: Obstacles
+    touched: Sequence[Solid]
+    rng: np.random.Generator
+    tried: list[Array] = field(default_factory=list)
+    effort: Effort = field(default_factory=Effort)
+    underfoot: Obstacles = field(default=NOTHING, kw_only=True)
+    refusals: Refusals = field(default_factory=Refusals, kw_only=True)
+
+    @property
+    def other(self) -> Side | None:
+        """The other hand, if it holds something: that has to stay level."""
+        return next((s for s in self.held if s != self.side), None)
+
+    @cached_property
+    def holds(self) -> list[list[Array]]:
+        """Ways to bring the other hand aside, each a path of postures; the first is to leave it where it is."""
+        side = self.other
+        if side is None:
+            return [[]]
+        body, holds = self.body(self.motion.torso, NOTHING), [[self.motion.arm(side)]]
+        for at in self.motion.robot.aside * [1, SIGN[side], 1]:
+            T = self._turned(self.motion.hand(side), side, at)
+            if (path := arm_motion.plan_level(body, side, T)) is not None:
+                holds.append(path)
+        return holds
+
+    def _turned(self, T: Array, side: Side, at: Array) -> Array:
+        """T_base_tcp (4, 4) at a place (3,), as upright as before; turned if few torsos would have it in reach so."""
+        robot = self.motion.robot
+        turned = np.stack([kin.transform(matmul(kin.rot_z(turn), T[:3, :3]), at) for turn in _TURNS_RAD])
+        chests = kin.inverse(robot.chest(self.torsos(_PITCHES)[0]))
+        reached, _ = robot.arm_inverse(matmul(chests[:, None], turned[None]).reshape(-1, 4, 4), side, swivels=12)
+        shares = np.bincount(np.unique(reached) % len(turned), minlength=len(turned)) / len(chests)
+        return np.asarray(turned[0 if shares[0] >= _SHARE else int(shares.argmax())])
+
+    def torsos(self, pitches: Sequence[float]) -> tuple[Array, Array]:
+        """Joints (m, 4) and postures (m, 4) of the torsos that a search tries, at pitches [rad]."""
+        robot = self.motion.robot
+        postures = robot.postures(pitches, float(robot.trunk.posture(robot.travel_torso)[3]))
+        return robot.trunk.joints(postures), postures
+
+    def postures(
+        self, goals: Array, costs: Sequence[float], pitches: Sequence[float], swivels: int
+    ) -> tuple[Array, NDArray[np.intp], NDArray[np.intp], Array]:
+        """Postures of torso and arm in which the hand that works reaches a goal, the most comfortable first.
+
+        Args:
+            goals: (k, 4, 4) T_base_tcp.
+            costs: Preference, of each goal.
+            pitches: Of the torso [rad].
+            swivels: How many places of the elbow.
+
+        Returns:
+            Torsos (m, 4); the index of its torso (n,), the index of its goal (n,) and the arm (n, 7) of each posture.
+        """
+        robot = self.motion.robot
+        torsos, postures = self.torsos(pitches)
+        lift = robot.trunk.posture(self.motion.torso)[0]
+        chests = kin.inverse(robot.chest(torsos))
+        at, q = robot.arm_inverse(matmul(chests[:, None], goals[None]).reshape(-1, 4, 4), self.side, swivels=swivels)
+        t, g = at // len(goals), at % len(goals)
+        cost = (
+            3 * robot.limit_cost(q, self.side) + 0.6 * postures[t, 2] + 0.5 * np.abs(postures[t, 0] - lift)
+            + np.array(costs)[g] + 0.1 * np.abs(q - self.motion.arm(self.side)).sum(1)
+        )  # fmt: skip
+        rows = np.argsort(cost)
+        return torsos, t[rows], g[rows], q[rows]
+
+    def stands(self, bases: Array) -> NDArray[np.bool_]:
+        """(n,) bool: base poses (n, 3) that are clear of everything as far as the base goes."""
+        clear = self._standing.distance(self._footing(bases)) >= self.motion.robot.hull.standing[:, 3]
+        return np.asarray(clear.all(1) & self._known(bases))
+
+    def refuse_bases(self, bases: Array) -> None:
+        """Note what base poses (n, 3) that do not stand are refused for."""
+        known = self._known(bases)
+        self.refusals.add("too far off", count=int((~known).sum()))
+        if known.any():
+            self.refusals.add("no room for the base", *(partial(self._blocked, base) for base in bases[known]))
+
+    def _blocked(self, base: Array) -> Array:
+        """(4,) the sphere of the base that would meet something at a pose (3,)."""
+        return deepest(self._standing, self._footing(base[None])[0], self.motion.robot.hull.standing[:, 3], np.eye(4))
+
+    def _footing(self, bases: Array) -> Array:
+        """(n, m, 3) the centers of what stands on the base, in the world, at poses (n, 3)."""
+        ahead = np.stack([np.cos(bases[:, 2]), np.sin(bases[:, 2])], -1)
+        standing = self.motion.robot.hull.standing
+        p = np.empty((len(bases), len(standing), 3))
+        p[..., :2] = bases[:, None, :2] + ahead[:, None] * standing[:, :1]
+        p[..., 2] = standing[:, 2]
+        return p
+
+    def _known(self, bases: Array) -> NDArray[np.bool_]:
+        return np.asarray(norm(bases[:, :2] - self.motion.felt.base_pose[:2], axis=1) <= KNOWN_M)
+
+    def toward(self, goals: Array) -> list[Array] | None:
+        """Base poses to drive to, nearer to some of `goals` (n, 3) that are too far off for what is known from here.
+
+        None if there is none, or no way to come nearer to it.
+        """
+        here = self.motion.felt.base_pose
+        far = goals[~self._known(goals)]
+        if not len(far):
+            return None
+        ring = [(r * np.cos(a), r * np.sin(a)) for r in _LEGS_M for a in np.arange(16) * np.pi / 8]
+        steps = np.column_stack([here[:2] + ring, np.full(len(ring), here[2])])
+        steps = steps[self.stands(steps)]
+        left = norm(steps[:, None, :2] - far[None, :, :2], axis=-1).min(1)
+        now = float(norm(far[:, :2] - here[:2], axis=1).min())
+        for k in np.argsort(left):
+            if left[k] > now - _NEARER_M:
+                return None
+            if (route := self.route(here, steps[k])) is not None:
+                return route
+        return None
+
+    def route(self, here: Array, goal: Array) -> list[Array] | None:
+        """Base poses to drive to `goal` by: straight, or by one place on the way."""
+        if self.drivable(here, goal):
+            return [goal]
+        for start in (here, goal):
+            for x, y in _VIAS:
+                c, s = np.cos(start[2]), np.sin(start[2])
+                via = np.array([start[0] + c * x - s * y, start[1] + s * x + c * y, start[2]])
+                if self.stands(via[None])[0] and self.drivable(here, via) and self.drivable(via, goal):
+                    return [via, goal]
+        return None
+
+    def drivable(self, start: Array, goal: Array) -> bool:
+        """Straight from start to goal: nothing in the way of the base or of what it carries."""
+        ends = [start, *legs(self.motion.robot, start, goal)]
+        poses = np.concatenate([_on_leg(a, b, leaving=k == 0) for k, (a, b) in enumerate(pairwise(ends))])
+        if not self.stands(poses).all():
+            return False
+        body = self.body(self.motion.torso, NOTHING)
+        carrying = [body.spheres(s, self.motion.arm(s)) for s in self.held]
+        for base in poses if carrying else ():
+            around = self.around(base, touched=True)
+            if not all(((around.distance(p) - radii) > 0).all() for p, radii in carrying):
+                return False
+        return True
+
+    def around(self, base: Array, touched: bool) -> Obstacles:
+        """What is in the way and the floor in the frame of a base pose, with or without what the hand works on."""
+        return (self.everything if touched else self.rest).seen_from(kin.base(base))
+
+    @cached_property
+    def _standing(self) -> Obstacles:
+        return Together([self.obstacles, self.underfoot, Surroundings(self.touched)])
+
+    @cached_property
+    def everything(self) -> Obstacles:
+        """All that is in the way, what the hand works on and the floor too, in the world."""
+        return Together([self.obstacles, Surroundings([FLOOR, *self.touched])])
+
+    @cached_property
+    def rest(self) -> Obstacles:
+        """The same without what the hand works on."""
+        return Together([self.obstacles, Surroundings([FLOOR])])
+
+    def body(self, torso: Array, around: Obstacles, arms: Mapping[Side, Array] | None = None) -> Body:
+        """The robot in a posture, with what it holds."""
+        arms = arms or {s: self.motion.arm(s) for s in self.motion.robot.sides}
+        return Body(self.motion.robot, torso, arms, {s: h.load for s, h in self.held.items()}, around)
+
+    def stood(
+        self, torso: Array, around: Obstacles, arms: Mapping[Side, Array], first: Array | None = None
+    ) -> Standing | None:
+        """The body once the torso has moved there, the other hand level if it holds something; None if it cannot.
+
+        Args:
+            torso: (4,) where to.
+            around: What is in the way, in the base frame.
+            arms: Postures (7,) of the arms before.
+            first: T_base_tcp (4, 4) where the hand that works goes next: it may go there meanwhile, if what it holds is
+                not filled, as that may be on a slant.
+        """
+        body = self.body(self.motion.torso, around, arms)
+        now = {s: body.robot.tcp(body.torso, arms[s], s) for s in self.held}
+        stays = {s: arm_motion.stay(T) for s, T in now.items()}
+        # What the hands hold keeps its place while the torso moves, or rides along with it, or is brought out, or on.
+        ways, on = [stays], []
+        if self.side in self.held:
+            ways.append({s: path for s, path in stays.items() if s != self.side})
+            for turn, off in itertools.product(_OUT_RAD, _OUT_M):
+                R = matmul(kin.rot_z(turn), now[self.side][:3, :3])
+                out = kin.transform(R, now[self.side][:3, 3] + off * [1, SIGN[self.side], 1])
+                ways.append({**stays, self.side: arm_motion.glide(now[self.side], out)})
+            if first is not None and not self.held[self.side].laden:
+                on = [{**stays, self.side: arm_motion.glide(now[self.side], first, detour)} for detour in _ON_M]
+        for k, hands in enumerate(ways + on):
+            samples = 6 if k < 2 else 12
+            key: tuple[int | bytes, ...] = (k, torso.tobytes(), *(q.tobytes() for q in arms.values()))
+            if first is not None and k >= len(ways):
+                key += (first.tobytes(),)
+            if key not in self._swung:
+                self._swung[key] = arm_motion.swing(body, torso, hands, samples)
+            level = self._swung[key]
+            if level is not None and arm_motion.swings_clear(body, torso, level, samples):
+                after = {**arms, **{s: q[-1] for s, q in level.items()}}
+                return Standing(replace(body, torso=torso, arms=after), level)
+        return None
+
+    @cached_property
+    def _swung(self) -> dict[tuple[int | bytes, ...], dict[Side, list[Array]] | None]:
+        return {}  # by way and postures, once they are asked for: the body does the same at every base pose
+
+
+def _on_leg(start: Array, goal: Array, leaving: bool) -> Array:
+    """(n, 3) base poses on a straight leg that are worth a look; `leaving`: the first third is where it stands."""
+    turn = kin.wrap(goal[2] - start[2])
+    n = max(2, int(np.ceil(max(float(norm(goal[:2] - start[:2])) / 0.12, abs(float(turn)) / 0.3))))
+    shares = [u for u in np.linspace(0, 1, n + 1)[1:] if u > 0.3 or n == 2 or not leaving]
+    return np.stack([np.append(start[:2] + (goal[:2] - start[:2]) * u, start[2] + turn * u) for u in shares])
+
+
+def base_clear(robot: RobotModel, around: Obstacles) -> bool:
+    """Whether the base and the column above it keep clear of what is `around`, in the base frame."""
+    standing = robot.hull.standing
+    return bool((around.distance(standing[:, :3]) >= standing[:, 3]).all())

@@ -1,0 +1,452 @@
+"""What has been seen and felt: things, told apart by place, and what the hands hold of them.
+
+Things are known by phrase and number, such as "can of soda 1": a detector's masks carry no names, so which mask is
+which thing in the next picture is told by where it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from mpvi_bt.perception.detector import Detector, switch_of
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.collision import Obstacles, Surroundings
+from mpvi_bt.robot.linear_algebra import matmul, norm
+from mpvi_bt.robot.motion import MotionFailure
+from mpvi_bt.robot.protocol import EMPTY_M, SIDES, CameraImage, Proprioception, Side
+from mpvi_bt.robot.robots import robot_named
+from mpvi_bt.robot.solids import Array, Solid, bounds
+from mpvi_bt.robot.squeeze import squeezes
+from mpvi_bt.scene.deeds import Deeds
+from mpvi_bt.scene.frames import Frame, take
+from mpvi_bt.scene.in_hand import InHand, is_of
+from mpvi_bt.scene.remembered import Remembered
+from mpvi_bt.scene.several_views import fitted
+from mpvi_bt.scene.thing import Thing, apart, is_again, is_part
+from mpvi_bt.shapes.fit import fit
+from mpvi_bt.shapes.in_part import as_outside, in_part, shrunk
+from mpvi_bt.shapes.moving_parts import Door, to_and_behind
+from mpvi_bt.shapes.outlines import main_cluster
+from mpvi_bt.shapes.shape import Shape
+
+_KEPT = 20  # pictures remembered
+_MOVED = (0.01, 0.015)  # a base that has moved farther than this [m, rad] stands at another place
+_NEAR_M = 0.12  # a mask this near to where a thing was is that thing, from the same place
+_FAR_M = 0.30  # likewise after a drive
+_RECENT_M = 1.2  # of driving: what was seen before is still good enough to be fitted to what is seen now
+_SEEN_PX = 6  # a mask of fewer pixels is not looked at
+_THROUGH_M = 0.06  # where the depth is that much farther than the middle of a hollow thing, it is gone,
+_BEHIND_M = 0.01  # and that much farther than that of another,
+_NOISE_PER_M = 0.004  # and so much more for every square meter of range
+_PRESSED_M = 0.06  # what two hands press is this near to both of them
+_GRASPED_M = 0.06  # what a closing hand takes hold of is this near its tcp, by what was seen of it
+_SPANS = 0.8  # what is smaller than this share of the gap between the fingers is likely not what they hold
+_SET_DOWN_M = 0.03  # what is let go of no higher than that stays where it is
+_DEEPER_M = 0.1  # than it seems a vessel in hand may be
+_OUTER = 1.2  # what contains a thing covers that much more floor than it
+_BESIDE_M, _ABOVE_M = 0.025, 0.01  # points this near to a vessel and what is in it, and above its support, are theirs
+_RECENTERED_M = 0.04  # fingers that close shift what they take by less than this
+
+
+class Memory:
+    """What pictures and proprioception have told of things since the policy was last reset."""
+
+    def __init__(self, detector: Detector) -> None:
+        """See through `detector`."""
+        self._detector = detector
+        self._remembered = Remembered()
+        self._deeds = Deeds()
+        self._grip: dict[Side, tuple[str, Array]] = {}  # thing, and its motion's inverse at the grasp
+        self.forget(())
+
+    def forget(self, phrases: Iterable[str]) -> None:
+        """Begin anew, with no thing known; from now on look for `phrases`, of which no two mean the same things.
+
+        What a hand holds is known again once it is seen there.
+        """
+        for side, (name, _) in self._grip.items():
+            shape = self._shape(name).moved(kin.inverse(self._tcp(side)))
+            self._deeds.taken[side] = self._things[name].phrase, shape
+        self._phrases = tuple(dict.fromkeys(phrases))
+        self._asked = (*self._phrases, *map(switch_of, self._phrases))
+        self._frames: list[Frame] = []
+        self._things: dict[str, Thing] = {}
+        self._count: dict[str, int] = {}
+        self._grip = {}
+        self._shown: dict[Side, InHand] = {}  # what was first seen in a hand
+        self._both: tuple[str, Array] | None = None  # likewise between both hands, by the left one's motion
+        self._stand, self._stood, self._way_m = 0, np.full(3, np.inf), 0.0
+        self._felt: Proprioception | None = None
+        self._field: tuple[object, Obstacles] | None = None
+        self._fronts: dict[str, tuple[list[Frame], list[Door]]] = {}  # of furniture, as these pictures show it
+        self._bodies: dict[str, tuple[tuple[list[Frame], float], list[Solid]]] = {}  # likewise, seen down to so far
+        self._ajar: dict[str, list[tuple[Frame, Door]]] = {}  # likewise, where something was seen to stand open
+        self._others: dict[str, tuple[list[Frame | Shape], list[Solid]]] = {}  # in vessels, likewise
+        self._trusting, self._remembering = False, True
+        self._focus: Array | None = None  # what is worked on: obstacles are seen more finely around it
+
+    def feel(self, felt: Proprioception) -> None:
+        """Take in one step of proprioception: the base that moves, the hands that take and let go."""
+        moved = felt.base_pose - self._stood
+        if norm(moved[:2]) > _MOVED[0] or abs(kin.wrap(moved[2])) > _MOVED[1]:
+            if self._stand:
+                turned = robot_named(felt.robot).base.turn_m * abs(float(kin.wrap(moved[2])))
+                self._way_m += float(np.hypot(*moved[:2])) + turned
+            self._stand, self._stood = self._stand + 1, felt.base_pose.copy()
+        self._felt = felt
+        self._feel_hands(felt)
+
+    def _feel_hands(self, felt: Proprioception) -> None:
+        for side in felt.sides:
+            closed, gripped = felt.gripper_command[side] < -0.9, felt.holds(side)
+            if side in self._grip and not gripped:
+                self._release(side, dropped=felt.gripper_width[side] <= EMPTY_M)
+            elif closed and gripped and side not in self._grip:
+                self._grasp(side)
+            if not gripped:
+                self._deeds.empty(side)
+        if squeezes(felt) != (self._both is not None):
+            self._press()
+
+    def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:
+        """Take in pictures."""
+        self.feel(felt)
+        for image in images.values():
+            frame = take(image, felt, self._detector, self._asked, self._stand, self._way_m)
+            self._frames = [*self._frames, frame][-_KEPT:]
+            self._associate(frame)
+            if image.camera == "head":
+                self._remembered.see(frame.image, frame.measured & ~self._loose(frame))
+        before = set(self._grip)
+        self._feel_hands(felt)  # they may hold what has been seen only now
+        for side in [s for s in self._grip if s not in before]:
+            thing = self._things[self._grip[side][0]]
+            if not self._recognize(side, thing):
+                self._shown[side] = InHand(felt.gripper_width[side])
+            for frame, mask in thing.views:
+                self._regard(thing, frame, mask)
+            thing.views = []
+        for thing in self._things.values():  # what is seen in a vessel is in it
+            if thing.inside is None and thing.name not in self._held() and thing.shape.kind != "furniture":
+                vessels = [n for n, t in self._things.items() if t.shape.kind == "vessel" and self._holds(t, thing)]
+                if (vessel := next((n for n in vessels if self._lies_in(thing.shape, n)), None)) is not None:
+                    self._put(thing, vessel)
+
+    def _recognize(self, side: Side, thing: Thing) -> bool:
+        """Take what is seen in a hand for what that took under an earlier prompt, unless it looks otherwise now.
+
+        Vessels are shown anew: they swing by their rims and bails, and things are to fall into them.
+        """
+        phrase, shape = self._deeds.taken.get(side, ("", thing.shape))
+        now = shape.moved(self._tcp(side))
+        points = np.concatenate([np.empty((0, 3)), *(frame.of(mask) for frame, mask in thing.views)])
+        if phrase != thing.phrase or shape.kind == "vessel" or not is_of(points, now):
+            return False
+        thing.shape, self._grip[side] = now, (thing.name, kin.inverse(self._tcp(side)))
+        return True
+
+    def recognized(self, side: Side) -> bool:
+        """Whether what a hand holds is known from when it was taken, and need not be shown from all sides."""
+        return side in self._grip and side in self._deeds.taken and side not in self._shown
+
+    def _loose(self, frame: Frame) -> NDArray[np.bool_]:
+        """(H, W) bool: where a picture shows what was asked for, but for furniture: that stays where it is."""
+        fixed = [m for t in self._things.values() if t.shape.kind == "furniture" for f, m in t.views if f is frame]
+        named = np.any([np.zeros(frame.robot.shape, bool), *(s.mask for s in frame.detections)], axis=0)
+        return np.asarray(named & ~np.any([np.zeros(frame.robot.shape, bool), *fixed], axis=0))
+
+    def _holds(self, vessel: Thing, thing: Thing) -> bool:
+        """Whether a vessel is so much larger, seen from above, that a thing may be in it.
+
+        One basket may be known by two phrases of a prompt, as two things in one place: neither is in the other.
+        """
+        outer, inner = (float(np.prod(np.ptp(self._shape(t.name).box(), axis=0)[:2])) for t in (vessel, thing))
+        return vessel is not thing and outer > _OUTER * inner
+
+    def _tcp(self, side: Side) -> Array:
+        felt = self._felt
+        assert felt is not None
+        return matmul(kin.base(felt.base_pose), robot_named(felt.robot).tcp(felt.torso, felt.arm[side], side))
+
+    def _grasp(self, side: Side) -> None:
+        """The hand has closed on something: the nearest thing, which its fingers have brought between them.
+
+        What lies in a vessel may be nearer than its wall, but is too small to keep the fingers apart.
+        """
+        assert self._felt is not None
+        T, width = self._tcp(side), self._felt.gripper_width[side]
+        taken = {n for n, _ in self._grip.values()}
+        near = [
+            (bool(np.ptp(self._shape(n).box(), axis=0).max() < _SPANS * width), gap, n)
+            for n in self._things
+            if n not in taken
+            and self._things[n].shape.kind != "furniture"
+            and (gap := self._gap(n, T[:3, 3])) < _GRASPED_M
+        ]
+        if not near:
+            return
+        thing = self._things[min(near)[2]]
+        if thing.shape.kind != "vessel":
+            aside = float(bounds(s.moved(kin.inverse(T)) for s in thing.shape.solids).mean(0)[1])
+            if abs(aside) < _RECENTERED_M:
+                thing.shape = thing.shape.moved(kin.transform(np.eye(3), -aside * T[:3, 1]))
+        self._take_along(thing)
+        self._grip[side] = (thing.name, kin.inverse(T))
+        thing.inside = None  # its views stay: where it stood it stands no more
+        self._deeds.take(side, thing.phrase, thing.shape.box().mean(0), thing.shape.kind == "vessel")
+
+    def _take_along(self, vessel: Thing) -> None:
+        """What pictures show in a vessel that a hand takes is as good as a part of the robot: it goes along."""
+        if not (others := self._contents(vessel.name)):
+            return
+        solids = [*vessel.shape.solids, *others]
+        low, high = bounds(solids) + [[-_BESIDE_M], [_BESIDE_M]]
+        low[2] = vessel.shape.support_m + _ABOVE_M
+        around = Surroundings(solids)
+        for frame in self._frames:
+            rows, columns = np.nonzero(((frame.points > low) & (frame.points < high)).all(-1))
+            own = around.distance(frame.points[rows, columns]) < _BESIDE_M
+            frame.robot[rows[own], columns[own]] = True
+        self._remembered.forget(low, high)
+        self._field = None
+
+    def _gap(self, name: str, p_world: Array) -> float:
+        """Distance of a point (3,) to a thing [m]: to its shape, or to what is seen of it where that misses a part."""
+        views = [v for v in self._things[name].views if v[0].stand == self._stand]
+        seen = [norm(frame.of(mask) - p_world, axis=1) for frame, mask in views]
+        shape = float(Surroundings(self._shape(name).solids).distance(p_world[None])[0])
+        return min([shape, *(float(gaps.min()) for gaps in seen if len(gaps) >= _SEEN_PX)])
+
+    def _press(self) -> None:
+        """The hands have begun to press the nearest thing between them, or have ceased to."""
+        if self._both is not None:
+            thing = self._things[self._both[0]]
+            self._lay(thing.name)
+            self._deeds.lay(thing.phrase, thing.shape.box())
+            self._both = None
+            thing.views = []
+            return
+        hands = np.stack([self._tcp(side)[:3, 3] for side in SIDES])
+        gaps = {n: float(Surroundings(self._shape(n).solids).distance(hands).max()) for n in self._things}
+        nearest = min(gaps, key=gaps.__getitem__, default=None)
+        if nearest is not None and gaps[nearest] < _PRESSED_M:
+            self._both = (nearest, kin.inverse(self._tcp("left")))
+            self._things[nearest].inside = None
+            self._deeds.take_up(self._things[nearest].phrase, self._things[nearest].shape.box().mean(0))
+
+    def _release(self, side: Side, dropped: bool) -> None:
+        """The hand has let go: what it held is where it was held, or has fallen into what is below it."""
+        name, _ = self._grip[side]
+        thing = self._things[name]
+        self._lay(name)
+        del self._grip[side]
+        self._shown.pop(side, None)
+        thing.views = []
+        if not dropped:
+            self._fall(thing)
+        self._deeds.put_down(side, thing.phrase, self._shape(name).box(), dropped)
+
+    def _fall(self, thing: Thing) -> None:
+        """What was let go of falls into what is below it, if that is open there."""
+        middle = thing.shape.box().mean(0)
+        for other in self._things.values():
+            for volume in self.volumes(other.name) if other is not thing else ():
+                low, high = volume.aabb()
+                if ((middle[:2] > low[:2]) & (middle[:2] < high[:2])).all() and middle[2] > low[2]:
+                    fall = thing.shape.box()[0, 2] - low[2]
+                    thing.shape = thing.shape.moved(kin.transform(np.eye(3), (0.0, 0.0, -float(fall))))
+                    thing.stands = abs(fall) < _SET_DOWN_M
+                    self._put(thing, other.name)
+                    if other.shape.kind == "vessel":
+                        holders = [side for side, (held, _) in self._grip.items() if held == other.name]
+                        self._deeds.fill(thing.phrase, self._shape(other.name).box().mean(0), holders)
+                    return
+
+    def _put(self, thing: Thing, container: str) -> None:
+        """Take a thing, whose shape is known where it is now, to be in a container, and to be carried along with it."""
+        thing.inside = container
+        if (carried := self._carried(container)) is not None:
+            thing.shape = thing.shape.moved(kin.inverse(carried))
+
+    def _lay(self, name: str) -> None:
+        """Know a thing, and what is in it, where it is now: it is carried no more, or from now on otherwise."""
+        laid = {n: self._shape(n) for n, t in self._things.items() if name in (n, t.inside)}
+        for n, shape in laid.items():
+            self._things[n].shape = shape
+
+    def _known(self, name: str) -> Thing:
+        """A thing. Raises MotionFailure "lost_sight" if it is not where it was seen any more."""
+        if name not in self._things:
+            raise MotionFailure("lost_sight")
+        return self._things[name]
+
+    def _shape(self, name: str) -> Shape:
+        """A thing's shape now: what is in a hand moves with it."""
+        thing, carrier = self._known(name), name
+        if thing.inside is not None and thing.inside in self._held():
+            carrier = thing.inside
+        carried = self._carried(carrier)
+        return thing.shape if carried is None else thing.shape.moved(carried)
+
+    def _carried(self, name: str) -> Array | None:
+        """The motion (4, 4) of a thing since the robot took it; None if it does not hold it."""
+        if self._both is not None and self._both[0] == name:
+            return matmul(self._tcp("left"), self._both[1])
+        for side, (held, T_tcp_world) in self._grip.items():
+            if held == name:
+                return matmul(self._tcp(side), T_tcp_world)
+        return None
+
+    def volumes(self, name: str) -> Sequence[Solid]:
+        """The room inside a thing, as boxes or cylinders in the world."""
+        return self._shape(name).volumes
+
+    def _held(self) -> set[str]:
+        both = () if self._both is None else (self._both[0],)
+        return {*both, *(n for n, _ in self._grip.values())}
+
+    def _associate(self, frame: Frame) -> None:
+        """Tell which mask is which thing, by place; what should be seen and is not is gone."""
+        for phrase in dict.fromkeys(d.phrase for d in frame.detections if d.phrase in self._phrases):
+            masks = [d.mask for d in frame.detections if d.phrase == phrase]
+            seen = [(m, main_cluster(frame.of(m))) for m in masks]
+            seen = [(m, p) for m, p in seen if len(p) >= _SEEN_PX]
+            known = [t for t in self._things.values() if t.phrase == phrase]
+            # Of what was never whole in a picture the part that was: where is that now?
+            parts = {t.name: main_cluster(t.views[-1][0].of(t.views[-1][1])) for t in known
+                     if t.views and all(f.cut(m) for f, m in t.views)}  # fmt: skip
+            pairs = []
+            for i, (_, points) in enumerate(seen):
+                tree = cKDTree(points) if parts else None
+                for thing in known:
+                    shape = self._shape(thing.name)
+                    solids = shape.solids if shape.extent is None else [shape.extent]
+                    gap = float(np.median(Surroundings(solids).distance(points)))
+                    if tree is not None and thing.name in parts:
+                        gap = min(gap, apart(parts[thing.name], tree))
+                    fresh = bool(thing.views) and thing.views[-1][0].stand == frame.stand
+                    if gap < (_NEAR_M if fresh or thing.name in self._held() else _FAR_M):
+                        pairs.append((gap, i, thing.name))
+            done: set[object] = set()
+            for _, i, name in sorted(pairs):
+                if i not in done and name not in done:
+                    done |= {i, name}
+                    self._update(self._things[name], frame, seen[i][0])
+            for i, (mask, points) in enumerate(seen):
+                if i in done:
+                    continue
+                opened = [t for t in known if t.name not in done and self._opened(t, points)]
+                if opened:
+                    done.add(opened[0].name)
+                    self._update(opened[0], frame, mask)
+                else:
+                    self._discover(phrase, frame, mask, points)
+        for name in [n for n, t in self._things.items() if not (t.views and t.views[-1][0] is frame)]:
+            self._missed(name, frame)
+        for name in [n for n, t in self._things.items() if any(is_part(t, other) for other in self._things.values())]:
+            del self._things[name]
+        still = [t for t in self._things.values() if t.name not in self._held() and t.inside not in self._held()]
+        known = sorted(still, key=lambda t: -sum(f.image.camera == "head" for f, _ in t.views))
+        for k, thing in enumerate(known):
+            if (first := next((other for other in known[:k] if is_again(thing, other)), None)) is not None:
+                del self._things[thing.name]
+                for inner in (t for t in self._things.values() if t.inside == thing.name):
+                    inner.inside = first.name
+
+    def _opened(self, thing: Thing, points: Array) -> bool:
+        """Whether points (n, 3) may be those of a thing that was closed and of which a door stands open now.
+
+        Of what was known by its front alone, most of what shows then is far from that: its door, and what is behind.
+        """
+        rooms = [to_and_behind(door) for door in self.doors(thing.name)]
+        return bool(rooms) and float(np.median(Surroundings(rooms).distance(points))) < _NEAR_M
+
+    def doors(self, name: str) -> Sequence[Door]:
+        """What is known of a thing that opens."""
+        return ()
+
+    def _contents(self, name: str) -> Sequence[Solid]:
+        """What is seen in a vessel of things that nobody asked for."""
+        return ()
+
+    def _discover(self, phrase: str, frame: Frame, mask: NDArray[np.bool_], points: Array) -> None:
+        shape = fit(points, frame.points[frame.measured & ~mask], frame.eye)
+        if shape is not None:
+            self._count[phrase] = self._count.get(phrase, 0) + 1
+            name = f"{phrase} {self._count[phrase]}"
+            view = (frame, mask)
+            inner = [view] if shape.volumes else []
+            self._things[name] = Thing(name, phrase, shape, [view], inner, lowest_m=shape.support_m)
+
+    def _update(self, thing: Thing, frame: Frame, mask: NDArray[np.bool_]) -> None:
+        """See a thing again; what is in hand is known better by the hand."""
+        if thing.name in self._held():
+            self._regard(thing, frame, mask)
+            return
+        if thing.inside in self._held():  # it has come along: older views show where it was
+            thing.views = [(frame, mask)]
+            shape = fitted(thing.views, thing.shape.support_m)
+            if shape is not None and not self._lies_in(shape, str(thing.inside)):
+                thing.shape, thing.inside = shape, None
+            return
+        thing.views = [(f, m) for f, m in thing.views if frame.way_m - f.way_m < _RECENT_M][-5:]
+        thing.views.append((frame, mask))
+        here = [v for v in thing.views if v[0].stand == frame.stand]
+        shape = fitted(here, thing.shape.support_m)
+        if len(here) < len(thing.views) and (shape is None or shrunk(shape, thing.shape)):
+            shape = fitted(thing.views, thing.shape.support_m) or shape  # something hides a part of it now
+        if shape is not None:
+            thing.lowest_m = min(thing.lowest_m, shape.support_m)
+        if thing.shape.kind == "furniture" and (shape is None or in_part(shape, thing.shape)):
+            return  # from near only a part of it is in view
+        if thing.shape.kind == "vessel" and shape is not None and as_outside(shape, thing.shape):
+            return  # from low or far off only its outside is
+        if shape is not None:
+            thing.inner = here if shape.volumes else thing.inner
+            thing.shape, container, thing.inside = shape, thing.inside, None
+            if container is not None and self._lies_in(shape, container):
+                self._put(thing, container)
+
+    def _regard(self, thing: Thing, frame: Frame, mask: NDArray[np.bool_]) -> None:
+        """See what a hand holds: it is as good as a part of the robot; what was first seen there is seen better now."""
+        for side, (name, _) in self._grip.items():
+            if name == thing.name and side in self._shown:
+                T = self._tcp(side)
+                self._shown[side].add(frame, mask, T)
+                shape = self._shown[side].shape(T)
+                # the wall of a vessel, seen from outside, is no reason to take it for massive
+                if shape is not None and (shape.kind == "vessel" or thing.shape.kind != "vessel"):
+                    self._lay(name)
+                    thing.shape, self._grip[side] = shape, (name, kin.inverse(T))
+        frame.robot[:] |= ndimage.binary_dilation(mask, iterations=2)
+        self._field = None
+
+    def _missed(self, name: str, frame: Frame) -> None:
+        """Forget a thing where a picture shows what is behind it; what is hollow may be seen through to its floor."""
+        thing, held = self._things[name], self._held()
+        if name in held or thing.inside in held or thing.shape.extent is not None:
+            return
+        depths = frame.depth_at(self._shape(name).box().mean(0))
+        through = _THROUGH_M if thing.shape.volumes else _BEHIND_M
+        if depths is not None and depths[1] > depths[0] + through + _NOISE_PER_M * depths[0] ** 2:
+            del self._things[name]
+
+    def _lies_in(self, shape: Shape, container: str) -> bool:
+        """Whether what has a shape, where it is now, is in a container; how deep one in hand is may be out of view."""
+        if container not in self._things:  # it was forgotten, not what was in it
+            return False
+        middle, deeper = shape.box().mean(0), _DEEPER_M if container in self._held() else 0.0
+        for volume in self.volumes(container):
+            low, high = volume.aabb()
+            if (
+                (middle > low - [0.02, 0.02, 0.02 + deeper]).all()
+                and (middle[:2] < high[:2] + 0.02).all()
+                and middle[2] < high[2] + 0.06
+            ):
+                return True
+        return False

@@ -1,0 +1,123 @@
+"""The scene as the simulator knows it: what the privileged expert works with."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from mpvi_bt.goals.state import WorldState
+from mpvi_bt.robot.collision import Surroundings, carries
+from mpvi_bt.robot.linear_algebra import norm
+from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.scene.knowledge import KnowledgeBase
+from mpvi_bt.shapes.moving_parts import Bar, Door
+
+_ROOM_M = 2.5  # how far from the spot's neighborhood solids are looked for
+_GRID_M = 0.05
+_WALL_M = 0.01
+
+
+class Truth(WorldState, Protocol):
+    """Simulator truth; `Scene` says what its answers mean."""
+
+    def knowledge(self) -> KnowledgeBase:
+        """Where everything is now, what is carried or put away told apart."""
+        ...
+
+    def pose(self, name: str) -> Array:
+        """T_world_thing (4, 4)."""
+        ...
+
+    def handles(self, name: str) -> Sequence[Bar]:
+        """Bars to take hold of, in the world."""
+        ...
+
+    def doors(self, name: str) -> Sequence[Door]:
+        """Its parts that open."""
+        ...
+
+    def switches(self, name: str) -> Sequence[Array]:
+        """T_world_switch (4, 4) of each switch."""
+        ...
+
+    def holding(self, side: Side) -> str | None:
+        """The movable thing that the fingers of one hand hold between them."""
+        ...
+
+    def between(self) -> str | None:
+        """The movable thing that both hands hold between them, pressed from its sides."""
+        ...
+
+    def within(self, name: str) -> Sequence[str]:
+        """The movable things that lie in a thing's container volumes."""
+        ...
+
+    def obstacles(self, xy: Array, radius_m: float, without: Collection[str] = ()) -> list[Solid]:
+        """Solids in the world of everything but the robot that come within `radius_m` of a place on the floor (2,)."""
+        ...
+
+
+class TrueScene:
+    """The `Scene` of a simulator."""
+
+    def __init__(self, truth: Truth) -> None:
+        """Answer from `truth`."""
+        self.truth = truth
+        self.knowledge, self.pose = truth.knowledge, truth.pose
+        self.solids, self.volumes = truth.solids, truth.volumes
+        self.body = truth.solids
+        self.handles, self.doors, self.switches = truth.handles, truth.doors, truth.switches
+        self.holding, self.between, self.within = truth.holding, truth.between, truth.within
+
+    def laden(self, name: str) -> bool:
+        """As `Scene` says."""
+        return bool(self.within(name))
+
+    def is_on(self, name: str) -> bool:
+        """As `Scene` says."""
+        return self.truth.toggled_on(name)
+
+    def obstacles(
+        self, xy: Array, radius_m: float, without: Collection[str] = (), beside: str | None = None
+    ) -> Surroundings:
+        """As `Scene` says."""
+        left_out = without if beside is None else {*without, beside}
+        return Surroundings(self.truth.obstacles(xy, radius_m, left_out))
+
+    def spots(self, surface: str, radius_m: float, height_m: float, near: Array) -> list[Array]:
+        """As `Scene` says, on a grid of 5 cm about the middle of each face."""
+        own = self.truth.solids(surface)
+        faces = [s for s in own if s.kind != "sphere" and (s.aabb()[1] - s.aabb()[0])[:2].min() > 2 * radius_m]
+        held = {n for side in ("left", "right") if (n := self.truth.holding(side)) is not None}
+        carried = {m for n in held for m in (n, *self.truth.within(n))}
+        others = self.truth.obstacles(near, _ROOM_M, without={surface, *carried})
+        spots: list[Array] = []
+        for face in faces:
+            low, high = face.aabb()
+            level = high[2] + _WALL_M  # what rises through it is a wall of its own: a round one is nearer to its box
+            walls = [f for f in own if f is not face and f.aabb()[0, 2] < level < f.aabb()[1, 2]]
+            around = Surroundings(walls)
+            above = [s.aabb() for s in (*others, *(f for f in own if f is not face and f not in walls))]
+            blocking = [b for b in above if b[1, 2] > high[2] + 0.005 and b[0, 2] < high[2] + height_m]
+            lines = [_lines(a + radius_m, b - radius_m) for a, b in zip(low[:2], high[:2], strict=True)]
+            grid = np.stack(np.meshgrid(*lines, indexing="ij"), -1).reshape(-1, 2)
+            gaps = np.minimum.reduce([np.full(len(grid), 9.0), *(_aside(b, grid) for b in blocking)])
+            if walls:
+                gaps = np.minimum(gaps, around.distance(np.column_stack([grid, np.full(len(grid), level)])))
+            free = np.column_stack([grid, np.full(len(grid), high[2])])[gaps > radius_m]
+            spots += [spot for spot in free if carries(face, spot, radius_m)]
+        return sorted(spots, key=lambda s: float(norm(s[:2] - near)))
+
+
+def _lines(low: float, high: float) -> Array:
+    """Coordinates (n,) of grid lines in a range, as far from its one end as from the other."""
+    n = int((high - low + 1e-9) / _GRID_M)
+    return np.asarray((low + high) / 2 + _GRID_M * (np.arange(n + 1) - n / 2), float)
+
+
+def _aside(box: Array, at: Array) -> Array:
+    """(n,) distances [m], seen from above, of places (n, 2) to an axis-aligned box (2, 3)."""
+    return np.asarray(norm(np.maximum(np.maximum(box[0, :2] - at, at - box[1, :2]), 0), axis=1))

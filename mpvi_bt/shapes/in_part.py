@@ -1,0 +1,43 @@
+"""Whether what is seen now of a thing is but a part of what was known of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mpvi_bt.robot.solids import bounds
+from mpvi_bt.shapes.shape import Shape
+
+_TALLER = 1.3  # of two views of furniture, one so many times as tall as the other shows more of it
+_IN_VIEW = 0.5  # furniture of which less room is seen than that is only seen in part
+_SHRUNK = 0.9  # a thing that seems so much smaller than before is partly hidden
+_SAME_M = 0.015  # a vessel whose outside is seen that near to where it was stands there still
+
+
+def in_part(shape: Shape, before: Shape) -> bool:
+    """Whether only a part of furniture is seen now: nothing of its inside or, by its height or from above, less of it.
+
+    Who sees into it sees more than its outside, however large that is.
+    """
+    if bool(before.volumes) != bool(shape.volumes):
+        return bool(before.volumes)
+    now, then = (float(np.ptp(s.box()[:, 2])) for s in (shape, before))
+    # what a hand holds may hide most of the room in a sink
+    less = shrunk(shape, before) or (bool(shape.volumes) and _room(shape) < _IN_VIEW * _room(before))
+    return now * _TALLER < then or (now < then * _TALLER and less)
+
+
+def _room(shape: Shape) -> float:
+    """How much floor the room in a thing takes up [m^2]."""
+    return float(np.prod(np.ptp(bounds(shape.volumes), axis=0)[:2]))
+
+
+def as_outside(shape: Shape, vessel: Shape) -> bool:
+    """Whether a shape may be the outside of a vessel that stands where it stood: nothing hollow, and no larger."""
+    low, high = vessel.box()
+    now = shape.box()
+    return not shape.volumes and bool((now[0] > low - _SAME_M).all() and (now[1] < high + _SAME_M).all())
+
+
+def shrunk(shape: Shape, before: Shape) -> bool:
+    """Whether a thing seems so much smaller than before, seen from above, that it must be partly hidden."""
+    return bool((np.ptp(shape.box(), axis=0) < _SHRUNK * np.ptp(before.box(), axis=0))[:2].any())
