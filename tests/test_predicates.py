@@ -14,11 +14,13 @@ from hypothesis import strategies as st
 
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.goals import predicates
-from mpvi_bt.goals.formula import Literal
+from mpvi_bt.goals.formula import Literal, literals
 from mpvi_bt.goals.predicates import inside, nextto, ontop, open_, resting_on, touching, truth_in, under
-from mpvi_bt.goals.rays import contains, crosses, interval
+from mpvi_bt.goals.problem import load_problem
+from mpvi_bt.goals.rays import crosses, interval, within
 from mpvi_bt.robot.solids import Solid, box, pose
 from mpvi_bt.rules.heat import Heat, Thermal
+from mpvi_bt.suite.human import human_stats
 
 
 @dataclass
@@ -53,6 +55,9 @@ class Table:
 
     def covered(self, name: str, kind: str) -> bool:
         return (name, kind) in self.marks
+
+    def grains(self, kind: str) -> Sequence[str]:
+        return [name for name in self.things if name.startswith(f"{kind}_")]
 
     def heat(self, name: str) -> tuple[Heat, Thermal]:
         return self.heats.get(name, Heat()), Thermal(cooked_c=70.0)
@@ -362,6 +367,52 @@ def test_covered_is_about_a_substance_that_is_no_thing() -> None:
     assert not truth(Literal("covered", ("plate", "dust.n.01_1")))
 
 
+DICED = "diced__beet.n.01"
+BOWL = box((0, 0, 0.05), (0.1, 0.1, 0.1))  # a liter
+
+
+@pytest.mark.parametrize(
+    ("middles", "contained", "full"),
+    [
+        ([], False, False),
+        ([(0.0, 0.0, 0.02)], True, False),
+        ([(0.0, 0.0, 0.02), (0.3, 0.0, 0.02)], True, False),
+        ([(x, y, 0.02) for x in (-0.04, 0.0, 0.04) for y in (-0.02, 0.02)], True, True),
+    ],
+)
+def test_a_vessel_contains_one_grain_and_is_filled_by_a_fifth(
+    middles: list[tuple[float, float, float]], contained: bool, full: bool
+) -> None:
+    """Grains of 40 ml in a bowl of a liter, told by their middles; those beside it are not in it."""
+    side = 0.04 ** (1 / 3) / 10
+    grains = {f"{DICED}_{k}": [box(at, (side, side, side))] for k, at in enumerate(middles, 1)}
+    truth = truth_in(Table({"bowl": [BOWL], **grains}, hollow={"bowl": [BOWL]}))
+    assert truth(Literal("contains", ("bowl", f"{DICED}_1"))) is contained
+    assert truth(Literal("filled", ("bowl", f"{DICED}_1"))) is full
+    assert truth(Literal("real", (f"{DICED}_1",))) is bool(middles)
+    assert not truth(Literal("contains", ("bowl", "diced__onion.n.01_1")))
+
+
+def test_grains_cover_what_they_touch() -> None:
+    """As marks do that sit on a thing."""
+    state = Table({"dough": FLOOR, f"{DICED}_2": [BOWL]}, contacts={frozenset({"dough", f"{DICED}_2"})})
+    assert truth_in(state)(Literal("covered", ("dough", f"{DICED}_1")))
+    assert not truth_in(state)(Literal("covered", ("dough", "grated_cheese.n.01_1")))
+
+
+LEFT = {"attached"}  # what no rule judges yet
+
+
+def test_each_literal_of_the_fifty_goals_is_judged() -> None:
+    """Of things that do not exist each is false, and none is unknown; without wildcards' fixtures there are 386."""
+    truth = truth_in(Table({}))
+    asked = [literal for task in human_stats() for literal in literals(load_problem(task).goal)]
+    judged = [literal for literal in asked if literal.predicate not in LEFT]
+    assert not any(map(truth, judged))
+    assert {literal.predicate for literal in asked} - {*predicates.UNARY, *predicates.BINARY} == LEFT
+    assert (len(asked), len(judged)) == (386, 384)
+
+
 def test_names_are_bound_to_the_scene() -> None:
     """A floor's BDDL name stands for the floor of its room."""
     state = Table({"floor_kitchen": FLOOR, "can.n.01_1": can(0, 0, 0.06)})
@@ -413,8 +464,8 @@ def test_a_ray_is_in_a_solid_exactly_between_its_ends(solid: Solid, seed: int) -
     for t in rng.uniform(-6, 6, 20):
         if span is not None and min(abs(t - span[0]), abs(t - span[1])) < 1e-9:
             continue
-        within = span is not None and span[0] < t < span[1]
-        assert contains(solid, start + t * direction) == within
+        between = span is not None and span[0] < t < span[1]
+        assert within(solid, start + t * direction) == between
 
 
 @given(solids(), st.integers(0, 2**32))

@@ -202,7 +202,7 @@ def test_a_mount_breaks_under_too_much(row: dict[str, Any]) -> None:
 def test_a_vessel_is_filled_by_a_fifth_of_its_volume(row: dict[str, Any]) -> None:
     """And contains what one grain of is in it."""
     assert contains(row["grains"]) is row["contains"]
-    assert filled(row["grains"], row["radius_m"], row["volume_m3"]) is row["filled"]
+    assert filled(row["grains"] * (2 * row["radius_m"]) ** 3, row["volume_m3"]) is row["filled"]
 
 
 @pytest.mark.parametrize("row", cases("grains", "popped"))

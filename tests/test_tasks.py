@@ -28,7 +28,7 @@ def test_every_shipped_task_loads_and_is_bound(name: str) -> None:
     """Each movable of its problem has a catalogue entry, and its budget is positive."""
     task = load_task(name)
     problem = load_problem(task.problem)
-    assert {problem.objects[o] for o in problem.movables} == set(task.bindings)
+    assert {problem.objects[o] for o in problem.bound} == set(task.bindings)
     assert task.budget_s > 0
 
 
@@ -94,6 +94,31 @@ def test_what_is_wrong_with_a_tasks_own_problem_is_said_of_the_problem(
     assert [(p.code, p.file) for p in caught.value.problems] == [("missing-room", str(file))]
     file.write_text(text)
     assert load_task("mine").budget_s == 60
+
+
+@pytest.mark.parametrize(
+    ("goal", "words"),
+    [
+        ("(real half__log.n.01_1)", "no rule makes real(half__log.n.01_1): of the things come no others"),
+        ("(contains ashcan.n.01_1 half__log.n.01_1)", "none of the things becomes half__log.n.01"),
+    ],
+)
+def test_what_nothing_makes_is_told_by_check(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, goal: str, words: str
+) -> None:
+    """A goal for what does not exist yet is told of where none of the bound things may become it."""
+    (tmp_path / "tasks" / "problems").mkdir(parents=True)
+    text = activities()["picking_up_trash"].read_text()
+    text = text.replace("(:objects", "(:objects\n half__log.n.01_1 - half__log.n.01")
+    text = text.replace("(:init", "(:init\n (future half__log.n.01_1)")
+    text = text.replace("(inside ?can__of__soda.n.01 ?ashcan.n.01_1)", goal)
+    (tmp_path / "tasks" / "problems" / "mine.bddl").write_text(text)
+    task = TASK.replace("problem: picking_up_trash", "problem: mine\ntime_budget_s: 60")
+    (tmp_path / "tasks" / "mine.yaml").write_text(task)
+    monkeypatch.setenv("MPVI_PATH", str(tmp_path))
+    with pytest.raises(FileProblems) as caught:
+        load_task("mine")
+    assert [words in problem.message for problem in caught.value.problems] == [True], caught.value
 
 
 @pytest.mark.parametrize(

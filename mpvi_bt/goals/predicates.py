@@ -11,10 +11,11 @@ import numpy as np
 
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.goals.formula import OF_SUBSTANCE, Literal, Truth
-from mpvi_bt.goals.rays import contains, crosses, interval
+from mpvi_bt.goals.rays import crosses, interval, within
 from mpvi_bt.goals.state import WorldState, aabb
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.rules import grains as rule
 from mpvi_bt.rules import heat
 
 RAY_M = 5.0
@@ -30,7 +31,7 @@ def inside(state: WorldState, a: str, b: str) -> bool:
     middle, box = aabb(state, a).mean(0), aabb(state, b)
     if not np.all((box[0] <= middle) & (middle <= box[1])):
         return False
-    return any(contains(volume, middle) for volume in state.volumes(b))
+    return any(within(volume, middle) for volume in state.volumes(b))
 
 
 def touching(state: WorldState, a: str, b: str) -> bool:
@@ -97,8 +98,37 @@ def on_fire(state: WorldState, a: str) -> bool:
 
 
 def covered(state: WorldState, a: str, b: str) -> bool:
-    """There is at least one mark of a substance on it."""
-    return state.covered(a, b.rpartition("_")[0])
+    """There is at least one mark of a substance on it, or one of its grains touches it."""
+    kind = kind_of(b)
+    return state.covered(a, kind) or any(state.touching(a, grain) for grain in state.grains(kind))
+
+
+def real(state: WorldState, a: str) -> bool:
+    """It is there: things may be cut up or made. Of a substance any grain will do."""
+    return state.exists(a) or bool(state.grains(kind_of(a)))
+
+
+def contains(state: WorldState, a: str, b: str) -> bool:
+    """At least one grain of a substance has its middle in one of a's container volumes."""
+    return bool(grains_in(state, a, b))
+
+
+def filled(state: WorldState, a: str, b: str) -> bool:
+    """The grains of a substance in a take up more than a fifth of its container volumes."""
+    taken = [solid for grain in grains_in(state, a, b) for solid in state.solids(grain)]
+    return rule.filled(rule.space_m3(taken), rule.space_m3(state.volumes(a)))
+
+
+def grains_in(state: WorldState, a: str, b: str) -> list[str]:
+    """The grains of a substance, such as "diced__beet.n.01_1", that a thing contains."""
+    volumes = state.volumes(a)
+    middles = {grain: aabb(state, grain).mean(0) for grain in (state.grains(kind_of(b)) if volumes else ())}
+    return [grain for grain, middle in middles.items() if any(within(volume, middle) for volume in volumes)]
+
+
+def kind_of(name: str) -> str:
+    """The synset of a BDDL name: what a substance's instance stands for."""
+    return name.rpartition("_")[0]
 
 
 Unary = Callable[[WorldState, str], bool]
@@ -112,6 +142,7 @@ UNARY: Mapping[str, Unary] = {
     "frozen": frozen,
     "hot": hot,
     "on_fire": on_fire,
+    "real": real,
 }
 BINARY: Mapping[str, Binary] = {
     "inside": inside,
@@ -120,6 +151,8 @@ BINARY: Mapping[str, Binary] = {
     "nextto": nextto,
     "touching": touching,
     "covered": covered,
+    "contains": contains,
+    "filled": filled,
 }
 
 
@@ -147,7 +180,8 @@ def truth_in(state: WorldState, names: Mapping[str, str] | None = None) -> Truth
     def truth(literal: Literal) -> bool:
         check_known(literal)
         args = [bound.get(arg, arg) for arg in literal.args]
-        if not all(map(state.exists, args[:1] if literal.predicate in OF_SUBSTANCE else args)):
+        asked = () if literal.predicate == "real" else args[:1] if literal.predicate in OF_SUBSTANCE else args
+        if not all(map(state.exists, asked)):
             return False
         if len(args) == 1:
             return UNARY[literal.predicate](state, args[0])

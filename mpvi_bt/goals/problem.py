@@ -100,6 +100,17 @@ class Problem:
         others = {*self.rooms, *self.future, *self.substances}
         return tuple(o for o, s in self.objects.items() if s != AGENT and o not in others)
 
+    @property
+    def poured(self) -> dict[str, str]:
+        """Substance to the vessel that :init has filled with it, such as popcorn in a bag."""
+        facts = (fact for fact in self.init if fact.positive and fact.literal.predicate == "filled")
+        return {fact.literal.args[1]: fact.literal.args[0] for fact in facts}
+
+    @property
+    def bound(self) -> tuple[str, ...]:
+        """Objects that a task has to say the looks of: movables, and the substances that vessels are filled with."""
+        return (*self.movables, *self.poured)
+
     @cached_property
     def substances(self) -> frozenset[str]:
         """What things are covered by, filled with or a source of, such as dust: no things themselves."""

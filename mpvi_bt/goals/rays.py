@@ -42,7 +42,7 @@ def crosses(solids: Iterable[Solid], start: Array, direction: Array, length_m: f
     return False
 
 
-def contains(solid: Solid, point: Array) -> bool:
+def within(solid: Solid, point: Array) -> bool:
     """Whether the (3,) point is in the solid, its surface included."""
     local = np.abs(matmul(solid.T[:3, :3].T, point - solid.T[:3, 3]))
     if solid.kind == "sphere":

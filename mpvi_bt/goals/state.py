@@ -44,6 +44,10 @@ class WorldState(Protocol):
         """Whether there are marks of a kind on the thing, such as "dust.n.01"."""
         ...
 
+    def grains(self, kind: str) -> Sequence[str]:
+        """Names of the grains of a substance that there are, such as "diced__beet.n.01"; each is a thing, too."""
+        ...
+
     def heat(self, name: str) -> tuple[Heat, Thermal]:
         """How warm the thing is, and what heat does to it."""
         ...

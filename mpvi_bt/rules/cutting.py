@@ -33,10 +33,12 @@ class Cuttable:
     Attributes:
         half: The kind of its two halves, or None.
         diced: The kind of its dice, or None.
+        dice: How many dice it becomes.
     """
 
     half: str | None = None
     diced: str | None = None
+    dice: int = 2
 
 
 def cut(slicer: Slicer, kind: Cuttable) -> Cut | None:

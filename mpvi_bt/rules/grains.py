@@ -5,7 +5,13 @@ Source: OmniGibson, object_states/contains.py and filled.py.
 
 from __future__ import annotations
 
-FILLED = 0.2  # of a vessel's volume, each grain counted as the cube about it
+from collections.abc import Iterable
+
+import numpy as np
+
+from mpvi_bt.robot.solids import Solid
+
+FILLED = 0.2  # of a vessel's volume
 
 
 def contains(grains: int) -> bool:
@@ -13,11 +19,11 @@ def contains(grains: int) -> bool:
     return grains > 0
 
 
-def share(grains: int, radius_m: float, volume_m3: float) -> float:
-    """How much of a vessel's volume grains of a radius take, each as the cube about it."""
-    return grains * (2 * radius_m) ** 3 / volume_m3
+def filled(grains_m3: float, volume_m3: float) -> bool:
+    """Whether a vessel of a volume is filled with a kind; each grain counts as the cube about it."""
+    return grains_m3 > FILLED * volume_m3
 
 
-def filled(grains: int, radius_m: float, volume_m3: float) -> bool:
-    """Whether a vessel is filled with a kind."""
-    return share(grains, radius_m, volume_m3) > FILLED
+def space_m3(solids: Iterable[Solid]) -> float:
+    """What solids take up [m^3], such as those of a grain or the volumes of a vessel; a sphere as the cube about it."""
+    return sum(float(np.prod(2 * s.half_m)) * (np.pi / 4 if s.kind == "cylinder" else 1.0) for s in solids)

@@ -16,12 +16,14 @@ from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, Problem, UnknownName, UserError
 from mpvi_bt.goals.vocabulary import abilities, behavior, unknown_synset
 from mpvi_bt.marked_yaml import Location, Marks, Record, load_marked, validate_data
+from mpvi_bt.rules.cutting import Cuttable
 from mpvi_bt.rules.heat import APPLIANCE_PER_S, FREEZES_C, HEATED_C, Placing, Source, Thermal
 from mpvi_bt.scene.knowledge import normalize
 from mpvi_bt.sim.description import Description
 from mpvi_bt.sim.families import FAMILIES, describe, parameters
 
 FOLDER = "tasks/catalogues"
+SUBSTANCE = "macroPhysicalSubstance"  # the ability of what is grains: diced food, popcorn
 Synset = Annotated[str, StringConstraints(pattern=r"^\S+\.[nvasr]\.\d\d$")]
 
 
@@ -47,6 +49,14 @@ class SourceFile(Record):
     shut: bool = False
 
 
+class CutFile(Record):
+    """What cutting makes of it, entries of the catalogue, as it stands in the file."""
+
+    half: str | None = None
+    diced: str | None = None
+    dice: Annotated[int, Field(ge=1, le=12)] = 2
+
+
 class EntryFile(Record):
     """An entry as it stands in the file."""
 
@@ -62,6 +72,8 @@ class EntryFile(Record):
     heat: HeatFile | None = None
     source: SourceFile | None = None
     washes: dict[Synset, tuple[Synset, ...]] | None = None
+    cut: CutFile | None = None
+    cooks_to: str | None = None
 
 
 class CatalogueFile(Record):
@@ -90,6 +102,8 @@ class Entry:
         source: What it warms or cools things with, such as a fridge; None: nothing.
         washes: Kinds of marks that it takes off what is in it as it begins to run, each with the solvents of which one
             is needed; None: it is no washer.
+        cut: What cutting makes of it, as names of entries; None: it cannot be cut.
+        cooks_to: What grains of it become in a hot vessel; None: nothing.
     """
 
     name: str
@@ -105,11 +119,20 @@ class Entry:
     heat: Thermal | None = None
     source: Source | None = None
     washes: Mapping[str, tuple[str, ...]] | None = None
+    cut: Cuttable | None = None
+    cooks_to: str | None = None
 
     @cached_property
     def description(self) -> Description:
         """What it is made of."""
         return describe(self.family, self.shape)
+
+    @property
+    def becomes(self) -> list[tuple[str, int]]:
+        """Names of the entries that one step makes of it, and how many of each."""
+        cut = self.cut or Cuttable()
+        made = ((cut.half, 2), (cut.diced, cut.dice), (self.cooks_to, 1))
+        return [(name, number) for name, number in made if name is not None]
 
     def reshaped(self, changes: Mapping[str, Any]) -> Entry:
         """The same kind of thing with other dimensions or colors."""
@@ -176,10 +199,13 @@ def check_catalogue(data: Any, marks: Marks) -> Catalogue:
         problems += shape_problems(marks, (*place, "shape"), given.family, shape)
         words = re.sub(r"[_\W]+", " ", given.synset.rsplit(".", 2)[0])
         phrases = dict.fromkeys(normalize(p) for p in (*given.phrases, words, name))
-        fields = given.model_dump(exclude={"phrases", "shape", "heat", "source"})
+        fields = given.model_dump(exclude={"phrases", "shape", "heat", "source", "cut"})
         heat = None if given.heat is None else Thermal(**given.heat.model_dump())
         source = None if given.source is None else Source(**given.source.model_dump())
-        entry = Entry(name=name, phrases=tuple(phrases), shape=shape, heat=heat, source=source, **fields)
+        cut = None if given.cut is None else Cuttable(**given.cut.model_dump())
+        entry = Entry(
+            name=name, phrases=tuple(phrases), shape=shape, heat=heat, source=source, cut=cut, **fields
+        )  # fmt: skip
         entries[name] = entry
         if source is not None and not problems:
             problems += _source_problems(entry, source, place, marks)

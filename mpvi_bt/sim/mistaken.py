@@ -38,7 +38,7 @@ class MistakenTruth:
         self._held: tuple[int, set[str]] | None = None
         self.exists, self.touching = world.exists, world.touching
         self.joint_fractions, self.toggled_on, self.heat = world.joint_fractions, world.toggled_on, world.heat
-        self.covered = world.covered
+        self.covered, self.grains = world.covered, world.grains
         self.holding, self.between, self.within = world.holding, world.between, world.within
 
     def pose(self, name: str) -> Array:

@@ -9,11 +9,14 @@ import numpy as np
 
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.goals.formula import Literal
+from mpvi_bt.goals.predicates import kind_of
 from mpvi_bt.goals.problem import Fact, Problem
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.rules.grains import FILLED, space_m3
 from mpvi_bt.sim.arranging import Arrangement
 from mpvi_bt.sim.boards import Shape
 from mpvi_bt.sim.catalogue import Catalogue, Entry
+from mpvi_bt.sim.future import future
 from mpvi_bt.sim.house import House
 from mpvi_bt.sim.start_facts import asked_for, scene_names
 from mpvi_bt.sim.world import Placement
@@ -34,6 +37,7 @@ class Start:
         openings: Name in the world of each thing that is not closed to how far its joints are open, 0 to 1, by body.
         on: Names in the world of the things that are turned on.
         marks: Names in the world of what is marked, each with a kind of marks, such as "dust.n.01".
+        future: What may come to be of the objects, by its name in the world.
     """
 
     objects: Mapping[str, Placement]
@@ -42,6 +46,7 @@ class Start:
     openings: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     on: tuple[str, ...] = ()
     marks: tuple[tuple[str, str], ...] = ()
+    future: Mapping[str, Entry] = field(default_factory=dict)
 
 
 def marks_of(problem: Problem, names: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
@@ -72,6 +77,10 @@ def sample(
     """
     names, wanted = asked_for(house, problem)
     entries = {n: _bound(problem, catalogue, bindings, n) for things in wanted.values() for n in things}
+    for substance, vessel in problem.poured.items():
+        grains = _grains(substance, entries[substance], entries[vessel])
+        wanted["inside", vessel] += grains[1:]
+        entries |= dict.fromkeys(grains, entries[substance])
     openings = _openings(house, problem, names, entries)
     shapes = {name: Shape(entry, openings.get(name, {})) for name, entry in entries.items()}
     opened = {names.get(name, name): bodies for name, bodies in openings.items()}
@@ -91,7 +100,15 @@ def sample(
         openings=opened,
         on=tuple(names.get(f.literal.args[0], f.literal.args[0]) for f in _facts(problem, "toggled_on") if f.positive),
         marks=marks_of(problem, names),
+        future=future(catalogue, {name: put.shape.entry for name, put in arrangement.done.items()}),
     )
+
+
+def _grains(substance: str, entry: Entry, vessel: Entry) -> list[str]:
+    """Names of as many grains of a substance, whose first one has its name, as fill a vessel."""
+    each = space_m3(entry.description.solids())
+    enough = int(FILLED * space_m3(vessel.description.root.volumes) / each) + 1
+    return [f"{kind_of(substance)}_{number}" for number in range(1, enough + 1)]
 
 
 def _facts(problem: Problem, predicate: str) -> list[Fact]:

@@ -70,10 +70,15 @@ def _groups(problem: Problem, names: Mapping[str, str]) -> Groups:
     groups: Groups = {}
     for fact in problem.init:
         literal = fact.literal
-        if literal.predicate in ("inroom", *STATES, *OF_HEAT) or problem.objects.get(literal.args[0]) == AGENT:
+        if (
+            literal.predicate in ("inroom", "future", *STATES, *OF_HEAT)
+            or problem.objects.get(literal.args[0]) == AGENT
+        ):
             continue
+        if literal.predicate == "filled" and fact.positive:
+            literal = Literal("inside", (literal.args[1], literal.args[0]))
         if literal.predicate not in PLACES or not fact.positive:
-            known = ", ".join((*PLACES, *STATES))
+            known = ", ".join((*PLACES, "filled", *STATES))
             raise UserError(f"{problem.name}: a start with {literal} cannot be sampled yet; known: {known}")
         groups.setdefault((literal.predicate, literal.args[1]), []).append(literal.args[0])
     ordered: Groups = {}

@@ -23,7 +23,7 @@ from mpvi_bt.sim.assisted import Attachments
 from mpvi_bt.sim.builder import Thing, build_house, build_object
 from mpvi_bt.sim.bumps import Bumps
 from mpvi_bt.sim.cameras import Cameras
-from mpvi_bt.sim.catalogue import Entry
+from mpvi_bt.sim.catalogue import SUBSTANCE, Entry
 from mpvi_bt.sim.description import Handle
 from mpvi_bt.sim.holding import TOUCHING_M, Holding
 from mpvi_bt.sim.house import House
@@ -105,6 +105,10 @@ class World:
         sources = {n: e.source for n, e in entries.items() if e.source is not None}
         self._temperatures = Temperatures(kinds, sources)
         self._marking = Marking({n: e.washes for n, e in entries.items() if e.washes is not None})
+        self._grains: dict[str, list[str]] = {}
+        for name, placement in objects.items():
+            if SUBSTANCE in placement.entry.abilities:
+                self._grains.setdefault(placement.entry.synset, []).append(name)
         self._holding = Holding(self._scene, self.robot, self._objects, self._things)
         phrases = {n: p.entry.phrases for n, p in objects.items()}
         self._whereabouts = Whereabouts(house, self._fixtures, self._objects, phrases, self._holding)
@@ -321,6 +325,10 @@ class World:
     def covered(self, name: str, kind: str) -> bool:
         """Whether there are marks of a kind on it."""
         return self._marking.covered(name, kind)
+
+    def grains(self, kind: str) -> Sequence[str]:
+        """Names of the grains of a substance that there are."""
+        return [name for name in self._grains.get(kind, ()) if name in self._objects]
 
     def heat(self, name: str) -> tuple[Heat, Thermal]:
         """How warm it is, and what heat does to it."""

@@ -17,11 +17,13 @@ from pydantic import ValidationError
 
 from mpvi_bt import paths
 from mpvi_bt.errors import MpviError
+from mpvi_bt.goals.predicates import kind_of
 from mpvi_bt.goals.problem import Problem
 from mpvi_bt.marked_yaml import Record
 from mpvi_bt.sim import arranging, boards, ground, sampling
 from mpvi_bt.sim.catalogue import Catalogue
 from mpvi_bt.sim.description import Description
+from mpvi_bt.sim.future import future
 from mpvi_bt.sim.house import House
 from mpvi_bt.sim.sampling import Start, marks_of, scene_names
 from mpvi_bt.sim.world import Placement
@@ -111,17 +113,16 @@ class StartCache:
         """Raises ValueError if it is not of this problem."""
         poses = {name: np.array(T, float) for name, T in kept.objects.items()}
         fit = all(T.shape == (16,) and (np.abs(T) < _FARTHEST_M).all() for T in poses.values())
-        if kept.start != FORMAT or set(poses) != set(self._problem.movables) or not fit:
+        more = {kind_of(name) for name in poses.keys() - set(self._problem.bound)}
+        others = more - {kind_of(substance) for substance in self._problem.poured}
+        if kept.start != FORMAT or not poses.keys() >= set(self._problem.bound) or others or not fit:
             raise ValueError("a start of another problem")
-        objects = {
-            name: Placement(
-                self._catalogue[self._task.bindings[self._problem.objects[name]]], poses[name].reshape(4, 4)
-            )
-            for name in kept.objects
-        }
+        entries = {name: self._catalogue[self._task.bindings[kind_of(name)]] for name in kept.objects}
+        objects = {name: Placement(entry, poses[name].reshape(4, 4)) for name, entry in entries.items()}
         names = scene_names(self._house, self._problem)
         marks = marks_of(self._problem, names)
-        return Start(objects, np.array(kept.base_pose), names, kept.openings, kept.on, marks)
+        later = future(self._catalogue, entries)
+        return Start(objects, np.array(kept.base_pose), names, kept.openings, kept.on, marks, later)
 
 
 def _geometry(house: House, catalogue: Catalogue, task: Task) -> Iterator[bytes]:

@@ -12,11 +12,12 @@ from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, UnknownName, UserError
 from mpvi_bt.errors import Problem as FileProblem
 from mpvi_bt.file_kinds import expect
-from mpvi_bt.goals.formula import Literal, literals
+from mpvi_bt.goals.formula import Literal, literals, signed
 from mpvi_bt.goals.predicates import OF_HEAT, check_known
 from mpvi_bt.goals.problem import Problem, activities, load_problem
 from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
-from mpvi_bt.sim.catalogue import Catalogue, load_catalogue
+from mpvi_bt.sim.catalogue import SUBSTANCE, Catalogue, load_catalogue
+from mpvi_bt.sim.future import future
 from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.start_facts import asked_for, with_all
 from mpvi_bt.suite.config import EpisodeConfig
@@ -193,7 +194,7 @@ def _check_names(task: Task, marks: Marks) -> list[FileProblem]:
 
 def _check_bindings(task: Task, problem: Problem, catalogue: Catalogue, marks: Marks) -> list[FileProblem]:
     """Every movable object's synset, and nothing else, is bound, each to an entry of that synset."""
-    wanted = {problem.objects[name] for name in problem.movables}
+    wanted = {problem.objects[name] for name in problem.bound}
     problems = []
     for synset, name in task.bindings.items():
         place = ("bindings", synset)
@@ -223,6 +224,7 @@ def _check_playable(task: Task, problem: Problem, marks: Marks) -> list[FileProb
             check_known(literal)
             if literal.predicate in OF_HEAT:
                 _check_heat(literal, task, problem)
+        _check_made(task, problem)
     except UserError as error:
         return [marks.problem(("problem",), "unplayable", f"{what}: {error}")]
     return []
@@ -239,6 +241,24 @@ def _check_heat(literal: Literal, task: Task, problem: Problem) -> None:
     field, value = needed.get(literal.predicate, ("", 0.0))
     if value is None:
         raise UserError(f"no rule makes {literal}: {entry.name!r} has no heat: {{{field}: ...}}")
+
+
+def _check_made(task: Task, problem: Problem) -> None:
+    """Raise UserError where the goal wants a thing, or grains of a substance, that is not there and no rule makes."""
+    catalogue = load_catalogue()
+    bound = {name: catalogue.entries.get(task.bindings.get(problem.objects[name], "")) for name in problem.bound}
+    there = {name: entry for name, entry in bound.items() if entry is not None}
+    made = future(catalogue, there)
+    kinds = {entry.synset for entry in (*there.values(), *made.values()) if SUBSTANCE in entry.abilities}
+    for literal, positive in signed(problem.goal):
+        if not positive or literal.predicate not in ("real", "contains", "filled"):
+            continue
+        wanted = literal.args[-1]
+        if wanted in problem.substances:
+            if problem.objects[wanted] not in kinds:
+                raise UserError(f"no rule makes {literal}: none of the things becomes {problem.objects[wanted]}")
+        elif wanted in problem.future and wanted not in made:
+            raise UserError(f"no rule makes {literal}: of the things come {', '.join(made) or 'no others'}")
 
 
 @lru_cache(maxsize=4)

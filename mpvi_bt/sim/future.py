@@ -1,0 +1,42 @@
+"""What may come to be of the things of a start: halves and dice of what can be cut, cooked grains, what is baked."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+
+from mpvi_bt.errors import UserError
+from mpvi_bt.sim.catalogue import Catalogue, Entry
+
+_DEEPEST = 5  # steps from a thing to what becomes of it; more is a circle, such as a half that is cut into wholes
+
+
+def future(catalogue: Catalogue, entries: Mapping[str, Entry]) -> dict[str, Entry]:
+    """Everything that may come to be of things, under the names that it will have: its synset and a number each.
+
+    Args:
+        catalogue: What entries name.
+        entries: Of the things that there are, by name.
+
+    Raises:
+        UnknownName: An entry is to become what the catalogue does not have.
+        UserError: What becomes of an entry becomes that entry.
+    """
+    made = [into for entry in entries.values() for into in _becomes(catalogue, entry)]
+    count: Counter[str] = Counter(entry.synset for entry in entries.values())
+    out = {}
+    for entry in made:
+        count[entry.synset] += 1
+        out[f"{entry.synset}_{count[entry.synset]}"] = entry
+    return out
+
+
+def _becomes(catalogue: Catalogue, entry: Entry, depth: int = 0) -> Iterator[Entry]:
+    """All that one thing may become, step by step, each as often as there may be of it."""
+    if depth > _DEEPEST:
+        raise UserError(f"{entry.name!r} becomes of itself: cutting and cooking lead nowhere")
+    for name, number in entry.becomes:
+        into = catalogue[name]
+        for _ in range(number):
+            yield into
+            yield from _becomes(catalogue, into, depth + 1)

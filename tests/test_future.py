@@ -1,0 +1,34 @@
+"""What may come to be of things, by the catalogue."""
+
+from __future__ import annotations
+
+import pytest
+
+from mpvi_bt.errors import UnknownName, UserError
+from mpvi_bt.rules.cutting import Cuttable
+from mpvi_bt.sim.catalogue import Catalogue, Entry
+from mpvi_bt.sim.future import future
+
+
+def entry(name: str, half: str | None = None, diced: str | None = None, cooks_to: str | None = None) -> Entry:
+    """An entry that becomes others."""
+    return Entry(name, f"{name}.n.01", (), "compound", {}, cut=Cuttable(half, diced), cooks_to=cooks_to)
+
+
+def test_a_whole_may_become_two_halves_and_the_dice_of_each() -> None:
+    """Numbered by kind over all things, after those that there are; with what dice become in a hot pan."""
+    kinds = [entry("beet", half="half"), entry("half", diced="dice"), entry("dice", cooks_to="fried"), entry("fried")]
+    catalogue = Catalogue({kind.name: kind for kind in kinds})
+    made = future(catalogue, {"a": catalogue["beet"], "b": catalogue["half"]})
+    assert sorted(made) == sorted(
+        [f"half.n.01_{k}" for k in (2, 3)] + [f"{kind}.n.01_{k}" for kind in ("dice", "fried") for k in range(1, 7)]
+    )
+    assert made["half.n.01_3"] is catalogue["half"]
+
+
+def test_what_becomes_of_itself_or_of_nothing_known_is_told() -> None:
+    """By the entry's name."""
+    with pytest.raises(UserError, match="'a' becomes of itself"):
+        future(Catalogue({"a": entry("a", half="a")}), {"x": entry("a", half="a")})
+    with pytest.raises(UnknownName, match="unknown catalogue entry 'b'"):
+        future(Catalogue({}), {"x": entry("a", half="b")})
