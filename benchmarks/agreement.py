@@ -28,8 +28,8 @@ from unittest import mock
 from mpvi_bt.goals.evaluate import judge, snapshot
 from mpvi_bt.goals.formula import Literal
 from mpvi_bt.goals.problem import Problem, activities, load_problem
-from mpvi_bt.sim.house import load_house
-from mpvi_bt.suite.human import human_stats
+from mpvi_bt.house.house import load_house
+from mpvi_bt.instances.human import human_stats
 
 MAX_OPTIONS = 20_000  # that are listed together
 ASSIGNMENTS = 1_000

@@ -15,10 +15,10 @@ import click
 from pydantic import ValidationError
 
 from benchmarks.tables import RESULTS, ROOT, Episodes, Run, TaskScores
+from mpvi_bt.episode.result import Result, read_result
 from mpvi_bt.errors import UserError
 from mpvi_bt.report.failures import reason
 from mpvi_bt.suite.manifest import read_manifest
-from mpvi_bt.suite.result import Result, read_result
 
 NAMED = 6  # reasons that a table names for each task
 

@@ -62,8 +62,8 @@ def served(clients: int) -> Iterator[float]:
 
 def played(episodes: int) -> Iterator[float]:
     """Resident memory of this process [MB] after each episode."""
-    from mpvi_bt.suite.config import EpisodeConfig
-    from mpvi_bt.suite.episode import run
+    from mpvi_bt.choices.config import EpisodeConfig
+    from mpvi_bt.episode.episode import run
 
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "short.yaml"

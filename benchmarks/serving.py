@@ -31,13 +31,13 @@ import numpy as np
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 
-from mpvi_bt.behaviors.protocols import Policy
+from mpvi_bt.protocols import Policy
 from mpvi_bt.remote.codec import pack, unpack
-from mpvi_bt.remote.mapping import message_of
+from mpvi_bt.remote.dialect_settings import load_settings
 from mpvi_bt.remote.observation import Vocabulary, write_observation
 from mpvi_bt.remote.openpi import OpenpiPolicy
 from mpvi_bt.remote.server import PolicyServer
-from mpvi_bt.remote.settings import load_settings
+from mpvi_bt.remote.wire_mapping import message_of
 from mpvi_bt.robot.solids import Array
 from tests.openpi_env import openpi_python
 from tests.serving import observation

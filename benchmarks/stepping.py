@@ -18,14 +18,14 @@ import time
 import numpy as np
 
 from benchmarks.searches.play import Job, play
-from mpvi_bt.behaviors.protocols import Progress
+from mpvi_bt.house.house import load_house
+from mpvi_bt.house.prior_map import prior_map
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
+from mpvi_bt.protocols import Progress
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout
 from mpvi_bt.scene.occupancy_map import OccupancyMap
-from mpvi_bt.sim.catalogue import load_catalogue
-from mpvi_bt.sim.house import load_house
-from mpvi_bt.sim.prior_map import prior_map
 from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.things.catalogue import load_catalogue
 
 ROUNDS, STEPS, SUBSTEPS = 15, 60, 4
 DRIVES, TARGETS = 3, ("kitchen", "can of soda", "bathroom", "bedroom", "garage", "utility room")

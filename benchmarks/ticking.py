@@ -24,7 +24,7 @@ from py_trees.common import ComparisonExpression, Status
 
 from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.behaviors.registry import node_type
-from mpvi_bt.executive.recorder import Recorder
+from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.spec import NodeSpec, TreeSpec

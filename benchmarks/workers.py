@@ -22,12 +22,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.methods import load_method
+from mpvi_bt.episode.result import Result
 from mpvi_bt.report.figures import wall_shares
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.methods import load_method
 from mpvi_bt.suite.processes import ProcessEngine
 from mpvi_bt.suite.progress import Progress
-from mpvi_bt.suite.result import Result
 from mpvi_bt.suite.runner import run_suite
 from mpvi_bt.suite.schedule import Pace, budgets_s, in_rounds
 from mpvi_bt.suite.store import Store

@@ -4,7 +4,7 @@ import json
 
 from mpvi_bt.drawing.text import ascii_tree
 from mpvi_bt.executive.dry import EmptyWorld, dry_context, dry_tree
-from mpvi_bt.executive.saved import SavedRun, restore_world, save_run
+from mpvi_bt.executive.saved_run import SavedRun, restore_world, save_run
 from mpvi_bt.tree.saving import restore
 from mpvi_bt.tree.yaml_io import parse_tree
 

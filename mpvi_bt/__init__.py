@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # for type checkers and editors; `__getattr__` loads the same
     from mpvi_bt.api import check, compile_plan, load_plan, load_task, load_tree, run, run_dry, run_suite
+    from mpvi_bt.choices.config import EpisodeConfig
+    from mpvi_bt.episode.result import Result
     from mpvi_bt.errors import BackendError, FileProblems, MpviError, NodeError, Problem, UserError
+    from mpvi_bt.instances.tasks import Task
     from mpvi_bt.plan.schema import Plan
-    from mpvi_bt.suite.config import EpisodeConfig
-    from mpvi_bt.suite.result import Result
-    from mpvi_bt.suite.tasks import Task
     from mpvi_bt.tree.spec import TreeSpec
 
 __version__ = "0.1.0"
@@ -47,14 +47,14 @@ _API = "mpvi_bt.api"
 _ERRORS = "mpvi_bt.errors"
 _HOMES = {  # of what is not in the API itself
     "BackendError": _ERRORS,
-    "EpisodeConfig": "mpvi_bt.suite.config",
+    "EpisodeConfig": "mpvi_bt.choices.config",
     "FileProblems": _ERRORS,
     "MpviError": _ERRORS,
     "NodeError": _ERRORS,
     "Plan": "mpvi_bt.plan.schema",
     "Problem": _ERRORS,
-    "Result": "mpvi_bt.suite.result",
-    "Task": "mpvi_bt.suite.tasks",
+    "Result": "mpvi_bt.episode.result",
+    "Task": "mpvi_bt.instances.tasks",
     "TreeSpec": "mpvi_bt.tree.spec",
     "UserError": _ERRORS,
 }

@@ -17,18 +17,18 @@ from typing import TYPE_CHECKING, Unpack
 
 from mpvi_bt import paths
 from mpvi_bt.behaviors.parameters import Value
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.methods import load_method
+from mpvi_bt.episode.keywords import EpisodeSettings, Settings, checked, listed
 from mpvi_bt.errors import Problem
 from mpvi_bt.plan.schema import Plan
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.methods import load_method
-from mpvi_bt.suite.settings import EpisodeSettings, Settings, checked, listed
 from mpvi_bt.tree.spec import TreeSpec
 
 if TYPE_CHECKING:
+    from mpvi_bt.episode.result import Result
     from mpvi_bt.executive.loop import Outcome, Subscriber
+    from mpvi_bt.instances.tasks import Task
     from mpvi_bt.report.told import Told
-    from mpvi_bt.suite.result import Result
-    from mpvi_bt.suite.tasks import Task
     from mpvi_bt.tree.compile import Drive
 
 File = str | PathLike[str]
@@ -62,7 +62,7 @@ def load_plan(plan: File) -> Plan:
 
 def load_task(task: File) -> Task:
     """A task, by name or file. Raises as `load_tree`."""
-    from mpvi_bt.suite import tasks
+    from mpvi_bt.instances import tasks
 
     return tasks.load_task(str(task))
 
@@ -97,7 +97,7 @@ def check(*files: File, task: File | None = None) -> list[Problem]:
     Raises:
         UserError: There is no such task.
     """
-    from mpvi_bt.suite.checking import check_files
+    from mpvi_bt.authoring.checking import check_files
 
     return check_files(map(str, files), None if task is None else str(task)).problems
 
@@ -136,9 +136,9 @@ def run(
         BackendError: Pictures are needed and the machine can draw none, or a language model makes no plan.
         NodeError: A behavior raised.
     """
-    from mpvi_bt.suite.episode import run as run_episode
-    from mpvi_bt.suite.prepare import doubts, prepare_episode
-    from mpvi_bt.suite.result import Result, write_result
+    from mpvi_bt.episode.episode import run as run_episode
+    from mpvi_bt.episode.prepare import doubts, prepare_episode
+    from mpvi_bt.episode.result import Result, write_result
 
     config, given = _asked("mpvi_bt.run", task, method, tree, plan, arguments, settings)
     folder = None if out is None else Path(out)
@@ -175,9 +175,9 @@ def run_dry(
         FileProblems: Everything that is wrong with a file.
         NodeError: A behavior raised.
     """
+    from mpvi_bt.episode.prepare import prepare
     from mpvi_bt.executive.dry import LIMIT_S, dry_tree
     from mpvi_bt.executive.dry import run_dry as run_tree
-    from mpvi_bt.suite.prepare import prepare
 
     settings: EpisodeSettings = {} if substitute is None else {"substitute": str(substitute)}
     config, given = _asked("mpvi_bt.run_dry", task, None, tree, plan, arguments, settings)
@@ -230,7 +230,7 @@ def run_suite(
     from mpvi_bt.suite.play import Where, play
     from mpvi_bt.suite.progress import Progress
     from mpvi_bt.suite.store import Store
-    from mpvi_bt.suite.tasks import load_suite
+    from mpvi_bt.suite.suites import load_suite
 
     title = paths.title(suite)
     store = Store(Path("runs", title) if out is None else Path(out))
@@ -260,7 +260,7 @@ def _asked(
     settings: EpisodeSettings,
 ) -> tuple[EpisodeConfig, TreeSpec | Plan | None]:
     """What was asked for, and the tree or the plan that no file holds."""
-    from mpvi_bt.suite.prepare import named
+    from mpvi_bt.episode.prepare import named
 
     given = tree if isinstance(tree, TreeSpec) else plan if isinstance(plan, Plan) else None
     told = {

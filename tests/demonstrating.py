@@ -10,9 +10,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from mpvi_bt.executive.demonstration import CAMERAS, Demonstration
 from mpvi_bt.executive.loop import Outcome
 from mpvi_bt.paths import find
+from mpvi_bt.recording.demonstration import CAMERAS, Demonstration
 from mpvi_bt.robot.protocol import ACTION_SIZE, Proprioception, Side
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.yaml_io import load_tree

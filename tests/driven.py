@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from websockets.sync.client import ClientConnection
 
+from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.remote import behavior_layout
 from mpvi_bt.remote.behavior import Behavior
 from mpvi_bt.remote.codec import pack, unpack
@@ -20,8 +21,7 @@ from mpvi_bt.robot.limits import travel_action
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.served import Work, executive_server
+from mpvi_bt.serving.served import Work, executive_server
 from mpvi_bt.testing import KinematicWorld
 from tests.serving import client, received, running
 

@@ -8,13 +8,13 @@ import time
 from pathlib import Path
 from typing import Any
 
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.episode.metrics import Measurement
+from mpvi_bt.episode.result import Failure, make_result
 from mpvi_bt.errors import UserError
 from mpvi_bt.goals.evaluate import Condition, GoalReport
+from mpvi_bt.instances.tasks import Task
 from mpvi_bt.robot.protocol import Side
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.metrics import Measurement
-from mpvi_bt.suite.result import Failure, make_result
-from mpvi_bt.suite.tasks import Task
 from mpvi_bt.writing import write_whole
 
 TASK = Task(

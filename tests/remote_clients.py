@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from mpvi_bt.errors import PolicyError
+from mpvi_bt.remote.dialect_settings import CAMERAS, Settings, load_settings
 from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.remote.settings import CAMERAS, Settings, load_settings
 from mpvi_bt.robot.protocol import ACTION_SIZE
 from mpvi_bt.testing.doubles import KinematicRobot
 from tests.remote_servers import PolicyServer

@@ -8,9 +8,9 @@ from __future__ import annotations
 import resource
 import sys
 
-from mpvi_bt.executive import rerun_log
 from mpvi_bt.executive.loop import Watcher, World, run_episode
-from mpvi_bt.executive.rerun_log import RerunLog
+from mpvi_bt.recording import rerun_log
+from mpvi_bt.recording.rerun_log import RerunLog
 from mpvi_bt.testing import scripted_context
 from mpvi_bt.tree.build import Tree
 from tests.search_views import MadeUpSearch, box, find, look

@@ -12,12 +12,12 @@ from typing import Any, TypeVar
 import numpy as np
 from websockets.sync.client import ClientConnection, connect
 
-from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.protocols import Policy
 from mpvi_bt.remote.codec import pack, unpack
+from mpvi_bt.remote.dialect_settings import CAMERAS
 from mpvi_bt.remote.observation import Vocabulary
 from mpvi_bt.remote.server import Make, PolicyServer, SocketServer
-from mpvi_bt.remote.settings import CAMERAS
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.testing.doubles import GripPolicy, KinematicRobot
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from mpvi_bt.house.house import House, load_house
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, pose
-from mpvi_bt.sim.catalogue import load_catalogue
-from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.things.catalogue import load_catalogue
 
 CATALOGUE = load_catalogue()
 ROOM = """

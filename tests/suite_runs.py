@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.episode.result import Result
 from mpvi_bt.suite.processes import ProcessEngine
-from mpvi_bt.suite.result import Result
 from mpvi_bt.suite.store import Fault
 
 ROOT = Path(__file__).parent.parent

@@ -15,8 +15,8 @@ import pytest
 
 import mpvi_bt
 from mpvi_bt import api
-from mpvi_bt.suite.result import Result
-from mpvi_bt.suite.settings import EpisodeSettings, Settings
+from mpvi_bt.episode.keywords import EpisodeSettings, Settings
+from mpvi_bt.episode.result import Result
 from mpvi_bt.suite.store import Store
 from mpvi_bt.tree.yaml_io import parse_tree
 from tests.conftest import Shell

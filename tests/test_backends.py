@@ -10,16 +10,16 @@ from typing import Any
 import click
 import pytest
 
+from mpvi_bt.choices.backends import BACKENDS, choose, privileged, split
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.policies import _MAKERS, Ground, check_policy_choice, in_chunks, make_policy
 from mpvi_bt.cli.given import Choice
+from mpvi_bt.episode.episode import _renders
+from mpvi_bt.episode.prepare import check_backends
+from mpvi_bt.episode.saved_episode import SavedSettings
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.manipulation.policies.chunks import RecedingHorizon, TemporalEnsemble
 from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.suite.backends import BACKENDS, choose, privileged, split
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.episode import _renders
-from mpvi_bt.suite.policies import _MAKERS, Ground, check_policy_choice, in_chunks, make_policy
-from mpvi_bt.suite.prepare import check_backends
-from mpvi_bt.suite.saved import SavedSettings
 from mpvi_bt.testing import GripPolicy
 from tests.conftest import Shell
 

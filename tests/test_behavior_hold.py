@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mpvi_bt.remote.dialect_settings import load_settings
 from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.remote.settings import load_settings
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, SIDES, ActionLayout
 from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.sim.world import World

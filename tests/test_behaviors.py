@@ -13,9 +13,9 @@ from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Context, Query, Stopwatch
 from mpvi_bt.behaviors.node import failure_of
-from mpvi_bt.behaviors.protocols import Judgement, Progress, Report, TriggerEvent
 from mpvi_bt.behaviors.question import Question
 from mpvi_bt.errors import NodeError, UnknownName
+from mpvi_bt.protocols import Judgement, Progress, Report, TriggerEvent
 from mpvi_bt.robot.limits import extremes, largest_step
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, ActionLayout, CameraImage
 from mpvi_bt.robot.r1 import R1

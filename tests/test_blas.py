@@ -16,7 +16,7 @@ import mpvi_bt
 
 PACKAGE = Path(mpvi_bt.__file__).parent
 # All but reports, which only tell, and what writes the mesh of a thing into a file, once.
-NOT_DECIDING = {"report", "sim/mesh_import.py"}
+NOT_DECIDING = {"report", "things/mesh_import.py"}
 DECIDING = [
     path
     for path in sorted(PACKAGE.rglob("*.py"))
@@ -125,7 +125,7 @@ print(digest(*principal_axes(points), least_squares(points, points[:, 0] ** 2), 
 EPISODE = """
 from mpvi_bt.executive.loop import Watcher
 from mpvi_bt.suite import episode
-from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.choices.config import EpisodeConfig
 
 class Steps(Watcher):
     def __init__(self):

@@ -14,8 +14,8 @@ import pytest
 import yaml
 
 from mpvi_bt import paths
+from mpvi_bt.authoring.checking import problems_in
 from mpvi_bt.marked_yaml import Location, load_marked
-from mpvi_bt.suite.checking import problems_in
 
 ROOT = paths.shipped()
 GOOD = sorted(

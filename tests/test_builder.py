@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mpvi_bt.house.house import load_house
 from mpvi_bt.robot.solids import pose
 from mpvi_bt.sim.builder import Thing, build_house, build_object
-from mpvi_bt.sim.catalogue import load_catalogue
-from mpvi_bt.sim.house import load_house
 from mpvi_bt.sim.shaders import new_scene, shader_folder
 from mpvi_bt.sim.views import eye_view, look_at, overview
+from mpvi_bt.things.catalogue import load_catalogue
 
 HOUSE = load_house()
 CATALOGUE = load_catalogue()

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from mpvi_bt import paths
+from mpvi_bt.authoring.checking import problems_in
 from mpvi_bt.cli.check import check
 from mpvi_bt.errors import FileProblems, UnknownName
-from mpvi_bt.sim.catalogue import Entry, load_catalogue
-from mpvi_bt.sim.description import Body
-from mpvi_bt.sim.families import FAMILIES, describe, family
-from mpvi_bt.suite.checking import problems_in
-from mpvi_bt.suite.tasks import load_task
+from mpvi_bt.instances.tasks import load_task
+from mpvi_bt.things.catalogue import Entry, load_catalogue
+from mpvi_bt.things.description import Body
+from mpvi_bt.things.families import FAMILIES, describe, family
 
 ENTRIES = list(load_catalogue())
 JOINTED = [entry for entry in ENTRIES if entry.description.jointed]

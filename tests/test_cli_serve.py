@@ -20,12 +20,12 @@ from click.testing import CliRunner
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+from mpvi_bt.choices.policies import Ground, demonstrations, make_policy
 from mpvi_bt.cli.serve import serve
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.remote.codec import unpack
 from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.suite.policies import Ground, demonstrations, make_policy
 from tests.conftest import Shell
 from tests.serving import observation
 

@@ -20,15 +20,15 @@ from hypothesis import strategies as st
 
 from mpvi_bt.cli.dataset import dataset
 from mpvi_bt.cli.group import run
+from mpvi_bt.datasets.demonstrations import check_demonstrations, find_demonstrations, read_demonstration
+from mpvi_bt.datasets.lerobot import Form, write_dataset
+from mpvi_bt.datasets.normalization import QUANTILES
 from mpvi_bt.errors import FileProblems, UserError
-from mpvi_bt.executive.demonstration import CAMERAS, Demonstration, state
 from mpvi_bt.executive.loop import Outcome
 from mpvi_bt.paths import find
+from mpvi_bt.recording.demonstration import CAMERAS, Demonstration, state
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
-from mpvi_bt.suite.dataset import Form, write_dataset
-from mpvi_bt.suite.dataset_statistics import QUANTILES
-from mpvi_bt.suite.demonstrations import check_demonstrations, find_demonstrations, read_demonstration
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.yaml_io import load_tree
 from tests.demonstrating import Moving, held, recorded, told

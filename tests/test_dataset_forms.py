@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from mpvi_bt.cli.group import run
+from mpvi_bt.datasets.demonstrations import check_demonstrations, read_demonstration
+from mpvi_bt.datasets.lerobot import Form, write_dataset
 from mpvi_bt.errors import UserError
 from mpvi_bt.remote.behavior_layout import FIELDS
-from mpvi_bt.suite.dataset import Form, write_dataset
-from mpvi_bt.suite.demonstrations import check_demonstrations, read_demonstration
 from tests.demonstrating import held, recorded, told
 
 pd = pytest.importorskip("pandas")

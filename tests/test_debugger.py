@@ -21,8 +21,8 @@ from mpvi_bt.errors import UserError
 from mpvi_bt.executive.debugger import Debugger
 from mpvi_bt.executive.dry import EmptyWorld, dry_context, dry_tree, run_dry
 from mpvi_bt.executive.loop import Outcome, Watcher, run_episode
-from mpvi_bt.executive.recorder import Recorder
-from mpvi_bt.executive.saved import SavedRun, restore_world, save_run
+from mpvi_bt.executive.saved_run import SavedRun, restore_world, save_run
+from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.tree.yaml_io import parse_tree
 from tests.conftest import Shell
 from tests.test_dry import lasting

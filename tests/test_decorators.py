@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.parameters import Call
-from mpvi_bt.behaviors.protocols import Progress, Report
+from mpvi_bt.protocols import Progress, Report
 from mpvi_bt.robot.protocol import CONTROL_HZ
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.spec import NodeSpec, TreeSpec

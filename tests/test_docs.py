@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from mpvi_bt.behaviors.registry import node_types
-from mpvi_bt.drawing import marks
+from mpvi_bt.drawing import symbols
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.model import Camera
@@ -113,10 +113,10 @@ def _mpvi(folder: Path, *args: str) -> subprocess.CompletedProcess[str]:
 def test_every_sign_of_a_drawing_is_explained() -> None:
     """The legend has each glyph of ours once, with its sign beyond ASCII, and every mark of a state with its word."""
     rows = re.findall(r"^\| `([^`]+)` \| (?:`([^`]*)`)? ?\|", TREES.partition("## How it is drawn")[2], re.MULTILINE)
-    assert dict(rows) == marks._SIGNS
-    assert len(rows) == len(marks._SIGNS)
+    assert dict(rows) == symbols._SIGNS
+    assert len(rows) == len(symbols._SIGNS)
     words = " ".join(TREES.split())
-    assert all(f"`{mark.ascii}` {mark.word}" in words for mark in marks.MARKS.values())
+    assert all(f"`{mark.ascii}` {mark.word}" in words for mark in symbols.MARKS.values())
 
 
 EXECUTIVE = (ROOT / "docs" / "executive.md").read_text(encoding="utf-8")

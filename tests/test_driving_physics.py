@@ -12,6 +12,8 @@ from benchmarks.hands.holding import put_in_hands
 from benchmarks.hands.rooms import placed
 from benchmarks.hands.trial import Trial, play
 from benchmarks.hands.two_hands import carried, large_things
+from mpvi_bt.house.house import House, check_house
+from mpvi_bt.house.prior_map import prior_map
 from mpvi_bt.manipulation.policies.expert import ExpertPolicy
 from mpvi_bt.marked_yaml import parse_marked
 from mpvi_bt.navigation.driver import Driver, GaveUp
@@ -26,10 +28,8 @@ from mpvi_bt.robot.stow import ArmStow
 from mpvi_bt.scene.knowledge import KnowledgeBase
 from mpvi_bt.scene.occupancy import Occupancy
 from mpvi_bt.scene.occupancy_map import OccupancyMap
-from mpvi_bt.sim.catalogue import load_catalogue
-from mpvi_bt.sim.house import House, check_house
-from mpvi_bt.sim.prior_map import prior_map
 from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.things.catalogue import load_catalogue
 
 TOUCH_N = 20.0
 HELD: Mapping[Side, str] = {"left": "carton_of_milk", "right": "can_of_soda"}

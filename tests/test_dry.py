@@ -16,8 +16,8 @@ from mpvi_bt import paths
 from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.errors import NodeError
 from mpvi_bt.executive.dry import EmptyWorld, dry_tree, run_dry
-from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.trace.read import read_trace
 from mpvi_bt.tree.substitute import load_rules
 from mpvi_bt.tree.yaml_io import load_tree, parse_tree

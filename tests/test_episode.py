@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.episode import episode
+from mpvi_bt.episode.result import Result
 from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.suite import episode
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.result import Result
 
 CONFIG = EpisodeConfig("picking_up_trash", checker="oracle")
 
@@ -112,7 +112,7 @@ def test_a_result_is_complete_and_names_what_it_used(twice: tuple[dict[str, Any]
 ALONE = """
 import json, sys
 from mpvi_bt.errors import NoRenderingDevice
-from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.suite import episode
 from mpvi_bt.executive.loop import Watcher
 

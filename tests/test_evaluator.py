@@ -15,16 +15,16 @@ from click.testing import CliRunner
 from websockets.http11 import Request, Response
 from websockets.sync.server import ServerConnection, serve
 
+from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.cli.evaluate import evaluate as command
+from mpvi_bt.episode.episode import run
 from mpvi_bt.errors import PolicyError, UserError
 from mpvi_bt.executive.loop import Watcher, World
 from mpvi_bt.remote.codec import pack, unpack
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.episode import run
-from mpvi_bt.suite.evaluator import Session, evaluate
-from mpvi_bt.suite.served import Work, executive_server
+from mpvi_bt.serving.evaluator import Session, evaluate
+from mpvi_bt.serving.served import Work, executive_server
 from mpvi_bt.tree.build import Tree
 from tests.serving import running
 

@@ -17,9 +17,9 @@ def _parameter(path: Path) -> object:
     """One example as a test case; those with the simulator take a minute and draw pictures."""
     text = path.read_text(encoding="utf-8")
     marks = (
-        [pytest.mark.rare, pytest.mark.slow, pytest.mark.render] if re.search(r"mpvi_bt\.(suite|run\()", text) else []
+        [pytest.mark.rare, pytest.mark.slow, pytest.mark.render] if re.search(r"mpvi_bt\.(episode|run\()", text) else []
     )
-    if "mpvi_bt.sim.maniskill" in text:
+    if "mpvi_bt.maniskill" in text:
         missing = importlib.util.find_spec("mani_skill") is None
         marks = [pytest.mark.rare, pytest.mark.slow, pytest.mark.skipif(missing, reason="needs ManiSkill")]
     return pytest.param(path, id=path.stem, marks=marks)

@@ -16,9 +16,9 @@ from mpvi_bt.drawing.text import ascii_tree
 from mpvi_bt.errors import BackendError, NodeError, PolicyError
 from mpvi_bt.executive.live import LiveTree
 from mpvi_bt.executive.loop import Outcome, Watcher, World, run_episode
-from mpvi_bt.executive.recorder import Recorder as TraceRecorder
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.recording.recorder import Recorder as TraceRecorder
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.testing import KinematicWorld, scripted_context

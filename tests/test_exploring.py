@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mpvi_bt.behaviors.protocols import Progress, Report
 from mpvi_bt.errors import DetectorError
 from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.goals import Handoff, distance_to
 from mpvi_bt.navigation.lookout import Lookout
 from mpvi_bt.perception.detector import Detection, Detector, Guarded
+from mpvi_bt.protocols import Progress, Report
 from mpvi_bt.robot import r1
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, CameraImage, Proprioception
 from mpvi_bt.scene.discovery import Discoveries

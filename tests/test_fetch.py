@@ -11,6 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.episode import episode
+from mpvi_bt.episode.prepare import prepare_episode
 from mpvi_bt.errors import BackendError, UnknownName, UserError
 from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.grid import shortest_path
@@ -28,9 +31,6 @@ from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.sim.world import World
-from mpvi_bt.suite import episode
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.prepare import prepare_episode
 from mpvi_bt.testing import check_robot
 from tests.navigation_maps import KinematicRobot, two_rooms
 from tests.small_house import placed, small_world
@@ -199,8 +199,8 @@ def test_what_it_cannot_do_is_refused_in_one_line() -> None:
 
 def test_two_hands_are_refused() -> None:
     """A tree with a skill of both hands is not for it."""
+    from mpvi_bt.episode.hands_needed import check_hands
     from mpvi_bt.plan.skills import load_skills
-    from mpvi_bt.suite.hands import check_hands
     from mpvi_bt.tree.compile import compile_instruction
 
     spec = compile_instruction("both", "lift the box with both hands")

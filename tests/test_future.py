@@ -6,8 +6,8 @@ import pytest
 
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.rules.cutting import Cuttable
-from mpvi_bt.sim.catalogue import Catalogue, Entry
 from mpvi_bt.sim.future import future
+from mpvi_bt.things.catalogue import Catalogue, Entry
 
 
 def entry(name: str, half: str | None = None, diced: str | None = None, cooks_to: str | None = None) -> Entry:

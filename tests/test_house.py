@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt, label
 
 from mpvi_bt.errors import FileProblems, UnknownName
-from mpvi_bt.sim.catalogue import load_catalogue
-from mpvi_bt.sim.house import House, load_house
-from mpvi_bt.sim.prior_map import prior_map
-from mpvi_bt.sim.rooms import PANEL_M, Doorway, Room, walls
+from mpvi_bt.house.house import House, load_house
+from mpvi_bt.house.prior_map import prior_map
+from mpvi_bt.house.rooms import PANEL_M, Doorway, Room, walls
+from mpvi_bt.things.catalogue import load_catalogue
 
 # Fixtures that the 50 challenge tasks name: synset, room, how many at least. An exact count is one that a goal's
 # wildcard multiplies with (`cabinet.n.01_*`), so that more would change what the goal asks.

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from mpvi_bt.behaviors.references import escaped
 from mpvi_bt.drawing.cells import one_line
-from mpvi_bt.drawing.marks import standing
+from mpvi_bt.drawing.symbols import standing
 from mpvi_bt.trace import html
 from mpvi_bt.trace.html import embedded, trace_page, tree_page
 from mpvi_bt.trace.read import Trace, read_trace

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mpvi_bt import paths
-from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.suite.processes import ProcessEngine
 from mpvi_bt.suite.ray_engine import RayEngine
 from mpvi_bt.suite.runner import Engine, run_suite

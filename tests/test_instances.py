@@ -12,9 +12,20 @@ import numpy as np
 import pytest
 
 from mpvi_bt import paths
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.episode.prepare import check_episode
 from mpvi_bt.errors import UserError
 from mpvi_bt.goals.evaluate import early, unmet
 from mpvi_bt.goals.predicates import truth_in
+from mpvi_bt.house.boards import Shape
+from mpvi_bt.house.ground import standing_room
+from mpvi_bt.house.house import load_house
+from mpvi_bt.house.prior_map import prior_map
+from mpvi_bt.instances import instances
+from mpvi_bt.instances.instances import _with_room, begin, expanded_problem, faults, settled
+from mpvi_bt.instances.sampling import Start, sample
+from mpvi_bt.instances.splits import HIDDEN_SEED, generator, hidden_seed
+from mpvi_bt.instances.tasks import load_task
 from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.traversability import traversability
 from mpvi_bt.robot.collision import Surroundings
@@ -22,19 +33,8 @@ from mpvi_bt.robot.fetch import FETCH
 from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.scene.knowledge import KnowledgeBase
-from mpvi_bt.sim.boards import Shape
-from mpvi_bt.sim.catalogue import load_catalogue
-from mpvi_bt.sim.ground import standing_room
-from mpvi_bt.sim.house import load_house
-from mpvi_bt.sim.prior_map import prior_map
-from mpvi_bt.sim.sampling import Start, sample
 from mpvi_bt.sim.world import World
-from mpvi_bt.suite import instances
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.instances import _with_room, begin, expanded_problem, faults, settled
-from mpvi_bt.suite.prepare import check_episode
-from mpvi_bt.suite.splits import HIDDEN_SEED, generator, hidden_seed
-from mpvi_bt.suite.tasks import load_task
+from mpvi_bt.things.catalogue import load_catalogue
 
 HOUSE, CATALOGUE = load_house(), load_catalogue()
 TASK = load_task("picking_up_trash")

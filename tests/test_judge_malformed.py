@@ -11,7 +11,7 @@ import pytest
 
 from mpvi_bt.completion.judge import LanguageChecker, question
 from mpvi_bt.language.chat import Answer
-from mpvi_bt.language.scripted import ScriptedChatModel
+from mpvi_bt.language.scripted_model import ScriptedChatModel
 from mpvi_bt.language.verdict import parse_yes_no
 from mpvi_bt.testing import KinematicRobot
 

@@ -13,17 +13,17 @@ from typing import Any
 import pytest
 from py_trees.common import Status
 
-from mpvi_bt.behaviors.protocols import TriggerEvent
+from mpvi_bt.choices.backends import BACKENDS, choose
+from mpvi_bt.choices.checkers import _MAKERS, make_checker
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.language_models import Models
 from mpvi_bt.completion.judge import LanguageChecker, png
 from mpvi_bt.executive.loop import run_episode
-from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.language.exchanges import KeptModel
 from mpvi_bt.language.openai import OpenAIModel
+from mpvi_bt.protocols import TriggerEvent
+from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.robot.protocol import CONTROL_HZ
-from mpvi_bt.suite.backends import BACKENDS, choose
-from mpvi_bt.suite.checkers import _MAKERS, make_checker
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.language import Models
 from mpvi_bt.testing import KinematicRobot
 from mpvi_bt.trace.explain import explain
 from mpvi_bt.trace.explain_text import explanation_text

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.suite.result import read_result
+from mpvi_bt.episode.result import read_result
 from mpvi_bt.suite.store import Store
-from mpvi_bt.suite.tasks import load_suite
+from mpvi_bt.suite.suites import load_suite
 from tests.fake_episodes import fake_result
 from tests.suite_runs import EPISODES, launch, started, wait_until, workers_gone
 

@@ -13,7 +13,7 @@ from mpvi_bt.errors import ModelError
 from mpvi_bt.language.budget import Budget, BudgetedModel, Spent
 from mpvi_bt.language.chat import Answer, Message
 from mpvi_bt.language.exchanges import KeptModel
-from mpvi_bt.language.scripted import ScriptedChatModel
+from mpvi_bt.language.scripted_model import ScriptedChatModel
 
 ASK = [Message("user", "Is the cup held?")]
 
@@ -117,7 +117,7 @@ from pathlib import Path
 from mpvi_bt.errors import ModelError
 from mpvi_bt.language.budget import Budget, BudgetedModel
 from mpvi_bt.language.chat import Answer, Message
-from mpvi_bt.language.scripted import ScriptedChatModel
+from mpvi_bt.language.scripted_model import ScriptedChatModel
 inner = ScriptedChatModel(lambda messages: Answer("yes", "tiny", 0.0, 3, 1))
 model = BudgetedModel(inner, [Budget("suite", calls=40, ledger=Path(sys.argv[1]))])
 try:

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
+from mpvi_bt.choices.config import EpisodeConfig, SuiteBudget
+from mpvi_bt.choices.language_models import Models, check_language_choice, language_doubts
 from mpvi_bt.cli import doctor
 from mpvi_bt.cli.run import _OF_THIS_RUN
 from mpvi_bt.errors import ModelError, UserError
 from mpvi_bt.language.chat import Message
 from mpvi_bt.language.endpoint import EXPOSED, find_endpoint, split_address
-from mpvi_bt.suite.config import EpisodeConfig, SuiteBudget
-from mpvi_bt.suite.language import Models, check_language_choice, language_doubts
 from tests.chat_servers import ChatServer, completion, failure
 
 pytest.importorskip("openai")

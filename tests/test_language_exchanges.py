@@ -18,7 +18,7 @@ import pytest
 from mpvi_bt.errors import ModelError, UserError
 from mpvi_bt.language.chat import Answer, Message
 from mpvi_bt.language.exchanges import KeptModel, check_folder
-from mpvi_bt.language.scripted import ScriptedChatModel
+from mpvi_bt.language.scripted_model import ScriptedChatModel
 
 PNG = b"\x89PNG some picture"
 ASK = [Message("system", "Be brief."), Message("user", "Is the cup held?", PNG)]
@@ -184,7 +184,7 @@ import sys
 from pathlib import Path
 from mpvi_bt.language.chat import Message
 from mpvi_bt.language.exchanges import KeptModel
-from mpvi_bt.language.scripted import ScriptedChatModel
+from mpvi_bt.language.scripted_model import ScriptedChatModel
 inner = ScriptedChatModel(lambda messages: f"{sys.argv[2]} says {messages[0].text}" + "x" * 5000)
 model = KeptModel("openai:tiny", "tiny", Path(sys.argv[1]), inner)
 for i in range(25):

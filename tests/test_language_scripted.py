@@ -6,7 +6,7 @@ import pytest
 
 from mpvi_bt.errors import ModelError
 from mpvi_bt.language.chat import Answer, Message
-from mpvi_bt.language.scripted import ScriptedChatModel
+from mpvi_bt.language.scripted_model import ScriptedChatModel
 
 ASK = [Message("system", "Be brief."), Message("user", "Is it open?", b"png")]
 

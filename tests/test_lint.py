@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from mpvi_bt import paths
+from mpvi_bt.authoring.checking import problems_in
+from mpvi_bt.choices.planning import ground
 from mpvi_bt.executive.dry import dry_tree, run_dry
+from mpvi_bt.instances.tasks import load_task
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot import protocol
-from mpvi_bt.suite.checking import problems_in
-from mpvi_bt.suite.planners import ground
-from mpvi_bt.suite.tasks import load_task
 from mpvi_bt.tree import lint
 from mpvi_bt.tree.yaml_io import load_tree, parse_tree
 from tests.test_check import GOOD, of, run

@@ -11,7 +11,7 @@ import threading
 
 import pytest
 
-from mpvi_bt.drawing.marks import MARKS, legend
+from mpvi_bt.drawing.symbols import MARKS, legend
 from mpvi_bt.drawing.text import LEGEND, ascii_tree, unicode_tree
 from mpvi_bt.executive.live import LiveTree
 from mpvi_bt.executive.loop import run_episode

@@ -14,12 +14,12 @@ from pathlib import Path
 
 import pytest
 
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.language_models import Models
 from mpvi_bt.cli.group import run
 from mpvi_bt.errors import ModelError, UserError
 from mpvi_bt.language.chat import Message
 from mpvi_bt.language.local import LocalModel
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.language import Models
 from tests.conftest import Shell
 
 pytest.importorskip("openai")

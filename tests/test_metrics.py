@@ -16,13 +16,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.episode.metrics import DIRECTIONS, Measurement, Meter
+from mpvi_bt.episode.result import Result, make_result, read_result, write_json, write_result
+from mpvi_bt.instances.human import human_stats
 from mpvi_bt.robot.protocol import Proprioception, Side
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.human import human_stats
-from mpvi_bt.suite.metrics import DIRECTIONS, Measurement, Meter
-from mpvi_bt.suite.result import Result, make_result, read_result, write_json, write_result
 from mpvi_bt.testing.doubles import KinematicRobot
 from tests.fake_episodes import TASK, fake_result
 

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.behaviors.protocols import Progress, Report
 from mpvi_bt.navigation.goals import Handoff, at_target, distance_to, facing_yaw, object_goals, room_goals
 from mpvi_bt.navigation.grid import segment_free, shortest_path
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
 from mpvi_bt.navigation.pursuit import CARRYING, Limits, PathFollower
 from mpvi_bt.navigation.traversability import traversability
+from mpvi_bt.protocols import Progress, Report
 from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout
 from mpvi_bt.scene.knowledge import Entry, KnowledgeBase

@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 import mpvi_bt
+from mpvi_bt.authoring.skeletons import new_house, new_object, new_policy, new_skill, new_task, new_tree
+from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.errors import UserError
 from mpvi_bt.plan.clauses import match
 from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.sim.catalogue import load_catalogue
-from mpvi_bt.sim.families import FAMILIES
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.skeletons import new_house, new_object, new_policy, new_skill, new_task, new_tree
 from mpvi_bt.testing import check_policy
+from mpvi_bt.things.catalogue import load_catalogue
+from mpvi_bt.things.families import FAMILIES
 from tests.conftest import Shell
 
 MAKERS = {
@@ -152,7 +152,7 @@ def test_a_policy_keeps_the_contract(root: Path) -> None:
     new_policy("steady").write(root)
     made = runpy.run_path("steady.py")["Steady"]
     check_policy(made(seed=0), make=lambda: made(seed=0))
-    from mpvi_bt.suite.prepare import check_backends
+    from mpvi_bt.episode.prepare import check_backends
 
     check_backends(EpisodeConfig("picking_up_trash", policy="steady:Steady"))
     with pytest.raises(UserError, match="'my_json' is free"):

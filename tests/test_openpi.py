@@ -15,8 +15,8 @@ import pytest
 
 from mpvi_bt.errors import UserError
 from mpvi_bt.remote.connection import KEY
+from mpvi_bt.remote.dialect_settings import CAMERAS, Settings, load_settings
 from mpvi_bt.remote.openpi import OpenpiPolicy, url_of
-from mpvi_bt.remote.settings import CAMERAS, Settings, load_settings
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
 from mpvi_bt.testing import check_policy
 from tests.remote_clients import CHUNK, QUICK, fails, observation, policy_at, quick

@@ -14,12 +14,12 @@ import pytest
 from websockets.sync.server import ServerConnection
 
 from mpvi_bt.executive.loop import Outcome, run_episode
-from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.remote.connection import KEY
+from mpvi_bt.remote.dialect_settings import Settings
 from mpvi_bt.remote.openpi import OpenpiPolicy
-from mpvi_bt.remote.settings import Settings
 from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.trace.read import read_trace

@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.behaviors.protocols import Policy
+from mpvi_bt.choices.policies import Ground, make_policy
 from mpvi_bt.errors import PolicyError
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.protocols import Policy
 from mpvi_bt.remote.codec import pack, unpack
 from mpvi_bt.remote.observation import Vocabulary, write_observation
 from mpvi_bt.remote.openpi import OpenpiPolicy
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.suite.policies import Ground, make_policy
 from mpvi_bt.testing import KinematicRobot
 from tests.openpi_env import openpi_python
 from tests.serving import grip, observation, serving

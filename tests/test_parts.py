@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.detectors import make_detector
+from mpvi_bt.choices.policies import Ground, make_policy
 from mpvi_bt.cli.group import run
+from mpvi_bt.episode.prepare import check_backends
 from mpvi_bt.errors import UserError
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.detectors import make_detector
-from mpvi_bt.suite.policies import Ground, make_policy
-from mpvi_bt.suite.prepare import check_backends
 
 CONFIG = EpisodeConfig("picking_up_trash")
 MODULE = """

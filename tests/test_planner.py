@@ -13,19 +13,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt import paths
+from mpvi_bt.choices.planning import ground
 from mpvi_bt.errors import ModelError, UserError
+from mpvi_bt.instances.tasks import load_task
 from mpvi_bt.language.chat import Message
-from mpvi_bt.language.scripted import ScriptedChatModel
+from mpvi_bt.language.scripted_model import ScriptedChatModel
 from mpvi_bt.plan.answer_form import answer_schema, answer_text
 from mpvi_bt.plan.check import plan_problems
-from mpvi_bt.plan.context import Grounding
 from mpvi_bt.plan.history import History, Unit
-from mpvi_bt.plan.language import REPAIRS, LanguagePlanner, checked, read_answer
+from mpvi_bt.plan.language_planner import REPAIRS, LanguagePlanner, checked, read_answer
+from mpvi_bt.plan.planning_context import Grounding
 from mpvi_bt.plan.prompt import LONGEST_INSTRUCTION, conversation, system_text, user_text
 from mpvi_bt.plan.schema import Plan, load_plan
 from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.suite.planners import ground
-from mpvi_bt.suite.tasks import load_task
 
 SKILLS = load_skills()
 HOUSE = ground("family_house", load_task("picking_up_trash"))

@@ -14,14 +14,14 @@ from mpvi_bt import paths
 from mpvi_bt.completion import criteria
 from mpvi_bt.goals.formula import All, Formula, Literal, Not, Some, holds, literals
 from mpvi_bt.goals.problem import AGENT, Fact, Problem, load_problem
+from mpvi_bt.house.house import load_house
+from mpvi_bt.instances.human import human_stats
 from mpvi_bt.perception.phrases import Vocabulary, normalize
 from mpvi_bt.plan.check import plan_problems
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.schema import Manipulation, Navigation, Plan, load_plan
 from mpvi_bt.plan.skills import SkillCall, load_skills
-from mpvi_bt.sim.catalogue import load_catalogue
-from mpvi_bt.sim.house import load_house
-from mpvi_bt.suite.human import human_stats
+from mpvi_bt.things.catalogue import load_catalogue
 from mpvi_bt.tree.compile import compile_plan
 from mpvi_bt.tree.lint import check_rooms, lint
 from mpvi_bt.tree.yaml_io import dump_tree, parse_tree

@@ -18,9 +18,9 @@ from mpvi_bt.goals.formula import Literal, literals
 from mpvi_bt.goals.predicates import inside, nextto, ontop, open_, resting_on, touching, truth_in, under
 from mpvi_bt.goals.problem import load_problem
 from mpvi_bt.goals.rays import crosses, interval, within
+from mpvi_bt.instances.human import human_stats
 from mpvi_bt.robot.solids import Solid, box, pose
 from mpvi_bt.rules.heat import Heat, Thermal
-from mpvi_bt.suite.human import human_stats
 
 
 @dataclass

@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from mpvi_bt.house.house import House, load_house
+from mpvi_bt.house.overlap import penetration
+from mpvi_bt.house.prior_map import BAND_M, knowledge, obstacles, prior_map
 from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.scene.knowledge import KnowledgeBase
 from mpvi_bt.scene.occupancy_map import OccupancyMap
-from mpvi_bt.sim.house import House, load_house
 from mpvi_bt.sim.open_doors import OpenDoors
-from mpvi_bt.sim.overlap import penetration
-from mpvi_bt.sim.prior_map import BAND_M, knowledge, obstacles, prior_map
 from mpvi_bt.sim.world import World
 
 

@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt import paths
+from mpvi_bt.authoring.checking import below, problems_in
 from mpvi_bt.cli.check import check
 from mpvi_bt.errors import FileProblems, UnknownName, UserError
 from mpvi_bt.goals.evaluate import snapshot
@@ -20,8 +21,7 @@ from mpvi_bt.goals.findings import Findings
 from mpvi_bt.goals.formula import All, Formula, Literal
 from mpvi_bt.goals.problem import Problem, activities, load_problem, parse_problem
 from mpvi_bt.goals.vocabulary import behavior
-from mpvi_bt.suite.checking import below, problems_in
-from mpvi_bt.suite.human import human_stats
+from mpvi_bt.instances.human import human_stats
 
 TINY = """
 (define (problem tiny) ; a comment with ( in it

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.episode.result import Result
 from mpvi_bt.suite.progress import Progress
-from mpvi_bt.suite.result import Result
 from mpvi_bt.suite.schedule import SCRIPTED, SEEING, Pace, in_rounds
 from mpvi_bt.suite.store import Fault
 from tests.fake_episodes import fake_result

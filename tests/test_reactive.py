@@ -16,7 +16,7 @@ from mpvi_bt.manipulation.policies.reactive import ReactivePolicy
 from mpvi_bt.manipulation.skills.open import is_open
 from mpvi_bt.plan.clauses import match
 from mpvi_bt.plan.skills import SkillCall, load_skills
-from mpvi_bt.remote.settings import CAMERAS
+from mpvi_bt.remote.dialect_settings import CAMERAS
 from mpvi_bt.robot.motion import Motion
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout
 from mpvi_bt.robot.solids import Array

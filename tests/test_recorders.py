@@ -12,13 +12,13 @@ import pytest
 
 from mpvi_bt.drawing.text import Line
 from mpvi_bt.errors import UserError
-from mpvi_bt.executive import search_colors as colors
-from mpvi_bt.executive.frame_text import SIZE, Caption
 from mpvi_bt.executive.loop import Subscriber, Watcher, World, run_episode
-from mpvi_bt.executive.pictures import PathPicture, path_picture
-from mpvi_bt.executive.video import Follower, Video, compose
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.recording import search_colors as colors
+from mpvi_bt.recording.frame_text import SIZE, Caption
+from mpvi_bt.recording.pictures import PathPicture, path_picture
+from mpvi_bt.recording.video import Follower, Video, compose
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.episode.prepare import prepare
 from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.prepare import prepare
 from mpvi_bt.tree.relevant import task_relevant
 from mpvi_bt.tree.yaml_io import parse_tree
 

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 
 from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, PolicyError, UnknownName, UserError
-from mpvi_bt.remote import settings as settings_module
-from mpvi_bt.remote.mapping import MOST_ACTIONS, actions_of, message_of, resize_with_pad
-from mpvi_bt.remote.settings import CAMERAS, Action, Observation, Settings, load_settings
+from mpvi_bt.remote import dialect_settings as settings_module
+from mpvi_bt.remote.dialect_settings import CAMERAS, Action, Observation, Settings, load_settings
+from mpvi_bt.remote.wire_mapping import MOST_ACTIONS, actions_of, message_of, resize_with_pad
 from mpvi_bt.robot.protocol import ACTION_SIZE, SIDES, ActionLayout
 from mpvi_bt.testing.doubles import KinematicRobot
 from tests.numbered_body import numbered_body

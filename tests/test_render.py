@@ -21,8 +21,8 @@ from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.cli.render import render
 from mpvi_bt.drawing.cells import columns, cut, one_line, wrapped
 from mpvi_bt.drawing.dot import dot_tree
-from mpvi_bt.drawing.marks import _SIGNS, MARKS, standing
 from mpvi_bt.drawing.svg import svg_tree
+from mpvi_bt.drawing.symbols import _SIGNS, MARKS, standing
 from mpvi_bt.drawing.text import ascii_tree, time_text, tree_lines, unicode_tree, where
 from mpvi_bt.errors import UserError
 from mpvi_bt.trace.html import tree_page

@@ -18,15 +18,15 @@ from mpvi_bt.executive.debugger import Debugger
 from mpvi_bt.executive.dry import EmptyWorld, dry_context
 from mpvi_bt.executive.live import LiveTree
 from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_episode
-from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.executive.replanning import Replanning
-from mpvi_bt.executive.saved import SavedRun, restore_world, save_run
+from mpvi_bt.executive.saved_run import SavedRun, restore_world, save_run
 from mpvi_bt.language.chat import Answer
 from mpvi_bt.marked_yaml import parse_marked
 from mpvi_bt.plan.history import History, Thing
 from mpvi_bt.plan.planners import NoPlan, Planned
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.trace.diff import diff
 from mpvi_bt.trace.explain import explain
 from mpvi_bt.trace.explain_text import explanation_text

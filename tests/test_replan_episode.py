@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from mpvi_bt.language.scripted import ScriptedChatModel
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.planning import ground
+from mpvi_bt.episode.episode import run
+from mpvi_bt.episode.prepare import prepare
+from mpvi_bt.language.scripted_model import ScriptedChatModel
 from mpvi_bt.plan.answer_form import answer_text
-from mpvi_bt.plan.language import LanguagePlanner
+from mpvi_bt.plan.language_planner import LanguagePlanner
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.schema import Plan
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.episode import run
-from mpvi_bt.suite.planners import ground
-from mpvi_bt.suite.prepare import prepare
 from mpvi_bt.trace.explain import explain
 from mpvi_bt.trace.explain_text import explanation_text
 from mpvi_bt.trace.read import read_trace

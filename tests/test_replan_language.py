@@ -16,10 +16,10 @@ from mpvi_bt.executive.dry import EmptyWorld, dry_context
 from mpvi_bt.executive.loop import Outcome, Watcher, World, run_episode
 from mpvi_bt.executive.replanning import Replanning, history_of, things
 from mpvi_bt.language.chat import Message
-from mpvi_bt.language.scripted import Says, ScriptedChatModel
+from mpvi_bt.language.scripted_model import Says, ScriptedChatModel
 from mpvi_bt.plan.answer_form import answer_text
 from mpvi_bt.plan.history import LONGEST, History, Thing, Unit
-from mpvi_bt.plan.language import LanguagePlanner
+from mpvi_bt.plan.language_planner import LanguagePlanner
 from mpvi_bt.plan.planners import RecordedPlanner
 from mpvi_bt.plan.prompt import LONGEST_SITUATION
 from mpvi_bt.plan.skills import load_skills

@@ -9,19 +9,19 @@ from pathlib import Path
 
 import pytest
 
+from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.cli.score import score
+from mpvi_bt.episode.result import Grasps, Result
+from mpvi_bt.report import closing_table as for_people
 from mpvi_bt.report import data as for_programs
-from mpvi_bt.report import text as for_people
+from mpvi_bt.report.closing_table import troubles
 from mpvi_bt.report.figures import figures
 from mpvi_bt.report.runs import runs_of
-from mpvi_bt.report.text import troubles
 from mpvi_bt.suite.at_work import FILE as AT_WORK
 from mpvi_bt.suite.at_work import AtWork, note, read
-from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.manifest import make_manifest
-from mpvi_bt.suite.result import Grasps, Result
 from mpvi_bt.suite.store import Fault, Store
-from mpvi_bt.suite.tasks import load_suite
+from mpvi_bt.suite.suites import load_suite
 from tests.conftest import Shell
 from tests.fake_episodes import fake_result
 

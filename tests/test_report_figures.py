@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.episode.result import Failure, GoalCondition, Result, Score
 from mpvi_bt.errors import UnknownName
 from mpvi_bt.report.compare import compare
 from mpvi_bt.report.failures import count_failures, predicates, reason
@@ -17,8 +19,6 @@ from mpvi_bt.report.official import official_summary
 from mpvi_bt.report.paper import paper_mean, paper_scores
 from mpvi_bt.report.runs import MEASURES, Runs
 from mpvi_bt.report.tables import instance_table
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.result import Failure, GoalCondition, Result, Score
 from mpvi_bt.suite.store import Fault, Store
 from tests.fake_episodes import fake_result
 from tests.synthetic_suites import synthetic_runs

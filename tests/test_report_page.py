@@ -13,8 +13,10 @@ from pathlib import Path
 
 import pytest
 
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.episode.result import Failure, GoalCondition, Result
+from mpvi_bt.episode.way import Way
 from mpvi_bt.report.data import report_data
-from mpvi_bt.report.drawing import method_colors
 from mpvi_bt.report.figures import figures
 from mpvi_bt.report.markdown import plain, report_markdown
 from mpvi_bt.report.page import report_page
@@ -22,11 +24,9 @@ from mpvi_bt.report.paper import paper_scores
 from mpvi_bt.report.plots import improvement_plot, method_plot, shown_tasks
 from mpvi_bt.report.runs import Runs
 from mpvi_bt.report.statistics import Estimate
+from mpvi_bt.report.svg import method_colors
 from mpvi_bt.report.tables import comparison_text, missing_table, percent, told
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.result import Failure, GoalCondition, Result
 from mpvi_bt.suite.store import Fault, Store
-from mpvi_bt.suite.way import Way
 from mpvi_bt.tree.yaml_io import expanded, parse_tree
 from tests.conftest import Shell
 from tests.fake_episodes import fake_result

@@ -16,10 +16,10 @@ import pytest
 
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.executive.loop import Watcher, World, run_episode
-from mpvi_bt.executive.rerun_log import RerunLog, require_sdk
-from mpvi_bt.executive.search_view import Window
 from mpvi_bt.extras import install
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.recording.rerun_log import RerunLog, require_sdk
+from mpvi_bt.recording.search_view import Window
 from mpvi_bt.scene.occupancy_map import OccupancyMap
 from mpvi_bt.testing import scripted_context
 from mpvi_bt.tree.build import Tree

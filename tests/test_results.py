@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from mpvi_bt.suite.config import EpisodeConfig
+from mpvi_bt.choices.config import EpisodeConfig
 from tests.fake_episodes import fake_result
 
 ROOT = Path(__file__).parent.parent

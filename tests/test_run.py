@@ -16,7 +16,7 @@ import pytest
 
 from mpvi_bt import paths
 from mpvi_bt.cli.score import score
-from mpvi_bt.drawing.marks import MARKS
+from mpvi_bt.drawing.symbols import MARKS
 from tests.conftest import Shell
 
 

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from mpvi_bt.episode.result import read_result
 from mpvi_bt.errors import UserError
 from mpvi_bt.suite.at_work import FILE as AT_WORK
 from mpvi_bt.suite.processes import ProcessEngine
-from mpvi_bt.suite.result import read_result
 from mpvi_bt.suite.runner import run_suite
 from mpvi_bt.suite.store import Store
 from tests.suite_runs import EPISODES, Heard, launch, processes, started, wait_until, workers_gone

@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
+from mpvi_bt.choices.config import ASKING, OUTPUTS, EpisodeConfig
+from mpvi_bt.episode.prepare import prepare_saved
+from mpvi_bt.episode.saved_episode import Keeper, SavedSettings, load_saved
 from mpvi_bt.errors import UserError
 from mpvi_bt.executive.dry import EmptyWorld, dry_tree, run_dry
-from mpvi_bt.suite.config import ASKING, OUTPUTS, EpisodeConfig
-from mpvi_bt.suite.prepare import prepare_saved
-from mpvi_bt.suite.saved import Keeper, SavedSettings, load_saved
 from mpvi_bt.tree.substitute import load_rules
 from mpvi_bt.tree.yaml_io import parse_tree
 

@@ -19,7 +19,7 @@ from mpvi_bt.behaviors.stand_ins import StandIn
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.executive.dry import EmptyWorld, dry_context
 from mpvi_bt.executive.loop import Outcome, Watcher, World, run_episode
-from mpvi_bt.executive.saved import SavedRun, restore_world, save_run
+from mpvi_bt.executive.saved_run import SavedRun, restore_world, save_run
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.tree.build import Tree

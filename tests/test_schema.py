@@ -20,7 +20,7 @@ from mpvi_bt.cli.listing import list_
 from mpvi_bt.cli.schema import schema
 from mpvi_bt.errors import FileProblems
 from mpvi_bt.marked_yaml import load_marked, parse_marked
-from mpvi_bt.tree.schema import schema_text, tree_schema
+from mpvi_bt.tree.json_schema import schema_text, tree_schema
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.yaml_io import dump_tree, parse_tree
 from tests.tree_strategies import trees

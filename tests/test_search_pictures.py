@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.executive import search_colors as colors
-from mpvi_bt.executive.frame_text import SIZE, Caption
-from mpvi_bt.executive.labels import Color, Labels, Picture
-from mpvi_bt.executive.map_picture import MapPicture
-from mpvi_bt.executive.search_frames import SearchFrames
-from mpvi_bt.executive.search_view import SearchView, Window, found, seen_m2, visible
 from mpvi_bt.perception.detector import ROBOT
+from mpvi_bt.recording import search_colors as colors
+from mpvi_bt.recording.frame_text import SIZE, Caption
+from mpvi_bt.recording.labels import Color, Labels, Picture
+from mpvi_bt.recording.map_picture import MapPicture
+from mpvi_bt.recording.search_frames import SearchFrames
+from mpvi_bt.recording.search_view import SearchView, Window, found, seen_m2, visible
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.scene.occupancy_map import OccupancyMap
 from tests.navigation_maps import thing

@@ -12,13 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mpvi_bt import paths
+from mpvi_bt.authoring.checking import problems_in
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.episode import doers
 from mpvi_bt.marked_yaml import Marks
 from mpvi_bt.plan.clauses import match
-from mpvi_bt.plan.phrases import example, filled
+from mpvi_bt.plan.skill_phrases import example, filled
 from mpvi_bt.plan.skills import Skill, SkillCall, load_skill, load_skills
-from mpvi_bt.suite import doers
-from mpvi_bt.suite.checking import problems_in
-from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.tree.yaml_io import check_tree
 
 SKILLS = load_skills()

@@ -14,8 +14,8 @@ from py_trees.common import Status
 from mpvi_bt.errors import FileProblems, NodeError
 from mpvi_bt.executive.dry import EmptyWorld, dry_context, dry_tree, run_dry
 from mpvi_bt.executive.loop import Outcome, run_episode
-from mpvi_bt.executive.recorder import Recorder
-from mpvi_bt.executive.saved import SavedRun, restore_world, save_run
+from mpvi_bt.executive.saved_run import SavedRun, restore_world, save_run
+from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.trace.read import read_trace

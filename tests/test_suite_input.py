@@ -12,13 +12,13 @@ from typing import Any
 import pytest
 
 from mpvi_bt import paths
+from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.cli.group import run
 from mpvi_bt.errors import FileProblems, UserError
-from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.manifest import make_manifest, read_manifest
 from mpvi_bt.suite.runner import run_suite
 from mpvi_bt.suite.store import Fault, Store
-from mpvi_bt.suite.tasks import load_suite
+from mpvi_bt.suite.suites import load_suite
 from tests.conftest import Shell
 from tests.fake_episodes import fake_result
 from tests.suite_runs import EPISODES, Heard, launch, processes

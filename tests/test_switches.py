@@ -11,9 +11,9 @@ from mpvi_bt.errors import UnknownName
 from mpvi_bt.goals.predicates import toggled_on
 from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.catalogue import Entry
 from mpvi_bt.sim.switches import PRESSED_STEPS, SWITCH_M
 from mpvi_bt.sim.world import World
+from mpvi_bt.things.catalogue import Entry
 from tests.small_house import CATALOGUE, placed, small_world
 
 AWAY = np.full((4, 3), 9.0)

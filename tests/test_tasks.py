@@ -9,7 +9,8 @@ import pytest
 from mpvi_bt import paths
 from mpvi_bt.errors import FileProblems, UnknownName, UserError
 from mpvi_bt.goals.problem import activities, load_problem
-from mpvi_bt.suite.tasks import load_suite, load_task
+from mpvi_bt.instances.tasks import load_task
+from mpvi_bt.suite.suites import load_suite
 
 TASK = """\
 instruction: Put the cans in the bin.

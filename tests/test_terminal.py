@@ -13,11 +13,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.cli.group import run
 from mpvi_bt.drawing.cells import harmless
 from mpvi_bt.drawing.terminal import guarded
 from mpvi_bt.errors import Problem, UserError, bounded
-from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.progress import Progress
 from mpvi_bt.suite.schedule import Pace
 from mpvi_bt.suite.store import Fault

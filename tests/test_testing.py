@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpvi_bt.behaviors.protocols import Judgement
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.protocols import Judgement
 from mpvi_bt.robot.protocol import ACTION_SIZE, CameraImage
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.testing import (

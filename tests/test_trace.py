@@ -24,8 +24,8 @@ from mpvi_bt.behaviors.registry import node_types
 from mpvi_bt.errors import BackendError, FileProblems, NodeError, UnknownName, UserError
 from mpvi_bt.executive.dry import dry_tree, run_dry
 from mpvi_bt.executive.loop import Outcome, Subscriber, Watcher, World, run_episode
-from mpvi_bt.executive.recorder import Recorder
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.trace.explain import explain
 from mpvi_bt.trace.explain_text import explanation_text

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from mpvi_bt.executive.dry import EmptyWorld, dry_tree, run_dry
-from mpvi_bt.executive.recorder import Recorder
-from mpvi_bt.executive.saved import SavedRun, save_run
+from mpvi_bt.executive.saved_run import SavedRun, save_run
+from mpvi_bt.recording.recorder import Recorder
 from mpvi_bt.trace.read import read_trace
 from mpvi_bt.tree.yaml_io import parse_tree
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpvi_bt.behaviors.protocols import TriggerEvent
 from mpvi_bt.completion.triggers import ProprioceptiveTriggers, Thresholds
 from mpvi_bt.errors import UnknownName
+from mpvi_bt.protocols import TriggerEvent
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 from tests.navigation_maps import KinematicRobot

@@ -19,8 +19,8 @@ from vla_eval.specs import GRIPPER_CLOSE_POS, POSITION_DELTA, RAW, ROTATION_AA
 from websockets.sync.server import ServerConnection
 
 from mpvi_bt.errors import PolicyError
+from mpvi_bt.remote.dialect_settings import load_settings
 from mpvi_bt.remote.observation import read_observation
-from mpvi_bt.remote.settings import load_settings
 from mpvi_bt.remote.vla_eval import VlaEvalPolicy
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.testing import check_policy

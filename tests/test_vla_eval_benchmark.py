@@ -31,22 +31,22 @@ from vla_eval.model_servers.base import SessionContext
 from vla_eval.model_servers.behavior1k_baseline import Behavior1KBaselineModelServer
 from vla_eval.specs import check_specs
 
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.policies import Ground, demonstrations, make_policy
 from mpvi_bt.errors import BackendError, PolicyError, UnknownName, UserError
 from mpvi_bt.executive.loop import Last, run_episode
 from mpvi_bt.manipulation.policies.demonstrated import DemonstratedPolicy
 from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.remote.mapping import still
+from mpvi_bt.remote.dialect_settings import load_settings
 from mpvi_bt.remote.observation import write_observation
 from mpvi_bt.remote.relay import Relay, Stopped
 from mpvi_bt.remote.server import Refused
-from mpvi_bt.remote.settings import load_settings
 from mpvi_bt.remote.vla_eval import VlaEvalPolicy
+from mpvi_bt.remote.wire_mapping import still
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.policies import Ground, demonstrations, make_policy
-from mpvi_bt.suite.vla_eval_benchmark import MpviBenchmark
-from mpvi_bt.suite.vla_eval_server import MpviModelServer
+from mpvi_bt.serving.vla_eval_benchmark import MpviBenchmark
+from mpvi_bt.serving.vla_eval_server import MpviModelServer
 from mpvi_bt.testing import KinematicWorld, scripted_context
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import compile_instruction
@@ -158,7 +158,7 @@ def test_who_waits_for_an_answer_is_told_that_none_will_come() -> None:
 
 
 class Played:
-    """Stands for `suite.episode.run`: half a second of a robot that does what it is told, and what it did."""
+    """Stands for `episode.episode.run`: half a second of a robot that does what it is told, and what it did."""
 
     def __init__(self, breaks: Callable[[EpisodeConfig], bool] = lambda config: False) -> None:
         self.breaks = breaks
@@ -204,14 +204,14 @@ class Commands(Last):
 @pytest.fixture
 def played(monkeypatch: pytest.MonkeyPatch) -> Played:
     stub = Played()
-    monkeypatch.setattr("mpvi_bt.suite.episode.run", stub)
+    monkeypatch.setattr("mpvi_bt.episode.episode.run", stub)
     return stub
 
 
 def runs(address: str, params: dict[str, Any] | None = None, **entry: Any) -> dict[str, Any]:
     """What the package's runner makes of an entry of its config."""
     benchmark = {
-        "benchmark": "mpvi_bt.suite.vla_eval_benchmark:MpviBenchmark",
+        "benchmark": "mpvi_bt.serving.vla_eval_benchmark:MpviBenchmark",
         "name": "mpvi",
         "params": {"tasks": [TASK], "seed": 0, **(params or {})},
         **entry,
@@ -275,7 +275,7 @@ def test_its_live_mode_goes_on_while_the_model_thinks(played: Played) -> None:
 
 def test_an_episode_that_breaks_is_told_and_the_next_is_played(monkeypatch: pytest.MonkeyPatch) -> None:
     """A machine's fault is an error in the runner's result, with what broke; it is not the next episode's."""
-    monkeypatch.setattr("mpvi_bt.suite.episode.run", Played(lambda config: config.instance == 0))
+    monkeypatch.setattr("mpvi_bt.episode.episode.run", Played(lambda config: config.instance == 0))
     with model_server(Model()) as address:
         result = runs(address, episodes_per_task=2)
     broken, fine = result["tasks"][0]["episodes"]
@@ -356,7 +356,7 @@ def test_its_renderer_is_chosen_before_the_simulator_loads() -> None:
     """The class can be looked at without SAPIEN, which takes the first renderer that it finds for good."""
     code = """
 import sys
-from mpvi_bt.suite.vla_eval_benchmark import MpviBenchmark
+from mpvi_bt.serving.vla_eval_benchmark import MpviBenchmark
 MpviBenchmark(tasks=["picking_up_trash"])
 assert MpviBenchmark.render_backends == {"cpu", "gpu"}
 assert MpviBenchmark.configure_render("gpu") == {}

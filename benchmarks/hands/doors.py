@@ -11,8 +11,8 @@ import numpy as np
 from benchmarks.hands.rooms import ROOM_M, arrival, called, catalogue, placed, room, things
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.robot.collision import Surroundings
-from mpvi_bt.sim.catalogue import Entry
 from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.things.catalogue import Entry
 
 # What counts as clearly open [rad or m]: an upright door, a flap, a drawer. What counts as closed [of the limit].
 _UPRIGHT_RAD, _FLAP_RAD, _SLIDE_M = 1.2, 0.9, 0.2

@@ -12,8 +12,8 @@ from benchmarks.hands.surfaces import Surface
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.catalogue import Entry
 from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.things.catalogue import Entry
 
 LIFTED_M = 0.05
 _AWAY_M = 0.15

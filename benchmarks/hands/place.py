@@ -14,8 +14,8 @@ from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.goals.predicates import inside, nextto, ontop, under
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array, pose
-from mpvi_bt.sim.catalogue import Entry
 from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.things.catalogue import Entry
 
 _MOVED_M, _UPRIGHT = 0.10, 0.9
 _REACH_M = 0.3  # what is held sticks out so far before the body

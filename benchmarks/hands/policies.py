@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.manipulation.policies.expert import ExpertPolicy
 from mpvi_bt.manipulation.policies.reactive import ReactivePolicy
 from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.protocols import Policy
 from mpvi_bt.scene.true_scene import Truth
 from mpvi_bt.sim.mistaken import MistakenTruth
 from mpvi_bt.sim.world import World

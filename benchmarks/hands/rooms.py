@@ -12,12 +12,12 @@ import numpy as np
 
 from benchmarks.hands.trial import Shapes
 from mpvi_bt.errors import BackendError
+from mpvi_bt.house.house import House, check_house
 from mpvi_bt.marked_yaml import parse_marked
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.solids import Array, Solid, pose
-from mpvi_bt.sim.catalogue import Catalogue, Entry, load_catalogue
-from mpvi_bt.sim.house import House, check_house
 from mpvi_bt.sim.world import Placement
+from mpvi_bt.things.catalogue import Catalogue, Entry, load_catalogue
 
 ROOM_M = 3.0  # half the room's width
 _BODY_M = 0.38  # free around the base's center at every height

@@ -10,12 +10,12 @@ from typing import Literal
 import numpy as np
 
 from benchmarks.hands.holding import fill, put_in_hands
-from mpvi_bt.behaviors.protocols import Policy
+from mpvi_bt.house.house import House
+from mpvi_bt.protocols import Policy
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout, Robot, Side
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.house import House
 from mpvi_bt.sim.world import Placement, World
 
 Shapes = Literal["tuning", "held_out"]

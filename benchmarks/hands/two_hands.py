@@ -11,10 +11,10 @@ import numpy as np
 from benchmarks.hands.pick import draw_thing, lowest
 from benchmarks.hands.rooms import called, facing, placed, room
 from benchmarks.hands.trial import Scene, Shapes, Trial
+from mpvi_bt.house.house import House
 from mpvi_bt.robot.protocol import Side
-from mpvi_bt.sim.catalogue import Catalogue, Entry, load_catalogue
-from mpvi_bt.sim.house import House
 from mpvi_bt.sim.world import World
+from mpvi_bt.things.catalogue import Catalogue, Entry, load_catalogue
 
 _LIFTED_M = 0.08
 _TABLES = ("table", "breakfast_table", "coffee_table", "desk")

@@ -1,1 +1,1 @@
-""""""
+"""The nodes of trees, on the simulation clock; they know protocols and no backend."""

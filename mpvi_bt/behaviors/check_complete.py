@@ -10,10 +10,10 @@ from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Query
 from mpvi_bt.behaviors.node import Leaf
-from mpvi_bt.behaviors.protocols import Judgement, TriggerEvent
 from mpvi_bt.behaviors.question import Question
 from mpvi_bt.behaviors.saved_state import count
 from mpvi_bt.errors import UnknownName
+from mpvi_bt.protocols import Judgement, TriggerEvent
 from mpvi_bt.robot.protocol import CameraImage, other
 
 

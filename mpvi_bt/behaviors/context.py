@@ -11,10 +11,10 @@ from types import TracebackType
 from typing import Any, Literal, Protocol
 
 from mpvi_bt.behaviors.parameters import Value
-from mpvi_bt.behaviors.protocols import Checker, Clock, Cost, Judgement, Memory, Navigator, Policy, Triggers
 from mpvi_bt.behaviors.question import Question
 from mpvi_bt.marked_yaml import Amount, Count
 from mpvi_bt.plan.skills import Skill
+from mpvi_bt.protocols import Checker, Clock, Cost, Judgement, Memory, Navigator, Policy, Triggers
 from mpvi_bt.robot.protocol import Robot, Side
 
 

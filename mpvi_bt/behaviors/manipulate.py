@@ -7,7 +7,7 @@ from collections import deque
 import numpy as np
 from py_trees.common import Status
 
-from mpvi_bt.behaviors.chunk import ask
+from mpvi_bt.action_chunk import ask
 from mpvi_bt.behaviors.context import Notice
 from mpvi_bt.behaviors.node import Leaf
 from mpvi_bt.robot.grip import GripWatch

@@ -5,7 +5,7 @@ from __future__ import annotations
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.node import Leaf
-from mpvi_bt.behaviors.protocols import Progress
+from mpvi_bt.protocols import Progress
 
 
 class Navigate(Leaf):

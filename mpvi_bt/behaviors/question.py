@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-from mpvi_bt.behaviors.protocols import Clock
+from mpvi_bt.protocols import Clock
 
 T = TypeVar("T")
 

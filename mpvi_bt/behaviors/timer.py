@@ -8,8 +8,8 @@ from py_trees.common import Status
 
 from mpvi_bt.behaviors.node import Node
 from mpvi_bt.behaviors.parameters import steps_of
-from mpvi_bt.behaviors.protocols import Clock
 from mpvi_bt.behaviors.saved_state import number
+from mpvi_bt.protocols import Clock
 from mpvi_bt.robot.protocol import CONTROL_HZ
 
 _SLACK_S = 1e-6  # a step's time is a sum of thirtieths: let rounding not cost a step

@@ -1,1 +1,1 @@
-""""""
+"""Trees in BehaviorTree.CPP's XML, both ways."""

@@ -30,7 +30,7 @@ def check(files: tuple[str, ...], task: str | None, as_json: bool) -> int:
     too, or "-" for the standard input. The exit code is 1 if there is any problem, a warning too, and 2 if a FILE is
     not there.
     """
-    from mpvi_bt.suite.checking import STDIN, check_files
+    from mpvi_bt.authoring.checking import STDIN, check_files
 
     text = sys.stdin.read() if "-" in files else ""
     checked = check_files(files, task, text)

@@ -70,9 +70,9 @@ def dataset(
 
     `mpvi run --demonstration DIR` records one, `mpvi suite run --demonstrations` one an episode.
     """
-    from mpvi_bt.suite.dataset import Form, write_dataset
-    from mpvi_bt.suite.dataset_files import require_pandas
-    from mpvi_bt.suite.demonstrations import Demonstrated, find_demonstrations
+    from mpvi_bt.datasets.demonstrations import Demonstrated, find_demonstrations
+    from mpvi_bt.datasets.lerobot import Form, write_dataset
+    from mpvi_bt.datasets.parquet import require_pandas
 
     require_pandas()
     found = find_demonstrations(folders)

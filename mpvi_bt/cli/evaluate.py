@@ -79,8 +79,8 @@ def evaluate(dialect: Any, instances: tuple[int, ...], batched: bool | None, as_
 
     Exit code 0 where the goal is true at the end of every instance, 1 where it is not, 3 where the server fails.
     """
-    from mpvi_bt.suite.evaluator import Session
-    from mpvi_bt.suite.evaluator import evaluate as evaluate_
+    from mpvi_bt.serving.evaluator import Session
+    from mpvi_bt.serving.evaluator import evaluate as evaluate_
 
     check_writable(given["out"])
     if batched is None:

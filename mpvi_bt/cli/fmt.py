@@ -11,13 +11,13 @@ from typing import Any
 
 import click
 
+from mpvi_bt.authoring.checking import STDIN, below
 from mpvi_bt.cli import problems as show
 from mpvi_bt.cli.given import File
 from mpvi_bt.drawing.terminal import give
 from mpvi_bt.errors import FileProblems, Problem, UserError
 from mpvi_bt.file_kinds import kind_of
 from mpvi_bt.marked_yaml import parse_marked, read_text
-from mpvi_bt.suite.checking import STDIN, below
 from mpvi_bt.writing import write_whole
 
 

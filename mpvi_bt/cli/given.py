@@ -12,9 +12,9 @@ import click
 from click.shell_completion import CompletionItem
 
 from mpvi_bt import paths
+from mpvi_bt.choices.backends import BACKENDS, choose
+from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.errors import MpviError, UnknownName, UserError
-from mpvi_bt.suite.backends import BACKENDS, choose
-from mpvi_bt.suite.config import EpisodeConfig
 
 
 class File(click.ParamType[str]):
@@ -125,7 +125,7 @@ def _take_method(ctx: click.Context, param: click.Parameter, given: str | None) 
     """The name of the method that is given; what it says holds wherever the command line says nothing else."""
     if given is None:
         return None
-    from mpvi_bt.suite.methods import load_method
+    from mpvi_bt.choices.methods import load_method
 
     fields = dict(load_method(given))
     name = str(fields.pop("method"))

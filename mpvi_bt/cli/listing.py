@@ -99,8 +99,8 @@ def _whose(path: Path) -> str:
 
 def _about(path: Path) -> str:
     """The line that a file says of itself: its `about`, `description` or `instruction`, or its first comment."""
+    from mpvi_bt.authoring.checking import problems_in
     from mpvi_bt.marked_yaml import parse_marked, read_text
-    from mpvi_bt.suite.checking import problems_in
 
     broken = f"(broken; see `mpvi check {path}`)"
     if path.parent.name != "trees" and problems_in(str(path), lint=False):
@@ -120,7 +120,7 @@ def _about(path: Path) -> str:
 
 def _objects() -> dict[str, str]:
     """Every entry of the catalogue: its family, its size, its mass, BEHAVIOR's name for it."""
-    from mpvi_bt.sim.catalogue import load_catalogue
+    from mpvi_bt.things.catalogue import load_catalogue
 
     found = {}
     for entry in sorted(load_catalogue(), key=lambda entry: entry.name):
@@ -133,8 +133,8 @@ def _objects() -> dict[str, str]:
 
 def _families() -> dict[str, str]:
     """Every family of shapes: what it makes, and its parameters."""
-    from mpvi_bt.sim.catalogue import load_catalogue
-    from mpvi_bt.sim.family_page import families
+    from mpvi_bt.things.catalogue import load_catalogue
+    from mpvi_bt.things.family_page import families
 
     return {
         info.name: f"{info.about} {'; '.join(f'{key}: {what}' for key, what in info.parameters.items())}"
@@ -143,8 +143,8 @@ def _families() -> dict[str, str]:
 
 
 def _backends() -> dict[str, str]:
-    from mpvi_bt.suite.backends import BACKENDS
-    from mpvi_bt.suite.parts import OFFERED, entry_points
+    from mpvi_bt.choices.backends import BACKENDS
+    from mpvi_bt.choices.plugins import OFFERED, entry_points
 
     others = {
         f"--{kind} {name}": f"{path} (of an installed package)"

@@ -11,7 +11,7 @@ import click
 from mpvi_bt.cli.given import File, Finite
 
 if TYPE_CHECKING:
-    from mpvi_bt.suite.skeletons import Skeleton
+    from mpvi_bt.authoring.skeletons import Skeleton
 
 
 _FILE = click.Path(dir_okay=False, path_type=Path)
@@ -42,7 +42,7 @@ def _named(command: Any) -> Any:
 @_named
 def tree(name: str, root: Path | None, as_json: bool) -> None:
     """A tree with a parameter that drives to something and picks it up."""
-    from mpvi_bt.suite.skeletons import new_tree
+    from mpvi_bt.authoring.skeletons import new_tree
 
     _write(new_tree(name), root, as_json)
 
@@ -59,7 +59,7 @@ def tree(name: str, root: Path | None, as_json: bool) -> None:
 )
 def skill(name: str, root: Path | None, as_json: bool, like: str) -> None:
     """A skill that is done as another one is, named by a verb of its own."""
-    from mpvi_bt.suite.skeletons import new_skill
+    from mpvi_bt.authoring.skeletons import new_skill
 
     _write(new_skill(name, like), root, as_json)
 
@@ -96,7 +96,7 @@ def object_(
     hulls: int,
 ) -> None:
     """A thing of the catalogue, for houses and tasks: of a family of shapes, or with a mesh of your own."""
-    from mpvi_bt.suite.skeletons import new_mesh, new_object
+    from mpvi_bt.authoring.skeletons import new_mesh, new_object
 
     given = _given()
     if mesh is None and (own := given & {"parts", "scale", "up", "hulls"}):
@@ -111,7 +111,7 @@ def object_(
 @_named
 def house(name: str, root: Path | None, as_json: bool) -> None:
     """A house of two rooms."""
-    from mpvi_bt.suite.skeletons import new_house
+    from mpvi_bt.authoring.skeletons import new_house
 
     _write(new_house(name), root, as_json)
 
@@ -120,7 +120,7 @@ def house(name: str, root: Path | None, as_json: bool) -> None:
 @_named
 def task(name: str, root: Path | None, as_json: bool) -> None:
     """A task with its goal and its plan."""
-    from mpvi_bt.suite.skeletons import new_task
+    from mpvi_bt.authoring.skeletons import new_task
 
     _write(new_task(name), root, as_json)
 
@@ -129,7 +129,7 @@ def task(name: str, root: Path | None, as_json: bool) -> None:
 @_named
 def policy(name: str, root: Path | None, as_json: bool) -> None:
     """A policy in Python, in the current folder."""
-    from mpvi_bt.suite.skeletons import new_policy
+    from mpvi_bt.authoring.skeletons import new_policy
 
     _write(new_policy(name), root or Path(), as_json)
 
@@ -143,7 +143,7 @@ def _given() -> set[str]:
 
 def _write(skeleton: Skeleton, root: Path | None, as_json: bool) -> None:
     """Write the files and say what to do next."""
-    from mpvi_bt.suite.skeletons import found_by, home
+    from mpvi_bt.authoring.skeletons import found_by, home
 
     folder = home() if root is None else root
     export = "" if any(place.endswith(".py") for place in skeleton.files) else found_by(folder)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mpvi_bt.choices.backends import BACKENDS
+from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.cli.given import Choice, File, language
 from mpvi_bt.errors import UserError
-from mpvi_bt.suite.backends import BACKENDS
-from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.writing import write_whole
 
 if TYPE_CHECKING:
@@ -55,10 +55,10 @@ def plan(
     if export is not None:
         _export(what, export, as_json)
         return
+    from mpvi_bt.choices.language_models import Models, language_doubts
+    from mpvi_bt.choices.planning import make_planner
+    from mpvi_bt.instances.tasks import load_task
     from mpvi_bt.plan.prompt import told
-    from mpvi_bt.suite.language import Models, language_doubts
-    from mpvi_bt.suite.planners import make_planner
-    from mpvi_bt.suite.tasks import load_task
 
     given = " ".join(what).strip()
     if not given:
@@ -88,9 +88,9 @@ def plan(
 
 def _all(planned: Planned, planner: str, out: Path | None) -> dict[str, Any]:
     """The plan, what post-processing finds in it, and what it took."""
+    from mpvi_bt.episode.result import Planning
     from mpvi_bt.plan.primitives import primitives
     from mpvi_bt.plan.skills import load_skills
-    from mpvi_bt.suite.result import Planning
 
     found = primitives(planned.plan, load_skills())
     took = Planning.of(planned)
@@ -110,11 +110,11 @@ def _all(planned: Planned, planner: str, out: Path | None) -> dict[str, Any]:
 def _export(tasks: Sequence[str], file: Path, as_json: bool) -> None:
     """Write the recorded plans of tasks as chats; of all plans on file if none is named."""
     from mpvi_bt import paths
+    from mpvi_bt.choices.planning import ground
+    from mpvi_bt.instances.tasks import load_task
     from mpvi_bt.plan.finetuning import chats
     from mpvi_bt.plan.planners import RecordedPlanner
     from mpvi_bt.plan.skills import load_skills
-    from mpvi_bt.suite.planners import ground
-    from mpvi_bt.suite.tasks import load_task
 
     known = {name: load_task(name) for name in tasks or paths.names("tasks")}
     places = {task.house: ground(task.house) for task in known.values()}

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mpvi_bt.choices.config import ASKING, EpisodeConfig
 from mpvi_bt.cli import INTERRUPTED
 from mpvi_bt.cli.given import (
     File,
@@ -24,12 +25,11 @@ from mpvi_bt.cli.given import (
 )
 from mpvi_bt.cli.score import brief_score, score
 from mpvi_bt.errors import BackendError, NodeError, UserError
-from mpvi_bt.suite.config import ASKING, EpisodeConfig
 
 if TYPE_CHECKING:
+    from mpvi_bt.episode.prepare import Prepared
     from mpvi_bt.executive.loop import Subscriber
     from mpvi_bt.executive.stop import Stop
-    from mpvi_bt.suite.prepare import Prepared
 
 
 _OUTPUT = click.Path(dir_okay=False, path_type=Path)
@@ -125,7 +125,7 @@ def run(
     where the policy's server or a language model failed.
     """
     if settings["rerun"]:
-        from mpvi_bt.executive.rerun_log import require_sdk
+        from mpvi_bt.recording.rerun_log import require_sdk
 
         require_sdk()
     config, prepared, dry = (
@@ -135,7 +135,7 @@ def run(
         raise click.UsageError("A dry run has nothing to film, to draw, to log or to record.")
     stem = config.name if not dry else f"{Path(config.tree or config.plan or config.task).stem}_dry"
     config = config.kept_in(out, stem, trace)
-    from mpvi_bt.suite.prepare import doubts
+    from mpvi_bt.episode.prepare import doubts
 
     for doubt in doubts(config, prepared, dry):
         _note(doubt)
@@ -177,7 +177,7 @@ def run(
             config.saved.unlink(missing_ok=True)  # that it went on from: it has come to its end
         return code
     except NodeError as error:
-        from mpvi_bt.suite.brief import brief
+        from mpvi_bt.episode.brief import brief
 
         click.echo(f"mpvi: {error}", err=True)
         broken = {"node": error.path, "message": error.message, "place": error.place}
@@ -189,8 +189,8 @@ def _asked_for(
     task: str | None, values: dict[str, str], dry: bool, out: Path, settings: dict[str, Any]
 ) -> tuple[EpisodeConfig, Prepared, bool]:
     """What the command line asks for, and whether it is dry."""
-    from mpvi_bt.suite.prepare import prepare, prepare_episode
-    from mpvi_bt.suite.tasks import load_task
+    from mpvi_bt.episode.prepare import prepare, prepare_episode
+    from mpvi_bt.instances.tasks import load_task
 
     if task is None and not dry:
         raise click.UsageError("Missing argument 'TASK'; only with --dry a tree runs without one.")
@@ -214,8 +214,8 @@ def _note(line: str) -> None:
 def _resumed(file: str, settings: dict[str, Any]) -> tuple[EpisodeConfig, Prepared, bool]:
     """What a stopped episode goes on with, and whether it was dry."""
     _refuse_beside_resume()
-    from mpvi_bt.suite.prepare import prepare_saved
-    from mpvi_bt.suite.saved import load_saved
+    from mpvi_bt.episode.prepare import prepare_saved
+    from mpvi_bt.episode.saved_episode import load_saved
 
     saved = load_saved(file)
     config = replace(saved.episode, **{key: value for key, value in settings.items() if key in _OF_THIS_RUN})
@@ -226,8 +226,8 @@ def _episode(
     config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], stop: Stop, path: Path, as_json: bool
 ) -> int:
     """Run in the simulator; print and write the result."""
-    from mpvi_bt.suite.episode import run as run_episode
-    from mpvi_bt.suite.result import write_result
+    from mpvi_bt.episode.episode import run as run_episode
+    from mpvi_bt.episode.result import write_result
 
     result = run_episode(config, watchers, prepared, stop)
     write_result(path, result)
@@ -244,10 +244,10 @@ def _episode(
 
 def _dry(config: EpisodeConfig, prepared: Prepared, watchers: list[Subscriber], stop: Stop, as_json: bool) -> int:
     """Run without robot and simulator, and print how it went."""
+    from mpvi_bt.episode.brief import brief
+    from mpvi_bt.episode.saved_episode import Keeper
     from mpvi_bt.executive.dry import LIMIT_S, EmptyWorld, dry_tree, run_dry
-    from mpvi_bt.executive.recorder import Recorder
-    from mpvi_bt.suite.brief import brief
-    from mpvi_bt.suite.saved import Keeper
+    from mpvi_bt.recording.recorder import Recorder
 
     tree = dry_tree(prepared.spec, prepared.rules)
     saved = prepared.saved.run if prepared.saved else None

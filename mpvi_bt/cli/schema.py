@@ -12,6 +12,6 @@ def schema(what: str) -> None:
 
     A tree names it in its first line: "# yaml-language-server: $schema=schema/tree.json", a path from where it lies.
     """
-    from mpvi_bt.tree.schema import schema_text
+    from mpvi_bt.tree.json_schema import schema_text
 
     click.echo(schema_text(what), nl=False)

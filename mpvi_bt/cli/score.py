@@ -93,7 +93,7 @@ def _replanned(result: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _felt(result: Mapping[str, Any]) -> str:
-    from mpvi_bt.report.text import troubles  # it needs numpy, which the help does not
+    from mpvi_bt.report.closing_table import troubles  # it needs numpy, which the help does not
 
     grasps = result.get("grasps", {})
     return troubles(result.get("clipped", 0), grasps.get("empty", 0), grasps.get("lost", 0))
@@ -110,7 +110,7 @@ def _planned(result: Mapping[str, Any]) -> str:
 
 
 def _asked(result: Mapping[str, Any]) -> str:
-    from mpvi_bt.suite.queries import Queries, queries_text  # it needs pydantic, which the help does not
+    from mpvi_bt.episode.queries import Queries, queries_text  # it needs pydantic, which the help does not
 
     return queries_text([Queries.model_validate(result["queries"])]) if "queries" in result else ""
 

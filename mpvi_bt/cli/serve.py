@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
+from mpvi_bt.choices.backends import BACKENDS, choose
+from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.cli.given import Choice, Name, arguments, backends, check_writable, complete_param, given_here
 from mpvi_bt.cli.status import Status
 from mpvi_bt.errors import PolicyError, UserError
-from mpvi_bt.suite.backends import BACKENDS, choose
-from mpvi_bt.suite.config import EpisodeConfig
 
 if TYPE_CHECKING:
     from mpvi_bt.remote.server import SocketServer
@@ -147,8 +147,8 @@ def _policy(policy: str, settings: str | None, seed: int, idle_s: float, key: st
             f"{policy} reads the simulator itself, which no client can send: it cannot be served. "
             f"These can: {', '.join(_servable())}."
         )
+    from mpvi_bt.choices.policies import for_clients
     from mpvi_bt.remote.server import PolicyServer
-    from mpvi_bt.suite.policies import for_clients
 
     make = for_clients(policy, seed, settings)
     make({})  # what cannot be made is told now, not to the first client
@@ -156,7 +156,7 @@ def _policy(policy: str, settings: str | None, seed: int, idle_s: float, key: st
 
 
 def _executive(given: dict[str, Any], seed: int, key: str, status: Status) -> SocketServer:
-    from mpvi_bt.suite.served import Work, executive_server
+    from mpvi_bt.serving.served import Work, executive_server
 
     protocol, instruction, out = given.pop("protocol"), given.pop("instruction"), given.pop("out")
     if protocol is None:

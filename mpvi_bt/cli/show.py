@@ -22,8 +22,8 @@ def show(name: str | None, out: Path | None, page: Path | None) -> None:
 
     With --page a picture of every family goes into a folder beside the page, which is named after it.
     """
-    from mpvi_bt.sim.catalogue import load_catalogue
-    from mpvi_bt.sim.families import FAMILIES
+    from mpvi_bt.things.catalogue import load_catalogue
+    from mpvi_bt.things.families import FAMILIES
 
     catalogue = load_catalogue()
     if (name is None) == (page is None):
@@ -31,7 +31,7 @@ def show(name: str | None, out: Path | None, page: Path | None) -> None:
     if page is not None:
         if out is not None:
             raise click.UsageError("--out is of one picture; the page says itself where its pictures are.")
-        from mpvi_bt.sim.family_page import families, family_page
+        from mpvi_bt.things.family_page import families, family_page
 
         for info in families(catalogue):
             if info.example is not None:
@@ -53,8 +53,8 @@ def show(name: str | None, out: Path | None, page: Path | None) -> None:
 def _draw(name: str, path: Path, size: tuple[int, int]) -> None:
     import cv2
 
-    from mpvi_bt.sim.catalogue import load_catalogue
     from mpvi_bt.sim.portrait import portrait
+    from mpvi_bt.things.catalogue import load_catalogue
 
     picture = portrait(load_catalogue()[name], size)
     how = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY] if path.suffix == ".jpg" else []

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from mpvi_bt import paths
+from mpvi_bt.choices.config import EPISODE, EpisodeConfig
 from mpvi_bt.cli import INTERRUPTED
 from mpvi_bt.cli.given import File, Name, backends, demonstration_fps
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.report.told import Told
-from mpvi_bt.suite.config import EPISODE, EpisodeConfig
 
 if TYPE_CHECKING:
     from mpvi_bt.suite.store import Store
@@ -139,8 +139,8 @@ def run(
     Prints the report of them at the end. Ends with 3 if an episode could not be finished for a fault of the machine; it
     is tried again by the next run.
     """
+    from mpvi_bt.choices.language_models import language_doubts
     from mpvi_bt.report.several import Part
-    from mpvi_bt.suite.language import language_doubts
     from mpvi_bt.suite.play import Kept, Where, play
     from mpvi_bt.suite.progress import Progress
 
@@ -312,7 +312,7 @@ def _open(name: str, out: Path | None, options: dict[str, Any] | None = None) ->
     """
     from mpvi_bt.suite.manifest import read_manifest
     from mpvi_bt.suite.store import Store
-    from mpvi_bt.suite.tasks import load_suite
+    from mpvi_bt.suite.suites import load_suite
 
     loaded = load_suite(name)
     title = paths.title(name)

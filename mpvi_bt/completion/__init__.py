@@ -1,1 +1,1 @@
-""""""
+"""Completion checkers: when they are asked, and what they answer."""

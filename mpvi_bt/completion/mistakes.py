@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from mpvi_bt.behaviors.protocols import Checker, Clock, Judgement
 from mpvi_bt.perception.sizes import read_sizes
+from mpvi_bt.protocols import Checker, Clock, Judgement
 from mpvi_bt.robot.protocol import CameraImage
 
 _LONGEST_S = 600.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Protocol
 
-from mpvi_bt.behaviors.protocols import Judgement
 from mpvi_bt.completion.criteria import UNARY, Criterion, Relation, named, parse
+from mpvi_bt.protocols import Judgement
 from mpvi_bt.robot.protocol import CameraImage, Side
 
 _SET_DOWN = ("inside", "ontop", "nextto", "under")  # relations of what rests: in a hand it is not done yet

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from mpvi_bt.behaviors.protocols import TriggerEvent
+from mpvi_bt.protocols import TriggerEvent
 
 
 class PeriodicTriggers:

@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from mpvi_bt.behaviors.protocols import TriggerEvent
 from mpvi_bt.errors import UnknownName
+from mpvi_bt.protocols import TriggerEvent
 from mpvi_bt.robot import kinematics
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import CONTROL_HZ, Proprioception, Robot, Side

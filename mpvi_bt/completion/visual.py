@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import ConvexHull, QhullError
 
-from mpvi_bt.behaviors.protocols import Judgement
 from mpvi_bt.completion.criteria import UNARY, Criterion, named, parse
 from mpvi_bt.perception.detector import SWITCH
 from mpvi_bt.perception.phrases import Vocabulary
+from mpvi_bt.protocols import Judgement
 from mpvi_bt.robot.kinematics import inverse
 from mpvi_bt.robot.linear_algebra import matmul, norm, principal_axes
 from mpvi_bt.robot.model import RobotModel

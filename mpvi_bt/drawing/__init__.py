@@ -1,1 +1,1 @@
-""""""
+"""Trees as text, Mermaid, DOT and SVG, from their specs."""

@@ -7,7 +7,7 @@ from typing import TextIO
 
 import click
 
-from mpvi_bt.drawing.marks import MARKS
+from mpvi_bt.drawing.symbols import MARKS
 from mpvi_bt.drawing.text import Line
 
 

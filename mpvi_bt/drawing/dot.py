@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from mpvi_bt.drawing.cells import one_line, wrapped
-from mpvi_bt.drawing.marks import MARKS, sign, standing
+from mpvi_bt.drawing.symbols import MARKS, sign, standing
 from mpvi_bt.tree.spec import Placed, TreeSpec
 from mpvi_bt.tree.state import NodeState
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from xml.sax.saxutils import escape
 
 from mpvi_bt.drawing.cells import columns, cut, one_line, wrapped
-from mpvi_bt.drawing.marks import MARKS, sign, standing
+from mpvi_bt.drawing.symbols import MARKS, sign, standing
 from mpvi_bt.drawing.text import time_text
 from mpvi_bt.tree.spec import Placed, TreeSpec
 from mpvi_bt.tree.state import NodeState

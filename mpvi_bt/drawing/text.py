@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from mpvi_bt.drawing.cells import columns, cut, one_line
-from mpvi_bt.drawing.marks import MARKS, Standing, legend, sign, standing
+from mpvi_bt.drawing.symbols import MARKS, Standing, legend, sign, standing
 from mpvi_bt.tree.spec import Placed, TreeSpec
 from mpvi_bt.tree.state import NodeState
 

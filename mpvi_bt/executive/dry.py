@@ -11,7 +11,7 @@ from mpvi_bt.behaviors.context import Context
 from mpvi_bt.errors import BackendError
 from mpvi_bt.executive.loop import Outcome, Subscriber, run_episode
 from mpvi_bt.executive.replanning import Replanning
-from mpvi_bt.executive.saved import SavedRun, restore_world
+from mpvi_bt.executive.saved_run import SavedRun, restore_world
 from mpvi_bt.plan.planners import Planner
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ, CameraImage, Proprioception

@@ -10,7 +10,7 @@ from typing import TextIO
 
 from mpvi_bt.drawing.cells import cut, one_line
 from mpvi_bt.drawing.colors import obeys_escapes, painted, wants_color
-from mpvi_bt.drawing.marks import legend
+from mpvi_bt.drawing.symbols import legend
 from mpvi_bt.drawing.terminal import draw
 from mpvi_bt.drawing.text import left_out, node_line, tree_lines, where, window
 from mpvi_bt.executive.loop import Outcome, World

@@ -10,7 +10,6 @@ from functools import partial
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Context, Failure, Log, Replan
-from mpvi_bt.behaviors.protocols import Cost
 from mpvi_bt.behaviors.question import Question
 from mpvi_bt.behaviors.references import unescaped
 from mpvi_bt.errors import BackendError, UserError
@@ -18,6 +17,7 @@ from mpvi_bt.language.chat import Answer
 from mpvi_bt.plan.history import History, Thing, Unit
 from mpvi_bt.plan.planners import NoPlan, Planner
 from mpvi_bt.plan.schema import Plan
+from mpvi_bt.protocols import Cost
 from mpvi_bt.scene.knowledge import LIKELY, Entry
 from mpvi_bt.tree.build import Tree
 from mpvi_bt.tree.compile import Drive, compile_units

@@ -1,1 +1,1 @@
-""""""
+"""BDDL: problems, and whether a goal holds in a world."""

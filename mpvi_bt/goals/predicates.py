@@ -12,7 +12,7 @@ import numpy as np
 from mpvi_bt.errors import UnknownName, UserError
 from mpvi_bt.goals.formula import OF_SUBSTANCE, Literal, Truth
 from mpvi_bt.goals.rays import crosses, interval, within
-from mpvi_bt.goals.state import WorldState, aabb
+from mpvi_bt.goals.world_state import WorldState, aabb
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.rules import grains as rule

@@ -1,1 +1,1 @@
-""""""
+"""Language models: chat, exchanges on file, budgets."""

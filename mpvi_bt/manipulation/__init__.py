@@ -1,1 +1,1 @@
-""""""
+"""What moves the hands."""

@@ -1,1 +1,1 @@
-""""""
+"""Driving to what a phrase names: maps, ways, search."""

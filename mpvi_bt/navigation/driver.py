@@ -12,7 +12,6 @@ from typing import Protocol
 
 import numpy as np
 
-from mpvi_bt.behaviors.protocols import Progress, Report
 from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.goals import Handoff
 from mpvi_bt.navigation.headway import Headway
@@ -29,6 +28,7 @@ from mpvi_bt.navigation.traversability import (
     traversability,
 )
 from mpvi_bt.navigation.ways import GaveUp, Goals, find_way
+from mpvi_bt.protocols import Progress, Report
 from mpvi_bt.robot.kinematics import rot_z
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Robot

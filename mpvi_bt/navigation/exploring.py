@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.behaviors.protocols import Progress, Report
 from mpvi_bt.errors import nearest
 from mpvi_bt.navigation.driver import DEFAULTS, GaveUp, NavigationParameters, Stow
 from mpvi_bt.navigation.goals import Goal, distance_to, near_goals
@@ -23,6 +22,7 @@ from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.navigation.ways import stuck
 from mpvi_bt.perception.detector import Detection
 from mpvi_bt.perception.phrases import OTHER
+from mpvi_bt.protocols import Progress, Report
 from mpvi_bt.robot.protocol import CameraImage, Robot
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array

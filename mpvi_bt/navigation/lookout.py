@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpvi_bt.behaviors.protocols import Clock
+from mpvi_bt.protocols import Clock
 from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage, Robot

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt.behaviors.protocols import Progress, Report
 from mpvi_bt.errors import nearest
 from mpvi_bt.navigation.driver import DEFAULTS, Driver, GaveUp, NavigationParameters, Stow, never
 from mpvi_bt.navigation.goals import Goal, at_target, object_goals, room_goals
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.perception.phrases import OTHER
+from mpvi_bt.protocols import Progress, Report
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import SIDES, Robot
 from mpvi_bt.robot.solids import Array

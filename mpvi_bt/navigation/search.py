@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from mpvi_bt.behaviors.protocols import Report
 from mpvi_bt.navigation.driver import Driver, GaveUp, Goals
 from mpvi_bt.navigation.frontiers import frontier, nearest_frontier
 from mpvi_bt.navigation.goals import Goal
 from mpvi_bt.navigation.grid import cost_to_reach
 from mpvi_bt.navigation.lookout import Lookout
 from mpvi_bt.navigation.traversability import about
+from mpvi_bt.protocols import Report
 from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.protocol import Robot
 from mpvi_bt.robot.solids import Array

@@ -1,1 +1,1 @@
-""""""
+"""Pictures to what is where."""

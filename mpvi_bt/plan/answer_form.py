@@ -13,7 +13,7 @@ from functools import cache
 from typing import Any
 
 from mpvi_bt.language.chat import Schema
-from mpvi_bt.plan.context import Grounding
+from mpvi_bt.plan.planning_context import Grounding
 from mpvi_bt.plan.schema import Manipulation, Plan, Segment
 
 # Of one enumeration. OpenAI, Structured outputs: at most 1000 values in a schema (500 until 2025), whose length is

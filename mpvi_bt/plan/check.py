@@ -11,8 +11,8 @@ from mpvi_bt.marked_yaml import MAX_PROBLEMS, Marks
 from mpvi_bt.perception.phrases import normalize
 from mpvi_bt.plan.action_like import action_in
 from mpvi_bt.plan.clauses import match
-from mpvi_bt.plan.context import Grounding
-from mpvi_bt.plan.hands import Hands
+from mpvi_bt.plan.payloads import Hands
+from mpvi_bt.plan.planning_context import Grounding
 from mpvi_bt.plan.schema import Manipulation, Navigation, Plan
 from mpvi_bt.plan.skills import Skill, SkillCall
 

@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping
 
 from mpvi_bt.plan.answer_form import answer_text
-from mpvi_bt.plan.context import Grounding
+from mpvi_bt.plan.planning_context import Grounding
 from mpvi_bt.plan.prompt import checked_instruction, system_text, user_text
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.plan.skills import Skill

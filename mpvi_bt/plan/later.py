@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from itertools import takewhile
 
-from mpvi_bt.plan.hands import Hands
 from mpvi_bt.plan.history import History
+from mpvi_bt.plan.payloads import Hands
 from mpvi_bt.plan.planners import NoPlan, Planned
 from mpvi_bt.plan.primitives import primitives, units
 from mpvi_bt.plan.schema import Navigation, Plan

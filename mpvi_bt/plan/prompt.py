@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 from mpvi_bt.errors import Problem, UserError
 from mpvi_bt.language.chat import Message
 from mpvi_bt.plan.answer_form import answer_text
-from mpvi_bt.plan.context import Grounding
-from mpvi_bt.plan.phrases import example
+from mpvi_bt.plan.planning_context import Grounding
 from mpvi_bt.plan.schema import Plan
+from mpvi_bt.plan.skill_phrases import example
 from mpvi_bt.plan.skills import Skill
 
 LONGEST_INSTRUCTION = 2000  # characters, as of a plan

@@ -16,8 +16,8 @@ from mpvi_bt.file_kinds import expect
 from mpvi_bt.import_paths import IMPORT_PATH
 from mpvi_bt.marked_yaml import Marks, Record, load_marked, validate_data
 from mpvi_bt.plan.pattern import Pattern, pattern
-from mpvi_bt.plan.phrases import checked_phrase, checked_template, filled, first_words, slots
 from mpvi_bt.plan.schema import Phrase
+from mpvi_bt.plan.skill_phrases import checked_phrase, checked_template, filled, first_words, slots
 
 
 class Trigger(Record):

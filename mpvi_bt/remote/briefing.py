@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from mpvi_bt.errors import UserError, shown
+from mpvi_bt.remote.dialect_settings import Constant, Settings
 from mpvi_bt.remote.prompts import prompt_of
-from mpvi_bt.remote.settings import Constant, Settings
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.retargeting import check_like_r1pro
 

@@ -21,8 +21,8 @@ from mpvi_bt.errors import BadMessage, MpviError, UserError, shown
 from mpvi_bt.remote.codec import unpack
 from mpvi_bt.remote.connection import one_line
 from mpvi_bt.remote.reading import RESET, Dialect, Reading, chunk_of
+from mpvi_bt.remote.remote_world import RemoteWorld
 from mpvi_bt.remote.server import Given, Promise, Refused
-from mpvi_bt.remote.world import RemoteWorld
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.robot.solids import Array

@@ -14,7 +14,7 @@ import numpy as np
 
 from mpvi_bt.errors import BadMessage, UnknownName, shown
 from mpvi_bt.plan.schema import MOST_OF_PROMPT
-from mpvi_bt.remote.settings import CAMERAS
+from mpvi_bt.remote.dialect_settings import CAMERAS
 from mpvi_bt.robot.protocol import CameraImage, Proprioception, Side
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array

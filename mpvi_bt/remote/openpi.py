@@ -17,9 +17,9 @@ import numpy as np
 from mpvi_bt.errors import PolicyError, UserError, shown
 from mpvi_bt.remote.codec import pack
 from mpvi_bt.remote.connection import KEY, Connection, Lost, one_line
-from mpvi_bt.remote.mapping import actions_of, message_of, still
+from mpvi_bt.remote.dialect_settings import CAMERAS, Settings, load_settings
 from mpvi_bt.remote.observation import Vocabulary, write_observation
-from mpvi_bt.remote.settings import CAMERAS, Settings, load_settings
+from mpvi_bt.remote.wire_mapping import actions_of, message_of, still
 from mpvi_bt.robot.protocol import Proprioception
 from mpvi_bt.robot.solids import Array
 

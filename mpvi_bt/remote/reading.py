@@ -10,8 +10,8 @@ import numpy as np
 
 from mpvi_bt.errors import BadMessage, shown
 from mpvi_bt.remote.behavior_layout import SIZE
-from mpvi_bt.remote.mapping import MOST_ACTIONS
 from mpvi_bt.remote.observation import Vocabulary
+from mpvi_bt.remote.wire_mapping import MOST_ACTIONS
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import CameraImage, Proprioception
 from mpvi_bt.robot.solids import Array

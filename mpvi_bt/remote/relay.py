@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.remote.connection import one_line
-from mpvi_bt.remote.mapping import actions_of, still
+from mpvi_bt.remote.dialect_settings import Settings
 from mpvi_bt.remote.observation import Vocabulary
 from mpvi_bt.remote.openpi import cameras_of, question
-from mpvi_bt.remote.settings import Settings
+from mpvi_bt.remote.wire_mapping import actions_of, still
 from mpvi_bt.robot.protocol import ActionLayout, Proprioception
 from mpvi_bt.robot.solids import Array
 
@@ -27,7 +27,7 @@ class Stopped(KeyboardInterrupt):
 
 
 class Relay:
-    """Both ends of the conversation of one episode; the policy's end is a `mpvi_bt.behaviors.protocols.Policy`.
+    """Both ends of the conversation of one episode; the policy's end is a `mpvi_bt.protocols.Policy`.
 
     Args:
         name: Of the policy.

@@ -26,12 +26,12 @@ from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
 from mpvi_bt import __version__
-from mpvi_bt.behaviors.protocols import Policy
 from mpvi_bt.errors import BadMessage
+from mpvi_bt.protocols import Policy
 from mpvi_bt.remote.codec import MAX_BYTES, pack, unpack
 from mpvi_bt.remote.connection import one_line
-from mpvi_bt.remote.metrics import Metrics
 from mpvi_bt.remote.observation import Vocabulary, read_observation
+from mpvi_bt.remote.server_metrics import Metrics
 from mpvi_bt.robot.protocol import ACTION_SIZE, CONTROL_HZ
 
 MOST_CLIENTS = 64  # each has a policy and a thread

@@ -16,10 +16,10 @@ from mpvi_bt import __version__
 from mpvi_bt.errors import BadMessage, PolicyError, shown
 from mpvi_bt.remote.codec import array_of, pack
 from mpvi_bt.remote.connection import Connection, one_line
-from mpvi_bt.remote.mapping import actions_of, still
+from mpvi_bt.remote.dialect_settings import Settings
 from mpvi_bt.remote.observation import Vocabulary
 from mpvi_bt.remote.openpi import OpenpiPolicy, cameras_of, question
-from mpvi_bt.remote.settings import Settings
+from mpvi_bt.remote.wire_mapping import actions_of, still
 from mpvi_bt.robot.protocol import Proprioception
 from mpvi_bt.robot.solids import Array
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from html import escape
 
 from mpvi_bt.drawing.cells import cut, one_line
+from mpvi_bt.episode.result import Result
 from mpvi_bt.report.failures import reason
 from mpvi_bt.report.runs import Runs
-from mpvi_bt.suite.result import Result
 
 MOST = 12  # reasons that can be chosen, the most frequent
 _LONG = 40

@@ -8,9 +8,9 @@ from itertools import starmap
 
 import numpy as np
 
+from mpvi_bt.episode.result import Result
 from mpvi_bt.report.runs import Key, Runs, by_instance
 from mpvi_bt.report.statistics import Chance, Estimate, difference, estimate, permutation_test, relative
-from mpvi_bt.suite.result import Result
 
 SAME_Q = 1e-9  # q is a share of whole literals; this is rounding
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from mpvi_bt.episode.metrics import DIRECTIONS
 from mpvi_bt.report.figures import Figures, Group, MethodFigures
 from mpvi_bt.report.official import official_summary
 from mpvi_bt.report.runs import Runs
-from mpvi_bt.suite.metrics import DIRECTIONS
 
 
 def report_data(figures: Figures, runs: Sequence[Runs]) -> dict[str, Any]:

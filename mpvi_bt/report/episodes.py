@@ -9,15 +9,15 @@ from html import escape
 from pathlib import Path
 from urllib.parse import quote
 
+from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.drawing.cells import cut, one_line
+from mpvi_bt.episode.result import Result
 from mpvi_bt.errors import MpviError
-from mpvi_bt.report.map import way_map
+from mpvi_bt.house.house import House
+from mpvi_bt.report.closing_table import troubles
+from mpvi_bt.report.episode_map import way_map
 from mpvi_bt.report.runs import Runs
-from mpvi_bt.report.text import troubles
 from mpvi_bt.report.timeline import timeline, timeline_html
-from mpvi_bt.sim.house import House
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.result import Result
 from mpvi_bt.trace.read import read_trace
 
 # Our choices: what a page of hundreds of episodes can hold of each.

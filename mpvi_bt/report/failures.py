@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from mpvi_bt.suite.result import Failure, Result
+from mpvi_bt.episode.result import Failure, Result
 
 # What a policy gave up of stands in the evidence: "pick: no_grasp", with what its candidates died of in brackets, and
 # behind a semicolon what the checker said no to; of a timeout, "manipulate (pick: no_grasp)".

@@ -7,16 +7,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from mpvi_bt.choices.backends import privileged
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.episode.queries import queries_text
+from mpvi_bt.episode.result import Result
 from mpvi_bt.errors import UnknownName
 from mpvi_bt.report.compare import Comparison, compare
 from mpvi_bt.report.failures import Failures, count_failures
 from mpvi_bt.report.paper import paper_mean, paper_scores
 from mpvi_bt.report.runs import MEASURES, Runs, by_instance
 from mpvi_bt.report.statistics import LEVEL, RESAMPLES, Estimate, estimate
-from mpvi_bt.suite.backends import privileged
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.queries import queries_text
-from mpvi_bt.suite.result import Result
 
 BASELINE = "e2e"  # what the paper compares with, where it is among the methods
 _UNLIKE = (

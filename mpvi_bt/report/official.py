@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from mpvi_bt.episode.result import Result
 from mpvi_bt.report.runs import Runs
-from mpvi_bt.suite.result import Result
 
 # Null, of a robot that did not move or a task that no human did, counts as 0.
 SCORES: Mapping[str, Callable[[Result], float | None]] = {

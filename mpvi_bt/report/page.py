@@ -13,17 +13,17 @@ from pathlib import Path
 from mpvi_bt import __version__, paths
 from mpvi_bt.drawing.cells import one_line
 from mpvi_bt.errors import MpviError
+from mpvi_bt.house.house import House, load_house
 from mpvi_bt.marked_yaml import load_marked
 from mpvi_bt.report import tables as t
 from mpvi_bt.report.choice import CHOICE_STYLE, Choice
-from mpvi_bt.report.drawing import plot_style
+from mpvi_bt.report.episode_map import house_symbol
 from mpvi_bt.report.episodes import episode_html
 from mpvi_bt.report.figures import Figures
-from mpvi_bt.report.map import house_symbol
 from mpvi_bt.report.plots import NARROW, improvement_plot, method_plot, shown_tasks
 from mpvi_bt.report.runs import Runs
+from mpvi_bt.report.svg import plot_style
 from mpvi_bt.report.tables import Table
-from mpvi_bt.sim.house import House, load_house
 
 
 def report_page(

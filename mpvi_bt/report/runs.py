@@ -10,12 +10,12 @@ from typing import Literal
 import numpy as np
 
 from mpvi_bt import paths
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.methods import FOLDER, check_method
+from mpvi_bt.episode.result import Result
 from mpvi_bt.errors import MpviError
 from mpvi_bt.marked_yaml import load_marked
 from mpvi_bt.report.statistics import Array
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.methods import FOLDER, check_method
-from mpvi_bt.suite.result import Result
 from mpvi_bt.suite.store import Fault, Store
 
 Key = tuple[str, int, int]  # task, instance, seed

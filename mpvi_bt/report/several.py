@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.episode.result import Result
 from mpvi_bt.errors import UserError
 from mpvi_bt.report.runs import Runs, runs_of
-from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.manifest import Manifest, read_manifest
-from mpvi_bt.suite.result import Result
 from mpvi_bt.suite.store import Fault, Store
 
 _MOST = 4  # files that a note names

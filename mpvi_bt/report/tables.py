@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from mpvi_bt.drawing.endings import ENDED
+from mpvi_bt.instances.human import Human, human_stats
 from mpvi_bt.report.compare import Comparison
 from mpvi_bt.report.failures import Failures
 from mpvi_bt.report.figures import Figures, Group, MethodFigures
@@ -13,7 +14,6 @@ from mpvi_bt.report.paper import MATCHED, RELATIVE, paper_scores
 from mpvi_bt.report.runs import BY_KEY, MEASURES
 from mpvi_bt.report.statistics import FLIPS, Chance, Estimate
 from mpvi_bt.robot.protocol import CONTROL_HZ
-from mpvi_bt.suite.human import Human, human_stats
 
 NONE = "-"
 _EFFICIENCY = ("simulator_time", "normalized_time", "base", "normalized_base", "left", "normalized_left", "right",

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from html import escape
 
 from mpvi_bt.drawing.cells import cut, one_line
-from mpvi_bt.drawing.marks import MARKS, Standing, standing
+from mpvi_bt.drawing.symbols import MARKS, Standing, standing
 from mpvi_bt.trace.read import Trace
 
 MOST_ROWS = 40  # Our choice: the page of a suite holds hundreds of these

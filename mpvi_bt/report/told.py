@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # what they load is slower than the help of these commands should be
+    from mpvi_bt.episode.result import Result
     from mpvi_bt.report.figures import Figures
     from mpvi_bt.report.runs import Runs
     from mpvi_bt.report.several import Part
-    from mpvi_bt.suite.result import Result
     from mpvi_bt.suite.store import Store
 
 
@@ -47,7 +47,7 @@ class Told:
         """
         from mpvi_bt.report.figures import figures
         from mpvi_bt.report.several import notes, together
-        from mpvi_bt.suite.tasks import load_suite
+        from mpvi_bt.suite.suites import load_suite
 
         runs = together(parts)
         title = ", ".join(dict.fromkeys(part.suite for part in parts))
@@ -83,7 +83,7 @@ class Told:
             from mpvi_bt.report.data import report_data
 
             return json.dumps(report_data(self.figures, self.runs), indent=1, allow_nan=False, ensure_ascii=False)
-        from mpvi_bt.report.text import report_text
+        from mpvi_bt.report.closing_table import report_text
 
         return report_text(self.figures, self.runs)
 

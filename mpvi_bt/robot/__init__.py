@@ -1,1 +1,1 @@
-"""What a robot is, and the bimanual r1 model."""
+"""What a robot is, how it moves, and the robots that there are."""

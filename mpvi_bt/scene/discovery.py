@@ -15,10 +15,10 @@ import numpy as np
 from pydantic import TypeAdapter
 from scipy.optimize import linear_sum_assignment
 
-from mpvi_bt.behaviors.protocols import Clock
 from mpvi_bt.errors import DetectorError
 from mpvi_bt.perception.detector import Detection, Detector
 from mpvi_bt.perception.sighting import Looks, Sighting, covers, middle_in_sight, shows, sightings
+from mpvi_bt.protocols import Clock
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import CameraImage, Proprioception
 from mpvi_bt.robot.solids import Array

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from mpvi_bt.goals.state import WorldState
+from mpvi_bt.goals.world_state import WorldState
 from mpvi_bt.robot.collision import Surroundings, carries
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import Side

@@ -15,7 +15,7 @@ _DEEP_M = 0.6  # what shows behind a door once it is open, at the most
 
 
 class Bar(Protocol):
-    """A bar that a hand can close around, in the world frame [m]; `mpvi_bt.sim.description.Handle` is one."""
+    """A bar that a hand can close around, in the world frame [m]; `mpvi_bt.things.description.Handle` is one."""
 
     @property
     def center(self) -> Array:

@@ -1,1 +1,1 @@
-""""""
+"""The physical world in SAPIEN: the robot, cameras, contact, states of things."""

@@ -14,7 +14,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.sim.builder import Thing
-from mpvi_bt.sim.robot import SimRobot
+from mpvi_bt.sim.sim_robot import SimRobot
 
 
 class Attachments:

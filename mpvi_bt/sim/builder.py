@@ -9,12 +9,12 @@ from functools import cached_property
 import numpy as np
 import sapien
 
+from mpvi_bt.house.house import House
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array, Solid
-from mpvi_bt.sim.catalogue import Entry
-from mpvi_bt.sim.description import Body, Color, Description, Part, Parts, Skin
-from mpvi_bt.sim.house import House
-from mpvi_bt.sim.meshes import faceted, meshes
+from mpvi_bt.things.catalogue import Entry
+from mpvi_bt.things.description import Body, Color, Description, Part, Parts, Skin
+from mpvi_bt.things.meshes import faceted, meshes
 
 _FIXED_BIT = 16  # of collision group 2: what never moves need not be tested against what never moves
 _HANDLE_FRICTION = 1.2

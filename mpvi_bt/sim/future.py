@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from mpvi_bt.errors import UserError
-from mpvi_bt.sim.catalogue import Catalogue, Entry
+from mpvi_bt.things.catalogue import Catalogue, Entry
 
 _DEEPEST = 5  # steps from a thing to what becomes of it; more is a circle, such as a half that is cut into wholes
 

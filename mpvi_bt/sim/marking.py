@@ -10,14 +10,14 @@ import numpy as np
 import sapien
 
 from mpvi_bt.goals.predicates import OPEN_FRACTION, inside
-from mpvi_bt.goals.state import WorldState
+from mpvi_bt.goals.world_state import WorldState
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.rules.marks import Marks, covered
 from mpvi_bt.rules.washer import begins, washed
 from mpvi_bt.sim.builder import show
-from mpvi_bt.sim.description import Color, Part
+from mpvi_bt.things.description import Color, Part
 
 _COUNT = 24  # Our choice: marks of one kind on one thing, many enough to be seen from each side
 _RADIUS_M = 0.006

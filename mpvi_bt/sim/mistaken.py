@@ -16,9 +16,9 @@ from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.scene.knowledge import KnowledgeBase
 from mpvi_bt.shapes.moving_parts import Door
-from mpvi_bt.sim.description import Handle
 from mpvi_bt.sim.noise import Standing
 from mpvi_bt.sim.world import World
+from mpvi_bt.things.description import Handle
 
 
 class MistakenTruth:

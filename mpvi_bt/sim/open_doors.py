@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from mpvi_bt.house.prior_map import marked
 from mpvi_bt.scene.occupancy_map import OccupancyMap
-from mpvi_bt.sim.prior_map import marked
 from mpvi_bt.sim.world import World
 
 _STEPS = 20  # of a joint's way; a door that has moved by less stands where it stood

@@ -8,10 +8,10 @@ import sapien
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.sim.builder import show
 from mpvi_bt.sim.cameras import Cameras
-from mpvi_bt.sim.catalogue import Entry
-from mpvi_bt.sim.description import Parts
 from mpvi_bt.sim.shaders import new_scene
 from mpvi_bt.sim.views import look_at
+from mpvi_bt.things.catalogue import Entry
+from mpvi_bt.things.description import Parts
 
 _FLOOR = (0.93, 0.92, 0.9)
 _AJAR = 0.45  # of its way: a door or lid, so that one sees what it is, and what is behind

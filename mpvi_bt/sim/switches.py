@@ -17,7 +17,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.sim.builder import Thing, show
-from mpvi_bt.sim.description import Color, Part, Switch
+from mpvi_bt.things.description import Color, Part, Switch
 
 SWITCH_M = 0.03  # a fingertip this near to a switch is on it
 PRESSED_STEPS = 5  # it has to stay so many control steps, and then to leave, before the switch turns again

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mpvi_bt.goals.predicates import OPEN_FRACTION, inside
-from mpvi_bt.goals.state import WorldState, aabb
+from mpvi_bt.goals.world_state import WorldState, aabb
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.rules.fire import spread

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from mpvi_bt.house.house import House
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.sim.house import House
 
 
 def look_at(eye: Array | tuple[float, float, float], target: Array | tuple[float, float, float]) -> Array:

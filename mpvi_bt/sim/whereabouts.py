@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from mpvi_bt.house.house import House
+from mpvi_bt.house.prior_map import knowledge, prior_map
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array, bounds
 from mpvi_bt.scene.knowledge import Entry, KnowledgeBase, laid_down
 from mpvi_bt.sim.builder import Thing
 from mpvi_bt.sim.holding import Holding
-from mpvi_bt.sim.house import House
-from mpvi_bt.sim.prior_map import knowledge, prior_map
 
 
 class Whereabouts:

@@ -11,6 +11,7 @@ import numpy as np
 import sapien
 
 from mpvi_bt.errors import UnknownName, UserError
+from mpvi_bt.house.house import House
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage, Side
@@ -23,16 +24,15 @@ from mpvi_bt.sim.assisted import Attachments
 from mpvi_bt.sim.builder import Thing, build_house, build_object
 from mpvi_bt.sim.bumps import Bumps
 from mpvi_bt.sim.cameras import Cameras
-from mpvi_bt.sim.catalogue import SUBSTANCE, Entry
-from mpvi_bt.sim.description import Handle
 from mpvi_bt.sim.holding import TOUCHING_M, Holding
-from mpvi_bt.sim.house import House
 from mpvi_bt.sim.marking import Marking
-from mpvi_bt.sim.robot import SimRobot
 from mpvi_bt.sim.shaders import new_scene
+from mpvi_bt.sim.sim_robot import SimRobot
 from mpvi_bt.sim.switches import Switches
 from mpvi_bt.sim.temperatures import Temperatures
 from mpvi_bt.sim.whereabouts import Whereabouts
+from mpvi_bt.things.catalogue import SUBSTANCE, Entry
+from mpvi_bt.things.description import Handle
 
 PHYSICS_HZ = 120
 ROBOT = "robot"  # among the names of `World.contacts`

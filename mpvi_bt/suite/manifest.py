@@ -13,16 +13,16 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, JsonValue, ValidationError
 
 from mpvi_bt import __version__, paths
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.episode.result import write_json
 from mpvi_bt.errors import UserError, shown
 from mpvi_bt.goals.problem import activities
+from mpvi_bt.house.house import load_house
+from mpvi_bt.instances.splits import hidden_seed
+from mpvi_bt.instances.tasks import Task, load_task
 from mpvi_bt.marked_yaml import Record, load_marked
-from mpvi_bt.remote.settings import load_settings
-from mpvi_bt.sim.catalogue import Entry, load_catalogue
-from mpvi_bt.sim.house import load_house
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.result import write_json
-from mpvi_bt.suite.splits import hidden_seed
-from mpvi_bt.suite.tasks import Task, load_task
+from mpvi_bt.remote.dialect_settings import load_settings
+from mpvi_bt.things.catalogue import Entry, load_catalogue
 
 FILE = "manifest.json"
 _MOST = 4  # differences that a message shows

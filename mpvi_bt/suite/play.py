@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from mpvi_bt.choices.config import EPISODE, EpisodeConfig, SuiteBudget
+from mpvi_bt.episode.prepare import check_episode
 from mpvi_bt.errors import UnknownName, UserError
-from mpvi_bt.suite.config import EPISODE, EpisodeConfig, SuiteBudget
 from mpvi_bt.suite.manifest import Manifest, make_manifest
-from mpvi_bt.suite.prepare import check_episode
 from mpvi_bt.suite.processes import WALL_LIMIT_S, ProcessEngine
 from mpvi_bt.suite.runner import Engine, Listener, Outcome, run_suite
 from mpvi_bt.suite.schedule import Pace, budgets_s, in_rounds

@@ -13,8 +13,8 @@ from multiprocessing import resource_tracker
 
 from pebble import ProcessExpired, ProcessPool
 
+from mpvi_bt.choices.config import EPISODE, EpisodeConfig
 from mpvi_bt.errors import BackendError
-from mpvi_bt.suite.config import EPISODE, EpisodeConfig
 from mpvi_bt.suite.store import Fault
 from mpvi_bt.suite.worker import EPISODES_A_PROCESS, THREAD_LIMITS, Played, play, prepare
 

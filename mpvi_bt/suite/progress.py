@@ -9,11 +9,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TextIO
 
+from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.drawing.cells import cut, one_line
 from mpvi_bt.drawing.terminal import draw
+from mpvi_bt.episode.result import Result
 from mpvi_bt.errors import bounded
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.result import Result
 from mpvi_bt.suite.schedule import Pace
 from mpvi_bt.suite.store import Fault
 

@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from mpvi_bt.choices.config import EPISODE, OUTPUTS, EpisodeConfig
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.extras import install
-from mpvi_bt.suite.config import EPISODE, OUTPUTS, EpisodeConfig
 from mpvi_bt.suite.manifest import Manifest, make_manifest
 from mpvi_bt.suite.processes import WALL_LIMIT_S
 from mpvi_bt.suite.store import Fault

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Protocol
 
 from mpvi_bt import __version__
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.episode.result import Result
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.suite.at_work import AtWork, note
-from mpvi_bt.suite.config import EpisodeConfig
 from mpvi_bt.suite.manifest import Manifest
-from mpvi_bt.suite.result import Result
 from mpvi_bt.suite.store import Fault, Store
 from mpvi_bt.suite.worker import Played
 

@@ -7,10 +7,10 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from operator import itemgetter
 
+from mpvi_bt.choices.backends import choose
+from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.errors import UserError
-from mpvi_bt.suite.backends import choose
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.tasks import load_task
+from mpvi_bt.instances.tasks import load_task
 
 # Wall seconds for a second of the budget, of scripted policies and of those that look: about the medians of four
 # tasks with each of three methods, on one core of a machine that others used. Episodes end long before their time.

@@ -25,9 +25,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mpvi_bt import paths
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.episode.result import Result, read_result, write_json, write_result
 from mpvi_bt.errors import UserError
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.result import Result, read_result, write_json, write_result
 from mpvi_bt.writing import unwritable
 
 _LOCK_TRIES, _LOCK_WAIT_S = 10, 0.05

@@ -10,9 +10,9 @@ import traceback
 from dataclasses import dataclass
 from typing import Any
 
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.episode.result import Result
 from mpvi_bt.errors import DiskFull, ModelError, NoRenderingDevice, UserError
-from mpvi_bt.suite.config import EpisodeConfig
-from mpvi_bt.suite.result import Result
 from mpvi_bt.suite.store import Fault
 from mpvi_bt.writing import FULL
 

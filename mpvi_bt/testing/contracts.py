@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt.behaviors.protocols import Checker, Navigator, Policy, Progress, Report
 from mpvi_bt.errors import BackendError, DetectorError, shown
 from mpvi_bt.perception.detector import ROBOT, Detection, Detector, check_detection
+from mpvi_bt.protocols import Checker, Navigator, Policy, Progress, Report
 from mpvi_bt.robot.protocol import (
     ACTION_SIZE,
     SIDES,

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from mpvi_bt.behaviors.context import Context
-from mpvi_bt.behaviors.protocols import Judgement, Progress, Report, TriggerEvent
 from mpvi_bt.errors import BackendError
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.skills import Skill
+from mpvi_bt.protocols import Judgement, Progress, Report, TriggerEvent
 from mpvi_bt.robot.protocol import (
     ACTION_SIZE,
     CONTROL_HZ,

@@ -1,1 +1,1 @@
-""""""
+"""Reading and explaining traces, and comparing two."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from mpvi_bt.drawing.cells import columns, cut, one_line
 from mpvi_bt.drawing.endings import ENDED
-from mpvi_bt.drawing.marks import MARKS, standing
+from mpvi_bt.drawing.symbols import MARKS, standing
 from mpvi_bt.trace.lines import Tick
 from mpvi_bt.trace.read import Moment, Trace
 from mpvi_bt.tree.spec import TreeSpec

@@ -17,7 +17,7 @@ from importlib import resources
 from typing import Any
 
 from mpvi_bt.drawing.cells import one_line
-from mpvi_bt.drawing.marks import MARKS, Standing, sign, standing
+from mpvi_bt.drawing.symbols import MARKS, Standing, sign, standing
 from mpvi_bt.drawing.text import ascii_tree
 from mpvi_bt.trace.lines import End
 from mpvi_bt.trace.read import Trace

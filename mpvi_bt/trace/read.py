@@ -1,6 +1,6 @@
 """Reading traces: the states of all nodes, tick by tick, as JSONL with changes only.
 
-`docs/trace.md` is the contract of the format; `executive/recorder.py` writes it. A trace may come from elsewhere, or be
+`docs/trace.md` is the contract of the format; `recording/recorder.py` writes it. A trace may come from elsewhere, or be
 cut off by a kill, so reading bounds and checks everything, and drops a last line that is not whole.
 """
 

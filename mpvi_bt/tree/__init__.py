@@ -1,1 +1,1 @@
-""""""
+"""Trees as specs: YAML, checks, compiling plans, building nodes."""

@@ -11,7 +11,7 @@ from mpvi_bt.behaviors.references import names_in
 from mpvi_bt.errors import Problem, did_you_mean, nearest, shown
 from mpvi_bt.marked_yaml import MAX_PROBLEMS, Location, Marks
 from mpvi_bt.plan.clauses import clauses, match
-from mpvi_bt.plan.phrases import example
+from mpvi_bt.plan.skill_phrases import example
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.tree.outcomes import Outcomes, outcomes
 from mpvi_bt.tree.spec import NodeSpec, TreeSpec

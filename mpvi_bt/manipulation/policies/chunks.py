@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from mpvi_bt.behaviors.chunk import ask
-from mpvi_bt.behaviors.protocols import Policy
+from mpvi_bt.action_chunk import ask
 from mpvi_bt.errors import UserError, shown
+from mpvi_bt.protocols import Policy
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array
 

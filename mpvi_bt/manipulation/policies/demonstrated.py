@@ -14,7 +14,7 @@ from mpvi_bt.robot.solids import Array
 
 
 class DemonstratedPolicy:
-    """A `mpvi_bt.behaviors.protocols.Policy` for whole instructions, by one that knows prompts.
+    """A `mpvi_bt.protocols.Policy` for whole instructions, by one that knows prompts.
 
     It gives the other policy one prompt after the other. When that thinks that it is done, or has given up, the next
     one comes: by its own senses alone, as nobody judges. What it has no demonstration of it takes for a prompt: who

@@ -14,7 +14,7 @@ from mpvi_bt.scene.true_scene import TrueScene, Truth
 
 
 class ExpertPolicy(ScriptedPolicy):
-    """`mpvi_bt.behaviors.protocols.Policy` that reads simulator truth and needs no pictures."""
+    """`mpvi_bt.protocols.Policy` that reads simulator truth and needs no pictures."""
 
     name = "expert"
 

@@ -42,7 +42,7 @@ _STANDING = {"place_on": "surface", "place_next_to": "target", "place_under": "t
 
 
 class ReactivePolicy(ScriptedPolicy):
-    """`mpvi_bt.behaviors.protocols.Policy` that sees, and knows no simulator."""
+    """`mpvi_bt.protocols.Policy` that sees, and knows no simulator."""
 
     name = "reactive"
 

@@ -47,7 +47,7 @@ _IN_HAND = {
 
 
 class ScriptedPolicy:
-    """A `mpvi_bt.behaviors.protocols.Policy` that plans its motions from a `Scene`.
+    """A `mpvi_bt.protocols.Policy` that plans its motions from a `Scene`.
 
     Attributes:
         name: As given on the command line.

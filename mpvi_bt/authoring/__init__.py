@@ -1,0 +1,1 @@
+"""Files of a user: what is wrong with them, and new ones to begin with."""

@@ -1,0 +1,1 @@
+"""What a run chooses (policy, detector, checker, planner, map, simulator), and the makers of each."""

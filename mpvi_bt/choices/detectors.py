@@ -1,0 +1,49 @@
+"""Makes the detector that a run chooses, by name or by name and address. Each is imported only when it is made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+from mpvi_bt.choices.backends import choose, split
+from mpvi_bt.choices.plugins import find
+from mpvi_bt.perception.detector import Detector, Guarded
+
+Vocabulary = Mapping[str, Iterable[str]]  # label of a picture to what people call it
+
+
+def make_detector(given: str, vocabulary: Vocabulary, seed: int = 0) -> Guarded:
+    """The detector of a name, guarded: what goes wrong in it is a DetectorError.
+
+    Args:
+        given: Such as "segmentation", "segmentation:miss=0.1" or "grounding_dino".
+        vocabulary: What the labels of pictures stand for.
+        seed: Of the mistakes that it is to make.
+
+    Raises:
+        UnknownName: There is none of that name.
+        UserError: Its address is wrong, or what it needs is not installed.
+    """
+    choose("detector", given)
+    name, address = split(given)
+    if name not in _MAKERS and (part := find("detector", given)) is not None:
+        return Guarded(part.make(vocabulary=vocabulary, seed=seed))
+    return Guarded(_MAKERS[name](address, vocabulary, seed))
+
+
+def _segmentation(address: str, vocabulary: Vocabulary, seed: int) -> Detector:
+    from mpvi_bt.perception.segmentation import DetectionErrors, SegmentationDetector
+
+    return SegmentationDetector(vocabulary, errors=DetectionErrors.read(address), seed=seed)
+
+
+def _grounding_dino(address: str, vocabulary: Vocabulary, seed: int) -> Detector:
+    from mpvi_bt.perception.grounding_dino import GroundingDinoDetector
+
+    return GroundingDinoDetector(address) if address else GroundingDinoDetector()
+
+
+_MAKERS: Mapping[str, Callable[[str, Vocabulary, int], Detector]] = {
+    "segmentation": _segmentation,
+    "oracle": _segmentation,  # where things are comes from the simulator; what a policy looks at is what it shows
+    "grounding_dino": _grounding_dino,
+}

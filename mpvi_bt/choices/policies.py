@@ -1,0 +1,193 @@
+"""Makes the policy that a run chooses, by name or by name and address. Each is imported only when it is made."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from mpvi_bt.choices.backends import choose, split
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.plugins import find
+from mpvi_bt.errors import UserError
+from mpvi_bt.perception.detector import Detector
+from mpvi_bt.plan.skills import Skill
+from mpvi_bt.protocols import Policy
+
+if TYPE_CHECKING:
+    from mpvi_bt.manipulation.policies.scripted_policy import ScriptedPolicy
+    from mpvi_bt.remote.dialect_settings import Settings
+    from mpvi_bt.remote.observation import Vocabulary
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What policies may be made of.
+
+    Attributes:
+        skills: By name.
+        vocabulary: What the labels of pictures stand for: label to phrases.
+        detector: Of what policies see; None: the pictures' labels, by the vocabulary.
+        world: The simulator's; None where there is none, as in a server. Only privileged policies may look at it.
+        seed: Of everything random.
+        demonstrations: Instruction to the prompts that it takes, where stand-ins for a VLA may be told whole
+            instructions; None: they are told prompts.
+        task: Name that BEHAVIOR has for it; None: not known here.
+        robot: Name of the robot; None: not known here.
+    """
+
+    skills: Mapping[str, Skill]
+    vocabulary: Mapping[str, Iterable[str]] = field(default_factory=dict)
+    detector: Detector | None = None
+    world: Any = None
+    seed: int = 0
+    demonstrations: Mapping[str, Sequence[str]] | None = None
+    task: str | None = None
+    robot: str | None = None
+
+
+def demonstrations() -> dict[str, list[str]]:
+    """What stand-ins for a VLA know of whole instructions: the order of the subtasks of the plans on file."""
+    from mpvi_bt.plan.planners import RecordedPlanner
+    from mpvi_bt.tree.compile import prompts_of
+
+    return {plan.instruction: prompts_of(plan) for plan in RecordedPlanner().all()}
+
+
+def make_policy(given: str, ground: Ground, settings: str | None = None) -> Policy:
+    """The policy of a name, or of a name and an address. A remote one is connected to when it is first used.
+
+    Args:
+        given: Such as "reactive" or "openpi:ws://localhost:8000".
+        ground: What it is made of.
+        settings: Of a remote policy: name or file of how it is spoken to; its own default if None.
+
+    Raises:
+        UnknownName: There is no such policy, or there are no such settings.
+        UserError: The address is none, the policy needs the simulator, or has no settings; or the settings are not of
+            this task or this robot.
+        FileProblems: Everything that is wrong with the settings.
+    """
+    backend = choose("policy", given)
+    name, address = split(given)
+    if settings is not None and not backend.address:
+        raise UserError(f"policy {name} has no settings: --policy-settings is of policies that are somewhere else.")
+    if backend.privileged and ground.world is None:
+        raise UserError(f"policy {name} reads the simulator itself, and there is none here.")
+    if name not in _MAKERS and (part := find("policy", given)) is not None:
+        made: Policy = part.make(
+            skills=ground.skills, vocabulary=ground.vocabulary, detector=ground.detector, seed=ground.seed
+        )
+        return made
+    return _MAKERS[name](ground, address, settings)
+
+
+def for_clients(given: str, seed: int, settings: str | None = None) -> Callable[[Vocabulary], Policy]:
+    """What makes a server's policies, one for each client: of skills, of what a client calls its labels, of no world.
+
+    They know demonstrations: a client with the method e2e tells whole instructions, one with a tree prompts.
+
+    Args:
+        given, settings: As of `make_policy`.
+        seed: Of everything random.
+    """
+    from mpvi_bt.plan.skills import load_skills
+
+    skills, known = load_skills(), demonstrations()
+
+    def make(vocabulary: Vocabulary) -> Policy:
+        return make_policy(given, Ground(skills, vocabulary, seed=seed, demonstrations=known), settings)
+
+    return make
+
+
+def in_chunks(policy: Policy, config: EpisodeConfig) -> Policy:
+    """The policy, with its action chunks carried out as the config says."""
+    from mpvi_bt.manipulation.policies.chunks import RecedingHorizon, TemporalEnsemble
+
+    if config.policy_ensemble is not None:
+        return TemporalEnsemble(policy, config.policy_ensemble)
+    if config.policy_horizon is not None:
+        return RecedingHorizon(policy, config.policy_horizon)
+    return policy
+
+
+def check_policy_choice(config: EpisodeConfig) -> None:
+    """Refuse a choice of policy that cannot work, without a simulator or a connection.
+
+    Raises:
+        UserError: As `make_policy`; or two ways to carry out chunks.
+    """
+    from mpvi_bt.instances.tasks import load_task
+
+    backend = choose("policy", config.policy)
+    if config.policy_horizon is not None and config.policy_ensemble is not None:
+        raise UserError("--policy-horizon and --policy-ensemble are two ways to carry out chunks: give one of them.")
+    if backend.address or config.policy_settings is not None:
+        task = load_task(config.task).problem if config.task else None
+        make_policy(config.policy, Ground({}, task=task, robot=config.robot), config.policy_settings)
+
+
+def _expert(ground: Ground, address: str, settings: str | None) -> Policy:
+    from mpvi_bt.manipulation.policies.expert import ExpertPolicy
+
+    return _demonstrated(ExpertPolicy(ground.world, ground.skills, ground.seed, timer=time.perf_counter), ground)
+
+
+def _reactive(ground: Ground, address: str, settings: str | None) -> Policy:
+    from mpvi_bt.manipulation.policies.reactive import ReactivePolicy
+
+    made = ReactivePolicy(ground.skills, ground.seed, time.perf_counter, ground.detector, ground.vocabulary)
+    return _demonstrated(made, ground)
+
+
+def _demonstrated(policy: ScriptedPolicy, ground: Ground) -> Policy:
+    """What scripted policies make of whole instructions, where they are told these."""
+    from mpvi_bt.manipulation.policies.demonstrated import DemonstratedPolicy
+
+    return policy if ground.demonstrations is None else DemonstratedPolicy(policy, ground.demonstrations)
+
+
+def _openpi(ground: Ground, address: str, settings: str | None) -> Policy:
+    from mpvi_bt.remote.openpi import DEFAULT, OpenpiPolicy
+
+    return OpenpiPolicy(address, settings_for(settings or DEFAULT, ground.task, ground.robot), ground.vocabulary)
+
+
+def _vla_eval(ground: Ground, address: str, settings: str | None) -> Policy:
+    from mpvi_bt.remote.vla_eval import DEFAULT, VlaEvalPolicy
+
+    return VlaEvalPolicy(address, settings_for(settings or DEFAULT, ground.task, ground.robot), ground.vocabulary)
+
+
+def settings_for(given: str, task: str | None, robot: str | None) -> Settings:
+    """The settings of a remote policy, with what they need of a task filled in.
+
+    Args:
+        given: Name or file.
+        task: Name that BEHAVIOR has for it; None: not known.
+        robot: Name; None: not known.
+
+    Raises:
+        UserError: They do not exist, or are not of this task or this robot.
+        FileProblems: Everything that is wrong with them.
+    """
+    from mpvi_bt.instances.human import human_stats
+    from mpvi_bt.remote.briefing import briefed, check_robot
+    from mpvi_bt.remote.dialect_settings import load_settings
+    from mpvi_bt.robot.robots import robot_named
+
+    settings = load_settings(given)
+    if robot is not None:
+        check_robot(settings, robot_named(robot))
+    known = human_stats().get(task or "")
+    return briefed(settings, task, None if known is None else known.task_id)
+
+
+_MAKERS: Mapping[str, Callable[[Ground, str, str | None], Policy]] = {
+    "expert": _expert,
+    "reactive": _reactive,
+    "openpi": _openpi,
+    "vla_eval": _vla_eval,
+}

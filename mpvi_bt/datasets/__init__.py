@@ -1,0 +1,1 @@
+"""LeRobot datasets, made of recorded demonstrations."""

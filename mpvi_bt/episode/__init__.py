@@ -1,0 +1,1 @@
+"""One episode: what it is told, its parts put together, its result."""

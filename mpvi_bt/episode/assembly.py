@@ -1,0 +1,128 @@
+"""The parts of a run put together about a world, whether it is simulated here or is elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+from mpvi_bt.behaviors.context import Context
+from mpvi_bt.choices.backends import NOBODY
+from mpvi_bt.choices.checkers import make_checker, make_triggers
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.detectors import make_detector
+from mpvi_bt.choices.navigators import explorer, make_navigator
+from mpvi_bt.choices.policies import Ground, demonstrations, in_chunks, make_policy
+from mpvi_bt.episode.prepare import Prepared
+from mpvi_bt.executive.replanning import Replanning, things
+from mpvi_bt.house.house import House
+from mpvi_bt.navigation.exploring import ExploringNavigator
+from mpvi_bt.navigation.navigator import KnownPlaceNavigator
+from mpvi_bt.plan.planners import Planner
+from mpvi_bt.protocols import Policy
+from mpvi_bt.remote.remote_world import RemoteWorld
+from mpvi_bt.sim.world import World
+from mpvi_bt.tree.build import Tree
+from mpvi_bt.tree.compile import Drive
+from mpvi_bt.tree.relevant import task_relevant
+from mpvi_bt.tree.spec import TreeSpec
+
+_LABELS = ("oracle", "segmentation")  # policies that see have a detector of labels of their own, for what is near
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What a run is made of.
+
+    Attributes:
+        navigator: Drives the base.
+        policy: Moves the arms.
+        context: What behaviors are handed.
+    """
+
+    navigator: KnownPlaceNavigator
+    policy: Policy
+    context: Context
+
+
+def assemble(
+    config: EpisodeConfig,
+    prepared: Prepared,
+    tree: Tree,
+    world: World | RemoteWorld,
+    vocabulary: Mapping[str, Iterable[str]],
+    house: House | None = None,
+    make: Callable[[Ground], Policy] | None = None,
+) -> Parts:
+    """Make the backends that a config chooses.
+
+    Args:
+        config: Which.
+        prepared: What `prepare` made of it.
+        tree: That is to run.
+        world: The robot's.
+        vocabulary: What the labels of pictures stand for.
+        house: What is known of beforehand; None: nothing.
+        make: Makes the policy; None: the one that `config` names is made.
+
+    Raises:
+        UserError: One of them cannot be made.
+        ModelError: A language model cannot be asked.
+    """
+    skills = prepared.skills
+    detector = make_detector(config.detector, vocabulary, config.seed)
+    seeing = None if detector.name in _LABELS else detector
+    told = demonstrations() if config.planner == NOBODY else None
+    truth = world if isinstance(world, World) else None
+    task = prepared.task.problem if prepared.task else prepared.spec.name
+    ground = Ground(skills, vocabulary, seeing, truth, config.seed, told, task, config.robot)
+    policy = make(ground) if make is not None else make_policy(config.policy, ground, config.policy_settings)
+    relevant = task_relevant(tree.spec, skills)
+    if isinstance(world, World) and house is not None:
+        navigator = make_navigator(config.detector, config.map, world, house, relevant, detector, config.seed)
+    else:
+        navigator = explorer(world, None, relevant, detector, config.map, config.seed)
+    guided = _guided(config, prepared)
+    judged = vocabulary if house is None else {**vocabulary, **floors(house)}
+    context = Context(
+        clock=world,
+        robot=world.robot,
+        navigator=navigator,
+        policy=in_chunks(policy, config),
+        checker=make_checker(config.checker, world, judged, config.seed, prepared.models),
+        triggers=make_triggers(config.trigger, world.robot),
+        skills=skills,
+        sense=navigator.feel if guided else lambda: None,
+        memory=navigator if guided else None,
+        while_asked=config.while_asked,
+        blackboard=dict(tree.spec.blackboard),
+    )
+    if prepared.planner is not None:
+        context.replanning = _replanning(prepared, prepared.planner, tree, context, world, config.drive)
+    return Parts(navigator, policy, context)
+
+
+def floors(house: House) -> dict[str, tuple[str, ...]]:
+    """What floors are called, by their names in the world: judges are asked of them, nobody looks for them."""
+    return {f"floor_{room.name}": ("floor", *(f"{p} floor" for p in room.phrases)) for room in house.rooms.values()}
+
+
+def _guided(config: EpisodeConfig, prepared: Prepared) -> bool:
+    """Whether the navigator has anything to do: to drive, or to know what new plans are told of."""
+    return (config.drive == "navigator" and config.planner != NOBODY) or prepared.planner is not None
+
+
+def _replanning(
+    prepared: Prepared, planner: Planner, tree: Tree, context: Context, world: World | RemoteWorld, drive: Drive
+) -> Replanning:
+    """What makes new plans, of what the robot itself has seen; what they name is looked for from then on."""
+    navigator, instruction = context.navigator, prepared.task.instruction if prepared.task else ""
+    if not isinstance(navigator, ExploringNavigator):
+        assert isinstance(world, World)
+        return Replanning(planner, tree, context, instruction, lambda: things(world.knowledge()), drive=drive)
+    discoveries = navigator.lookout.discoveries
+
+    def look_for(spec: TreeSpec) -> None:
+        discoveries.phrases = tuple(dict.fromkeys((*discoveries.phrases, *task_relevant(spec, context.skills))))
+
+    known = discoveries.knowledge
+    return Replanning(planner, tree, context, instruction, lambda: things(known), look_for, drive=drive)

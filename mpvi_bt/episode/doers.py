@@ -1,0 +1,63 @@
+"""Which policies know how to do a skill: our scripted ones those of their repertoire, a server's who knows which."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from mpvi_bt.behaviors.parameters import Prompt
+from mpvi_bt.choices.backends import BACKENDS, split
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.errors import Problem, nearest
+from mpvi_bt.manipulation.policies.repertoire import REPERTOIRE
+from mpvi_bt.marked_yaml import Marks
+from mpvi_bt.plan.clauses import clauses, match
+from mpvi_bt.plan.pattern import pattern
+from mpvi_bt.plan.skills import Skill, load_skills
+from mpvi_bt.tree.spec import TreeSpec
+
+SCRIPTED = tuple(name for name, backend in BACKENDS["policy"].items() if not backend.address)
+_SERVERS = tuple(name for name, backend in BACKENDS["policy"].items() if backend.address)
+
+
+def lint_skill(data: Any, marks: Marks) -> list[Problem]:
+    """The warning of a skill that none of our policies knows how to do, of a file without errors."""
+    if (like := data.get("like")) is not None:
+        return list(_unlike(data, like, marks))
+    if data.get("motion") is not None or (name := data["name"]) in REPERTOIRE:
+        return []
+    message = (
+        f"none of our policies ({', '.join(SCRIPTED)}) knows how to do {name!r}, only perhaps that of a server "
+        f"({', '.join(_SERVERS)}); where one of theirs does it as well, say which by `like`, or name yours by `motion`"
+    )
+    more: dict[str, Any] = {"nearest": nearest(name, REPERTOIRE), "known": tuple(sorted(REPERTOIRE))}
+    return [marks.problem(("name",), "no-doer", message, severity="warning", **more)]
+
+
+def _unlike(data: Any, like: str, marks: Marks) -> Iterator[Problem]:
+    """What keeps a skill from being done as another one is: that has no motion, or no such words to fill in."""
+    if like not in REPERTOIRE:
+        yield marks.unknown(("like",), "skill", like, REPERTOIRE)
+    elif (known := load_skills().get(like)) is not None:
+        theirs = list(dict.fromkeys(slot for phrase in known.patterns for slot in phrase.slots))
+        for i, phrase in enumerate(data["phrases"]):
+            for slot in pattern(phrase).slots:
+                if slot not in theirs:
+                    place = ("phrases", i)
+                    yield marks.unknown(place, "slot", slot, theirs, whose=f" of {like!r}")
+
+
+def doubt(config: EpisodeConfig, spec: TreeSpec, skills: Mapping[str, Skill]) -> str:
+    """One line for a person if a tree asks for skills that the policy does not know how to do, or ""."""
+    name = split(config.policy)[0]
+    if name not in SCRIPTED:
+        return ""
+    asked = {
+        call.skill.name: placed.path
+        for placed in spec.nodes
+        if isinstance(prompt := placed.spec.parameters, Prompt)
+        for clause in clauses(prompt.prompt, skills)
+        if (call := match(clause, skills)) is not None and not call.skill.motion and call.motion not in REPERTOIRE
+    }
+    what = ", ".join(f"{skill!r} ({path})" for skill, path in asked.items())
+    return f"policy {name} does not know how to do {what}: these units will fail" if asked else ""

@@ -1,0 +1,1 @@
+"""Tasks, and where the things and the robot begin in each instance."""

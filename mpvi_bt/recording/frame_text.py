@@ -1,0 +1,101 @@
+"""What frames of films have in common: their size, what they tell, and how text is written on them."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from mpvi_bt.drawing.symbols import Standing
+from mpvi_bt.drawing.text import LEGEND, Line
+from mpvi_bt.recording.labels import Color, Picture
+
+SIZE = (1280, 720)  # of a frame: width, height
+PAPER: Color = (24, 26, 32)
+INK: Color = (226, 228, 232)
+DIM: Color = (140, 146, 158)
+COLUMNS, LINE_PX = 59, 15  # of the tree's text
+WRIST = (160, 120)  # picture of a wrist camera
+_INKS: Mapping[Standing, Color] = {
+    "running": (120, 200, 255),
+    "success": (130, 210, 140),
+    "failure": (255, 120, 110),
+    "gave_up": (255, 190, 90),
+}
+_PITCH_PX = 7.8  # of a letter
+
+
+@dataclass(frozen=True)
+class Caption:
+    """What a frame tells besides its large pictures.
+
+    Attributes:
+        title: Of the episode.
+        status: A line each, the first large: the time, or at the end q.
+        tree: How it stands, a line a node.
+        instruction: What the robot was told.
+        wrists: What the wrist cameras see, by side.
+    """
+
+    title: str = ""
+    status: Sequence[str] = ()
+    tree: Sequence[Line] = ()
+    instruction: str = ""
+    wrists: Mapping[str, Picture] = field(default_factory=dict)
+
+
+def plain(text: str) -> str:
+    """The text in letters that OpenCV has."""
+    return text.encode("ascii", "replace").decode()
+
+
+def wrapped(text: str, width_px: int, lines: int) -> list[str]:
+    """The text in so many lines at most."""
+    columns = int(width_px / _PITCH_PX)
+    return textwrap.wrap(plain(text), columns, max_lines=lines, placeholder=" ...") if text else []
+
+
+def write_tree(frame: Picture, tree: Sequence[Line], left: int, top: int, bottom: int) -> None:
+    """Write a tree's lines from `top` down to `bottom`; those that do not fit are left out, and counted."""
+    room = (bottom - top) // LINE_PX - 1
+    shown = tree if len(tree) <= room else tree[: room - 1]
+    for i, line in enumerate(shown):
+        ink = INK if i == 0 else DIM
+        ink = _INKS.get(line.standing, ink) if line.standing else ink
+        write(frame, plain(line.text), (left, top + (i + 1) * LINE_PX), ink)
+    if len(shown) < len(tree):
+        more = f"... {len(tree) - len(shown)} more lines"
+        write(frame, more, (left, top + (len(shown) + 1) * LINE_PX), DIM)
+
+
+def write_legend(frame: Picture, left: int, bottom: int) -> None:
+    """What the marks of nodes mean, in two lines that end at `bottom`."""
+    half = LEGEND.index("[!]")
+    write(frame, LEGEND[:half], (left, bottom - 16), DIM)
+    write(frame, LEGEND[half:], (left, bottom), DIM)
+
+
+def show_wrists(frame: Picture, wrists: Mapping[str, Picture], right: int, bottom: int) -> None:
+    """The wrist cameras' pictures side by side, their lower right corner there, each with its side."""
+    import cv2
+
+    width, height = WRIST
+    left = right - width * len(wrists)
+    for side, picture in wrists.items():
+        part = frame[bottom - height : bottom, left : left + width]
+        part[:] = cv2.resize(picture, WRIST, interpolation=cv2.INTER_AREA)
+        cv2.rectangle(part, (0, 0), (8 + round(_PITCH_PX * len(side)), 16), PAPER, -1)
+        write(part, side, (4, 12), INK)
+        left += width
+
+
+def write(frame: Picture, text: str, at: tuple[int, int], color: Color, pitch_px: float = _PITCH_PX) -> None:
+    """Write `text` at column and row `at` in cells of one width, as a tree needs; OpenCV has no such font."""
+    import cv2
+
+    font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.45
+    for k, character in enumerate(text):
+        if character != " ":
+            width = cv2.getTextSize(character, font, size, 1)[0][0]
+            place = round(at[0] + k * pitch_px + (pitch_px - width) / 2), at[1]
+            cv2.putText(frame, character, place, font, size, color, 1, cv2.LINE_AA)

@@ -1,0 +1,144 @@
+"""Frames of a film of a search: the head's picture with what was detected in it, the map, and what the colors mean."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+
+import numpy as np
+
+from mpvi_bt.executive.loop import World
+from mpvi_bt.perception.detector import Detection
+from mpvi_bt.recording import search_colors as colors
+from mpvi_bt.recording.frame_text import (
+    DIM,
+    INK,
+    LINE_PX,
+    PAPER,
+    SIZE,
+    WRIST,
+    Caption,
+    plain,
+    show_wrists,
+    wrapped,
+    write,
+    write_legend,
+    write_tree,
+)
+from mpvi_bt.recording.labels import Color, Labels, Picture
+from mpvi_bt.recording.map_picture import MapPicture, hatched
+from mpvi_bt.recording.search_view import Head, SearchView, called, found, seen_m2
+from mpvi_bt.robot.protocol import CameraImage
+from mpvi_bt.robot.robots import robot_named
+from mpvi_bt.robot.solids import Array
+
+_VIEW = (480, 360)  # from outside, upper left; of the head, beside it; the legend fills the row
+OUTSIDE = _VIEW  # the size that is rendered
+_LETTERS = 38  # of a line of it
+_MAP = (800, 360)  # lower left; the tree beside it
+
+
+class SearchFrames:
+    """Composes the frames; it keeps the way so far."""
+
+    def __init__(self, view: SearchView) -> None:
+        """Draw what `view` says when a frame is asked for."""
+        self._view, self._map = view, MapPicture(_MAP)
+        self._paper = np.full((SIZE[1], SIZE[0], 3), PAPER, np.uint8)
+        self._way: list[Array] = []
+        self._eye = Head(view)
+        self._inks: dict[str, Color] = {}  # of each phrase, the same in every frame
+
+    def frame(self, outside: Picture | None, world: World, caption: Caption) -> Picture:
+        """One frame.
+
+        Args:
+            outside: (H, W, 3) RGB, or None where there is no such view.
+            world: Where the robot is now.
+            caption: Title and status stand over the legend, the instruction over the pictures' lower edge.
+
+        Returns:
+            (720, 1280, 3) uint8 RGB.
+        """
+        import cv2
+
+        frame = self._paper.copy()
+        width, height = _VIEW
+        if outside is not None:
+            frame[:height, :width] = cv2.resize(outside, _VIEW, interpolation=cv2.INTER_AREA)
+        image, detections = self._eye.look(world)
+        frame[:height, width : 2 * width] = self._head(image, detections)
+        felt = world.robot.proprioception()
+        self._way.append(felt.base_pose)
+        outline = robot_named(felt.robot).base.outline
+        frame[height:, : _MAP[0]] = self._map.draw(self._view, felt.base_pose, outline, self._way, image)
+        self._legend(frame[:, 2 * width :][:height], [*caption.status[:1], caption.title, *caption.status[1:]])
+        told = wrapped(caption.instruction, 2 * width - 16, 2)
+        if told:
+            frame[height - 8 - LINE_PX * len(told) : height, : 2 * width] //= 4
+        for k, line in enumerate(reversed(told)):
+            write(frame, line, (8, height - 6 - LINE_PX * k), INK)
+        bottom = SIZE[1] - WRIST[1] * bool(caption.wrists)
+        write_tree(frame, caption.tree, _MAP[0] + 8, height, bottom)
+        show_wrists(frame, caption.wrists, SIZE[0], SIZE[1])
+        return frame
+
+    def _head(self, image: CameraImage, detections: Iterable[Detection]) -> Picture:
+        """What the head sees, with what was detected in it."""
+        import cv2
+
+        picture = cv2.resize(image.rgb, _VIEW, interpolation=cv2.INTER_LINEAR).astype(np.uint8)
+        self._detections(picture, detections, _VIEW[0] / image.rgb.shape[1])
+        return picture
+
+    def _detections(self, picture: Picture, detections: Iterable[Detection], scale: float) -> None:
+        """Boxes with phrase and score."""
+        import cv2
+
+        labels, boxes = Labels(picture), []
+        for detection in detections:
+            ink = self._inks.setdefault(detection.phrase, colors.THINGS[len(self._inks) % len(colors.THINGS)])
+            left, top, right, bottom = np.round(np.asarray(detection.box) * scale).astype(int).tolist()
+            cv2.rectangle(picture, (left - 1, top - 1), (right, bottom), colors.INK, 4)
+            boxes.append(((left - 2, top - 2, right + 2, bottom + 2), ink, detection))
+        for (left, top, right, bottom), ink, _ in boxes:
+            cv2.rectangle(picture, (left + 1, top + 1), (right - 2, bottom - 2), ink, 2)
+        for box, ink, detection in boxes:
+            labels.beside(box, f"{detection.phrase} {detection.score:.2f}".encode("ascii", "replace").decode(),
+                          colors.INK, ink)  # fmt: skip
+
+    def _legend(self, part: Picture, lines: list[str]) -> None:
+        """What is being done, what the colors mean, and what was found."""
+        import cv2
+
+        seen, total = seen_m2(self._view)
+        top = 0
+        for line in (*lines, f"floor seen: {seen:.0f} m2" + (f" of {total:.0f}" if total else "")):
+            top += 18
+            write(part, plain(line)[:_LETTERS], (12, top), INK)
+        rows: list[tuple[str, Color]] = [
+            ("seen", colors.SEEN),
+            ("in view now", colors.IN_VIEW),
+            ("not seen yet", colors.UNSEEN),
+            *([] if total else [("not known", colors.UNKNOWN)]),
+            ("wall, furniture", colors.WALL),
+            ("frontier", colors.FRONTIER),
+            ("path and goal", colors.PATH),
+            ("way so far", colors.WAY),
+            ("found", colors.FOUND),
+            ("robot", colors.ROBOT),
+        ]
+        top += 10
+        for word, color in rows:
+            swatch = part[top : top + 14, 12:40]
+            swatch[:] = hatched(color, swatch.shape[:2])
+            if color in (colors.PATH, colors.WAY):
+                swatch[:] = colors.SEEN
+                cv2.line(swatch, (0, 7), (28, 7), color, 2 if color == colors.WAY else 3)
+            cv2.rectangle(part, (12, top), (40, top + 14), DIM, 1)
+            write(part, word, (50, top + 12), INK)
+            top += 19
+        kinds = Counter(called(entry) for entry in found(self._view.entries))
+        text = ", ".join(f"{count} {name}" if count > 1 else name for name, count in kinds.items())
+        write(part, f"found: {text or 'nothing yet'}"[:_LETTERS], (12, top + 16), INK)
+        write_legend(part, 12, part.shape[0] - 6)

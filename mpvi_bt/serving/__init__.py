@@ -1,0 +1,1 @@
+"""Episodes driven from outside: the executive behind a socket, evaluators and benchmarks."""

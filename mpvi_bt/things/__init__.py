@@ -1,0 +1,1 @@
+"""The catalogue: what things are made of; no simulator."""
