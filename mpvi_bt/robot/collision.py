@@ -206,10 +206,7 @@ class Body:
 
     @cached_property
     def _links(self) -> tuple[Array, Array]:
-        """Centers (n, 3) in the base frame and radii (n,) of the trunk's links."""
-        hull = self.robot.hull
-        T = self.robot.trunk.links(self.torso)[hull.link]
-        return matmul(T[:, :3, :3], hull.links[:, :3, None])[..., 0] + T[:, :3, 3], hull.links[:, 3]
+        return self.robot.links(self.torso)
 
     def _others(self, arm: Array, radii: Array) -> tuple[Array, Array]:
         """What an arm keeps clear of besides boxes: spheres of the other arm, and of the trunk's links."""

@@ -193,6 +193,11 @@ class RobotModel:
         """T_base_chest (..., 4, 4) of a torso's joints (..., 4)."""
         return self.trunk.chest(torso)
 
+    def links(self, torso: Array) -> tuple[Array, Array]:
+        """Spheres about the trunk's links at joints (4,), of which there may be none: centers (n, 3) and radii (n,)."""
+        T = self.trunk.links(torso)[self.hull.link]
+        return matmul(T[:, :3, :3], self.hull.links[:, :3, None])[..., 0] + T[:, :3, 3], self.hull.links[:, 3]
+
     def head_camera(self, torso: Array) -> Array:
         """T_base_camera (4, 4), optical frame, of torso (4,)."""
         tilt = float(self.trunk.posture(torso)[3])

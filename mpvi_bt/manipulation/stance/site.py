@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -139,7 +139,8 @@ class Site:
 
     def stands(self, bases: Array) -> NDArray[np.bool_]:
         """(n,) bool: base poses (n, 3) that are clear of everything as far as the base goes."""
-        clear = self._standing.distance(self._footing(bases)) >= self.motion.robot.hull.standing[:, 3]
+        standing = self.motion.robot.hull.standing
+        clear = self._standing.distance(_placed(standing[:, :3], bases)) >= standing[:, 3]
         return np.asarray(clear.all(1) & self._known(bases))
 
     def refuse_bases(self, bases: Array) -> None:
@@ -151,16 +152,8 @@ class Site:
 
     def _blocked(self, base: Array) -> Array:
         """(4,) the sphere of the base that would meet something at a pose (3,)."""
-        return deepest(self._standing, self._footing(base[None])[0], self.motion.robot.hull.standing[:, 3], np.eye(4))
-
-    def _footing(self, bases: Array) -> Array:
-        """(n, m, 3) the centers of what stands on the base, in the world, at poses (n, 3)."""
-        ahead = np.stack([np.cos(bases[:, 2]), np.sin(bases[:, 2])], -1)
         standing = self.motion.robot.hull.standing
-        p = np.empty((len(bases), len(standing), 3))
-        p[..., :2] = bases[:, None, :2] + ahead[:, None] * standing[:, :1]
-        p[..., 2] = standing[:, 2]
-        return p
+        return deepest(self._standing, _placed(standing[:, :3], base[None])[0], standing[:, 3], np.eye(4))
 
     def _known(self, bases: Array) -> NDArray[np.bool_]:
         return np.asarray(norm(bases[:, :2] - self.motion.felt.base_pose[:2], axis=1) <= KNOWN_M)
@@ -199,18 +192,33 @@ class Site:
         return None
 
     def drivable(self, start: Array, goal: Array) -> bool:
-        """Straight from start to goal: nothing in the way of the base or of what it carries."""
-        ends = [start, *legs(self.motion.robot, start, goal)]
+        """Straight from start to goal: nothing in the way of the base, of a knee before it, or of what it carries."""
+        robot = self.motion.robot
+        ends = [start, *legs(robot, start, goal)]
         poses = np.concatenate([_on_leg(a, b, leaving=k == 0) for k, (a, b) in enumerate(pairwise(ends))])
         if not self.stands(poses).all():
             return False
         body = self.body(self.motion.torso, NOTHING)
+        if len(robot.base.corners):
+            leaving, standing = _leaving(*ends[:2]), robot.hull.standing
+            knee, radii = robot.links(body.torso)
+            if not (
+                self._passes(self._standing, standing[:, :3], standing[:, 3], leaving, start)
+                and self._passes(self.everything, knee, radii, np.concatenate([leaving, poses]), start)
+            ):
+                return False
         carrying = [body.spheres(s, self.motion.arm(s)) for s in self.held]
         for base in poses if carrying else ():
             around = self.around(base, touched=True)
             if not all(((around.distance(p) - radii) > 0).all() for p, radii in carrying):
                 return False
         return True
+
+    @staticmethod
+    def _passes(around: Obstacles, centers: Array, radii: Array, bases: Array, start: Array) -> bool:
+        """Whether spheres in the base frame are clear at base poses (n, 3), or as near as at the start at the most."""
+        slack = np.minimum(around.distance(_placed(centers, start[None])) - radii, 0.0) - 1e-6
+        return bool((around.distance(_placed(centers, bases)) - radii >= slack).all())
 
     def around(self, base: Array, touched: bool) -> Obstacles:
         """What is in the way and the floor in the frame of a base pose, with or without what the hand works on."""
@@ -278,11 +286,29 @@ class Site:
         return {}  # by way and postures, once they are asked for: the body does the same at every base pose
 
 
+def _placed(points: Array, bases: Array) -> Array:
+    """(n, m, 3) in the world where points (m, 3) in the base frame are at base poses (n, 3)."""
+    c, s = np.cos(bases[:, 2:]), np.sin(bases[:, 2:])
+    x, y, z = points.T
+    xy = bases[:, None, :2] + np.stack([c * x - s * y, s * x + c * y], -1)
+    return np.concatenate([xy, np.broadcast_to(z[:, None], (*xy.shape[:2], 1))], -1)
+
+
 def _on_leg(start: Array, goal: Array, leaving: bool) -> Array:
     """(n, 3) base poses on a straight leg that are worth a look; `leaving`: the first third is where it stands."""
     turn = kin.wrap(goal[2] - start[2])
     n = max(2, int(np.ceil(max(float(norm(goal[:2] - start[:2])) / 0.12, abs(float(turn)) / 0.3))))
     shares = [u for u in np.linspace(0, 1, n + 1)[1:] if u > 0.3 or n == 2 or not leaving]
+    return _along(start, goal, shares)
+
+
+def _leaving(start: Array, goal: Array) -> Array:
+    """(n, 3) base poses on the first third of a straight leg, where corners swing out."""
+    return _along(start, goal, np.linspace(0, 1 / 3, 5)[1:])
+
+
+def _along(start: Array, goal: Array, shares: Iterable[float]) -> Array:
+    turn = kin.wrap(goal[2] - start[2])
     return np.stack([np.append(start[:2] + (goal[:2] - start[:2]) * u, start[2] + turn * u) for u in shares])
 
 
