@@ -169,10 +169,15 @@ class FoldingTrunk:
     def chest(self, joints: Array) -> Array:
         """T_base_chest (..., 4, 4)."""
         joints = np.asarray(joints, float)
-        pitch = joints[..., 0] + joints[..., 1] - joints[..., 2]
-        x, z = self._place(joints)
-        place = np.stack([x, np.zeros_like(x), z], -1)
-        return kin.transform(matmul(kin.rot_y(pitch), kin.rot_z(joints[..., 3])), place)
+        pitch, yaw = joints[..., 0] + joints[..., 1] - joints[..., 2], joints[..., 3]
+        c, s, ahead, aside = np.cos(pitch), np.sin(pitch), np.cos(yaw), np.sin(yaw)
+        T = np.zeros((*joints.shape[:-1], 4, 4))  # a turn about y, then one about z: searches ask this very often
+        T[..., 0, 0], T[..., 0, 1], T[..., 0, 2] = c * ahead, -c * aside, s
+        T[..., 1, 0], T[..., 1, 1] = aside, ahead
+        T[..., 2, 0], T[..., 2, 1], T[..., 2, 2] = -s * ahead, s * aside, c
+        T[..., 0, 3], T[..., 2, 3] = self._place(joints)
+        T[..., 3, 3] = 1.0
+        return T
 
     def links(self, joints: Array) -> Array:
         """Thigh at the hip, shin at the knee, waist at the waist; z up along each."""
@@ -184,7 +189,10 @@ class FoldingTrunk:
 
     def _place(self, joints: Array) -> tuple[Array, Array]:
         """x and z of the chest, each (...)."""
-        lean = np.cumsum(joints[..., :3] * [1, 1, -1], -1)
-        lengths = np.array([self.thigh_m, self.shin_m, self.neck_m])
-        x, z = (self.hip[i] + (lengths * turned(lean)).sum(-1) for i, turned in enumerate((np.sin, np.cos)))
+        thigh = joints[..., 0]
+        shin = thigh + joints[..., 1]
+        neck = shin - joints[..., 2]
+        a, b, c = self.thigh_m, self.shin_m, self.neck_m
+        x = self.hip[0] + a * np.sin(thigh) + b * np.sin(shin) + c * np.sin(neck)
+        z = self.hip[1] + a * np.cos(thigh) + b * np.cos(shin) + c * np.cos(neck)
         return x, z

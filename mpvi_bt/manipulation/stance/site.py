@@ -32,6 +32,7 @@ _VIAS = ((-0.35, 0.0), (-0.7, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.35, 0.5), (-0.3
 # Turns about the vertical [rad] of a payload that is brought aside: a wrist that turns little reaches bent torsos so.
 _PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1)  # [rad] of the torsos from which it should be in reach there
 _TURNS_RAD = (0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, np.pi)
+_NEAR = 16  # views of the surroundings that are kept
 _SHARE = 0.2  # Our choice: a hand is turned where it would be in reach from fewer of the torsos than that
 # Off where the hand that works has what it holds, y toward its own side [m]: a torso that is lowered or bent would meet
 # what hangs close to the body, such as a sack from its handle.
@@ -222,7 +223,16 @@ class Site:
 
     def around(self, base: Array, touched: bool) -> Obstacles:
         """What is in the way and the floor in the frame of a base pose, with or without what the hand works on."""
-        return (self.everything if touched else self.rest).seen_from(kin.base(base))
+        key = base.tobytes(), touched
+        if key not in self._near:
+            if len(self._near) >= _NEAR:
+                self._near.clear()
+            self._near[key] = (self.everything if touched else self.rest).seen_from(kin.base(base))
+        return self._near[key]
+
+    @cached_property
+    def _near(self) -> dict[tuple[bytes, bool], Obstacles]:
+        return {}  # of the last base poses: at each one it is asked hundreds of times
 
     @cached_property
     def _standing(self) -> Obstacles:
