@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mpvi_bt.manipulation.search import Search
+from mpvi_bt.manipulation.stance.stance_search import Search
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.mobile_base import placed
