@@ -22,7 +22,8 @@ _EDGE_PX = 2  # a box that comes so near to the picture's edge is cut by it
 _PLAIN_PX = 40  # a thing that covers fewer pixels may be overlooked
 _IN_PICTURE = 0.8  # of it
 _IN_SIGHT = 0.7  # of that
-_BEFORE_M, _NOISE_PER_M = 0.03, 0.01  # what is that much, and that much a meter of range, nearer than a thing hides it
+# What is so much nearer than a thing hides it, and more by so wide an angle, as joints and odometry are off.
+_BEFORE_M, _OFF_RAD = 0.03, 0.01
 _RAYS = 12  # across and down
 
 
@@ -117,7 +118,7 @@ def shows(image: CameraImage, lowest: Array, highest: Array, looks: Looks) -> bo
     enter, leave = ends.min(0).max(-1), ends.max(0).min(-1)
     meets = enter <= leave
     depth = image.depth[np.minimum(v.astype(int), height - 1), np.minimum(u.astype(int), width - 1)]
-    clear = (depth > 0) & (depth > enter - _BEFORE_M - _NOISE_PER_M * enter)
+    clear = (depth > 0) & (depth > enter - _BEFORE_M - _OFF_RAD * enter)
     return bool(meets.any() and clear[meets].mean() >= _IN_SIGHT)
 
 
@@ -131,7 +132,7 @@ def middle_in_sight(image: CameraImage, lowest: Array, highest: Array) -> bool:
     height, width = image.depth.shape
     if not (0 <= u < width and 0 <= v < height):
         return False
-    before = z - float(norm(highest - lowest)) / 2 - _BEFORE_M - _NOISE_PER_M * z
+    before = z - float(norm(highest - lowest)) / 2 - _BEFORE_M - _OFF_RAD * z
     return bool(image.depth[int(v), int(u)] > max(before, 0.0))
 
 

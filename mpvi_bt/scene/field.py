@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mpvi_bt.compiled import compiled
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.depth_noise import DEPTH_NOISE
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
@@ -19,8 +20,8 @@ from mpvi_bt.robot.solids import Array
 CELL_M = 0.025
 _SIZE_M = (3.2, 3.2, 2.0)  # the robot's reach from every place that it might drive to for one thing
 _LOWEST_M = -0.05
-_SURFACE_M = 0.012  # a point that much before a surface is free,
-_NOISE_PER_M = 0.004  # and that much more for every square meter of range: depth noise grows so
+_SURFACE_M = 0.012  # a point that much before a surface, beside the noise of depth, is free
+_NOISE_PER_M = DEPTH_NOISE.smoothed_m
 _REMEMBERED_M = 0.08  # how thick surfaces are along the line of sight that only earlier pictures have shown
 _FAR = 9.0  # what distance there is to nothing
 

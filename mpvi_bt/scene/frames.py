@@ -12,13 +12,13 @@ from scipy import ndimage
 from mpvi_bt.perception.detector import ROBOT, Detector
 from mpvi_bt.perception.localize import pixels
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.depth_noise import DEPTH_NOISE
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import SIDES, CameraImage, Proprioception
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
 _OWN_PX = 2  # the robot's mask is grown so far: the edges of masks are never exact
-_NOISE_PER_M = 0.009  # three times the standard deviation of a good depth camera's pixel at 1 m [m]
 _STEEP = 4.0  # faces seen at a flatter slant than one in so many are rare; their next row is that much farther
 FLOOR_M = 0.025  # what is lower than this is taken for the floor
 
@@ -106,7 +106,7 @@ def take(
     # Single pixels are noisy. What stands out from its neighbors by more than noise is an edge, or thin, and stays; a
     # hole stays a hole: nothing is known there.
     near = ndimage.median_filter(image.depth, 3)
-    smooth = (image.depth > 0) & (np.abs(near - image.depth) < _NOISE_PER_M * image.depth**2)
+    smooth = (image.depth > 0) & (np.abs(near - image.depth) < DEPTH_NOISE.pixel_m * image.depth**2)
     depth = np.where(smooth, near, image.depth).astype(np.float32)
     image = replace(image, T_world_camera=matmul(base, camera), depth=depth)
     found = [Shown(d.phrase, pixels(d, image)) for d in detector.detect(image, [ROBOT, *phrases])]

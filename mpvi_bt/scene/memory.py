@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from mpvi_bt.perception.detector import Detector, switch_of
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Obstacles, Surroundings
+from mpvi_bt.robot.depth_noise import DEPTH_NOISE
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import MotionFailure
 from mpvi_bt.robot.protocol import EMPTY_M, SIDES, CameraImage, Proprioception, Side
@@ -41,8 +42,7 @@ _FAR_M = 0.30  # likewise after a drive
 _RECENT_M = 1.2  # of driving: what was seen before is still good enough to be fitted to what is seen now
 _SEEN_PX = 6  # a mask of fewer pixels is not looked at
 _THROUGH_M = 0.06  # where the depth is that much farther than the middle of a hollow thing, it is gone,
-_BEHIND_M = 0.01  # and that much farther than that of another,
-_NOISE_PER_M = 0.004  # and so much more for every square meter of range
+_BEHIND_M = 0.01  # and that much farther than that of another, beside the noise of depth
 _PRESSED_M = 0.06  # what two hands press is this near to both of them
 _GRASPED_M = 0.06  # what a closing hand takes hold of is this near its tcp, by what was seen of it
 _SPANS = 0.8  # what is smaller than this share of the gap between the fingers is likely not what they hold
@@ -433,7 +433,7 @@ class Memory:
             return
         depths = frame.depth_at(self._shape(name).box().mean(0))
         through = _THROUGH_M if thing.shape.volumes else _BEHIND_M
-        if depths is not None and depths[1] > depths[0] + through + _NOISE_PER_M * depths[0] ** 2:
+        if depths is not None and depths[1] > depths[0] + through + DEPTH_NOISE.smoothed_m * depths[0] ** 2:
             del self._things[name]
 
     def _lies_in(self, shape: Shape, container: str) -> bool:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from mpvi_bt.compiled import compiled_later
+from mpvi_bt.robot.depth_noise import DEPTH_NOISE
 from mpvi_bt.robot.kinematics import inverse
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
@@ -24,7 +25,7 @@ _RISE = 0.025  # the band begins no lower than this share of the range: a camera
 _LOOSE_M = (0.06, 0.40)  # heights at which something of all that can be moved is: seats are higher
 _HITS = 2  # of pixels, before a cell counts as occupied
 _SAME_M = 0.10  # what is seen so near to something of the prior map is that, a little off
-_THROUGH_M, _THROUGH_PER_M = 0.10, 0.01  # so far behind something, growing with range squared, it must be seen through
+_THROUGH_M, _THROUGH_PER_M = 0.10, DEPTH_NOISE.ray_m  # so far behind something it must be seen through
 _NEAR_M = 1.5  # floor between the robot and the picture's lower edge is taken for free up to this
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.compiled import compiled_later
+from mpvi_bt.robot.depth_noise import DEPTH_NOISE
 from mpvi_bt.robot.kinematics import inverse, rot_z
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import CameraImage
@@ -17,7 +18,7 @@ from mpvi_bt.scene.occupancy_map import OccupancyMap
 
 # Our choice: floor counts as seen if a small thing on it would be, so rays go to this height above it.
 LOOK_M = 0.10
-_BEFORE_M, _BEFORE_PER_M = 0.05, 0.01  # what is measured so little before a cell, growing with range squared, is in it
+_BEFORE_M, _BEFORE_PER_M = 0.05, DEPTH_NOISE.ray_m  # what is measured so little before a cell is in it
 
 
 _SEEN, _HIDDEN = 1, 2  # what a look found of a cell

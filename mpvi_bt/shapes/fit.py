@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mpvi_bt.robot.depth_noise import DEPTH_NOISE
 from mpvi_bt.robot.linear_algebra import least_squares, matmul, norm
 from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.shapes.box_lids import raised, without_lid
@@ -23,7 +24,6 @@ from mpvi_bt.shapes.waist import waisted
 
 _ROUND = 0.88  # share of its rectangle that an outline fills: a disc has 0.79, a rectangle 1
 _CORNERED = 0.90  # what fills more of its rectangle is none
-_GRAIN_PER_M = 0.0008  # depth is that much rougher for every square meter of range [m]
 _WALL_M = 0.008  # of vessels
 _FURNITURE_M = 0.55  # what is longer than this is furniture: faces to put things on
 _UPRIGHT_M = 0.9  # likewise what is higher
@@ -81,7 +81,7 @@ def _small(points: Array, around: Array, eye: Array, support: float, large: bool
         return vessel
     if large:
         return furniture(points, support)
-    grain = _GRAIN_PER_M * float(np.median(((points - eye) ** 2).sum(1)))
+    grain = DEPTH_NOISE.grain_m * float(np.median(((points - eye) ** 2).sum(1)))
     parts = stand_out(points, top, grain) if float(seen.sides[0]) > _HAND_M else []
     if parts and not _flat_sided(points[points[:, 2] < top - 0.01, :2], grain):
         round_ = points[~np.any(parts, axis=0)]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
+from mpvi_bt.robot.depth_noise import DEPTH_NOISE
 from mpvi_bt.robot.linear_algebra import matmul, norm, principal_axes
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.shapes.moving_parts import Door
@@ -23,8 +24,7 @@ from mpvi_bt.shapes.shape import SeenBar
 
 _SAMPLES = 300  # pairs of points that upright planes are tried through
 _PLANES = 4
-_FLAT_M = 0.010  # points this near a plane are on it, from 1 m; depth noise grows with the square of the distance
-_NOISE_PER_M = 0.004
+_FLAT_M = 0.010  # points this near a plane, beside the noise of depth, are on it
 _LEAST_POINTS = 150
 _TALL_M = 0.1  # of the bulk of an upright plane
 _EXPLAINED = 0.8  # share of the rest of a thing that has to lie behind a closed door
@@ -124,9 +124,8 @@ def _planes(points: Array, eye: Array) -> Iterator[_Plane]:
     """Upright planes through the points, the one with the most points first."""
     rng = np.random.default_rng(0)
     left = np.ones(len(points), bool)
-    tolerance = _FLAT_M + _NOISE_PER_M * norm(points - eye, axis=1) ** 2
     sample = points if len(points) < 4000 else points[rng.choice(len(points), 4000, replace=False)]
-    slack = tolerance if len(sample) == len(points) else _FLAT_M + _NOISE_PER_M * norm(sample - eye, axis=1) ** 2
+    tolerance, slack = (_FLAT_M + DEPTH_NOISE.smoothed_m * norm(p - eye, axis=1) ** 2 for p in (points, sample))
     free = np.ones(len(sample), bool)
     for _ in range(_PLANES):
         if free.sum() < _LEAST_POINTS // 4:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.depth_noise import DEPTH_NOISE
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import CameraImage, Proprioception, Robot
 from mpvi_bt.robot.robots import robot_named
@@ -48,7 +49,7 @@ class Errors:
 
 NONE = Errors()
 REALISTIC = Errors(
-    depth_per_m=0.003, label_px=1, holes=0.02, drift_m=0.01, drift_rad=np.deg2rad(0.6), mount_m=0.005,
+    depth_per_m=DEPTH_NOISE.sigma_m, label_px=1, holes=0.02, drift_m=0.01, drift_rad=np.deg2rad(0.6), mount_m=0.005,
     mount_rad=np.deg2rad(1.0),
 )  # fmt: skip
 
