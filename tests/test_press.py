@@ -83,7 +83,7 @@ def test_a_seen_switch_is_known_and_may_be_touched(name: str) -> None:
     world = small_world(base=(-0.2, 0.1, 0.0), render=True, **FIXTURES[name])
     seen = Seen(SegmentationDetector({"thing": (name,)}, least_px=1))
     seen.forget((name,))
-    work = Work(seen, Motion(world.robot.proprioception()), np.random.default_rng(0), seen)
+    work = Work(seen, Motion(world.robot.proprioception()), np.random.default_rng(0))
     action = world.robot.action
     for tilt in (0.3, 0.6):
         action[ActionLayout.TORSO] = [0.42, 0.0, 0.0, tilt]

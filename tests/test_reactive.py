@@ -258,7 +258,7 @@ def test_what_is_not_in_the_thing_that_was_opened_is_looked_for_in_the_next(
     policy, known, opened = reactive(), KnowledgeBase(), list[str]()
     for k, name in enumerate(("near", "middle", "far")):
         known.put(Entry(name, ("cabinet",), "fixture", np.full(3, float(k)), np.full(3, k + 0.5)))
-    work = Work(policy._seen, Motion(KinematicRobot().proprioception()), np.random.default_rng(0), policy._seen)
+    work = Work(policy._seen, Motion(KinematicRobot().proprioception()), np.random.default_rng(0))
     monkeypatch.setattr(policy._seen, "knowledge", lambda: known)
     monkeypatch.setattr(policy._seen, "within", lambda name: [])
     monkeypatch.setattr(Work, "stands_open", lambda self, name: name in opened)

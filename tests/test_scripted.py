@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Generator
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -15,7 +16,7 @@ from mpvi_bt.plan.skills import SkillCall, load_skills
 from mpvi_bt.robot.motion import MotionFailure
 from mpvi_bt.robot.protocol import CONTROL_HZ
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.scene import Scene, Sight
+from mpvi_bt.scene.scene import Scene
 from tests.serving import observation
 
 PROMPT = "put the cup on the table with the left hand, then put the bowl on the table with the right hand"
@@ -25,7 +26,7 @@ class Told(ScriptedPolicy):
     """Its skills succeed or fail as told, one after the other; it notes what it tried."""
 
     def __init__(self, outcomes: str) -> None:
-        super().__init__(cast("Scene", None), load_skills())
+        super().__init__(cast("Scene", SimpleNamespace(exact=True)), load_skills())
         self.outcomes, self.objects = list(outcomes), ""
 
     def _carries(self, work: Work, phrase: str) -> bool:
@@ -111,7 +112,7 @@ class Gives(ScriptedPolicy):
     """What it is told ends at once: "done" and shown, "lost" and done again, "undone", or a motion that "failed"."""
 
     def __init__(self, end: str) -> None:
-        super().__init__(cast("Scene", None), load_skills())
+        super().__init__(cast("Scene", SimpleNamespace(exact=True)), load_skills())
         self.end, self.performed = end, 0
 
     def perform(self, work: Work, prompt: str) -> Performance:
@@ -146,8 +147,10 @@ def test_it_gives_up_some_time_after_it_has_nothing_more_to_do(end: str, perform
 class Looks(ScriptedPolicy):
     """It looks once with the head, and keeps what pictures it had while it did and while it did not."""
 
+    exact = False
+
     def __init__(self) -> None:
-        super().__init__(cast("Scene", None), load_skills(), sight=cast("Sight", self))
+        super().__init__(cast("Scene", self), load_skills())
         self.seen: list[tuple[str, ...]] = []
 
     def see(self, images: dict[str, Any], felt: Any) -> None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from benchmarks.hands.holding import put_in_hands
 from mpvi_bt.manipulation.motion.approach import close_in
@@ -25,38 +24,30 @@ from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, CameraImage, Proprioception
 from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.scene.true_scene import TrueScene
+from mpvi_bt.sim.world import World
 from tests.small_house import placed, small_world
 
 HUNG = "{entry: wall_cabinet, at: [1.2, 0.0], yaw_deg: 180, z_m: 1.35, shape: {size_m: [0.36, 0.6, 0.7]}}"
 
 
-class Blind:
-    """A `mpvi_bt.scene.scene.Sight` that learns nothing."""
+class Blind(TrueScene):
+    """The truth to a robot that looks all the same, and learns nothing by it."""
 
-    def __init__(self) -> None:
+    exact = False
+
+    def __init__(self, world: World) -> None:
+        super().__init__(world)
         self.lifts: list[float] = []
 
     def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:
-        """As `Sight` says."""
+        """As `Scene` says."""
         self.lifts.append(float(felt.torso[0]))
-
-    def others(self, name: str) -> Sequence[str]:
-        """None."""
-        return ()
-
-    def covered(self, places: Array, radius_m: float) -> NDArray[np.bool_]:
-        """As `Sight` says."""
-        return np.zeros(len(places), bool)
-
-    def trusting(self, remembering: bool = False) -> AbstractContextManager[None]:
-        """As `Sight` says."""
-        return nullcontext()
 
 
 def test_what_was_just_studied_is_not_studied_again_from_there() -> None:
     """Only once: as soon as the base or an arm has moved, or for another thing, there is something to see again."""
     world = small_world({"can": placed("can_of_soda", 1.0, 0.0)})
-    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0), Blind())
+    work = Work(Blind(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     work.images = {"head": None}  # type: ignore[dict-item]
     assert not studied(work, "can")
     for action in study(work, "can"):
@@ -79,7 +70,7 @@ def test_no_look_asks_more_of_the_torso_than_it_can(board_m: float) -> None:
         f"{{entry: wall_cabinet, at: [1.2, 0.0], yaw_deg: 180, z_m: {board_m}, shape: {{size_m: [0.36, 0.6, 0.7]}}}}"
     )
     world = small_world({"can": placed("can_of_soda", 1.2, 0.0, board_m + 0.02)}, wall_cabinet_1=cabinet)
-    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0), Blind())
+    work = Work(Blind(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     work.images = {"head": None}  # type: ignore[dict-item]
     told = []
     for action in study(work, "can"):
@@ -95,8 +86,8 @@ def with_can(fixture: str) -> tuple[Work, Blind]:
     """A robot that holds a can before a fixture."""
     world = small_world({"can": placed("can_of_soda", 3.0, 0.0)}, wall_cabinet_1=fixture)
     put_in_hands(world, {"right": "can"})
-    sight = Blind()
-    work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0), sight)
+    sight = Blind(world)
+    work = Work(sight, Motion(world.robot.proprioception()), np.random.default_rng(0))
     work.images = {"head": None}  # type: ignore[dict-item]
     return work, sight
 

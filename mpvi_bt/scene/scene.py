@@ -17,7 +17,13 @@ from mpvi_bt.shapes.moving_parts import Bar, Door
 
 
 class Scene(Protocol):
-    """What is known of things, by name, in the world frame [m]."""
+    """What is known of things, by name, in the world frame [m].
+
+    Attributes:
+        exact: Whether its answers are the world's own: no look adds to them, and nothing is hidden from them.
+    """
+
+    exact: bool
 
     def knowledge(self) -> KnowledgeBase:
         """What there is and what it is called, what is carried or put away told apart."""
@@ -83,10 +89,6 @@ class Scene(Protocol):
     def spots(self, surface: str, radius_m: float, height_m: float, near: Array) -> Sequence[Array]:
         """Places (3,) on a thing's upper faces with room for an upright cylinder, the nearest to `near` (2,) first."""
         ...
-
-
-class Sight(Protocol):
-    """The part of a scene that is found out by looking."""
 
     def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:
         """Take in pictures, by camera, and what the robot felt when they were taken."""

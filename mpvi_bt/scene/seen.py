@@ -49,7 +49,9 @@ _TRUSTED_M = 0.04  # how thick surfaces are where hidden space is given the bene
 
 
 class Seen(Memory):
-    """A `mpvi_bt.scene.scene.Scene` and its `Sight`."""
+    """A `mpvi_bt.scene.scene.Scene` of pictures."""
+
+    exact = False
 
     def knowledge(self) -> KnowledgeBase:
         """As `Scene` says."""
@@ -85,7 +87,7 @@ class Seen(Memory):
         return known[1] or self.solids(name)
 
     def covered(self, places: Array, radius_m: float) -> NDArray[np.bool_]:
-        """As `Sight` says."""
+        """As `Scene` says."""
         return self._deeds.covered(places, radius_m)
 
     def volumes(self, name: str) -> Sequence[Solid]:
@@ -156,7 +158,7 @@ class Seen(Memory):
         return [n for n, t in self._things.items() if t.inside == name]
 
     def others(self, name: str) -> Sequence[str]:
-        """As `Sight` says: all of it as one thing."""
+        """As `Scene` says: all of it as one thing."""
         vessel = name in self._things and self._things[name].shape.kind == "vessel"
         return [_IN + name] if vessel and name not in self._held() else []
 
@@ -256,7 +258,7 @@ class Seen(Memory):
 
     @contextlib.contextmanager
     def trusting(self, remembering: bool = False) -> Iterator[None]:
-        """While this lasts, what lies hidden well behind surfaces is not taken for solid; `remembering` as `Sight`."""
+        """While this lasts, what lies hidden well behind surfaces is not taken for solid; `remembering` as `Scene`."""
         self._trusting, self._remembering = True, remembering
         try:
             yield

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mpvi_bt.goals.world_state import WorldState
 from mpvi_bt.robot.collision import Surroundings, carries
 from mpvi_bt.robot.linear_algebra import norm
-from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.protocol import CameraImage, Proprioception, Side
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.scene.knowledge import KnowledgeBase
 from mpvi_bt.shapes.moving_parts import Bar, Door
@@ -63,6 +65,8 @@ class Truth(WorldState, Protocol):
 class TrueScene:
     """The `Scene` of a simulator."""
 
+    exact = True
+
     def __init__(self, truth: Truth) -> None:
         """Answer from `truth`."""
         self.truth = truth
@@ -71,6 +75,21 @@ class TrueScene:
         self.body = truth.solids
         self.handles, self.doors, self.switches = truth.handles, truth.doors, truth.switches
         self.holding, self.between, self.within = truth.holding, truth.between, truth.within
+
+    def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:
+        """Nothing is learned by looking."""
+
+    def covered(self, places: Array, radius_m: float) -> NDArray[np.bool_]:
+        """As `Scene` says: nothing looks like the floor."""
+        return np.zeros(len(places), bool)
+
+    def others(self, name: str) -> Sequence[str]:
+        """As `Scene` says: everything is known by name."""
+        return ()
+
+    def trusting(self, remembering: bool = False) -> AbstractContextManager[None]:
+        """As `Scene` says: nothing is hidden."""
+        return nullcontext()
 
     def laden(self, name: str) -> bool:
         """As `Scene` says."""

@@ -75,15 +75,15 @@ def close_in(
         if looks or not studied(work, about):
             yield from study(work, about)
         search = replace(work.search(side, touched), tried=list(tried))
-        with work.effort.sparing(_SPARED if work.sight is not None else 0.0):
+        with work.effort.sparing(0.0 if work.scene.exact else _SPARED):
             stance = None if trusting else find(search, looks > 0)
         if stance is None and work.effort.left <= 0:
             yield from work.motion.wait(_PAUSE_S)
             stance = None if trusting else find(search, looks > 0)
-        if stance is None and work.sight is not None:
-            with work.sight.trusting(remembering=True):  # the base goes where little is in view from here
+        if stance is None and not work.scene.exact:
+            with work.scene.trusting(remembering=True):  # the base goes where little is in view from here
                 underfoot = work.search(side, touched).obstacles
-            with work.sight.trusting():
+            with work.scene.trusting():
                 work.effort.failed.clear()
                 search = replace(search, obstacles=work.search(side, touched).obstacles, underfoot=underfoot)
                 stance = find(search, looks > 0)
@@ -92,7 +92,7 @@ def close_in(
             raise work.no_stance()
         tried.append(stance.base)
         away = stance.route[-1] - work.motion.felt.base_pose
-        if work.sight is None or (norm(away[:2]) < 0.02 and abs(kin.wrap(away[2])) < 0.03):
+        if work.scene.exact or (norm(away[:2]) < 0.02 and abs(kin.wrap(away[2])) < 0.03):
             break
         if looks < _LOOKS - 1:
             for base in stance.route:
@@ -161,7 +161,7 @@ def arrive(
 ) -> Generator[Array, None, Stance]:
     """Take up a stance and, where the scene is only seen, look from the hand and correct what is left to do."""
     yield from take_up(work, stance, search)
-    if work.sight is None:
+    if work.scene.exact:
         return stance
     yield from work.see(search.side)
     return _refined(work, search.side, stance, options())

@@ -73,7 +73,7 @@ def _settle(work: Work, without: Collection[str], feeling: bool = False) -> Acti
     for side in (s for s in work.motion.robot.sides if s not in held):
         if np.abs(work.motion.arm(side) - work.motion.robot.travel_arm[side]).max() > 0.02:
             # a base that has come to stand against a wall does not fold by what it takes the wall to be
-            with work.sight.trusting() if feeling and work.sight is not None else nullcontext():
+            with work.scene.trusting() if feeling else nullcontext():
                 path = _fold(work, side, without)
             yield from work.motion.follow(side, path)
     straight = upright(work)

@@ -23,11 +23,11 @@ _OVERLOOKS = ((0.42, 0.0), (0.42, 0.5), (0.42, 0.8), (0.25, 0.8), (0.25, 1.1), (
 
 
 def study(work: Work, name: str | None) -> Actions:
-    """Look at a thing, and above it, or below what is high up; nothing where the scene needs no pictures.
+    """Look at a thing, and above it, or below what is high up; nothing where the scene is exact.
 
     Without a name it looks at the floor ahead.
     """
-    if work.sight is None:
+    if work.scene.exact:
         return
     if name is None:
         yield from work.motion.stand(work.motion.bent(tilt=_FLOOR_RAD))

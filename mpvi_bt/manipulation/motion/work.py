@@ -19,7 +19,7 @@ from mpvi_bt.robot.protocol import SIDES, CameraImage, Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.scene.held import Held
 from mpvi_bt.scene.knowledge import Entry
-from mpvi_bt.scene.scene import Scene, Sight
+from mpvi_bt.scene.scene import Scene
 
 Words = Mapping[str, str]  # what fills the slots of a skill call, such as {"object": "can of soda"}
 
@@ -41,7 +41,6 @@ class Work:
         scene: What is known of the world.
         motion: The robot's command, as the skill changes it.
         rng: Randomness of planning.
-        sight: What takes pictures in; None where the scene needs none.
         wanted: Cameras whose pictures the next step has to bring.
         images: The pictures that it brought.
         effort: What searches may take.
@@ -57,7 +56,6 @@ class Work:
     scene: Scene
     motion: Motion
     rng: np.random.Generator
-    sight: Sight | None = None
     wanted: tuple[str, ...] = ()
     images: Mapping[str, CameraImage] = field(default_factory=dict)
     effort: Effort = field(default_factory=Effort)
@@ -80,12 +78,12 @@ class Work:
         return np.asarray(matmul(self.base, self.motion.robot.tcp(felt.torso, felt.arm[side], side)))
 
     def see(self, *cameras: str) -> Actions:
-        """Take one picture with each camera, the robot standing still; nothing where the scene needs no pictures."""
-        if self.sight is not None:
+        """Take one picture with each camera, the robot standing still; nothing where the scene is exact."""
+        if not self.scene.exact:
             self.wanted = cameras
             yield self.motion.still()
             self.wanted = ()
-            self.sight.see({c: self.images[c] for c in cameras}, self.motion.felt)
+            self.scene.see({c: self.images[c] for c in cameras}, self.motion.felt)
             self.effort.failed.clear()  # there may be room where there seemed to be none
 
     def middle(self, name: str) -> Array:
@@ -208,7 +206,7 @@ class Work:
 
     def along(self, name: str) -> list[str]:
         """A thing, and all in it that goes along where it is moved."""
-        return [name, *self.scene.within(name), *([] if self.sight is None else self.sight.others(name))]
+        return [name, *self.scene.within(name), *self.scene.others(name)]
 
     def near(self, without: Collection[str] = ()) -> Obstacles:
         """What is in the way near the robot, in the world, but for what it carries and the things `without`."""

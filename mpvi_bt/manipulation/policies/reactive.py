@@ -52,7 +52,7 @@ class ReactivePolicy(ScriptedPolicy):
     ) -> None:  # fmt: skip
         """See through `detector`, by default the picture's labels and a vocabulary: label to phrases."""
         self._seen = Seen(detector or SegmentationDetector(vocabulary or {}, least_px=1))
-        super().__init__(self._seen, skills, seed, timer, sight=self._seen)
+        super().__init__(self._seen, skills, seed, timer)
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
         """The next action as a chunk of one, (1, 23)."""

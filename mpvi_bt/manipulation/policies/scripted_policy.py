@@ -23,7 +23,7 @@ from mpvi_bt.plan.skills import Skill, SkillCall
 from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.scene import Scene, Sight
+from mpvi_bt.scene.scene import Scene
 
 _PATIENCE_S = 2.0  # longer than a trigger takes to fire,
 _IDLE_S = 3.5  # and than one does of who only looks
@@ -61,15 +61,14 @@ class ScriptedPolicy:
     name = "scripted"
 
     def __init__(
-        self, scene: Scene, skills: Mapping[str, Skill], seed: int = 0, timer: Callable[[], float] | None = None,
-        sight: Sight | None = None,
-    ) -> None:  # fmt: skip
-        """Work in what `scene` knows; the same seed plans the same motions. `sight` takes in pictures for the scene.
+        self, scene: Scene, skills: Mapping[str, Skill], seed: int = 0, timer: Callable[[], float] | None = None
+    ) -> None:
+        """Work in what `scene` knows; the same seed plans the same motions.
 
         Raises:
             UserError: A skill's file names a motion that is not there.
         """
-        self._scene, self._sight = scene, sight
+        self._scene = scene
         self._motions = {name: motion_of(skill) for name, skill in skills.items()}
         self._skills, self._seed, self._timer = skills, seed, timer
         self._calls = 0
@@ -104,11 +103,9 @@ class ScriptedPolicy:
             self._calls += 1
             self.ended = self.gave_up = False
             rng = np.random.default_rng([self._seed, self._calls])
-            meant = {} if self._sight else self._meant  # what is only seen is numbered anew for each prompt
+            meant = self._meant if self._scene.exact else {}  # what is only seen is numbered anew for each prompt
             effort = Effort(_CHECKS)
-            self._work = Work(
-                self._scene, Motion(felt), rng, self._sight, effort=effort, meant=meant, grasped=self._grasped
-            )
+            self._work = Work(self._scene, Motion(felt), rng, effort=effort, meant=meant, grasped=self._grasped)
             self._actions = self._performed(self._work, self._prompt)
         work = self._work
         work.motion.felt = felt

@@ -122,7 +122,7 @@ def is_closed(door: Door) -> bool:
 def _shut(work: Work, thing: str, door: Door, tried: list[Array], hand: str | None) -> Generator[Array, None, bool]:
     """Push a door home, or bring it home by its bar; returns whether it was felt to stop where it has to be."""
     flap = door.kind == "hinge" and not upright(door)
-    if work.sight is not None or upright(door) or lid(door):
+    if not work.scene.exact or upright(door) or lid(door):
         shape = work.motion.robot.hand
         courses, further = pushes(shape, door), pushes(shape, door, _beyond(work, door))
         for heading in _headings(work, door, courses):
@@ -157,7 +157,7 @@ def _headings(work: Work, door: Door, courses: Sequence[Course]) -> list[float]:
 
 def _beyond(work: Work, door: Door) -> float:
     """How far the fist goes beyond the closed door [rad or m] if nothing stops it."""
-    if work.sight is None:
+    if work.scene.exact:
         return _BEYOND_RAD
     return _UNSURE_M if door.kind == "slide" else _UNSURE_RAD
 
@@ -170,15 +170,15 @@ def _push_home(
 
     def shut(x: float) -> bool:  # a shut door resists; to go on pushing would only shove the robot back
         nonlocal held_up, left
-        if work.sight is None:
+        if work.scene.exact:
             return x > _NEARLY and resistance(motion, side) > _SHUT_M
         held_up = held_up + 1 if resistance(motion, side) > _STOPPED_M and x > _MOVING else 0
         left = door.position - way * x
         return held_up >= _STOPPED
 
     def push() -> Actions:
-        yield from touch(work, course, side, until_contact=work.sight is not None)
-        yield from go_along(motion, course, side, start.torso_after, shut, 1.0 if work.sight is None else _SLOWLY)
+        yield from touch(work, course, side, until_contact=not work.scene.exact)
+        yield from go_along(motion, course, side, start.torso_after, shut, 1.0 if work.scene.exact else _SLOWLY)
 
     yield from motion.grip(side, -1.0, 0.3)
     yield from take_up(work, start, side, idle)

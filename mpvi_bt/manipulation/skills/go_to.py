@@ -66,7 +66,7 @@ class _Drive:
         """Begin where a picture was just taken."""
         self._work, self._phrase = work, phrase
         self._side = float(work.rng.choice((-1.0, 1.0)))  # to pass on what bars the way
-        self._first = None if work.sight is None else work.images["head"].depth  # shows what is carried, too
+        self._first = None if work.scene.exact else work.images["head"].depth  # shows what is carried, too
 
     def all(self) -> Actions:
         """The whole of it."""

@@ -31,7 +31,7 @@ def looks_inside(work: Work, name: str) -> Iterator[Look]:
     farther off, and from around. The truth needs no looks, and what the robot carries is looked at where it is.
     """
     yield _from_here(work, name)
-    if work.sight is not None and name not in work.carried():
+    if not work.scene.exact and name not in work.carried():
         yield _from_before(work, name)
         for goal in _viewpoints(work, name):
             yield _from(work, name, goal)
@@ -51,8 +51,7 @@ def _from_before(work: Work, name: str) -> Look:
 
 
 def _from(work: Work, name: str, goal: Array) -> Look:
-    assert work.sight is not None
-    with work.sight.trusting(remembering=True):
+    with work.scene.trusting(remembering=True):
         route = work.search("right", {name}).route(work.motion.felt.base_pose.copy(), goal)
     try:
         for base in route or ():

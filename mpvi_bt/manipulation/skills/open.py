@@ -73,12 +73,12 @@ def open_(work: Work, words: Words, tried: list[Array]) -> Actions:
     if not able:
         raise MotionFailure("no_handle")
     door = able[0]
-    if work.sight is not None and upright(door):
+    if not work.scene.exact and upright(door):
         yield from look_beside(work, door)
         yield from look_over(work, thing)
         door = next((d for d in work.scene.doors(thing) if d.bar is not None and stands_as(d, door)), door)
     yield from swing(work, thing, door, [min(t, door.limit) for t in targets(door)], tried, words.get("hand"))
-    if work.sight is None:
+    if work.scene.exact:
         opened = any(is_open(d) for d in work.scene.doors(thing) if d.name == door.name)
     else:  # the hand has felt the bar to the end, and knows better than a look from aside; but not if it is still there
         yield from look_over(work, thing)
@@ -231,12 +231,11 @@ def course_search(
     inside = set(work.scene.within(thing)) if door.kind == "slide" else set()
     without = work.carried() | inside | {thing}
     at = work.motion.felt.base_pose[:2]
-    if work.sight is None:
+    with work.scene.trusting(remembering=True):  # the way leads back and aside, of which little is in view
         near = work.scene.obstacles(at, _AROUND_M, without)
+    if work.scene.exact:
         parts = list(work.scene.solids(thing))
     else:
-        with work.sight.trusting(remembering=True):  # the way leads back and aside, of which little is in view
-            near = work.scene.obstacles(at, _AROUND_M, without)
         parts = [s for d in work.scene.doors(thing) for s in (*d.solids, behind(d))]
     stays = [s for s in parts if not any(_alike(s, moving) for moving in door.solids)]
     held = work.held()

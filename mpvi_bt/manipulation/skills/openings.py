@@ -85,7 +85,7 @@ def _plain(phrase: str) -> str:
 
 def look_over(work: Work, thing: str) -> Actions:
     """See the whole front of a thing: look, and turn to where it then shows to be. The truth needs no look."""
-    if work.sight is None:
+    if work.scene.exact:
         return
     for looks in range(_LOOKS):
         middle = work.middle(thing)[:2]
@@ -100,7 +100,7 @@ def look_over(work: Work, thing: str) -> Actions:
 
 def look_from_aside(work: Work, thing: str) -> Generator[Array, None, bool]:
     """Look at a thing from another side; returns whether there is a way to one. The truth needs no look."""
-    if work.sight is None:
+    if work.scene.exact:
         return False
     x, y, _ = work.motion.felt.base_pose
     middle = work.middle(thing)[:2]
@@ -172,7 +172,7 @@ def stand_before_open(work: Work, thing: str) -> Actions:
     """Look into what stands open, from before its front: from beside it only the door, or a side, may be seen."""
     hinged = [door for door in work.scene.doors(thing) if door.kind == "hinge" and not lid(door)]
     ajar = [door for door in hinged if door.position > _AJAR * door.limit]
-    if work.sight is not None and ajar:
+    if ajar and not work.scene.exact:
         yield from stand_before_front(work, thing, ajar[0])
         yield from look_over(work, thing)
 
@@ -194,11 +194,8 @@ def _go_where(work: Work, thing: str, middle: Array, bearing: float) -> Generato
     here = work.motion.felt.base_pose.copy()
     far = max(_ASIDE_M, float(norm(here[:2] - middle)))
     goal = np.append(middle + far * np.array([np.cos(bearing), np.sin(bearing)]), float(kin.wrap(bearing + np.pi)))
-    if work.sight is None:
+    with work.scene.trusting(remembering=True):
         route = work.search("right", {thing}).route(here, goal)
-    else:
-        with work.sight.trusting(remembering=True):
-            route = work.search("right", {thing}).route(here, goal)
     try:
         for base in route or ():
             yield from work.motion.drive(base)

@@ -60,7 +60,7 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     surface = None if is_floor(words["surface"]) else work.nearest(words["surface"])
     for _ in range(_LEGS):
         if surface is not None:
-            if work.sight is not None and bounds(scene.solids(surface))[1, 2] < seen_box(work, name).bottom:
+            if not scene.exact and bounds(scene.solids(surface))[1, 2] < seen_box(work, name).bottom:
                 yield from look_over(work)
             yield from look_at(work, surface)
         box = seen_box(work, name)

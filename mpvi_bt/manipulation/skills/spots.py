@@ -116,7 +116,7 @@ def on_floor(work: Work, held: Held, leans: Sequence[float]) -> Iterator[list[Po
 def _bare(work: Work, places: Array, radius_m: float) -> Array:
     """Places (n, 2) as spots (m, 3) on the floor, but for those where something flat was put down."""
     spots = np.column_stack([places, np.zeros(len(places))])
-    return spots if work.sight is None else spots[~work.sight.covered(spots[:, :2], radius_m)]
+    return spots[~work.scene.covered(spots[:, :2], radius_m)]
 
 
 def is_floor(phrase: str) -> bool:

@@ -155,7 +155,7 @@ def _over(
 
 def _grounded(work: Work, search: Search, target: str) -> Search:
     """Keep the base out from under what is wiped where that is only seen: from near, its front is out of view."""
-    if work.sight is None:
+    if work.scene.exact:
         return search
     columns = []
     for low, high in (s.aabb() for s in work.scene.solids(target)):
