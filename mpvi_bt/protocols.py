@@ -77,11 +77,16 @@ class Memory(Protocol):
         ...
 
 
+NO_SKILL = "no_skill"  # how the note of a policy begins that has given up what it never learned
+
+
 class Policy(Protocol):
     """A manipulation policy: observation in, action chunk out (the VLA's place in the paper).
 
     Optional: `note`, a str, one line on what it is doing or why it is stuck, without numbers that change every step;
-    `gave_up`, a bool: it has given up this prompt; and `close()`, called once at the end.
+    `gave_up`, a bool: it has given up this prompt, which a policy behind it may do if the note begins with `NO_SKILL`;
+    `ended`, a bool: it thinks that the prompt is done, or has given up; `progress`, a float, 0 to 1: how far along it
+    takes itself to be; and `close()`, called once at the end.
     """
 
     @property

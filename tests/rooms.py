@@ -29,7 +29,7 @@ ORDER = (
     ("scene",),
     ("things",),
     ("house",),
-    ("navigation", "manipulation/stance", "completion", "remote", "sim"),
+    ("navigation", "manipulation/stance", "learned", "completion", "remote", "sim"),
     ("manipulation/motion", "behaviors", "instances"),
     ("manipulation/skills",),
     ("manipulation/policies", "manipulation"),

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import click
 
-from benchmarks.hands.policies import POLICIES
+from benchmarks.hands.policies import maker_of
 from benchmarks.hands.rows import Job, Row, add_row, read_rows
 from benchmarks.hands.runner import ERRORS, WALL_LIMIT_S, run_jobs
 from benchmarks.hands.scenes import choose
 from benchmarks.hands.table import markdown, table
 from benchmarks.hands.trial import Shapes
-from mpvi_bt.errors import MpviError, UnknownName
+from mpvi_bt.errors import MpviError
 from mpvi_bt.robot.robots import ROBOTS
 
 _SHAPES = ("tuning", "held_out", "half")
@@ -74,8 +74,7 @@ def main(
     try:
         pairs = choose(skill, case)
         for name in (policies := policy.split(",")):
-            if name not in POLICIES:
-                raise UnknownName("policy", name, POLICIES)
+            maker_of(name)
         if listing:
             for pair in pairs:
                 click.echo(f"{pair[0]}/{pair[1]}")

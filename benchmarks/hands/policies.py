@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
+from mpvi_bt.errors import UnknownName
+from mpvi_bt.learned.policy import WEIGHTS, LearnedPolicy
 from mpvi_bt.manipulation.policies.expert import ExpertPolicy
 from mpvi_bt.manipulation.policies.reactive import ReactivePolicy
+from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.protocols import Policy
 from mpvi_bt.scene.true_scene import Truth
@@ -37,4 +42,25 @@ def _reactive(world: World, seed: int, off_m: float) -> Policy:
     return ReactivePolicy(load_skills(), seed, vocabulary={e.name: e.phrases for e in world.knowledge()})
 
 
-POLICIES: Mapping[str, Maker] = {"expert": Maker(_expert, False), "reactive": Maker(_reactive, True)}
+def _learned(world: World, seed: int, off_m: float, weights: Path = WEIGHTS) -> Policy:
+    vocabulary = {e.name: e.phrases for e in world.knowledge()}
+    return LearnedPolicy(load_skills(), SegmentationDetector(vocabulary, least_px=1), seed, weights)
+
+
+POLICIES: Mapping[str, Maker] = {
+    "expert": Maker(_expert, False),
+    "reactive": Maker(_reactive, True),
+    "learned": Maker(_learned, True),
+}
+
+
+def maker_of(given: str) -> Maker:
+    """The maker of a policy: of a name, or of "learned:FILE.npz", with weights of one's own.
+
+    Raises:
+        UnknownName: There is none.
+    """
+    name, _, weights = given.partition(":")
+    if name not in POLICIES or (weights and name != "learned"):
+        raise UnknownName("policy", given, POLICIES)
+    return Maker(partial(_learned, weights=Path(weights)), True) if weights else POLICIES[name]

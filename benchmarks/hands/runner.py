@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from benchmarks.hands.policies import POLICIES
+from benchmarks.hands.policies import maker_of
 from benchmarks.hands.rows import Job, Row
 from benchmarks.hands.scenes import draw
 from benchmarks.hands.show import Film
@@ -36,7 +36,7 @@ def run_job(job: Job, show: Path | None = None, video: bool = False) -> Row:
         NoRenderingDevice: Pictures are needed and cannot be drawn.
     """
     trial = draw(job.skill, job.case, job.seed, job.shapes)
-    maker = POLICIES[job.policy]
+    maker = maker_of(job.policy)
     try:
         world = trial.world(
             render=maker.pictures or show is not None, assisted=job.assisted, robot=robot_named(job.robot)

@@ -71,6 +71,12 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
     "policy": {
         "expert": Backend("scripted skills on true poses: the upper bound", privileged=True),
         "reactive": Backend("the same skills on what the cameras show", sees=True),
+        "learned": Backend(
+            "networks, learned from demonstrations; with weights of your own, or those that ship",
+            address="FILE.npz",
+            optional=True,
+            sees=True,
+        ),
         "openpi": Backend("a policy server that speaks openpi's protocol", address="ws://HOST:PORT", sees=True),
         "vla_eval": Backend("a model server of the vla-eval package", address="ws://HOST:PORT", sees=True),
     },
@@ -104,13 +110,30 @@ def split(given: str) -> tuple[str, str]:
     return name, address
 
 
+def pair(given: str) -> tuple[str, str] | None:
+    """Both policies of a choice such as "learned+reactive"; None of a single one.
+
+    Addresses may have a plus of their own: after one, only a plus before the name of a policy joins two.
+    """
+    known = BACKENDS["policy"]
+    for k, letter in enumerate(given):
+        first, second = given[:k], given[k + 1 :]
+        if letter == "+" and split(first)[0] in known and (":" not in first or split(second)[0] in known):
+            return first, second
+    return None
+
+
 def choose(kind: str, given: str) -> Backend:
-    """The backend that is chosen by `name` or `name:address`.
+    """The backend that is chosen by `name` or `name:address`; of policies two may be, joined by "+".
 
     Raises:
         UnknownName: There is none of that name.
         UserError: An address where there is none, or none where there must be one.
     """
+    if kind == "policy" and (both := pair(given)) is not None:
+        first, second = (choose(kind, one) for one in both)
+        return Backend(f"{both[0]}; {both[1]} does what it has no skill for", first.privileged or second.privileged,
+                       sees=first.sees or second.sees)  # fmt: skip
     known = BACKENDS[kind]
     name, address = split(given)
     if name not in known:

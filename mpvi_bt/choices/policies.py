@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpvi_bt.choices.backends import choose, split
+from mpvi_bt.choices.backends import choose, pair, split
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.plugins import find
 from mpvi_bt.errors import UserError
@@ -16,6 +17,7 @@ from mpvi_bt.plan.skills import Skill
 from mpvi_bt.protocols import Policy
 
 if TYPE_CHECKING:
+    from mpvi_bt.manipulation.policies.backup import WithBackup
     from mpvi_bt.manipulation.policies.scripted_policy import ScriptedPolicy
     from mpvi_bt.remote.dialect_settings import Settings
     from mpvi_bt.remote.observation import Vocabulary
@@ -70,6 +72,8 @@ def make_policy(given: str, ground: Ground, settings: str | None = None) -> Poli
         FileProblems: Everything that is wrong with the settings.
     """
     backend = choose("policy", given)
+    if (both := pair(given)) is not None:
+        return _with_backup(*both, ground, settings)
     name, address = split(given)
     if settings is not None and not backend.address:
         raise UserError(f"policy {name} has no settings: --policy-settings is of policies that are somewhere else.")
@@ -124,7 +128,8 @@ def check_policy_choice(config: EpisodeConfig) -> None:
     backend = choose("policy", config.policy)
     if config.policy_horizon is not None and config.policy_ensemble is not None:
         raise UserError("--policy-horizon and --policy-ensemble are two ways to carry out chunks: give one of them.")
-    if backend.address or config.policy_settings is not None:
+    addressed = any(choose("policy", one).address for one in pair(config.policy) or [config.policy])
+    if (addressed and not backend.privileged) or config.policy_settings is not None:
         task = load_task(config.task).problem if config.task else None
         make_policy(config.policy, Ground({}, task=task, robot=config.robot), config.policy_settings)
 
@@ -142,7 +147,26 @@ def _reactive(ground: Ground, address: str, settings: str | None) -> Policy:
     return _demonstrated(made, ground)
 
 
-def _demonstrated(policy: ScriptedPolicy, ground: Ground) -> Policy:
+def _learned(ground: Ground, address: str, settings: str | None) -> Policy:
+    from mpvi_bt.learned.policy import WEIGHTS, LearnedPolicy
+    from mpvi_bt.perception.segmentation import SegmentationDetector
+
+    detector = ground.detector or SegmentationDetector(ground.vocabulary, least_px=1)
+    return LearnedPolicy(ground.skills, detector, ground.seed, Path(address) if address else WEIGHTS)
+
+
+def _with_backup(first: str, second: str, ground: Ground, settings: str | None) -> Policy:
+    """Two policies; the settings are of the second one, which alone may be somewhere else."""
+    from mpvi_bt.manipulation.policies.backup import WithBackup
+
+    if first == second:
+        raise UserError(f"policy {first}+{second}: a policy cannot stand behind itself.")
+    prompted = replace(ground, demonstrations=None)
+    made = WithBackup(make_policy(first, prompted), make_policy(second, prompted, settings), ground.skills)
+    return _demonstrated(made, ground)
+
+
+def _demonstrated(policy: ScriptedPolicy | WithBackup, ground: Ground) -> Policy:
     """What scripted policies make of whole instructions, where they are told these."""
     from mpvi_bt.manipulation.policies.demonstrated import DemonstratedPolicy
 
@@ -188,6 +212,7 @@ def settings_for(given: str, task: str | None, robot: str | None) -> Settings:
 _MAKERS: Mapping[str, Callable[[Ground, str, str | None], Policy]] = {
     "expert": _expert,
     "reactive": _reactive,
+    "learned": _learned,
     "openpi": _openpi,
     "vla_eval": _vla_eval,
 }

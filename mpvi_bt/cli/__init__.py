@@ -29,6 +29,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "diff": ("mpvi_bt.cli.trace:diff_", "Show the first tick at which two recorded runs part."),
     "suite": ("mpvi_bt.cli.suite:suite", "Run many episodes, resume them, tabulate the scores."),
     "dataset": ("mpvi_bt.cli.dataset:dataset", "Make a LeRobot dataset of recorded demonstrations."),
+    "train": ("mpvi_bt.cli.train:train", "Train the weights of the learned policy."),
     "serve": ("mpvi_bt.cli.serve:serve", "Serve a policy, or the executive, to other programs."),
     "evaluate": ("mpvi_bt.cli.evaluate:evaluate", "Drive a server as BEHAVIOR's evaluator would, in our house."),
     "list": ("mpvi_bt.cli.listing:list_", "List tasks, skills, trees, objects, families, backends."),

@@ -102,6 +102,11 @@ EXAMPLES: Mapping[str, tuple[str, str, str]] = {
         "demos --all --out datasets/all --json",
         "demos --format v2.1 --like behavior --out datasets/comet",
     ),
+    "train learned": (
+        "data --out mine.npz",
+        "data --out mine.npz --seed 1 --json",
+        "data --out try.npz --actor-steps 500 --proposer-steps 500",
+    ),
     "serve": (
         "reactive",
         "reactive --host 0.0.0.0 --port 8001",

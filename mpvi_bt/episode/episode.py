@@ -18,7 +18,7 @@ from mpvi_bt.episode.assembly import assemble, floors
 from mpvi_bt.episode.metrics import Meter
 from mpvi_bt.episode.prepare import Prepared, prepare_episode
 from mpvi_bt.episode.queries import count_queries
-from mpvi_bt.episode.result import Failure, Grasps, Planning, Replanned, make_result
+from mpvi_bt.episode.result import Failure, Grasps, Planning, PolicyShare, Replanned, make_result
 from mpvi_bt.episode.saved_episode import Keeper, SavedEpisode
 from mpvi_bt.executive.loop import Last, Subscriber, run_episode
 from mpvi_bt.executive.saved_run import restore_world
@@ -146,6 +146,7 @@ def run(
         grasps=Grasps.model_validate(Counter(notice.kind for notice in outcome.log.notices)),
         queries=count_queries(outcome.log.queries, audit.truths, tree.spec),
         planning=Planning.of(prepared.planned),
+        policies=_shares(policy),
         things={name: [places[name], place] for name, place in _places(world).items() if name in places},
         wall={
             "total_s": total,
@@ -157,6 +158,12 @@ def run(
     for recorded in demonstration:
         recorded.conclude(result.q, result.success)
     return result.model_dump(mode="json")
+
+
+def _shares(policy: Policy) -> dict[str, PolicyShare]:
+    """What each of two policies did; empty of one."""
+    prompts, steps = getattr(policy, "prompts", {}), getattr(policy, "steps", {})
+    return {name: PolicyShare(prompts=prompts.get(name, 0), steps=n) for name, n in steps.items()}
 
 
 def _places(world: World) -> dict[str, list[float]]:

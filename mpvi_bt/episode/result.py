@@ -142,6 +142,13 @@ class Planning(Record):
         )
 
 
+class PolicyShare(Record):
+    """What one of two policies did of an episode: prompts that it was given, and actions."""
+
+    prompts: Count
+    steps: Count
+
+
 class Result(Record):
     """One episode's result; the field names are the file's keys.
 
@@ -160,6 +167,7 @@ class Result(Record):
         grasps: That failed.
         queries: Of the completion checker.
         planning: Of the language model that made the plan; null if none did.
+        policies: By name, of two policies such as "learned+reactive"; empty where one does everything.
         config: Everything that can change the outcome.
         privileged: Backends that read simulator truth, as "kind:name".
         way: Of the base and of things, for drawing; null where it was not kept.
@@ -191,6 +199,7 @@ class Result(Record):
     grasps: Grasps = Grasps()
     queries: Queries = Queries()
     planning: Planning | None = None
+    policies: dict[str, PolicyShare] = {}
     config: dict[str, JsonValue]
     privileged: list[str]
     way: Way | None = None
@@ -244,6 +253,7 @@ def make_result(
     grasps: Grasps | None = None,
     queries: Queries | None = None,
     planning: Planning | None = None,
+    policies: Mapping[str, PolicyShare] | None = None,
     things: Mapping[str, list[list[float]]] | None = None,
     wall: Mapping[str, Any] | None = None,
 ) -> Result:
@@ -257,7 +267,7 @@ def make_result(
         ended: How the episode ended.
         failures: What failed on the way, in order.
         replans: Requests for a new plan, in order.
-        clipped, grasps, queries, planning: As of `Result`.
+        clipped, grasps, queries, planning, policies: As of `Result`.
         things: As of `Way`.
         wall: Wall-clock figures [s]; may nest.
     """
@@ -293,6 +303,7 @@ def make_result(
         grasps=grasps or Grasps(),
         queries=queries or Queries(),
         planning=planning,
+        policies=dict(policies or {}),
         config=config.record(),
         privileged=privileged(config.backends),
         way=Way(base=measured.way, things=dict(things or {})),

@@ -58,13 +58,13 @@ def locate(detection: Detection, image: CameraImage) -> Located | None:
     if detection.mask is not None:
         same = _largest_surface(z)
         u, v, z = u[same], v[same], z[same]
-    points = _in_world(image, u, v, z)
+    points = in_world(image, u, v, z)
     lowest, highest = np.percentile(points, _EXTENT, axis=0)
     center = (lowest + highest) / 2
     if detection.mask is None:
         left, top, right, bottom = _within(detection, image)
         depth = np.array([_median_depth((left, top, right, bottom), image)])
-        center = _in_world(image, np.array([(left + right) / 2]), np.array([(top + bottom) / 2]), depth)[0]
+        center = in_world(image, np.array([(left + right) / 2]), np.array([(top + bottom) / 2]), depth)[0]
         lowest, highest = np.minimum(lowest, center), np.maximum(highest, center)
     return Located(center, lowest, highest, count) if np.isfinite([lowest, highest]).all() else None
 
@@ -152,7 +152,7 @@ def _largest_surface(z: Array) -> NDArray[np.bool_]:
     return same
 
 
-def _in_world(image: CameraImage, u: NDArray[Any], v: NDArray[Any], z: Array) -> Array:
+def in_world(image: CameraImage, u: NDArray[Any], v: NDArray[Any], z: Array) -> Array:
     """(n, 3) world positions of points of the picture (n,) [px] at depths (n,) [m]."""
     p = np.stack([(u - image.K[0, 2]) / image.K[0, 0] * z, (v - image.K[1, 2]) / image.K[1, 1] * z, z], -1)
     return matmul(p, image.T_world_camera[:3, :3].T) + image.T_world_camera[:3, 3]

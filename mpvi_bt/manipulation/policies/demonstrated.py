@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from mpvi_bt.manipulation.policies.backup import WithBackup
 from mpvi_bt.manipulation.policies.scripted_policy import ScriptedPolicy
 from mpvi_bt.robot.solids import Array
 
@@ -25,7 +26,7 @@ class DemonstratedPolicy:
         note: What it is at; of a prompt the other policy's.
     """
 
-    def __init__(self, inner: ScriptedPolicy, demonstrations: Mapping[str, Sequence[str]]) -> None:
+    def __init__(self, inner: ScriptedPolicy | WithBackup, demonstrations: Mapping[str, Sequence[str]]) -> None:
         """Take the policy.
 
         Args:

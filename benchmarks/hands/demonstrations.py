@@ -1,0 +1,130 @@
+"""`python -m benchmarks.hands.demonstrations FOLDER`: the expert's demonstrations that `learned` is made from."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from benchmarks.hands.scenes import draw
+from benchmarks.hands.trial import Trial
+from benchmarks.pool import play_all
+from mpvi_bt.errors import BackendError
+from mpvi_bt.learned.demonstration import find, record
+from mpvi_bt.learned.points import PointMemory
+from mpvi_bt.manipulation.policies.expert import ExpertPolicy
+from mpvi_bt.perception.segmentation import DetectionErrors, SegmentationDetector
+from mpvi_bt.plan.clauses import match
+from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.robot.protocol import Side
+from mpvi_bt.sim.noise import NONE, REALISTIC, NoisyRobot
+from mpvi_bt.sim.world import World
+
+# Scenes of a skill, and how often each is drawn.
+MIXES: Mapping[str, Mapping[str, int]] = {
+    "pick": {"floor": 2, "table": 3, "counter": 2, "clutter": 3},
+    "place_in": {"bin": 2, "basket": 2, "basket_on_table": 2},
+    "place_on": {"table": 2, "counter": 2, "clutter": 2},
+    "place_next_to": {"floor": 1, "table": 1},
+}
+SLOTS = {"pick": "object", "place_in": "container", "place_on": "surface", "place_next_to": "target"}  # worked on
+FIRST_SEED = 100_000  # far from those that policies are compared on
+_LIMIT_S = 40.0
+_STEADY = 3  # times in a row that the truth says yes, asked six times a second
+_NOISY = 0.5  # of the episodes have the errors of `REALISTIC` senses, and a detector's
+_DETECTOR = DetectionErrors(miss=0.05, jitter=1.0)
+_WALL_LIMIT_S = 300.0
+
+
+class _Watch:
+    """Says when an episode has succeeded, or never will."""
+
+    def __init__(self, trial: Trial, world: World, policy: ExpertPolicy) -> None:
+        self._trial, self._world, self._policy = trial, world, policy
+        self._good, self.ok = 0, False
+
+    def __call__(self) -> bool:
+        if self._world.steps % 5 == 4:
+            self._world.wake()
+        if self._world.steps % 5:
+            return False
+        missing = self._trial.done(self._world)
+        self._good = 0 if missing else self._good + 1
+        self.ok = self._good >= _STEADY
+        done = self._policy.note == "done" and bool(missing)
+        return self.ok or done or self._policy.gave_up or self._world.time_s > _LIMIT_S
+
+
+def demonstrate(seed: int, folder: Path, skill: str) -> dict[str, Any]:
+    """Play one scene; keep the demonstration if it was done at the first attempt. Returns a row of what came of it."""
+    started = time.perf_counter()
+    rng = np.random.default_rng([seed, 7])
+    cases = [case for case, share in MIXES[skill].items() for _ in range(share)]
+    case = cases[rng.integers(len(cases))]
+    row: dict[str, Any] = {"seed": seed, "case": case, "ok": False}
+    try:
+        trial = draw(skill, case, seed, "tuning")
+        world = trial.world(render=True)
+        skills = load_skills()
+        held: list[Side] = list(trial.held)
+        side: Side = held[0] if held else "right"
+        call = match(trial.prompt, skills)
+        assert call is not None
+        noisy = bool(rng.random() < _NOISY)
+        robot = NoisyRobot(world.robot, world.cameras, REALISTIC if noisy else NONE, seed)
+        vocabulary = {e.name: e.phrases for e in world.knowledge()}
+        errors = {"errors": _DETECTOR, "seed": seed} if noisy else {}
+        detector = SegmentationDetector(vocabulary, 1, **errors)  # type: ignore[arg-type]
+        memory = PointMemory(detector, call.arguments[SLOTS[skill]], rng)
+        policy = ExpertPolicy(world, skills, seed)
+        watch = _Watch(trial, world, policy)
+        prompt = trial.prompt if held else f"{trial.prompt} with the {side} hand"
+        seen = find(robot, world.step, memory, side)
+        shown = record(policy, robot, world.step, watch, memory, prompt, side)
+        policy.close()
+        row |= {"ok": watch.ok and policy.attempts == 1 and bool(len(shown.points)), "seen": seen, "side": side}
+        row |= {"attempts": policy.attempts, "note": policy.note, "steps": len(shown.look)}
+        if row["ok"]:
+            shown.save(folder / f"{seed}.npz")
+    except BackendError as error:
+        row["note"] = f"no scene: {error}"
+    return row | {"wall_s": round(time.perf_counter() - started, 2)}
+
+
+def _failed(seed: int, cause: str) -> dict[str, Any]:
+    return {"seed": seed, "ok": False, "note": cause}
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+@click.option("--skill", type=click.Choice(list(MIXES)), default="pick", show_default=True)
+@click.option("--count", type=click.IntRange(1), default=1000, show_default=True, help="Scenes that are tried.")
+@click.option("--first", type=int, default=FIRST_SEED, show_default=True, help="Seed of the first.")
+@click.option("--workers", "-j", type=click.IntRange(1, 64), default=2, show_default=True)
+def main(folder: Path, skill: str, count: int, first: int, workers: int) -> None:
+    """Record demonstrations into FOLDER/SKILL, one file each; those that are there are not made again."""
+    folder /= skill
+    folder.mkdir(parents=True, exist_ok=True)
+    log = folder / "log.jsonl"
+    tried = {json.loads(line)["seed"] for line in log.read_text().splitlines()} if log.exists() else set()
+    seeds = [seed for seed in range(first, first + count) if seed not in tried]
+    play = partial(demonstrate, folder=folder, skill=skill)
+    kept = 0
+    with log.open("a", encoding="utf-8") as file:
+        rows = play_all(play, _failed, seeds, workers, _WALL_LIMIT_S)
+        for done, row in enumerate(rows, start=1):
+            kept += row["ok"]
+            file.write(json.dumps(row) + "\n")
+            file.flush()
+            if done % 20 == 0 or done == len(seeds):
+                click.echo(f"{done}/{len(seeds)}: {kept} kept", err=True)
+
+
+if __name__ == "__main__":
+    main()

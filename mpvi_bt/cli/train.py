@@ -1,0 +1,57 @@
+"""`mpvi train`: weights of the learned policy."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+
+@click.group()
+def train() -> None:
+    """Make a policy of your own from demonstrations."""
+
+
+@train.command()
+@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, metavar="FILE.npz",
+              help="File for the weights; curves and how far it is go beside it.")  # fmt: skip
+@click.option("--skills", default="pick", show_default=True, help="Folders in FOLDER, joined by commas.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of everything random.")
+@click.option("--actor-steps", type=click.IntRange(1), help="Fewer for a first try.")
+@click.option("--proposer-steps", type=click.IntRange(1), help="Likewise.")
+@click.option("--json", "as_json", is_flag=True, help="For programs: what was trained, as JSON.")
+def learned(
+    folder: Path, out: Path, skills: str, seed: int, actor_steps: int | None, proposer_steps: int | None, as_json: bool
+) -> None:
+    """Train the policy `learned` from the demonstrations in FOLDER/SKILL/.
+
+    What is interrupted goes on where it was when it is started again. The same demonstrations and seed make the same
+    weights on one machine. `mpvi run TASK --policy learned:FILE.npz` runs with them.
+    """
+    from mpvi_bt.learned.body import BODY
+    from mpvi_bt.learned.frames import read_frames
+    from mpvi_bt.learned.network import Weights
+    from mpvi_bt.learned.training import ACTOR_STEPS, PROPOSER_STEPS, Training
+    from mpvi_bt.learned.training import train as train_networks
+
+    networks, about = {}, {}
+    for skill in skills.split(","):
+        frames = read_frames(folder, skill, lambda line: click.echo(line, err=True))
+        job = Training(frames, seed, actor_steps or ACTOR_STEPS, proposer_steps or PROPOSER_STEPS)
+
+        def tell(row: dict[str, Any], skill: str = skill) -> None:
+            figures = ", ".join(f"{k} {v:g}" for k, v in row.items() if k not in ("network", "step", "of"))
+            click.echo(f"{skill} {row['network']} {row['step']}/{row['of']}: {figures}", err=True)
+
+        networks[skill] = train_networks(job, out.with_suffix(f".{skill}.pt"), tell)
+        about[skill] = {"demonstrations": int(frames.episode[-1]) + 1, "frames": len(frames.look), "seed": seed,
+                        "actor_steps": job.actor_steps, "proposer_steps": job.proposer_steps}  # fmt: skip
+        out.with_suffix(f".{skill}.json").write_text(json.dumps(job.curves, indent=1), encoding="utf-8")
+    Weights(BODY.name, networks, about).save(out)
+    if as_json:
+        click.echo(json.dumps({"weights": str(out), "skills": about}))
+        return
+    click.echo(f"{out}: {', '.join(networks)}, {out.stat().st_size / 1e6:.1f} MB")

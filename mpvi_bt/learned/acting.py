@@ -1,0 +1,138 @@
+"""How a learned skill acts: it proposes where to stand and how to hold the hand, then moves there, chunk by chunk."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mpvi_bt.learned.body import BODY, SIDE
+from mpvi_bt.learned.features import STRIDE, WAYPOINT, WAYPOINTS, Approach, Moments, actor_inputs
+from mpvi_bt.learned.network import Networks
+from mpvi_bt.learned.points import TARGET_POINTS
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul, norm
+from mpvi_bt.robot.protocol import CONTROL_HZ
+from mpvi_bt.robot.solids import Array
+
+CHUNK = 9  # steps; our choice, measured: asking after 4 was worse
+_PROPOSED_POINTS = 48  # of each set that the proposer was trained with
+_BENT = 2.0  # how much likelier a hypothesis must be for each radian that the arm must deviate from it
+_NEAR_M = 0.3  # of the target the hand's shift and turn count, farther away the joints
+_TOP_BASE = np.array([0.6, 0.6, 1.2])  # [m/s, m/s, rad/s]
+_TOP_ARM_RAD = 0.085  # of a step
+_OPEN = 0.5  # a hand that is told to close more than so stays where it is
+_TORSO_STEP = np.array([0.15, 0.4, 0.4]) / CONTROL_HZ  # lift [m], yaw, pitch [rad]
+_OFF_RAD = 0.4  # a posture of the hand's pose that is farther from the joints' is not taken
+_RESTED_M, _RESTED_RAD, _ELSEWHERE_M, _ELSEWHERE_RAD = 0.003, 0.003, 0.35, 0.4
+_OUT_RAD = 0.3  # an arm so far from its travel posture is on its way
+_REBASED_RAD = 0.6
+# Changes of lift [m], yaw, pitch and the head's tilt [rad], the least first.
+_LEANS = np.array(
+    sorted(
+        (
+            (lift, 0.0, pitch, 0.0)
+            for lift in (0.0, -0.05, 0.05, -0.1, 0.1)
+            for pitch in (0.0, 0.1, 0.2, 0.3, 0.4, -0.1, -0.2)
+        ),
+        key=lambda lean: 2 * abs(lean[0]) + abs(lean[2]),
+    )
+)
+
+
+Step = tuple[Array, Array, Array, float]
+
+
+def propose(net: Networks, now: Moments, begun: Array, points: Array, nth: int, here: bool) -> Array | None:
+    """(1, 14) the likeliest stance whose hand pose the arm can reach; None if there is none.
+
+    Args:
+        net: Of the skill.
+        now: One moment.
+        begun: (1, 3) where the base was when the skill began: stances are proposed as seen from there.
+        points: (128, 3) of the world.
+        nth: Which in that order; the last one if there are fewer.
+        here: Whether the base stays where it is.
+    """
+    some = np.concatenate([points[:_PROPOSED_POINTS], points[TARGET_POINTS : TARGET_POINTS + _PROPOSED_POINTS]])[None]
+    frame = Approach.of(begun, some, _PROPOSED_POINTS)
+    hypotheses, likely = net.propose(frame.points(some), frame.told, _PROPOSED_POINTS)
+    stances, hands = frame.stance(hypotheses)
+    found = []
+    for stance, hand, log_likely in zip(stances, hands, likely, strict=True):
+        at = bent(np.concatenate([now.base[0], stance[3:]]), hand) if here else reached(stance, hand)
+        if at is not None:
+            off = float(np.abs(at[7:] - stance[7:]).max())
+            found.append((log_likely - _BENT * off, at))
+    found.sort(key=lambda f: -f[0])
+    return found[min(nth, len(found) - 1)][1][None] if found else None
+
+
+def reached(stance: Array, hand: Array) -> Array | None:
+    """(14,) the stance with the nearest posture of the arm that brings the hand to (4, 4) in the world, or None."""
+    T_chest = matmul(kin.base(stance[:3]), BODY.chest(stance[3:7]))
+    q = BODY.nearest_posture(matmul(kin.inverse(T_chest), hand), SIDE, stance[7:14])
+    return None if q is None else np.concatenate([stance[:7], q])
+
+
+def bent(stance: Array, hand: Array) -> Array | None:
+    """As `reached`; where the arm is too short, the torso is bent and raised as little as makes it long enough."""
+    for lean in _LEANS:
+        at = stance.copy()
+        at[3:7] = np.clip(at[3:7] + lean, *BODY.torso_limits.T)
+        if (found := reached(at, hand)) is not None:
+            return found
+    return None
+
+
+def rebased(now: Moments, stance: Array) -> Array:
+    """(1, 14) the stance with the same hand pose from where the base has come to rest, a little off."""
+    base, g = now.base[0], stance[0]
+    off_m, off_rad = float(norm(g[:2] - base[:2])), abs(float(kin.wrap(g[2] - base[2])))
+    out = float(np.abs(now.arm[0] - BODY.travel_arm[SIDE]).max())
+    if out < _OUT_RAD or off_m > _ELSEWHERE_M or off_rad > _ELSEWHERE_RAD:
+        return stance
+    if off_m < _RESTED_M and off_rad < _RESTED_RAD:
+        return stance
+    hand = matmul(kin.base(g[:3]), BODY.tcp(g[3:7], g[7:14], SIDE))
+    at = bent(np.concatenate([base, g[3:]]), hand)
+    return stance if at is None or np.abs(at[7:] - g[7:]).max() >= _REBASED_RAD else at[None]
+
+
+def chunk(net: Networks, now: Moments, stance: Array, points: Array) -> tuple[list[Step], float]:
+    """The next steps: base velocity (3,), torso (4,), arm (7,) and gripper of each; and the progress, 0 to 1.
+
+    Args:
+        net: Of the skill.
+        now: One moment.
+        stance: (1, 14) to come to.
+        points: (128, 3) of the world.
+    """
+    told, seen = actor_inputs(now, stance, points[None], TARGET_POINTS)[::-1]
+    answer, progress = net.act(seen, told, TARGET_POINTS)
+    way = np.concatenate([np.zeros((1, answer.shape[1])), answer])  # the first point is now
+    way[0, WAYPOINT["grip"]] = now.told_grip
+    T_told = BODY.tcp(now.told_torso, now.told_arm, SIDE)[0]
+    hand = matmul(now.frames()[0], now.hands()[0])[:3, 3]
+    near = norm(points[:TARGET_POINTS].mean(0) - hand) < _NEAR_M
+    open_ = now.told_grip[0] > _OPEN
+    steps, arm, last = [], now.told_arm[0], way[0]
+    for k in range(1, CHUNK + 1):
+        at = np.array([np.interp(k / STRIDE, np.arange(WAYPOINTS + 1), column) for column in way.T])
+        x, y, yaw = at[:3] - last[:3]
+        c, s = np.cos(last[2]), np.sin(last[2])
+        base = np.clip(np.array([c * x + s * y, c * y - s * x, yaw]) * CONTROL_HZ, -_TOP_BASE, _TOP_BASE)
+        torso = now.told_torso[0] + at[WAYPOINT["torso"]]
+        if near and open_:  # the actor seldom bends once the arm is out, even where the arm is too short
+            left = stance[0, 3:6] - now.told_torso[0, :3]
+            torso[:3] = now.told_torso[0, :3] + np.clip(left, -k * _TORSO_STEP, k * _TORSO_STEP)
+        wanted = now.told_arm[0] + at[WAYPOINT["arm"]]
+        if near:
+            shift = kin.transform(Rotation.from_rotvec(at[WAYPOINT["turn"]]).as_matrix(), at[WAYPOINT["shift"]])
+            T_chest_hand = matmul(kin.inverse(BODY.chest(torso)), T_told, shift)
+            q = BODY.nearest_posture(T_chest_hand, SIDE, wanted)
+            if q is not None and np.abs(q - wanted).max() < _OFF_RAD:
+                wanted = q
+        arm = arm + np.clip(wanted - arm, -_TOP_ARM_RAD, _TOP_ARM_RAD)
+        steps.append((base, torso, arm, float(np.clip(at[WAYPOINT["grip"]][0], -1, 1))))
+        last = at
+    return steps, progress

@@ -1,0 +1,224 @@
+"""The learned policy: what cameras show and the robot feels in, chunks of actions out, by trained weights."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mpvi_bt.errors import shown
+from mpvi_bt.learned.acting import CHUNK, chunk, propose, rebased
+from mpvi_bt.learned.demonstration import HEAD_TILTS_RAD, TILT_STEPS
+from mpvi_bt.learned.hand import LearnedHand
+from mpvi_bt.learned.network import Networks, Weights
+from mpvi_bt.learned.points import PointMemory
+from mpvi_bt.perception.detector import Detector
+from mpvi_bt.plan.clauses import clauses, match
+from mpvi_bt.plan.skills import Skill, SkillCall
+from mpvi_bt.protocols import NO_SKILL
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul
+from mpvi_bt.robot.protocol import EMPTY_M, SIDES, ActionLayout, CameraImage, Proprioception, Side
+from mpvi_bt.robot.robots import robot_named
+from mpvi_bt.robot.solids import Array
+
+WEIGHTS = Path(__file__).parent / "weights.npz"
+SLOTS: Mapping[str, str] = {
+    "pick": "object", "place_in": "container", "place_on": "surface", "place_next_to": "target",
+}  # fmt: skip
+_TRIES = 5  # closings on nothing
+_EMPTY_CHUNKS = 3  # that a closed hand is empty before it is opened
+_OPENING = 15  # steps
+_CLOSED = -0.9
+_SEEING = -0.95  # a hand that is told to close more than so hides what it closes on
+_STUCK_CHUNKS = 10  # without a move: 3 s
+_STUCK_M = 0.02
+_DONE, _DONE_CHUNKS = 0.93, 3  # a hand that holds something and has come so far, for so long, has done its skill
+
+
+class LearnedPolicy:
+    """`mpvi_bt.protocols.Policy` of weights that `mpvi train learned` made.
+
+    Attributes:
+        note: What it is doing or why it gave up, for a person.
+        ended: Whether it thinks that it has done its prompt, or has given up.
+        gave_up: Whether it does no more about its prompt.
+        progress: How far along it takes itself to be, 0 to 1; it reads high on an empty grasp, too.
+        attempts: Stances that it proposed.
+    """
+
+    name = "learned"
+
+    def __init__(self, skills: Mapping[str, Skill], detector: Detector, seed: int = 0, weights: Path = WEIGHTS) -> None:
+        """Act by a file of weights, seeing through `detector`.
+
+        Raises:
+            UserError: The weights cannot be read, or are of another version.
+        """
+        self._skills, self._detector, self._seed = skills, detector, seed
+        self._weights = Weights.load(weights)
+        self._prompts = 0
+        self.reset()
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """The head's, and that of the hand at work."""
+        return self._wanted
+
+    def reset(self) -> None:
+        """Forget the prompt."""
+        self._prompt: str | None = None
+        self._wanted: tuple[str, ...] = ("head",)
+        self._chunks: Iterator[Array] = iter(())
+        self._told: Array | None = None  # the last command
+        self.note, self.ended, self.gave_up, self.progress, self.attempts = "", False, False, 0.0, 0
+
+    def infer(self, observation: Mapping[str, Any]) -> Array:
+        """The next actions, (h, 23).
+
+        Raises:
+            DetectorError: The detector failed.
+        """
+        self._felt: Proprioception = observation["proprioception"]
+        self._images: Mapping[str, CameraImage] = observation["images"]
+        if observation["prompt"] != self._prompt:
+            self.reset()
+            self._prompt = str(observation["prompt"])
+            self._prompts += 1
+            self._chunks = self._performed(self._prompt)
+        actions = next(self._chunks, None)
+        if actions is None:
+            self.ended, self.gave_up, self._wanted = True, True, ()
+            if self._told is None:
+                self._told = LearnedHand(SIDES[1], self._felt).still(1)[-1]
+            self._told[ActionLayout.BASE] = 0.0
+            actions = self._told[None].copy()
+        self._told = actions[-1].copy()
+        return actions
+
+    def can(self, prompt: str) -> SkillCall | None:
+        """The one skill that a prompt asks for, if it was learned."""
+        said = clauses(prompt, self._skills)
+        call = match(said[0], self._skills) if len(said) == 1 else None
+        return call if call is not None and call.motion in self._weights.skills else None
+
+    def _performed(self, prompt: str) -> Iterator[Array]:
+        """Everything that it does about a prompt; it ends once it has given up."""
+        if self._felt.robot != self._weights.robot:
+            self.note = f"{NO_SKILL}: these weights move the robot {self._weights.robot}, not {self._felt.robot}"
+            return
+        call = self.can(prompt)
+        if call is None:
+            known = ", ".join(self._weights.skills)
+            self.note = f"{NO_SKILL}: {shown(prompt)} is not one of {known}"
+            return
+        phrase = call.arguments[SLOTS[call.motion]]
+        rng = np.random.default_rng([self._seed, self._prompts])
+        memory = PointMemory(self._detector, phrase, rng)
+        yield from self._found(memory)
+        if not memory.seen:
+            self.note = f"not_found: {shown(phrase)}"
+            return
+        side = self._side(call, memory)
+        if side is None:
+            self.note = "hands_full"
+            return
+        self._wanted = ("head", side)
+        self.note = f"{call.motion} {phrase}, {side} hand"
+        yield from self._acted(self._weights.skills[call.motion], LearnedHand(side, self._felt), memory, phrase)
+
+    def _found(self, memory: PointMemory) -> Iterator[Array]:
+        """Look; where the target is not in view, tilt the head and look again."""
+        self.note = "looking"
+        if self._looked(memory):
+            return
+        body = LearnedHand(SIDES[1], self._felt)
+        for tilt in HEAD_TILTS_RAD:
+            rows = body.still(TILT_STEPS)
+            rows[:, 6] = tilt
+            body.action = rows[-1].copy()
+            yield rows
+            if self._looked(memory):
+                return
+
+    def _looked(self, memory: PointMemory) -> bool:
+        felt, robot = self._felt, robot_named(self._felt.robot)
+        T_world_base = kin.base(felt.base_pose)
+        holding = [side for side in felt.sides if felt.holds(side)]
+        carried = [matmul(T_world_base, robot.tcp(felt.torso, felt.arm[s], s))[:3, 3] for s in holding]
+        memory.look(*(self._images[camera] for camera in self._wanted if camera in self._images), carried=carried)
+        return memory.seen
+
+    def _side(self, call: SkillCall, memory: PointMemory) -> Side | None:
+        """The hand that is said, else a free one, on the target's side if both are."""
+        said = call.arguments.get("hand")
+        free: list[Side] = [side for side in SIDES if not self._felt.holds(side)]
+        for side in SIDES:
+            if side == said:
+                return side
+        if len(free) < 2:
+            return free[0] if free else None
+        at = matmul(kin.inverse(kin.base(self._felt.base_pose)), np.append(memory.middle, 1.0))
+        return "left" if at[1] > 0 else "right"
+
+    def _acted(self, net: Networks, hand: LearnedHand, memory: PointMemory, target: str) -> Iterator[Array]:
+        stance: Array | None = None
+        empty = tries = done = 0
+        rest, begun = _Rest(), hand.now().base
+        said = self.note
+        while True:
+            hand.feel(self._felt)
+            now = hand.now()
+            done = done + 1 if self._felt.holds(hand.side) and self.progress >= _DONE else 0
+            self.ended = done >= _DONE_CHUNKS
+            self.note = "done" if self.ended else said
+            if self.ended:
+                yield hand.still(CHUNK)
+                continue
+            closed = now.told_grip[0] < _CLOSED
+            if closed and now.width[0] < EMPTY_M:
+                empty += 1
+            if empty >= _EMPTY_CHUNKS and tries < _TRIES:  # closed on nothing: open, and think again
+                empty, tries, stance = 0, tries + 1, None
+                yield hand.still(_OPENING, 1.0)
+                continue
+            if empty >= _EMPTY_CHUNKS:
+                self.note = f"missed: closed on nothing {tries + 1} times"
+                return
+            if now.told_grip[0] > _SEEING:
+                self._looked(memory)
+            points = hand.points(memory.sample())
+            if rest.stuck(now) and not closed:
+                stance, tries = None, tries + 1
+            if stance is None:
+                self.attempts += 1
+                stance = propose(net, now, begun, points, tries, here=tries > 0)
+            if stance is None and tries:
+                stance = propose(net, now, begun, points, tries, here=False)
+            if stance is None:
+                self.note = f"{NO_SKILL}: no hand pose that it proposes for the {target} is in reach"
+                return
+            stance = rebased(now, stance)
+            steps, self.progress = chunk(net, now, stance, points)
+            yield np.array([hand.command(*step) for step in steps])
+
+
+class _Rest:
+    """Notices that neither hand nor base moves."""
+
+    def __init__(self) -> None:
+        self._at: Array | None = None
+        self._chunks = 0
+
+    def stuck(self, now: Any) -> bool:
+        """Whether nothing has moved for long; then it begins anew."""
+        at = matmul(now.frames()[0], now.hands()[0])[:3, 3]
+        if self._at is None or np.linalg.norm(at - self._at) > _STUCK_M:
+            self._at, self._chunks = at, 0
+        self._chunks += 1
+        if self._chunks < _STUCK_CHUNKS:
+            return False
+        self._chunks = 0
+        return True

@@ -1,0 +1,94 @@
+"""A policy with another one behind it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mpvi_bt.choices.backends import choose, pair
+from mpvi_bt.choices.policies import Ground, make_policy
+from mpvi_bt.errors import UserError
+from mpvi_bt.manipulation.policies.backup import WithBackup
+from mpvi_bt.plan.skills import load_skills
+
+SKILLS = load_skills()
+
+
+class Doer:
+    """A policy that does prompts which begin with one of some verbs, each in two chunks."""
+
+    cameras = ()
+
+    def __init__(self, name, *verbs):
+        self.name, self.verbs, self.did = name, verbs, []
+        self.reset()
+
+    def reset(self):
+        self.note, self.ended, self.gave_up, self.asked = "", False, False, 0
+
+    def infer(self, observation):
+        said = observation["prompt"]
+        self.asked += 1
+        if " then " in said or not said.startswith(self.verbs):
+            self.ended = self.gave_up = True
+            self.note = "no_skill: that"
+        elif self.asked == 2:
+            self.ended = True
+            self.did.append(said)
+        return np.zeros((3, 23))
+
+
+def play(policy, prompt, chunks=20):
+    for _ in range(chunks):
+        policy.infer({"prompt": prompt, "proprioception": None, "images": {}})
+
+
+def test_each_clause_is_done_by_the_first_policy_that_has_a_skill_for_it():
+    """The second one does what the first one refuses, in order, and nothing else."""
+    first, second = Doer("a", "pick"), Doer("b", "pick", "put", "open")
+    both = WithBackup(first, second, SKILLS)
+    play(both, "open the drawer, then pick up the can, then put the can in the bin")
+    assert first.did == ["pick up the can"]
+    assert second.did == ["open the drawer", "put the can in the bin"]
+    assert both.prompts == {"a": 1, "b": 2}
+    assert both.ended
+    assert not both.gave_up
+
+
+def test_what_neither_can_do_is_given_up():
+    """The second one's refusal is that of both, and its note says whose it is."""
+    both = WithBackup(Doer("a", "pick"), Doer("b", "put"), SKILLS)
+    play(both, "wipe the table", 4)
+    assert both.gave_up
+    assert both.note == "b: no_skill: that"
+
+
+def test_every_action_is_counted_for_the_policy_that_gave_it():
+    """A result says which of the two did what."""
+    both = WithBackup(Doer("a", "pick"), Doer("b", "put"), SKILLS)
+    play(both, "pick up the can", 5)
+    assert both.steps == {"a": 15}
+    assert both.prompts["b"] == 0
+
+
+@pytest.mark.parametrize(
+    ("given", "both"),
+    [("learned+reactive", ("learned", "reactive")), ("learned+openpi:ws://h:1/a+b", ("learned", "openpi:ws://h:1/a+b")),
+     ("learned:my.npz+reactive", ("learned:my.npz", "reactive")), ("openpi:ws://h/a+b", None), ("reactive", None)],
+)  # fmt: skip
+def test_a_plus_joins_two_policies_unless_it_is_of_an_address(given, both):
+    """An address may have a plus of its own."""
+    assert pair(given) == both
+
+
+def test_the_pair_is_privileged_and_sees_as_either_of_the_two():
+    """Reports name what reads simulator truth, behind a plus too."""
+    assert choose("policy", "learned+expert").privileged
+    assert choose("policy", "learned+expert").sees
+    assert not choose("policy", "learned+reactive").privileged
+
+
+def test_a_policy_does_not_stand_behind_itself():
+    """It would refuse twice."""
+    with pytest.raises(UserError, match="cannot stand behind itself"):
+        make_policy("learned+learned", Ground(SKILLS))

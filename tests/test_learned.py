@@ -1,0 +1,200 @@
+"""The learned policy: its features, weights, points and what it says it cannot do."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from benchmarks.hands.policies import POLICIES
+from benchmarks.hands.scenes import draw
+from benchmarks.hands.trial import play
+from mpvi_bt.errors import UserError
+from mpvi_bt.learned import body
+from mpvi_bt.learned.demonstration import Demonstration
+from mpvi_bt.learned.features import Approach, bases, hand_at
+from mpvi_bt.learned.network import Weights
+from mpvi_bt.learned.points import PointMemory
+from mpvi_bt.learned.policy import WEIGHTS, LearnedPolicy
+from mpvi_bt.perception.segmentation import SegmentationDetector
+from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.robot.protocol import SIDES, CameraImage
+from mpvi_bt.robot.r1 import R1, TRAVEL_TORSO
+from mpvi_bt.testing.contracts import check_policy
+from mpvi_bt.testing.doubles import KinematicRobot
+
+SKILLS = load_skills()
+VOCABULARY = {"can.n.01_1": ("can",), "robot": ("robot",)}
+angles = st.floats(-1.0, 1.0)
+
+
+def policy(**options):
+    return LearnedPolicy(SKILLS, SegmentationDetector(VOCABULARY, least_px=1), **options)
+
+
+def picture(labels, depth=1.0, camera="head"):
+    h, w = labels.shape
+    K = np.array([[50.0, 0, w / 2], [0, 50.0, h / 2], [0, 0, 1]])
+    names = {1: "can.n.01_1", 2: "robot"}
+    shown = np.full((h, w), depth, np.float32)
+    return CameraImage(camera, np.zeros((h, w, 3), np.uint8), shown, labels, names, K, np.eye(4))
+
+
+def observed(prompt, images=None, robot=None):
+    felt = (robot or KinematicRobot()).proprioception()
+    return {"prompt": prompt, "proprioception": felt, "images": images or {}}
+
+
+@given(st.lists(angles, min_size=7, max_size=7), angles)
+def test_a_mirrored_arm_brings_the_other_hand_to_the_mirrored_place(q, waist):
+    """Whatever the joints, mirroring them mirrors the hand's pose: one hand's weights serve both."""
+    torso = TRAVEL_TORSO + [0, waist, 0, 0]
+    M = np.diag([1.0, -1.0, 1.0, 1.0])
+    left = R1.tcp(torso, np.array(q), "left")
+    right = R1.tcp(body.torso(torso), body.arm(np.array(q)), "right")
+    assert np.allclose(M @ left @ M, right)
+
+
+@given(st.lists(angles, min_size=14, max_size=14), st.lists(angles, min_size=3, max_size=3))
+def test_a_stance_comes_back_from_its_hypothesis(numbers, base):
+    """What the proposer learns to say stands for the stance that was demonstrated, and its hand pose."""
+    stance = np.array(numbers)[None]
+    points = np.random.default_rng(0).normal(2.0, 0.1, (1, 8, 3))
+    frame = Approach.of(np.array(base)[None], points, 4)
+    back, hands = frame.stance(frame.hypothesis(stance))
+    assert np.allclose(bases(back[:, :3]), bases(stance[:, :3]))
+    assert np.allclose(back[:, 3:], stance[:, 3:])
+    assert np.allclose(hands, hand_at(stance))
+
+
+def test_a_demonstration_comes_back_from_its_file(tmp_path: Path):
+    """What was recorded is what is trained on."""
+    rng = np.random.default_rng(0)
+    sizes = {"base": (5, 3), "velocity": (5, 3), "torso": (5, 4), "arm": (5, 7), "width": (5,), "action": (5, 23)}
+    kept = {name: rng.random(size).astype(np.float32).astype(float) for name, size in sizes.items()}
+    shown = Demonstration(**kept, points=np.ones((2, 128, 3)), look=np.array([-1, 0, 0, 1, 1]))
+    shown.save(tmp_path / "1.npz")
+    read = Demonstration.load(tmp_path / "1.npz")
+    assert all(np.array_equal(getattr(read, name), getattr(shown, name)) for name in (*sizes, "points", "look"))
+
+
+def test_shipped_weights_are_small():
+    """They go into every wheel: at most 5 MB."""
+    assert WEIGHTS.stat().st_size < 5e6
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 0.999])
+def test_weights_that_are_cut_off_are_refused_in_one_line(tmp_path: Path, share: float):
+    """A download that broke off is told as such, before anything moves."""
+    data = WEIGHTS.read_bytes()
+    (cut := tmp_path / "w.npz").write_bytes(data[: int(share * len(data))])
+    with pytest.raises(UserError, match=r"w\.npz: no whole file of weights") as raised:
+        policy(weights=cut)
+    assert "\n" not in str(raised.value)
+
+
+def test_weights_of_another_version_are_refused_with_both_versions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Features that changed since would make nonsense of them."""
+    weights = Weights.load(WEIGHTS)
+    monkeypatch.setattr("mpvi_bt.learned.network.VERSION", 99)
+    weights.save(tmp_path / "w.npz")
+    monkeypatch.undo()
+    with pytest.raises(UserError, match="version 99; this mpvi_bt runs version 1"):
+        Weights.load(tmp_path / "w.npz")
+
+
+@pytest.mark.parametrize("prompt", ["wipe the table", "open the fridge", "pick up the can and put it in the bin", "?"])
+def test_what_it_never_learned_it_says_at_once(prompt: str):
+    """Whoever has a second policy loses no time; the robot stands still."""
+    hands, robot = policy(), KinematicRobot()
+    chunk = hands.infer(observed(prompt, robot=robot))
+    assert hands.gave_up
+    assert hands.note.startswith("no_skill")
+    assert np.allclose(chunk[:, :3], 0)
+    assert np.allclose(chunk[:, 7:], np.repeat(robot.action[None, 7:], len(chunk), 0))
+
+
+def test_another_robot_is_no_skill(monkeypatch: pytest.MonkeyPatch):
+    """Weights move the robot that they were learned with, no other."""
+    hands = policy()
+    seen = observed("pick up the can")
+    hands.infer({**seen, "proprioception": replace(seen["proprioception"], robot="r1pro")})
+    assert hands.gave_up
+    assert "r1, not r1pro" in hands.note
+
+
+@pytest.mark.parametrize("missing", ["labels", "depth", "thing"])
+def test_what_no_picture_shows_is_given_up_without_moving_an_arm(missing: str):
+    """Without labels, depth or the thing itself in view it looks about, then says what it did not find."""
+    hands, robot = policy(), KinematicRobot()
+    image = picture(np.zeros((24, 32), np.int32))
+    if missing == "labels":
+        image = replace(image, labels=None)
+    if missing == "depth":
+        image = replace(picture(np.ones((24, 32), np.int32)), depth=np.zeros((24, 32), np.float32))
+    arms = robot.action[7:]
+    for _ in range(10):
+        for action in hands.infer(observed("pick up the can", dict.fromkeys(hands.cameras, image), robot)):
+            assert np.allclose(action[7:], arms)
+            assert np.allclose(action[:3], 0)
+            robot.advance(action)
+    assert hands.gave_up
+    assert hands.note == "not_found: 'can'"
+
+
+def test_points_of_the_target_are_on_it_and_those_of_the_rest_are_not():
+    """Of 128 points the first half lies on what the phrase names, the second half on what is around it."""
+    labels = np.zeros((24, 32), np.int32)
+    labels[8:16, 12:20] = 1
+    labels[20:, :] = 2  # the robot is neither
+    memory = PointMemory(SegmentationDetector(VOCABULARY, least_px=1), "can", np.random.default_rng(0))
+    memory.look(picture(labels, depth=0.4))
+    points = memory.sample()
+    on = (np.abs(points[:, 0]) <= 0.033) & (np.abs(points[:, 1]) <= 0.033)
+    assert points.shape == (128, 3)
+    assert on[:64].all()
+    assert not on[64:].any()
+    assert (points[64:, 1] < 0.4 * (20 - 12) / 50).all()
+
+
+def test_what_a_hand_carries_is_not_looked_for():
+    """A can in the bin that the robot holds is not the one to be picked up."""
+    labels = np.ones((24, 32), np.int32)
+    memory = PointMemory(SegmentationDetector(VOCABULARY, least_px=1), "can", np.random.default_rng(0))
+    memory.look(picture(labels), carried=[np.array([0.0, 0.0, 1.0])])
+    assert not memory.seen
+
+
+def test_it_keeps_the_policy_contract():
+    """As any policy of another package has to."""
+    check_policy(policy())
+
+
+def test_it_runs_without_torch():
+    """Torch is for training: importing and loading the policy does not import it."""
+    code = (
+        "import sys; from mpvi_bt.learned.policy import LearnedPolicy, WEIGHTS; from mpvi_bt.learned.network import "
+        "Weights; Weights.load(WEIGHTS); sys.exit('torch' in sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.slow
+@pytest.mark.render
+def test_it_picks_things_up_from_tables_with_either_hand():
+    """Of eight fresh scenes most are done, some with each hand, by physics and the simulator's truth."""
+    hands = []
+    for seed in range(700, 708):
+        trial = draw("pick", "table", seed, "tuning")
+        world = trial.world(render=True)
+        own = POLICIES["learned"].make(world, seed, 0.0)
+        if not play(trial, world, own, world.robot).missing:
+            hands += [side for side in SIDES if world.pinched(side)]
+    assert len(hands) >= 5
+    assert set(hands) == set(SIDES)
