@@ -239,8 +239,22 @@ class SymbolicRun(SymbolicState):
         self.covered.add((thing, self.sources[self._tool(tool)]))
         self.used.append(thing)
 
+    def _mount(self, object: str, target: str, hand: str | None = None) -> None:
+        thing = self._put(object, hand, "ontop", target)
+        self.attached.add((thing, self.at[thing][1]))
+
+    def _light(self, target: str, tool: str, hand: str | None = None) -> None:
+        if (lighter := self._tool(tool)) not in self.on:
+            raise CannotBe(f"{lighter} is off")
+        near = self.near()
+        self.burning.add(self.one(target, lambda t: t in near, "in reach"))
+
     def _wait(self, object: str = "", target: str = "", container: str = "") -> None:
-        """What is on a stove or in an oven that is on is cooked then, what is in a closed fridge is frozen."""
+        """What is on a stove or in an oven that is on is cooked then, what is in a closed fridge is frozen.
+
+        What lies on what burns burns, too.
+        """
+        self.burning |= {thing for thing, (_, below) in self.at.items() if below in self.burning}
         for thing in self.at:
             below = self.at[thing][1]
             while below:

@@ -66,6 +66,8 @@ class SymbolicState:
         self.covered: set[tuple[str, str]] = set()
         self.cooked: set[str] = set()
         self.frozen: set[str] = set()
+        self.burning: set[str] = set()
+        self.attached: set[tuple[str, str]] = set()
         self.gone = set(problem.future)
         self.beside: dict[str, str] = {}  # what was laid on a floor, to where the robot stood
         self.moved: Counter[str] = Counter()
@@ -141,6 +143,8 @@ class SymbolicState:
                 return any(thing == subject for thing, _ in self.covered) == (criterion.relation == "sprayed")
             case "cooked" | "frozen" | "hot":
                 return subject in (self.frozen if criterion.relation == "frozen" else self.cooked)
+            case "burning":
+                return subject in self.burning
             case relation:
                 return KEPT[relation](self, subject, other)
 
@@ -230,6 +234,8 @@ KEPT: Mapping[str, Callable[..., bool]] = {
     "toggled_on": lambda run, a: a in run.on,
     "cooked": lambda run, a: a in run.cooked,
     "frozen": lambda run, a: a in run.frozen,
+    "on_fire": lambda run, a: a in run.burning,
+    "attached": lambda run, a, b: (a, b) in run.attached,
     "covered": lambda run, a, b: (a, b) in run.covered,
     "contains": lambda run, a, b: b not in run.gone and run.inside(b, a),
     "real": lambda run, a: a not in run.gone,

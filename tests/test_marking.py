@@ -44,12 +44,9 @@ def test_a_washer_takes_its_kinds_off_what_is_in_it_as_it_begins() -> None:
 
 def test_marks_lie_on_the_thing_and_are_the_same_at_each_call() -> None:
     """Within the box about it, at its surface."""
-    solids, T = (
-        [s.moved(pose((0.3, 0.2, 0.1))) for s in CATALOGUE["teddy"].description.solids(np.eye(4))],
-        pose((0, 0, 0)),
-    )
     world = small_world({"teddy": placed("teddy", 0.4, 0.0)})
-    first, again = (world._marking.put("teddy", DUST, solids, T) for _ in range(2))
+    solids = list(CATALOGUE["teddy"].description.solids())
+    first, again = (world._marking.put("teddy", DUST, world.solids("teddy")) for _ in range(2))
     np.testing.assert_array_equal(first, again)
     low, high = (f(np.stack([s.aabb() for s in solids])[:, k], axis=0) for f, k in ((np.min, 0), (np.max, 1)))
     assert ((first >= low - 1e-9) & (first <= high + 1e-9)).all()

@@ -40,14 +40,11 @@ ALSO_CALLED = {
 }
 # Movables with lids; of fixtures the catalogue says it.
 LIDS = ("hinged_jar.n.01", "laptop.n.01", "toolbox.n.01")
-# What the run on paper keeps no account of: fire, what is fixed to what, how full a thing is.
+# What the run on paper keeps no account of: how full a thing is.
 NOT_CHECKED = {
-    "attach_a_camera_to_a_tripod": {"attached"},
     "canning_food": {"filled"},
     "cook_cabbage": {"contains", "real"},
-    "hanging_pictures": {"attached"},
     "make_microwave_popcorn": {"contains", "real"},
-    "setting_the_fire": {"on_fire"},
 }
 # Its words are those that the README shows: of every can the same is to be seen, however many there are.
 UNCOUNTED = {"picking_up_trash"}

@@ -117,7 +117,7 @@ transfer the knife from your left hand to your right hand | hand_over | object k
 BEYOND_US = """
 pick up; the can; dance; put the cup; put the cup down; put down the cup; throw the paper away; turn the page
 hold the door open; push in the chair; push the chair in; return the book to the shelf; lean the broom against the wall
-hang the coat on the hook; move the chair to the table; use the remote to turn on the TV; flush the toilet
+tie the coat to the hook; move the chair to the table; use the remote to turn on the TV; flush the toilet
 turn the knob; tip over the bucket; turn the pan over; empty the bottle; pour out the water; turn the cup upside down
 push the box off the table; move the box off the table; put the cup on its side; put the cup on the left
 put the spoon between the fork and the plate; cut the apple with the knife; fill the kettle with water

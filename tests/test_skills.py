@@ -98,7 +98,7 @@ def test_the_ways_in_which_people_ask(description: str, skill: str, arguments: s
 NEEDED = {
     "pour": {"container"}, "place_in": {"object", "container"}, "place_on": {"object", "surface"},
     "place_next_to": {"object", "target"}, "place_under": {"object", "target"}, "wipe": {"target"}, "spray": {"target"},
-    "go_to": {"target"},
+    "go_to": {"target"}, "light": {"target", "tool"}, "mount": {"object", "target"},
 }  # fmt: skip
 
 

@@ -20,8 +20,9 @@ _AT_M = Handoff().distance_m + Handoff().slack_m  # as far as a base stops that 
 _PREDICATES: Mapping[Relation, tuple[str, bool]] = {
     **{
         relation: (relation, False)
-        for relation in ("inside", "ontop", "nextto", "under", "open", "cooked", "frozen", "hot")
+        for relation in ("inside", "ontop", "nextto", "under", "open", "cooked", "frozen", "hot", "attached")
     },
+    "burning": ("on_fire", False),
     "closed": ("open", True),
     "on": ("toggled_on", False),
     "off": ("toggled_on", True),
@@ -56,7 +57,9 @@ class TrueState:
         return any(near) if found else None
 
     def so(self, relation: Relation, name: str, other: str) -> bool | None:
-        """By BDDL's predicates; "on" is `resting_on`."""
+        """By BDDL's predicates; "on" is `resting_on`. "clean" is without marks, "sprayed" with any."""
+        if relation in ("clean", "sprayed"):
+            return self._world.marked(name) is (relation == "sprayed")
         predicate, negated = _PREDICATES.get(relation, ("", False))
         if predicate == "open" and not self._world.joint_fractions(name):
             return False  # what cannot be opened is not closed either

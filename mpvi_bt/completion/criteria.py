@@ -22,11 +22,12 @@ _BE = r"(?:is|are)(?: now| still| currently)?"
 _PUT = r"(?:placed |put |lying |standing |resting )?"
 _HOLD = r"(?:is holding|holds|is grasping)"
 _BOTH = r"(?:in|by|with|between) (?:both|two|the two) (?:of )?(?:its |the )?(?:robot )?(?:hands|grippers|arms)"
+_HUNG = rf"hangs?|(?:{_BE} )?(?:hanging|hung|attached|mounted|fixed|fastened)"
 _TURNED = r"(?:turned |switched |powered |toggled )?"
 
 Relation = Literal[
     "at", "held", "lifted", "inside", "ontop", "nextto", "under", "open", "closed", "on", "off", "clean", "sprayed",
-    "cooked", "frozen", "hot",
+    "cooked", "frozen", "hot", "burning", "attached",
 ]  # fmt: skip
 _PATTERNS: tuple[tuple[Relation, re.Pattern[str]], ...] = tuple(
     (relation, re.compile(text))  # type: ignore[misc]
@@ -46,6 +47,8 @@ _PATTERNS: tuple[tuple[Relation, re.Pattern[str]], ...] = tuple(
         ("cooked", rf"(?P<subject>.+?) {_BE} (?:fully |completely )?(?:cooked|fried|baked|roasted)(?: through)?"),
         ("frozen", rf"(?P<subject>.+?) {_BE} (?:fully |completely )?(?:frozen)(?: through)?"),
         ("hot", rf"(?P<subject>.+?) {_BE} (?:hot|heated(?: up)?)"),
+        ("burning", rf"(?P<subject>.+?) (?:burns?|{_BE} (?:burning|on fire|alight|lit)|(?:has|have) caught fire)"),
+        ("attached", rf"(?P<subject>.+?) (?:{_HUNG})(?: up)? (?:to|onto|on|from) (?P<object>.+)"),
         ("sprayed", rf"(?P<subject>.+?) {_BE} (?:sprayed|misted|watered)(?: with .+)?"),
         ("nextto", rf"(?P<subject>.+?) {_BE} {_PUT}(?:on .+? )?{_BESIDE} (?P<object>.+)"),
         ("under", rf"(?P<subject>.+?) {_BE} {_PUT}(?:on .+? )?{_UNDER} (?P<object>.+)"),
@@ -54,7 +57,8 @@ _PATTERNS: tuple[tuple[Relation, re.Pattern[str]], ...] = tuple(
     )
 )  # fmt: skip
 # Relations of one thing.
-UNARY = ("at", "held", "lifted", "open", "closed", "on", "off", "clean", "sprayed", "cooked", "frozen", "hot")
+UNARY = ("at", "held", "lifted", "open", "closed", "on", "off", "clean", "sprayed", "cooked", "frozen", "hot",
+         "burning")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,7 @@ class Criterion:
     Attributes:
         relation: "held" in a hand or "lifted" by both; "inside" a container, "ontop" of a surface, "nextto" or "under"
             a thing; "open" or "closed", switched "on" or "off", "clean", "sprayed",
-            "cooked", "frozen", "hot"; "at": where the robot itself is.
+            "cooked", "frozen", "hot", "burning"; "attached" to a mount; "at": where the robot itself is.
         subject: What the state is about, such as "can of soda".
         object: The other thing; "" for a relation in `UNARY`.
         count: How many of the subject, at least.
@@ -84,7 +88,7 @@ def parse(text: str) -> Criterion | None:
     "the robot is at <place>"; "<object> is held in a gripper", "... in the left gripper", "... with both hands";
     "<object> is in <container>"; likewise "on", "next to" and "under"; each also with a count ("two cans of soda are in
     the trash can", "there are 2 cans of soda in ..."). "<object> is open", "closed", "turned on", "turned off",
-    "clean", "sprayed", "cooked", "frozen", "hot".
+    "clean", "sprayed", "cooked", "frozen", "hot"; "<object> burns"; "<object> hangs on", "is mounted on <thing>".
     """
     if len(text) > MOST_CHARACTERS:
         return None

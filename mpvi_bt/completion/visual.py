@@ -119,7 +119,8 @@ class VisualChecker:
         if not objects:
             return Judgement(False, f"no {asked.object} in the picture")
         looks = {"inside": picture.inside, "ontop": picture.ontop, "nextto": picture.nextto, "under": picture.under}
-        look = looks[asked.relation]
+        if (look := looks.get(asked.relation)) is None:
+            return Judgement(False, f"no picture tells whether {asked.subject} is {asked.relation}")
         return _judge(asked, [_best([look(s, o) for o in objects if o != s]) for s in subjects])
 
 

@@ -131,6 +131,11 @@ def kind_of(name: str) -> str:
     return name.rpartition("_")[0]
 
 
+def attached(state: WorldState, a: str, b: str) -> bool:
+    """It is mounted on the other: the child on the parent, never the other way."""
+    return state.attached(a, b)
+
+
 Unary = Callable[[WorldState, str], bool]
 Binary = Callable[[WorldState, str, str], bool]
 # Predicates of how warm things are or were. What :init says of them is taken as said: all begin as warm as the room.
@@ -153,6 +158,7 @@ BINARY: Mapping[str, Binary] = {
     "covered": covered,
     "contains": contains,
     "filled": filled,
+    "attached": attached,
 }
 
 

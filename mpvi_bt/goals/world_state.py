@@ -48,6 +48,10 @@ class WorldState(Protocol):
         """Names of the grains of a substance that there are, such as "diced__beet.n.01"; each is a thing, too."""
         ...
 
+    def attached(self, name: str, other: str) -> bool:
+        """Whether the thing is mounted on the other."""
+        ...
+
     def heat(self, name: str) -> tuple[Heat, Thermal]:
         """How warm the thing is, and what heat does to it."""
         ...

@@ -11,7 +11,7 @@ from mpvi_bt.goals.problem import AGENT, Problem
 from mpvi_bt.house.house import House
 
 PLACES = ("ontop", "inside", "under")  # what :init may say of where a thing is,
-STATES = ("open", "toggled_on", "covered")  # and of how it is
+STATES = ("open", "toggled_on", "covered", "insource")  # and of how it is, and what comes out of it
 Groups = dict[tuple[str, str], list[str]]
 
 

@@ -5,15 +5,50 @@ Source: OmniGibson, object_states/attached_to.py.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
 
+Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
+_AXES: Mapping[Axis, Array] = {
+    "x": np.array([1.0, 0, 0]), "-x": np.array([-1.0, 0, 0]),
+    "y": np.array([0.0, 1, 0]), "-y": np.array([0.0, -1, 0]),
+    "z": np.array([0.0, 0, 1]), "-z": np.array([0.0, 0, -1]),
+}  # fmt: skip
 NEAR_M, NEAR_RAD = 0.05, float(np.deg2rad(15.0))
 BREAKS_N, BREAKS_NM = 5e3, 1e4
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """A mount as the catalogue has it.
+
+    Attributes:
+        kind: Of the pair, such as "wall_nail".
+        male: Whether it is the child's, which comes to hang on or stand on the other.
+        at: (3,) in the thing's frame [m].
+        facing: The axis of the thing's frame that looks away from what bears it: a child comes from there.
+        up: Another one, that is turned alike on both once they are mounted.
+    """
+
+    kind: str
+    male: bool
+    at: tuple[float, float, float]
+    facing: Axis = "x"
+    up: Axis = "z"
+
+    def pose(self, T_world_thing: Array) -> Array:
+        """(4, 4) the mount in the world: x as it faces, z up."""
+        x, z = _AXES[self.facing], _AXES[self.up]
+        T = np.eye(4)
+        T[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
+        T[:3, 3] = self.at
+        return matmul(T_world_thing, T)
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,11 +23,13 @@ class Sprayer:
     Attributes:
         kind: Of the marks that it makes, such as "pesticide.n.01".
         length_m, radius_m: Of its cone, from the tip along x to the middle of the base, and of the base.
+        at: (3,) of the tip in the thing's frame, along whose x it sprays [m].
     """
 
     kind: str
     length_m: float
     radius_m: float
+    at: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def rays(self, on: bool, step: int, rng: np.random.Generator) -> Array:
         """(n, 3) where rays from the tip end on the base in this step, in the cone's frame [m]; n may be 0."""

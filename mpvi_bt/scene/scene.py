@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mpvi_bt.robot.collision import Obstacles
 from mpvi_bt.robot.protocol import CameraImage, Proprioception, Side
 from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.rules.mounts import Mount
 from mpvi_bt.scene.knowledge import KnowledgeBase
 from mpvi_bt.shapes.moving_parts import Bar, Door
 
@@ -55,6 +56,10 @@ class Scene(Protocol):
 
     def switches(self, name: str) -> Sequence[Array]:
         """T_world_switch (4, 4) of each switch, its z pointing out of the thing."""
+        ...
+
+    def mounts(self, name: str) -> Sequence[Mount]:
+        """Its mounts, as they are in the world; none where they cannot be told."""
         ...
 
     def is_on(self, name: str) -> bool | None:

@@ -16,6 +16,7 @@ from mpvi_bt.robot.collision import Obstacles, Surroundings, Together
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
+from mpvi_bt.rules.mounts import Mount
 from mpvi_bt.scene import field
 from mpvi_bt.scene.contents import contents
 from mpvi_bt.scene.faces import room
@@ -113,6 +114,10 @@ class Seen(Memory):
             small = self._known(name).shape.kind != "furniture"
             self._fronts[name] = known = (frames, _opening(points, eye, small) if len(points) >= _FACE_PX else [])
         return known[1]
+
+    def mounts(self, name: str) -> Sequence[Mount]:
+        """None: no picture tells where a thing fits another."""
+        return ()
 
     def switches(self, name: str) -> Sequence[Array]:
         """As `Scene` says: the one that was seen last."""

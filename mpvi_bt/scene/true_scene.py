@@ -14,6 +14,7 @@ from mpvi_bt.robot.collision import Surroundings, carries
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.protocol import CameraImage, Proprioception, Side
 from mpvi_bt.robot.solids import Array, Solid
+from mpvi_bt.rules.mounts import Mount
 from mpvi_bt.scene.knowledge import KnowledgeBase
 from mpvi_bt.shapes.moving_parts import Bar, Door
 
@@ -45,6 +46,10 @@ class Truth(WorldState, Protocol):
         """T_world_switch (4, 4) of each switch."""
         ...
 
+    def mounts(self, name: str) -> Sequence[Mount]:
+        """Its mounts, in the world."""
+        ...
+
     def holding(self, side: Side) -> str | None:
         """The movable thing that the fingers of one hand hold between them."""
         ...
@@ -74,6 +79,7 @@ class TrueScene:
         self.solids, self.volumes = truth.solids, truth.volumes
         self.body = truth.solids
         self.handles, self.doors, self.switches = truth.handles, truth.doors, truth.switches
+        self.mounts = truth.mounts
         self.holding, self.between, self.within = truth.holding, truth.between, truth.within
 
     def see(self, images: Mapping[str, CameraImage], felt: Proprioception) -> None:

@@ -43,6 +43,7 @@ class Whereabouts:
         self._stood: dict[str, Array] = {}  # the middle (3,) of what no hand had, at the last look at it
         self._taken_at: dict[str, Array] = {}  # the same of what a hand took, before it did
         self._had: set[str] = set()  # what a hand has had since
+        self.patches: dict[str, Thing] = {}  # of marks on floors, by name
 
     def forget(self) -> None:
         """Look anew when asked again: something was moved between two steps."""
@@ -96,6 +97,11 @@ class Whereabouts:
                     held=name in carried or inside in carried, inside=inside, laid=laid,
                 )
             )  # fmt: skip
+        for name, patch in self.patches.items():
+            low, high = bounds(patch.solids())
+            words = (patch.synset.partition(".")[0],)
+            room = self._map.room_at((low + high)[:2] / 2)
+            base.put(Entry(name, words, "object", low, high, room, source="oracle"))
         return base
 
     def _now(self, known: Entry) -> Entry:

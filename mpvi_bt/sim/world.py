@@ -18,6 +18,7 @@ from mpvi_bt.robot.protocol import CONTROL_HZ, CameraImage, Side
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.rules.heat import Heat, Thermal
+from mpvi_bt.rules.mounts import Mount
 from mpvi_bt.scene.knowledge import KnowledgeBase
 from mpvi_bt.shapes.moving_parts import Door
 from mpvi_bt.sim.assisted import Attachments
@@ -25,7 +26,9 @@ from mpvi_bt.sim.builder import Thing, build_house, build_object
 from mpvi_bt.sim.bumps import Bumps
 from mpvi_bt.sim.cameras import Cameras
 from mpvi_bt.sim.holding import TOUCHING_M, Holding
-from mpvi_bt.sim.marking import Marking
+from mpvi_bt.sim.marking import Marking, Tools
+from mpvi_bt.sim.mounting import Mounting
+from mpvi_bt.sim.patches import patch_of
 from mpvi_bt.sim.shaders import new_scene
 from mpvi_bt.sim.sim_robot import SimRobot
 from mpvi_bt.sim.switches import Switches
@@ -100,15 +103,21 @@ class World:
             things = {entity.per_scene_id: t.name for t in self._things.values() for entity in t.entities.values()}
             self.cameras.names = {**things, **self._switches.labels, **own}
             self.cameras.before = self.show_states
-        kinds = {n: p.entry.heat for n, p in objects.items() if p.entry.heat is not None}
         entries = {**{n: f.entry for n, f in house.fixtures.items()}, **{n: p.entry for n, p in objects.items()}}
+        kinds = {n: e.heat for n, e in entries.items() if e.heat is not None}
         sources = {n: e.source for n, e in entries.items() if e.source is not None}
         self._temperatures = Temperatures(kinds, sources)
-        self._marking = Marking({n: e.washes for n, e in entries.items() if e.washes is not None})
         self._grains: dict[str, list[str]] = {}
         for name, placement in objects.items():
             if SUBSTANCE in placement.entry.abilities:
                 self._grains.setdefault(placement.entry.synset, []).append(name)
+        tools = Tools(
+            {n: e.washes for n, e in entries.items() if e.washes is not None},
+            {n: e.removes for n, e in entries.items() if e.removes is not None},
+            {n: e.sprays for n, e in entries.items() if e.sprays is not None},
+        )
+        self._marking = Marking(self._things, tools)
+        self._mounting = Mounting(self._scene, self._things, {n: e.mounts for n, e in entries.items() if e.mounts})
         self._holding = Holding(self._scene, self.robot, self._objects, self._things)
         phrases = {n: p.entry.phrases for n, p in objects.items()}
         self._whereabouts = Whereabouts(house, self._fixtures, self._objects, phrases, self._holding)
@@ -149,6 +158,7 @@ class World:
             self._switches.step(self.robot.fingertips_world())
         self._temperatures.step(self, 1 / CONTROL_HZ)
         self._marking.step(self)
+        self._mounting.step(self)
 
     def measure_bumps(self, carried: Collection[str] = ()) -> Bumps:
         """Measure from now on how hard the robot bumps into walls and fixtures; it costs time in each physics step.
@@ -205,18 +215,26 @@ class World:
         self._switches.turn({name: on})
 
     def mark(self, name: str, kind: str) -> None:
-        """Cover a thing with marks of a kind, such as "dust.n.01". Raises UnknownName if there is no such thing."""
+        """Cover a thing with marks of a kind, such as "dust.n.01"; of a floor a patch where there is room for it.
+
+        Raises:
+            UnknownName: There is no such thing.
+        """
         if name not in self._things:
             raise UnknownName("thing", name, self._things)
-        self._marking.put(name, kind, self.solids(name), self.pose(name))
-        if self.cameras is not None:
-            dots = self._marking.draw(self._scene, name, kind)
-            self.cameras.names = {**self.cameras.names, dots.per_scene_id: name}
+        solids = self.solids(name)
+        if name.startswith("floor_"):
+            base = self.robot.proprioception().base_pose[:2]
+            patch = patch_of(name, kind, solids, base, self.obstacles)
+            self._things[patch.name], solids = patch, patch.solids()
+            self._whereabouts.patches[patch.name] = patch
+        self._marking.put(name, kind, solids)
 
     def show_states(self) -> None:
         """Bring what cameras see of switches and marks to where they are."""
         self._switches.show()
-        self._marking.show(self.pose)
+        if (new := self._marking.show(self._scene)) and self.cameras is not None:
+            self.cameras.names = {**self.cameras.names, **new}
 
     @property
     def switched(self) -> dict[str, bool]:
@@ -250,7 +268,7 @@ class World:
         things = {name: thing.motion() for name, thing in self._things.items() if thing.moves}
         return {"steps": self.steps, "robot": self.robot.save(), "things": things, "on": self._switches.on,
                 "whereabouts": self._whereabouts.save(), "heat": self._temperatures.save(),
-                "marks": self._marking.save()}  # fmt: skip
+                "marks": self._marking.save(), "mounted": self._mounting.save()}  # fmt: skip
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Bring everything to how it stood. Contacts are found anew, so what follows is close to, not the same as,
@@ -272,6 +290,7 @@ class World:
         self._whereabouts.restore(saved.get("whereabouts", {}))
         self._temperatures.restore(saved.get("heat", {}))
         self._marking.restore(saved.get("marks", {}))
+        self._mounting.restore(saved.get("mounted", {}))
         self.steps = int(saved["steps"])
 
     def look_from(self, T_world_camera: Array, size: tuple[int, int] = (640, 480), fov_rad: float = 1.0) -> CameraImage:
@@ -330,6 +349,14 @@ class World:
         """Names of the grains of a substance that there are."""
         return [name for name in self._grains.get(kind, ()) if name in self._objects]
 
+    def marked(self, name: str) -> bool:
+        """Whether there are marks of any kind on a thing; a patch on a floor has those of its floor."""
+        return self._marking.marked(name.partition(".")[0] if name in self._whereabouts.patches else name)
+
+    def attached(self, name: str, other: str) -> bool:
+        """Whether a thing is mounted on another one."""
+        return self._mounting.attached(name, other)
+
     def heat(self, name: str) -> tuple[Heat, Thermal]:
         """How warm it is, and what heat does to it."""
         return self._temperatures.of(name)
@@ -374,6 +401,10 @@ class World:
             bar = body.handles[0].moved(now) if body.handles else None
             out.append(Door(body.name, joint.kind, origin, axis, fraction * joint.limit, joint.limit, bar, solids))
         return out
+
+    def mounts(self, name: str) -> Sequence[Mount]:
+        """Its mounts, in the world."""
+        return self._mounting.of(name)
 
     def switches(self, name: str) -> Sequence[Array]:
         """T_world_switch (4, 4) of its switches, z pointing out of the thing."""

@@ -18,8 +18,11 @@ from mpvi_bt.goals.vocabulary import abilities, behavior, unknown_synset
 from mpvi_bt.marked_yaml import Location, Marks, Record, load_marked, validate_data
 from mpvi_bt.rules.cutting import Cuttable
 from mpvi_bt.rules.heat import APPLIANCE_PER_S, FREEZES_C, HEATED_C, Placing, Source, Thermal
+from mpvi_bt.rules.mounts import Axis, Fitting
+from mpvi_bt.rules.sprayer import Sprayer
 from mpvi_bt.scene.knowledge import normalize
 from mpvi_bt.things.description import Description
+from mpvi_bt.things.dimensions import Coordinate
 from mpvi_bt.things.families import FAMILIES, describe, parameters
 
 FOLDER = "tasks/catalogues"
@@ -57,6 +60,25 @@ class CutFile(Record):
     dice: Annotated[int, Field(ge=1, le=12)] = 2
 
 
+class SprayFile(Record):
+    """What it sprays along its x axis, as it stands in the file."""
+
+    kind: Synset
+    at: tuple[Coordinate, Coordinate, Coordinate]
+    length_m: Annotated[float, Field(gt=0, le=5)] = 0.6
+    radius_m: Annotated[float, Field(gt=0, le=2)] = 0.15
+
+
+class MountFile(Record):
+    """A place that fits one of another thing, as it stands in the file."""
+
+    kind: str
+    male: bool = False
+    at: tuple[Coordinate, Coordinate, Coordinate]
+    facing: Axis = "x"
+    up: Axis = "z"
+
+
 class EntryFile(Record):
     """An entry as it stands in the file."""
 
@@ -74,6 +96,9 @@ class EntryFile(Record):
     washes: dict[Synset, tuple[Synset, ...]] | None = None
     cut: CutFile | None = None
     cooks_to: str | None = None
+    removes: dict[Synset, tuple[Synset, ...]] | None = None
+    sprays: SprayFile | None = None
+    mounts: tuple[MountFile, ...] = ()
 
 
 class CatalogueFile(Record):
@@ -104,6 +129,9 @@ class Entry:
             is needed; None: it is no washer.
         cut: What cutting makes of it, as names of entries; None: it cannot be cut.
         cooks_to: What grains of it become in a hot vessel; None: nothing.
+        removes: Likewise, of what it takes off what comes into the box about it, such as a brush.
+        sprays: What it sprays while it is on; None: nothing.
+        mounts: Places by which it is mounted on others, or they on it.
     """
 
     name: str
@@ -121,6 +149,9 @@ class Entry:
     washes: Mapping[str, tuple[str, ...]] | None = None
     cut: Cuttable | None = None
     cooks_to: str | None = None
+    removes: Mapping[str, tuple[str, ...]] | None = None
+    sprays: Sprayer | None = None
+    mounts: tuple[Fitting, ...] = ()
 
     @cached_property
     def description(self) -> Description:
@@ -199,19 +230,32 @@ def check_catalogue(data: Any, marks: Marks) -> Catalogue:
         problems += shape_problems(marks, (*place, "shape"), given.family, shape)
         words = re.sub(r"[_\W]+", " ", given.synset.rsplit(".", 2)[0])
         phrases = dict.fromkeys(normalize(p) for p in (*given.phrases, words, name))
-        fields = given.model_dump(exclude={"phrases", "shape", "heat", "source", "cut"})
+        fields = given.model_dump(exclude={"phrases", "shape", "heat", "source", "cut", "sprays", "mounts"})
         heat = None if given.heat is None else Thermal(**given.heat.model_dump())
         source = None if given.source is None else Source(**given.source.model_dump())
         cut = None if given.cut is None else Cuttable(**given.cut.model_dump())
-        entry = Entry(
-            name=name, phrases=tuple(phrases), shape=shape, heat=heat, source=source, cut=cut, **fields
-        )  # fmt: skip
+        sprays = None if given.sprays is None else Sprayer(**given.sprays.model_dump())
+        mounts = tuple(Fitting(**mount.model_dump()) for mount in given.mounts)
+        fields |= {"heat": heat, "source": source, "cut": cut, "sprays": sprays, "mounts": mounts}
+        entry = Entry(name=name, phrases=tuple(phrases), shape=shape, **fields)
         entries[name] = entry
+        if not problems:
+            problems += _tool_problems(entry, place, marks)
         if source is not None and not problems:
             problems += _source_problems(entry, source, place, marks)
     if problems:
         raise FileProblems(problems)
     return Catalogue(entries)
+
+
+def _tool_problems(entry: Entry, place: Location, marks: Marks) -> Iterator[Problem]:
+    """A sprayer that nobody can turn on, a mount that faces the way that it says is up."""
+    for i, mount in enumerate(entry.mounts):
+        if mount.facing.strip("-") == mount.up.strip("-"):
+            message = f"it cannot face along {mount.facing} and have {mount.up} up"
+            yield marks.problem((*place, "mounts", i), "impossible-mount", message)
+    if entry.sprays is not None and not any(body.switches for body in entry.description.bodies):
+        yield marks.problem((*place, "sprays"), "impossible-sprayer", "it sprays while it is on, and has no switch")
 
 
 def _source_problems(entry: Entry, source: Source, place: Location, marks: Marks) -> Iterator[Problem]:

@@ -11,7 +11,7 @@ import numpy as np
 from mpvi_bt.robot.solids import Solid, box, pose
 from mpvi_bt.things.description import Color, Description, Handle, Parts, switch
 from mpvi_bt.things.dimensions import Count, Length, Rgb, Size
-from mpvi_bt.things.pieces import Piece
+from mpvi_bt.things.pieces import Button, Piece
 
 _STEEL: Color = (0.75, 0.76, 0.78)
 _INK: Color = (0.18, 0.18, 0.2)
@@ -141,12 +141,13 @@ def trash_can(
     return parts.thing(volumes=(interior,), handles=(handle,))
 
 
-def compound(*, pieces: tuple[Piece, ...], color: Rgb) -> Description:
-    """Solids that are stuck together, such as a hammer: whatever has no family of its own."""
+def compound(*, pieces: tuple[Piece, ...], color: Rgb, button: Button | None = None) -> Description:
+    """Solids that are stuck together, such as a hammer: whatever has no family of its own; with a switch, if any."""
     parts = Parts()
     for piece in pieces:
         piece.add_to(parts, color)
-    return parts.thing(handles=tuple(piece.handle for piece in pieces if piece.grip))
+    switches = () if button is None else (switch(button.at, button.out),)
+    return parts.thing(handles=tuple(piece.handle for piece in pieces if piece.grip), switches=switches)
 
 
 def _walls(parts: Parts, size: tuple[float, float, float], wall: float, color: Color) -> None:

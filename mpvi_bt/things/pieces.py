@@ -12,6 +12,18 @@ from mpvi_bt.things.description import Color, Handle, Parts
 from mpvi_bt.things.dimensions import Coordinate, Rgb, Size
 
 
+class Button(Record):
+    """A switch.
+
+    Attributes:
+        at: The middle of its face [m].
+        out: The axis that a finger comes against.
+    """
+
+    at: tuple[Coordinate, Coordinate, Coordinate]
+    out: Literal["x", "y", "z"] = "z"
+
+
 class Piece(Record):
     """One solid.
 

@@ -6,10 +6,12 @@ from collections.abc import Mapping
 
 from mpvi_bt.import_paths import imported
 from mpvi_bt.manipulation.motion.work import Perform
+from mpvi_bt.manipulation.skills.aim import light, spray
 from mpvi_bt.manipulation.skills.close import close
 from mpvi_bt.manipulation.skills.free_hand import with_a_free_hand
 from mpvi_bt.manipulation.skills.go_to import go_to
 from mpvi_bt.manipulation.skills.hand_over import hand_over
+from mpvi_bt.manipulation.skills.mount import mount
 from mpvi_bt.manipulation.skills.open import open_
 from mpvi_bt.manipulation.skills.pick import pick
 from mpvi_bt.manipulation.skills.place import place_in, place_next_to, place_on, place_under
@@ -19,7 +21,7 @@ from mpvi_bt.manipulation.skills.push import push
 from mpvi_bt.manipulation.skills.set_down import either, set_down
 from mpvi_bt.manipulation.skills.two_hands import lift
 from mpvi_bt.manipulation.skills.wait import wait
-from mpvi_bt.manipulation.skills.wipe import spray, wipe
+from mpvi_bt.manipulation.skills.wipe import wipe
 from mpvi_bt.plan.skills import Skill
 
 REPERTOIRE: Mapping[str, Perform] = {
@@ -37,6 +39,8 @@ REPERTOIRE: Mapping[str, Perform] = {
     "hand_over": hand_over,
     "pour": pour,
     "spray": spray,
+    "light": light,
+    "mount": mount,
     "wait": wait,
     "wipe": wipe,
 }

@@ -37,11 +37,11 @@ _CHECKS = 300.0  # base poses that searches for a prompt may check at the start,
 _EARNED = 6.0 / CONTROL_HZ  # and more with every step: planning keeps well ahead of playing
 Performance = Generator[Array, None, SkillCall | None]
 # Backing off mends none of these.
-_ANYWHERE = ("unknown_object", "unknown_skill", "not_a_container", "not_held", "hands_full", "not_found")
+_ANYWHERE = ("unknown_object", "unknown_skill", "not_a_container", "not_held", "hands_full", "not_found", "no_mount")
 # Slots of what a skill wants in hand, the first that is said: picked up first where it is not.
 _IN_HAND = {
-    **dict.fromkeys(("place_in", "place_on", "place_next_to", "place_under", "hand_over"), ("object",)),
-    **dict.fromkeys(("wipe", "spray"), ("tool",)),
+    **dict.fromkeys(("place_in", "place_on", "place_next_to", "place_under", "hand_over", "mount"), ("object",)),
+    **dict.fromkeys(("wipe", "spray", "light"), ("tool",)),
     "pour": ("source", "object"),
 }
 

@@ -10,11 +10,12 @@ from mpvi_bt.manipulation.motion.approach import approach, arrive, leave, lines,
 from mpvi_bt.manipulation.motion.carry import settle
 from mpvi_bt.manipulation.motion.gaze import study
 from mpvi_bt.manipulation.motion.work import Words, Work
+from mpvi_bt.manipulation.skills.press_held import press_held
 from mpvi_bt.manipulation.stance.stance import Option, Stance
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
-from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array
 
 _SHORT_M = 0.08
@@ -48,8 +49,12 @@ def press(work: Work, words: Words, tried: list[Array]) -> Actions:
     if before is not None and words.get("state") == ("on" if before else "off"):
         return
     free = work.free_hands(name, words.get("hand"))
+    holder = next((side for side in SIDES if work.scene.holding(side) == name), None)
     for side in free:
         try:
+            if holder is not None:
+                yield from press_held(work, holder, [option.waypoints for option in options(work, name)])
+                break
             yield from _press(work, name, side, tried)
             break
         except MotionFailure as failure:

@@ -66,21 +66,25 @@ def wipe(work: Work, words: Words, tried: list[Array]) -> Actions:
         MotionFailure: "not_held", "unknown_object", "no_surface", "no_stance", "dropped", "uncovered" (more than a
             twentieth was out of reach), or a motion's own reason.
     """
-    yield from _work_over(work, words, tried, _WIPE_M, strokes=True)
+    yield from _work_over(work, words, tried, _WIPE_M, strokes=True, stays_s=0.0)
 
 
-def spray(work: Work, words: Words, tried: list[Array]) -> Actions:
-    """Hold a tool over the top of `words["target"]`, a hand's breadth off, over one part of it after the other.
+def hover(
+    work: Work, words: Words, tried: list[Array], height_m: float = _SPRAY_M, stays_s: float = _SPRAY_S
+) -> Actions:
+    """Hold a tool over the top of `words["target"]`, at some height, over one part of it after the other.
 
     Raises:
         MotionFailure: As `wipe`.
     """
-    yield from _work_over(work, words, tried, _SPRAY_M, strokes=False)
+    yield from _work_over(work, words, tried, height_m, strokes=False, stays_s=stays_s)
 
 
-def _work_over(work: Work, words: Words, tried: list[Array], height: float, strokes: bool) -> Actions:
-    side = _tool_hand(work, words)
-    target = work.nearest(words.get("target", ""))
+def _work_over(work: Work, words: Words, tried: list[Array], height: float, strokes: bool, stays_s: float) -> Actions:
+    side = tool_hand(work, words)
+    # "Sweep the mud off the floor" is about the mud, where that is something with a place of its own.
+    dirt = work.scene.knowledge().find(words.get("object", ""))
+    target = work.nearest(words["object"] if dirt else words.get("target", ""))
     yield from look_at(work, target)
     left = _patches(work, target, strokes)
     if not left:
@@ -90,7 +94,7 @@ def _work_over(work: Work, words: Words, tried: list[Array], height: float, stro
     while left:
         patch = left.pop(0)
         try:
-            left[:0] = yield from _over(work, side, target, patch, height, strokes, near)
+            left[:0] = yield from _over(work, side, target, patch, height, strokes, stays_s, near)
             near = True
         except MotionFailure as failure:
             if failure.reason == "dropped" or (failure.reason != "no_stance" and again >= _AGAIN):
@@ -109,7 +113,8 @@ def _work_over(work: Work, words: Words, tried: list[Array], height: float, stro
 
 
 def _over(
-    work: Work, side: Side, target: str, patch: _Patch, height: float, strokes: bool, near: bool
+    work: Work, side: Side, target: str, patch: _Patch, height: float, strokes: bool,
+    stays_s: float, near: bool,
 ) -> Generator[Array, None, list[_Patch]]:  # fmt: skip
     """Go over a patch of a surface or, where no stance serves all of it, a part; if `near` without another look.
 
@@ -146,7 +151,7 @@ def _over(
     # At one go: stopping at each turn takes twice as long.
     yield from motion.follow(side, path[:-up], _SPEED_RAD_S, gently=False)
     if not strokes:
-        yield from motion.wait(_SPRAY_S)
+        yield from motion.wait(stays_s)
     yield from motion.follow(side, path[-up - 1 :], _SPEED_RAD_S)  # the last line leads off the surface
     if not work.gripped(side):
         raise MotionFailure("dropped")
@@ -164,7 +169,7 @@ def _grounded(work: Work, search: Search, target: str) -> Search:
     return replace(search, touched=[*search.touched, *columns])
 
 
-def _tool_hand(work: Work, words: Words) -> Side:
+def tool_hand(work: Work, words: Words) -> Side:
     """The hand with the tool: what is said to be one, else the only thing held."""
     if "tool" in words:
         return work.hand_with(words["tool"], words.get("hand"))

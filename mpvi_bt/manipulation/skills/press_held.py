@@ -1,0 +1,69 @@
+"""Press a switch of what the other hand holds, such as the button of a spray bottle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpvi_bt.manipulation.motion.carry import settle
+from mpvi_bt.manipulation.motion.hold_out import THING, meet
+from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.robot import arm_motion
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.arms import posture_distance
+from mpvi_bt.robot.collision import Body
+from mpvi_bt.robot.linear_algebra import matmul
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import Side, other
+from mpvi_bt.robot.solids import Array
+
+_PRESS_M_S = 0.06
+_PRESSED_S = 0.4
+_LOOKED_AT = 60  # postures that are looked at closely
+
+
+def press_held(work: Work, holder: Side, ways: list[Array], fold: bool = True) -> Actions:
+    """Press with the hand that is free what a hand holds.
+
+    Args:
+        work: Robot and world.
+        holder: The hand that holds it.
+        ways: (2, 4, 4) T_world_tcp each: of the free hand before the switch, and on it.
+        fold: Whether both arms fold afterwards; else only the one that pressed comes away.
+
+    Raises:
+        MotionFailure: "hands_full", "no_switch", "no_release" if the hands cannot meet, or a motion's own reason.
+    """
+    motion, comer = work.motion, other(holder)
+    if work.scene.holding(comer) is not None:
+        raise MotionFailure("hands_full")
+    if not ways:
+        raise MotionFailure("no_switch")
+    yield from motion.grip(comer, -1.0, 0.3)
+    goals = matmul(kin.inverse(work.hand(holder)), np.stack(ways))
+    k = yield from meet(work, holder, THING, goals[:, 0], partial(_in_line, work, goals[:, 1]))
+    # Arms give way under a load; what counts is where the thing is now.
+    T = matmul(motion.robot.tcp(motion.felt.torso, motion.felt.arm[holder], holder), goals[k])
+    yield from motion.line(comer, T[1], _PRESS_M_S, until_contact=True)
+    yield from motion.wait(_PRESSED_S)
+    yield from motion.line(comer, T[0], 0.12)
+    yield from motion.grip(comer, 1.0, 0.3)
+    if fold:
+        yield from settle(work, without=set())
+
+
+def _in_line(
+    work: Work, touches: Array, body: Body, shown: Array, at: NDArray[np.intp], q: Array
+) -> Iterator[tuple[int, Array]]:
+    """Postures of the free arm before the switch from where a straight line leads onto it, the nearest first."""
+    comer: Side = next(s for s in body.robot.sides if s not in body.held)
+    cost = posture_distance(q, work.motion.arm(comer))
+    for row in np.argsort(cost)[:_LOOKED_AT]:
+        if not body.free(comer, q[row])[0]:
+            continue
+        line = arm_motion.trace(body.robot, body.torso, comer, q[row], matmul(shown, touches[at[row]]))
+        if line is not None:
+            yield int(at[row]), q[row]
