@@ -4,28 +4,30 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-_SURE = 0.98  # no look makes surer, so that a few looks that show nothing there are always enough to give up
-_MOST, _LEAST = 0.25, 0.05  # false alarms, for detections of low and of high score
-
 
 @dataclass(frozen=True)
 class Belief:
     """The rule by which looks raise and lower the probability that a thing is at a place.
 
     Our choice: the odds are multiplied by the likelihood ratio of each look. A detection of score s counts as
-    hit / (1 - s), the false alarms kept to 0.05..0.25, a look that should show the thing and does not as
-    (1 - hit) / 0.95. With the numbers below one detection is enough (0.5) if its score is 0.78 or more, two of any
-    score are, and what was seen often is given up after three looks in vain.
+    hit / (1 - s), the false alarms kept to `least_false`..`most_false`, a look that should show the thing and does not
+    as (1 - hit) / (1 - `least_false`). With the numbers below one detection is enough (0.5) if its score is 0.78 or
+    more, two of any score are, and what was seen often is given up after three looks in vain.
 
     Attributes:
         hit: Share of the things in plain view that the detector finds.
         prior: Probability that a thing is where the detector first says so, before its score counts.
         given_up: What is less likely than that is forgotten.
+        sure: No look makes surer, so that a few looks that show nothing there are always enough to give up.
+        most_false, least_false: False alarms that detections of low and of high score count for.
     """
 
     hit: float = 0.9
     prior: float = 0.2
     given_up: float = 0.1
+    sure: float = 0.98
+    most_false: float = 0.25
+    least_false: float = 0.05
 
     def first(self, score: float) -> float:
         """Probability of a thing that was detected once."""
@@ -33,16 +35,16 @@ class Belief:
 
     def seen(self, before: float, score: float) -> float:
         """Probability after another detection, from what it was before."""
-        return _updated(before, self.hit / min(max(1.0 - score, _LEAST), _MOST))
+        return _updated(before, self.hit / min(max(1.0 - score, self.least_false), self.most_false), self.sure)
 
     def missed(self, before: float) -> float:
         """Probability after a look that should have shown it and did not."""
-        return _updated(before, (1.0 - self.hit) / (1.0 - _LEAST))
+        return _updated(before, (1.0 - self.hit) / (1.0 - self.least_false), self.sure)
 
 
 BELIEF = Belief()
 
 
-def _updated(before: float, ratio: float) -> float:
+def _updated(before: float, ratio: float, sure: float) -> float:
     odds = before / max(1.0 - before, 1e-9) * ratio
-    return min(odds / (1.0 + odds), _SURE)
+    return min(odds / (1.0 + odds), sure)

@@ -11,18 +11,33 @@ import numpy as np
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import SIDES, Proprioception
-from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.scene.knowledge import Entry, KnowledgeBase, laid_down
+from mpvi_bt.scene.touch import BY_BOX, tcp
 
 Hand = Literal["left", "right", "both"]
 HANDS: tuple[Hand, Hand, Hand] = ("left", "right", "both")
 
-PUT = 0.6  # what was let go is believed to be where it was, until it is seen: not more than so
-_STEADY_M, _STEADY_STEPS = 0.0005, 3  # fingers that move less than that so many steps in a row have met something
-_GRASPED_M, _PRESSED_M = 0.08, 0.15  # what one hand takes, or two hands press, is known to be that near to them
-_OUTER = 1.2  # what contains a thing covers that much more floor than it
+PUT = 0.6  # our choice: what was let go is believed to be where it was, until it is seen: not more than so
+
+
+@dataclass(frozen=True)
+class Fingers:
+    """When fingers have met something.
+
+    Our choice: sooner than the arm comes to rest, and not while they still move.
+
+    Attributes:
+        steady_m: Fingers that move less than that in a step [m],
+        steady_steps: so many steps in a row, have met something.
+    """
+
+    steady_m: float = 0.0005
+    steady_steps: int = 3
+
+
+_FINGERS = Fingers()
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,12 +87,12 @@ class Carrying:
         let_go = []
         for side in body.sides:
             width = body.gripper_width[side]
-            still = abs(width - self._width.get(side, np.inf)) < _STEADY_M
+            still = abs(width - self._width.get(side, np.inf)) < _FINGERS.steady_m
             self._steady[side], self._width[side] = self._steady[side] + 1 if still else 0, width
             holds = body.holds(side)
             if side in self.grips and not holds:
                 let_go += self._release(side, body)
-            elif holds and side not in self.grips and self._steady[side] >= _STEADY_STEPS:
+            elif holds and side not in self.grips and self._steady[side] >= _FINGERS.steady_steps:
                 self._take(side, body, self._knowledge)
         pressed = squeezes(body)
         if "both" in self.grips and not pressed:
@@ -107,7 +122,7 @@ class Carrying:
             self._take(hand, body, found)
         for entry in found:
             gaps = [np.abs(p - np.clip(p, entry.lowest, entry.highest))[:2].max() for p in self._left]
-            if entry.kind == "object" and not entry.held and min(gaps, default=np.inf) < _GRASPED_M:
+            if entry.kind == "object" and not entry.held and min(gaps, default=np.inf) < BY_BOX.grasped_m:
                 entry.laid = True
 
     def sort(self, body: Proprioception) -> None:
@@ -118,7 +133,7 @@ class Carrying:
         lows, highs = (np.stack([getattr(e, corner) for e in things]) for corner in ("lowest", "highest"))
         centers, floors = (lows + highs) / 2, np.prod(highs - lows, axis=1, where=[True, True, False])
         within = ((centers[:, None] >= lows) & (centers[:, None] <= highs)).all(-1)
-        within &= floors > _OUTER * floors[:, None]
+        within &= floors > BY_BOX.outer * floors[:, None]
         nearest = np.where(within, floors, np.inf).argmin(1)
         for i, entry in enumerate(things):
             if not entry.held:
@@ -136,7 +151,7 @@ class Carrying:
 
     def _take(self, hand: Hand, body: Proprioception, among: Iterable[Entry]) -> None:
         """A hand has begun to hold something: the nearest thing, if one is known near it."""
-        reach = _PRESSED_M if hand == "both" else _GRASPED_M
+        reach = BY_BOX.pressed_m if hand == "both" else BY_BOX.grasped_m
         points = np.stack([T[:3, 3] for T in _tcps(hand, body)])
         near = []
         for entry in among:
@@ -193,7 +208,8 @@ class Carrying:
         over = [
             c
             for c in self._knowledge
-            if c.kind == "object" and c is not entry and c.inside != entry.name and _floor(c) > _OUTER * _floor(entry)
+            if c.kind == "object" and c is not entry and c.inside != entry.name
+            and _floor(c) > BY_BOX.outer * _floor(entry)
             and (center[:2] >= c.lowest[:2]).all() and (center[:2] <= c.highest[:2]).all()
             and center[2] > c.lowest[2] and c.highest[2] - c.lowest[2] > height / 2
         ]  # fmt: skip
@@ -255,9 +271,7 @@ class Carrying:
 
 def _tcps(hand: Hand, body: Proprioception) -> list[Array]:
     """T_world_tcp (4, 4) of a hand, or of both."""
-    T = kin.base(body.base_pose)
-    sides = SIDES if hand == "both" else (hand,)
-    return [matmul(T, robot_named(body.robot).tcp(body.torso, body.arm[side], side)) for side in sides]
+    return [tcp(body, side) for side in (SIDES if hand == "both" else (hand,))]
 
 
 def _moved(box: Array, motion: Array) -> tuple[Array, Array]:

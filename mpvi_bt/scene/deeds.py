@@ -13,8 +13,21 @@ from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.shapes.shape import Shape
 
-_FLOOR_M = 0.03  # what begins no higher lies on the floor
-_THERE_M = 0.1  # from where a thing was put down, or a vessel stood that was filled, seen from elsewhere
+
+@dataclass(frozen=True)
+class Places:
+    """When a place is one where something was put. Our choice, as odometry drifts from one standing place to the next.
+
+    Attributes:
+        floor_m: What begins no higher lies on the floor [m].
+        there_m: From where a thing was put down, or a vessel stood that was filled, seen from elsewhere [m].
+    """
+
+    floor_m: float = 0.03
+    there_m: float = 0.1
+
+
+_PLACES = Places()
 
 
 @dataclass(eq=False)
@@ -71,7 +84,7 @@ class Deeds:
     def covered(self, places: Array, radius_m: float) -> NDArray[np.bool_]:
         """(n,) bool: whether discs about places (n, 2) of the floor meet what was put down on it."""
         out = np.zeros(len(places), bool)
-        for low, high in (box[:, :2] for _, box in self._laid if box[0, 2] < _FLOOR_M):
+        for low, high in (box[:, :2] for _, box in self._laid if box[0, 2] < _PLACES.floor_m):
             off = np.maximum(np.maximum(low - places, places - high), 0)
             out |= norm(off, axis=1) < radius_m
         return out
@@ -82,4 +95,4 @@ class Deeds:
 
 
 def _there(at: Array, place: Array) -> bool:
-    return float(norm(at - place)) < _THERE_M
+    return float(norm(at - place)) < _PLACES.there_m

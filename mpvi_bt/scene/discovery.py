@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -26,18 +26,42 @@ from mpvi_bt.scene.belief import BELIEF, Belief
 from mpvi_bt.scene.carrying import Carrying
 from mpvi_bt.scene.knowledge import Entry, KnowledgeBase, calls
 
-# Middles that are nearer than this, and this more a meter of range, may be those of one thing. Our choice: the depth,
-# the joints and the odometry of a good robot are off by a third of that.
-_GATE_M, _GATE_PER_M = 0.10, 0.05
-_UNSEEN_GATE_M = 0.40  # likewise for what was let go and not seen since: it may have rolled, and fallen however far
-_SHARED = 0.25  # boxes that have this part of the smaller one in common may be those of one thing
-_SMALLER = 0.7  # a box so much smaller than another one, within half the gate from it, may be that of a part of it
-_A_PART = 0.9  # how badly a part fits
-_FLAT_M = 0.02  # boxes count as at least that thick
-# Of the way to where a new look has the faces of a box, outward and inward: a look shows a part, hardly ever too much.
-_GROWS, _SHRINKS = 0.5, 0.1
-_LARGE_M = 0.9  # what is longer, seen from above, is no thing to be carried
-_NEVER = 1e6  # a price that is never paid
+
+@dataclass(frozen=True)
+class Association:
+    """Which sighting may be of which known thing, and what it then changes.
+
+    Our choice: the depth, the joints and the odometry of a good robot are off by a third of the gate.
+
+    Attributes:
+        gate_m: Middles that are nearer than this may be those of one thing [m],
+        gate_per_m: and this more a meter of range [ratio].
+        unseen_gate_m: Likewise for what was let go and not seen since [m]: it may have rolled or fallen.
+        shared: Boxes that have this part of the smaller one in common may be those of one thing [ratio].
+        smaller: A box so much smaller than another, within half the gate from it, may be that of a part of it [ratio].
+        part_misfit: How badly a part fits, 0 to 1.
+        flat_m: Boxes count as at least that thick [m].
+        grows: Part of the way outward to where a look has the faces of a box [ratio]: a look shows a part, hardly ever
+            too much.
+        shrinks: Likewise inward [ratio].
+        large_m: What is longer, seen from above, is no thing to be carried [m].
+        never: A price that is never paid; above all others.
+    """
+
+    gate_m: float = 0.10
+    gate_per_m: float = 0.05
+    unseen_gate_m: float = 0.40
+    shared: float = 0.25
+    smaller: float = 0.7
+    part_misfit: float = 0.9
+    flat_m: float = 0.02
+    grows: float = 0.5
+    shrinks: float = 0.1
+    large_m: float = 0.9
+    never: float = 1e6
+
+
+_FIT = Association()
 
 
 class Discoveries:
@@ -133,7 +157,7 @@ class Discoveries:
         if not seen:
             return []
         known = [entry for entry in self.knowledge if entry.kind != "room"]
-        prices = np.full((len(seen), len(known) + len(seen)), _NEVER)
+        prices = np.full((len(seen), len(known) + len(seen)), _FIT.never)
         for i, sighting in enumerate(seen):
             prices[i, len(known) + i] = 1.0
             for k, entry in enumerate(known):
@@ -143,20 +167,20 @@ class Discoveries:
         return [known[k] if (k := pairs[i]) < len(known) else None for i in range(len(seen))]
 
     def _misfit(self, sighting: Sighting, entry: Entry) -> float:
-        """How badly a sighting fits an entry: 0 to 1, or `_NEVER`."""
-        gate = _GATE_M + _GATE_PER_M * sighting.range_m
+        """How badly a sighting fits an entry: 0 to 1, or `_FIT.never`."""
+        gate = _FIT.gate_m + _FIT.gate_per_m * sighting.range_m
         way = (sighting.lowest + sighting.highest) / 2 - entry.center
         if entry.source != "prior" and self._looks[entry.name].near_m is None:
-            gate, way[2] = max(gate, _UNSEEN_GATE_M), max(way[2], 0.0)
+            gate, way[2] = max(gate, _FIT.unseen_gate_m), max(way[2], 0.0)
         apart = float(norm(way)) / gate
         a, b = np.stack([sighting.lowest, sighting.highest]), np.stack([entry.lowest, entry.highest])
         if apart < 1.0:
             return apart
-        if (shared := _shared(a, b)) > _SHARED:
+        if (shared := _shared(a, b)) > _FIT.shared:
             return 1.0 - shared / 2
         gap = float(norm(np.maximum(np.maximum(a[0] - b[1], b[0] - a[1]), 0.0)))
         turned = entry.held and gap < gate  # in the hand, or hanging between two: a sheet swings
-        return _A_PART if turned or (gap < gate / 2 and (_smaller(a, b) or _smaller(b, a))) else _NEVER
+        return _FIT.part_misfit if turned or (gap < gate / 2 and (_smaller(a, b) or _smaller(b, a))) else _FIT.never
 
     # ------------------------------------------------------------------------------------------ learning
 
@@ -194,7 +218,7 @@ class Discoveries:
 
     def _place(self, entry: Entry, lowest: Array, highest: Array) -> None:
         entry.lowest, entry.highest = lowest, highest
-        entry.kind = "fixture" if np.ptp([lowest, highest], axis=0)[:2].max() > _LARGE_M else "object"
+        entry.kind = "fixture" if np.ptp([lowest, highest], axis=0)[:2].max() > _FIT.large_m else "object"
         at = entry.center[:2]
         rooms = (r for r in self.knowledge if r.kind == "room")
         entry.room = next((r.name for r in rooms if ((at >= r.lowest[:2]) & (at <= r.highest[:2])).all()), None)
@@ -279,12 +303,12 @@ def _alike(phrases: tuple[str, ...], others: Iterable[str]) -> bool:
 
 def _smaller(a: Array, b: Array) -> bool:
     """Whether a box (2, 3) is so much smaller than another one that it may be that of a part."""
-    return bool(norm(a[1] - a[0]) < _SMALLER * norm(b[1] - b[0]))
+    return bool(norm(a[1] - a[0]) < _FIT.smaller * norm(b[1] - b[0]))
 
 
 def _shared(a: Array, b: Array) -> float:
     """Part of the smaller of two boxes (2, 3) that is in the other one, too."""
-    a, b = (box + np.outer([-0.5, 0.5], np.maximum(_FLAT_M - (box[1] - box[0]), 0.0)) for box in (a, b))
+    a, b = (box + np.outer([-0.5, 0.5], np.maximum(_FIT.flat_m - (box[1] - box[0]), 0.0)) for box in (a, b))
     both = np.maximum(np.minimum(a[1], b[1]) - np.maximum(a[0], b[0]), 0.0)
     return float(np.prod(both) / min(np.prod(a[1] - a[0]), np.prod(b[1] - b[0])))
 
@@ -303,9 +327,9 @@ def _merged(entry: Entry, sighting: Sighting, nearer: float) -> tuple[Array, Arr
     if ((sighting.lowest > high) | (sighting.highest < low)).any() and not part:
         shift = weight * ((sighting.lowest + sighting.highest) / 2 - entry.center)
         low, high = low + shift, high + shift
-    inward = 0.0 if sighting.cut else float(np.clip(1.0 - 1.0 / nearer, 0.0 if part else _SHRINKS, _GROWS))
+    inward = 0.0 if sighting.cut else float(np.clip(1.0 - 1.0 / nearer, 0.0 if part else _FIT.shrinks, _FIT.grows))
     below, above = sighting.lowest - low, sighting.highest - high
     return (
-        low + weight * np.where(below < 0, _GROWS, inward) * below,
-        high + weight * np.where(above > 0, _GROWS, inward) * above,
+        low + weight * np.where(below < 0, _FIT.grows, inward) * below,
+        high + weight * np.where(above > 0, _FIT.grows, inward) * above,
     )

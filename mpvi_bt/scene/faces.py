@@ -12,7 +12,7 @@ from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.scene.several_views import View
 
-_SPOT_M = 0.02  # grid of free places
+_SPOT_M = 0.02  # grid of free places; our choice: finer than fingers are thick
 
 
 def room(

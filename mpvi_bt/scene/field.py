@@ -17,6 +17,7 @@ from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
 
+# Our choice: cells as fine as arms keep clear of things, in a volume of the reach of an arm.
 CELL_M = 0.025
 _SIZE_M = (3.2, 3.2, 2.0)  # the robot's reach from every place that it might drive to for one thing
 _LOWEST_M = -0.05

@@ -18,9 +18,11 @@ from mpvi_bt.robot.protocol import SIDES, CameraImage, Proprioception
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
-_OWN_PX = 2  # the robot's mask is grown so far: the edges of masks are never exact
+# Our choice: the edges of masks and of steps in depth are off by a pixel or two.
+_OWN_PX = 2  # the robot's mask is grown so far
 _STEEP = 4.0  # faces seen at a flatter slant than one in so many are rare; their next row is that much farther
-FLOOR_M = 0.025  # what is lower than this is taken for the floor
+FLOOR_M = 0.025  # our choice: what is lower than this is taken for the floor, as camera mounts are off
+SEEN_PX = 6  # our choice: a mask of fewer pixels tells no shape, and is not looked at
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -10,17 +12,36 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.linear_algebra import matmul, norm, principal_axes
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.frames import Frame
+from mpvi_bt.scene.frames import SEEN_PX, Frame
 from mpvi_bt.shapes.fit import fit
 from mpvi_bt.shapes.outlines import main_cluster
 from mpvi_bt.shapes.shape import Shape
 
-_REACH_M = 0.35  # what a mask shows that far from the hand is something else
-_KEPT = 8  # pictures of it remembered: what hangs in a hand swings a little
-_SEEN_PX = 6  # a mask of fewer pixels is not looked at
-_ALIKE, _ALIKE_M = 0.9, 0.008  # of the points of a thing so many are at most that far from its surface
-_LONG = 2.0  # times as long as wide
-_SLANTED_RAD = (0.06, 1.0)  # from upright; what lies across in the hand is level
+
+@dataclass(frozen=True)
+class Holding:
+    """What of a picture is what a hand holds.
+
+    Our choice, by things of the size that one hand holds.
+
+    Attributes:
+        reach_m: What a mask shows that far from the hand is something else [m].
+        kept: Pictures of it remembered: what hangs in a hand swings a little.
+        alike: Part of its points that are where its shape has them [ratio], or it has slipped.
+        alike_m: They are at most that far from its surface [m].
+        long: Times as long as wide, to be seen to hang on a slant [ratio].
+        slanted_rad: From upright [rad]; what lies across in the hand is level.
+    """
+
+    reach_m: float = 0.35
+    kept: int = 8
+    alike: float = 0.9
+    alike_m: float = 0.008
+    long: float = 2.0
+    slanted_rad: tuple[float, float] = (0.06, 1.0)
+
+
+_HOLDING = Holding()
 
 
 class InHand:
@@ -40,12 +61,12 @@ class InHand:
         """Take in points (n, 3) of it in the world; `eye` (3,) is where the head's camera was, if it saw them."""
         T = kin.inverse(T_world_tcp)
         points = matmul(points, T[:3, :3].T) + T[:3, 3]
-        points = points[norm(points, axis=1) < _REACH_M]  # fingers part what they hold in two
-        if len(points) < _SEEN_PX:
+        points = points[norm(points, axis=1) < _HOLDING.reach_m]  # fingers part what they hold in two
+        if len(points) < SEEN_PX:
             return
-        self._points = [self._points[0], *self._points[1:][1 - _KEPT :], points]
+        self._points = [self._points[0], *self._points[1:][1 - _HOLDING.kept :], points]
         if eye is not None:
-            self._eyes = [*self._eyes[1 - _KEPT :], matmul(T[:3, :3], eye) + T[:3, 3]]
+            self._eyes = [*self._eyes[1 - _HOLDING.kept :], matmul(T[:3, :3], eye) + T[:3, 3]]
 
     def shape(self, T_world_tcp: Array) -> Shape | None:
         """What it is, for the hand where it is now; None if too little was seen.
@@ -69,14 +90,14 @@ def _slant(points: Array) -> Array:
     along = axes[0] * np.sign(axes[0, 2])
     turn = np.cross([0.0, 0.0, 1.0], along)
     angle = float(np.arctan2(norm(turn), along[2]))
-    if spread[0] < _LONG * spread[1] or not _SLANTED_RAD[0] < angle < _SLANTED_RAD[1]:
+    if spread[0] < _HOLDING.long * spread[1] or not _HOLDING.slanted_rad[0] < angle < _HOLDING.slanted_rad[1]:
         return np.eye(3)
     return np.asarray(Rotation.from_rotvec(turn / norm(turn) * angle).as_matrix())
 
 
 def is_of(points: Array, shape: Shape) -> bool:
     """Whether points (n, 3) of what is seen in a hand are those of a shape: it has not slipped or turned there."""
-    if len(points) < _SEEN_PX:
+    if len(points) < SEEN_PX:
         return False
     gaps = np.abs(Surroundings(shape.solids).distance(main_cluster(points)))
-    return bool(np.quantile(gaps, _ALIKE) < _ALIKE_M)
+    return bool(np.quantile(gaps, _HOLDING.alike) < _HOLDING.alike_m)

@@ -18,6 +18,7 @@ from mpvi_bt.perception.phrases import whole as whole
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array
 
+# Our choice: a hand that reaches puts things no nearer to where it took them, and boxes are off by less.
 _AT_M = 0.3  # what lies as near to a thing as this, seen from above, is there
 LAID_M = 0.3  # what is farther from where a hand took it was laid there; what is nearer slipped,
 _FALLEN_M = 0.06  # and what went straight down so low fell

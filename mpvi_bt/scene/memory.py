@@ -7,6 +7,7 @@ which thing in the next picture is told by where it is.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,33 +25,72 @@ from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.scene.deeds import Deeds
-from mpvi_bt.scene.frames import Frame, take
+from mpvi_bt.scene.frames import SEEN_PX, Frame, take
 from mpvi_bt.scene.in_hand import InHand, is_of
 from mpvi_bt.scene.remembered import Remembered
 from mpvi_bt.scene.several_views import fitted
 from mpvi_bt.scene.thing import Thing, apart, is_again, is_part
+from mpvi_bt.scene.touch import BY_SHAPE, tcp
 from mpvi_bt.shapes.fit import fit
 from mpvi_bt.shapes.in_part import as_outside, in_part, shrunk
 from mpvi_bt.shapes.moving_parts import Door, to_and_behind
 from mpvi_bt.shapes.outlines import main_cluster
 from mpvi_bt.shapes.shape import Shape
 
-_KEPT = 20  # pictures remembered
-_MOVED = (0.01, 0.015)  # a base that has moved farther than this [m, rad] stands at another place
-_NEAR_M = 0.12  # a mask this near to where a thing was is that thing, from the same place
-_FAR_M = 0.30  # likewise after a drive
-_RECENT_M = 1.2  # of driving: what was seen before is still good enough to be fitted to what is seen now
-_SEEN_PX = 6  # a mask of fewer pixels is not looked at
-_THROUGH_M = 0.06  # where the depth is that much farther than the middle of a hollow thing, it is gone,
-_BEHIND_M = 0.01  # and that much farther than that of another, beside the noise of depth
-_PRESSED_M = 0.06  # what two hands press is this near to both of them
-_GRASPED_M = 0.06  # what a closing hand takes hold of is this near its tcp, by what was seen of it
-_SPANS = 0.8  # what is smaller than this share of the gap between the fingers is likely not what they hold
-_SET_DOWN_M = 0.03  # what is let go of no higher than that stays where it is
-_DEEPER_M = 0.1  # than it seems a vessel in hand may be
-_OUTER = 1.2  # what contains a thing covers that much more floor than it
-_BESIDE_M, _ABOVE_M = 0.025, 0.01  # points this near to a vessel and what is in it, and above its support, are theirs
-_RECENTERED_M = 0.04  # fingers that close shift what they take by less than this
+
+@dataclass(frozen=True)
+class Tracking:
+    """Which mask is which thing, and what it tells.
+
+    Our choice: within one standing place odometry does not drift,
+    after a drive it is off by as much as it drifts in some meters.
+
+    Attributes:
+        kept: Pictures remembered.
+        moved: A base that has moved farther than this [m, rad] stands at another place.
+        near_m: A mask this near to where a thing was is that thing, from the same place [m].
+        far_m: Likewise after a drive [m].
+        recent_m: Of driving [m]: what was seen before is still good enough to be fitted to what is seen now.
+        through_m: Where the depth is that much farther than the middle of a hollow thing, it is gone [m],
+        behind_m: and that much farther than that of another, beside the noise of depth [m].
+        beside_m: Points this near to a vessel and what is in it are theirs [m],
+        above_m: if they are that much above what it stands on [m].
+    """
+
+    kept: int = 20
+    moved: tuple[float, float] = (0.01, 0.015)
+    near_m: float = 0.12
+    far_m: float = 0.30
+    recent_m: float = 1.2
+    through_m: float = 0.06
+    behind_m: float = 0.01
+    beside_m: float = 0.025
+    above_m: float = 0.01
+
+
+_TRACK = Tracking()
+
+
+@dataclass(frozen=True)
+class Grasping:
+    """What a hand does to what it takes, and what becomes of that when it lets go.
+
+    Our choice, by how far shapes are off.
+
+    Attributes:
+        spans: What is smaller than this share of the gap between the fingers is likely not what they hold [ratio].
+        set_down_m: What is let go of no higher than that stays where it is [m].
+        deeper_m: Than it seems a vessel in hand may be [m].
+        recentered_m: Fingers that close shift what they take by less than this [m].
+    """
+
+    spans: float = 0.8
+    set_down_m: float = 0.03
+    deeper_m: float = 0.1
+    recentered_m: float = 0.04
+
+
+_GRASPING = Grasping()
 
 
 class Memory:
@@ -93,7 +133,7 @@ class Memory:
     def feel(self, felt: Proprioception) -> None:
         """Take in one step of proprioception: the base that moves, the hands that take and let go."""
         moved = felt.base_pose - self._stood
-        if norm(moved[:2]) > _MOVED[0] or abs(kin.wrap(moved[2])) > _MOVED[1]:
+        if norm(moved[:2]) > _TRACK.moved[0] or abs(kin.wrap(moved[2])) > _TRACK.moved[1]:
             if self._stand:
                 turned = robot_named(felt.robot).base.turn_m * abs(float(kin.wrap(moved[2])))
                 self._way_m += float(np.hypot(*moved[:2])) + turned
@@ -118,7 +158,7 @@ class Memory:
         self.feel(felt)
         for image in images.values():
             frame = take(image, felt, self._detector, self._asked, self._stand, self._way_m)
-            self._frames = [*self._frames, frame][-_KEPT:]
+            self._frames = [*self._frames, frame][-_TRACK.kept :]
             self._associate(frame)
             if image.camera == "head":
                 self._remembered.see(frame.image, frame.measured & ~self._loose(frame))
@@ -166,12 +206,11 @@ class Memory:
         One basket may be known by two phrases of a prompt, as two things in one place: neither is in the other.
         """
         outer, inner = (float(np.prod(np.ptp(self._shape(t.name).box(), axis=0)[:2])) for t in (vessel, thing))
-        return vessel is not thing and outer > _OUTER * inner
+        return vessel is not thing and outer > BY_SHAPE.outer * inner
 
     def _tcp(self, side: Side) -> Array:
-        felt = self._felt
-        assert felt is not None
-        return matmul(kin.base(felt.base_pose), robot_named(felt.robot).tcp(felt.torso, felt.arm[side], side))
+        assert self._felt is not None
+        return tcp(self._felt, side)
 
     def _grasp(self, side: Side) -> None:
         """The hand has closed on something: the nearest thing, which its fingers have brought between them.
@@ -182,18 +221,18 @@ class Memory:
         T, width = self._tcp(side), self._felt.gripper_width[side]
         taken = {n for n, _ in self._grip.values()}
         near = [
-            (bool(np.ptp(self._shape(n).box(), axis=0).max() < _SPANS * width), gap, n)
+            (bool(np.ptp(self._shape(n).box(), axis=0).max() < _GRASPING.spans * width), gap, n)
             for n in self._things
             if n not in taken
             and self._things[n].shape.kind != "furniture"
-            and (gap := self._gap(n, T[:3, 3])) < _GRASPED_M
+            and (gap := self._gap(n, T[:3, 3])) < BY_SHAPE.grasped_m
         ]
         if not near:
             return
         thing = self._things[min(near)[2]]
         if thing.shape.kind != "vessel":
             aside = float(bounds(s.moved(kin.inverse(T)) for s in thing.shape.solids).mean(0)[1])
-            if abs(aside) < _RECENTERED_M:
+            if abs(aside) < _GRASPING.recentered_m:
                 thing.shape = thing.shape.moved(kin.transform(np.eye(3), -aside * T[:3, 1]))
         self._take_along(thing)
         self._grip[side] = (thing.name, kin.inverse(T))
@@ -205,12 +244,12 @@ class Memory:
         if not (others := self._contents(vessel.name)):
             return
         solids = [*vessel.shape.solids, *others]
-        low, high = bounds(solids) + [[-_BESIDE_M], [_BESIDE_M]]
-        low[2] = vessel.shape.support_m + _ABOVE_M
+        low, high = bounds(solids) + [[-_TRACK.beside_m], [_TRACK.beside_m]]
+        low[2] = vessel.shape.support_m + _TRACK.above_m
         around = Surroundings(solids)
         for frame in self._frames:
             rows, columns = np.nonzero(((frame.points > low) & (frame.points < high)).all(-1))
-            own = around.distance(frame.points[rows, columns]) < _BESIDE_M
+            own = around.distance(frame.points[rows, columns]) < _TRACK.beside_m
             frame.robot[rows[own], columns[own]] = True
         self._remembered.forget(low, high)
         self._field = None
@@ -220,7 +259,7 @@ class Memory:
         views = [v for v in self._things[name].views if v[0].stand == self._stand]
         seen = [norm(frame.of(mask) - p_world, axis=1) for frame, mask in views]
         shape = float(Surroundings(self._shape(name).solids).distance(p_world[None])[0])
-        return min([shape, *(float(gaps.min()) for gaps in seen if len(gaps) >= _SEEN_PX)])
+        return min([shape, *(float(gaps.min()) for gaps in seen if len(gaps) >= SEEN_PX)])
 
     def _press(self) -> None:
         """The hands have begun to press the nearest thing between them, or have ceased to."""
@@ -234,7 +273,7 @@ class Memory:
         hands = np.stack([self._tcp(side)[:3, 3] for side in SIDES])
         gaps = {n: float(Surroundings(self._shape(n).solids).distance(hands).max()) for n in self._things}
         nearest = min(gaps, key=gaps.__getitem__, default=None)
-        if nearest is not None and gaps[nearest] < _PRESSED_M:
+        if nearest is not None and gaps[nearest] < BY_SHAPE.pressed_m:
             self._both = (nearest, kin.inverse(self._tcp("left")))
             self._things[nearest].inside = None
             self._deeds.take_up(self._things[nearest].phrase, self._things[nearest].shape.box().mean(0))
@@ -260,7 +299,7 @@ class Memory:
                 if ((middle[:2] > low[:2]) & (middle[:2] < high[:2])).all() and middle[2] > low[2]:
                     fall = thing.shape.box()[0, 2] - low[2]
                     thing.shape = thing.shape.moved(kin.transform(np.eye(3), (0.0, 0.0, -float(fall))))
-                    thing.stands = abs(fall) < _SET_DOWN_M
+                    thing.stands = abs(fall) < _GRASPING.set_down_m
                     self._put(thing, other.name)
                     if other.shape.kind == "vessel":
                         holders = [side for side, (held, _) in self._grip.items() if held == other.name]
@@ -315,7 +354,7 @@ class Memory:
         for phrase in dict.fromkeys(d.phrase for d in frame.detections if d.phrase in self._phrases):
             masks = [d.mask for d in frame.detections if d.phrase == phrase]
             seen = [(m, main_cluster(frame.of(m))) for m in masks]
-            seen = [(m, p) for m, p in seen if len(p) >= _SEEN_PX]
+            seen = [(m, p) for m, p in seen if len(p) >= SEEN_PX]
             known = [t for t in self._things.values() if t.phrase == phrase]
             # Of what was never whole in a picture the part that was: where is that now?
             parts = {t.name: main_cluster(t.views[-1][0].of(t.views[-1][1])) for t in known
@@ -330,7 +369,7 @@ class Memory:
                     if tree is not None and thing.name in parts:
                         gap = min(gap, apart(parts[thing.name], tree))
                     fresh = bool(thing.views) and thing.views[-1][0].stand == frame.stand
-                    if gap < (_NEAR_M if fresh or thing.name in self._held() else _FAR_M):
+                    if gap < (_TRACK.near_m if fresh or thing.name in self._held() else _TRACK.far_m):
                         pairs.append((gap, i, thing.name))
             done: set[object] = set()
             for _, i, name in sorted(pairs):
@@ -364,7 +403,7 @@ class Memory:
         Of what was known by its front alone, most of what shows then is far from that: its door, and what is behind.
         """
         rooms = [to_and_behind(door) for door in self.doors(thing.name)]
-        return bool(rooms) and float(np.median(Surroundings(rooms).distance(points))) < _NEAR_M
+        return bool(rooms) and float(np.median(Surroundings(rooms).distance(points))) < _TRACK.near_m
 
     def doors(self, name: str) -> Sequence[Door]:
         """What is known of a thing that opens."""
@@ -394,7 +433,7 @@ class Memory:
             if shape is not None and not self._lies_in(shape, str(thing.inside)):
                 thing.shape, thing.inside = shape, None
             return
-        thing.views = [(f, m) for f, m in thing.views if frame.way_m - f.way_m < _RECENT_M][-5:]
+        thing.views = [(f, m) for f, m in thing.views if frame.way_m - f.way_m < _TRACK.recent_m][-5:]
         thing.views.append((frame, mask))
         here = [v for v in thing.views if v[0].stand == frame.stand]
         shape = fitted(here, thing.shape.support_m)
@@ -432,7 +471,7 @@ class Memory:
         if name in held or thing.inside in held or thing.shape.extent is not None:
             return
         depths = frame.depth_at(self._shape(name).box().mean(0))
-        through = _THROUGH_M if thing.shape.volumes else _BEHIND_M
+        through = _TRACK.through_m if thing.shape.volumes else _TRACK.behind_m
         if depths is not None and depths[1] > depths[0] + through + DEPTH_NOISE.smoothed_m * depths[0] ** 2:
             del self._things[name]
 
@@ -440,7 +479,7 @@ class Memory:
         """Whether what has a shape, where it is now, is in a container; how deep one in hand is may be out of view."""
         if container not in self._things:  # it was forgotten, not what was in it
             return False
-        middle, deeper = shape.box().mean(0), _DEEPER_M if container in self._held() else 0.0
+        middle, deeper = shape.box().mean(0), _GRASPING.deeper_m if container in self._held() else 0.0
         for volume in self.volumes(container):
             low, high = volume.aabb()
             if (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mmap
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,17 +12,43 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.field import kernels
+from mpvi_bt.scene.field import CELL_M, kernels
 
-_CELL_M = 0.025
-_CELLS, _UP = 512, 78  # 12.8 m about the robot, and 1.95 m up
-_LOW_M = 0.05  # the floor is none
-_MOVED_M = 3.0  # so far from its middle the grid comes along
-_RANGE_M = 2.5  # what is farther off is seen again from near
-_SURE = 3  # pictures that show a place as it is now outweigh any number of older ones
-_TWICE = 2  # what one picture alone shows may be noise, but for what is tall
-_TALL_M, _WHOLE = 1.0, 0.6  # what is at least so tall, seen in that share of its height, is taken to stand there
-_OVERHEAD_M = 1.2  # things that are moved, chairs and what stands on desks among them, do not reach as high as that
+
+@dataclass(frozen=True)
+class Grid:
+    """The grid that surfaces are remembered on.
+
+    Our choice: as fine as the field of obstacles, as wide as a room.
+
+    Attributes:
+        cell_m: Edge of a cell [m].
+        cells: Cells about the robot each way: 12.8 m.
+        up: Cells upward: 1.95 m.
+        low_m: It begins at this height [m]: the floor is none.
+        moved_m: So far from its middle the grid comes along [m].
+        range_m: What is farther off is seen again from near [m].
+        sure: Pictures that show a place as it is now outweigh any number of older ones.
+        twice: Pictures that have to show it: what one alone shows may be noise, but for what is tall.
+        tall_m: What is at least so tall [m],
+        whole: seen in that share of its height, is taken to stand there [ratio].
+        overhead_m: Things that are moved, chairs and what stands on desks among them, do not reach as high as that [m].
+    """
+
+    cell_m: float = CELL_M
+    cells: int = 512
+    up: int = 78
+    low_m: float = 0.05
+    moved_m: float = 3.0
+    range_m: float = 2.5
+    sure: int = 3
+    twice: int = 2
+    tall_m: float = 1.0
+    whole: float = 0.6
+    overhead_m: float = 1.2
+
+
+_GRID = Grid()
 
 
 class Remembered:
@@ -42,13 +69,13 @@ class Remembered:
         """Take in a picture; `fixed` (H, W) is where it shows what is to be remembered, and not the robot, say."""
         self._come_along(image.T_world_camera[:2, 3])
         depth = np.where(fixed, image.depth, -image.depth).astype(np.float32)
-        begin = np.floor((image.T_world_camera[:2, 3] - _RANGE_M - self._low) / _CELL_M).astype(int)
-        begin, end = (np.clip(n, 0, _CELLS) for n in (begin, begin + round(2 * _RANGE_M / _CELL_M) + 2))
+        begin = np.floor((image.T_world_camera[:2, 3] - _GRID.range_m - self._low) / _GRID.cell_m).astype(int)
+        begin, end = (np.clip(n, 0, _GRID.cells) for n in (begin, begin + round(2 * _GRID.range_m / _GRID.cell_m) + 2))
         near = self._score[begin[0] : end[0], begin[1] : end[1]]
-        first = np.append(self._low + _CELL_M * (begin + 0.5), _LOW_M + _CELL_M / 2)
+        first = np.append(self._low + _GRID.cell_m * (begin + 0.5), _GRID.low_m + _GRID.cell_m / 2)
         T = matmul(kin.inverse(image.T_world_camera), kin.transform(np.eye(3), first))
         camera = np.array([image.K[0, 0], image.K[1, 1], image.K[0, 2], image.K[1, 2]])
-        kernels()["score"](near, depth, T, camera, _CELL_M, _RANGE_M, _SURE)
+        kernels()["score"](near, depth, T, camera, _GRID.cell_m, _GRID.range_m, _GRID.sure)
 
     def around(self, x: Array, y: Array, z: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """What is at the crossings of three ranges of coordinates [m].
@@ -61,39 +88,41 @@ class Remembered:
         shape = len(x), len(y), len(z)
         stays, shown = np.zeros(shape, bool), np.zeros(shape, bool)
         if not np.isnan(self._low).any():
-            low = np.append(self._low, _LOW_M)
-            cells = [np.floor((c - o) / _CELL_M).astype(int) for c, o in zip((x, y, z), low, strict=True)]
+            low = np.append(self._low, _GRID.low_m)
+            cells = [np.floor((c - o) / _GRID.cell_m).astype(int) for c, o in zip((x, y, z), low, strict=True)]
             within = [(n >= 0) & (n < count) for n, count in zip(cells, self._score.shape, strict=True)]
             i, j, k = (n[w] for n, w in zip(cells, within, strict=True))
             score = self._score[np.ix_(i, j)]
             solid = score > 0
-            top = np.where(solid.any(-1), _UP - solid[..., ::-1].argmax(-1), 0)
+            top = np.where(solid.any(-1), _GRID.up - solid[..., ::-1].argmax(-1), 0)
             tall = top - solid.argmax(-1)
-            whole = (tall * _CELL_M >= _TALL_M) & (solid.sum(-1) >= _WHOLE * tall)
-            top_m = np.where(whole, _LOW_M + _CELL_M * top, 0.0)
-            shown[np.ix_(*within)] = score[..., k] >= _TWICE
-            stays[np.ix_(*within[:2])] = (z < top_m[..., None]) & (top_m[..., None] > _OVERHEAD_M)
-            stays |= shown & (z > _OVERHEAD_M)
+            whole = (tall * _GRID.cell_m >= _GRID.tall_m) & (solid.sum(-1) >= _GRID.whole * tall)
+            top_m = np.where(whole, _GRID.low_m + _GRID.cell_m * top, 0.0)
+            shown[np.ix_(*within)] = score[..., k] >= _GRID.twice
+            stays[np.ix_(*within[:2])] = (z < top_m[..., None]) & (top_m[..., None] > _GRID.overhead_m)
+            stays |= shown & (z > _GRID.overhead_m)
         return stays, shown
 
     def forget(self, low: Array, high: Array) -> None:
         """Forget what was seen between two corners (3,) of a box in the world: it has been taken away."""
         if not np.isnan(self._low).any():
-            corners = [np.floor((p - np.append(self._low, _LOW_M)) / _CELL_M).astype(int) for p in (low, high)]
+            corners = [
+                np.floor((p - np.append(self._low, _GRID.low_m)) / _GRID.cell_m).astype(int) for p in (low, high)
+            ]
             begin, end = (np.clip(n, 0, self._score.shape) for n in (corners[0], corners[1] + 1))
             self._score[tuple(slice(*ends) for ends in zip(begin, end, strict=True))] = 0
 
     def _come_along(self, xy: Array) -> None:
         """Keep the grid about a place (2,); what falls off its edge is forgotten."""
-        middle = self._low + _CELL_M * _CELLS / 2
-        if (np.abs(xy - middle) < _MOVED_M).all():
+        middle = self._low + _GRID.cell_m * _GRID.cells / 2
+        if (np.abs(xy - middle) < _GRID.moved_m).all():
             return
-        low = (np.round(xy / _CELL_M) - _CELLS // 2) * _CELL_M
+        low = (np.round(xy / _GRID.cell_m) - _GRID.cells // 2) * _GRID.cell_m
         score = _grid()
         if not np.isnan(self._low).any():
-            shift = np.round((low - self._low) / _CELL_M).astype(int)
-            if (np.abs(shift) < _CELLS).all():
-                new, old = (tuple(slice(max(0, s), _CELLS + min(0, s)) for s in sign * shift) for sign in (-1, 1))
+            shift = np.round((low - self._low) / _GRID.cell_m).astype(int)
+            if (np.abs(shift) < _GRID.cells).all():
+                new, old = (tuple(slice(max(0, s), _GRID.cells + min(0, s)) for s in sign * shift) for sign in (-1, 1))
                 score[new] = self._score[old]
         self._score, self._low = score, low
 
@@ -105,4 +134,6 @@ def _grid() -> NDArray[np.int8]:
     process grew by the most of one with each policy that was made and dropped. Pages that nobody writes take none.
     """
     private = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS
-    return np.frombuffer(mmap.mmap(-1, _CELLS * _CELLS * _UP, private), np.int8).reshape(_CELLS, _CELLS, _UP)
+    return np.frombuffer(mmap.mmap(-1, _GRID.cells * _GRID.cells * _GRID.up, private), np.int8).reshape(
+        _GRID.cells, _GRID.cells, _GRID.up
+    )

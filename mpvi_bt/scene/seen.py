@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
@@ -34,19 +35,50 @@ from mpvi_bt.shapes.open_leaves import leaf, with_leaf, within_drawer
 from mpvi_bt.shapes.shape import SeenBar, Shape
 
 _IN = "what is in "  # a thing that is known: all else that is seen in it, as one thing
-_PASSED_M = 1.0  # of driving: pictures that old still tell where the base can go
-_CARVED = 4  # pictures of the head that the field of obstacles is carved from
-_NEAR_M = 0.12  # a mask this near to where a thing was is that thing, from the same place
-_FACE_PX = 30  # what is seen of less is not searched for doors
-_EXPLAINED_M = 0.025  # points this near a thing's solids are its own
-_ROUGHLY_M = 0.1  # likewise of what was remembered from before it was asked for: shapes leave parts of things out
-_BUTTON_M = 0.02  # about a switch, what is touched with it
-_FINE_M, _FINE_CELL_M = 0.6, 0.01  # the finer field about what is worked on
-_AJAR = 0.5  # of its limit: a door that stands so far open is remembered,
-_HINGE_M, _MOST = 0.1, 0.8  # until one is seen to hang that near to where it does, of so much of its height and width,
-_BEYOND_M = 0.1  # or its place is seen through, to that much farther behind it
-_FOOT_M = 0.1  # parts of furniture that begin so near to the lowest one are its foot
-_TRUSTED_M = 0.04  # how thick surfaces are where hidden space is given the benefit of doubt
+
+
+@dataclass(frozen=True)
+class Looking:
+    """What pictures tell of things beside their shapes.
+
+    Our choice: fits are off by some centimeters, and odometry after a drive by as much again.
+
+    Attributes:
+        passed_m: Of driving [m]: pictures that old still tell where the base can go.
+        carved: Pictures of the head that the field of obstacles is carved from.
+        near_m: A switch this near to a thing is that of the thing [m].
+        face_px: What is seen of less is not searched for doors.
+        explained_m: Points this near a thing's solids are its own [m].
+        roughly_m: Likewise of what was remembered from before it was asked for [m]: shapes leave parts of things out.
+        button_m: About a switch, what is touched with it [m].
+        fine_m: Width of the finer field about what is worked on [m].
+        fine_cell_m: Its cell [m].
+        ajar: Of its limit: a door that stands so far open is remembered [ratio],
+        hinge_m: until one is seen to hang that near to where it does [m],
+        most: of so much of its height and width [ratio],
+        beyond_m: or its place is seen through, to that much farther behind it [m].
+        foot_m: Parts of furniture that begin so near to the lowest one are its foot [m].
+        trusted_m: How thick surfaces are where hidden space is given the benefit of doubt [m].
+    """
+
+    passed_m: float = 1.0
+    carved: int = 4
+    near_m: float = 0.12
+    face_px: int = 30
+    explained_m: float = 0.025
+    roughly_m: float = 0.1
+    button_m: float = 0.02
+    fine_m: float = 0.6
+    fine_cell_m: float = 0.01
+    ajar: float = 0.5
+    hinge_m: float = 0.1
+    most: float = 0.8
+    beyond_m: float = 0.1
+    foot_m: float = 0.1
+    trusted_m: float = 0.04
+
+
+_LOOK = Looking()
 
 
 class Seen(Memory):
@@ -112,7 +144,10 @@ class Seen(Memory):
         if known is None or known[0] != frames:
             points, eye = np.concatenate([f.of(m) for f, m in newest]), newest[-1][0].eye
             small = self._known(name).shape.kind != "furniture"
-            self._fronts[name] = known = (frames, _opening(points, eye, small) if len(points) >= _FACE_PX else [])
+            self._fronts[name] = known = (
+                frames,
+                _opening(points, eye, small) if len(points) >= _LOOK.face_px else [],
+            )
         return known[1]
 
     def mounts(self, name: str) -> Sequence[Mount]:
@@ -139,7 +174,7 @@ class Seen(Memory):
                     at = np.median(points, axis=0)
                     gap = self._gap(name, at)
                     # of a lamp only the shade may be known, of a screen its foot: the pole is below, the rest is seen
-                    if gap < _NEAR_M or ((at > low - _NEAR_M) & (at < high + _NEAR_M))[:2].all():
+                    if gap < _LOOK.near_m or ((at > low - _LOOK.near_m) & (at < high + _LOOK.near_m))[:2].all():
                         near.append((gap, d))
             yield from ((frame, d.mask) for _, d in sorted(near, key=lambda n: n[0]))
 
@@ -193,7 +228,7 @@ class Seen(Memory):
         frames = self._carved()
         if beside is not None:
             without = {*without, beside}
-        thick = _TRUSTED_M if self._trusting else 9.0
+        thick = _LOOK.trusted_m if self._trusting else 9.0
         near = [self._shape(n).box() for n in sorted(without) if n in self._things and n not in self._held()]
         if near:  # a thing, not what it lies on
             self._focus = min(near, key=lambda box: float(np.ptp(box, axis=0).max())).mean(0)
@@ -213,7 +248,8 @@ class Seen(Memory):
             if self._focus is None:
                 self._field = (key, coarse)
             else:
-                fine = Field(views, self._focus, (_FINE_M,) * 3, _FINE_CELL_M, _FINE_CELL_M / 2, thick, before, known)
+                size_m, cell_m = (_LOOK.fine_m,) * 3, _LOOK.fine_cell_m
+                fine = Field(views, self._focus, size_m, cell_m, cell_m / 2, thick, before, known)
                 self._field = (key, FineField(coarse, fine))
         flat = {n for n in faces if bounds(self.solids(n))[1, 2] < FLOOR_M}  # a lawn bars no base
         left_out = {*without, *flat}
@@ -232,7 +268,7 @@ class Seen(Memory):
         stays &= self._remembering
         for name in sorted(n for n in told if n in self._things and n not in self._held()):
             explained = Surroundings([*self.solids(name), *self._leaves(name)])
-            margin = 2 * _EXPLAINED_M if self._known(name).shape.kind == "furniture" else _ROUGHLY_M
+            margin = 2 * _LOOK.explained_m if self._known(name).shape.kind == "furniture" else _LOOK.roughly_m
             for cells in (stays, shown):
                 at = np.nonzero(cells)
                 p = np.column_stack([values[i] for values, i in zip(ranges, at, strict=True)])
@@ -242,7 +278,7 @@ class Seen(Memory):
     def _leaves(self, name: str) -> list[Solid]:
         """The solids of what opens of a thing; what stood open, and is out of view now, stands there still."""
         doors, known = self.doors(name), self._fronts.get(name)
-        now = [(known[0][-1], d) for d in doors if known is not None and d.position > _AJAR * d.limit]
+        now = [(known[0][-1], d) for d in doors if known is not None and d.position > _LOOK.ajar * d.limit]
         before = [(f, d) for f, d in self._ajar.get(name, []) if not self._gone(d, f) and not _again(d, now)]
         self._ajar[name] = [*before, *now]
         return [s for door in (*(d for _, d in before), *doors) for s in door.solids]
@@ -252,12 +288,12 @@ class Seen(Memory):
         middle = door.solids[0].T[:3, 3]
         later = self._frames[self._frames.index(since) + 1 :] if since in self._frames else self._frames
         seen = [d for f in later if f.image.camera == "head" and (d := f.depth_at(middle)) is not None]
-        return bool(seen) and seen[-1][1] > seen[-1][0] + _BEYOND_M
+        return bool(seen) and seen[-1][1] > seen[-1][0] + _LOOK.beyond_m
 
     def passable(self) -> Obstacles:
         """What the base must not drive into, by all pictures of the last meter; what none of them shows is free."""
         assert self._felt is not None
-        head = [f for f in self._frames if f.image.camera == "head" and self._way_m - f.way_m < _PASSED_M]
+        head = [f for f in self._frames if f.image.camera == "head" and self._way_m - f.way_m < _LOOK.passed_m]
         views = [field.View(f.image, self._transparent(f, self._held())) for f in head]
         return Field(views, self._felt.base_pose[:2], known=self._remembered.around)
 
@@ -274,13 +310,13 @@ class Seen(Memory):
         """The newest pictures of the head from this place, or else from the last one."""
         head = [f for f in self._frames if f.image.camera == "head"]
         here = [f for f in head if f.stand == self._stand] or [f for f in head if head and f.stand == head[-1].stand]
-        return here[-_CARVED:]
+        return here[-_LOOK.carved :]
 
     def _before(self, carved: Sequence[Frame]) -> list[Frame]:
         """The newest pictures of the head from other places near by: from here less may be in view than on the way."""
         stand = carved[-1].stand if carved else self._stand
-        near = [f for f in self._frames if f.stand != stand and self._way_m - f.way_m < _PASSED_M]
-        return [f for f in near if f.image.camera == "head"][-_CARVED:]
+        near = [f for f in self._frames if f.stand != stand and self._way_m - f.way_m < _LOOK.passed_m]
+        return [f for f in near if f.image.camera == "head"][-_LOOK.carved :]
 
     def _foot(self, name: str, xy: Array) -> Array:
         """Where (3,) the lowest part of furniture is nearest to a place (2,)."""
@@ -297,17 +333,17 @@ class Seen(Memory):
             elif (thing := self._things.get(name)) is not None:
                 solids += self.solids(name)
                 solids += self._leaves(name)
-                solids += [Solid("sphere", np.full(3, _BUTTON_M), T) for T in self.switches(name)]
+                solids += [Solid("sphere", np.full(3, _LOOK.button_m), T) for T in self.switches(name)]
                 for f, mask in thing.views:
                     if f is frame and thing.shape.kind != "furniture":
                         through = through | ndimage.binary_dilation(mask, iterations=1)
         if solids:
             rows, columns = np.nonzero(~through & (frame.image.depth > 0))
             points = frame.points[rows, columns]
-            low, high = bounds(solids) + [[-_EXPLAINED_M], [_EXPLAINED_M]]
+            low, high = bounds(solids) + [[-_LOOK.explained_m], [_LOOK.explained_m]]
             near = ((points > low) & (points < high)).all(1)
             rows, columns, points = rows[near], columns[near], points[near]
-            own = Surroundings(solids).distance(points) < _EXPLAINED_M
+            own = Surroundings(solids).distance(points) < _LOOK.explained_m
             through = through.copy()
             through[rows[own], columns[own]] = True
         return through
@@ -341,7 +377,7 @@ class Seen(Memory):
         carried = self._held()
         solids = [s for n in self._things if n in carried or self._things[n].inside in carried for s in self.solids(n)]
         if solids and frame.stand == self._stand:
-            low, high = bounds(solids) + [[-_EXPLAINED_M], [_EXPLAINED_M]]
+            low, high = bounds(solids) + [[-_LOOK.explained_m], [_LOOK.explained_m]]
             held |= ((frame.points > low) & (frame.points < high)).all(-1)
         return held
 
@@ -356,8 +392,8 @@ def _opening(points: Array, eye: Array, small: bool) -> list[Door]:
 def _again(door: Door, seen: Sequence[tuple[Frame, Door]]) -> bool:
     """Whether one of the doors that are seen now is that door, and no smaller part of it."""
     return any(
-        norm((door.origin - other.origin)[:2]) < _HINGE_M
-        and (other.solids[0].half_m > _MOST * door.solids[0].half_m).sum() >= 2
+        norm((door.origin - other.origin)[:2]) < _LOOK.hinge_m
+        and (other.solids[0].half_m > _LOOK.most * door.solids[0].half_m).sum() >= 2
         for _, other in seen
     )
 
@@ -365,4 +401,4 @@ def _again(door: Door, seen: Sequence[tuple[Frame, Door]]) -> bool:
 def _lowest(solids: Sequence[Solid]) -> list[Solid]:
     """Those that reach down as far as any, but for a hand's breadth."""
     least = min(s.aabb()[0, 2] for s in solids)
-    return [s for s in solids if s.aabb()[0, 2] < least + _FOOT_M]
+    return [s for s in solids if s.aabb()[0, 2] < least + _LOOK.foot_m]

@@ -7,6 +7,7 @@ drifts on the way would smear them. Older views help only where something now hi
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +15,28 @@ from scipy.spatial import cKDTree
 
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array
-from mpvi_bt.scene.frames import Frame
+from mpvi_bt.scene.frames import SEEN_PX, Frame
 from mpvi_bt.shapes.fit import fit
 from mpvi_bt.shapes.outlines import main_cluster
 from mpvi_bt.shapes.shape import Shape
 
-_DRIFTED_M = 0.006  # less than that views may differ without the odometry being to blame
-_SEEN_PX = 6  # a mask of fewer pixels is not looked at
-_ALONE_PX = 150  # a wrist's mask of as many pixels is believed against all others
+
+@dataclass(frozen=True)
+class Agreement:
+    """When views agree.
+
+    Our choice: a fit to depth pictures is off by less than a centimeter at 1 m.
+
+    Attributes:
+        drifted_m: Less than that views may differ without the odometry being to blame [m].
+        alone_px: A wrist's mask of as many pixels is believed against all others.
+    """
+
+    drifted_m: float = 0.006
+    alone_px: int = 150
+
+
+_AGREEMENT = Agreement()
 
 View = tuple[Frame, NDArray[np.bool_]]  # a picture, and the mask of the thing in it
 
@@ -36,7 +51,7 @@ def fitted(views: Sequence[View], support_m: float) -> Shape | None:
     Returns:
         The shape, or None if there is too little to see.
     """
-    views = [(f, m) for f, m in views if len(f.of(m)) >= _SEEN_PX]  # what turned out to be in hand is no view of it
+    views = [(f, m) for f, m in views if len(f.of(m)) >= SEEN_PX]  # what turned out to be in hand is no view of it
     if not views:
         return None
     newest = views[-1][0].stand
@@ -48,18 +63,18 @@ def fitted(views: Sequence[View], support_m: float) -> Shape | None:
     fresh = [p for p, (f, _) in zip(parts, head, strict=True) if f.stand == newest]
     if fresh and len(fresh) < len(parts):  # what the odometry has done to older views is undone
         shift = _shift(np.concatenate(parts[: -len(fresh)]), np.concatenate(fresh))
-        if shift is not None and norm(shift) > _DRIFTED_M:
+        if shift is not None and norm(shift) > _AGREEMENT.drifted_m:
             parts = [*(p + shift for p in parts[: -len(fresh)]), *fresh]
     support = None if head else support_m
     if wrist:
         near = main_cluster(wrist[0][0].of(wrist[0][1]))
-        shift = _shift(np.concatenate(parts), near) if head and len(near) >= _SEEN_PX else np.zeros(3)
+        shift = _shift(np.concatenate(parts), near) if head and len(near) >= SEEN_PX else np.zeros(3)
         before = fit(np.concatenate(parts), _around(head), head[-1][0].eye) if head else None
         if before is not None:
             support = before.support_m + (shift[2] if shift is not None else 0.0)
         if shift is not None:
             parts = [*(p + shift for p in parts), near]
-        elif len(near) >= _ALONE_PX and not wrist[0][0].cut(wrist[0][1]):
+        elif len(near) >= _AGREEMENT.alone_px and not wrist[0][0].cut(wrist[0][1]):
             parts = [near]  # it was bumped since the head saw it
     eye = head[-1][0].eye if head else wrist[0][0].eye
     return fit(np.concatenate(parts), _around(head or wrist), eye, support)

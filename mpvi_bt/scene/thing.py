@@ -11,10 +11,27 @@ from mpvi_bt.robot.solids import Array
 from mpvi_bt.scene.several_views import View
 from mpvi_bt.shapes.shape import Shape
 
-_SAMPLED = 500  # points of a part are enough to say where that is
-_SHARED = 0.6  # of the length, width and height of the smaller one of two pieces of furniture,
-_ALIKE = 0.8  # and of two other things: bowls that stand in one another share less of their height
-_OUTSIDE_M = 0.05  # a leg may stand so far outside of what is seen of a table's top
+
+@dataclass(frozen=True)
+class Sameness:
+    """When two things that were seen are one.
+
+    Our choice: from one side, or from near, only a part of a thing is in view.
+
+    Attributes:
+        sampled: Points of a part are enough to say where that is.
+        shared: Of the length, width and height of the smaller one of two pieces of furniture [ratio],
+        alike: and of two other things [ratio]: bowls that stand in one another share less of their height.
+        outside_m: A leg may stand so far outside of what is seen of a table's top [m].
+    """
+
+    sampled: int = 500
+    shared: float = 0.6
+    alike: float = 0.8
+    outside_m: float = 0.05
+
+
+_SAME = Sameness()
 
 
 @dataclass(eq=False)
@@ -43,7 +60,7 @@ class Thing:
 
 def apart(part: Array, whole: cKDTree) -> float:
     """How far points (n, 3) of a part of a thing are from all points of it [m], the median."""
-    sample = part[:: max(1, len(part) // _SAMPLED)]
+    sample = part[:: max(1, len(part) // _SAME.sampled)]
     return float(np.median(whole.query(sample)[0])) if len(part) else np.inf
 
 
@@ -59,7 +76,7 @@ def is_again(thing: Thing, other: Thing) -> bool:
         [extent.aabb() for extent in large] if large else [thing.shape.box(), other.shape.box()]
     )
     shared = np.minimum(high, high2) - np.maximum(low, low2)
-    return bool((shared > (_SHARED if large else _ALIKE) * np.minimum(high - low, high2 - low2)).all())
+    return bool((shared > (_SAME.shared if large else _SAME.alike) * np.minimum(high - low, high2 - low2)).all())
 
 
 def is_part(thing: Thing, furniture: Thing) -> bool:
@@ -67,4 +84,4 @@ def is_part(thing: Thing, furniture: Thing) -> bool:
     if thing.phrase != furniture.phrase or thing.shape.kind == "furniture" or furniture.shape.kind != "furniture":
         return False
     (low, high), middle = furniture.shape.box(), thing.shape.box().mean(0)
-    return bool((middle[:2] > low[:2] - _OUTSIDE_M).all() and (middle < high + _OUTSIDE_M).all())
+    return bool((middle[:2] > low[:2] - _SAME.outside_m).all() and (middle < high + _SAME.outside_m).all())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -18,9 +19,25 @@ from mpvi_bt.rules.mounts import Mount
 from mpvi_bt.scene.knowledge import KnowledgeBase
 from mpvi_bt.shapes.moving_parts import Bar, Door
 
-_ROOM_M = 2.5  # how far from the spot's neighborhood solids are looked for
-_GRID_M = 0.05
-_WALL_M = 0.01
+
+@dataclass(frozen=True)
+class Spots:
+    """Where free places on a face are looked for.
+
+    Our choice: finer than a hand is wide.
+
+    Attributes:
+        room_m: How far from the spot's neighborhood solids are looked for [m].
+        grid_m: From one place to the next [m].
+        wall_m: What rises that much through a face is a wall of its own [m].
+    """
+
+    room_m: float = 2.5
+    grid_m: float = 0.05
+    wall_m: float = 0.01
+
+
+_SPOT = Spots()
 
 
 class Truth(WorldState, Protocol):
@@ -118,11 +135,13 @@ class TrueScene:
         faces = [s for s in own if s.kind != "sphere" and (s.aabb()[1] - s.aabb()[0])[:2].min() > 2 * radius_m]
         held = {n for side in ("left", "right") if (n := self.truth.holding(side)) is not None}
         carried = {m for n in held for m in (n, *self.truth.within(n))}
-        others = self.truth.obstacles(near, _ROOM_M, without={surface, *carried})
+        others = self.truth.obstacles(near, _SPOT.room_m, without={surface, *carried})
         spots: list[Array] = []
         for face in faces:
             low, high = face.aabb()
-            level = high[2] + _WALL_M  # what rises through it is a wall of its own: a round one is nearer to its box
+            level = (
+                high[2] + _SPOT.wall_m
+            )  # what rises through it is a wall of its own: a round one is nearer to its box
             walls = [f for f in own if f is not face and f.aabb()[0, 2] < level < f.aabb()[1, 2]]
             around = Surroundings(walls)
             above = [s.aabb() for s in (*others, *(f for f in own if f is not face and f not in walls))]
@@ -139,8 +158,8 @@ class TrueScene:
 
 def _lines(low: float, high: float) -> Array:
     """Coordinates (n,) of grid lines in a range, as far from its one end as from the other."""
-    n = int((high - low + 1e-9) / _GRID_M)
-    return np.asarray((low + high) / 2 + _GRID_M * (np.arange(n + 1) - n / 2), float)
+    n = int((high - low + 1e-9) / _SPOT.grid_m)
+    return np.asarray((low + high) / 2 + _SPOT.grid_m * (np.arange(n + 1) - n / 2), float)
 
 
 def _aside(box: Array, at: Array) -> Array:
