@@ -50,7 +50,10 @@ class Report:
 
 
 class Navigator(Protocol):
-    """Drives the base to a named target (Paper, Navigation)."""
+    """Drives the base to a named target (Paper, Navigation).
+
+    Optional: `leave()`, called right before `start`: where the base stands now is no place to stop this time.
+    """
 
     def start(self, target: str, room: str | None) -> None:
         """Begin driving to `target`, a phrase such as "trash can" or "kitchen"; `room` narrows the search."""

@@ -51,6 +51,26 @@ def test_a_receding_horizon_carries_out_the_beginning(length: int, horizon: int)
         np.testing.assert_array_equal(ask(policy)[:, 0], 100 * call + np.arange(min(length, horizon)))
 
 
+@pytest.mark.parametrize("make", [lambda p: RecedingHorizon(p, 2), TemporalEnsemble])
+def test_overlapping_chunks_tell_how_far_they_disagree(make: Any) -> None:
+    """Not at the first chunk; then by as much as the arm joints' targets differ; after a reset not at all."""
+
+    class Arms(Foreseeing):
+        def infer(self, observation: Mapping[str, Any]) -> Array:
+            chunk = super().infer(observation)
+            chunk[:, 16] = 0.3 * self.calls
+            return chunk
+
+    policy = make(Arms(5, lambda call, j: 0.0))
+    said = []
+    for _ in range(3):
+        ask(policy)
+        said.append(policy.disagreement)
+    assert said == pytest.approx([0.0, 0.3, 0.3])
+    policy.reset()
+    assert policy.disagreement == 0.0
+
+
 @given(length=st.integers(1, 12), steps=st.integers(1, 30), decay=st.floats(0, 2), seed=st.integers(0, 99))
 def test_an_ensemble_averages_what_was_foreseen_for_this_step(length: int, steps: int, decay: float, seed: int) -> None:
     """At step t, chunk k < t foresaw its action t - k; the oldest of those that reach so far weighs most."""

@@ -515,3 +515,21 @@ def test_a_full_hand_slows_the_start(width: float) -> None:
     navigator.step()
     speed = float(np.linalg.norm(robot.action[ActionLayout.BASE][:2]))
     assert speed == pytest.approx((CARRYING if width else Limits()).acceleration_m_s2 * 2 / CONTROL_HZ, rel=0.05)
+
+
+def test_a_navigator_that_leaves_stops_elsewhere_before_the_same_thing() -> None:
+    """Where it is there already it stays, unless it is told to leave: then it stops 0.4 m away or more, once."""
+    robot = KinematicRobot(2.0, 2.0)
+    can = thing("can", (3.0, 2.0, 0.1), (0.1, 0.1, 0.2))
+    navigator = KnownPlaceNavigator(robot, two_rooms(), knowing(can))
+    assert drive(robot, navigator, "can")[0].progress is Progress.SUCCEEDED
+    first = robot.pose.copy()
+    assert drive(robot, navigator, "can")[0].progress is Progress.SUCCEEDED
+    np.testing.assert_array_equal(robot.pose, first)
+    navigator.leave()
+    assert drive(robot, navigator, "can")[0].progress is Progress.SUCCEEDED
+    second = robot.pose.copy()
+    assert math.dist(second[:2], first[:2]) >= 0.4
+    assert distance_to(can, second[:2]) <= HANDOFF.distance_m
+    assert drive(robot, navigator, "can")[0].progress is Progress.SUCCEEDED
+    np.testing.assert_array_equal(robot.pose, second)

@@ -241,5 +241,5 @@ def test_our_behaviors_are_listed_with_their_parameters() -> None:
     shown = CliRunner().invoke(list_, ["behaviors"], standalone_mode=False).stdout
     assert all(len(line) <= 80 for line in shown.splitlines())
     words = " ".join(textwrap.dedent(shown).split())
-    assert "Drives the base to a named target. (leaf, target, [room])" in words
+    assert "Drives the base to a named target. (leaf, target, [room], [elsewhere: true or false])" in words
     assert {line.split()[0] for line in shown.splitlines() if line[0] != " "} == set(node_types())

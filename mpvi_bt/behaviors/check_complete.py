@@ -32,13 +32,14 @@ class CheckComplete(Leaf):
         name: In the tree.
         criterion: A state, such as "the trash can is held in a gripper".
         skill: Name of the primitive that ends the group, or None.
+        at_once: Ask once, at the first tick, by the head's picture; FAILURE with reason "not_complete" on a no.
     """
 
     stops_robot = False
 
-    def __init__(self, name: str, criterion: str, skill: str | None = None) -> None:
+    def __init__(self, name: str, criterion: str, skill: str | None = None, at_once: bool = False) -> None:
         super().__init__(name)
-        self.criterion, self.skill = criterion, skill
+        self.criterion, self.skill, self.at_once = criterion, skill, at_once
         self._cameras: dict[str, str] = {"grasp": "hand"}
         self._kinds: Mapping[str, float | None] | None = None
         self._asked_about = criterion
@@ -62,17 +63,24 @@ class CheckComplete(Leaf):
         super().initialise()
         self._asked_about = self.resolve(self.criterion)
         self.context.triggers.reset(self._kinds)
+        if self.at_once:
+            self._due = TriggerEvent("asked", None)
 
     def update(self) -> Status:
         """Watch for events; on one, ask; on a yes, end."""
-        with self.context.stopwatch("triggers"):
-            event = self.context.triggers.update()
-        if event is not None:
-            self._due = event
+        if not self.at_once:
+            with self.context.stopwatch("triggers"):
+                event = self.context.triggers.update()
+            if event is not None:
+                self._due = event
         if self._open is None and self._due is not None:
             self._ask(self._due)
             self._due = None
-        return Status.SUCCESS if self._open is not None and self._answered(*self._open) else Status.RUNNING
+        if self._open is not None and self._answered(*self._open):
+            return Status.SUCCESS
+        if self.at_once and self._open is None:
+            return self.fail("not_complete", self.feedback_message)
+        return Status.RUNNING
 
     def terminate(self, new_status: Status) -> None:
         """Forget the open question, and how often it asked; not when it begins, so that a resumed run counts on."""

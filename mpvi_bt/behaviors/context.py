@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import TracebackType
@@ -13,9 +13,13 @@ from typing import Any, Literal, Protocol
 from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.behaviors.question import Question
 from mpvi_bt.marked_yaml import Amount, Count
+from mpvi_bt.monitors.calibration import Calibration
 from mpvi_bt.plan.skills import Skill
 from mpvi_bt.protocols import Checker, Clock, Cost, Judgement, Memory, Navigator, Policy, Triggers
-from mpvi_bt.robot.protocol import Robot, Side
+from mpvi_bt.robot.protocol import CONTROL_HZ, Robot, Side
+from mpvi_bt.robot.solids import Array
+
+TRAIL_STEPS = 10 * CONTROL_HZ  # of a handoff's commands that are kept. Our choice: a reach takes less
 
 
 @dataclass(frozen=True)
@@ -116,6 +120,28 @@ class Replan:
     cost: Cost | None = None
 
 
+@dataclass
+class Handoff:
+    """One stretch of the policy's work that a `monitor` watched.
+
+    Attributes:
+        skill: That the policy was at, by name; "": not known.
+        path: Of the monitor.
+        began_s, ended_s: Simulated time.
+        ended: "success", "failure", or "interrupted", which it is until it ends.
+        reason: Of a failure, such as "alarm".
+        samples: The signals every half second, as of `monitors.signals.SIGNALS`.
+    """
+
+    skill: str
+    path: str
+    began_s: Amount
+    ended_s: Amount = 0.0
+    ended: Literal["success", "failure", "interrupted"] = "interrupted"
+    reason: str = ""
+    samples: list[list[Amount]] = field(default_factory=list)
+
+
 class Request(Protocol):
     """A new plan that an `attempt` waits for.
 
@@ -151,6 +177,7 @@ class Log:
         queries: Of the completion checker, in the order of their answers.
         notices: Of empty and lost grasps, in order.
         replans: Of requests for another plan, in the order of their answers.
+        handoffs: That monitors watched, in order.
         clipped: How many actions of the policy had to be brought within the robot's limits.
     """
 
@@ -158,6 +185,7 @@ class Log:
     queries: list[Query] = field(default_factory=list)
     notices: list[Notice] = field(default_factory=list)
     replans: list[Replan] = field(default_factory=list)
+    handoffs: list[Handoff] = field(default_factory=list)
     clipped: int = 0
 
 
@@ -210,6 +238,8 @@ class Context:
         while_asked: What the policy does while the checker has not answered yet: it goes on (Paper, Completion Checker:
             the VLA continues until it is told), or the robot holds still.
         asking: Questions to the checker that are open.
+        calibration: Thresholds of monitors; None: they never alarm.
+        trail: (23,) commands of the last handoff that a monitor watched, the newest last; at most `TRAIL_STEPS`.
         replanning: Has new plans made where an `attempt` wants one; None: it does without.
         log: Failures and queries so far.
         stopwatch: Where the wall time goes.
@@ -227,6 +257,8 @@ class Context:
     memory: Memory | None = None
     while_asked: Literal["go_on", "hold"] = "go_on"
     asking: set[Question[Judgement]] = field(default_factory=set)
+    calibration: Calibration | None = None
+    trail: deque[Array] = field(default_factory=lambda: deque(maxlen=TRAIL_STEPS))
     replanning: Replanning | None = None
     log: Log = field(default_factory=Log)
     stopwatch: Stopwatch = field(default_factory=Stopwatch)

@@ -15,17 +15,20 @@ class Navigate(Leaf):
         name: In the tree.
         target: Phrase such as "trash can".
         room: Where to look for it first.
+        elsewhere: Whether to stop at another place than where the base stands now.
     """
 
-    def __init__(self, name: str, target: str, room: str | None = None) -> None:
+    def __init__(self, name: str, target: str, room: str | None = None, elsewhere: bool = False) -> None:
         super().__init__(name)
-        self.target, self.room = target, room
+        self.target, self.room, self.elsewhere = target, room, elsewhere
 
     def initialise(self) -> None:
         """Start driving."""
         super().initialise()
         target, room = self.resolve(self.target), self.room and self.resolve(self.room)
         with self.context.stopwatch("navigation"):
+            if self.elsewhere:
+                getattr(self.context.navigator, "leave", lambda: None)()
             self.context.navigator.start(target, room)
 
     def update(self) -> Status:

@@ -45,6 +45,8 @@ _DURATION_SCHEMA = {
         {"type": "string", "pattern": "^[1-9][0-9]{0,8} steps?$"},
     ]
 }
+_ELSEWHERE = "true: not where the base stands now"
+_AT_ONCE = "true asks once, without waiting for a trigger, and a no is a failure"
 _MEMORY = "true resumes at the child that was running, false asks every child again"
 _ON_FAILURE = "advance goes on with the next child, replan asks the planner for another plan for the rest"
 _VALUE_SCHEMA = {"type": ["boolean", "number", "string"]}
@@ -156,11 +158,25 @@ class Call(Parameters):
     arguments: dict[str, Value] = {}
 
 
+class Watch(Parameters):
+    """Of monitor: the skill whose thresholds hold (none: it only records), and how many signals must agree."""
+
+    skill: str | None = None
+    agree: Annotated[int, Field(ge=1, le=4)] = 2
+
+
+class Back(Parameters):
+    """Of back_off: how far back along their way the arms go; nothing said, to where the handoff began."""
+
+    duration: Duration | None = None
+
+
 class NavigateTo(Parameters):
-    """Of navigate: what to drive to, and the room to look for it first."""
+    """Of navigate: what to drive to, the room to look for it first, and whether to stop elsewhere than now."""
 
     target: Line
     room: Line | None = None
+    elsewhere: Annotated[bool, Field(description=_ELSEWHERE)] = False
 
 
 class Prompt(Parameters):
@@ -174,6 +190,7 @@ class Criterion(Parameters):
 
     criterion: Line
     skill: str | None = None
+    at_once: Annotated[bool, Field(description=_AT_ONCE)] = False
 
 
 class Pause(Parameters):

@@ -18,6 +18,7 @@ from typing import Any, Literal
 
 from mpvi_bt.behaviors.parameters import (
     Assignment,
+    Back,
     Call,
     Comparison,
     Criterion,
@@ -36,6 +37,7 @@ from mpvi_bt.behaviors.parameters import (
     Times,
     Tries,
     Turn,
+    Watch,
     as_text,
     duration_text,
 )
@@ -174,6 +176,15 @@ _OWN = (
         label=lambda _, p: f"timeout {duration_text(p.limit)}",
     ),
     NodeType(
+        "monitor",
+        "decorator",
+        Watch,
+        "skill",
+        "mpvi_bt.behaviors.monitor:Monitor",
+        "Fails its child as soon as the policy's signals are not those of handoffs that went well.",
+        label=lambda _, p: f"monitor {p.skill}" if p.skill else "monitor",
+    ),
+    NodeType(
         "retry",
         "decorator",
         Tries,
@@ -234,7 +245,7 @@ _OWN = (
         "target",
         "mpvi_bt.behaviors.navigate:Navigate",
         "Drives the base to a named target.",
-        label=lambda _, p: f"Navigate({p.target}, {p.room})" if p.room else f"Navigate({p.target})",
+        label=lambda _, p: f"Navigate({', '.join((p.target, *filter(None, [p.room]), *['elsewhere'] * p.elsewhere))})",
         robot=True,
     ),
     NodeType(
@@ -254,7 +265,17 @@ _OWN = (
         "criterion",
         "mpvi_bt.behaviors.check_complete:CheckComplete",
         "Asks the checker about a state when a trigger fires.",
-        label=lambda _, p: f'CheckComplete("{p.criterion}")',
+        label=lambda _, p: f'CheckComplete("{p.criterion}"{", at once" if p.at_once else ""})',
+        robot=True,
+    ),
+    NodeType(
+        "back_off",
+        "leaf",
+        Back,
+        "duration",
+        "mpvi_bt.behaviors.back_off:BackOff",
+        "Takes the arms back along the way that they came.",
+        label=lambda _, p: "back off" if p.duration is None else f"back off {duration_text(p.duration)}",
         robot=True,
     ),
     NodeType(

@@ -46,6 +46,13 @@ class EpisodeConfig:
         policy_horizon: How many actions of each chunk are carried out before the policy is asked again; None: all.
         policy_ensemble: Decay of the weights where the policy is asked at every step and what its chunks foresee for a
             step is averaged; None: they are not averaged.
+        policy_faults: Faults that the policy is given, as of `disturbances.faults`, or None.
+        latency: How long policy, checker and planner take in simulated time, as of `disturbances.latency`; None: as
+            long as they say themselves.
+        while_inferring: What the robot does while a chunk is late: "hold", or "go_on" with the chunk before.
+        unit: Name or file of the tree that each unit of manipulation runs in, such as "intervene", or None: the policy
+            works until the checker says that it is complete.
+        calibration: File of the monitors' thresholds; None: they only record.
         assisted: Whether a closing hand fixes what it pinches to itself; otherwise grasps hold by friction alone.
         robot: Which robot, by name.
         sim: Whose scene it is run in: "sapien", the core's own, or "maniskill", that of its environment.
@@ -83,6 +90,11 @@ class EpisodeConfig:
     policy_settings: str | None = None
     policy_horizon: int | None = None
     policy_ensemble: float | None = None
+    policy_faults: str | None = None
+    latency: str | None = None
+    while_inferring: Literal["hold", "go_on"] = "hold"
+    unit: str | None = None
+    calibration: str | None = None
     assisted: bool = False
     robot: str = "r1"
     sim: Literal["sapien", "maniskill"] = "sapien"
@@ -151,5 +163,5 @@ ASKING = ("exchanges", "offline", "calls", "tokens", "suite_budget")
 # Left out where they are not used.
 _RARE = {
     "arguments", "substitute", "on_failure", "policy_settings", "policy_horizon", "policy_ensemble", "assisted",
-    "method", "drive", "split", "sim", "robot",
+    "policy_faults", "latency", "while_inferring", "unit", "calibration", "method", "drive", "split", "sim", "robot",
 }  # fmt: skip

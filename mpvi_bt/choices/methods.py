@@ -24,6 +24,7 @@ class Method(Record):
         about: One line for people.
         planner, map, detector, policy, checker, trigger: Backends, as of `EpisodeConfig`.
         drive, while_asked, on_failure, policy_settings, policy_horizon, policy_ensemble, assisted: Likewise.
+        policy_faults, latency, while_inferring, unit, calibration: Likewise.
     """
 
     about: Annotated[str, Field(min_length=1, max_length=300)]
@@ -39,6 +40,11 @@ class Method(Record):
     policy_settings: str | None = None
     policy_horizon: Annotated[int, Field(ge=1)] | None = None
     policy_ensemble: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
+    policy_faults: str | None = None
+    latency: str | None = None
+    while_inferring: Literal["hold", "go_on"] = "hold"
+    unit: str | None = None
+    calibration: str | None = None
     assisted: bool = False
 
 
@@ -69,6 +75,8 @@ def check_method(data: Any, marks: Marks) -> Method:
 
 def _problems(method: Method, marks: Marks) -> Iterator[FileProblem]:
     """Names that the method takes from elsewhere."""
+    from mpvi_bt.disturbances.faults import read_faults
+    from mpvi_bt.disturbances.latency import read_latencies
     from mpvi_bt.tree.compile import parse_on_failure
 
     for kind in BACKENDS:
@@ -79,10 +87,13 @@ def _problems(method: Method, marks: Marks) -> Iterator[FileProblem]:
             yield marks.unknown((kind,), "backend", given, error.known)
         except UserError as error:
             yield marks.problem((kind,), "invalid-value", str(error))
-    try:
-        parse_on_failure(method.on_failure)
-    except UserError as error:
-        yield marks.problem(("on_failure",), "invalid-value", str(error))
+    checks = {"on_failure": parse_on_failure, "policy_faults": read_faults, "latency": read_latencies}
+    for key, check in checks.items():
+        try:
+            if (given := getattr(method, key)) is not None:
+                check(given)
+        except UserError as error:
+            yield marks.problem((key,), "invalid-value", str(error))
     known = paths.names("policies")
     if method.policy_settings is not None and method.policy_settings not in known:
         yield marks.unknown(("policy_settings",), "settings", method.policy_settings, known)

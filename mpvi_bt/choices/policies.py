@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from mpvi_bt.choices.backends import choose, pair, split
 from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.lateness import latency_of
 from mpvi_bt.choices.plugins import find
 from mpvi_bt.errors import UserError
 from mpvi_bt.perception.detector import Detector
@@ -114,6 +115,31 @@ def in_chunks(policy: Policy, config: EpisodeConfig) -> Policy:
         return TemporalEnsemble(policy, config.policy_ensemble)
     if config.policy_horizon is not None:
         return RecedingHorizon(policy, config.policy_horizon)
+    return policy
+
+
+def disturbed(policy: Policy, config: EpisodeConfig, skills: Mapping[str, Skill], things: Sequence[str]) -> Policy:
+    """The policy, with the faults and the latency that the config gives it.
+
+    Args:
+        policy: As it carries out its chunks: what is late is each answer.
+        config: Of the episode.
+        skills: By name.
+        things: Phrases of the task's things.
+    """
+    from mpvi_bt.disturbances.faults import read_faults
+    from mpvi_bt.disturbances.faulty_policy import FaultyPolicy
+    from mpvi_bt.disturbances.late_policy import LatePolicy
+    from mpvi_bt.disturbances.latency import read_latencies
+
+    faults = read_faults(config.policy_faults) if config.policy_faults is not None else {}
+    late_s = faults.pop("late", None)
+    if faults:
+        policy = FaultyPolicy(policy, faults, config.seed, skills, things)
+    if late_s is not None:
+        policy = LatePolicy(policy, lambda answer: late_s)
+    if config.latency is not None and "policy" in read_latencies(config.latency):
+        policy = LatePolicy(policy, latency_of(config, "policy"), config.while_inferring)
     return policy
 
 

@@ -28,6 +28,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "explain": ("mpvi_bt.cli.trace:explain_", "Say why a recorded run ended as it did."),
     "diff": ("mpvi_bt.cli.trace:diff_", "Show the first tick at which two recorded runs part."),
     "suite": ("mpvi_bt.cli.suite:suite", "Run many episodes, resume them, tabulate the scores."),
+    "calibrate": ("mpvi_bt.cli.calibrate:calibrate", "Set the thresholds of monitors by runs that went well."),
     "dataset": ("mpvi_bt.cli.dataset:dataset", "Make a LeRobot dataset of recorded demonstrations."),
     "train": ("mpvi_bt.cli.train:train", "Train the weights of the learned policy."),
     "serve": ("mpvi_bt.cli.serve:serve", "Serve a policy, or the executive, to other programs."),
@@ -60,7 +61,7 @@ Exit codes: 0 done, 1 the task or check failed, 2 bad usage or input,
 
 def help_text() -> str:
     """What `mpvi --help` prints."""
-    return _HELP.format(commands="\n".join(f"  {name:8} {line}" for name, (_, line) in COMMANDS.items()))
+    return _HELP.format(commands="\n".join(f"  {name:9} {line}" for name, (_, line) in COMMANDS.items()))
 
 
 def main(args: Sequence[str] | None = None) -> None:

@@ -30,6 +30,11 @@ EXAMPLES: Mapping[str, tuple[str, str, str]] = {
         "my_tree.yaml --out my_tree.svg",
         f"{_TRACE} --out run.html",
     ),
+    "calibrate": (
+        "runs/watched",
+        "runs/watched --alpha 0.05 --out reactive.json",
+        "runs/watched --json",
+    ),
     "new": (
         "tree my_tree",
         "skill stash --like place_in",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 import tempfile
 from collections.abc import Iterable
@@ -15,6 +16,8 @@ from mpvi_bt import paths
 from mpvi_bt.choices.backends import BACKENDS, choose
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.errors import MpviError, UnknownName, UserError
+
+_FAULTS = ("freeze", "jitter", "drift", "late", "wrong_object")
 
 
 class File(click.ParamType[str]):
@@ -91,6 +94,31 @@ class Choice(click.ParamType[str]):
         """The names that begin with what is typed, with the colon before an address."""
         known = BACKENDS[self.kind].items()
         return _items((f"{n}:" if b.address and not b.optional else n for n, b in known), incomplete)
+
+
+class Written(click.ParamType[str]):
+    """A text in a small language of its own.
+
+    Args:
+        reader: "module:function" that reads it, and raises UserError.
+        begins: How it may begin, for Tab.
+    """
+
+    name = "text"
+
+    def __init__(self, reader: str, begins: Iterable[str]) -> None:
+        self.reader, self.begins = reader, tuple(begins)
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """As given, once it is known that it can be read. Raises UserError."""
+        module, _, function = self.reader.partition(":")
+        getattr(importlib.import_module(module), function)(value)
+        return value
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """How one of its parts begins, after those that are there."""
+        before, comma, _ = incomplete.rpartition(",")
+        return _items((before + comma + begin for begin in self.begins), incomplete)
 
 
 class Reaction(click.ParamType[str]):
@@ -211,6 +239,39 @@ def backends(command: Any) -> Any:
             type=Finite(min=0),
             metavar="DECAY",
             help="Ask at every step, and average overlapping chunks with weights exp(-DECAY i).",
+        ),
+        click.option(
+            "--policy-faults",
+            type=Written(
+                "mpvi_bt.disturbances.faults:read_faults", ("freeze", "jitter", "drift", "late", "wrong_object")
+            ),
+            metavar="FAULTS",
+            help='Give the policy faults, such as "freeze:p=0.01, jitter:0.02, drift, late:400ms, wrong_object".',
+        ),
+        click.option(
+            "--latency",
+            type=Written("mpvi_bt.disturbances.latency:read_latencies", ("policy=", "checker=", "planner=")),
+            metavar="TIMES",
+            help="Simulated seconds that answers take: policy=0.4,checker=0.5..2,planner=@FILE.",
+        ),
+        click.option(
+            "--while-inferring",
+            type=click.Choice(["hold", "go_on"]),
+            default="hold",
+            show_default=True,
+            help="What the robot does until a late chunk is there: hold, or go on with the one before.",
+        ),
+        click.option(
+            "--unit",
+            type=Name("trees", file=True),
+            metavar="TREE",
+            help="Run each unit of manipulation in this tree, such as monitored or intervene.",
+        ),
+        click.option(
+            "--calibration",
+            type=File(),
+            metavar="FILE",
+            help="Thresholds of the monitors, as `mpvi calibrate` writes them.",
         ),
         click.option("--assisted", is_flag=True, help="Fix a grasped object to the hand; every report says so."),
         click.option(

@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from mpvi_bt.behaviors.context import Context
 from mpvi_bt.choices.backends import NOBODY
 from mpvi_bt.choices.checkers import make_checker, make_triggers
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.detectors import make_detector
+from mpvi_bt.choices.lateness import LateChecker, latency_of
 from mpvi_bt.choices.navigators import explorer, make_navigator
-from mpvi_bt.choices.policies import Ground, demonstrations, in_chunks, make_policy
-from mpvi_bt.episode.prepare import Prepared
+from mpvi_bt.choices.policies import Ground, demonstrations, disturbed, in_chunks, make_policy
+from mpvi_bt.episode.prepare import Prepared, arrangement
 from mpvi_bt.executive.replanning import Replanning, things
 from mpvi_bt.house.house import House
 from mpvi_bt.navigation.exploring import ExploringNavigator
 from mpvi_bt.navigation.navigator import KnownPlaceNavigator
-from mpvi_bt.plan.planners import Planner
 from mpvi_bt.protocols import Policy
 from mpvi_bt.remote.remote_world import RemoteWorld
 from mpvi_bt.sim.world import World
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.compile import Drive
 from mpvi_bt.tree.relevant import task_relevant
 from mpvi_bt.tree.spec import TreeSpec
 
@@ -83,21 +83,23 @@ def assemble(
         navigator = explorer(world, None, relevant, detector, config.map, config.seed)
     guided = _guided(config, prepared)
     judged = vocabulary if house is None else {**vocabulary, **floors(house)}
+    checker = make_checker(config.checker, world, judged, config.seed, prepared.models)
     context = Context(
         clock=world,
         robot=world.robot,
         navigator=navigator,
-        policy=in_chunks(policy, config),
-        checker=make_checker(config.checker, world, judged, config.seed, prepared.models),
+        policy=disturbed(in_chunks(policy, config), config, skills, relevant),
+        checker=checker if config.latency is None else LateChecker(checker, latency_of(config, "checker")),
         triggers=make_triggers(config.trigger, world.robot),
         skills=skills,
         sense=navigator.feel if guided else lambda: None,
         memory=navigator if guided else None,
         while_asked=config.while_asked,
+        calibration=prepared.calibration,
         blackboard=dict(tree.spec.blackboard),
     )
     if prepared.planner is not None:
-        context.replanning = _replanning(prepared, prepared.planner, tree, context, world, config.drive)
+        context.replanning = _replanning(prepared, config, tree, context, world)
     return Parts(navigator, policy, context)
 
 
@@ -112,17 +114,28 @@ def _guided(config: EpisodeConfig, prepared: Prepared) -> bool:
 
 
 def _replanning(
-    prepared: Prepared, planner: Planner, tree: Tree, context: Context, world: World | RemoteWorld, drive: Drive
+    prepared: Prepared, config: EpisodeConfig, tree: Tree, context: Context, world: World | RemoteWorld
 ) -> Replanning:
     """What makes new plans, of what the robot itself has seen; what they name is looked for from then on."""
-    navigator, instruction = context.navigator, prepared.task.instruction if prepared.task else ""
+    assert prepared.planner is not None
+    replanning = partial(
+        Replanning,
+        prepared.planner,
+        tree,
+        context,
+        prepared.task.instruction if prepared.task else "",
+        drive=config.drive,
+        arrange=arrangement(config, context.skills),
+        late_s=latency_of(config, "planner", answers=1),  # the first is the plan itself
+    )
+    navigator = context.navigator
     if not isinstance(navigator, ExploringNavigator):
         assert isinstance(world, World)
-        return Replanning(planner, tree, context, instruction, lambda: things(world.knowledge()), drive=drive)
+        return replanning(seen=lambda: things(world.knowledge()))
     discoveries = navigator.lookout.discoveries
 
     def look_for(spec: TreeSpec) -> None:
         discoveries.phrases = tuple(dict.fromkeys((*discoveries.phrases, *task_relevant(spec, context.skills))))
 
     known = discoveries.knowledge
-    return Replanning(planner, tree, context, instruction, lambda: things(known), look_for, drive=drive)
+    return replanning(seen=lambda: things(known), swapped=look_for)

@@ -15,6 +15,7 @@ from mpvi_bt.choices.simulators import begin_elsewhere
 from mpvi_bt.choices.world_truth import Audit, TrueState
 from mpvi_bt.completion.oracle import OracleChecker
 from mpvi_bt.episode.assembly import assemble, floors
+from mpvi_bt.episode.disturbed import faults_of, lateness_of
 from mpvi_bt.episode.metrics import Meter
 from mpvi_bt.episode.prepare import Prepared, prepare_episode
 from mpvi_bt.episode.queries import count_queries
@@ -147,6 +148,9 @@ def run(
         queries=count_queries(outcome.log.queries, audit.truths, tree.spec),
         planning=Planning.of(prepared.planned),
         policies=_shares(policy),
+        faults=faults_of(context.policy),
+        lateness=lateness_of(context.policy),
+        handoffs=outcome.log.handoffs,
         things={name: [places[name], place] for name, place in _places(world).items() if name in places},
         wall={
             "total_s": total,

@@ -34,6 +34,11 @@ class Settings(TypedDict, total=False):
     policy_settings: str | None
     policy_horizon: int | None
     policy_ensemble: float | None
+    policy_faults: str | None
+    latency: str | None
+    while_inferring: Literal["hold", "go_on"]
+    unit: str | None
+    calibration: str | None
     assisted: bool
     exchanges: Path | str | None
     offline: bool

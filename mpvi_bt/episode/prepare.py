@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mpvi_bt import paths
+from mpvi_bt.behaviors.parameters import Pause
 from mpvi_bt.choices.backends import BACKENDS, NOBODY, choose, split
 from mpvi_bt.choices.checkers import check_checker_choice
 from mpvi_bt.choices.checkers import doubt as checker_doubt
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.detectors import make_detector
 from mpvi_bt.choices.language_models import Models, check_language_choice, language_doubts
+from mpvi_bt.choices.lateness import latency_of
 from mpvi_bt.choices.planning import ground, make_planner
 from mpvi_bt.choices.plugins import find
 from mpvi_bt.choices.policies import check_policy_choice
@@ -24,6 +26,7 @@ from mpvi_bt.house.house import load_house
 from mpvi_bt.instances.splits import check_split
 from mpvi_bt.instances.tasks import Task, load_task
 from mpvi_bt.marked_yaml import Marks, load_marked
+from mpvi_bt.monitors.calibration import Calibration, load_calibration
 from mpvi_bt.plan.check import plan_problems
 from mpvi_bt.plan.later import LaterPlanner
 from mpvi_bt.plan.planners import Planned, Planner, RecordedPlanner
@@ -31,9 +34,9 @@ from mpvi_bt.plan.schema import Plan, check_plan
 from mpvi_bt.plan.skills import Skill, load_skills
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.robots import robot_named
-from mpvi_bt.tree.compile import compile_instruction, compile_plan
+from mpvi_bt.tree.compile import UNIT_PARAMETERS, Arrange, compile_instruction, compile_plan
 from mpvi_bt.tree.lint import check_rooms, lint
-from mpvi_bt.tree.spec import Placed, TreeSpec
+from mpvi_bt.tree.spec import NodeSpec, Placed, TreeSpec
 from mpvi_bt.tree.substitute import Rules, load_rules
 from mpvi_bt.tree.yaml_io import check_tree
 from mpvi_bt.writing import write_whole
@@ -52,6 +55,7 @@ class Prepared:
         planned: What the planner made of the instruction, if it was asked.
         saved: Where it was stopped, if it goes on from there.
         planner: Makes a new plan where a unit fails that asks for one, or None.
+        calibration: Thresholds of monitors, or None.
     """
 
     task: Task | None
@@ -62,6 +66,7 @@ class Prepared:
     planned: Planned | None = None
     saved: SavedEpisode | None = None
     planner: Planner | None = None
+    calibration: Calibration | None = None
 
     @property
     def doubt(self) -> str:
@@ -91,6 +96,7 @@ def prepare(
     task = load_task(config.task) if config.task else None
     skills, arguments = load_skills(), dict(config.arguments)
     models, planned = Models(config), None
+    arrange = arrangement(config, skills)
     if arguments and config.tree is None:
         raise UserError("only a tree of a file has parameters; name one with --tree.")
     if config.planner == NOBODY:
@@ -100,10 +106,12 @@ def prepare(
             raise UserError("the tree of a file says itself what becomes of failures; --on-failure is for plans.")
         if config.drive != "navigator":
             raise UserError("the tree of a file says itself who drives; --drive is for plans.")
+        if config.unit is not None:
+            raise UserError("the tree of a file has its own units; --unit is for plans.")
         spec = _tree(given if isinstance(given, TreeSpec) else config.tree, task, skills, arguments)
     elif config.plan is not None:
         plan = _plan(given if isinstance(given, Plan) else config.plan, task, skills, robot_named(config.robot))
-        spec = compile_plan(plan, skills, config.on_failure, config.drive)
+        spec = compile_plan(plan, skills, config.on_failure, config.drive, arrange)
     elif task is not None and config.planner == NOBODY:
         spec = compile_instruction(config.task_name, task.instruction)
     elif task is not None:
@@ -111,18 +119,52 @@ def prepare(
         if planned.answers and config.planned is not None:
             config.planned.parent.mkdir(parents=True, exist_ok=True)
             write_whole(config.planned, planned.plan.to_json())
-        spec = compile_plan(planned.plan, skills, config.on_failure, config.drive)
+        spec = compile_plan(planned.plan, skills, config.on_failure, config.drive, arrange)
         if problems := check_rooms(spec, load_house(task.house).rooms):
             raise FileProblems(problems)
     else:
         raise UserError("there is nothing to run: name a task, a tree or a plan.")
     check_hands(robot_named(config.robot), spec, skills)
+    if planned is not None and (late_s := latency_of(config, "planner")(0)) > 0:
+        wait = NodeSpec("wait", Pause(duration=late_s), "")
+        spec = replace(spec, root=replace(spec.root, children=(wait, *spec.root.children)))
     rules = None
     if config.substitute is not None:
         rules = load_rules(config.substitute)
         rules.check(spec)
     planner = _replanner(config, task, models, spec, skills, given)
-    return Prepared(task, skills, spec, rules, models, planned, planner=planner)
+    return Prepared(task, skills, spec, rules, models, planned, planner=planner, calibration=calibration_of(config))
+
+
+def calibration_of(config: EpisodeConfig) -> Calibration | None:
+    """The thresholds of monitors. Raises UserError if they are of another policy or robot, FileProblems if broken."""
+    if config.calibration is None:
+        return None
+    return load_calibration(config.calibration, split(config.policy)[0], config.robot)
+
+
+def arrangement(config: EpisodeConfig, skills: Mapping[str, Skill]) -> Arrange | None:
+    """What makes the node of each unit of manipulation: the tree that `config.unit` names; None if it names none.
+
+    Raises:
+        UserError: There is no such tree, or it has parameters besides `UNIT_PARAMETERS` without a value.
+        FileProblems: Everything that is wrong with it.
+    """
+    if config.unit is None:
+        return None
+    data, marks = load_marked(paths.find_or_file("trees", config.unit))
+    tree = check_tree(data, marks, skills)
+    if wrong := [problem for problem in lint(tree, skills, marks) if problem.severity == "error"]:
+        raise FileProblems(wrong)
+    if more := sorted({*tree.unbound} - {*UNIT_PARAMETERS}):
+        known = ", ".join(UNIT_PARAMETERS)
+        raise UserError(f"--unit {config.unit}: its parameter {more[0]!r} has no value; a unit has {known}.")
+
+    def arranged(told: Mapping[str, str]) -> NodeSpec | None:
+        arguments = {name: told[name] for name in UNIT_PARAMETERS if name in tree.parameters}
+        return check_tree(data, marks, skills, arguments).root if all(arguments.values()) else None
+
+    return arranged
 
 
 def named(given: TreeSpec | Plan) -> str:
@@ -293,7 +335,9 @@ def prepare_saved(saved: SavedEpisode, config: EpisodeConfig) -> Prepared:
     models = Models(config)
     skills = load_skills()
     planner = _replanner(config, task, models, spec, skills)
-    ready = Prepared(task, skills, spec, rules, models, saved=saved, planner=planner)
+    ready = Prepared(
+        task, skills, spec, rules, models, saved=saved, planner=planner, calibration=calibration_of(config)
+    )
     if not saved.dry:
         _check_replanning(ready)
     return ready

@@ -9,12 +9,14 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, JsonValue, model_validator
 
 from mpvi_bt import __version__, paths
+from mpvi_bt.behaviors.context import Handoff
 from mpvi_bt.choices.backends import privileged
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.drawing.endings import ended, gave_up
@@ -28,6 +30,8 @@ from mpvi_bt.instances.tasks import Task
 from mpvi_bt.marked_yaml import Amount, Count, Record, Share
 from mpvi_bt.plan.planners import Planned
 from mpvi_bt.writing import unwritable, write_whole
+
+_IF_ANY = Field(exclude_if=lambda value: value is None)  # a key that most results would have as null
 
 
 class Score(Record):
@@ -149,6 +153,18 @@ class PolicyShare(Record):
     steps: Count
 
 
+class Lateness(Record):
+    """What the policy's latency came to, by vla-eval's names.
+
+    Attributes:
+        stale_action_ratio: Share of the policy's steps in which the robot held for want of an action.
+        effective_control_hz: Actions from chunks a simulated second.
+    """
+
+    stale_action_ratio: Share
+    effective_control_hz: Amount
+
+
 class Result(Record):
     """One episode's result; the field names are the file's keys.
 
@@ -168,6 +184,9 @@ class Result(Record):
         queries: Of the completion checker.
         planning: Of the language model that made the plan; null if none did.
         policies: By name, of two policies such as "learned+reactive"; empty where one does everything.
+        faults: How often each fault that the policy was given came about; absent if it was given none.
+        lateness: Of the policy; absent if it was not made late.
+        handoffs: That a `monitor` watched, with their signals; absent if there was none.
         config: Everything that can change the outcome.
         privileged: Backends that read simulator truth, as "kind:name".
         way: Of the base and of things, for drawing; null where it was not kept.
@@ -200,6 +219,9 @@ class Result(Record):
     queries: Queries = Queries()
     planning: Planning | None = None
     policies: dict[str, PolicyShare] = {}
+    faults: Annotated[dict[str, Count] | None, _IF_ANY] = None
+    lateness: Annotated[Lateness | None, _IF_ANY] = None
+    handoffs: Annotated[list[dict[str, JsonValue]] | None, _IF_ANY] = None
     config: dict[str, JsonValue]
     privileged: list[str]
     way: Way | None = None
@@ -254,6 +276,9 @@ def make_result(
     queries: Queries | None = None,
     planning: Planning | None = None,
     policies: Mapping[str, PolicyShare] | None = None,
+    faults: Mapping[str, int] | None = None,
+    lateness: Lateness | None = None,
+    handoffs: Iterable[Handoff] = (),
     things: Mapping[str, list[list[float]]] | None = None,
     wall: Mapping[str, Any] | None = None,
 ) -> Result:
@@ -267,7 +292,7 @@ def make_result(
         ended: How the episode ended.
         failures: What failed on the way, in order.
         replans: Requests for a new plan, in order.
-        clipped, grasps, queries, planning, policies: As of `Result`.
+        clipped, grasps, queries, planning, policies, faults, lateness, handoffs: As of `Result`.
         things: As of `Way`.
         wall: Wall-clock figures [s]; may nest.
     """
@@ -304,6 +329,9 @@ def make_result(
         queries=queries or Queries(),
         planning=planning,
         policies=dict(policies or {}),
+        faults=None if faults is None else dict(faults),
+        lateness=lateness,
+        handoffs=[asdict(handoff) for handoff in handoffs] or None,
         config=config.record(),
         privileged=privileged(config.backends),
         way=Way(base=measured.way, things=dict(things or {})),

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from mpvi_bt.choices.world_truth import Audit
 
 FORMAT = 1  # of these files
-_FILES = ("task", "tree", "plan", "substitute", "policy_settings")  # what may name one
+_FILES = ("task", "tree", "plan", "substitute", "policy_settings", "unit", "calibration")  # what may name one
 
 
 class SavedSettings(Record):
@@ -49,6 +49,11 @@ class SavedSettings(Record):
     policy_settings: str | None = None
     policy_horizon: Annotated[int, Field(ge=1)] | None = None
     policy_ensemble: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
+    policy_faults: str | None = None
+    latency: str | None = None
+    while_inferring: Literal["hold", "go_on"] = "hold"
+    unit: str | None = None
+    calibration: str | None = None
     assisted: bool = False
     robot: str = "r1"
     sim: Literal["sapien", "maniskill"] = "sapien"

@@ -20,7 +20,7 @@ from mpvi_bt.plan.schema import Plan
 from mpvi_bt.protocols import Cost
 from mpvi_bt.scene.knowledge import LIKELY, Entry
 from mpvi_bt.tree.build import Tree
-from mpvi_bt.tree.compile import Drive, compile_units
+from mpvi_bt.tree.compile import Arrange, Drive, compile_units
 from mpvi_bt.tree.spec import Placed, TreeSpec
 
 MOST = 3  # questions to a planner that does not say; Our choice: what failed three times over is not mended by a fourth
@@ -43,7 +43,8 @@ class Replanning:
         instruction: What the tree is to carry out; "": what it says itself.
         seen: What the robot knows of things, when it is asked.
         swapped: Called with the new tree after each swap.
-        drive: Who carries out the navigation segments of new plans, as of `compile_plan`.
+        drive, arrange: Of new plans, as of `compile_plan`.
+        late_s: What each answer takes besides, in simulated time [s], by its number in the episode.
     """
 
     def __init__(
@@ -55,10 +56,13 @@ class Replanning:
         seen: Callable[[], Iterable[Thing]] = tuple,
         swapped: Callable[[TreeSpec], object] = lambda spec: None,
         drive: Drive = "navigator",
+        arrange: Arrange | None = None,
+        late_s: Callable[[int], float] = lambda answer: 0.0,
     ) -> None:
         self._planner, self._tree, self._context = planner, tree, context
         self._instruction, self._seen, self._swapped = instruction, seen, swapped
         self._most, self._drive = getattr(planner, "most", MOST), drive
+        self._arrange, self._late_s = arrange, late_s
         self._open: list[_Request] = []
 
     def ask(self, path: str, failure: Failure) -> _Request:
@@ -73,10 +77,11 @@ class Replanning:
             return _Request(path, log, f"no new plan: {self._most} were asked for already")
         history = history_of(self._tree, self._context, path, failure, self._seen())
         instruction = self._instruction or self._tree.spec.instruction
+        late_s = self._late_s(len(log.replans))
         question = Question(
             partial(_rest, self._planner, self._tree.spec.name, instruction, history),
             self._context.clock,
-            lambda rest: rest.latency_s,
+            lambda rest: rest.latency_s + late_s,
             at_once=not getattr(self._planner, "remote", False),
         )
         self._open.append(_Request(path, log, "asking for a new plan", question))
@@ -99,7 +104,7 @@ class Replanning:
         index = 1 + max((i for segments in kept for i in segments), default=-1)
         plan = rest.plan
         skills = self._context.skills
-        units = compile_units(plan, skills, "replan", self._drive, place + 1, index) if plan else ()
+        units = compile_units(plan, skills, "replan", self._drive, place + 1, index, self._arrange) if plan else ()
         try:
             self._tree.swap_after(path, units)
         except (UserError, BackendError) as error:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import ConfigDict, Field, JsonValue
 
-from mpvi_bt.behaviors.context import Context, Failure, Notice, Query, Replan
+from mpvi_bt.behaviors.context import Context, Failure, Handoff, Notice, Query, Replan
 from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.errors import UserError
 from mpvi_bt.executive.loop import World
@@ -31,7 +31,7 @@ class SavedRun(Record):
         blackboard: Of the run.
         failures: Segments that were given up so far.
         queries: Questions to the checker so far.
-        notices, replans, clipped: As of the log so far.
+        notices, replans, handoffs, clipped: As of the log so far.
         world: What the world says of itself.
         memory: What was learned.
     """
@@ -42,6 +42,7 @@ class SavedRun(Record):
     queries: list[Query] = []
     notices: list[Notice] = []
     replans: list[Replan] = []
+    handoffs: list[Handoff] = []
     clipped: Annotated[int, Field(ge=0)] = 0
     world: SavedWorld
     memory: dict[str, JsonValue] = {}
@@ -57,6 +58,7 @@ def save_run(tree: Tree, world: World) -> SavedRun:
         queries=list(log.queries),
         notices=list(log.notices),
         replans=list(log.replans),
+        handoffs=list(log.handoffs),
         clipped=log.clipped,
         world=SavedWorld.model_validate(world.save()),
         memory=tree.context.memory.save() if tree.context.memory else {},
@@ -79,5 +81,5 @@ def restore_world(saved: SavedRun, world: World, context: Context) -> None:
     context.blackboard.update(saved.blackboard)
     log = context.log
     log.failures[:], log.queries[:], log.notices[:] = saved.failures, saved.queries, saved.notices
-    log.replans[:] = saved.replans
+    log.replans[:], log.handoffs[:] = saved.replans, saved.handoffs
     log.clipped = saved.clipped

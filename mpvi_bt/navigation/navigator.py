@@ -27,9 +27,11 @@ class Trip:
 
     target: str
     room: str | None
+    left: Array | None = None  # (3,) the pose that is not to be stopped at
 
 
 _GOALS = 40  # looked at of each target: the best where nothing carried would touch
+_ELSEWHERE_M = 0.4  # from the pose that was left: a place as near is the same place. Our choice: half a base
 _RATHER_M = 2.0  # of driving: what it is worth to stand nearer to the target than to what could be taken for it
 
 
@@ -69,6 +71,7 @@ class KnownPlaceNavigator:
         self._work: Iterator[Report] | None = None
         self._trip = Trip("", None)
         self._last = Report(Progress.FAILED, "not_started")
+        self._leaving: Array | None = None
         self._been: dict[str, str] = {}  # phrases to the fixture so called that it was at last
         self._at, self._held = "", 0  # the object that it has arrived at, and how many hands held something then
         self._left: set[str] = set()  # objects that it came away from with as much in its hands
@@ -98,8 +101,13 @@ class KnownPlaceNavigator:
         self._driver.forget()
         if self._at and self._hands() == self._held:
             self._left.add(self._at)
-        self._at, self._trip = "", Trip(target, room)
+        self._at, self._trip = "", Trip(target, room, self._leaving)
+        self._leaving = None
         self._work = self._drive(self._trip)
+
+    def leave(self) -> None:
+        """Have the next drive stop elsewhere than where the base stands now; see `Navigator`."""
+        self._leaving = self._robot.proprioception().base_pose.copy()
 
     def feel(self) -> None:
         """Once a control step, whatever the robot does: nothing, as the knowledge base knows what is held."""
@@ -188,10 +196,15 @@ class KnownPlaceNavigator:
         """Poses before any of the entries, rather such as skills will take them for what is meant from."""
         others = self._put_away(entries)
         return [
-            replace(g, score=g.score + _RATHER_M * _mistakable([e], others, g.pose))
+            replace(g, score=g.score + _RATHER_M * (_mistakable([e], others, g.pose) + self._was_left(g.pose)))
             for e in entries
             for g in object_goals(e, start, grid, self.parameters.handoff, most=_GOALS)
         ]
+
+    def _was_left(self, pose: Array) -> bool:
+        """Whether a pose (3,) is where this drive is to lead away from."""
+        left = self._trip.left
+        return left is not None and float(norm(pose[:2] - left[:2])) < _ELSEWHERE_M
 
     def _put_away(self, entries: list[Entry]) -> list[Entry]:
         """What is called like objects and put away farther than they are: a skill that only sees cannot know that."""
@@ -230,7 +243,7 @@ class KnownPlaceNavigator:
 
     def _is_there(self, entries: list[Entry], room: str | None, slack_m: float = 0.0) -> bool:
         pose = self._robot.proprioception().base_pose
-        if not np.isfinite(pose).all():
+        if not np.isfinite(pose).all() or self._was_left(pose):
             return False
         if not entries:
             return room is not None and self._map().room_at(pose[:2]) == room

@@ -16,7 +16,7 @@ from mpvi_bt.choices.planning import make_planner
 from mpvi_bt.episode.assembly import assemble
 from mpvi_bt.episode.brief import brief
 from mpvi_bt.episode.hands_needed import check_hands
-from mpvi_bt.episode.prepare import Prepared, check_backends, prepare
+from mpvi_bt.episode.prepare import Prepared, arrangement, check_backends, prepare
 from mpvi_bt.episode.result import write_json
 from mpvi_bt.errors import BadMessage, NodeError, UserError, nearest, shown
 from mpvi_bt.executive.loop import Last, Outcome, Subscriber, run_episode
@@ -198,7 +198,7 @@ def _instructed(config: EpisodeConfig, name: str, instruction: str, tell: Callab
         planner = make_planner(config, None, models, tell=tell)
         planned = planner.ask(name, instruction)
         plan = planned.plan
-    spec = compile_plan(plan, skills, config.on_failure, config.drive)
+    spec = compile_plan(plan, skills, config.on_failure, config.drive, arrangement(config, skills))
     check_hands(robot_named(config.robot), spec, skills)
     return Prepared(None, skills, spec, None, models, planned, planner=planner)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 from mpvi_bt.behaviors.parameters import Criterion, Limit, Memory, NavigateTo, NoParameters, OnFailure, Prompt, Tries
@@ -20,11 +21,19 @@ _LONGEST_NAME = 120  # of a unit that joins many segments; its prompt holds them
 MANIPULATION_TIMEOUT_S = 90.0  # Our choice: of a segment that no skill file gives a time
 DRIVING = "go_to"  # the skill whose triggers tell that a drive has ended
 Drive = Literal["navigator", "policy"]
+# From prompt, criterion, skill and place (the last navigation's target; "": none came before) to the node that carries
+# a unit of manipulation out, timeout apart; None: as ever.
+UNIT_PARAMETERS = ("prompt", "criterion", "skill", "place")
+Arrange = Callable[[Mapping[str, str]], NodeSpec | None]
 _SETTING = re.compile(r"(advance|replan)|retry:([1-9][0-9]{0,2})")
 
 
 def compile_plan(
-    plan: Plan, skills: Mapping[str, Skill], on_failure: str = "advance", drive: Drive = "navigator"
+    plan: Plan,
+    skills: Mapping[str, Skill],
+    on_failure: str = "advance",
+    drive: Drive = "navigator",
+    arrange: Arrange | None = None,
 ) -> TreeSpec:
     """The tree of a plan.
 
@@ -39,11 +48,15 @@ def compile_plan(
         on_failure: What becomes of a unit that fails, see `parse_on_failure`.
         drive: Who carries out navigation segments. "policy": each is a unit as of manipulation, its description the
             prompt (Paper, Ablation Study, Subtask Prediction).
+        arrange: Makes the node of each unit of manipulation that ends with a known skill. None: the policy works until
+            the checker says that it is complete.
 
     Raises:
         UserError: There is no such setting.
     """
-    root = NodeSpec("sequence", Memory(memory=True), plan.task_name, compile_units(plan, skills, on_failure, drive))
+    root = NodeSpec(
+        "sequence", Memory(memory=True), plan.task_name, compile_units(plan, skills, on_failure, drive, arrange=arrange)
+    )
     return TreeSpec(plan.task_name, root, plan.instruction)
 
 
@@ -54,7 +67,7 @@ def compile_instruction(name: str, instruction: str) -> TreeSpec:
 
 def prompts_of(plan: Plan) -> list[str]:
     """What a policy is told that drives, too, unit by unit."""
-    return [", then ".join(plan.segments[i].description for i in segments) for segments in units(plan)]
+    return [_joined([plan.segments[i] for i in segments]) for segments in units(plan)]
 
 
 def compile_units(
@@ -64,18 +77,19 @@ def compile_units(
     drive: Drive = "navigator",
     number: int = 1,
     index: int = 0,
+    arrange: Arrange | None = None,
 ) -> tuple[NodeSpec, ...]:
     """The units of `compile_plan`.
 
     Args:
-        plan, skills, on_failure, drive: As of `compile_plan`.
+        plan, skills, on_failure, drive, arrange: As of `compile_plan`.
         number: Of the first unit, more than 1 of a plan that is the rest of another.
         index: Of the first segment, likewise.
     """
     parameters, retries = parse_on_failure(on_failure)
     found = primitives(plan, skills)
     return tuple(
-        _attempt(n, segments, plan, _unit(segments, plan, found, index, skills, drive), parameters, retries)
+        _attempt(n, segments, plan, _unit(segments, plan, found, index, skills, drive, arrange), parameters, retries)
         for n, segments in enumerate(units(plan), start=number)
     )
 
@@ -115,6 +129,7 @@ def _unit(
     index: int,
     skills: Mapping[str, Skill],
     drive: Drive,
+    arrange: Arrange | None,
 ) -> NodeSpec:
     parts = [plan.segments[i] for i in segments]
     numbers = tuple(index + i for i in segments)
@@ -129,6 +144,11 @@ def _unit(
         known = [call.skill if (call := found[i].call) else None for i in segments]
         seconds = sum(skill.timeout_s if skill else MANIPULATION_TIMEOUT_S for skill in known)
         node = _by_policy(parts, numbers, known[-1])
+        if arrange is not None and known[-1] is not None:
+            before = plan.segments[segments[0] - 1] if segments[0] else None
+            place = _meant(before) if isinstance(before, Navigation) else ""
+            if (arranged := arrange(_told(parts, known[-1], place))) is not None:
+                node = replace(arranged, segments=numbers)
     return NodeSpec("timeout", Limit(limit=seconds), "", (node,), numbers)
 
 
@@ -152,10 +172,21 @@ def _meant(segment: Navigation) -> str:
 
 def _by_policy(parts: Sequence[Segment], numbers: tuple[int, ...], last: Skill | None) -> NodeSpec:
     """The policy at work on some segments until the checker says that the last one, done by that skill, is complete."""
-    prompt = Prompt(prompt=escaped(", then ".join(part.description for part in parts)))
+    prompt = Prompt(prompt=escaped(_joined(parts)))
     criterion = Criterion(criterion=escaped(parts[-1].completion_criterion), skill=last.name if last else None)
     children = (
         NodeSpec("manipulate", prompt, segments=numbers),
         NodeSpec("check_complete", criterion, segments=numbers[-1:]),
     )
     return NodeSpec("until_complete", NoParameters(), "", children, numbers)
+
+
+def _joined(parts: Sequence[Segment]) -> str:
+    """The prompt of a unit."""
+    return ", then ".join(part.description for part in parts)
+
+
+def _told(parts: Sequence[Segment], last: Skill, place: str) -> dict[str, str]:
+    """The arguments of a unit's arrangement."""
+    told = {"prompt": _joined(parts), "criterion": parts[-1].completion_criterion, "place": place}
+    return {name: escaped(text) for name, text in told.items()} | {"skill": last.name}

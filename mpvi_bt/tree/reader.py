@@ -223,14 +223,14 @@ class _Reader:
                     self.reading.add(problem)
             return None
         skill, skills = getattr(parameters, "skill", None), self.reading.skills
-        if (
-            skills is not None
-            and skill is not None
-            and skill not in skills
-            and references.whole(skill) not in self.unbound
-        ):
+        if skills is not None and skill is not None and skill not in skills and not self._is_open(skill, raw):
             self.reading.add(self.marks.unknown((*at, "skill"), "skill", skill, skills))
         return parameters
+
+    def _is_open(self, skill: str, raw: Mapping[str, Any]) -> bool:
+        """Whether a skill is a parameter that has no value, of this tree or of one that calls it."""
+        name = references.whole(skill)
+        return name is not None and (name in self.unbound or references.whole(raw.get("skill")) in self.values)
 
     def children(
         self, data: dict[str, Any], at: Location, node_type: NodeType, segments: tuple[int, ...]

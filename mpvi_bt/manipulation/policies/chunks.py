@@ -12,17 +12,24 @@ from mpvi_bt.action_chunk import ask
 from mpvi_bt.errors import UserError, shown
 from mpvi_bt.protocols import Policy
 from mpvi_bt.robot.linear_algebra import matmul
+from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.robot.solids import Array
 
 DECAY = 0.01  # per step of age; the value that ACT was published with
+_ARMS = np.r_[ActionLayout.ARM["left"], ActionLayout.ARM["right"]]
 _OLDEST = 1024  # chunks that are kept
 
 
-class _Wrapped:
-    """Is, but for its actions, the policy that it wraps."""
+class WrappedPolicy:
+    """Is, but for its actions, the policy that it wraps: the base of what changes actions on their way."""
 
     def __init__(self, policy: Policy) -> None:
         self._policy = policy
+
+    @property
+    def wrapped(self) -> Policy:
+        """The policy that this one wraps."""
+        return self._policy
 
     @property
     def name(self) -> str:
@@ -44,12 +51,31 @@ class _Wrapped:
         """As the policy says; no if it never does."""
         return getattr(self._policy, "gave_up", False)
 
+    @property
+    def disagreement(self) -> float:
+        """Of the newest chunk with what was foreseen for its steps before [rad]; 0 if chunks do not overlap."""
+        return getattr(self._policy, "disagreement", 0.0)
+
     def reset(self) -> None:
         """Forget everything."""
         self._policy.reset()
 
 
-class RecedingHorizon(_Wrapped):
+def difference(foreseen: Array | None, chunk: Array) -> float:
+    """How far two chunks for the same steps are apart [rad]: the arm joint that differs most, averaged over the steps.
+
+    Args:
+        foreseen: (k, 23) what was foreseen, from this step on; None: nothing.
+        chunk: (H, 23) what is now.
+    """
+    steps = 0 if foreseen is None else min(len(foreseen), len(chunk))
+    if foreseen is None or not steps:
+        return 0.0
+    apart = np.abs(chunk[:steps, _ARMS] - foreseen[:steps, _ARMS])
+    return float(apart.max(1).mean())
+
+
+class RecedingHorizon(WrappedPolicy):
     """Carries out the beginning of each chunk, then asks again: what the policy sees is never older than that.
 
     Args:
@@ -65,13 +91,28 @@ class RecedingHorizon(_Wrapped):
         if not isinstance(horizon, int) or isinstance(horizon, bool) or horizon < 1:
             raise UserError(f"a horizon is a whole number of actions, at least 1, not {shown(horizon)}")
         self._horizon = horizon
+        self._rest: Array | None = None
+        self._disagreement = 0.0
+
+    @property
+    def disagreement(self) -> float:
+        """Of the newest chunk with the end of the one before, which was dropped [rad]."""
+        return self._disagreement
+
+    def reset(self) -> None:
+        """Forget everything."""
+        super().reset()
+        self._rest, self._disagreement = None, 0.0
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
         """(h, 23), h at most the horizon. Raises PolicyError if the policy gives no chunk."""
-        return ask(self._policy, observation)[: self._horizon]
+        chunk = ask(self._policy, observation)
+        self._disagreement = difference(self._rest, chunk)
+        self._rest = chunk[self._horizon :]
+        return chunk[: self._horizon]
 
 
-class TemporalEnsemble(_Wrapped):
+class TemporalEnsemble(WrappedPolicy):
     """Asks at every step, and acts by the mean of all that chunks so far have foreseen for this step.
 
     The weights are exp(-decay * i), i = 0 for the oldest chunk (Zhao et al., "Learning Fine-Grained Bimanual
@@ -92,12 +133,19 @@ class TemporalEnsemble(_Wrapped):
             raise UserError(f"a decay is a finite number, at least 0, not {shown(decay)}")
         self._decay = decay
         self._prompt: str | None = None
+        self._disagreement = 0.0
         self._chunks: list[Array] = []  # the oldest first; each begins at the present step
+
+    @property
+    def disagreement(self) -> float:
+        """Of the newest chunk with the one before [rad]."""
+        return self._disagreement
 
     def reset(self) -> None:
         """Forget everything, what was foreseen too."""
         super().reset()
         self._chunks.clear()
+        self._disagreement = 0.0
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
         """(1, 23). Raises PolicyError if the policy gives no chunk."""
@@ -105,7 +153,9 @@ class TemporalEnsemble(_Wrapped):
             self._prompt = str(observation["prompt"])
             self._chunks.clear()
         newest = ask(self._policy, observation)
-        self._chunks = [chunk[1:] for chunk in self._chunks if len(chunk) > 1][-_OLDEST:] + [newest]
+        self._chunks = [chunk[1:] for chunk in self._chunks if len(chunk) > 1][-_OLDEST:]
+        self._disagreement = difference(self._chunks[-1] if self._chunks else None, newest)
+        self._chunks.append(newest)
         weights = np.exp(-self._decay * np.arange(len(self._chunks)))
         now = np.stack([chunk[0] for chunk in self._chunks])
         return np.asarray(matmul(weights, now) / weights.sum())[None]

@@ -1,0 +1,1 @@
+"""Telling from actions and proprioception alone that a policy is failing, whatever policy it is."""
