@@ -127,6 +127,7 @@ class RobotModel:
         lifts: Of the trunk [m], of which searches for a posture try each.
         aside: (k, 3) where a hand may bring a payload before the torso moves: ahead, toward its own side, up [m] in the
             base frame; in reach from bent torsos too.
+        meets: (k, 3) likewise where it holds a payload out to the other hand, before the places that suit any robot.
         drives: Gains by joint.
         cameras: "head", and of each arm one by the name of its side.
         hull: Where it would touch.
@@ -167,6 +168,7 @@ class RobotModel:
     hull: Hull
     neighbors: tuple[tuple[str, ...], ...]
     still: tuple[str, ...] = ()
+    meets: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
     def sides(self) -> tuple[Side, ...]:

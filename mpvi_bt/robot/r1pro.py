@@ -130,7 +130,8 @@ _HAND = [
 ]
 _SPHERES = np.array([*_UPPER, *_FORE, *_HAND], float)
 _LINKS = np.array([*((0, 0, z, 0.09) for z in (0.0, 0.1, 0.2, 0.3, 0.4)), *((0, 0, z, 0.09) for z in (0.1, 0.2, 0.3))])
-_EDGE = [(x, y) for x in (-0.30, -0.153, -0.007, 0.14) for y in (-0.24, -0.08, 0.08, 0.24)]
+# So many that they reach no more than 3 cm beyond the base, as those of the r1.
+_DECK = [(x, y) for x in np.linspace(-0.33, 0.17, 5) for y in np.linspace(-0.27, 0.27, 5)]
 _HULL = Hull(
     centers=_SPHERES[:, :3].copy(),
     radii=_SPHERES[:, 3].copy(),
@@ -142,7 +143,7 @@ _HULL = Hull(
     base=np.array([0.24, DECK_M]),
     fold_m=0.11,
     trunk=np.array([(0.0, 0, 0.49, 0.13)] + [(0.01, y, z, 0.12) for y in (-0.07, 0.07) for z in (0.06, 0.19, 0.32)]),
-    standing=np.array([(x, y, 0.10, 0.141) for x, y in _EDGE] + [(-0.1, 0, 0.31, 0.15)]),
+    standing=np.array([(x, y, 0.10, 0.099) for x, y in _DECK] + [(-0.1, 0, 0.31, 0.15)]),
     links=_LINKS,
     link=np.repeat([0, 1], [5, 3]),
 )  # fmt: skip
@@ -196,7 +197,10 @@ R1PRO = RobotModel(
     travel_torso=TRAVEL_TORSO,
     lifts=(0.05, 0.15, 0.25, 0.35, 0.453, 0.58),
     # Our choice: of places 0.1 m apart those in reach from most of the torsos that searches try, hand down or ahead.
-    aside=np.array([(0.55, 0.50, 0.75), (0.50, 0.50, 0.85), (0.60, 0.40, 0.85), (0.60, 0.50, 0.90)]),
+    # The first shows its head most of a vessel's rim.
+    aside=np.array([(0.60, 0.40, 0.85), (0.55, 0.50, 0.75), (0.50, 0.50, 0.85), (0.60, 0.50, 0.90)]),
+    # Our choice: of places 0.1 m apart those from where the other hand reaches over most of a bin's opening.
+    meets=np.array([(0.55, 0.0, 0.80), (0.55, 0.0, 0.70), (0.55, 0.1, 0.80), (0.55, 0.0, 0.90)]),
     drives=_drives(),
     cameras={
         "head": Camera(320, 320, float(np.deg2rad(99.3)), 0.02, 20.0, "head_camera_link"),

@@ -13,7 +13,7 @@ from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.linear_algebra import matmul
-from mpvi_bt.robot.model import SIGN
+from mpvi_bt.robot.model import SIGN, RobotModel
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array
@@ -42,11 +42,11 @@ class Places:
     swivels: int
     iterations: int
 
-    def poses(self, now: Array, side: Side) -> Iterator[Array]:
-        """T_base_tcp (4, 4): as the hand is `now`, then before the body, turned."""
+    def poses(self, now: Array, side: Side, robot: RobotModel) -> Iterator[Array]:
+        """T_base_tcp (4, 4): as the hand is `now`, then before the body, turned; where the robot's hands meet first."""
         yield now
         for turn in self.turns:
-            for x, y, z in self.at:
+            for x, y, z in (*robot.meets, *self.at):
                 yield kin.transform(matmul(kin.rot_z(turn), now[:3, :3]), (x, y * SIGN[side], z))
 
 
@@ -75,7 +75,7 @@ def meet(work: Work, holder: Side, places: Places, goals: Array, choose: Choose)
     motion, comer = work.motion, other(holder)
     now, still = motion.hand(holder), work.body()
     chest = kin.inverse(motion.robot.chest(motion.torso))
-    for shown in places.poses(now, holder):
+    for shown in places.poses(now, holder, motion.robot):
         aside = [motion.arm(holder)] if shown is now else arm_motion.plan_level(still, holder, shown)
         if aside is None:
             continue
@@ -99,7 +99,7 @@ def present(work: Work, side: Side, turn: int) -> Actions:
         MotionFailure: "no_reach" if there is no other pose to go to.
     """
     now, body = work.motion.hand(side), work.body()
-    poses = [T for T in VESSEL.poses(now, side) if np.abs(T - now).max() > _ELSEWHERE]
+    poses = [T for T in VESSEL.poses(now, side, work.motion.robot) if np.abs(T - now).max() > _ELSEWHERE]
     for shown in poses[turn % len(poses) :] + poses[: turn % len(poses)]:
         path = arm_motion.plan_level(body, side, shown)
         if path is not None:

@@ -32,6 +32,7 @@ _OVER_LID_M = 0.03  # or what stands up above that, such as a lid that is open: 
 _MOST_UP_M = 0.16  # farther up than the gap over the rim, at the most: our choice, as what falls far may turn
 _HEIGHTS = 4  # from the one to the other
 _FALL_M = 0.008  # to spare on every side of a thing that falls into a container
+_CLEAR_M = 0.005  # what one hand holds keeps from what the other does
 _COVER_M = 0.6  # what is that much higher than a rim does not cover it
 _BEST_RELEASES = 80  # tried of each pose of the container,
 _NEAREST = 3  # and as many postures of the arm for each
@@ -100,12 +101,36 @@ def _above(work: Work, side: Side, container: str) -> bool:
     )
 
 
-def reach_over(work: Work, side: Side, releases: Sequence[tuple[Array, float]], container: str) -> Actions:
+def reach_over(work: Work, side: Side, container: str) -> Actions:
     """Bring the container in the other hand and this hand over it together, the base standing still.
+
+    A container that hangs on a slant stands up above the middle of its rim: where nothing can be let go of right over
+    that, it is from farther up, clear of its higher side.
 
     Raises:
         MotionFailure: "no_release", or a motion's own reason.
     """
+    load = work.load(side)
+    try:
+        yield from _reach_over(work, side, releases(work, load, side, container), container)
+    except MotionFailure as failure:
+        if failure.reason != "no_release":
+            raise
+        higher = releases(work, load, side, container, raised=True)
+        yield from _reach_over(work, side, _clear_of(work, side, higher), container)
+
+
+def _clear_of(work: Work, side: Side, releases: Sequence[tuple[Array, float]]) -> list[tuple[Array, float]]:
+    """Those in which what this hand holds is clear of what the other one does."""
+    theirs, load = work.held()[other(side)].load.solids, work.load(side).load
+    to_other = kin.inverse(work.hand(other(side)))
+    poses = matmul(to_other, np.stack([T for T, _ in releases])) if releases else np.zeros((0, 4, 4))
+    apart = [(theirs.distance(matmul(load.centers, T[:3, :3].T) + T[:3, 3]) - load.radii).min() for T in poses]
+    return [release for release, gap in zip(releases, apart, strict=True) if gap > _CLEAR_M]
+
+
+def _reach_over(work: Work, side: Side, releases: Sequence[tuple[Array, float]], container: str) -> Actions:
+    """Likewise, for these hand poses T_world_tcp (4, 4) with their costs. Raises as `reach_over`."""
     before = kin.inverse(work.scene.pose(container))
     motion, holder = work.motion, other(side)
     from_holder = kin.inverse(matmul(work.base, motion.hand(holder)))
@@ -116,7 +141,7 @@ def reach_over(work: Work, side: Side, releases: Sequence[tuple[Array, float]], 
         for k in np.unique(at):
             postures = q[at == k]
             near = postures[np.argsort(posture_distance(postures, motion.arm(side)))[:_NEAREST]]
-            yield from ((int(k), posture) for posture in near[body.free(side, near, margin=0.005)])
+            yield from ((int(k), posture) for posture in near[body.free(side, near, margin=_CLEAR_M)])
 
     k = yield from meet(work, holder, VESSEL, goals, choose)
     # Arms give way under a load, by a centimeter; what counts is where the container hangs now.

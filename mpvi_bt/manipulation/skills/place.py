@@ -14,7 +14,7 @@ from mpvi_bt.manipulation.motion.carry import come_out, draw_in, settle
 from mpvi_bt.manipulation.motion.gaze import look_at
 from mpvi_bt.manipulation.motion.work import Words, Work
 from mpvi_bt.manipulation.skills import spots
-from mpvi_bt.manipulation.skills.drop import drop_in, reach_over, releases
+from mpvi_bt.manipulation.skills.drop import drop_in, reach_over
 from mpvi_bt.manipulation.skills.inside import looks_inside
 from mpvi_bt.manipulation.skills.pick import pick_up
 from mpvi_bt.manipulation.skills.placing import LYING, SLANTED, UPRIGHT, Pose, place_at, release
@@ -78,7 +78,7 @@ def _put_in(work: Work, side: Side, container: str, tried: list[Array]) -> Gener
 
 def _let_go_in(work: Work, side: Side, container: str, tried: list[Array]) -> Actions:
     if work.scene.holding(other(side)) == container:
-        yield from reach_over(work, side, releases(work, work.load(side), side, container), container)
+        yield from reach_over(work, side, container)
         yield from look_at(work, container)
         yield from release(work, side)
     elif not (yield from drop_in(work, side, container, tried)):
