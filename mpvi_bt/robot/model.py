@@ -181,6 +181,11 @@ class RobotModel:
         return bool(self.base_speed[1])
 
     @property
+    def nods(self) -> bool:
+        """Whether its head tilts."""
+        return bool(np.ptp(self.trunk.limits[3]))
+
+    @property
     def torso_limits(self) -> Array:
         """(4, 2) of the torso's joints [m or rad]."""
         return self.trunk.joint_limits

@@ -1,4 +1,7 @@
-"""Looking at a thing: where to point the head, and how to bend so that the hands do not hide it."""
+"""Looking at a thing: where to point the head, and how to bend so that the hands do not hide it.
+
+Where a head does not tilt, the trunk bends instead, what the hands hold staying where it is.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from mpvi_bt.manipulation.motion.work import NEAR_M, Work
+from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.motion import Actions
 from mpvi_bt.robot.solids import Array
+from mpvi_bt.robot.squeeze import squeezes
 
 _HEAD_UP_RAD, _HEAD_DOWN_RAD = 0.5, 0.65
 _FLOOR_RAD = 0.9
@@ -19,6 +24,10 @@ _ABOVE = np.array([[0.0, 0.0, z] for z in (0.2, 0.28, 0.36, 0.44)])  # a thing, 
 _STILL = 0.01  # [m, rad] is what base and joints may move while they stand
 _LEVEL_RAD = 0.3  # a head that is tilted less does not see the floor before it
 _HANDS_RAD = 0.9  # so far down from the chest's horizon the head sees past the folded hands
+_WITHIN_RAD = 0.2  # Our choice: what is so far within the edge of the picture is in view of a head that does not tilt
+_HALF_VIEW_RAD = 0.6  # what the picture of a head that tilts shows above and below its middle
+_BOWS_RAD = np.arange(0.0, 0.95, 0.1)  # pitches of the trunk to look down with
+_BOWED = (1.0, 0.6, 0.3)  # of the way to one, where there is no room for all of it
 _OVERLOOKS = ((0.42, 0.0), (0.42, 0.5), (0.42, 0.8), (0.25, 0.8), (0.25, 1.1), (0.1, 1.1))  # lift [m], pitch [rad]
 
 
@@ -30,7 +39,7 @@ def study(work: Work, name: str | None) -> Actions:
     if work.scene.exact:
         return
     if name is None:
-        yield from work.motion.stand(work.motion.bent(tilt=_FLOOR_RAD))
+        yield from look_down(work, _FLOOR_RAD)
         yield from work.see("head")
     else:
         over = [_raised(work, name)] if work.held() else _overlooking(work, name)
@@ -80,8 +89,51 @@ def look_into(work: Work, name: str) -> Actions:
 
 def look_at(work: Work, *names: str) -> Actions:
     """Tilt the head so that the middle of things is in the middle of its view, up or down, and look."""
-    yield from work.motion.stand(tilted(work, np.mean([work.middle(name) for name in names], axis=0)))
+    yield from turn_to(work, np.mean([work.middle(name) for name in names], axis=0))
     yield from work.see("head")
+
+
+def turn_to(work: Work, p_world: Array) -> Actions:
+    """Bring a point (3,) into the middle of the head's view, up or down; where the head does not tilt, into view."""
+    if work.motion.robot.nods:
+        yield from work.motion.stand(tilted(work, p_world))
+        return
+    p = matmul(kin.inverse(work.base), np.append(p_world, 1.0))
+    pitch = float(work.motion.posture[2])
+    bows = [pitch, *_BOWS_RAD[pitch < _BOWS_RAD]]
+    yield from _bow(work, next((bow for bow in bows if _in_view(work, bow, p)), bows[-1]))
+
+
+def look_down(work: Work, tilt_rad: float) -> Actions:
+    """Tilt the head so far down; where it does not tilt, the trunk bends until the picture reaches as far down."""
+    robot = work.motion.robot
+    if robot.nods:
+        yield from work.motion.stand(work.motion.bent(tilt=tilt_rad))
+        return
+    forward = robot.head_to_camera[:3, 2]
+    lowest = float(np.arctan2(-forward[2], forward[0])) + robot.cameras["head"].fov_rad / 2
+    yield from _bow(work, max(0.0, tilt_rad + _HALF_VIEW_RAD - lowest))
+
+
+def _in_view(work: Work, pitch: float, p: Array) -> bool:
+    """Whether a point (4,) in the base frame is not below the picture of the head at a pitch of the trunk."""
+    robot = work.motion.robot
+    _, down, ahead, _ = matmul(kin.inverse(robot.head_camera(work.motion.bent(pitch=pitch))), p)
+    return bool(np.arctan2(down, ahead) < robot.cameras["head"].fov_rad / 2 - _WITHIN_RAD)
+
+
+def _bow(work: Work, pitch: float) -> Actions:
+    """Bend the trunk to a pitch [rad], or as far as there is room, what the hands hold staying where it is."""
+    now = float(work.motion.posture[2])
+    if abs(pitch - now) < _STILL or squeezes(work.motion.felt):
+        return
+    taken = [s for s in work.motion.robot.sides if work.scene.holding(s) is not None or work.gripped(s)]
+    body, hands = work.body(), {s: arm_motion.stay(work.motion.hand(s)) for s in taken}
+    for share in _BOWED:
+        torso = work.motion.bent(pitch=now + share * (pitch - now))
+        if (arms := arm_motion.sweep(body, torso, hands)) is not None:
+            yield from work.motion.stand(torso, arms)
+            return
 
 
 def tilted(work: Work, p_world: Array) -> Array:

@@ -8,6 +8,7 @@ from itertools import chain
 
 import numpy as np
 
+from mpvi_bt.manipulation.motion.gaze import look_down
 from mpvi_bt.manipulation.motion.work import Work
 from mpvi_bt.manipulation.skills.two_hands import look_over
 from mpvi_bt.manipulation.stance.site import base_clear
@@ -84,12 +85,14 @@ def look_from_elsewhere(work: Work, place: Array, passable: Callable[[], Obstacl
 def _look(work: Work, found: Found, looks: int) -> Generator[Array, None, bool]:
     held = any(work.scene.holding(side) for side in SIDES) or work.scene.between() is not None
     for lift, tilt in _LOOKS[:looks]:
-        trunk = work.motion.robot.trunk
-        torso = trunk.joints(np.array([lift, 0.0, 0.0, tilt]))
+        robot = work.motion.robot
+        torso = robot.trunk.joints(np.array([lift, 0.0, 0.0, tilt]))
         if held:
-            torso = work.motion.bent(tilt=float(np.clip(tilt - work.motion.posture[2], *trunk.limits[3])))
+            torso = work.motion.bent(tilt=float(np.clip(tilt - work.motion.posture[2], *robot.trunk.limits[3])))
         with contextlib.suppress(MotionFailure):  # a picture from where it got to shows something, too
             yield from work.motion.stand(torso)
+            if not robot.nods:
+                yield from look_down(work, tilt)
         yield from work.see("head")
         if found():
             return True

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mpvi_bt.errors import shown
-from mpvi_bt.manipulation.motion.gaze import tilted
+from mpvi_bt.manipulation.motion.gaze import look_down, turn_to
 from mpvi_bt.manipulation.motion.view_held import show
 from mpvi_bt.manipulation.motion.work import Work
 from mpvi_bt.manipulation.policies.looking import look_for, look_from_elsewhere
@@ -162,12 +162,13 @@ class ReactivePolicy(ScriptedPolicy):
         sides = [side for side in SIDES if felt.holds(side)]
         pressed = squeezes(felt)
         if sides or pressed:
-            torso = motion.bent(tilt=_HANDS_RAD)
-            if pressed:  # what is as large as that would be cut by the edge of the picture
-                hands = [work.hand(side) for side in SIDES]
-                torso = tilted(work, np.mean([T[:3, 3] for T in hands], axis=0))
+            # What is as large as what both hands press would be cut by the edge of the picture.
+            seen = SIDES if pressed else [] if motion.robot.nods else sides
             with contextlib.suppress(MotionFailure):
-                yield from motion.stand(torso)
+                if seen:
+                    yield from turn_to(work, np.mean([work.hand(side)[:3, 3] for side in seen], axis=0))
+                else:
+                    yield from look_down(work, _HANDS_RAD)
             yield from work.see("head", *sides)
             for side in sides:
                 if not self._seen.recognized(side):
