@@ -16,10 +16,13 @@ from mpvi_bt.remote.behavior import NAMES
 from mpvi_bt.remote.codec import pack, unpack
 from mpvi_bt.remote.odometry import moved
 from mpvi_bt.remote.reading import CHUNK
+from mpvi_bt.robot.kinematics import rot_z, wrap
 from mpvi_bt.robot.protocol import ActionLayout
+from mpvi_bt.robot.r1pro import R1PRO
 from mpvi_bt.trace.read import read_trace
 from tests.driven import DIALECTS, Driver, driving
 from tests.openpi_env import openpi_python
+from tests.small_house import small_world
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
@@ -179,6 +182,24 @@ def test_the_base_is_where_its_speed_has_taken_it() -> None:
     for _ in range(30):
         pose = moved(pose, np.array([0.3, 0.0, 1.0]), 1 / 30)
     np.testing.assert_allclose(pose, [0.3 * np.sin(1), 0.3 * (1 - np.cos(1)), 1.0], atol=1e-3)
+
+
+def test_odometry_drifts_by_centimeters() -> None:
+    """Of a base that drives and turns about a room for 20 s, taken from what it feels at each step, as in 2026."""
+    world, rng = small_world(robot=R1PRO), np.random.default_rng(0)
+    told = world.robot.proprioception().base_pose
+    for _ in range(13):
+        way = rng.uniform(-1.5, 1.5, 2) - world.robot.proprioception().base_pose[:2]
+        velocity = np.append(np.clip(way / 1.5, -0.6, 0.6), rng.uniform(-0.8, 0.8))
+        for _ in range(45):
+            action = world.robot.action.copy()
+            yaw = world.robot.proprioception().base_pose[2]
+            action[ActionLayout.BASE] = rot_z(-yaw) @ velocity
+            world.step(action)
+            told = moved(told, world.robot.proprioception().base_velocity, 1 / 30)
+    off = told - world.robot.proprioception().base_pose
+    assert np.linalg.norm(off[:2]) < 0.05
+    assert abs(wrap(off[2])) < 0.02
 
 
 def test_pictures_are_asked_for_where_they_are_left_out(tmp_path: Path) -> None:
