@@ -26,6 +26,9 @@ _OFF_RAD = 0.4  # a posture of the hand's pose that is farther from the joints' 
 _RESTED_M, _RESTED_RAD, _ELSEWHERE_M, _ELSEWHERE_RAD = 0.003, 0.003, 0.35, 0.4
 _OUT_RAD = 0.3  # an arm so far from its travel posture is on its way
 _REBASED_RAD = 0.6
+_BEGIN_M = (0.65, 1.15)  # from the target, where demonstrations began
+_DRIVE_M = 0.6  # that demonstrations drove at most, by and large
+_EPSILON_M = 1e-6
 # Changes of lift [m], yaw, pitch and the head's tilt [rad], the least first.
 _LEANS = np.array(
     sorted(
@@ -54,17 +57,36 @@ def propose(net: Networks, now: Moments, begun: Array, points: Array, nth: int, 
         here: Whether the base stays where it is.
     """
     some = np.concatenate([points[:_PROPOSED_POINTS], points[TARGET_POINTS : TARGET_POINTS + _PROPOSED_POINTS]])[None]
-    frame = Approach.of(begun, some, _PROPOSED_POINTS)
+    frame = Approach.of(_within(begun, points[:_PROPOSED_POINTS].mean(0)), some, _PROPOSED_POINTS)
     hypotheses, likely = net.propose(frame.points(some), frame.told, _PROPOSED_POINTS)
     stances, hands = frame.stance(hypotheses)
     found = []
     for stance, hand, log_likely in zip(stances, hands, likely, strict=True):
-        at = bent(np.concatenate([now.base[0], stance[3:]]), hand) if here else reached(stance, hand)
+        at = bent(np.concatenate([now.base[0], stance[3:]]) if here else stance, hand)
         if at is not None:
             off = float(np.abs(at[7:] - stance[7:]).max())
             found.append((log_likely - _BENT * off, at))
     found.sort(key=lambda f: -f[0])
     return found[min(nth, len(found) - 1)][1][None] if found else None
+
+
+def _within(base: Array, target: Array) -> Array:
+    """(1, 3) a base brought, on the line to a target (3,), to a distance that there are demonstrations from."""
+    away = base[0, :2] - target[:2]
+    far_m = max(float(norm(away)), _EPSILON_M)
+    at = target[:2] + away / far_m * np.clip(far_m, *_BEGIN_M)
+    return np.array([[*at, base[0, 2]]])
+
+
+def ahead(now: Moments, stance: Array) -> Array:
+    """(1, 14) the stance; where its base is farther away than in demonstrations, one on the way there."""
+    way = stance[0, :2] - now.base[0, :2]
+    far_m = float(norm(way))
+    if far_m <= _DRIVE_M:
+        return stance
+    on_way = stance.copy()
+    on_way[0, :2] = now.base[0, :2] + way * _DRIVE_M / far_m
+    return on_way
 
 
 def reached(stance: Array, hand: Array) -> Array | None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mpvi_bt.errors import shown
-from mpvi_bt.learned.acting import CHUNK, chunk, propose, rebased
+from mpvi_bt.learned.acting import CHUNK, ahead, chunk, propose, rebased
 from mpvi_bt.learned.demonstration import HEAD_TILTS_RAD, TILT_STEPS
 from mpvi_bt.learned.hand import LearnedHand
 from mpvi_bt.learned.network import Networks, Weights
@@ -19,7 +19,7 @@ from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.skills import Skill, SkillCall
 from mpvi_bt.protocols import NO_SKILL
 from mpvi_bt.robot import kinematics as kin
-from mpvi_bt.robot.linear_algebra import matmul
+from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.protocol import EMPTY_M, SIDES, ActionLayout, CameraImage, Proprioception, Side
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
@@ -35,7 +35,7 @@ _CLOSED = -0.9
 _SEEING = -0.95  # a hand that is told to close more than so hides what it closes on
 _STUCK_CHUNKS = 10  # without a move: 3 s
 _STUCK_M = 0.02
-_DONE, _DONE_CHUNKS = 0.93, 3  # a hand that holds something and has come so far, for so long, has done its skill
+_DONE, _DONE_CHUNKS, _DONE_M = 0.9, 3, 0.07  # progress, for so long, with what it holds so far from where it closed
 
 
 class LearnedPolicy:
@@ -166,12 +166,19 @@ class LearnedPolicy:
     def _acted(self, net: Networks, hand: LearnedHand, memory: PointMemory, target: str) -> Iterator[Array]:
         stance: Array | None = None
         empty = tries = done = 0
+        taken: Array | None = None  # where the hand closed
         rest, begun = _Rest(), hand.now().base
         said = self.note
         while True:
             hand.feel(self._felt)
             now = hand.now()
-            done = done + 1 if self._felt.holds(hand.side) and self.progress >= _DONE else 0
+            at = matmul(now.frames()[0], now.hands()[0])[:3, 3]
+            if not self._felt.holds(hand.side):
+                taken = None
+            elif taken is None:
+                taken = at
+            away = taken is not None and norm(at - taken) >= _DONE_M
+            done = done + 1 if away and self.progress >= _DONE else 0
             self.ended = done >= _DONE_CHUNKS
             self.note = "done" if self.ended else said
             if self.ended:
@@ -190,7 +197,7 @@ class LearnedPolicy:
             if now.told_grip[0] > _SEEING:
                 self._looked(memory)
             points = hand.points(memory.sample())
-            if rest.stuck(now) and not closed:
+            if rest.stuck(at) and not closed:
                 stance, tries = None, tries + 1
             if stance is None:
                 self.attempts += 1
@@ -201,21 +208,20 @@ class LearnedPolicy:
                 self.note = f"{NO_SKILL}: no hand pose that it proposes for the {target} is in reach"
                 return
             stance = rebased(now, stance)
-            steps, self.progress = chunk(net, now, stance, points)
+            steps, self.progress = chunk(net, now, ahead(now, stance), points)
             yield np.array([hand.command(*step) for step in steps])
 
 
 class _Rest:
-    """Notices that neither hand nor base moves."""
+    """Notices that a hand does not move."""
 
     def __init__(self) -> None:
         self._at: Array | None = None
         self._chunks = 0
 
-    def stuck(self, now: Any) -> bool:
-        """Whether nothing has moved for long; then it begins anew."""
-        at = matmul(now.frames()[0], now.hands()[0])[:3, 3]
-        if self._at is None or np.linalg.norm(at - self._at) > _STUCK_M:
+    def stuck(self, at: Array) -> bool:
+        """Whether the hand, at (3,) in the world, has not moved for long; then it begins anew."""
+        if self._at is None or norm(at - self._at) > _STUCK_M:
             self._at, self._chunks = at, 0
         self._chunks += 1
         if self._chunks < _STUCK_CHUNKS:
