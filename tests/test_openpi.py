@@ -108,12 +108,14 @@ def test_our_own_client_and_server_agree() -> None:
 
         def reset(self) -> None:
             self.calls, self.cameras, self.note, self.gave_up = 0, ("head",), "new", False
+            self.progress, self.ended = 0.0, False
 
         def infer(self, seen: Any) -> Any:
             assert set(self.cameras) <= set(seen["images"])
             self.calls += 1
             self.cameras = ("left", "right") if self.calls % 2 else ()
             self.note, self.gave_up = f"call {self.calls}", self.calls > 2
+            self.progress, self.ended = self.calls / 3, self.calls > 1
             images = sum(float(image.rgb.sum() + image.depth.sum()) for image in seen["images"].values())
             return np.full((2, ACTION_SIZE), self.calls + images + float(seen["proprioception"].torso.sum()))
 
@@ -128,7 +130,7 @@ def test_our_own_client_and_server_agree() -> None:
                 seen = observation(remote.cameras)
                 assert np.array_equal(remote.infer(seen), alone.infer(seen))
                 assert (remote.cameras, remote.note) == (alone.cameras, alone.note)
-                assert remote.gave_up is alone.gave_up
+                assert (remote.gave_up, remote.ended, remote.progress) == (alone.gave_up, alone.ended, alone.progress)
             assert remote.gave_up
         assert remote.connections == 1
 
@@ -175,6 +177,19 @@ def test_what_a_server_notes_is_one_line() -> None:
         policy.infer(observation())
         assert policy.note.startswith("waiting [2J for the cup xxx")
         assert len(policy.note) <= 300
+
+
+def test_progress_that_is_none_is_not_taken_from_a_server() -> None:
+    """Only a number from 0 to 1 is; a policy that says nothing has none."""
+    said: list[dict[str, Any]] = [{"progress": p} for p in (0.5, 1, -0.1, 1.1, float("nan"), True, "half", [0.5], None)]
+    answers = iter([*said, {}])
+    with PolicyServer(lambda message: {"actions": CHUNK, **next(answers)}) as server:
+        policy = policy_at(server)
+        heard = []
+        for _ in range(10):
+            policy.infer(observation())
+            heard.append(policy.progress)
+    assert heard == [0.5, 1.0, *[None] * 8]
 
 
 def test_the_key_of_the_environment_is_sent(monkeypatch: pytest.MonkeyPatch) -> None:

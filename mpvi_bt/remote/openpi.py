@@ -87,6 +87,8 @@ class OpenpiPolicy:
         cameras: Those that the settings map; fewer if the server says which it wants (docs/policies.md).
         note: What the server says that it is doing; one line.
         gave_up: Whether it says that it will do no more about the prompt.
+        ended: Whether it says that it thinks the prompt done, or has given up.
+        progress: How far along it takes itself to be, 0 to 1; None if it does not say, or says what no progress is.
         connections: How many have been made.
     """
 
@@ -98,7 +100,7 @@ class OpenpiPolicy:
         self._vocabulary = vocabulary
         self.name = f"{self.kind}:{self._url}"
         self.cameras: tuple[str, ...] = self._settings.cameras
-        self.note, self.gave_up = "", False
+        self._unheard()
         self.connections = 0
         self._connection: Connection | None = None
         self._fresh = True
@@ -107,7 +109,7 @@ class OpenpiPolicy:
     def reset(self) -> None:
         """Let the server begin anew, once it is there. Raises PolicyError."""
         self._fresh, self._held = True, None
-        self.note, self.gave_up = "", False
+        self._unheard()
         self._persist(self._begin, self._settings.connect_s)
 
     def infer(self, observation: Mapping[str, Any]) -> Array:
@@ -194,6 +196,10 @@ class OpenpiPolicy:
         self._fresh = False
         return actions
 
+    def _unheard(self) -> None:
+        self.note, self.gave_up, self.ended = "", False, False
+        self.progress: float | None = None
+
     def _hear(self, message: Any) -> None:
         """Take in what a server may say beside the actions, in its metadata and in each answer."""
         if not isinstance(message, dict):
@@ -202,3 +208,7 @@ class OpenpiPolicy:
         if isinstance(note := message.get("note"), str):
             self.note = one_line(note)
         self.gave_up = message.get("gave_up") is True
+        self.ended = self.gave_up or message.get("ended") is True
+        progress = message.get("progress")
+        known = isinstance(progress, int | float | np.number) and not isinstance(progress, bool) and 0 <= progress <= 1
+        self.progress = float(progress) if known else None

@@ -348,8 +348,11 @@ class Session:
             "cameras": list(policy.cameras),
             "note": str(getattr(policy, "note", "")),
             "gave_up": bool(getattr(policy, "gave_up", False)),
+            "ended": bool(getattr(policy, "ended", False)),
             "policy_timing": {"infer_ms": infer_s * 1000},
         }
+        if (progress := getattr(policy, "progress", None)) is not None:
+            message["progress"] = float(progress)
         return message, infer_s
 
     def _asked(self, given: Given) -> tuple[Policy, dict[str, Any]]:
