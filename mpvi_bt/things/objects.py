@@ -141,13 +141,13 @@ def trash_can(
     return parts.thing(volumes=(interior,), handles=(handle,))
 
 
-def compound(*, pieces: tuple[Piece, ...], color: Rgb, button: Button | None = None) -> Description:
-    """Solids that are stuck together, such as a hammer: whatever has no family of its own; with a switch, if any."""
+def compound(*, pieces: tuple[Piece, ...], color: Rgb, buttons: tuple[Button, ...] = ()) -> Description:
+    """Solids that are stuck together, such as a hammer: whatever has no family of its own; with switches, if any."""
     parts = Parts()
     for piece in pieces:
         piece.add_to(parts, color)
-    switches = () if button is None else (switch(button.at, button.out),)
-    return parts.thing(handles=tuple(piece.handle for piece in pieces if piece.grip), switches=switches)
+    handles = tuple(piece.handle for piece in pieces if piece.grip)
+    return parts.thing(handles=handles, switches=tuple(button.switch for button in buttons))
 
 
 def _walls(parts: Parts, size: tuple[float, float, float], wall: float, color: Color) -> None:

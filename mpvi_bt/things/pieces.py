@@ -8,7 +8,7 @@ import numpy as np
 
 from mpvi_bt.marked_yaml import Record
 from mpvi_bt.robot.solids import Solid
-from mpvi_bt.things.description import Color, Handle, Parts
+from mpvi_bt.things.description import Color, Handle, Parts, Switch
 from mpvi_bt.things.dimensions import Coordinate, Rgb, Size
 
 
@@ -17,11 +17,17 @@ class Button(Record):
 
     Attributes:
         at: The middle of its face [m].
-        out: The axis that a finger comes against.
+        out: The way out of the thing there: a finger comes against it.
     """
 
     at: tuple[Coordinate, Coordinate, Coordinate]
-    out: Literal["x", "y", "z"] = "z"
+    out: Literal["x", "-x", "y", "-y", "z", "-z"] = "z"
+
+    @property
+    def switch(self) -> Switch:
+        """As bodies have it."""
+        sign = -1.0 if self.out.startswith("-") else 1.0
+        return Switch(np.array(self.at), sign * np.eye(3)["xyz".index(self.out[-1])])
 
 
 class Piece(Record):

@@ -22,6 +22,7 @@ from mpvi_bt.scene.held import Held
 _OFF_M = 0.10  # before the mounts meet
 _BEYOND_M = 0.01  # the hand feels its way that far into where they should
 _MEET_M_S = 0.06
+_CALM_S = 0.4  # an arm that still swings from the way feels touches that are none
 _LEANS = (0.0, 0.12, -0.12)  # about the way that it comes [rad]; 15 degrees are allowed
 
 
@@ -40,6 +41,7 @@ def mount(work: Work, words: Words, tried: list[Array]) -> Actions:
     stance, search = yield from approach(work, side, target, lambda: list(_options(work, held, target)), tried)
     try:
         yield from take_up(work, stance, search)
+        yield from work.motion.wait(_CALM_S)
         T = matmul(kin.inverse(work.base), kin.base(stance.base), stance.waypoints[1])
         yield from work.motion.line(side, T, _MEET_M_S, until_contact=True)
     except MotionFailure:

@@ -21,6 +21,7 @@ from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array
 
 _PRESS_M_S = 0.06
+_CALM_S = 0.4  # arms that still swing from the way feel touches that are none
 _PRESSED_S = 0.4
 _LOOKED_AT = 60  # postures that are looked at closely
 
@@ -45,6 +46,7 @@ def press_held(work: Work, holder: Side, ways: list[Array], fold: bool = True) -
     yield from motion.grip(comer, -1.0, 0.3)
     goals = matmul(kin.inverse(work.hand(holder)), np.stack(ways))
     k = yield from meet(work, holder, THING, goals[:, 0], partial(_in_line, work, goals[:, 1]))
+    yield from motion.wait(_CALM_S)
     # Arms give way under a load; what counts is where the thing is now.
     T = matmul(motion.robot.tcp(motion.felt.torso, motion.felt.arm[holder], holder), goals[k])
     yield from motion.line(comer, T[1], _PRESS_M_S, until_contact=True)
