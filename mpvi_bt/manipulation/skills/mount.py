@@ -30,8 +30,8 @@ def mount(work: Work, words: Words, tried: list[Array]) -> Actions:
     """Bring the mount of the held `words["object"]` to that of `words["target"]`, and let go.
 
     Raises:
-        MotionFailure: "not_held", "unknown_object", "no_mount" if none of them fit, "no_stance", or a motion's own
-            reason.
+        MotionFailure: "not_held", "unknown_object", "no_mount" if none of them fit, "no_stance", "missed" if it does
+            not stay there, or a motion's own reason.
     """
     side = work.hand_with(words["object"], words.get("hand"))
     held, target = work.load(side), work.nearest(words["target"])
@@ -53,6 +53,8 @@ def mount(work: Work, words: Words, tried: list[Array]) -> Actions:
         yield from lines(work, side, stance, [2])
     yield from leave(work, stance)
     yield from settle(work, without={target, held.name})
+    if work.scene.mounts(target) and all(mount.free for mount in work.scene.mounts(target)):
+        raise MotionFailure("missed")
 
 
 def _options(work: Work, held: Held, target: str) -> Iterator[Option]:
