@@ -24,6 +24,8 @@ class Hand:
         wrist: Height and radius of a sphere that stands for the wrist over what a hand that lies flat works on.
         room_m: How far behind the tcp a thing may reach before it meets the palm.
         widest_m: What the open hand takes, with a margin.
+        pad_m: From the tcp to the middle of the lower half of the pads, along z.
+        palm_reach_m: How far over a vessel's opening the palm reaches from the rim that is pinched.
     """
 
     travel_m: float
@@ -36,6 +38,8 @@ class Hand:
     wrist: tuple[float, float]
     room_m: float
     widest_m: float
+    pad_m: float
+    palm_reach_m: float
 
     @property
     def opening_m(self) -> float:

@@ -123,6 +123,8 @@ HAND = Hand(
     wrist=(-TCP_M, 0.045),
     room_m=0.038,
     widest_m=0.086,
+    pad_m=0.006,
+    palm_reach_m=0.07,
 )
 
 # Our choice, by trial in episodes.

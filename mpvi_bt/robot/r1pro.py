@@ -166,6 +166,8 @@ HAND = Hand(
     wrist=(-TCP_M, 0.048),
     room_m=0.055,
     widest_m=0.086,
+    pad_m=0.006,
+    palm_reach_m=0.07,
 )
 
 R1PRO = RobotModel(

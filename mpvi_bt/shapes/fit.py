@@ -8,7 +8,7 @@ onto the background, and depth is noisy.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,20 +22,50 @@ from mpvi_bt.shapes.shape import SeenBar, Shape, frame, upright_box
 from mpvi_bt.shapes.stand_out import stand_out
 from mpvi_bt.shapes.waist import waisted
 
-_ROUND = 0.88  # share of its rectangle that an outline fills: a disc has 0.79, a rectangle 1
-_CORNERED = 0.90  # what fills more of its rectangle is none
-_WALL_M = 0.008  # of vessels
-_FURNITURE_M = 0.55  # what is longer than this is furniture: faces to put things on
-_UPRIGHT_M = 0.9  # likewise what is higher
-_TRAY_M = 0.25  # but what ends that low above the floor may be a wide basket or tray
-_COVERED = 0.3  # share of a vessel's opening in which something may be seen at the height of the rim
-_SLICE_M = 0.01
-_LEVEL_M, _SHOWN = 0.01, 10  # what is so near to the height that a cylinder stands on, and more points of it,
-_WITHIN = 0.85  # is not seen through it, but for its edge: masks are rough, and round things jut out over their feet
-_STAVES = 16
-_LEAST_POINTS = 5
-_FLAT_M = 0.002  # points of flat sides are no farther from them, on the average
-_HAND_M = 0.09  # a hand goes around what is no wider
+
+@dataclass(frozen=True)
+class FitParameters:
+    """Which solid explains the points of a thing.
+
+    Our choice, by what matters to a hand and by the noise of depth from 1 m.
+
+    Attributes:
+        round: Share of its rectangle that an outline fills [ratio]: a disc has 0.79, a rectangle 1.
+        cornered: What fills more of its rectangle is not round [ratio].
+        wall_m: Of vessels [m].
+        furniture_m: What is longer than this is furniture: faces to put things on [m].
+        upright_m: Likewise what is higher [m].
+        tray_m: But what ends that low above the floor may be a wide basket or tray [m].
+        covered: Share of a vessel's opening in which something may be seen at the height of the rim [ratio].
+        slice_m: Of a thing, from above [m].
+        level_m: What is so near to the height that a cylinder stands on [m],
+        shown: and more points of it, is not seen through it,
+        within: but for its edge, of this share of the radius [ratio]: masks are rough, and round things jut out over
+            their feet.
+        staves: Boxes that the wall of a round vessel is made of.
+        least_points: Of fewer no solid is made.
+        flat_m: Points of flat sides are no farther from them, on the average [m].
+        hand_m: A hand goes around what is no wider [m].
+    """
+
+    round: float = 0.88
+    cornered: float = 0.90
+    wall_m: float = 0.008
+    furniture_m: float = 0.55
+    upright_m: float = 0.9
+    tray_m: float = 0.25
+    covered: float = 0.3
+    slice_m: float = 0.01
+    level_m: float = 0.01
+    shown: int = 10
+    within: float = 0.85
+    staves: int = 16
+    least_points: int = 5
+    flat_m: float = 0.002
+    hand_m: float = 0.09
+
+
+_FIT = FitParameters()
 
 
 def fit(points: Array, around: Array, eye: Array, support: float | None = None) -> Shape | None:
@@ -51,16 +81,16 @@ def fit(points: Array, around: Array, eye: Array, support: float | None = None) 
         The shape, or None if there is too little to see.
     """
     points = thinned(main_cluster(points))
-    if len(points) < _LEAST_POINTS:
+    if len(points) < _FIT.least_points:
         return None
     low, top = np.percentile(points, 1, axis=0), float(np.percentile(points[:, 2], 99))
-    large = np.ptp(np.percentile(points, [2, 98], axis=0)[:, :2], axis=0).max() > _FURNITURE_M
-    if (large and top > _TRAY_M) or top - low[2] > _UPRIGHT_M:
+    large = np.ptp(np.percentile(points, [2, 98], axis=0)[:, :2], axis=0).max() > _FIT.furniture_m
+    if (large and top > _FIT.tray_m) or top - low[2] > _FIT.upright_m:
         return furniture(points)
     if support is None:
         support = support_height(points, around, eye)
     up = raised(points, eye)
-    if up is not None and len(body := without_lid(points, up)) >= _LEAST_POINTS:
+    if up is not None and len(body := without_lid(points, up)) >= _FIT.least_points:
         below = _small(body, around, eye, support, large)
         if below is not None and below.kind == "vessel":
             return replace(below, solids=(*below.solids, *up.solids))
@@ -82,7 +112,7 @@ def _small(points: Array, around: Array, eye: Array, support: float, large: bool
     if large:
         return furniture(points, support)
     grain = DEPTH_NOISE.grain_m * float(np.median(((points - eye) ** 2).sum(1)))
-    parts = stand_out(points, top, grain) if float(seen.sides[0]) > _HAND_M else []
+    parts = stand_out(points, top, grain) if float(seen.sides[0]) > _FIT.hand_m else []
     if parts and not _flat_sided(points[points[:, 2] < top - 0.01, :2], grain):
         round_ = points[~np.any(parts, axis=0)]
         body = _column(round_, outline(trimmed(round_[:, :2])), support, top, grain)
@@ -110,7 +140,7 @@ def _flat_sided(xy: Array, grain: float) -> bool:
     """Whether points (n, 2) of the side of a thing lie along the edges of a rectangle."""
     seen = _cornered(trimmed(xy))
     off = np.abs(seen.sides / 2 - np.abs(seen.local(xy))).min(1)
-    return float(off.mean()) < _FLAT_M + grain
+    return float(off.mean()) < _FIT.flat_m + grain
 
 
 def _cornered(xy: Array) -> Outline:
@@ -169,10 +199,10 @@ def _column(points: Array, seen: Outline, support: float, top: float, grain: flo
     """An upright cylinder, by its outline, or by the bend of its side where something hides a part of it."""
     height, (long, short) = top - support, seen.sides
     middle, radius = seen.middle, float(long + short) / 4
-    whole = seen.fill < _ROUND and long - short < max(0.003, 0.06 * long)
+    whole = seen.fill < _FIT.round and long - short < max(0.003, 0.06 * long)
     side = points[(points[:, 2] > support + 0.15 * height) & (points[:, 2] < top - max(0.4 * height, 0.008)), :2]
     bent = False
-    if seen.fill < _CORNERED and height > 0.03 and len(side) >= 16:
+    if seen.fill < _FIT.cornered and height > 0.03 and len(side) >= 16:
         m, r, noise = circle(side)
         bend = np.arctan2(*(side - m).T[::-1])
         turn = np.angle(np.exp(1j * (bend - np.angle(np.exp(1j * bend).mean()))))
@@ -183,7 +213,7 @@ def _column(points: Array, seen: Outline, support: float, top: float, grain: flo
         )
         if bent:
             middle, radius = m, r
-    if not (whole or bent) and not (seen.fill < _ROUND and long - short < max(0.012, 0.15 * long)):
+    if not (whole or bent) and not (seen.fill < _FIT.round and long - short < max(0.012, 0.15 * long)):
         return None
     T = frame(middle, 0.0, support, top)
     return Shape("cylinder", T, (Solid("cylinder", np.array([radius, radius, height / 2]), T),), support)
@@ -192,10 +222,10 @@ def _column(points: Array, seen: Outline, support: float, top: float, grain: flo
 def _seen_through(column: Shape, around: Array, eye: Array) -> bool:
     """Whether what an upright cylinder would stand on is seen through it (m, 3), as behind the cut of half a pie."""
     (solid,), middle = column.solids, column.T[:3, 3]
-    level = around[np.abs(around[:, 2] - column.support_m) < _LEVEL_M]
+    level = around[np.abs(around[:, 2] - column.support_m) < _FIT.level_m]
     halfway = level + (eye - level) * ((middle[2] - level[:, 2]) / (eye[2] - level[:, 2]))[:, None]
     off = np.maximum(*(norm((p - middle)[:, :2], axis=1) for p in (level, halfway)))
-    return int((off < _WITHIN * solid.half_m[0]).sum()) > _SHOWN
+    return int((off < _FIT.within * solid.half_m[0]).sum()) > _FIT.shown
 
 
 def _vessel(points: Array, seen: Outline, support: float, top: float) -> Shape | None:
@@ -208,7 +238,7 @@ def _vessel(points: Array, seen: Outline, support: float, top: float) -> Shape |
         return None
     around = outline(trimmed(edge))
     below = points[(points[:, 2] > support + 0.4 * (rim - support)) & (points[:, 2] < rim + 0.006), :2]
-    if ((wide := outline(trimmed(below))).sides - around.sides).max() > _WALL_M * 3:
+    if ((wide := outline(trimmed(below))).sides - around.sides).max() > _FIT.wall_m * 3:
         around = wide  # a bar may hide a part of the rim, not of the wall below it
     if around.sides[1] < 0.6 * seen.sides[1]:
         return None
@@ -224,14 +254,14 @@ def _vessel(points: Array, seen: Outline, support: float, top: float) -> Shape |
     lid = below_rim | (bar is None)  # what is higher, and no bar to carry it by, lies over the opening, too
     covered = int((~low & lid & (off < 0.5)).sum())
     opening = float(np.prod(around.sides / 2)) / THIN_M**2  # points that would cover the middle of it
-    most = min(0.04 * len(points), _COVERED * opening) + 2
-    if int((low & (inward > 0.6 * _WALL_M)).sum()) < 8 or covered > most:
+    most = min(0.04 * len(points), _FIT.covered * opening) + 2
+    if int((low & (inward > 0.6 * _FIT.wall_m)).sum()) < 8 or covered > most:
         return None
     bottom = points[(off < 0.6) & (points[:, 2] < rim + 0.006), 2]
-    floor = support + _WALL_M
+    floor = support + _FIT.wall_m
     if len(bottom) > 12:
         floor = float(np.clip(np.percentile(bottom, 10), floor, rim - 0.01))
-        floor = floor if floor < support + 0.35 * (rim - support) else support + _WALL_M
+        floor = floor if floor < support + 0.35 * (rim - support) else support + _FIT.wall_m
     bars = () if bar is None else (bar,)
     if round_:
         return _round_vessel(middle, radius, support, floor, rim, bars)
@@ -240,8 +270,8 @@ def _vessel(points: Array, seen: Outline, support: float, top: float) -> Shape |
 
 def _rim(points: Array, seen: Outline, support: float, top: float) -> tuple[float, SeenBar | None]:
     """Height of a vessel's rim, and the bar that spans it higher up, if there is one."""
-    edges = np.arange(top + 0.002, support + 0.02, -_SLICE_M)
-    levels = [points[(points[:, 2] <= high) & (points[:, 2] > high - 2 * _SLICE_M), :2] for high in edges]
+    edges = np.arange(top + 0.002, support + 0.02, -_FIT.slice_m)
+    levels = [points[(points[:, 2] <= high) & (points[:, 2] > high - 2 * _FIT.slice_m), :2] for high in edges]
     enough = max(8.0, 0.3 * float(np.median([len(level) for level in levels] or [0])))
     rim = top
     for high, level in zip(edges, levels, strict=True):
@@ -249,8 +279,8 @@ def _rim(points: Array, seen: Outline, support: float, top: float) -> tuple[floa
             across = np.percentile(seen.local(level), [3, 97], axis=0)
             if (np.ptp(across, axis=0) > 0.6 * seen.sides).all():
                 rim = min(float(high), top)
-                near = points[(points[:, 2] <= rim) & (points[:, 2] > rim - 2 * _SLICE_M), 2]
-                counts, bins = np.histogram(near, np.arange(rim - 2 * _SLICE_M, rim + 0.004, 0.004))
+                near = points[(points[:, 2] <= rim) & (points[:, 2] > rim - 2 * _FIT.slice_m), 2]
+                counts, bins = np.histogram(near, np.arange(rim - 2 * _FIT.slice_m, rim + 0.004, 0.004))
                 rim = min(rim, float(bins[np.flatnonzero(counts > 0.3 * counts.max())[-1] + 1]))
                 break
     if top - rim < 0.025:
@@ -285,11 +315,11 @@ def _square_vessel(around: Outline, support: float, floor: float, rim: float, ba
     half = (rim - support) / 2
     solids = [Solid("box", np.array([x / 2, y / 2, (floor - support) / 2]), matmul(T, pose((0, 0, (floor - rim) / 2))))]
     for sign in (-1, 1):
-        side = pose((sign * (x - _WALL_M) / 2, 0, 0))
-        solids.append(Solid("box", np.array([_WALL_M / 2, y / 2, half]), matmul(T, side)))
-        side = pose((0, sign * (y - _WALL_M) / 2, 0))
-        solids.append(Solid("box", np.array([x / 2 - _WALL_M, _WALL_M / 2, half]), matmul(T, side)))
-    inside = np.array([x / 2 - _WALL_M, y / 2 - _WALL_M, (rim - floor) / 2])
+        side = pose((sign * (x - _FIT.wall_m) / 2, 0, 0))
+        solids.append(Solid("box", np.array([_FIT.wall_m / 2, y / 2, half]), matmul(T, side)))
+        side = pose((0, sign * (y - _FIT.wall_m) / 2, 0))
+        solids.append(Solid("box", np.array([x / 2 - _FIT.wall_m, _FIT.wall_m / 2, half]), matmul(T, side)))
+    inside = np.array([x / 2 - _FIT.wall_m, y / 2 - _FIT.wall_m, (rim - floor) / 2])
     volume = Solid("box", inside, matmul(T, pose((0, 0, half - (rim - floor) / 2))))
     return Shape("vessel", T, (*solids, *_bar_solids(bars, rim)), support, (volume,), bars)
 
@@ -302,10 +332,10 @@ def _round_vessel(
     half = (rim - support) / 2
     bottom = matmul(T, pose((0, 0, (floor - rim) / 2)))
     solids = [Solid("cylinder", np.array([radius, radius, (floor - support) / 2]), bottom)]
-    stave = (radius + _WALL_M / 2) * float(np.tan(np.pi / _STAVES))
-    for angle in np.arange(_STAVES) * (2 * np.pi / _STAVES):
+    stave = (radius + _FIT.wall_m / 2) * float(np.tan(np.pi / _FIT.staves))
+    for angle in np.arange(_FIT.staves) * (2 * np.pi / _FIT.staves):
         at = pose((radius * np.cos(angle), radius * np.sin(angle), 0), float(angle))
-        solids.append(Solid("box", np.array([_WALL_M / 2, stave, half]), matmul(T, at)))
-    inner, deep = radius - _WALL_M / 2, (rim - floor) / 2
+        solids.append(Solid("box", np.array([_FIT.wall_m / 2, stave, half]), matmul(T, at)))
+    inner, deep = radius - _FIT.wall_m / 2, (rim - floor) / 2
     volume = Solid("cylinder", np.array([inner, inner, deep]), matmul(T, pose((0, 0, half - deep))))
     return Shape("vessel", T, (*solids, *_bar_solids(bars, rim)), support, (volume,), bars)

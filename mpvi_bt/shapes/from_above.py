@@ -12,7 +12,7 @@ from mpvi_bt.robot.solids import Array, Solid
 
 _CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
 _RING = np.array([(np.cos(a), np.sin(a)) for a in np.arange(12) * np.pi / 6]) / np.cos(np.pi / 12)
-_SPACING_M = 0.015
+_SPACING_M = 0.015  # of samples along an outline; our choice: finer than hands are led
 
 
 def points(solids: Sequence[Solid]) -> Array:

@@ -19,30 +19,68 @@ from scipy.spatial.transform import Rotation
 from mpvi_bt.robot.depth_noise import DEPTH_NOISE
 from mpvi_bt.robot.linear_algebra import matmul, norm, principal_axes
 from mpvi_bt.robot.solids import Array, Solid
-from mpvi_bt.shapes.moving_parts import Door
+from mpvi_bt.shapes.moving_parts import PART, Door
 from mpvi_bt.shapes.shape import SeenBar
 
-_SAMPLES = 300  # pairs of points that upright planes are tried through
-_PLANES = 4
-_FLAT_M = 0.010  # points this near a plane, beside the noise of depth, are on it
-_LEAST_POINTS = 150
-_TALL_M = 0.1  # of the bulk of an upright plane
-_EXPLAINED = 0.8  # share of the rest of a thing that has to lie behind a closed door
-_OFF_M = (0.022, 0.095)  # how far a bar may stand off
-_STRIP_M = (0.012, 0.045)  # beside a bar, where the face that it stands on shows
-_CLEAR_M, _BEFORE = 0.2, 0.15  # from what is before a bar, and how many points of it there may be for one of the bar
-_CELL_M = 0.012
-_BAR_LENGTH_M, _BAR_WIDTH_M = (0.07, 0.6), 0.05
-_BAR_RADIUS_M = 0.009
-_PANEL_M = 0.018
-_NEAR_EDGE = 0.3  # of a front's height: where a lying bar is near an edge
-_DRAWER_M = 0.42  # a front that is lower and has a lying bar is a drawer
-_UPRIGHT_RAD, _FLAP_RAD, _SLIDE_M = 1.6, 1.3, 0.32  # what is taken for the limit
-_AJAR_RAD, _AJAR_M = 0.12, 0.035
-_WIDEST_RAD, _DOUBT = 2.1, 0.1  # doors rarely stand wide open
-_SWITCH_POINTS = 4
-_BESIDE_M = 0.035  # of a button, from how far around it the surface is told
-_FLATNESS = 0.35  # points that spread less through a surface than this share of along it tell its direction
+
+@dataclass(frozen=True)
+class FrontParameters:
+    """How a closed front with a bar shows.
+
+    Our choice, by kitchen furniture: bars stand off by a few centimeters so that fingers fit behind them.
+
+    Attributes:
+        samples: Pairs of points that upright planes are tried through.
+        planes: Of one thing, at the most.
+        flat_m: Points this near a plane, beside the noise of depth, are on it [m].
+        least_points: Of a plane.
+        tall_m: Height of the bulk of an upright plane, at least [m].
+        explained: Share of the rest of a thing that has to lie behind a closed door [ratio].
+        off_m: How far a bar may stand off, least and most [m].
+        strip_m: Beside a bar, where the face that it stands on shows, from and to [m].
+        clear_m: From what is before a bar [m],
+        before: and how many points of it there may be for one of the bar [ratio].
+        cell_m: Of the grid in which points of a bar hang together [m].
+        bar_length_m: Least and most [m].
+        bar_width_m: At the most [m].
+        bar_radius_m: That is taken for it [m].
+        near_edge: Of a front's height: where a lying bar is near an edge [ratio].
+        drawer_m: A front that is lower and has a lying bar is a drawer [m].
+        ajar_rad: A hinged front that is open less is taken for closed [rad];
+        ajar_m: likewise a drawer [m].
+        widest_rad: No wider position of a hinge is tried [rad],
+        doubt: and each radian has to explain so much more of the points [ratio]: doors rarely stand wide open.
+        switch_points: Of fewer no switch is made.
+        beside_m: Of a button, from how far around it the surface is told [m].
+        flatness: Points that spread less through a surface than this share of along it tell its direction [ratio].
+    """
+
+    samples: int = 300
+    planes: int = 4
+    flat_m: float = 0.010
+    least_points: int = 150
+    tall_m: float = 0.1
+    explained: float = 0.8
+    off_m: tuple[float, float] = (0.022, 0.095)
+    strip_m: tuple[float, float] = (0.012, 0.045)
+    clear_m: float = 0.2
+    before: float = 0.15
+    cell_m: float = 0.012
+    bar_length_m: tuple[float, float] = (0.07, 0.6)
+    bar_width_m: float = 0.05
+    bar_radius_m: float = 0.009
+    near_edge: float = 0.3
+    drawer_m: float = 0.42
+    ajar_rad: float = 0.12
+    ajar_m: float = 0.035
+    widest_rad: float = 2.1
+    doubt: float = 0.1
+    switch_points: int = 4
+    beside_m: float = 0.035
+    flatness: float = 0.35
+
+
+_FRONT = FrontParameters()
 _Z = np.array([0.0, 0.0, 1.0])
 
 
@@ -76,7 +114,7 @@ def fronts(points: Array, eye: Array) -> list[Door]:
     Returns:
         Those with a bar, in the world, named by their number; their limits are guesses.
     """
-    if len(points) < _LEAST_POINTS:
+    if len(points) < _FRONT.least_points:
         return []
     planes = list(_planes(points, eye))
     found: list[_Front] = []
@@ -100,13 +138,13 @@ def switch(points: Array, around: Array, eye: Array) -> Array | None:
     Returns:
         None if hardly anything of it was measured.
     """
-    if len(points) < _SWITCH_POINTS:
+    if len(points) < _FRONT.switch_points:
         return None
     center = np.median(points, axis=0)
-    near = np.concatenate([points, around[norm(around - center, axis=1) < _BESIDE_M]])
+    near = np.concatenate([points, around[norm(around - center, axis=1) < _FRONT.beside_m]])
     sight = (eye - center) / norm(eye - center)
     spread, axes = principal_axes(near)
-    flat = spread[2] < _FLATNESS * spread[1]
+    flat = spread[2] < _FRONT.flatness * spread[1]
     z = axes[2] * np.sign(matmul(axes[2], sight)) if flat else sight * [1.0, 1.0, 0.0]
     if abs(z[2]) > 0.85:
         z = _Z * np.sign(z[2])
@@ -125,13 +163,13 @@ def _planes(points: Array, eye: Array) -> Iterator[_Plane]:
     rng = np.random.default_rng(0)
     left = np.ones(len(points), bool)
     sample = points if len(points) < 4000 else points[rng.choice(len(points), 4000, replace=False)]
-    tolerance, slack = (_FLAT_M + DEPTH_NOISE.smoothed_m * norm(p - eye, axis=1) ** 2 for p in (points, sample))
+    tolerance, slack = (_FRONT.flat_m + DEPTH_NOISE.smoothed_m * norm(p - eye, axis=1) ** 2 for p in (points, sample))
     free = np.ones(len(sample), bool)
-    for _ in range(_PLANES):
-        if free.sum() < _LEAST_POINTS // 4:
+    for _ in range(_FRONT.planes):
+        if free.sum() < _FRONT.least_points // 4:
             return
         choice = np.flatnonzero(free)
-        a, b = sample[rng.choice(choice, _SAMPLES)], sample[rng.choice(choice, _SAMPLES)]
+        a, b = sample[rng.choice(choice, _FRONT.samples)], sample[rng.choice(choice, _FRONT.samples)]
         along = (b - a)[:, :2]
         length = norm(along, axis=1)
         good = length > 0.08
@@ -144,17 +182,17 @@ def _planes(points: Array, eye: Array) -> Iterator[_Plane]:
         normal, distance = n[best], d[best]
         for _ in range(3):  # settle on the points themselves
             near = np.abs(matmul(points[:, :2], normal) - distance) < tolerance
-            if near.sum() < _LEAST_POINTS:
+            if near.sum() < _FRONT.least_points:
                 return
             middle = np.median(points[near, :2], axis=0)
             _, (_, normal) = principal_axes(points[near, :2])
             distance = float(np.median(matmul(points[near, :2], normal))) if abs(matmul(normal, middle)) >= 0 else 0.0
         own = (np.abs(matmul(points[:, :2], normal) - distance) < tolerance) & left
-        if own.sum() < _LEAST_POINTS:
+        if own.sum() < _FRONT.least_points:
             return
         free &= np.abs(matmul(sample[:, :2], normal) - distance) > slack
         left &= ~own
-        if np.ptp(np.percentile(points[own, 2], [15, 85])) < _TALL_M:
+        if np.ptp(np.percentile(points[own, 2], [15, 85])) < _FRONT.tall_m:
             continue  # a slice of a top
         sign = 1.0 if matmul(normal, eye[:2]) > distance else -1.0
         n3 = np.append(sign * normal, 0.0)
@@ -167,8 +205,8 @@ def _fronts_on(points: Array, plane: _Plane, eye: Array) -> list[_Front]:
     u, z = matmul(points, plane.u), points[:, 2]
     low, high = np.percentile(u[plane.own], [0.5, 99.5]), np.percentile(z[plane.own], [0.5, 99.5])
     near = (u > low[0] - 0.02) & (u < low[1] + 0.02) & (z > high[0] - 0.02) & (z < high[1] + 0.02)
-    standing = near & (off > _OFF_M[0]) & (off < _OFF_M[1])
-    beyond = near & (off >= _OFF_M[1]) & (off < _OFF_M[1] + _CLEAR_M)
+    standing = near & (off > _FRONT.off_m[0]) & (off < _FRONT.off_m[1])
+    beyond = near & (off >= _FRONT.off_m[1]) & (off < _FRONT.off_m[1] + _FRONT.clear_m)
     uz = np.stack([u, z], 1)
     bars = [b for b in _bars(points[standing], plane, off[standing], uz[beyond]) if _backed(b, uz[plane.own], plane)]
     if not bars:
@@ -182,7 +220,7 @@ def _bars(points: Array, plane: _Plane, off: Array, beyond: Array) -> list[SeenB
     if len(points) < 8:
         return []
     uz = np.stack([matmul(points, plane.u), points[:, 2]], 1)
-    cells = ((uz - uz.min(0)) / _CELL_M).astype(int)
+    cells = ((uz - uz.min(0)) / _FRONT.cell_m).astype(int)
     grid = np.zeros(cells.max(0) + 1, bool)
     grid[tuple(cells.T)] = True
     whole = ndimage.binary_closing(np.pad(grid, 3), np.ones((3, 3)), iterations=2)[3:-3, 3:-3] | grid
@@ -196,18 +234,20 @@ def _bars(points: Array, plane: _Plane, off: Array, beyond: Array) -> list[SeenB
         span = np.percentile(uz[own], [2, 98], axis=0)
         size = span[1] - span[0]
         longer = int(size.argmax())
-        before = ((beyond > span[0] - _CELL_M) & (beyond < span[1] + _CELL_M)).all(1)
-        if before.sum() > _BEFORE * own.sum():
+        before = ((beyond > span[0] - _FRONT.cell_m) & (beyond < span[1] + _FRONT.cell_m)).all(1)
+        if before.sum() > _FRONT.before * own.sum():
             continue  # the edge of a board, or of another front
-        if not (_BAR_LENGTH_M[0] < size[longer] < _BAR_LENGTH_M[1] and size[1 - longer] < _BAR_WIDTH_M):
+        if not (
+            _FRONT.bar_length_m[0] < size[longer] < _FRONT.bar_length_m[1] and size[1 - longer] < _FRONT.bar_width_m
+        ):
             continue
         if size[longer] < 2.5 * size[1 - longer]:
             continue
         inner = np.abs(uz[own, longer] - span[:, longer].mean()) < 0.4 * size[longer]  # without the posts
         if inner.sum() < 4:
             continue
-        outermost = float(np.percentile(off[own][inner], 85)) - _BAR_RADIUS_M
-        across = uz[own][inner][off[own][inner] > outermost - _BAR_RADIUS_M, 1 - longer]
+        outermost = float(np.percentile(off[own][inner], 85)) - _FRONT.bar_radius_m
+        across = uz[own][inner][off[own][inner] > outermost - _FRONT.bar_radius_m, 1 - longer]
         at = np.empty(2)
         at[longer] = span[:, longer].mean()
         at[1 - longer] = np.percentile(across, [5, 95]).mean() if len(across) else span[:, 1 - longer].mean()
@@ -221,11 +261,13 @@ def _backed(bar: SeenBar, face: Array, plane: _Plane) -> bool:
     along = int(abs(bar.axis[2]) > 0.5)
     local = face - [matmul(bar.center, plane.u), bar.center[2]]
     beside = local[np.abs(local[:, along]) < bar.length_m / 2]
-    cells = max(1, int(bar.length_m / _CELL_M))
+    cells = max(1, int(bar.length_m / _FRONT.cell_m))
     shares = []
     for sign in (-1, 1):
-        strip = beside[(sign * beside[:, 1 - along] > _STRIP_M[0]) & (sign * beside[:, 1 - along] < _STRIP_M[1])]
-        shares.append(len(np.unique((strip[:, along] / _CELL_M).astype(int))) / cells)
+        strip = beside[
+            (sign * beside[:, 1 - along] > _FRONT.strip_m[0]) & (sign * beside[:, 1 - along] < _FRONT.strip_m[1])
+        ]
+        shares.append(len(np.unique((strip[:, along] / _FRONT.cell_m).astype(int))) / cells)
     return min(shares) > 0.3
 
 
@@ -273,34 +315,34 @@ def _door(front: _Front, name: str, found: list[_Front], planes: list[_Plane], p
     middle = plane.u * (front.low[0] + wide / 2) + _Z * (front.low[1] + high / 2) + plane.n * plane.d
     T = np.eye(4)
     T[:3, :3] = np.stack([plane.u, plane.n, np.cross(plane.u, plane.n)], axis=1)
-    T[:3, 3] = middle - plane.n * _PANEL_M / 2
-    solids = (Solid("box", np.array([wide, _PANEL_M, high]) / 2, T), _rod(bar))
+    T[:3, 3] = middle - plane.n * PART.panel_m / 2
+    solids = (Solid("box", np.array([wide, PART.panel_m, high]) / 2, T), _rod(bar))
     if abs(bar.axis[2]) > 0.5:
         free = plane.u if at[0] > 0.5 else -plane.u  # from the hinge to the free edge
         origin = middle - free * wide / 2
         axis = np.cross(free, plane.n)
         position = _ajar(origin, free, plane, axis, planes, points)
-        return Door(name, "hinge", origin, axis, position, max(_UPRIGHT_RAD, position), bar, solids)
+        return Door(name, "hinge", origin, axis, position, max(PART.upright_rad, position), bar, solids)
     stacked = any(abs(other.bar.axis[2]) < 0.5 and not _same(front, other) for other in found)
-    if stacked or high < _DRAWER_M or _NEAR_EDGE < at[1] < 1 - _NEAR_EDGE:
+    if stacked or high < _FRONT.drawer_m or _FRONT.near_edge < at[1] < 1 - _FRONT.near_edge:
         position = _pulled(front, found, planes)
-        return Door(name, "slide", middle, plane.n, position, max(_SLIDE_M, position), bar, solids)
+        return Door(name, "slide", middle, plane.n, position, max(PART.slide_m, position), bar, solids)
     up = 1.0 if at[1] > 0.5 else -1.0
     origin = middle - up * _Z * high / 2
-    return Door(name, "hinge", origin, np.cross(up * _Z, plane.n), 0.0, _FLAP_RAD, bar, solids)
+    return Door(name, "hinge", origin, np.cross(up * _Z, plane.n), 0.0, PART.flap_rad, bar, solids)
 
 
 def _rod(bar: SeenBar) -> Solid:
     T = np.eye(4)
     T[:3, :3] = np.stack([bar.outward, np.cross(bar.axis, bar.outward), bar.axis], axis=1)
     T[:3, 3] = bar.center
-    return Solid("cylinder", np.array([_BAR_RADIUS_M, _BAR_RADIUS_M, bar.length_m / 2]), T)
+    return Solid("cylinder", np.array([_FRONT.bar_radius_m, _FRONT.bar_radius_m, bar.length_m / 2]), T)
 
 
 def _ajar(origin: Array, free: Array, plane: _Plane, axis: Array, planes: list[_Plane], points: Array) -> float:
     """How far a door is open [rad]: by the turn that brings it before the rest of the thing, along its other faces."""
     rest = points[~plane.own]
-    rest = rest[np.abs(matmul(rest - origin, plane.n)) > _OFF_M[1]]
+    rest = rest[np.abs(matmul(rest - origin, plane.n)) > _FRONT.off_m[1]]
     if not len(rest):
         return 0.0
     shares = {0.0: _behind(rest - origin, free, plane.n)}
@@ -310,17 +352,17 @@ def _ajar(origin: Array, free: Array, plane: _Plane, axis: Array, planes: list[_
         if other is not plane:
             askew = abs((base + np.pi / 4) % (np.pi / 2) - np.pi / 4)
             tall = float(np.ptp(np.percentile(points[other.own, 2], [15, 85])))  # slices of a top are not
-            aligned += float(other.own.sum()) * tall**2 * (1 if askew < _AJAR_RAD else -1)
+            aligned += float(other.own.sum()) * tall**2 * (1 if askew < _FRONT.ajar_rad else -1)
         for turn in base + np.arange(4) * np.pi / 2 if other is not plane else ():
             back = float(-np.arctan2(np.sin(turn), np.cos(turn)))
-            if _AJAR_RAD < back < _WIDEST_RAD:
+            if _FRONT.ajar_rad < back < _FRONT.widest_rad:
                 R = Rotation.from_rotvec(-back * axis).as_matrix()
                 shares[back] = _behind(rest - origin, matmul(R, free), matmul(R, plane.n))
-    if shares[0.0] > _EXPLAINED and aligned >= 0:
+    if shares[0.0] > _FRONT.explained and aligned >= 0:
         return 0.0
     if aligned < 0 and len(shares) > 1:
         del shares[0.0]
-    return max(shares, key=lambda back: shares[back] - _DOUBT * back)
+    return max(shares, key=lambda back: shares[back] - _FRONT.doubt * back)
 
 
 def _behind(local: Array, free: Array, out: Array) -> float:
@@ -333,6 +375,6 @@ def _pulled(front: _Front, found: list[_Front], planes: list[_Plane]) -> float:
     gaps = {
         front.plane.d - other.d: (any(f.plane is other for f in found), int(other.own.sum()))
         for other in planes
-        if matmul(other.n, front.plane.n) > 0.97 and _AJAR_M < front.plane.d - other.d < _SLIDE_M + 0.2
+        if matmul(other.n, front.plane.n) > 0.97 and _FRONT.ajar_m < front.plane.d - other.d < PART.slide_m + 0.2
     }
     return max(gaps, key=lambda gap: gaps[gap], default=0.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
@@ -13,16 +13,43 @@ from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.shapes.outlines import Outline, outline, trimmed
 from mpvi_bt.shapes.shape import Shape, upright_box
 
-_SLAB_M, _LEAST_M = 0.025, 0.004  # boards are that thick, or less where something is right below them
-_HEADROOM_M = 0.12  # what rises that high above a board makes a compartment of it
-_HOLE_CELL_M = 0.02
-_SUNK_M = 0.05  # what is that much lower than a board is seen through it
-_CELL_M, _ALONG = 0.03, 0.5  # of a face so much of half its outline is seen at least, as of a rim the far two sides
-_STRIP_CELL_M = 0.02  # what is less than three of these wide is no face to put things on, but an edge
-_MOSTLY = 0.5  # a face of strips, such as the rim of a drawer that is seen in part, stays as it is
-_LEVEL = 0.5  # share of the points near a face's height that are on it
-_UNDER_M = 0.05  # what reaches over a board by less is not above it, such as the edge of a door that stands open
-_WALLED = 0.4  # share of a side along which furniture has to rise for a wall
+
+@dataclass(frozen=True)
+class Boards:
+    """How the boards of furniture show.
+
+    Our choice, by shelves of the simulated houses.
+
+    Attributes:
+        slab_m: Boards are that thick [m],
+        least_m: or less, where something is right below them [m].
+        headroom_m: What rises that high above a board makes a compartment of it [m].
+        hole_cell_m: Of the grid that openings are told by [m].
+        sunk_m: What is that much lower than a board is seen through it [m].
+        cell_m: Of the grid that faces are told by [m],
+        along: of half whose outline so much is seen at least [ratio], as of a rim the far two sides.
+        strip_cell_m: What is less than three of these wide is no face to put things on, but an edge [m].
+        mostly: A face of strips, such as the rim of a drawer that is seen in part, stays as it is [ratio].
+        level: Share of the points near a face's height that are on it [ratio].
+        under_m: What reaches over a board by less is not above it, such as the edge of a door that stands open [m].
+        walled: Share of a side along which furniture has to rise for a wall [ratio].
+    """
+
+    slab_m: float = 0.025
+    least_m: float = 0.004
+    headroom_m: float = 0.12
+    hole_cell_m: float = 0.02
+    sunk_m: float = 0.05
+    cell_m: float = 0.03
+    along: float = 0.5
+    strip_cell_m: float = 0.02
+    mostly: float = 0.5
+    level: float = 0.5
+    under_m: float = 0.05
+    walled: float = 0.4
+
+
+_BOARD = Boards()
 
 
 def furniture(points: Array, support: float = -np.inf) -> Shape:
@@ -45,7 +72,7 @@ def furniture(points: Array, support: float = -np.inf) -> Shape:
         if around.sides[1] > 0.1 and not _strewn(face, around):
             if slabs:  # what is seen of a face in part may be a triangle: boards lie as the largest one does
                 around = _along(trimmed(face[:, :2]), float(np.arctan2(*slabs[0][1].T[1::-1, 0])))
-            thick = min(_SLAB_M, max(_LEAST_M, height - support))
+            thick = min(_BOARD.slab_m, max(_BOARD.least_m, height - support))
             T = pose((*around.middle, height - thick / 2), around.heading)
             slabs.append((len(face), Solid("box", np.array([*around.sides / 2, thick / 2]), T)))
             faces.append(face)
@@ -59,7 +86,7 @@ def furniture(points: Array, support: float = -np.inf) -> Shape:
     solids: list[Solid] = []
     volumes: list[Solid] = []
     for board, face in zip(boards, faces, strict=True):
-        below = points[z < board.T[2, 3] - _SUNK_M]
+        below = points[z < board.T[2, 3] - _BOARD.sunk_m]
         if (found := _hole(board, face, below)) is None:
             solids.append(board)
         else:
@@ -75,29 +102,29 @@ def furniture(points: Array, support: float = -np.inf) -> Shape:
 def _level(points: Array, height: float) -> Array:
     """The points (n, 3) of a level face: where walls are seen as many points lie above and below it as on it."""
     near = points[np.abs(points[:, 2] - height) < 0.04]
-    cells = np.floor((near[:, :2] - near[:, :2].min(0)) / _CELL_M).astype(np.int64)
+    cells = np.floor((near[:, :2] - near[:, :2].min(0)) / _BOARD.cell_m).astype(np.int64)
     own = cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1]
     on = np.abs(near[:, 2] - height) < 0.012
     share = np.bincount(own, on) / np.maximum(np.bincount(own), 1)
-    return np.asarray(near[on & (share[own] > _LEVEL)])
+    return np.asarray(near[on & (share[own] > _BOARD.level)])
 
 
 def _broad(face: Array) -> Array:
     """The points (n, 3) of a face without its thin strips, such as the edge of a door that stands open."""
     if not len(face):
         return face
-    cells = np.floor((face[:, :2] - face[:, :2].min(0)) / _STRIP_CELL_M).astype(np.int64) + 2
+    cells = np.floor((face[:, :2] - face[:, :2].min(0)) / _BOARD.strip_cell_m).astype(np.int64) + 2
     grid = np.zeros(cells.max(0) + 3, bool)
     grid[tuple(cells.T)] = True
     grid = ndimage.binary_fill_holes(ndimage.binary_closing(grid, np.ones((3, 3), bool)))  # a rim is no strip
     broad = ndimage.binary_opening(grid, np.ones((3, 3), bool))[tuple(cells.T)]
-    return face[broad] if broad.mean() > _MOSTLY else face
+    return face[broad] if broad.mean() > _BOARD.mostly else face
 
 
 def _strewn(face: Array, around: Outline) -> bool:
     """Whether points (n, 3) only lie here and there in their outline, such as where a wall ceases to be in view."""
-    cells = len(np.unique(np.floor(face[:, :2] / _CELL_M).astype(np.int64), axis=0))
-    return cells * _CELL_M < _ALONG * float(around.sides.sum())
+    cells = len(np.unique(np.floor(face[:, :2] / _BOARD.cell_m).astype(np.int64), axis=0))
+    return cells * _BOARD.cell_m < _BOARD.along * float(around.sides.sum())
 
 
 def _hole(board: Solid, face: Array, below: Array) -> tuple[Array, float] | None:
@@ -113,10 +140,10 @@ def _hole(board: Solid, face: Array, below: Array) -> tuple[Array, float] | None
         is none.
     """
     half, axes = board.half_m[:2], board.T[:2, :2]
-    size = np.maximum(np.ceil(2 * half / _HOLE_CELL_M).astype(int), 1)
+    size = np.maximum(np.ceil(2 * half / _BOARD.hole_cell_m).astype(int), 1)
     closed = np.zeros(size, bool)
     local = [matmul(p[:, :2] - board.T[:2, 3], axes) + half for p in (face, below)]
-    cells = [np.floor(p / _HOLE_CELL_M).astype(int) for p in local]
+    cells = [np.floor(p / _BOARD.hole_cell_m).astype(int) for p in local]
     on, under = (((c >= 0) & (c < size)).all(1) for c in cells)
     closed[tuple(cells[0][on].T)] = True
     parts, count = ndimage.label(~(closed | ndimage.binary_closing(closed)))
@@ -128,8 +155,8 @@ def _hole(board: Solid, face: Array, below: Array) -> tuple[Array, float] | None
     if counts[part] < 40:
         return None
     at = np.argwhere(parts == part)
-    low, high = at.min(0) * _HOLE_CELL_M - half, (at.max(0) + 1) * _HOLE_CELL_M - half
-    filled = len(at) * _HOLE_CELL_M**2 / float(np.prod(high - low))
+    low, high = at.min(0) * _BOARD.hole_cell_m - half, (at.max(0) + 1) * _BOARD.hole_cell_m - half
+    filled = len(at) * _BOARD.hole_cell_m**2 / float(np.prod(high - low))
     if filled < 0.7 or (high - low).min() < 0.1:
         return None
     return np.stack([low, high]), float(np.percentile(below[under][own == part, 2], 3))
@@ -166,7 +193,7 @@ def _compartment(board: Solid, boards: Sequence[Solid], points: Array) -> Solid 
     """The space above a board, up to the next one or as high as the furniture rises; None if it has no two walls."""
     face = float(board.aabb()[1, 2])
     at = matmul(points[:, :2] - board.T[:2, 3], board.T[:2, :2])
-    risen = (np.abs(at) < board.half_m[:2] + 0.05).all(1) & (points[:, 2] > face + _HEADROOM_M)
+    risen = (np.abs(at) < board.half_m[:2] + 0.05).all(1) & (points[:, 2] > face + _BOARD.headroom_m)
     around, at = points[risen, 2], at[risen]
     walls = 0
     for axis in (0, 1):
@@ -174,17 +201,17 @@ def _compartment(board: Solid, boards: Sequence[Solid], points: Array) -> Solid 
             wall = at[sign * at[:, axis] > board.half_m[axis] - 0.05, 1 - axis]
             bins = max(3, round(2 * float(board.half_m[1 - axis]) / 0.06))
             counts, _ = np.histogram(wall, bins, (-board.half_m[1 - axis], board.half_m[1 - axis]))
-            walls += int((counts > 2).mean() > _WALLED)
+            walls += int((counts > 2).mean() > _BOARD.walled)
     if len(around) < 20 or walls < 2:
         return None
     low, up, high = -board.half_m[:2], board.half_m[:2], float(np.percentile(around, 98))
     for roof in sorted(boards, key=lambda b: float(b.T[2, 3])):
-        if roof.aabb()[0, 2] < face + _HEADROOM_M:
+        if roof.aabb()[0, 2] < face + _BOARD.headroom_m:
             continue
         half = matmul(np.abs(matmul(board.T[:2, :2].T, roof.T[:2, :2])), roof.half_m[:2])
         middle = matmul(roof.T[:2, 3] - board.T[:2, 3], board.T[:2, :2])
         below = np.maximum(low, middle - half), np.minimum(up, middle + half)
-        if (below[1] - below[0] > _UNDER_M).all():  # only what is under it: a thing falls past what is before it
+        if (below[1] - below[0] > _BOARD.under_m).all():  # only what is under it: a thing falls past what is before it
             (low, up), high = below, min(high, float(roof.aabb()[0, 2]))
             break
     T = matmul(board.T, pose((*(low + up) / 2, 0.0)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -10,12 +12,33 @@ from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.shapes.outlines import Outline, main_cluster, outline, thinned, trimmed
 from mpvi_bt.shapes.shape import upright_box
 
-_LAYER_M = 0.10  # our choice: a trunk and the crown above it, legs and the top upon them are told apart
-_CELL_M, _THIN_M = 0.04, 0.01  # of the grid in which points of a layer hang together; one point a cube is kept
-_SMALLER = 0.9  # a rectangle that is turned covers less than so much of that along the axes
-_LEAST = 5  # of fewer points nothing is made
-_SAME_M = 0.04  # parts of two layers whose outlines differ by less go on into each other
-_FOOT_M = 0.25  # what is seen down to so near the floor stands on it: its foot is hidden by its edge, or out of view
+
+@dataclass(frozen=True)
+class Layers:
+    """How the body of something large is built of layers.
+
+    Our choice: a trunk and the crown above it, legs and the top upon them are told apart.
+
+    Attributes:
+        layer_m: Height of a layer [m].
+        cell_m: Of the grid in which points of a layer hang together [m];
+        thin_m: one point a cube of that edge is kept [m].
+        smaller: A rectangle that is turned covers less than so much of that along the axes [ratio].
+        least: Of fewer points nothing is made.
+        same_m: Parts of two layers whose outlines differ by less go on into each other [m].
+        foot_m: What is seen down to so near the floor stands on it [m]: its foot is hidden by its edge, or out of view.
+    """
+
+    layer_m: float = 0.10
+    cell_m: float = 0.04
+    thin_m: float = 0.01
+    smaller: float = 0.9
+    least: int = 5
+    same_m: float = 0.04
+    foot_m: float = 0.25
+
+
+_LAYER = Layers()
 
 
 def layers(points: Array, lowest_m: float = np.inf) -> list[Solid]:
@@ -27,13 +50,13 @@ def layers(points: Array, lowest_m: float = np.inf) -> list[Solid]:
         points: (n, 3) of one thing that stands, in the world.
         lowest_m: How far down it was seen before [m].
     """
-    points = thinned(main_cluster(points), _THIN_M)
+    points = thinned(main_cluster(points), _LAYER.thin_m)
     if not len(points):
         return []
     lowest = float(points[:, 2].min())
     foot = min(lowest, lowest_m)
-    foot = 0.0 if 0.0 < foot < _FOOT_M else foot
-    number = np.floor((points[:, 2] - lowest) / _LAYER_M).astype(int)
+    foot = 0.0 if 0.0 < foot < _LAYER.foot_m else foot
+    number = np.floor((points[:, 2] - lowest) / _LAYER.layer_m).astype(int)
     boxes: list[tuple[Array, Array]] = []  # box (2, 3), and its points (n, 3)
     for k in range(int(number.max()) + 1):
         for part in _parts(points[number == k]):
@@ -46,8 +69,8 @@ def layers(points: Array, lowest_m: float = np.inf) -> list[Solid]:
                 boxes.append((box, part))
     out: list[Solid] = []
     for box, part in boxes:
-        low = foot if box[0, 2] < lowest + _LAYER_M else float(box[0, 2])
-        out += upright_box(_around(trimmed(part[:, :2])), low, max(float(box[1, 2]), low + _THIN_M)).solids
+        low = foot if box[0, 2] < lowest + _LAYER.layer_m else float(box[0, 2])
+        out += upright_box(_around(trimmed(part[:, :2])), low, max(float(box[1, 2]), low + _LAYER.thin_m)).solids
     return out
 
 
@@ -55,24 +78,24 @@ def _around(xy: Array) -> Outline:
     """A rectangle about points (n, 2), along the axes where it is hardly larger so: what is round has no heading."""
     low, high = xy.min(0), xy.max(0)
     smallest = outline(xy)
-    if np.prod(smallest.sides) < _SMALLER * np.prod(high - low):
+    if np.prod(smallest.sides) < _LAYER.smaller * np.prod(high - low):
         return smallest
     return Outline((low + high) / 2, high - low, 0.0, smallest.fill)
 
 
 def _parts(points: Array) -> list[Array]:
     """Points (n, 3) of one layer, those apart that do not hang together as seen from above."""
-    if len(points) < _LEAST:
+    if len(points) < _LAYER.least:
         return []
-    cells: NDArray[np.int64] = np.floor((points[:, :2] - points[:, :2].min(0)) / _CELL_M).astype(np.int64)
+    cells: NDArray[np.int64] = np.floor((points[:, :2] - points[:, :2].min(0)) / _LAYER.cell_m).astype(np.int64)
     grid = np.zeros(cells.max(0) + 1, bool)
     grid[tuple(cells.T)] = True
     parts, count = ndimage.label(grid, np.ones((3, 3)))
     own = parts[tuple(cells.T)]
-    return [part for k in range(1, count + 1) if len(part := points[own == k]) >= _LEAST]
+    return [part for k in range(1, count + 1) if len(part := points[own == k]) >= _LAYER.least]
 
 
 def _goes_on(below: Array, above: Array) -> bool:
     """Whether a box (2, 3) goes on into the next layer's."""
-    near = bool((np.abs(below[:, :2] - above[:, :2]) < _SAME_M).all())
-    return near and abs(float(above[0, 2] - below[1, 2])) < _LAYER_M
+    near = bool((np.abs(below[:, :2] - above[:, :2]) < _LAYER.same_m).all())
+    return near and abs(float(above[0, 2] - below[1, 2])) < _LAYER.layer_m

@@ -11,7 +11,29 @@ import numpy as np
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array, Solid
 
-_DEEP_M = 0.6  # what shows behind a door once it is open, at the most
+
+@dataclass(frozen=True)
+class PartSizes:
+    """What is taken for the sizes of doors, lids and drawers that are only seen from outside.
+
+    Our choice: those of kitchen furniture.
+
+    Attributes:
+        panel_m: Thickness of a front [m].
+        upright_rad: How far doors and lids open [rad]; one that stands wider open opens as far as that.
+        flap_rad: Likewise doors that swing about a level hinge [rad].
+        slide_m: Likewise drawers [m].
+        deep_m: What shows behind a door once it is open, at the most [m].
+    """
+
+    panel_m: float = 0.018
+    upright_rad: float = 1.6
+    flap_rad: float = 1.3
+    slide_m: float = 0.32
+    deep_m: float = 0.6
+
+
+PART = PartSizes()
 
 
 class Bar(Protocol):
@@ -73,6 +95,6 @@ def to_and_behind(door: Door) -> Solid:
         arm = arm - door.axis * matmul(door.axis, arm)
         out, reach = np.cross(door.axis, arm) / norm(arm), 2 * float(norm(arm))
     k, half, T = int(np.abs(matmul(out, panel.T[:3, :3])).argmax()), panel.half_m.copy(), panel.T.copy()
-    half[k] = (reach + _DEEP_M) / 2
-    T[:3, 3] += out * (reach - _DEEP_M) / 2
+    half[k] = (reach + PART.deep_m) / 2
+    T[:3, 3] += out * (reach - PART.deep_m) / 2
     return Solid("box", half, T)

@@ -18,33 +18,85 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.linear_algebra import matmul, norm, principal_axes
 from mpvi_bt.robot.solids import Array, Solid
-from mpvi_bt.shapes.moving_parts import Door
+from mpvi_bt.shapes.moving_parts import PART, Door
 from mpvi_bt.shapes.outlines import main_cluster
 
-_SAMPLE = 6000
-_TURN_DEG, _APART_DEG, _HEADINGS = 1.0, 5.0, 6
-_ROW_M, _ROWS = 0.015, 2
-_LEVEL = 4.0  # rows in height that are so many times as full as the usual one are level faces
-_SLICE_M = 0.02
-_LEAST_POINTS, FEWEST = 60, 20  # FEWEST: of any part that something is told from
-_BODY = 0.62  # a slice of the body has at least that share of the largest one's width times height
-_DULL = 0.95  # what explains as much without anything that stands open is the less likely: a side face, mostly
-_BEFORE_M = 0.03  # what is that far before the front is not of the body
-_REACH_M = 0.12  # what reaches out less may be a bar, or a switch
-_BARS, _FACE = 5, 4.0  # slices that bars reach out, and how many times as full as one of them a face is
-_THIN_M = 0.13  # a slice of a sheet is thinner
-_SHEET_M, _ON_SHEET = 0.025, 0.7  # how near points are to a sheet, and how many of them
-_FARTHEST_M, _RARER = 0.45, 0.7  # how far drawers come out; a sheet that explains as much is the likelier
-_AS_TALL = 0.75  # a drawer is not as tall as what it comes out of
-_INNER = 0.8  # of an opening, without its rim
-_LEAST_RAD, _MOST_RAD, _MOST_FLAP_RAD = 0.3, 2.2, 1.75
-_BAR_OFF_M, _ALIKE = 0.12, 0.95  # how far bars are from their faces; cosine of directions that are alike
-_SHUT = 0.1  # of its limit: a front that is taken to be closed
-_PANEL_M = 0.018
-_UPRIGHT_RAD, _FLAP_RAD, _SLIDE_M = 1.6, 1.3, 0.32  # what is taken for the limit
-_FACING = -0.3  # cosine, of fronts with the way to the eye
-_BESIDE_M = 0.05  # how far before a front the eye has to be to see what it shows
-_DEEP_M = 0.12  # a body is deeper: a mere face may be anything
+
+@dataclass(frozen=True)
+class LeafParameters:
+    """How what stands open shows, in front of the body that it belongs to.
+
+    Our choice, by furniture of the simulated houses seen from 1 to 2 m.
+
+    Attributes:
+        sampled: Points are enough.
+        turn_deg: From one heading of the front to the next [deg];
+        apart_deg: headings that are likely are so far apart [deg],
+        headings: and so many are tried.
+        row_m: Of rows in height [m],
+        rows: so many of which, the fullest, are its faces.
+        level: Rows that are so many times as full as the usual one are level faces.
+        slice_m: Of what is before a front [m].
+        least_points: Of anything that stands open.
+        body: A slice of the body has at least that share of the largest one's width times height [ratio].
+        dull: What explains as much without anything that stands open is the less likely: a side face, mostly [ratio].
+        before_m: What is that far before the front is not of the body [m].
+        reach_m: What reaches out less may be a bar, or a switch [m].
+        bars: Slices that bars reach out,
+        face: and how many times as full as one of them a face is.
+        thin_m: A slice of a sheet is thinner [m].
+        sheet_m: How near points are to a sheet [m],
+        on_sheet: and what share of them [ratio].
+        farthest_m: How far drawers come out, at the most [m];
+        rarer: a sheet that explains as much is the likelier [ratio].
+        as_tall: A drawer is not as tall as what it comes out of [ratio].
+        inner: Of an opening, without its rim [ratio].
+        least_rad: What is open less is not told from closed [rad].
+        most_rad: No upright door stands wider open [rad],
+        most_flap_rad: nor does a flap [rad].
+        bar_off_m: How far bars are from their faces [m].
+        alike: Cosine of directions that are alike.
+        shut: Of its limit: a front that is taken to be closed [ratio].
+        facing: Cosine, of fronts with the way to the eye.
+        beside_m: How far before a front the eye has to be to see what it shows [m].
+        deep_m: A body is deeper: a mere face may be anything [m].
+    """
+
+    sampled: int = 6000
+    turn_deg: float = 1.0
+    apart_deg: float = 5.0
+    headings: int = 6
+    row_m: float = 0.015
+    rows: int = 2
+    level: float = 4.0
+    slice_m: float = 0.02
+    least_points: int = 60
+    body: float = 0.62
+    dull: float = 0.95
+    before_m: float = 0.03
+    reach_m: float = 0.12
+    bars: int = 5
+    face: float = 4.0
+    thin_m: float = 0.13
+    sheet_m: float = 0.025
+    on_sheet: float = 0.7
+    farthest_m: float = 0.45
+    rarer: float = 0.7
+    as_tall: float = 0.75
+    inner: float = 0.8
+    least_rad: float = 0.3
+    most_rad: float = 2.2
+    most_flap_rad: float = 1.75
+    bar_off_m: float = 0.12
+    alike: float = 0.95
+    shut: float = 0.1
+    facing: float = -0.3
+    beside_m: float = 0.05
+    deep_m: float = 0.12
+
+
+_LEAF = LeafParameters()
+FEWEST = 20  # our choice: points of any part that something is told from
 _Z = np.array([0.0, 0.0, 1.0])
 
 
@@ -74,14 +126,14 @@ def leaf(points: Array, eye: Array) -> Leaf | None:
         None if nothing reaches out far enough.
     """
     rng = np.random.default_rng(0)
-    points = points if len(points) < _SAMPLE else points[rng.choice(len(points), _SAMPLE, replace=False)]
+    points = points if len(points) < _LEAF.sampled else points[rng.choice(len(points), _LEAF.sampled, replace=False)]
     toward = (eye - np.median(points, axis=0)) * [1.0, 1.0, 0.0]
     toward /= max(float(norm(toward)), 1e-9)
     steep = _steep(points)
     most, found = -1.0, None
     for yaw in _headings(points[steep]):
         for out in (np.array([np.cos(a), np.sin(a), 0.0]) for a in yaw + np.arange(4) * np.pi / 2):
-            if matmul(out, toward) > _FACING:
+            if matmul(out, toward) > _LEAF.facing:
                 explained, way = _explained(points, steep, eye, out, most)
                 if explained > most:
                     most, found = explained, way
@@ -100,10 +152,10 @@ def with_leaf(fronts: Sequence[Door], found: Leaf | None) -> list[Door]:
         bar = front.bar
         assert bar is not None
         off_m = matmul(bar.center, found.out) - found.front_m
-        shut = front.position < _SHUT * front.limit
-        if float(Surroundings(found.door.solids).distance(bar.center[None])[0]) < _BAR_OFF_M:
+        shut = front.position < _LEAF.shut * front.limit
+        if float(Surroundings(found.door.solids).distance(bar.center[None])[0]) < _LEAF.bar_off_m:
             door = replace(door, bar=bar, solids=(*door.solids[:1], *front.solids[1:]))
-        elif abs(off_m) < _BAR_OFF_M and matmul(bar.outward, found.out) > _ALIKE:
+        elif abs(off_m) < _LEAF.bar_off_m and matmul(bar.outward, found.out) > _LEAF.alike:
             closed.append(replace(front, position=0.0))
         elif shut:
             return list(fronts)
@@ -112,35 +164,35 @@ def with_leaf(fronts: Sequence[Door], found: Leaf | None) -> list[Door]:
 
 def within_drawer(door: Door) -> Solid | None:
     """The room inside a drawer that stands open, in the world: behind its face, as high as that; None where none is."""
-    if door.kind != "slide" or door.position < _REACH_M:
+    if door.kind != "slide" or door.position < _LEAF.reach_m:
         return None
     across = np.cross(_Z, door.axis)
     R, face = np.stack([door.axis, across, _Z], axis=1), door.solids[0]
     half = matmul(np.abs(matmul(R.T, face.T[:3, :3])), face.half_m)
-    inner = np.array([door.position / 2, half[1] - _PANEL_M, half[2] - _PANEL_M / 2])
-    middle = face.T[:3, 3] - door.axis * (half[0] + inner[0]) + _Z * _PANEL_M / 2  # it has a bottom
+    inner = np.array([door.position / 2, half[1] - PART.panel_m, half[2] - PART.panel_m / 2])
+    middle = face.T[:3, 3] - door.axis * (half[0] + inner[0]) + _Z * PART.panel_m / 2  # it has a bottom
     return Solid("box", inner, kin.transform(R, middle))
 
 
 def _headings(steep: Array) -> list[float]:
     """Angles [rad], modulo a right angle, along which points lie in rows, the sharpest first."""
-    angles = np.radians(np.arange(0.0, 90.0, _TURN_DEG))
+    angles = np.radians(np.arange(0.0, 90.0, _LEAF.turn_deg))
     sharp = np.array([
-        sum(float((np.bincount(np.floor((row - row.min()) / _ROW_M).astype(int)) ** 2.0).sum()) for row in rows)
+        sum(float((np.bincount(np.floor((row - row.min()) / _LEAF.row_m).astype(int)) ** 2.0).sum()) for row in rows)
         for rows in (matmul([[np.cos(a), np.sin(a), 0.0], [-np.sin(a), np.cos(a), 0.0]], steep.T) for a in angles)
     ])  # fmt: skip
     out: list[int] = []
     for i in np.argsort(-sharp):
-        if all(min(abs(i - j), len(angles) - abs(i - j)) > _APART_DEG / _TURN_DEG for j in out):
+        if all(min(abs(i - j), len(angles) - abs(i - j)) > _LEAF.apart_deg / _LEAF.turn_deg for j in out):
             out.append(int(i))
-    return [float(angles[i]) for i in out[:_HEADINGS]]
+    return [float(angles[i]) for i in out[: _LEAF.headings]]
 
 
 def _steep(points: Array) -> NDArray[np.bool_]:
     """(n,) bool: points that are not on level faces."""
-    k = np.floor((points[:, 2] - points[:, 2].min()) / _ROW_M).astype(int)
+    k = np.floor((points[:, 2] - points[:, 2].min()) / _LEAF.row_m).astype(int)
     counts = np.bincount(k)
-    return np.asarray(counts[k] < max(_LEVEL * np.median(counts[counts > 0]), _LEAST_POINTS / 4))
+    return np.asarray(counts[k] < max(_LEAF.level * np.median(counts[counts > 0]), _LEAF.least_points / 4))
 
 
 def _explained(
@@ -158,28 +210,28 @@ def _explained(
     across = np.cross(_Z, out)
     suz = np.stack([matmul(points, out), matmul(points, across), points[:, 2]], 1)
     front = front_of(suz)
-    if front is None or matmul(eye, out) < front + _BESIDE_M or front - np.percentile(suz[:, 0], 1) < _DEEP_M:
+    if front is None or matmul(eye, out) < front + _LEAF.beside_m or front - np.percentile(suz[:, 0], 1) < _LEAF.deep_m:
         return 0.0, None
-    of_body = suz[:, 0] <= front + _BEFORE_M
+    of_body = suz[:, 0] <= front + _LEAF.before_m
     body, ahead = suz[of_body], suz[~of_body]
     explained = float(_in_rows(suz[of_body & steep]))
     if explained + len(ahead) <= most:
         return 0.0, None
-    ahead = main_cluster(ahead) if len(ahead) >= _LEAST_POINTS else ahead[:0]
-    if len(ahead) < _LEAST_POINTS or np.percentile(ahead[:, 0], 98) - front < _REACH_M:
-        return _DULL * explained, None
+    ahead = main_cluster(ahead) if len(ahead) >= _LEAF.least_points else ahead[:0]
+    if len(ahead) < _LEAF.least_points or np.percentile(ahead[:, 0], 98) - front < _LEAF.reach_m:
+        return _LEAF.dull * explained, None
     box = np.percentile(body, [1, 99], axis=0)
     ways = [
         _drawer(ahead, front, box),
-        *(hinged(ahead, front, box, k) for k in (1, 2) if _thickness(ahead, k) < _THIN_M),
+        *(hinged(ahead, front, box, k) for k in (1, 2) if _thickness(ahead, k) < _LEAF.thin_m),
     ]
     able = [way for way in ways if way is not None]
     if not able:
-        return _DULL * explained, None
+        return _LEAF.dull * explained, None
     door, share = max(able, key=lambda way: way[1])
     deeper, solid = _opening(door, body, front) if door.kind == "hinge" else (0, 0)
     if solid > deeper:
-        return _DULL * explained, None
+        return _LEAF.dull * explained, None
     R = np.stack([out, across, _Z], axis=1)
     T = np.eye(4)
     T[:3, :3] = R
@@ -195,8 +247,8 @@ def _opening(door: Door, body: Array, front: float) -> tuple[int, int]:
     shut = matmul(kin.transform(R, door.origin - matmul(R, door.origin)), door.solids[0].T)
     half = door.solids[0].half_m
     local = np.abs(matmul(body - shut[:3, 3], shut[:3, :3]))
-    behind = body[(local[:, 0] < _INNER * half[0]) & (local[:, 2] < _INNER * half[2])]
-    deeper = int((behind[:, 0] < front - _BEFORE_M).sum())
+    behind = body[(local[:, 0] < _LEAF.inner * half[0]) & (local[:, 2] < _LEAF.inner * half[2])]
+    deeper = int((behind[:, 0] < front - _LEAF.before_m).sum())
     return deeper, len(behind) - deeper
 
 
@@ -206,14 +258,14 @@ def _in_rows(body: Array) -> int:
     if not len(body):
         return 0
     for axis in (0, 1):
-        k = np.floor((body[:, axis] - body[:, axis].min()) / _ROW_M).astype(int)
-        own |= np.isin(k, np.argsort(-np.bincount(k))[:_ROWS])
+        k = np.floor((body[:, axis] - body[:, axis].min()) / _LEAF.row_m).astype(int)
+        own |= np.isin(k, np.argsort(-np.bincount(k))[: _LEAF.rows])
     return int(own.sum())
 
 
 def front_of(suz: Array) -> float | None:
     """Where the body ends, along the first axis."""
-    k = np.floor(suz[:, 0] / _SLICE_M).astype(int)
+    k = np.floor(suz[:, 0] / _LEAF.slice_m).astype(int)
     first = k.min()
     order = np.argsort(k, kind="stable")
     starts = np.searchsorted(k[order], np.arange(first, k.max() + 2))
@@ -225,10 +277,10 @@ def front_of(suz: Array) -> float | None:
             areas[i] = _span(u[own]) * _span(z[own])
     if areas.max() <= 0:
         return None
-    last = int(np.flatnonzero(areas >= _BODY * areas.max()).max())
+    last = int(np.flatnonzero(areas >= _LEAF.body * areas.max()).max())
     # Bars of what is closed reach out, too, and lie far apart: the face that they stand on has many times their points.
-    near = [_fullest(suz[(k - first >= last - back) & (k - first <= last + 1), 0]) for back in (1, _BARS)]
-    return near[1][0] if near[1][1] > _FACE * near[0][1] else near[0][0]
+    near = [_fullest(suz[(k - first >= last - back) & (k - first <= last + 1), 0]) for back in (1, _LEAF.bars)]
+    return near[1][0] if near[1][1] > _LEAF.face * near[0][1] else near[0][0]
 
 
 def _span(values: Array) -> float:
@@ -251,7 +303,7 @@ def _fullest(values: Array) -> tuple[float, int]:
 
 def _thickness(ahead: Array, axis: int) -> float:
     """How thick slices are along an axis, the median."""
-    k = np.floor(ahead[:, 0] / _SLICE_M).astype(int)
+    k = np.floor(ahead[:, 0] / _LEAF.slice_m).astype(int)
     spans = [np.ptp(np.percentile(own[:, axis], [5, 95])) for i in np.unique(k) if len(own := ahead[k == i]) >= 8]
     return float(np.median(spans)) if spans else 0.0
 
@@ -267,12 +319,12 @@ def hinged(ahead: Array, front: float, body: Array, k: int) -> tuple[Door, float
         if length < 0.05:
             continue
         n = np.array([-along[1], along[0]]) / length
-        near = int((np.abs(matmul(flat - flat[a], n)) < _SHEET_M / 2).sum())
+        near = int((np.abs(matmul(flat - flat[a], n)) < _LEAF.sheet_m / 2).sum())
         if near > best:
             best, normal, at = near, n, float(matmul(flat[a], n))
-    own = np.abs(matmul(flat, normal) - at) < _SHEET_M
+    own = np.abs(matmul(flat, normal) - at) < _LEAF.sheet_m
     share = float(own.mean())
-    if share < _ON_SHEET or abs(normal[1]) < 0.05:
+    if share < _LEAF.on_sheet or abs(normal[1]) < 0.05:
         return None
     middle, (_, (t, _)) = flat[own].mean(0), principal_axes(flat[own])
     t = t * np.sign(t[0])  # from the hinge to the free edge
@@ -283,7 +335,7 @@ def hinged(ahead: Array, front: float, body: Array, k: int) -> tuple[Door, float
     low, high = body[:, k]
     inward = 1.0 if hinge[1] + width - high < low - (hinge[1] - width) else -1.0
     angle = float(np.arctan2(t[0], inward * t[1]))
-    if not _LEAST_RAD < angle < (_MOST_RAD if k == 1 else _MOST_FLAP_RAD):
+    if not _LEAF.least_rad < angle < (_LEAF.most_rad if k == 1 else _LEAF.most_flap_rad):
         return None
     other = 3 - k
     span = np.percentile(ahead[own][:, other], [1, 99])
@@ -298,14 +350,14 @@ def hinged(ahead: Array, front: float, body: Array, k: int) -> tuple[Door, float
     outward = np.cross(axis, along)
     T[:3, :3] = np.stack([along, outward, np.cross(along, outward)], axis=1)
     T[:3, 3] = origin + along * width / 2 - outward * 0.0
-    half = np.array([width, _PANEL_M, float(np.ptp(span))]) / 2
-    limit = max(_UPRIGHT_RAD if k == 1 else _FLAP_RAD, angle)
+    half = np.array([width, PART.panel_m, float(np.ptp(span))]) / 2
+    limit = max(PART.upright_rad if k == 1 else PART.flap_rad, angle)
     return Door("leaf", "hinge", origin, axis, angle, limit, None, (Solid("box", half, T),)), share
 
 
 def _drawer(ahead: Array, front: float, body: Array) -> tuple[Door, float] | None:
     """What is drawn out of a front, in (s, u, z), and the share of points on its faces."""
-    k = np.floor(ahead[:, 0] / _SLICE_M).astype(int)
+    k = np.floor(ahead[:, 0] / _LEAF.slice_m).astype(int)
     areas = {
         i: _span(own[:, 1]) * _span(own[:, 2])
         for i in np.unique(k) if len(own := ahead[(k == i) | (k == i + 1)]) >= FEWEST
@@ -316,13 +368,13 @@ def _drawer(ahead: Array, front: float, body: Array) -> tuple[Door, float] | Non
     face = float(np.median(own[:, 0]))
     low, high = np.percentile(own[:, 1:], [2, 98], axis=0)
     T = np.eye(4)
-    T[:3, 3] = [face - _PANEL_M / 2, *((low + high) / 2)]
-    half = np.array([_PANEL_M, *(high - low)]) / 2
+    T[:3, 3] = [face - PART.panel_m / 2, *((low + high) / 2)]
+    half = np.array([PART.panel_m, *(high - low)]) / 2
     drawn = face - front
-    if not _REACH_M / 2 < drawn < _FARTHEST_M or high[1] - low[1] > _AS_TALL * np.ptp(body[:, 2]):
+    if not _LEAF.reach_m / 2 < drawn < _LEAF.farthest_m or high[1] - low[1] > _LEAF.as_tall * np.ptp(body[:, 2]):
         return None
     off = [np.abs(ahead[:, 0] - face), *np.abs(ahead[:, 1:] - low).T, *np.abs(ahead[:, 1:] - high).T]
-    share = _RARER * float((np.min(off, axis=0) < _SHEET_M).mean())
+    share = _LEAF.rarer * float((np.min(off, axis=0) < _LEAF.sheet_m).mean())
     solids = (Solid("box", half, T),)
     out = np.array([1.0, 0.0, 0.0])
-    return Door("leaf", "slide", T[:3, 3].copy(), out, drawn, max(_SLIDE_M, drawn), None, solids), share
+    return Door("leaf", "slide", T[:3, 3].copy(), out, drawn, max(PART.slide_m, drawn), None, solids), share

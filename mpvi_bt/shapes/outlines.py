@@ -11,13 +11,36 @@ from scipy.spatial import ConvexHull, QhullError
 from mpvi_bt.robot.linear_algebra import least_squares, matmul, norm
 from mpvi_bt.robot.solids import Array
 
-_CELL_M = 0.015  # of the grid in which points hang together
-_LARGE_M, _LARGE_CELL_M = 0.15, 0.04  # that of large things: what holds a bail may be too thin to be seen
-_HUGE_M, _PART = 0.4, 0.1  # of what is so long, or high, parts that have such a share of the points belong to it, too
-THIN_M = 0.004  # of points that lie that near to each other one is kept
-_AROUND_M = 0.12  # from how far around a thing its support is told
-_FACE = 0.45  # of the points level with a thing's foot so many lie within 4 mm where they are those of a face;
-_LITTLE = 0.1  # where they are not, they are believed unless a face below them has ten times as many
+
+@dataclass(frozen=True)
+class Clusters:
+    """How points of one thing hang together.
+
+    Our choice, by how far apart pixels are on a surface at 1 to 2 m.
+
+    Attributes:
+        cell_m: Of the grid in which points hang together [m].
+        large_m: Of things that are so large [m]
+        large_cell_m: it is this one [m]: what holds a bail may be too thin to be seen.
+        huge_m: Of what is so long, or high [m],
+        part: parts that have such a share of the points belong to it, too [ratio].
+        around_m: From how far around a thing its support is told [m].
+        face: Of the points level with a thing's foot so many lie within 4 mm where they are those of a face [ratio];
+        little: where they are not, they are believed unless a face below them has ten times as many [ratio].
+    """
+
+    cell_m: float = 0.015
+    large_m: float = 0.15
+    large_cell_m: float = 0.04
+    huge_m: float = 0.4
+    part: float = 0.1
+    around_m: float = 0.12
+    face: float = 0.45
+    little: float = 0.1
+
+
+_CLUSTER = Clusters()
+THIN_M = 0.004  # our choice, a pixel at 1 to 2 m: of points that lie that near to each other one is kept
 
 
 def main_cluster(points: Array) -> Array:
@@ -29,8 +52,8 @@ def main_cluster(points: Array) -> Array:
     """
     if len(points) < 4:
         return points
-    large = np.ptp(np.percentile(points, [10, 90], axis=0), axis=0).max() > _LARGE_M
-    cell = _LARGE_CELL_M if large else _CELL_M
+    large = np.ptp(np.percentile(points, [10, 90], axis=0), axis=0).max() > _CLUSTER.large_m
+    cell = _CLUSTER.large_cell_m if large else _CLUSTER.cell_m
     cells = ((points - points.min(0)) / cell).astype(int)
     if cells.max() > 300:  # a speck far away would make the grid huge
         points = points[np.abs(points - np.median(points, axis=0)).max(1) < 150 * cell]
@@ -43,8 +66,8 @@ def main_cluster(points: Array) -> Array:
     own = parts[tuple(cells.T)]
     counts = np.bincount(own)
     main = int(counts.argmax())
-    belongs = counts > _PART * counts.max()
-    if np.ptp(points[own == main], axis=0).max() < _HUGE_M:
+    belongs = counts > _CLUSTER.part * counts.max()
+    if np.ptp(points[own == main], axis=0).max() < _CLUSTER.huge_m:
         largest = points[own == main, :2]
         for k in np.flatnonzero(belongs):
             part = points[own == k, :2]
@@ -54,7 +77,7 @@ def main_cluster(points: Array) -> Array:
 
 def _within(xy: Array, other: Array) -> bool:
     """Whether points (n, 2) lie in the box about others (m, 2)."""
-    return bool((xy > other.min(0) - _CELL_M).all() and (xy < other.max(0) + _CELL_M).all())
+    return bool((xy > other.min(0) - _CLUSTER.cell_m).all() and (xy < other.max(0) + _CLUSTER.cell_m).all())
 
 
 def thinned(points: Array, cell_m: float = THIN_M) -> Array:
@@ -78,13 +101,13 @@ def support_height(points: Array, around: Array, eye: Array) -> float:
     lowest = float(np.percentile(points[:, 2], 2))
     if eye[2] < lowest + 0.03:
         return lowest  # the face that it stands on cannot be seen from below
-    low, high = points[:, :2].min(0) - _AROUND_M, points[:, :2].max(0) + _AROUND_M
+    low, high = points[:, :2].min(0) - _CLUSTER.around_m, points[:, :2].max(0) + _CLUSTER.around_m
     z = around[((around[:, :2] > low) & (around[:, :2] < high)).all(1), 2]
     z = z[(z < lowest + 0.012) & (z > lowest - 0.10)]
     level = z[z > lowest - 0.012]
     if len(level) > 25:
         height, most = _fullest(level)
-        if most > _FACE * len(level) or most > _LITTLE * _fullest(z)[1]:
+        if most > _CLUSTER.face * len(level) or most > _CLUSTER.little * _fullest(z)[1]:
             return height
     return _fullest(z)[0] if len(z) >= 10 else lowest
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,13 +11,37 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
 
-_TRIALS = 60  # of circles through three points
-_RADIUS_M = (0.02, 0.055)  # of what a hand goes around
-_OFF_M = 0.004  # from the circle that a point of its side is at the most, and so much more by the grain of the picture
-_ROUND = 0.65  # at least so much of what is seen from the side bends with the circle
-_SHARE = (0.02, 0.35)  # of all points stand out
-_LONG_M, _HALF_RAD = 0.07, 0.6  # so far at the most, and no more than so far to either side of a bearing,
-_SIDES, _LEAST = 2, 5  # of which there are so many at the most, each with so many points at least
+
+@dataclass(frozen=True)
+class Handles:
+    """What stands out of something round, such as a handle or a spout.
+
+    Our choice, by kettles, cups and pans.
+
+    Attributes:
+        trials: Of circles through three points.
+        radius_m: Of what a hand goes around, least and most [m].
+        off_m: From the circle to a point of its side, at the most, beside the grain of the picture [m].
+        round: At least so much of what is seen from the side bends with the circle [ratio].
+        share: Of all points stand out, least and most [ratio].
+        long_m: How far they stand out, at the most [m],
+        half_rad: and to either side of a bearing [rad].
+        sides: Bearings at the most,
+        least: and points of each at least.
+    """
+
+    trials: int = 60
+    radius_m: tuple[float, float] = (0.02, 0.055)
+    off_m: float = 0.004
+    round: float = 0.65
+    share: tuple[float, float] = (0.02, 0.35)
+    long_m: float = 0.07
+    half_rad: float = 0.6
+    sides: int = 2
+    least: int = 5
+
+
+_HANDLE = Handles()
 
 
 def stand_out(points: Array, top: float, grain: float) -> list[NDArray[np.bool_]]:
@@ -34,10 +60,10 @@ def stand_out(points: Array, top: float, grain: float) -> list[NDArray[np.bool_]
     side = points[points[:, 2] < top - 0.01, :2]
     if len(side) < 40:
         return []
-    off = _OFF_M + grain
+    off = _HANDLE.off_m + grain
     rng = np.random.default_rng(0)
     best, found = 0, None
-    for a, b, c in side[rng.integers(0, len(side), (_TRIALS, 3))]:
+    for a, b, c in side[rng.integers(0, len(side), (_HANDLE.trials, 3))]:
         A = 2 * np.array([b - a, c - a])
         (p, q), (r, s) = A
         if abs(p * s - q * r) < 1e-8:
@@ -45,24 +71,24 @@ def stand_out(points: Array, top: float, grain: float) -> list[NDArray[np.bool_]
         u, v = matmul(b, b) - matmul(a, a), matmul(c, c) - matmul(a, a)
         middle = np.array([s * u - q * v, p * v - r * u]) / (p * s - q * r)
         radius = float(norm(a - middle))
-        if _RADIUS_M[0] < radius < _RADIUS_M[1]:
+        if _HANDLE.radius_m[0] < radius < _HANDLE.radius_m[1]:
             on = int((np.abs(norm(side - middle, axis=1) - radius) < off).sum())
             if on > best:
                 best, found = on, (middle, radius)
-    if found is None or best < _ROUND * len(side):
+    if found is None or best < _HANDLE.round * len(side):
         return []
     middle, radius = found
     away = points[:, :2] - middle
     out = norm(away, axis=1) - radius
     left = out > 1.5 * off
-    if not _SHARE[0] < left.mean() < _SHARE[1] or out.max() > _LONG_M or out.max() < 3 * off:
+    if not _HANDLE.share[0] < left.mean() < _HANDLE.share[1] or out.max() > _HANDLE.long_m or out.max() < 3 * off:
         return []
     bearing, parts = np.arctan2(away[:, 1], away[:, 0]), []
-    for _ in range(_SIDES):
-        if left.sum() < _LEAST:
+    for _ in range(_HANDLE.sides):
+        if left.sum() < _HANDLE.least:
             break
         farthest = bearing[np.where(left, out, -np.inf).argmax()]
-        part = left & (np.abs(kin.wrap(bearing - farthest)) < _HALF_RAD)
+        part = left & (np.abs(kin.wrap(bearing - farthest)) < _HANDLE.half_rad)
         parts.append(part)
         left = left & ~part
-    return parts if left.sum() < _LEAST else []
+    return parts if left.sum() < _HANDLE.least else []

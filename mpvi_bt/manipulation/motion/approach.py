@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Generator, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,13 +19,33 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
-LEGS = 2  # around what is out of reach
-_LOOKS = 4  # at a thing that is only seen, with a drive between two
-_SPARED = 0.5  # of what a search takes, for the one that gives hidden space the benefit of the doubt
-_PAUSE_S = 10.0  # to earn what a search takes: one that fails as it may take no more has not looked everywhere
-_REFINED = 10  # options near the planned one that a correction may take instead
-_CORRECTED = 0.8  # how far such a one may be off, see `_apart`
-_INWARD_M_S = 0.25  # base speed with the arm stretched out
+LEGS = 2  # our choice: drives around what is out of reach
+
+
+@dataclass(frozen=True)
+class Approach:
+    """How a stance is gone to.
+
+    Our choice.
+
+    Attributes:
+        looks: At a thing that is only seen, with a drive between two.
+        spared: Of what a search takes, for the one that gives hidden space the benefit of the doubt [ratio].
+        pause_s: To earn what a search takes [s]: one that fails as it may take no more has not looked everywhere.
+        refined: Options near the planned one that a correction may take instead.
+        corrected: How far such a one may be off, see `_apart`.
+        inward_m_s: Base speed with the arm stretched out [m/s].
+    """
+
+    looks: int = 4
+    spared: float = 0.5
+    pause_s: float = 10.0
+    refined: int = 10
+    corrected: float = 0.8
+    inward_m_s: float = 0.25
+
+
+_APPROACH = Approach()
 
 
 def approach(
@@ -71,14 +91,14 @@ def close_in(
         MotionFailure: As `approach`.
     """
     trusting = False  # once the benefit of the doubt was needed it stays given, or every look finds another stance
-    for looks in range(_LOOKS):
+    for looks in range(_APPROACH.looks):
         if looks or not studied(work, about):
             yield from study(work, about)
         search = replace(work.search(side, touched), tried=list(tried))
-        with work.effort.sparing(0.0 if work.scene.exact else _SPARED):
+        with work.effort.sparing(0.0 if work.scene.exact else _APPROACH.spared):
             stance = None if trusting else find(search, looks > 0)
         if stance is None and work.effort.left <= 0:
-            yield from work.motion.wait(_PAUSE_S)
+            yield from work.motion.wait(_APPROACH.pause_s)
             stance = None if trusting else find(search, looks > 0)
         if stance is None and not work.scene.exact:
             with work.scene.trusting(remembering=True):  # the base goes where little is in view from here
@@ -94,7 +114,7 @@ def close_in(
         away = stance.route[-1] - work.motion.felt.base_pose
         if work.scene.exact or (norm(away[:2]) < 0.02 and abs(kin.wrap(away[2])) < 0.03):
             break
-        if looks < _LOOKS - 1:
+        if looks < _APPROACH.looks - 1:
             for base in stance.route:
                 yield from work.motion.drive(base)
     assert stance is not None
@@ -130,8 +150,8 @@ def _refined(work: Work, side: Side, stance: Stance, options: Sequence[Option]) 
     to_base = kin.inverse(work.base)
     lift = stance.waypoints[-1][2, 3] - stance.waypoints[-2][2, 3]
     alike = [o for o in options if abs(o.waypoints[-1][2, 3] - o.waypoints[-2][2, 3] - lift) < 0.005]
-    for option in sorted(alike, key=lambda o: _apart(planned, o.waypoints[0]))[:_REFINED]:
-        if _apart(planned, option.waypoints[0]) > _CORRECTED:
+    for option in sorted(alike, key=lambda o: _apart(planned, o.waypoints[0]))[: _APPROACH.refined]:
+        if _apart(planned, option.waypoints[0]) > _APPROACH.corrected:
             break
         waypoints, q = matmul(to_base, option.waypoints), work.motion.arm(side)
         for T in waypoints:
@@ -153,7 +173,7 @@ def take_up(work: Work, stance: Stance, search: Search) -> Actions:
     yield from work.motion.stand(stance.torso, stance.level)
     yield from work.motion.follow(search.side, stance.path)
     if stance.runs_up:
-        yield from work.motion.drive(stance.base, _INWARD_M_S)
+        yield from work.motion.drive(stance.base, _APPROACH.inward_m_s)
 
 
 def arrive(
@@ -177,7 +197,7 @@ def lines(work: Work, side: Side, stance: Stance, waypoints: Sequence[int], spee
 def leave(work: Work, stance: Stance) -> Actions:
     """Out again, the way that the base drove straight in."""
     if stance.runs_up:
-        yield from work.motion.drive(stance.route[-1], _INWARD_M_S)
+        yield from work.motion.drive(stance.route[-1], _APPROACH.inward_m_s)
 
 
 def withdraw(work: Work, side: Side, stance: Stance) -> Actions:

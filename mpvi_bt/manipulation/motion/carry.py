@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from contextlib import nullcontext, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice, product
 
 import numpy as np
@@ -21,19 +21,44 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
-_FOLD_CLEAR_M = 0.02  # what is between the checks of a path may come that much nearer
-_BACK_M = (0.35, 0.2)  # to back off by,
-_STEP_M = 0.15  # after a failure
-_BACK_RAD = (0.0, 0.25, -0.25, 0.5, -0.5)  # from straight back,
-_ASIDE_RAD = (0.8, -0.8, 1.1, -1.1)  # and where none of it is free: out of a trunk that it stands obliquely before
-_SHRUNK_M = 0.001
-_OUT_RAD = 0.05  # off its posture for traveling an empty arm is out
-_DRAWN_M = (0.12, 0.06)  # along its fingers, off what it may have let go of a moment ago
-_CARRY_HEIGHT_M = 0.80
-# What is carried keeps from what stands around, if it can: arms give way, and what hooks on a chair is lost.
-_CLEAR_M = (0.03, 0.0)
-_CHECKED_CARRIES = 25
-_SWUNG_CARRIES = 3  # planned for, each at length
+
+@dataclass(frozen=True)
+class Carrying:
+    """How things are carried.
+
+    Our choice: what is carried keeps from what stands around, if it can, for arms give way, and what hooks on a chair
+    is lost.
+
+    Attributes:
+        fold_clear_m: What is between the checks of a path may come that much nearer [m].
+        back_m: To back off by [m],
+        back_rad: from straight back [rad],
+        aside_rad: and where none of it is free [rad]: out of a trunk that it stands obliquely before.
+        step_m: To step back by, after a failure [m].
+        shrunk_m: A load is taken to be that much smaller than the room around it [m].
+        out_rad: Off its posture for traveling an empty arm is out [rad].
+        drawn_m: Along its fingers, off what it may have let go of a moment ago [m].
+        height_m: Of what is carried, above the floor [m].
+        clear_m: That it keeps from what stands around, the best first [m].
+        checked: Poses of the hand that are checked,
+        swung: and planned for, each at length.
+    """
+
+    fold_clear_m: float = 0.02
+    back_m: tuple[float, float] = (0.35, 0.2)
+    back_rad: tuple[float, float, float, float, float] = (0.0, 0.25, -0.25, 0.5, -0.5)
+    aside_rad: tuple[float, float, float, float] = (0.8, -0.8, 1.1, -1.1)
+    step_m: float = 0.15
+    shrunk_m: float = 0.001
+    out_rad: float = 0.05
+    drawn_m: tuple[float, float] = (0.12, 0.06)
+    height_m: float = 0.80
+    clear_m: tuple[float, float] = (0.03, 0.0)
+    checked: int = 25
+    swung: int = 3
+
+
+_CARRY = Carrying()
 # Off the middle of a hand's way home, y toward its own side [m].
 _DETOURS = np.array([(0.0, 0, 0), (0, 0.12, 0), (0, 0, 0.2), (0, 0.25, 0), (0.15, 0.15, 0), (0, 0.25, -0.2)])
 # Where to carry things: x, y toward the own side, z [m] and a turn about the vertical [rad].
@@ -89,7 +114,7 @@ def come_out(work: Work) -> Actions:
     The base would drag them through what they reach into. Where they cannot be folded they stay as they are.
     """
     held, home = work.held(), work.motion.robot.travel_arm
-    out = [s for s in home if s not in held and np.abs(work.motion.arm(s) - home[s]).max() > _OUT_RAD]
+    out = [s for s in home if s not in held and np.abs(work.motion.arm(s) - home[s]).max() > _CARRY.out_rad]
     if not out or work.scene.between() is not None:
         return
     with suppress(MotionFailure):
@@ -103,9 +128,9 @@ def come_out(work: Work) -> Actions:
 def _draw_off(work: Work, side: Side) -> Actions:
     """Draw a hand that is close to something back along its fingers, as far as there is room for it."""
     body = work.body()
-    if body.free(side, body.arms[side], _FOLD_CLEAR_M)[0]:
+    if body.free(side, body.arms[side], _CARRY.fold_clear_m)[0]:
         return
-    for by in _DRAWN_M:
+    for by in _CARRY.drawn_m:
         T = work.motion.hand(side)
         T[:3, 3] -= by * T[:3, 2]
         line = arm_motion.trace(body.robot, body.torso, side, body.arms[side], T)
@@ -117,7 +142,7 @@ def _draw_off(work: Work, side: Side) -> Actions:
 def _fold(work: Work, side: Side, without: Collection[str]) -> list[Array]:
     """A path home for an empty arm, well clear of the things `without` too if it can be: they stand loose."""
     now, home = work.motion.arm(side), work.motion.robot.travel_arm[side]
-    for spared, margin in (((), _FOLD_CLEAR_M), ((), 0.0), (without, 0.0)):
+    for spared, margin in (((), _CARRY.fold_clear_m), ((), 0.0), (without, 0.0)):
         path = arm_motion.plan(work.body(spared), side, home, work.rng, margin, start=now)
         if path is not None:
             return path
@@ -141,7 +166,7 @@ def _homeward(work: Work, torso: Array, without: Collection[str]) -> dict[Side, 
     if (found := arm_motion.sweep(body, torso, hands)) is not None:
         return found
     sides = sorted(body.held, key=lambda s: float(work.motion.hand(s)[2, 3]))
-    for margin, side in product(_CLEAR_M, sides):
+    for margin, side in product(_CARRY.clear_m, sides):
         now, checked, home = work.motion.hand(side), 0, replace(body, torso=torso)
         for T in _carries(work, side, body):
             q = body.robot.nearest_posture(matmul(kin.inverse(body.robot.chest(torso)), T), side, work.motion.arm(side))
@@ -153,7 +178,7 @@ def _homeward(work: Work, torso: Array, without: Collection[str]) -> dict[Side, 
                 if found is not None and (not margin or home.free(side, found[side][-1], margin)[0]):
                     return found
             checked += 1
-            if checked >= _CHECKED_CARRIES:
+            if checked >= _CARRY.checked:
                 break
     return None
 
@@ -174,7 +199,7 @@ def _swing_home(work: Work, without: Collection[str]) -> Actions:
         ends = (body.robot.nearest_posture(T, side, work.motion.arm(side)) for T in home)
         free = (q for q in ends if q is not None and body.free(side, q)[0])
         free = (q for q in free if _straightens(work, body, side, q) is not None)
-        paths = (arm_motion.plan(body, side, q, work.rng) for q in islice(free, _SWUNG_CARRIES))
+        paths = (arm_motion.plan(body, side, q, work.rng) for q in islice(free, _CARRY.swung))
         if (path := next((path for path in paths if path is not None), None)) is not None:
             yield from work.motion.follow(side, path)
             arms = _straightens(work, work.body(without), side, work.motion.arm(side))
@@ -195,14 +220,14 @@ def tuck(work: Work) -> Actions:
         now, checked = work.motion.hand(side), 0
         body = replace(body, arms=arms)
         for T in _carries(work, side, body):
-            if norm(T[:3, 3] - now[:3, 3]) < 0.03 or checked >= _CHECKED_CARRIES:
+            if norm(T[:3, 3] - now[:3, 3]) < 0.03 or checked >= _CARRY.checked:
                 break  # as good as home
             T_chest_tcp = matmul(kin.inverse(body.robot.chest(work.motion.torso)), T)
             q = body.robot.nearest_posture(T_chest_tcp, side, arms[side])
-            if q is None or not body.free(side, q, _CLEAR_M[0])[0]:
+            if q is None or not body.free(side, q, _CARRY.clear_m[0])[0]:
                 continue
             path = arm_motion.plan_level(body, side, T)
-            if path is not None and body.free(side, path[-1], _CLEAR_M[0])[0]:  # with its elbow elsewhere
+            if path is not None and body.free(side, path[-1], _CARRY.clear_m[0])[0]:  # with its elbow elsewhere
                 yield from work.motion.follow(side, path, speed=1.0)
                 break
             checked += 1
@@ -235,7 +260,7 @@ def back_off(work: Work) -> Actions:
     """
     here, body, near = work.motion.felt.base_pose, work.body(), work.near()
     body = replace(body, held={side: _as_it_hangs(work, side, body) for side in body.held})
-    for by, turn in (*product(_BACK_M, _BACK_RAD), *product(_BACK_M, _ASIDE_RAD)):
+    for by, turn in (*product(_CARRY.back_m, _CARRY.back_rad), *product(_CARRY.back_m, _CARRY.aside_rad)):
         back = np.array([-np.cos(here[2] + turn), -np.sin(here[2] + turn), 0.0]) * by
         around = [near.seen_from(kin.base(here + back * u)) for u in (0.2, 0.4, 0.6, 0.8, 1.0)]
         if all(base_clear(work.motion.robot, a) and _passes(replace(body, around=a)) for a in around):
@@ -246,7 +271,7 @@ def back_off(work: Work) -> Actions:
 def step_back(work: Work) -> Actions:
     """A small step straight back, if the base is clear of everything there: against a wall it would be stuck."""
     here = work.motion.felt.base_pose
-    step = -_STEP_M * np.array([np.cos(here[2]), np.sin(here[2]), 0.0])
+    step = -_CARRY.step_m * np.array([np.cos(here[2]), np.sin(here[2]), 0.0])
     if all(base_clear(work.motion.robot, work.near().seen_from(kin.base(here + share * step))) for share in (0.5, 1.0)):
         yield from work.motion.drive(here + step)
 
@@ -262,7 +287,7 @@ def _passes(body: Body) -> bool:
 def _as_it_hangs(work: Work, side: Side, body: Body) -> Load:
     """What a hand holds, no larger than the room where it is now: a little above a board its spheres reach into it."""
     T, load = work.motion.hand(side), body.held[side]
-    return load.within(body.around.distance(matmul(load.centers, T[:3, :3].T) + T[:3, 3]) - _SHRUNK_M)
+    return load.within(body.around.distance(matmul(load.centers, T[:3, :3].T) + T[:3, 3]) - _CARRY.shrunk_m)
 
 
 def _carries(work: Work, side: Side, body: Body) -> list[Array]:
@@ -272,5 +297,5 @@ def _carries(work: Work, side: Side, body: Body) -> list[Array]:
     for x, y, z, yaw in _CARRIES:
         T = kin.transform(matmul(kin.rot_z(yaw * SIGN[side]), now[:3, :3]), (x, y * SIGN[side], z))
         reach = np.hypot(*(matmul(load.centers, T[:2, :3].T) + T[:2, 3]).T) + load.radii
-        ranked.append((float(reach.max()) + 0.05 * abs(yaw) + 0.2 * abs(z - _CARRY_HEIGHT_M), T))
+        ranked.append((float(reach.max()) + 0.05 * abs(yaw) + 0.2 * abs(z - _CARRY.height_m), T))
     return [T for _, T in sorted(ranked, key=lambda r: r[0])]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -16,20 +17,48 @@ from mpvi_bt.robot.motion import Actions, Motion, MotionFailure, smooth
 from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, Side
 from mpvi_bt.robot.solids import Array
 
-_BASE_GAIN = 3.0  # [1/s]; without the velocity of its goal fed forward the base would trail by a third of it
-_BASE_SPEED_M_S = 0.28
-_HAND_SPEED_M_S = 0.30
-_TURN_SPEED_RAD_S = 0.6
-_STEP_RAD = 0.12  # that a joint's target may move a step
-_LEAP_RAD = 0.6  # more is another elbow
-_SETTLING_STEPS = 15
-_LOST_STEPS = 5  # a hand that has been out of reach for so long has lost the course
-_OFF_M = 0.15  # what a hand is drawn back by, off what its fingers stand around
-_LEVEL = 0.3  # of the length of its approach, seen from above: one that points down more steeply is raised instead
-_BETWEEN_M = 0.03  # from the middle between open fingers to either side
-_TOUCHED_M = 0.005
-_ASTRAY_M = 0.12  # a base that far from its goal is held up by something,
-_BACK = 0.2  # and goes back so much of the course
+
+@dataclass(frozen=True)
+class Following:
+    """How the whole robot goes along a course.
+
+    Our choice: so slowly that friction holds what is led.
+
+    Attributes:
+        base_gain: [1/s]; without the velocity of its goal fed forward the base would trail by a third of it.
+        base_speed_m_s: At the most [m/s].
+        hand_speed_m_s: At the most [m/s].
+        turn_speed_rad_s: Of the base, at the most [rad/s].
+        step_rad: That a joint's target may move a step [rad].
+        leap_rad: More is another elbow [rad].
+        settling_steps: At the end of a course.
+        lost_steps: A hand that has been out of reach for so long has lost the course.
+        off_m: What a hand is drawn back by, off what its fingers stand around [m].
+        level: Of the length of its approach, seen from above [ratio]: one that points down more steeply is raised
+            instead.
+        between_m: From the middle between open fingers to either side [m].
+        touched_m: That a hand is held off by what it touches [m].
+        astray_m: A base that far from its goal is held up by something [m],
+        back: and goes back so much of the course [ratio].
+    """
+
+    base_gain: float = 3.0
+    base_speed_m_s: float = 0.28
+    hand_speed_m_s: float = 0.30
+    turn_speed_rad_s: float = 0.6
+    step_rad: float = 0.12
+    leap_rad: float = 0.6
+    settling_steps: int = 15
+    lost_steps: int = 5
+    off_m: float = 0.15
+    level: float = 0.3
+    between_m: float = 0.03
+    touched_m: float = 0.005
+    astray_m: float = 0.12
+    back: float = 0.2
+
+
+_FOLLOW = Following()
 
 
 def take_up(work: Work, start: Start, side: Side, idle: Side | None) -> Actions:
@@ -85,21 +114,21 @@ def go_along(
     start, torso = motion.felt.base_pose.copy(), motion.torso
     n = max(10, round(_seconds(course, start) * slowness * CONTROL_HZ))
     lost, last = 0, start
-    for k in range(1, n + _SETTLING_STEPS + 1):
+    for k in range(1, n + _FOLLOW.settling_steps + 1):
         x = smooth(min(1.0, k / n))
         goal = course.base(x, start)
         forward = (goal - last) * CONTROL_HZ
         error = goal - motion.felt.base_pose
         error[2], forward[2] = kin.wrap(error[2]), kin.wrap(goal[2] - last[2]) * CONTROL_HZ
         last = goal
-        if norm(error[:2]) > _ASTRAY_M:  # pressed against a wall it could not even draw its hand back
-            yield from motion.drive(course.base(smooth(max(0.0, k / n - _BACK)), start), _BASE_SPEED_M_S)
+        if norm(error[:2]) > _FOLLOW.astray_m:  # pressed against a wall it could not even draw its hand back
+            yield from motion.drive(course.base(smooth(max(0.0, k / n - _FOLLOW.back)), start), _FOLLOW.base_speed_m_s)
             raise MotionFailure("base_blocked", f"{100 * norm(error[:2]):.0f} cm off its course")
         motion.action[ActionLayout.TORSO] = torso + (torso_after - torso) * x
         lost = 0 if _reach(motion, side, course.hand(x)) else lost + 1
-        if lost >= _LOST_STEPS:
+        if lost >= _FOLLOW.lost_steps:
             raise MotionFailure("off_course")
-        yield _moving(motion, forward + _BASE_GAIN * error)
+        yield _moving(motion, forward + _FOLLOW.base_gain * error)
         if arrived(x):
             break
     motion.still()
@@ -125,8 +154,8 @@ def back_out(motion: Motion, direction: Array, distance_m: float, speed: float =
 def around(work: Work, side: Side) -> bool:
     """Whether the fingers of a hand that points ahead stand around something that the robot does not carry."""
     T = matmul(work.base, work.motion.hand(side))
-    between = T[:3, 3] + np.outer(np.linspace(-1, 1, 5) * _BETWEEN_M, T[:3, 1])
-    return bool(np.hypot(*T[:2, 2]) > _LEVEL and (work.near().distance(between) < _TOUCHED_M).any())
+    between = T[:3, 3] + np.outer(np.linspace(-1, 1, 5) * _FOLLOW.between_m, T[:3, 1])
+    return bool(np.hypot(*T[:2, 2]) > _FOLLOW.level and (work.near().distance(between) < _FOLLOW.touched_m).any())
 
 
 def draw_off(work: Work, side: Side) -> Actions:
@@ -135,7 +164,7 @@ def draw_off(work: Work, side: Side) -> Actions:
     Raises:
         MotionFailure: "base_blocked" if something is in the way.
     """
-    yield from back_out(work.motion, -matmul(work.base, work.motion.hand(side))[:2, 2], _OFF_M)
+    yield from back_out(work.motion, -matmul(work.base, work.motion.hand(side))[:2, 2], _FOLLOW.off_m)
 
 
 def _seconds(course: Course, start: Array) -> float:
@@ -147,7 +176,7 @@ def _seconds(course: Course, start: Array) -> float:
     turn = sum(
         float(np.arccos(np.clip((np.trace(matmul(a[:3, :3].T, b[:3, :3])) - 1) / 2, -1, 1))) for a, b in pairwise(hands)
     )
-    return max(way / _BASE_SPEED_M_S, reach / _HAND_SPEED_M_S, turn / _TURN_SPEED_RAD_S)
+    return max(way / _FOLLOW.base_speed_m_s, reach / _FOLLOW.hand_speed_m_s, turn / _FOLLOW.turn_speed_rad_s)
 
 
 def _reach(motion: Motion, side: Side, T_world_tcp: Array) -> bool:
@@ -158,9 +187,9 @@ def _reach(motion: Motion, side: Side, T_world_tcp: Array) -> bool:
     T_chest_world = kin.inverse(matmul(kin.base(motion.felt.base_pose), motion.robot.chest(motion.felt.torso)))
     now = motion.arm(side)
     q = motion.robot.nearest_posture(matmul(T_chest_world, T_world_tcp), side, now)
-    if q is None or np.abs(q - now).max() > _LEAP_RAD:
+    if q is None or np.abs(q - now).max() > _FOLLOW.leap_rad:
         return False
-    motion.action[ActionLayout.ARM[side]] = now + np.clip(q - now, -_STEP_RAD, _STEP_RAD)
+    motion.action[ActionLayout.ARM[side]] = now + np.clip(q - now, -_FOLLOW.step_rad, _FOLLOW.step_rad)
     return True
 
 

@@ -5,7 +5,7 @@ Where a head does not tilt, the trunk bends instead, what the hands hold staying
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,13 +17,35 @@ from mpvi_bt.robot.motion import Actions
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 
-_HEAD_UP_RAD, _HEAD_DOWN_RAD = 0.5, 0.65
-_FLOOR_RAD = 0.9
-_EYES_M = 0.80  # a thing that much above the lift's height is well before the eyes
+
+@dataclass(frozen=True)
+class Gaze:
+    """How the head looks.
+
+    Our choice, by what its camera has in view.
+
+    Attributes:
+        up_rad: From a look at a thing to one above it [rad],
+        down_rad: and to one below what is high up [rad].
+        floor_rad: Tilt that shows the floor ahead [rad].
+        eyes_m: A thing that much above the lift's height is well before the eyes [m].
+        still: What base and joints may move while they stand [m, rad].
+        level_rad: A head that is tilted less does not see the floor before it [rad].
+        hands_rad: So far down from the chest's horizon the head sees past the folded hands [rad].
+    """
+
+    up_rad: float = 0.5
+    down_rad: float = 0.65
+    floor_rad: float = 0.9
+    eyes_m: float = 0.80
+    still: float = 0.01
+    level_rad: float = 0.3
+    hands_rad: float = 0.9
+
+
+_GAZE = Gaze()
+# Our choice, by the boards of shelves and by what the trunk reaches: where to look above a thing, and from.
 _ABOVE = np.array([[0.0, 0.0, z] for z in (0.2, 0.28, 0.36, 0.44)])  # a thing, where a board may be
-_STILL = 0.01  # [m, rad] is what base and joints may move while they stand
-_LEVEL_RAD = 0.3  # a head that is tilted less does not see the floor before it
-_HANDS_RAD = 0.9  # so far down from the chest's horizon the head sees past the folded hands
 _WITHIN_RAD = 0.2  # Our choice: what is so far within the edge of the picture is in view of a head that does not tilt
 _HALF_VIEW_RAD = 0.6  # what the picture of a head that tilts shows above and below its middle
 _BOWS_RAD = np.arange(0.0, 0.95, 0.1)  # pitches of the trunk to look down with
@@ -39,7 +61,7 @@ def study(work: Work, name: str | None) -> Actions:
     if work.scene.exact:
         return
     if name is None:
-        yield from look_down(work, _FLOOR_RAD)
+        yield from look_down(work, _GAZE.floor_rad)
         yield from work.see("head")
     else:
         over = [_raised(work, name)] if work.held() else _overlooking(work, name)
@@ -48,13 +70,15 @@ def study(work: Work, name: str | None) -> Actions:
         if not work.held() and _covered(work, name):
             trunk = work.motion.robot.trunk
             posture = work.motion.posture
-            posture[:3] = [np.clip(work.middle(name)[2] - _EYES_M, *trunk.limits[0]), 0.0, 0.0]
+            posture[:3] = [np.clip(work.middle(name)[2] - _GAZE.eyes_m, *trunk.limits[0]), 0.0, 0.0]
             yield from work.motion.stand(trunk.joints(posture))
             yield from look_at(work, name)
             work.studied = (name, _stands(work))
             return
     tilt = float(work.motion.posture[3])
-    yield from work.motion.stand(work.motion.bent(tilt=tilt + (_HEAD_DOWN_RAD if tilt < _LEVEL_RAD else -_HEAD_UP_RAD)))
+    yield from work.motion.stand(
+        work.motion.bent(tilt=tilt + (_GAZE.down_rad if tilt < _GAZE.level_rad else -_GAZE.up_rad))
+    )
     yield from work.see("head")
     work.studied = (name, _stands(work))
 
@@ -64,7 +88,7 @@ def studied(work: Work, name: str | None) -> bool:
     return (
         work.studied is not None
         and work.studied[0] == name
-        and bool(np.abs(work.studied[1] - _stands(work)).max() < _STILL)
+        and bool(np.abs(work.studied[1] - _stands(work)).max() < _GAZE.still)
     )
 
 
@@ -125,7 +149,7 @@ def _in_view(work: Work, pitch: float, p: Array) -> bool:
 def _bow(work: Work, pitch: float) -> Actions:
     """Bend the trunk to a pitch [rad], or as far as there is room, what the hands hold staying where it is."""
     now = float(work.motion.posture[2])
-    if abs(pitch - now) < _STILL or squeezes(work.motion.felt):
+    if abs(pitch - now) < _GAZE.still or squeezes(work.motion.felt):
         return
     taken = [s for s in work.motion.robot.sides if work.scene.holding(s) is not None or work.gripped(s)]
     body, hands = work.body(), {s: arm_motion.stay(work.motion.hand(s)) for s in taken}
@@ -148,7 +172,7 @@ def tilted(work: Work, p_world: Array) -> Array:
 def _raised(work: Work, name: str) -> Array:
     """A torso (4,) from which what is high up is seen from the front, with hands that hold something."""
     raised, now = work.motion.torso, work.motion.posture[0]
-    wanted = float(np.clip(work.middle(name)[2] - _EYES_M, *work.motion.robot.trunk.limits[0]))
+    wanted = float(np.clip(work.middle(name)[2] - _GAZE.eyes_m, *work.motion.robot.trunk.limits[0]))
     if wanted <= now:
         return raised
     body = work.body({name})
@@ -171,7 +195,7 @@ def _overlooking(work: Work, name: str) -> list[Array]:
         torso = robot.trunk.joints(posture)
         seen = matmul(kin.inverse(robot.chest(torso)), T, np.append(middle, 1.0))[:3]
         ahead = seen - robot.head_m - robot.head_to_camera[:3, 3]
-        if np.arctan2(-ahead[2], max(float(ahead[0]), 0.0)) < _HANDS_RAD and replace(body, torso=torso).all_free():
+        if np.arctan2(-ahead[2], max(float(ahead[0]), 0.0)) < _GAZE.hands_rad and replace(body, torso=torso).all_free():
             found.append(torso)
     return found
 

@@ -18,7 +18,7 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array
 
-_ELSEWHERE = 0.05  # between two poses, in any number of their matrices [m or the sine of a turn]
+_ELSEWHERE = 0.05  # our choice: between two poses, in any number of their matrices [m or the sine of a turn]
 
 # Which postures (7,) of the coming arm to plan to, the best first, each with the index of what it is to reach: of the
 # body that holds out and T_base_tcp (4, 4) of the hand that does, the indices (m,) of what can be reached at all and
@@ -50,6 +50,7 @@ class Places:
                 yield kin.transform(matmul(kin.rot_z(turn), now[:3, :3]), (x, y * SIGN[side], z))
 
 
+# Our choice: before the chest, where both arms reach.
 VESSEL = Places((0.0, 0.6, -0.6, 1.2, -1.2, 1.57, -1.57),
                 ((0.50, 0.14, 0.72), (0.45, 0.24, 0.72), (0.55, 0.24, 0.72), (0.50, 0.14, 0.82)), 24, 120)  # fmt: skip
 THING = Places((0.0, 0.6, -0.6, 1.2, -1.2, 1.8, -1.8),

@@ -11,9 +11,9 @@ from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.motion import Actions
 from mpvi_bt.robot.protocol import Side
 
-# How a thing is held out to the head: turned about the vertical [rad], at which height [m].
+# Our choice, before the chest and in view: how a held thing is turned [rad], and how high it is held out [m],
 _SHOWN = ((0.0, 0.75), (1.3, 0.95), (-1.3, 0.85))
-_PLACES = ((0.50, 0.10), (0.45, 0.18), (0.55, 0.22), (0.42, 0.05))  # ahead, and toward its own side [m]
+_PLACES = ((0.50, 0.10), (0.45, 0.18), (0.55, 0.22), (0.42, 0.05))  # and how far ahead, and toward its own side [m]
 
 
 def show(work: Work, side: Side) -> Actions:

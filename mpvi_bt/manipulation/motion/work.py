@@ -23,14 +23,32 @@ from mpvi_bt.scene.scene import Scene
 
 Words = Mapping[str, str]  # what fills the slots of a skill call, such as {"object": "can of soda"}
 
-NEAR_M = 1.7  # solids farther from the robot than this do not matter to a skill
-_LIFTED_M = 0.10
-_RISES = (1.0, 0.5, 0.25)
-_AJAR = 0.3  # of its limit: a door that stands open so far is open
-EASY_M = 0.9  # above the floor, for hands
-_BASE_M = 0.2  # spheres of the base are larger, and reach into the floor
-_BESIDE_M = 0.03  # of a sphere: what is that near is what it meets, as boxes about things may be seen too small
-_ON_M = 0.03  # what lies on a thing is as much above its top, or below its bottom, at the most
+NEAR_M = 1.7  # our choice, an arm and a stride: solids farther from the robot than this do not matter to a skill
+_LIFTED_M = 0.10  # our choice: clear of what stands beside
+_RISES = (1.0, 0.5, 0.25)  # our choice: shares of it, where a board hangs low
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What is near, and what lies where.
+
+    Our choice, by how far boxes about things are off.
+
+    Attributes:
+        ajar: Of its limit: a door that stands open so far is open [ratio].
+        base_m: Spheres of the base are larger, and reach into the floor [m].
+        beside_m: Of a sphere: what is that near is what it meets [m].
+        on_m: What lies on a thing is as much above its top, or below its bottom, at the most [m].
+    """
+
+    ajar: float = 0.3
+    base_m: float = 0.2
+    beside_m: float = 0.03
+    on_m: float = 0.03
+
+
+_WORK = Ground()
+EASY_M = 0.9  # our choice: height above the floor where hands reach farthest
 
 
 @dataclass(eq=False)
@@ -147,7 +165,7 @@ class Work:
 
     def stands_open(self, name: str) -> bool:
         """Whether a door, drawer or lid of a thing stands open."""
-        return any(door.position > _AJAR * door.limit for door in self.scene.doors(name))
+        return any(door.position > _WORK.ajar * door.limit for door in self.scene.doors(name))
 
     def free_hands(self, name: str, wanted: str | None = None) -> list[Side]:
         """Empty hands, the one on the side of a thing first; only the one `wanted` if given.
@@ -254,11 +272,11 @@ class Work:
         for entry in self.scene.knowledge():
             size = entry.highest - entry.lowest
             off = float(norm(np.maximum(np.abs(sphere[:3] - (entry.lowest + entry.highest) / 2) - size / 2, 0.0)))
-            if entry.kind != "room" and off < sphere[3] + _BESIDE_M:
+            if entry.kind != "room" and off < sphere[3] + _WORK.beside_m:
                 apart[entry.name] = off, float(np.prod(size))
         if apart:
             return min(apart, key=apart.__getitem__)
-        return "floor" if sphere[2] < sphere[3] < _BASE_M else None
+        return "floor" if sphere[2] < sphere[3] < _WORK.base_m else None
 
     def body(self, without: Collection[str] = ()) -> Body:
         """The robot as commanded, with what it holds, among everything near but the things `without`."""
@@ -291,7 +309,7 @@ class Work:
 def _there(entry: Entry, place: Entry) -> bool:
     """Whether a thing that no hand holds is in or on another one."""
     aside = (entry.center < place.lowest) | (entry.center > place.highest)
-    level = place.lowest[2] - _ON_M < entry.lowest[2] < place.highest[2] + _ON_M
+    level = place.lowest[2] - _WORK.on_m < entry.lowest[2] < place.highest[2] + _WORK.on_m
     return not entry.held and entry is not place and bool(level) and not aside[:2].any()
 
 

@@ -22,18 +22,42 @@ from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array, Solid
 
-_PITCHES = (0.0, 0.3, 0.6, 0.9, 1.2)
-_RUN_UPS_M = (0.4, 0.25, 0.12)  # the arm takes its posture that far behind, in the open, and the base drives it in
+
+@dataclass(frozen=True)
+class CourseParameters:
+    """How a course is searched for.
+
+    Our choice: as many checks as keep a search below some seconds.
+
+    Attributes:
+        pitches_rad: Of the trunk [rad].
+        run_ups_m: The arm takes its posture that far behind, in the open, and the base drives it in [m].
+        samples: Of a course, for checks of what is in the way,
+        between: and steps from one to the next, for whether the arm reaches all of it.
+        leap_rad: Between steps; more is another elbow [rad].
+        checked_postures: Of one base pose.
+        most_effort: Of one search; a base pose takes 1,
+        glance: or that if no posture is worth a look at its whole way.
+        margin_m: That the arm keeps from everything [m].
+        alike_m: Ends of courses that are no farther apart are one [m], and as many radians.
+        bent_rad: Of the elbow [rad]: a stretched arm cannot make up for a base that trails its goal.
+    """
+
+    pitches_rad: tuple[float, float, float, float, float] = (0.0, 0.3, 0.6, 0.9, 1.2)
+    run_ups_m: tuple[float, float, float] = (0.4, 0.25, 0.12)
+    samples: int = 5
+    between: int = 4
+    leap_rad: float = 0.5
+    checked_postures: int = 12
+    most_effort: float = 24.0
+    glance: float = 0.25
+    margin_m: float = 0.01
+    alike_m: float = 0.05
+    bent_rad: float = -0.4
+
+
+_COURSE = CourseParameters()
 _ELBOW = 3
-_SAMPLES = 5  # of a course, for checks of what is in the way,
-_BETWEEN = 4  # and steps from one to the next, for whether the arm reaches all of it
-_LEAP_RAD = 0.5  # between steps; more is another elbow
-_CHECKED_POSTURES = 12  # of one base pose
-_MOST_EFFORT = 24.0  # of one search; a base pose takes 1,
-_GLANCE = 0.25  # or that if no posture is worth a look at its whole way
-_MARGIN_M = 0.01
-_ALIKE_M = 0.05  # and as many radians
-_BENT_RAD = -0.4  # of the elbow: a stretched arm cannot make up for a base that trails its goal
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +150,7 @@ class CourseSearch(Site):
             if route is None:
                 self.refusals.add("no way there")
                 continue
-            if spent >= _MOST_EFFORT or self.effort.left <= 0:
+            if spent >= _COURSE.most_effort or self.effort.left <= 0:
                 self.refusals.add("and more not looked at, as planning took too long")
                 break
             for hold in self.holds:
@@ -143,7 +167,7 @@ class CourseSearch(Site):
 
     def _fits(self, course: Course, base: Array) -> bool:
         """Whether the base can stand there and go along."""
-        for x in np.linspace(0, 1, _SAMPLES):
+        for x in np.linspace(0, 1, _COURSE.samples):
             solids = Surroundings([*self.stays, *course.moving(float(x))])
             around = Together([self.obstacles, solids]).seen_from(kin.base(course.base(float(x), base)))
             if not base_clear(self.motion.robot, around):
@@ -153,7 +177,7 @@ class CourseSearch(Site):
     def _approach(self, here: Array, base: Array) -> list[Array] | None:
         """A way to a little behind a base pose, from where it is straight in."""
         ahead = np.array([np.cos(base[2]), np.sin(base[2]), 0.0])
-        for run_up in _RUN_UPS_M:
+        for run_up in _COURSE.run_ups_m:
             if (route := self.route(here, base - ahead * run_up)) is not None:
                 return route
         return None
@@ -165,17 +189,17 @@ class CourseSearch(Site):
         back = route[-1]
         T = kin.inverse(kin.base(base))
         touches = matmul(T, np.stack([course.touch for course in courses]))
-        torsos, t, g, q = self.postures(touches, [course.cost for course in courses], _PITCHES, swivels=16)
+        torsos, t, g, q = self.postures(touches, [course.cost for course in courses], _COURSE.pitches_rad, swivels=16)
         if not len(q):
             self.refusals.add("out of reach")
-            return None, _GLANCE
+            return None, _COURSE.glance
         arms = {s: self.motion.arm(s) for s in self.motion.robot.sides}
         if self.other is not None:
             arms[self.other] = hold[-1]
         behind = self.around(back, touched=True)
         if self.other is not None and not self.body(self.motion.torso, behind, arms).free(self.other, hold[-1])[0]:
             self.refusals.add("other hand in the way")
-            return None, _GLANCE
+            return None, _COURSE.glance
         fits: dict[int, bool] = {}
         alike: dict[tuple[float, ...], bool] = {}  # courses that end alike fit alike
         seen: dict[tuple[int, int], int] = {}
@@ -185,14 +209,14 @@ class CourseSearch(Site):
             where = (int(t[row]), int(g[row]))
             course = courses[where[1]]
             if where[1] not in fits:
-                end = tuple(np.round(course.base(1.0, base) / _ALIKE_M))
+                end = tuple(np.round(course.base(1.0, base) / _COURSE.alike_m))
                 if end not in alike:
                     alike[end] = self._fits(course, base)
                 fits[where[1]] = alike[end]
             if not fits[where[1]] or seen.get(where, 0) >= 2:
                 continue
             seen[where] = seen.get(where, 0) + 1
-            if len(seen) > _CHECKED_POSTURES:
+            if len(seen) > _COURSE.checked_postures:
                 break
             torso = torsos[t[row]]
             if where[0] not in standing:
@@ -214,7 +238,7 @@ class CourseSearch(Site):
                 if path is not None:
                     return Start(base, route, torso, after, where[1], path, hold, stood.level), 1.0
         self.refusals.add(refused if standing else "no room to go along")
-        return None, 1.0 if standing else _GLANCE
+        return None, 1.0 if standing else _COURSE.glance
 
     def _touch(self, body: Body, base: Array, back: Array, course: Course, q: Array) -> Array | None:
         """The posture (7,) short of the touch, if the arm can be driven in with it and led on to the touch."""
@@ -230,7 +254,11 @@ class CourseSearch(Site):
             at = base + (back - base) * u
             arms = {**body.arms, self.side: short}
             there = replace(body, around=self.around(at, touched=True), arms=arms)
-            if not there.free(self.side, short, _MARGIN_M)[0] or not there.trunk_free() or not self._idle_free(there):
+            if (
+                not there.free(self.side, short, _COURSE.margin_m)[0]
+                or not there.trunk_free()
+                or not self._idle_free(there)
+            ):
                 return None
         return short
 
@@ -240,10 +268,10 @@ class CourseSearch(Site):
         if self.bendable:
             trunk = body.robot.trunk
             now = trunk.posture(body.torso)
-            every = body.robot.postures(_PITCHES, float(now[3]))
+            every = body.robot.postures(_COURSE.pitches_rad, float(now[3]))
             nearest = np.argsort(matmul(np.abs(every[:, :3] - now[:3]), [1.0, 0.0, 0.8]))
             ends += list(trunk.joints(every[nearest]))
-        xs = np.linspace(0, 1, (_SAMPLES - 1) * _BETWEEN + 1)
+        xs = np.linspace(0, 1, (_COURSE.samples - 1) * _COURSE.between + 1)
         poses = [(float(x), matmul(kin.inverse(kin.base(base)), course.pulled(float(x)))) for x in xs]
         for end in ends:
             if self._goes_along(body, base, course, q, end, poses):
@@ -257,11 +285,11 @@ class CourseSearch(Site):
         for x, T in poses:
             torso = body.torso + (end - body.torso) * x
             near = body.robot.nearest_posture(matmul(kin.inverse(body.robot.chest(torso)), T), self.side, q)
-            if near is None or np.abs(near - q).max() > _LEAP_RAD or near[_ELBOW] > _BENT_RAD:
+            if near is None or np.abs(near - q).max() > _COURSE.leap_rad or near[_ELBOW] > _COURSE.bent_rad:
                 return False
             q = near
             postures.append((x, torso, q))
-        for x, torso, q in postures[::_BETWEEN]:
+        for x, torso, q in postures[:: _COURSE.between]:
             there = replace(body, torso=torso, around=self._then(course, x, base), arms={**body.arms, self.side: q})
             if not (there.free(self.side, q, grasping=True)[0] and there.trunk_free() and self._idle_free(there)):
                 return False

@@ -16,26 +16,70 @@ from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.scene.scene import Scene
 from mpvi_bt.shapes.moving_parts import Bar
 
-_SPARE_M = 0.035  # opening beyond the width of what is to be taken, both sides together
-_BEFORE_M = 0.05  # the most that the fingers close before the middle of a thing that is deep for the palm
-_LONG_M = 0.05  # a thing that reaches farther from its middle is pinched nearer to its ends, too,
-_NEARER = (0.0, 0.35, 0.7)  # by such shares of the way,
-_NEARER_COST = 3.0  # each meter of it: what hangs from one end is heavy for the fingers
-_PART_COST = 0.1  # of a pinch of one part
-_LEVELS = 4  # heights of parts that a pinch may be at
-_OFF_CENTER_M = (0.006, -0.006, 0.012, -0.012)  # of the hand, across the thing: its wall is nearer than half a palm
-_GAP_M = 0.004  # that stays between a thing and the finger that is nearer
-_OFF_CENTER_COST = 5.0  # each meter of it: the hand draws the thing along as it closes
-_PAD_M = 0.006  # from the tcp to the middle of the pads' lower half
-_RIM_OPENING_M = 0.056
-_RIM_DEPTH_M = 0.018  # of the tcp below a rim, along the approach
-_RIM_WALL_M = 0.03  # thicker walls are no rims
-_RIM_COST = 0.15
-_RIM_TILTS = (0.0, 0.5, -0.5, 0.9, -0.9)  # along the rim
-_TILTS = (0.0, 0.3, 0.6, 0.9, 1.2, 1.4, np.pi / 2)
-_AROUND = np.arange(-7, 9) * np.pi / 8  # headings from which a round thing is pinched: the robot may drive around it
-_COVERS = 0.8  # cost of a hand right over the opening of a vessel
-_PALM_REACH_M = 0.07  # how far over an opening a palm reaches from the rim that is pinched
+
+@dataclass(frozen=True)
+class Pinch:
+    """How a thing is pinched.
+
+    Our choice, by things of the tasks: fingers close straight, and draw along what they touch first.
+
+    Attributes:
+        spare_m: Opening beyond the width of what is to be taken, both sides together [m].
+        before_m: The most that the fingers close before the middle of a thing that is deep for the palm [m].
+        long_m: A thing that reaches farther from its middle is pinched nearer to its ends, too [m],
+        nearer: by such shares of the way [ratio].
+        nearer_cost: Of each meter of it: what hangs from one end is heavy for the fingers.
+        part_cost: Of a pinch of one part.
+        levels: Heights of parts that a pinch may be at.
+        off_center_m: Of the hand, across the thing [m]: its wall is nearer than half a palm.
+        off_center_cost: Of each meter of it: the hand draws the thing along as it closes.
+        gap_m: That stays between a thing and the finger that is nearer [m].
+        tilts_rad: Of the approach, from straight down [rad].
+    """
+
+    spare_m: float = 0.035
+    before_m: float = 0.05
+    long_m: float = 0.05
+    nearer: tuple[float, float, float] = (0.0, 0.35, 0.7)
+    nearer_cost: float = 3.0
+    part_cost: float = 0.1
+    levels: int = 4
+    off_center_m: tuple[float, float, float, float] = (0.006, -0.006, 0.012, -0.012)
+    off_center_cost: float = 5.0
+    gap_m: float = 0.004
+    tilts_rad: tuple[float, float, float, float, float, float, float] = (0.0, 0.3, 0.6, 0.9, 1.2, 1.4, np.pi / 2)
+
+
+_PINCH = Pinch()
+
+
+@dataclass(frozen=True)
+class Rim:
+    """How a vessel is pinched by its rim.
+
+    Our choice, by bowls, baskets and bins.
+
+    Attributes:
+        opening_m: Of the hand [m].
+        depth_m: Of the tcp below the rim, along the approach [m].
+        wall_m: Thicker walls are no rims [m].
+        cost: Beside a pinch of the whole.
+        tilts_rad: Along the rim [rad].
+        covers: Cost of a hand right over the opening.
+    """
+
+    opening_m: float = 0.056
+    depth_m: float = 0.018
+    wall_m: float = 0.03
+    cost: float = 0.15
+    tilts_rad: tuple[float, float, float, float, float] = (0.0, 0.5, -0.5, 0.9, -0.9)
+    covers: float = 0.8
+
+
+_RIM = Rim()
+_AROUND = (
+    np.arange(-7, 9) * np.pi / 8
+)  # our choice: headings from which a round thing is pinched: the robot may drive around it
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -71,10 +115,10 @@ def grasps(scene: Scene, hand: Hand, name: str, bearing: float, off_center: bool
         return [g for bar in bars for g in _on_bar(hand, bar, bearing)]
     solids = list(scene.solids(name))
     volumes = scene.volumes(name)
-    offs = _OFF_CENTER_M if off_center else (0.0,)
+    offs = _PINCH.off_center_m if off_center else (0.0,)
     found = _pinches(hand, scene.pose(name), solids, bearing, () if volumes else solids, offs)
     if volumes:  # a palm over the opening keeps what is inside from being poured out
-        found = [replace(g, cost=g.cost + _COVERS * max(0.0, float(np.cos(g.tilt_rad)))) for g in found]
+        found = [replace(g, cost=g.cost + _RIM.covers * max(0.0, float(np.cos(g.tilt_rad)))) for g in found]
     for volume in volumes:
         found += _rims(hand, volume, solids, bearing)
     return found
@@ -103,10 +147,10 @@ def _pinches(
     inside = Surroundings(solids)
     tops = sorted({round(float(solid.aabb()[1, 2]), 2) for solid in solids}, reverse=True)
     support = float(min(s.aabb()[0, 2] for s in solids))
-    out = list(_between_sides(hand, T, solids, bearing, support, tops[:_LEVELS], inside, offs))
+    out = list(_between_sides(hand, T, solids, bearing, support, tops[: _PINCH.levels], inside, offs))
     for part in parts if len(solids) > 1 and not _round(solids) else ():
         found = _between_sides(hand, part.T, [part], bearing, support, (), inside, offs)
-        out += [replace(g, cost=g.cost + _PART_COST) for g in found if _clear(hand, g, inside)]
+        out += [replace(g, cost=g.cost + _PINCH.part_cost) for g in found if _clear(hand, g, inside)]
     return out
 
 
@@ -146,27 +190,29 @@ def _between_sides(
     for heading, half, width in headings:
         aside = abs(float(wrap(heading - bearing)))
         ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
-        for nearer in half * np.array(_NEARER if half > _LONG_M and not _round(solids) else _NEARER[:1]):
-            for tilt in _TILTS:
+        for nearer in half * np.array(
+            _PINCH.nearer if half > _PINCH.long_m and not _round(solids) else _PINCH.nearer[:1]
+        ):
+            for tilt in _PINCH.tilts_rad:
                 for level in (top, *(z for z in levels if z < top - 0.005)):
                     heights = (support, bottom, top, level)
                     grasp = _pinch(hand, middle - nearer * ahead, heights, heading, tilt, half - nearer, width)
                     if grasp is not None and _between(hand, grasp.T_world_tcp, inside):
-                        grasp = replace(grasp, cost=grasp.cost + 0.3 * aside + _NEARER_COST * nearer)
+                        grasp = replace(grasp, cost=grasp.cost + 0.3 * aside + _PINCH.nearer_cost * nearer)
                         yield from (_moved(grasp, off) for off in offs if abs(off) < _most(grasp, width))
                         break
 
 
 def _most(grasp: Grasp, width: float) -> float:
     """How far off the middle of a thing so wide a hand may be, less than this [m]: both fingers stay beside it."""
-    return max(1e-9, (grasp.opening_m - width) / 2 - _GAP_M)
+    return max(1e-9, (grasp.opening_m - width) / 2 - _PINCH.gap_m)
 
 
 def _moved(grasp: Grasp, off: float) -> Grasp:
     """The same with the hand moved along its closing axis."""
     T = grasp.T_world_tcp.copy()
     T[:3, 3] += off * T[:3, 1]
-    return replace(grasp, T_world_tcp=T, cost=grasp.cost + _OFF_CENTER_COST * abs(off))
+    return replace(grasp, T_world_tcp=T, cost=grasp.cost + _PINCH.off_center_cost * abs(off))
 
 
 def _clear(hand: Hand, grasp: Grasp, inside: Surroundings) -> bool:
@@ -181,7 +227,7 @@ def _clear(hand: Hand, grasp: Grasp, inside: Surroundings) -> bool:
 def _between(hand: Hand, T_world_tcp: Array, inside: Surroundings) -> bool:
     """Whether something of a thing is between the fingers' pads: over a part of it that juts out there may be none."""
     y = np.arange(-hand.widest_m / 2, hand.widest_m / 2 + 1e-9, 0.004)
-    pads = T_world_tcp[:3, 3] + _PAD_M * T_world_tcp[:3, 2] + y[:, None] * T_world_tcp[:3, 1]
+    pads = T_world_tcp[:3, 3] + hand.pad_m * T_world_tcp[:3, 2] + y[:, None] * T_world_tcp[:3, 1]
     return bool((inside.distance(pads) <= 0).any())
 
 
@@ -199,13 +245,13 @@ def _pinch(hand: Hand, middle: Array, heights: tuple[float, float, float, float]
     if z > top + 0.004:
         return None
     before = max(0.0, radius * s + (top - z) * c - hand.room_m + 0.004)
-    if before > _BEFORE_M:
+    if before > _PINCH.before_m:
         return None
     approach = np.array([np.cos(heading) * s, np.sin(heading) * s, -c])
     p = np.array([middle[0], middle[1], z]) - before * approach
     R = hand_rotation(approach, np.array([-np.sin(heading), np.cos(heading), 0.0]))
     cost = 0.4 * tilt + 3.0 * before + 4.0 * max(0.0, z - top + 0.012)
-    return Grasp(transform(R, p), tilt, cost, min(hand.opening_m, width + _SPARE_M))
+    return Grasp(transform(R, p), tilt, cost, min(hand.opening_m, width + _PINCH.spare_m))
 
 
 def _rims(hand: Hand, volume: Solid, solids: Sequence[Solid], bearing: float) -> Iterator[Grasp]:
@@ -218,11 +264,11 @@ def _rims(hand: Hand, volume: Solid, solids: Sequence[Solid], bearing: float) ->
     inner_floor = float(rim[2] - 2 * half[2])
     support = float(min(s.aabb()[0, 2] for s in solids))
     wall = Surroundings(solids)
-    covered = max(0.0, min(1.0, _PALM_REACH_M / float(half[:2].min()) - 1.0))  # none of a bowl, nearly all of a cup
+    covered = max(0.0, min(1.0, hand.palm_reach_m / float(half[:2].min()) - 1.0))  # none of a bowl, nearly all of a cup
     for edge, outward in _edges(volume):
         if wall.distance((rim + edge - 0.01 * outward + 0.006 * up)[None])[0] <= 0:
             continue  # a lid is on it
-        reach = np.arange(-0.004, _RIM_WALL_M + 0.002, 0.001)
+        reach = np.arange(-0.004, _RIM.wall_m + 0.002, 0.001)
         inside = wall.distance(rim + edge - 0.008 * up + reach[:, None] * outward) <= 0
         if not inside.any():
             continue
@@ -233,17 +279,17 @@ def _rims(hand: Hand, volume: Solid, solids: Sequence[Solid], bearing: float) ->
         middle = float(reach[first] + reach[first + int(rest.argmax())]) / 2
         at = rim + edge + middle * outward
         far = abs(float(wrap(np.arctan2(outward[1], outward[0]) - bearing - np.pi)))
-        for tilt in _RIM_TILTS:
+        for tilt in _RIM.tilts_rad:
             # So deep along the fingers: deeper, slanted ones would meet a round rim where they cross it.
-            deep = _RIM_DEPTH_M * float(np.cos(tilt))
+            deep = _RIM.depth_m * float(np.cos(tilt))
             z = max(float(at[2]) - deep, max(support, inner_floor) + hand.lowest(abs(tilt)))
             if z > at[2] - 0.002:
                 continue
             approach = -np.cos(tilt) * _UP + np.sin(tilt) * np.cross(_UP, outward)
             for sign in (1.0, -1.0):
                 T = transform(hand_rotation(approach, sign * outward), np.array([at[0], at[1], z]))
-                cost = _RIM_COST + 0.15 * far + 0.4 * abs(tilt) + _COVERS * covered
-                yield Grasp(T, abs(tilt), cost, _RIM_OPENING_M)
+                cost = _RIM.cost + 0.15 * far + 0.4 * abs(tilt) + _RIM.covers * covered
+                yield Grasp(T, abs(tilt), cost, _RIM.opening_m)
 
 
 def _edges(volume: Solid) -> Iterator[tuple[Array, Array]]:
