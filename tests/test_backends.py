@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -10,9 +11,10 @@ from typing import Any
 import click
 import pytest
 
-from mpvi_bt.choices.backends import BACKENDS, choose, privileged, split
+from mpvi_bt.choices.backends import BACKENDS, choose, privileged
 from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.policies import _MAKERS, Ground, check_policy_choice, in_chunks, make_policy
+from mpvi_bt.choices.plugins import OFFERED, asked_for
+from mpvi_bt.choices.policies import Ground, check_policy_choice, in_chunks, make_policy
 from mpvi_bt.cli.given import Choice
 from mpvi_bt.episode.episode import _renders
 from mpvi_bt.episode.prepare import check_backends
@@ -27,16 +29,24 @@ CONFIG = EpisodeConfig("picking_up_trash")
 THERE = "openpi:ws://localhost:8000"
 
 
-def test_every_policy_that_is_listed_can_be_made() -> None:
-    """The table of names and the table of makers agree."""
-    assert set(_MAKERS) == set(BACKENDS["policy"])
+# What the makers of our own backends are offered besides what parts of other packages are.
+OURS = {"policy": {"ground", "settings"}, "checker": {"world", "models"}, "detector": set(), "trigger": set()}
+
+
+@pytest.mark.parametrize(("kind", "name"), [(kind, name) for kind in OURS for name in BACKENDS[kind]])
+def test_every_backend_that_is_listed_can_be_made(kind: str, name: str) -> None:
+    """Each names its factory, and that asks for nothing but what its kind is offered."""
+    module, _, function = BACKENDS[kind][name].factory.partition(":")
+    wanted = {p.name for p in asked_for(getattr(importlib.import_module(module), function))}
+    assert wanted <= {*OFFERED[kind], *OURS[kind], "address", "given"}
 
 
 def test_a_choice_is_a_name_or_a_name_and_an_address() -> None:
     """The address is what comes after the first colon."""
-    assert split(THERE) == ("openpi", "ws://localhost:8000")
-    assert split("expert") == ("expert", "")
-    assert choose("policy", THERE) is BACKENDS["policy"]["openpi"]
+    choice = choose("policy", THERE)
+    assert (choice.name, choice.address) == ("openpi", "ws://localhost:8000")
+    assert choice.backend is BACKENDS["policy"]["openpi"]
+    assert choose("policy", "expert").address == ""
     assert privileged({"policy": THERE, "checker": "oracle"}) == ["checker:oracle"]
 
 

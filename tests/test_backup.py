@@ -83,9 +83,9 @@ def test_a_plus_joins_two_policies_unless_it_is_of_an_address(given, both):
 
 def test_the_pair_is_privileged_and_sees_as_either_of_the_two():
     """Reports name what reads simulator truth, behind a plus too."""
-    assert choose("policy", "learned+expert").privileged
-    assert choose("policy", "learned+expert").sees
-    assert not choose("policy", "learned+reactive").privileged
+    assert choose("policy", "learned+expert").backend.privileged
+    assert choose("policy", "learned+expert").backend.sees
+    assert not choose("policy", "learned+reactive").backend.privileged
 
 
 def test_a_policy_does_not_stand_behind_itself():

@@ -1,16 +1,18 @@
 """The backends that a run can choose, by kind and name. Light, so that the command line can list them at once.
 
-A backend is chosen as `name` or, where it is somewhere else, as `name:address`. `choices/policies.py` and
-`episode/episode.py` make what is chosen. What is not among these may be of another package: `choices/plugins.py`.
+A backend is chosen as `name`, as `name:address` where it has an address, or as a name or import path of another package
+(`choices/plugins.py`). `choose` reads that once; the `Choice` it gives is what is asked and made from then on.
 `privileged` backends read simulator truth: every result names those that a run used.
 """
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from mpvi_bt.choices.plugins import OFFERED, entry_points, find
+from mpvi_bt.choices.plugins import OFFERED, Part, asked_for, entry_points, find
 from mpvi_bt.errors import UnknownName, UserError
 
 
@@ -24,6 +26,9 @@ class Backend:
         address: What its address looks like; "" if it has none.
         optional: Whether it may be chosen without its address.
         sees: Whether it looks through the robot's cameras.
+        errs: Whether its address says how often it is to err.
+        factory: "module:function" that makes it, called with those of the things on offer that it names as parameters;
+            "" where a choice needs more than a call.
     """
 
     about: str
@@ -31,6 +36,8 @@ class Backend:
     address: str = ""
     optional: bool = False
     sees: bool = False
+    errs: bool = False
+    factory: str = ""
 
     def spelled(self, name: str) -> str:
         """How one chooses it: "expert", "openpi:ws://HOST:PORT", "grounding_dino[:MODEL]"."""
@@ -62,23 +69,47 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
             address="miss=0.1",
             optional=True,
             sees=True,
+            factory="mpvi_bt.choices.detectors:segmentation",
         ),
         "grounding_dino": Backend(
-            "Grounding DINO, by transformers, on the camera's picture", address="MODEL", optional=True, sees=True
+            "Grounding DINO, by transformers, on the camera's picture",
+            address="MODEL",
+            optional=True,
+            sees=True,
+            factory="mpvi_bt.choices.detectors:grounding_dino",
         ),
-        "oracle": Backend("where every object is, from the simulator", privileged=True),
+        "oracle": Backend(
+            "where every object is, from the simulator",
+            privileged=True,
+            factory="mpvi_bt.choices.detectors:segmentation",
+        ),
     },
     "policy": {
-        "expert": Backend("scripted skills on true poses: the upper bound", privileged=True),
-        "reactive": Backend("the same skills on what the cameras show", sees=True),
+        "expert": Backend(
+            "scripted skills on true poses: the upper bound", privileged=True, factory="mpvi_bt.choices.policies:expert"
+        ),
+        "reactive": Backend(
+            "the same skills on what the cameras show", sees=True, factory="mpvi_bt.choices.policies:reactive"
+        ),
         "learned": Backend(
             "networks, learned from demonstrations; with weights of your own, or those that ship",
             address="FILE.npz",
             optional=True,
             sees=True,
+            factory="mpvi_bt.choices.policies:learned",
         ),
-        "openpi": Backend("a policy server that speaks openpi's protocol", address="ws://HOST:PORT", sees=True),
-        "vla_eval": Backend("a model server of the vla-eval package", address="ws://HOST:PORT", sees=True),
+        "openpi": Backend(
+            "a policy server that speaks openpi's protocol",
+            address="ws://HOST:PORT",
+            sees=True,
+            factory="mpvi_bt.choices.policies:openpi",
+        ),
+        "vla_eval": Backend(
+            "a model server of the vla-eval package",
+            address="ws://HOST:PORT",
+            sees=True,
+            factory="mpvi_bt.choices.policies:vla_eval",
+        ),
     },
     "checker": {
         "visual": Backend(
@@ -86,28 +117,80 @@ BACKENDS: Mapping[str, Mapping[str, Backend]] = {
             address="fp=0.05,fn=0.1,latency=1",
             optional=True,
             sees=True,
+            factory="mpvi_bt.choices.checkers:visual",
+            errs=True,
         ),
         "oracle": Backend(
             "judges a criterion by the simulator's state; it errs as its address says",
             privileged=True,
             address="fp=0.05,fn=0.1,latency=1",
             optional=True,
+            factory="mpvi_bt.choices.checkers:oracle",
+            errs=True,
         ),
         "openai": Backend(
-            "a language model that sees, behind an OpenAI-compatible endpoint", address="MODEL[@URL]", sees=True
+            "a language model that sees, behind an OpenAI-compatible endpoint",
+            address="MODEL[@URL]",
+            sees=True,
+            factory="mpvi_bt.choices.checkers:openai",
         ),
     },
     "trigger": {
-        "proprioceptive": Backend("asks the checker when a hand or an arm has just ended something"),
-        "periodic": Backend("asks the checker every so many steps", address="STEPS"),
+        "proprioceptive": Backend(
+            "asks the checker when a hand or an arm has just ended something",
+            factory="mpvi_bt.choices.checkers:proprioceptive",
+        ),
+        "periodic": Backend(
+            "asks the checker every so many steps", address="STEPS", factory="mpvi_bt.choices.checkers:periodic"
+        ),
     },
 }
 
 
-def split(given: str) -> tuple[str, str]:
-    """Name and address of a choice such as "openpi:ws://localhost:8000"; the address is "" where none is given."""
-    name, _, address = given.partition(":")
-    return name, address
+@dataclass(frozen=True)
+class Choice:
+    """A backend that is chosen.
+
+    Attributes:
+        kind: Such as "policy".
+        given: As on the command line, such as "openpi:ws://localhost:8000".
+        name: Before the colon; of another package's part all that was given.
+        address: After it; "" if none is given.
+        backend: What is known of it.
+        part: Of another package, or None.
+        both: The policies of a pair, whose second does what the first has no skill for; None of a single backend.
+    """
+
+    kind: str
+    given: str
+    name: str
+    address: str
+    backend: Backend
+    part: Part | None = None
+    both: tuple[Choice, Choice] | None = None
+
+    def make(self, **offered: Any) -> Any:
+        """The backend itself. A part of another package gets only what `OFFERED` has for its kind.
+
+        Args:
+            **offered: What it may be made of; `address` and `given` are offered besides.
+
+        Raises:
+            UserError: It cannot be made.
+        """
+        if self.part is not None:
+            return self.part.make(**{name: offered[name] for name in OFFERED[self.kind]})
+        module, _, name = self.backend.factory.partition(":")
+        factory = getattr(importlib.import_module(module), name)
+        offered = {**offered, "address": self.address, "given": self.given}
+        return factory(**{p.name: offered[p.name] for p in asked_for(factory)})
+
+    def check(self) -> None:
+        """Raise UserError if it is of another package, and that has no such thing, or one that breaks the contract."""
+        if self.part is not None:
+            self.part.load()
+        for one in self.both or ():
+            one.check()
 
 
 def pair(given: str) -> tuple[str, str] | None:
@@ -118,13 +201,17 @@ def pair(given: str) -> tuple[str, str] | None:
     known = BACKENDS["policy"]
     for k, letter in enumerate(given):
         first, second = given[:k], given[k + 1 :]
-        if letter == "+" and split(first)[0] in known and (":" not in first or split(second)[0] in known):
+        if letter == "+" and _name(first) in known and (":" not in first or _name(second) in known):
             return first, second
     return None
 
 
-def choose(kind: str, given: str) -> Backend:
-    """The backend that is chosen by `name` or `name:address`; of policies two may be, joined by "+".
+def _name(given: str) -> str:
+    return given.partition(":")[0]
+
+
+def choose(kind: str, given: str) -> Choice:
+    """The backend that is chosen by name, by name and address, or by import path; of policies two, joined by "+".
 
     Raises:
         UnknownName: There is none of that name.
@@ -132,22 +219,25 @@ def choose(kind: str, given: str) -> Backend:
     """
     if kind == "policy" and (both := pair(given)) is not None:
         first, second = (choose(kind, one) for one in both)
-        return Backend(f"{both[0]}; {both[1]} does what it has no skill for", first.privileged or second.privileged,
-                       sees=first.sees or second.sees)  # fmt: skip
+        reads = first.backend.privileged or second.backend.privileged
+        sees = first.backend.sees or second.backend.sees
+        backend = Backend(f"{both[0]}; {both[1]} does what it has no skill for", reads, sees=sees)
+        return Choice(kind, given, given, "", backend, both=(first, second))
     known = BACKENDS[kind]
-    name, address = split(given)
+    name, _, address = given.partition(":")
     if name not in known:
-        if (part := find(kind, given)) is not None:
-            return Backend(f"{part.path}, of another package", sees=kind in ("policy", "checker", "detector"))
+        if (part := find(kind, given, known)) is not None:
+            about = f"{part.path}, of another package"
+            return Choice(kind, given, given, "", Backend(about, sees=kind in ("policy", "checker", "detector")), part)
         raise UnknownName(kind, name, (*known, *(entry_points(kind) if kind in OFFERED else ())))
     backend = known[name]
     if backend.address and not address and not (backend.optional and given == name):
         raise UserError(f"{kind} {name} is somewhere else: say where, such as {name}:{backend.address}.")
     if not backend.address and given != name:
         raise UserError(f"{kind} {name} has no address; just say {name}, not {given[:80]!r}.")
-    return backend
+    return Choice(kind, given, name, address, backend)
 
 
 def privileged(chosen: Mapping[str, str]) -> list[str]:
     """Those of the chosen backends (kind to name) that read simulator truth, as "kind:name", sorted."""
-    return sorted(f"{kind}:{name}" for kind, name in chosen.items() if choose(kind, name).privileged)
+    return sorted(f"{kind}:{name}" for kind, name in chosen.items() if choose(kind, name).backend.privileged)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
-from mpvi_bt.choices.backends import choose, split
+from mpvi_bt.choices.backends import choose
 from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.plugins import find
 from mpvi_bt.completion.mistakes import CheckErrors, MistakenChecker
 from mpvi_bt.errors import UserError, shown
 from mpvi_bt.protocols import Checker, Triggers
@@ -37,65 +36,44 @@ def make_checker(given: str, world: World | RemoteWorld, vocabulary: Vocabulary,
         UserError: Its address is wrong.
         ModelError: The language model cannot be asked.
     """
-    choose("checker", given)
-    name, address = split(given)
-    if name == "openai":
-        from mpvi_bt.completion.judge import LanguageChecker
-
-        return LanguageChecker(models.make(given))
-    if name not in _MAKERS and (part := find("checker", given)) is not None:
-        made: Checker = part.make(vocabulary=vocabulary, seed=seed)
-        return made
-    checker = _MAKERS[name](world, vocabulary)
-    return MistakenChecker(checker, CheckErrors.read(address, name), world, seed) if address else checker
+    choice = choose("checker", given)
+    checker: Checker = choice.make(world=world, vocabulary=vocabulary, seed=seed, models=models)
+    if choice.backend.errs and choice.address:
+        return MistakenChecker(checker, CheckErrors.read(choice.address, choice.name), world, seed)
+    return checker
 
 
 def make_triggers(given: str, robot: Robot) -> Triggers:
     """The triggers of a name, such as "proprioceptive" or "periodic:300". Raises UserError as `make_checker`."""
-    if (part := find("trigger", given)) is not None:
-        made: Triggers = part.make(robot=robot)
-        return made
-    if steps := _period(given):
-        from mpvi_bt.completion.periodic import PeriodicTriggers
-
-        return PeriodicTriggers(steps)
-    from mpvi_bt.completion.triggers import ProprioceptiveTriggers
-
-    return ProprioceptiveTriggers(robot)
+    made: Triggers = choose("trigger", given).make(robot=robot)
+    return made
 
 
 def check_checker_choice(config: EpisodeConfig) -> None:
     """Refuse a choice of checker or triggers that cannot be made. Raises UserError."""
     doubt(config)
-    _period(config.trigger)
+    trigger = choose("trigger", config.trigger)
+    if trigger.name == "periodic":
+        _steps(trigger.address)
 
 
 def doubt(config: EpisodeConfig) -> str:
     """One line for a person if the checker is to err, or "". Raises UserError if its errors are none."""
-    choose("checker", config.checker)
-    name, address = split(config.checker)
-    return f"checker {name} {CheckErrors.read(address, name)}" if address and name in _MAKERS else ""
+    choice = choose("checker", config.checker)
+    if not (choice.backend.errs and choice.address):
+        return ""
+    return f"checker {choice.name} {CheckErrors.read(choice.address, choice.name)}"
 
 
-def _period(given: str) -> int:
-    """Steps of polling, 0 of triggers that do not poll."""
-    choose("trigger", given)
-    name, address = split(given)
-    if name != "periodic":
-        return 0
-    if not (address.isascii() and address.isdecimal() and 0 < int(address[:10]) <= _MOST_STEPS):
-        whole = f"a whole number of steps from 1 to {_MOST_STEPS}"
-        raise UserError(f"trigger periodic: {whole}, such as periodic:300, not {shown(address)}.")
-    return int(address)
-
-
-def _visual(world: World | RemoteWorld, vocabulary: Vocabulary) -> Checker:
+def visual(world: World | RemoteWorld, vocabulary: Vocabulary) -> Checker:
+    """By what one picture shows."""
     from mpvi_bt.completion.visual import VisualChecker
 
     return VisualChecker(vocabulary, robot=world.robot.model)
 
 
-def _oracle(world: World | RemoteWorld, vocabulary: Vocabulary) -> Checker:
+def oracle(world: World | RemoteWorld, vocabulary: Vocabulary) -> Checker:
+    """By the simulator's state. Raises UserError where there is no simulator."""
     from mpvi_bt.choices.world_truth import TrueState
     from mpvi_bt.completion.oracle import OracleChecker
     from mpvi_bt.sim.world import World
@@ -105,5 +83,30 @@ def _oracle(world: World | RemoteWorld, vocabulary: Vocabulary) -> Checker:
     return OracleChecker(TrueState(world), vocabulary)
 
 
-# Those that are computed here, and may be made to err.
-_MAKERS: Mapping[str, Callable[[World | RemoteWorld, Vocabulary], Checker]] = {"visual": _visual, "oracle": _oracle}
+def openai(given: str, models: Models) -> Checker:
+    """By a language model that sees."""
+    from mpvi_bt.completion.judge import LanguageChecker
+
+    return LanguageChecker(models.make(given))
+
+
+def proprioceptive(robot: Robot) -> Triggers:
+    """When a hand or an arm has ended something."""
+    from mpvi_bt.completion.triggers import ProprioceptiveTriggers
+
+    return ProprioceptiveTriggers(robot)
+
+
+def periodic(address: str) -> Triggers:
+    """Every so many steps."""
+    from mpvi_bt.completion.periodic import PeriodicTriggers
+
+    return PeriodicTriggers(_steps(address))
+
+
+def _steps(address: str) -> int:
+    """The period of an address [steps]. Raises UserError if it is none."""
+    if not (address.isascii() and address.isdecimal() and 0 < int(address[:10]) <= _MOST_STEPS):
+        whole = f"a whole number of steps from 1 to {_MOST_STEPS}"
+        raise UserError(f"trigger periodic: {whole}, such as periodic:300, not {shown(address)}.")
+    return int(address)

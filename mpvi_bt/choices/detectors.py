@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 
-from mpvi_bt.choices.backends import choose, split
-from mpvi_bt.choices.plugins import find
+from mpvi_bt.choices.backends import choose
 from mpvi_bt.perception.detector import Detector, Guarded
 
 Vocabulary = Mapping[str, Iterable[str]]  # label of a picture to what people call it
@@ -23,27 +22,20 @@ def make_detector(given: str, vocabulary: Vocabulary, seed: int = 0) -> Guarded:
         UnknownName: There is none of that name.
         UserError: Its address is wrong, or what it needs is not installed.
     """
-    choose("detector", given)
-    name, address = split(given)
-    if name not in _MAKERS and (part := find("detector", given)) is not None:
-        return Guarded(part.make(vocabulary=vocabulary, seed=seed))
-    return Guarded(_MAKERS[name](address, vocabulary, seed))
+    return Guarded(choose("detector", given).make(vocabulary=vocabulary, seed=seed))
 
 
-def _segmentation(address: str, vocabulary: Vocabulary, seed: int) -> Detector:
+def segmentation(address: str, vocabulary: Vocabulary, seed: int) -> Detector:
+    """By the labels of pictures. With the detector "oracle", where things are comes from the simulator; what a policy
+    looks at is what this shows.
+    """
     from mpvi_bt.perception.segmentation import DetectionErrors, SegmentationDetector
 
     return SegmentationDetector(vocabulary, errors=DetectionErrors.read(address), seed=seed)
 
 
-def _grounding_dino(address: str, vocabulary: Vocabulary, seed: int) -> Detector:
+def grounding_dino(address: str) -> Detector:
+    """By Grounding DINO; the address is its model."""
     from mpvi_bt.perception.grounding_dino import GroundingDinoDetector
 
     return GroundingDinoDetector(address) if address else GroundingDinoDetector()
-
-
-_MAKERS: Mapping[str, Callable[[str, Vocabulary, int], Detector]] = {
-    "segmentation": _segmentation,
-    "oracle": _segmentation,  # where things are comes from the simulator; what a policy looks at is what it shows
-    "grounding_dino": _grounding_dino,
-}

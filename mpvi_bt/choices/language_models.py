@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from mpvi_bt.choices.backends import split
+from mpvi_bt.choices.backends import choose
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.errors import UserError
 from mpvi_bt.language.budget import Budget, BudgetedModel
@@ -49,7 +49,7 @@ class Models:
             UserError: There is no such address or folder.
             ModelError: The SDK is not installed, or there is no key where one is needed.
         """
-        name, address = split(given)
+        name, _, address = given.partition(":")
         local = name == "local"
         model, url = (Path(address or SMOLLM2).stem, "") if local else split_address(address)
         config = self._config
@@ -83,14 +83,14 @@ def _local(given: str, file: str, tell: Callable[[str], None]) -> ChatModel:
 def check_language_choice(config: EpisodeConfig) -> None:
     """Refuse language models that cannot be asked. Raises as `Models.make`."""
     for kind in KINDS:
-        given = config.backends[kind]
-        if split(given)[0] in NAMES:
-            Models(config).make(given)
+        choice = choose(kind, config.backends[kind])
+        if choice.name in NAMES:
+            Models(config).make(choice.given)
 
 
 def language_doubts(configs: Iterable[EpisodeConfig]) -> list[str]:
     """A line for each endpoint that is asked so that others can listen. Raises as `find_endpoint`."""
-    asked = dict.fromkeys(config.backends[kind] for config in configs if not config.offline for kind in KINDS)
-    addresses = [address for name, address in map(split, asked) if name == "openai"]
+    asked = (choose(kind, config.backends[kind]) for config in configs if not config.offline for kind in KINDS)
+    addresses = dict.fromkeys(choice.address for choice in asked if choice.name == "openai")
     endpoints = [find_endpoint(split_address(address)[1]) for address in addresses]
     return list(dict.fromkeys(f"{endpoint.url}: {EXPOSED}" for endpoint in endpoints if endpoint.exposed))

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from mpvi_bt.choices.backends import BACKENDS, NOBODY, split
+from mpvi_bt.choices.backends import NOBODY, choose
 from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.language_models import NAMES, Models
-from mpvi_bt.choices.plugins import find
+from mpvi_bt.choices.language_models import Models
 from mpvi_bt.errors import UserError
 from mpvi_bt.house.house import load_house
 from mpvi_bt.instances.tasks import Task
@@ -43,23 +42,20 @@ def make_planner(
     """
     if config.planner == NOBODY:
         raise UserError(f"planner {NOBODY} makes no plan: choose recorded, or a model such as openai:MODEL or local.")
-    if split(config.planner)[0] == "recorded":
+    choice = choose("planner", config.planner)
+    if choice.name == "recorded":
         return RecordedPlanner()
     place = house or (task.house if task else None)
-    if (
-        split(config.planner)[0] not in NAMES
-        and (part := find("planner", config.planner, BACKENDS["planner"])) is not None
-    ):
-        hands = robot_named(config.robot).sides
-        made: Planner = part.make(
-            skills=load_skills(), grounding=ground(place, task, hands) if place else None, tell=tell
-        )
+    skills = load_skills()
+    grounding = ground(place, task, robot_named(config.robot).sides) if place else None
+    if choice.part is not None:
+        made: Planner = choice.make(skills=skills, grounding=grounding, tell=tell)
         return made
     own = {task.plan, task.problem, config.task_name} if task else set()
     return LanguagePlanner(
         models.make(config.planner, tell),
-        load_skills(),
-        ground(place, task, robot_named(config.robot).sides) if place else None,
+        skills,
+        grounding,
         RecordedPlanner().all(),
         own,
         config.planned.with_suffix(".answer.txt") if config.planned else None,

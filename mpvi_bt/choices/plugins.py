@@ -69,11 +69,7 @@ class Part:
 
     def _arguments(self, make: Callable[..., Any], offered: Mapping[str, Any]) -> dict[str, Any]:
         """Those of what is offered that are asked for. Raises UserError if there are others that must be given."""
-        try:
-            wanted = inspect.signature(make).parameters.values()
-        except ValueError:
-            return {}
-        named = [p for p in wanted if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
+        named = asked_for(make)
         if lacking := [p.name for p in named if p.default is p.empty and p.name not in offered]:
             given = ", ".join(OFFERED[self.kind])
             raise UserError(f"{self._said}: wants {lacking[0]!r} to be made; a {self.kind} is offered: {given}.")
@@ -90,6 +86,15 @@ class Part:
         if lacks:
             about = f"`{protocol.__module__}.{protocol.__name__}`"
             raise UserError(f"{self._said}: a {self.kind} has {', '.join(lacks)}, and this has not; see {about}.")
+
+
+def asked_for(make: Callable[..., Any]) -> list[inspect.Parameter]:
+    """The parameters by which a class or function names what it is made of; none of one that does not tell."""
+    try:
+        wanted = inspect.signature(make).parameters.values()
+    except ValueError:
+        return []
+    return [p for p in wanted if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
 
 
 def find(kind: str, given: str, known: Iterable[str] = ()) -> Part | None:

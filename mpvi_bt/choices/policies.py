@@ -8,10 +8,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpvi_bt.choices.backends import choose, pair, split
+from mpvi_bt.choices.backends import Choice, choose
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.lateness import latency_of
-from mpvi_bt.choices.plugins import find
 from mpvi_bt.errors import UserError
 from mpvi_bt.perception.detector import Detector
 from mpvi_bt.plan.skills import Skill
@@ -72,20 +71,24 @@ def make_policy(given: str, ground: Ground, settings: str | None = None) -> Poli
             this task or this robot.
         FileProblems: Everything that is wrong with the settings.
     """
-    backend = choose("policy", given)
-    if (both := pair(given)) is not None:
-        return _with_backup(*both, ground, settings)
-    name, address = split(given)
-    if settings is not None and not backend.address:
-        raise UserError(f"policy {name} has no settings: --policy-settings is of policies that are somewhere else.")
-    if backend.privileged and ground.world is None:
-        raise UserError(f"policy {name} reads the simulator itself, and there is none here.")
-    if name not in _MAKERS and (part := find("policy", given)) is not None:
-        made: Policy = part.make(
-            skills=ground.skills, vocabulary=ground.vocabulary, detector=ground.detector, seed=ground.seed
+    choice = choose("policy", given)
+    if choice.both is not None:
+        return _with_backup(*choice.both, ground, settings)
+    if settings is not None and not choice.backend.address:
+        raise UserError(
+            f"policy {choice.name} has no settings: --policy-settings is of policies that are somewhere else."
         )
-        return made
-    return _MAKERS[name](ground, address, settings)
+    if choice.backend.privileged and ground.world is None:
+        raise UserError(f"policy {choice.name} reads the simulator itself, and there is none here.")
+    made: Policy = choice.make(
+        ground=ground,
+        settings=settings,
+        skills=ground.skills,
+        vocabulary=ground.vocabulary,
+        detector=ground.detector,
+        seed=ground.seed,
+    )
+    return made
 
 
 def for_clients(given: str, seed: int, settings: str | None = None) -> Callable[[Vocabulary], Policy]:
@@ -151,29 +154,32 @@ def check_policy_choice(config: EpisodeConfig) -> None:
     """
     from mpvi_bt.instances.tasks import load_task
 
-    backend = choose("policy", config.policy)
+    choice = choose("policy", config.policy)
     if config.policy_horizon is not None and config.policy_ensemble is not None:
         raise UserError("--policy-horizon and --policy-ensemble are two ways to carry out chunks: give one of them.")
-    addressed = any(choose("policy", one).address for one in pair(config.policy) or [config.policy])
-    if (addressed and not backend.privileged) or config.policy_settings is not None:
+    addressed = any(one.backend.address for one in choice.both or [choice])
+    if (addressed and not choice.backend.privileged) or config.policy_settings is not None:
         task = load_task(config.task).problem if config.task else None
         make_policy(config.policy, Ground({}, task=task, robot=config.robot), config.policy_settings)
 
 
-def _expert(ground: Ground, address: str, settings: str | None) -> Policy:
+def expert(ground: Ground) -> Policy:
+    """Scripted, by true poses."""
     from mpvi_bt.manipulation.policies.expert import ExpertPolicy
 
     return _demonstrated(ExpertPolicy(ground.world, ground.skills, ground.seed, timer=time.perf_counter), ground)
 
 
-def _reactive(ground: Ground, address: str, settings: str | None) -> Policy:
+def reactive(ground: Ground) -> Policy:
+    """Scripted, by what the cameras show."""
     from mpvi_bt.manipulation.policies.reactive import ReactivePolicy
 
     made = ReactivePolicy(ground.skills, ground.seed, time.perf_counter, ground.detector, ground.vocabulary)
     return _demonstrated(made, ground)
 
 
-def _learned(ground: Ground, address: str, settings: str | None) -> Policy:
+def learned(ground: Ground, address: str) -> Policy:
+    """By networks; the address is the file of their weights."""
     from mpvi_bt.learned.policy import WEIGHTS, LearnedPolicy
     from mpvi_bt.perception.segmentation import SegmentationDetector
 
@@ -181,14 +187,14 @@ def _learned(ground: Ground, address: str, settings: str | None) -> Policy:
     return LearnedPolicy(ground.skills, detector, ground.seed, Path(address) if address else WEIGHTS)
 
 
-def _with_backup(first: str, second: str, ground: Ground, settings: str | None) -> Policy:
+def _with_backup(first: Choice, second: Choice, ground: Ground, settings: str | None) -> Policy:
     """Two policies; the settings are of the second one, which alone may be somewhere else."""
     from mpvi_bt.manipulation.policies.backup import WithBackup
 
     if first == second:
-        raise UserError(f"policy {first}+{second}: a policy cannot stand behind itself.")
+        raise UserError(f"policy {first.given}+{second.given}: a policy cannot stand behind itself.")
     prompted = replace(ground, demonstrations=None)
-    made = WithBackup(make_policy(first, prompted), make_policy(second, prompted, settings), ground.skills)
+    made = WithBackup(make_policy(first.given, prompted), make_policy(second.given, prompted, settings), ground.skills)
     return _demonstrated(made, ground)
 
 
@@ -199,13 +205,15 @@ def _demonstrated(policy: ScriptedPolicy | WithBackup, ground: Ground) -> Policy
     return policy if ground.demonstrations is None else DemonstratedPolicy(policy, ground.demonstrations)
 
 
-def _openpi(ground: Ground, address: str, settings: str | None) -> Policy:
+def openpi(ground: Ground, address: str, settings: str | None) -> Policy:
+    """Behind openpi's protocol."""
     from mpvi_bt.remote.openpi import DEFAULT, OpenpiPolicy
 
     return OpenpiPolicy(address, settings_for(settings or DEFAULT, ground.task, ground.robot), ground.vocabulary)
 
 
-def _vla_eval(ground: Ground, address: str, settings: str | None) -> Policy:
+def vla_eval(ground: Ground, address: str, settings: str | None) -> Policy:
+    """Behind a model server of the vla-eval package."""
     from mpvi_bt.remote.vla_eval import DEFAULT, VlaEvalPolicy
 
     return VlaEvalPolicy(address, settings_for(settings or DEFAULT, ground.task, ground.robot), ground.vocabulary)
@@ -233,12 +241,3 @@ def settings_for(given: str, task: str | None, robot: str | None) -> Settings:
         check_robot(settings, robot_named(robot))
     known = human_stats().get(task or "")
     return briefed(settings, task, None if known is None else known.task_id)
-
-
-_MAKERS: Mapping[str, Callable[[Ground, str, str | None], Policy]] = {
-    "expert": _expert,
-    "reactive": _reactive,
-    "learned": _learned,
-    "openpi": _openpi,
-    "vla_eval": _vla_eval,
-}

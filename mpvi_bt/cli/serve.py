@@ -142,7 +142,7 @@ serve.params = [option for option in serve.params if option.name not in ("split"
 def _policy(policy: str, settings: str | None, seed: int, idle_s: float, key: str, status: Status) -> SocketServer:
     if own := [p.opts[0] for p in given_here() if p.name not in _OF_POLICIES]:
         raise click.UsageError(f"{own[0]} is of the executive: mpvi serve {EXECUTIVE}.")
-    if choose("policy", policy).privileged:
+    if choose("policy", policy).backend.privileged:
         raise UserError(
             f"{policy} reads the simulator itself, which no client can send: it cannot be served. "
             f"These can: {', '.join(_servable())}."

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from mpvi_bt.behaviors.parameters import Prompt
-from mpvi_bt.choices.backends import BACKENDS, split
+from mpvi_bt.choices.backends import BACKENDS, choose
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.errors import Problem, nearest
 from mpvi_bt.manipulation.policies.repertoire import REPERTOIRE
@@ -49,7 +49,7 @@ def _unlike(data: Any, like: str, marks: Marks) -> Iterator[Problem]:
 
 def doubt(config: EpisodeConfig, spec: TreeSpec, skills: Mapping[str, Skill]) -> str:
     """One line for a person if a tree asks for skills that the policy does not know how to do, or ""."""
-    name = split(config.policy)[0]
+    name = choose("policy", config.policy).name
     if name not in SCRIPTED:
         return ""
     asked = {

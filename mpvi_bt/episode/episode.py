@@ -177,7 +177,7 @@ def _places(world: World) -> dict[str, list[float]]:
 
 def _renders(config: EpisodeConfig) -> bool:
     """Whether anything in the episode looks at pictures."""
-    looking = (choose(kind, name).sees for kind, name in config.backends.items())
+    looking = (choose(kind, name).backend.sees for kind, name in config.backends.items())
     outputs = (config.video, config.rerun, config.demonstration)
     return any(output is not None for output in outputs) or any(looking)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from mpvi_bt import paths
 from mpvi_bt.behaviors.parameters import Pause
-from mpvi_bt.choices.backends import BACKENDS, NOBODY, choose, split
+from mpvi_bt.choices.backends import NOBODY, choose
 from mpvi_bt.choices.checkers import check_checker_choice
 from mpvi_bt.choices.checkers import doubt as checker_doubt
 from mpvi_bt.choices.config import EpisodeConfig
@@ -15,7 +15,6 @@ from mpvi_bt.choices.detectors import make_detector
 from mpvi_bt.choices.language_models import Models, check_language_choice, language_doubts
 from mpvi_bt.choices.lateness import latency_of
 from mpvi_bt.choices.planning import ground, make_planner
-from mpvi_bt.choices.plugins import find
 from mpvi_bt.choices.policies import check_policy_choice
 from mpvi_bt.choices.simulators import check_simulator_choice
 from mpvi_bt.episode.doers import doubt as doer_doubt
@@ -229,14 +228,12 @@ def doubts(config: EpisodeConfig, prepared: Prepared, dry: bool = False) -> list
 def check_backends(config: EpisodeConfig) -> None:
     """Refuse backends that do not exist or cannot be made. Raises UserError, and ModelError of language models."""
     for kind, name in config.backends.items():
-        choose(kind, name)
-        if split(name)[0] not in BACKENDS[kind] and (part := find(kind, name, BACKENDS[kind])) is not None:
-            part.load()
+        choose(kind, name).check()
     check_language_choice(config)
     check_policy_choice(config)
     check_checker_choice(config)
     check_simulator_choice(config)
-    if split(config.detector)[0] in BACKENDS["detector"]:
+    if choose("detector", config.detector).part is None:
         make_detector(config.detector, {})
     if config.map == "online" and config.detector == "oracle":
         raise UserError("--map online is built by looking: choose a detector that looks, such as segmentation.")
@@ -268,7 +265,8 @@ def check_episode(config: EpisodeConfig) -> None:
         UserError: Something in `config` does not exist or is wrong.
         ModelError: The model cannot be asked.
     """
-    if config.tree is None and config.plan is None and split(config.planner)[0] not in ("recorded", NOBODY):
+    asks_a_model = choose("planner", config.planner).name not in ("recorded", NOBODY)
+    if config.tree is None and config.plan is None and asks_a_model:
         check_backends(config)
         load_task(config.task).check_instance(config.instance)
         check_split(config.split)
@@ -287,7 +285,7 @@ def _replanner(
     """Who makes new plans where the tree wants them; None where it does not, or where there is no plan to go by."""
     if not any(_wants_a_plan(placed) for placed in spec.nodes):
         return None
-    if split(config.planner)[0] not in ("recorded", NOBODY):
+    if choose("planner", config.planner).name not in ("recorded", NOBODY):
         return make_planner(config, task, models)
     robot = robot_named(config.robot)
     if config.plan is not None:

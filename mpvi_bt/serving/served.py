@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mpvi_bt import paths
-from mpvi_bt.choices.backends import NOBODY, privileged, split
+from mpvi_bt.choices.backends import NOBODY, choose, privileged
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.language_models import Models
 from mpvi_bt.choices.planning import make_planner
@@ -166,7 +166,7 @@ def prepared_for(work: Work, first: Reading | None, tell: Callable[[str], None])
             instruction = first.instruction
     if name and name not in paths.names("tasks") and not paths.is_file(Path(name)):
         plan = RecordedPlanner().plan(name)
-        if split(config.planner)[0] == "recorded":
+        if choose("planner", config.planner).name == "recorded":
             config = replace(config, plan=name)
             return config, prepare(config, tell)
         instruction = plan.instruction
@@ -184,7 +184,7 @@ def _instructed(config: EpisodeConfig, name: str, instruction: str, tell: Callab
     planner = None
     if config.planner == NOBODY:
         return Prepared(None, skills, compile_instruction(name, instruction), None, models)
-    if split(config.planner)[0] == "recorded":
+    if choose("planner", config.planner).name == "recorded":
         plans = {plan.instruction: plan for plan in RecordedPlanner().all()}
         if instruction not in plans:
             near = nearest(instruction, plans)
@@ -211,7 +211,7 @@ def _check_sight(config: EpisodeConfig, first: Reading) -> None:
         ("detector", "segmentation", "grounding_dino"),
         ("checker", "visual", "openai:MODEL"),
     ):
-        if split(getattr(config, kind))[0] == reads:
+        if choose(kind, getattr(config, kind)).name == reads:
             raise UserError(
                 f"{kind} {reads} reads labels of pictures, which this client does not send: choose another, such as "
                 f"--{kind} {instead}."

@@ -60,7 +60,7 @@ class Pace:
     def guess_s(self, config: EpisodeConfig) -> float:
         """Wall time [s] that an episode takes before anything is known of this machine."""
         try:
-            scripted = choose("policy", config.policy).privileged
+            scripted = choose("policy", config.policy).backend.privileged
         except UserError:  # one of another package
             scripted = False
         rate = SCRIPTED if scripted else SEEING
