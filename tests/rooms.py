@@ -42,6 +42,7 @@ ORDER = (
     ("episode",),
     ("suite", "datasets", "serving", "authoring"),
     ("report",),
+    ("watch",),
     ("api",),
     ("cli",),
 )

@@ -89,18 +89,22 @@ def head(tree: TreeSpec, **config: Any) -> dict[str, Any]:
     return {"trace": 1, "mpvi_bt": "0", "tree": expanded(tree), "config": config, "seed": 3}
 
 
-def hostile_run() -> Trace:
-    """A run in which every word is an attack."""
+def hostile_lines() -> list[dict[str, Any]]:
+    """The trace of a run in which every word is an attack."""
     paths = [node.path for node in HOSTILE.nodes]
     bad = {"status": "FAILURE", "feedback": EVIL, "reason": EVIL, "evidence": EVIL, "origin": paths[-1]}
-    return written(
-        [
+    return [
             head(HOSTILE, task=EVIL, inner={EVIL: [EVIL]}),
-            {"tick": 1, "time_s": 0.0, "nodes": dict.fromkeys(paths, bad), "blackboard": {EVIL: EVIL}},
+            {"tick": 1, "time_s": 0.0, "nodes": dict.fromkeys(paths, bad), "blackboard": {EVIL: EVIL},
+             "queries": [{"criterion": EVIL, "event": EVIL, "complete": True, "reason": EVIL, "path": EVIL}]},
             {"end": "failure", "tick": 1, "time_s": 0.0,
              "failure": {"reason": EVIL, "path": paths[-1], "time_s": 0.0, "evidence": EVIL}},
-        ]
-    )  # fmt: skip
+    ]  # fmt: skip
+
+
+def hostile_run() -> Trace:
+    """That run."""
+    return written(hostile_lines())
 
 
 words = st.text(st.characters(exclude_categories=["Cs"]), max_size=12) | st.just(EVIL)

@@ -40,6 +40,8 @@ ONLY_IN = {
     "openai": {"language/openai.py"},
     "httpx2": {"language/openai.py"},
     "xllamacpp": {"language/llama_server.py"},
+    "starlette": {"watch"},
+    "uvicorn": {"watch"},
     "vla_eval": {"serving/vla_eval_benchmark.py", "serving/vla_eval_server.py"},
 }
 DISTRIBUTION = {
@@ -62,6 +64,8 @@ HEAVY = (
         "openai",
         "httpx2",
         "ray",
+        "starlette",
+        "uvicorn",
         "vla_eval",
         "xllamacpp",
     ),

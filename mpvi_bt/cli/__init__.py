@@ -24,6 +24,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "fmt": ("mpvi_bt.cli.fmt:fmt", "Bring trees into canonical form, with their comments."),
     "schema": ("mpvi_bt.cli.schema:schema", "Print what editors need to complete and check trees."),
     "convert": ("mpvi_bt.cli.convert:convert", "Turn a tree into BehaviorTree.CPP 4 XML, or back."),
+    "watch": ("mpvi_bt.cli.watch:watch", "Serve a page that shows a run or a suite while it goes on."),
     "replay": ("mpvi_bt.cli.replay:replay", "Show a recorded run, tick by tick, forward and back."),
     "explain": ("mpvi_bt.cli.trace:explain_", "Say why a recorded run ended as it did."),
     "diff": ("mpvi_bt.cli.trace:diff_", "Show the first tick at which two recorded runs part."),

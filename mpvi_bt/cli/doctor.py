@@ -56,6 +56,7 @@ def examine() -> list[Check]:
         _physics(),
         _rendering(),
         _guarded("video", False, "pip install imageio-ffmpeg", _video),
+        _extra("live pages", "starlette", "live"),
         _extra("torch", "torch", "maniskill"),
         _extra("maniskill", "mani_skill", "maniskill"),
         _extra("detector", "transformers", "grounding-dino"),

@@ -67,6 +67,11 @@ EXAMPLES: Mapping[str, tuple[str, str, str]] = {
         "my_tree.yaml my_tree.xml",
         "their_tree.xml trees/their_tree.yaml",
     ),
+    "watch": (
+        _TRACE,
+        f"{_TRACE} --serve 9000",
+        f"{_TRACE} --serve 0.0.0.0:9000",
+    ),
     "replay": (
         _TRACE,
         f"{_TRACE} --tick 61",

@@ -16,6 +16,7 @@ from mpvi_bt import paths
 from mpvi_bt.choices.backends import BACKENDS, choose
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.errors import MpviError, UnknownName, UserError
+from mpvi_bt.watch.address import Address
 
 _FAULTS = ("freeze", "jitter", "drift", "late", "wrong_object")
 
@@ -147,6 +148,30 @@ class Finite(click.FloatRange):
         if not math.isfinite(number):
             self.fail(f"{value} is no finite number.", param, ctx)
         return number
+
+
+class At(click.ParamType[Address]):
+    """Where a page is served: a port, or an address and a port."""
+
+    name = "address"
+
+    def convert(self, value: str | Address, param: click.Parameter | None, ctx: click.Context | None) -> Address:
+        """The address. Raises UserError."""
+        return value if isinstance(value, Address) else Address.parse(value)
+
+
+def serve(command: Any) -> Any:
+    """The option that has a page served while the command works; it is None where it is not given."""
+    return click.option(
+        "--serve",
+        "serve",
+        type=At(),
+        is_flag=False,
+        flag_value="",
+        default=None,
+        metavar="[[HOST:]PORT]",
+        help="Serve a page that shows it live; without a port at 8420 or the next free one.",
+    )(command)
 
 
 def _take_method(ctx: click.Context, param: click.Parameter, given: str | None) -> str | None:

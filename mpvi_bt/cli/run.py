@@ -22,6 +22,7 @@ from mpvi_bt.cli.given import (
     complete_path,
     demonstration_fps,
     given_here,
+    serve,
 )
 from mpvi_bt.cli.score import brief_score, score
 from mpvi_bt.errors import BackendError, NodeError, UserError
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
     from mpvi_bt.episode.prepare import Prepared
     from mpvi_bt.executive.loop import Subscriber
     from mpvi_bt.executive.stop import Stop
+    from mpvi_bt.watch.address import Address
+    from mpvi_bt.watch.channel import Page
 
 
 _OUTPUT = click.Path(dir_okay=False, path_type=Path)
@@ -103,6 +106,7 @@ _OF_THIS_RUN = ("video", "picture", "rerun", *ASKING)  # of an episode that goes
 )
 @click.option("--trace/--no-trace", default=True, show_default=True, help="Write what happened tick by tick.")
 @click.option("--watch/--no-watch", default=True, show_default=True, help="Show the tree while it runs.")
+@serve
 @click.option("--unicode", is_flag=True, help="Draw it with lines and signs beyond ASCII.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON; the live view goes to stderr.")
 def run(
@@ -115,6 +119,7 @@ def run(
     out: Path,
     trace: bool,
     watch: bool,
+    serve: Address | None,
     unicode: bool,
     as_json: bool,
     **settings: Any,
@@ -124,6 +129,8 @@ def run(
     Exit code 0 where the goal is true at the end, 1 where it is not; of a dry run, where the tree succeeds or not. 3
     where the policy's server or a language model failed.
     """
+    if serve is not None and not trace:
+        raise click.UsageError("--serve shows the trace while it is written; it can't be given with --no-trace.")
     if settings["rerun"]:
         from mpvi_bt.recording.rerun_log import require_sdk
 
@@ -139,7 +146,6 @@ def run(
 
     for doubt in doubts(config, prepared, dry):
         _note(doubt)
-    from mpvi_bt.executive.debugger import Debugger
     from mpvi_bt.executive.live import LiveTree
     from mpvi_bt.executive.loop import Last
     from mpvi_bt.executive.stop import Stop
@@ -166,8 +172,14 @@ def run(
         live = LiveTree(sys.stderr if as_json else sys.stdout, stem, unicode, redraw=not debugs)
         live.show(prepared.spec)  # the world takes a moment
         watchers.append(live)
+    page = None
+    if serve is not None and config.trace is not None:
+        if resume is None:
+            config.trace.unlink(missing_ok=True)  # the page would show that run until this one begins
+        page = _page(serve, config.trace, debugs)
+        watchers.append(_pictures(page, prepared, dry))
     if debugs:
-        watchers.append(Debugger(sys.stdin, sys.stderr, breaks, step, stop.request))
+        watchers.append(_debugger(page, breaks, step, stop))
     try:
         if dry:
             code = _dry(config, prepared, watchers, stop, as_json)
@@ -183,6 +195,44 @@ def run(
         broken = {"node": error.path, "message": error.message, "place": error.place}
         _tell({**brief(config, prepared, last.outcome), "error": broken}, config, dry, as_json)
         return error.exit_code
+    finally:
+        if page is not None:
+            page.close()
+
+
+def _page(serve: Address, trace: Path, controls: bool) -> Page:
+    """Serve the page of the run. Raises UserError if that is impossible."""
+    from mpvi_bt.cli.watch import require_server
+    from mpvi_bt.watch.channel import Page
+
+    require_server()
+    page = Page(serve.bound(), trace, controls)
+    _note(f"watch it at {page.url}")
+    return page
+
+
+def _pictures(page: Page, prepared: Prepared, dry: bool) -> Subscriber:
+    """What sends the page pictures."""
+    from mpvi_bt.house.house import load_house
+    from mpvi_bt.house.prior_map import prior_map
+    from mpvi_bt.watch.pictures import LivePictures
+
+    known = None if dry or prepared.task is None else prior_map(load_house(prepared.task.house))
+    return LivePictures(page, known)
+
+
+def _debugger(page: Page | None, breaks: tuple[str, ...], step: bool, stop: Stop) -> Subscriber:
+    """What pauses the run; where a page is served, that can answer too."""
+    from mpvi_bt.executive.debugger import Debugger
+
+    if page is None:
+        return Debugger(sys.stdin, sys.stderr, breaks, step, stop.request)
+    from mpvi_bt.watch.console import Console
+
+    console = Console(sys.stdin, sys.stderr, page)
+    debugger = Debugger(console, console, breaks, step, stop.request)
+    console.attend(debugger)
+    return debugger
 
 
 def _asked_for(
@@ -283,7 +333,7 @@ def _left(config: EpisodeConfig) -> Path | None:
 
 def _refuse_beside_resume() -> None:
     """Raises UsageError if anything was given that the saved episode says itself."""
-    own = {"resume", "breaks", "step", "out", "trace", "watch", "unicode", "as_json", *_OF_THIS_RUN}
+    own = {"resume", "breaks", "step", "out", "trace", "watch", "serve", "unicode", "as_json", *_OF_THIS_RUN}
     for parameter in given_here():
         if parameter.name not in own:
             given = parameter.opts[0] if parameter.param_type_name == "option" else "TASK"

@@ -8,7 +8,7 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Callable, Iterable
-from typing import Literal, NoReturn, TextIO
+from typing import Literal, NoReturn, Protocol
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -38,6 +38,30 @@ _HELP = """\
 """
 
 
+class Source(Protocol):
+    """Where answers come from, such as a terminal."""
+
+    def readline(self) -> str:
+        """The next one; "": there are no more."""
+        ...
+
+    def isatty(self) -> bool:
+        """Whether it shows itself what is typed."""
+        ...
+
+
+class Stream(Protocol):
+    """Where questions go."""
+
+    def write(self, text: str, /) -> object:
+        """Take in text."""
+        ...
+
+    def flush(self) -> object:
+        """Show it."""
+        ...
+
+
 def interrupt() -> NoReturn:
     """Do as Ctrl-C."""
     raise KeyboardInterrupt
@@ -62,8 +86,8 @@ class Debugger(Watcher):
 
     def __init__(
         self,
-        source: TextIO,
-        stream: TextIO,
+        source: Source,
+        stream: Stream,
         breaks: Iterable[str] = (),
         step: bool = False,
         stop: Callable[[], object] = interrupt,
@@ -81,6 +105,18 @@ class Debugger(Watcher):
         self._blackboard = dict(tree.spec.blackboard)
         self._paths = {path for glob in self._breaks for path in require_match(glob, tree.spec, "--break")}
         self._spec = tree.spec
+
+    def pause(self) -> None:
+        """Pause at the next tick; any thread may say so."""
+        if self._until != "end":
+            self._until = "tick"
+
+    def break_at(self, glob: str) -> list[str]:
+        """Break where such a node begins, too; any thread may say so. Raises UserError if it fits none."""
+        paths = require_match(glob, self._spec, "break")
+        self._breaks = [*self._breaks, glob]
+        self._paths = {*self._paths, *paths}
+        return paths
 
     def step(self, tree: Tree, world: World) -> None:
         """Pause if it is time to."""
@@ -165,13 +201,9 @@ class Debugger(Watcher):
                 return True
             case "b" if rest.strip():
                 try:
-                    paths = require_match(rest.strip(), tree.spec, "b")
+                    self._say(*(f"breaks at {path}" for path in self.break_at(rest.strip())))
                 except UserError as error:
                     self._say(str(error))
-                else:
-                    self._breaks.append(rest.strip())
-                    self._paths.update(paths)
-                    self._say(*(f"breaks at {path}" for path in paths))
             case "s":
                 self._stream.write(ascii_tree(tree.spec, tree.states(), _WIDTH) + "\n")
             case "k":

@@ -13,52 +13,92 @@ import json
 import math
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
 from mpvi_bt.drawing.cells import one_line
 from mpvi_bt.drawing.symbols import MARKS, Standing, sign, standing
 from mpvi_bt.drawing.text import ascii_tree
-from mpvi_bt.trace.lines import End
+from mpvi_bt.trace.lines import End, Tick
 from mpvi_bt.trace.read import Trace
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.state import NodeState
+from mpvi_bt.tree.yaml_io import from_expanded
 
-_SCRIPTS = ("playback.js", "outline.js", "player.js", "page.js")
+_SCRIPTS = ("playback.js", "outline.js", "player.js", "log.js", "page.js")
 _WORDS = ("feedback", "reason", "evidence", "origin")
 
 
 def tree_page(tree: TreeSpec) -> str:
     """The page of a tree that has not run."""
-    return _page(tree, {"trees": [_nodes(tree)], "frames": None})
+    return page(tree, {"trees": [nodes(tree)], "frames": None})
 
 
 def trace_page(trace: Trace, tick: int | None = None) -> str:
     """The page of a run. It opens at `tick`, or at the end; `#tick=12` behind its address opens it at another."""
-    trees, frames = [_nodes(trace.tree)], []
-    numbers = _numbers(trace.tree)
-    for line, moment in trace.moments():
-        frame: dict[str, Any] = {"tick": line.tick, "time": line.time_s}
-        if line.tree is not None:
-            frame["tree"] = len(trees)
-            trees.append(_nodes(moment.tree))
-            numbers = _numbers(moment.tree)
-        if line.nodes:
-            frame["nodes"] = {numbers[path]: _state(state, line.time_s) for path, state in line.nodes.items()}
-        if line.blackboard:
-            frame["board"] = {one_line(key): _shown(value) for key, value in line.blackboard.items()}
-        frames.append(frame)
-    return _page(
-        trace.tree,
-        {"trees": trees, "frames": frames, "end": _end(trace), "facts": list(_facts(trace)), "open": tick},
-    )
+    frames = Frames(trace.tree)
+    frames.add(trace.ticks)
+    facts = list(told_facts(trace.config, trace.seed, trace.started, trace.mpvi_bt))
+    return page(trace.tree, {**frames.data(), "end": _end(trace), "facts": facts, "open": tick})
+
+
+class Frames:
+    """A run as the page's script plays it: what changed, tick by tick.
+
+    Attributes:
+        trees: In force one after the other, each a list of its nodes.
+        frames: One for each tick at which anything changed.
+    """
+
+    def __init__(self, tree: TreeSpec) -> None:
+        """Begin with the tree, before the first tick."""
+        self.trees, self.frames = [nodes(tree)], list[dict[str, Any]]()
+        self._numbers = _numbers(tree)
+
+    def add(self, ticks: Iterable[Tick]) -> None:
+        """Take in the next ticks."""
+        for line in ticks:
+            frame: dict[str, Any] = {"tick": line.tick, "time": line.time_s}
+            if line.tree is not None:
+                tree = from_expanded(line.tree)
+                frame["tree"] = len(self.trees)
+                self.trees.append(nodes(tree))
+                self._numbers = _numbers(tree)
+            if line.nodes:
+                frame["nodes"] = {self._numbers[path]: _state(s, line.time_s) for path, s in line.nodes.items()}
+            if line.blackboard:
+                frame["board"] = {one_line(key): _shown(value) for key, value in line.blackboard.items()}
+            if said := list(_said(line)):
+                frame["said"] = said
+            self.frames.append(frame)
+
+    def data(self, trees: int = 0, frames: int = 0) -> dict[str, Any]:
+        """All of it, or what came after so many trees and frames."""
+        return {"trees": self.trees[trees:], "frames": self.frames[frames:]}
+
+
+def _said(tick: Tick) -> Iterable[dict[str, str]]:
+    """Answers of the checker, what hands felt, and new plans: of whom, what, and how it is marked."""
+    for answer in tick.queries:
+        seen = f" ({answer.camera})" if answer.camera else ""
+        text = f"{answer.criterion}? {'yes' if answer.complete else 'no'}{seen}: {answer.reason}"
+        is_: Standing = "success" if answer.complete else "idle"
+        yield {"path": answer.path, "text": one_line(text), "is": is_, "about": "question"}
+    for notice in tick.notices:
+        text = f"the {notice.side} hand " + ("closed on nothing" if notice.kind == "empty" else "lost what it held")
+        yield {"path": notice.path, "text": one_line(text), "is": "failure", "about": "hand"}
+    for replan in tick.replans:
+        text = f"no new plan: {replan.said}" if replan.segments is None else f"new plan: {replan.segments} segments"
+        made: Standing = "failure" if replan.segments is None else "success"
+        yield {"path": replan.path, "text": one_line(text), "is": made, "about": "plan"}
 
 
 def _numbers(tree: TreeSpec) -> dict[str, int]:
     return {node.path: i for i, node in enumerate(tree.nodes)}
 
 
-def _nodes(tree: TreeSpec) -> list[dict[str, Any]]:
+def nodes(tree: TreeSpec) -> list[dict[str, Any]]:
     """Every node, its parent by number."""
     numbers = _numbers(tree)
     parents = {child: numbers[node.path] for node in tree.nodes for child in node.children}
@@ -95,8 +135,18 @@ def _end(trace: Trace) -> dict[str, Any]:
             "text": "the trace breaks off here", "is": "interrupted",
             "tick": last.tick if last else 0, "time": last.time_s if last else 0.0,
         }  # fmt: skip
-    end = trace.end
-    shown = {"text": trace.told, "is": _stood(end, trace.gave_up), "tick": end.tick, "time": end.time_s}
+    return told_end(trace.end, trace.told, trace.gave_up)
+
+
+def told_end(end: End, text: str, gave_up: int) -> dict[str, Any]:
+    """How a run ended.
+
+    Args:
+        end: The last line of its trace.
+        text: As a line of text.
+        gave_up: How many units were given up.
+    """
+    shown = {"text": text, "is": _stood(end, gave_up), "tick": end.tick, "time": end.time_s}
     if end.failure is not None:
         why = ": ".join(filter(None, (end.failure.reason, end.failure.evidence)))
         shown |= {"path": end.failure.path, "why": one_line(why)}
@@ -114,11 +164,9 @@ def _stood(end: End, gave_up: int) -> Standing:
     return "failure" if end.ending == "failure" else "gave_up" if gave_up else "success"
 
 
-def _facts(trace: Trace) -> Iterable[tuple[str, str]]:
+def told_facts(config: Mapping[str, Any], seed: int | None, started: str, version: str) -> Iterable[tuple[str, str]]:
     """What a person wants to know of a run, by name."""
-    known: Mapping[str, Any] = {
-        **trace.config, "seed": trace.seed, "started": trace.started, "mpvi_bt": trace.mpvi_bt,
-    }  # fmt: skip
+    known: Mapping[str, Any] = {**config, "seed": seed, "started": started, "mpvi_bt": version}
     for name, value in known.items():
         if value is not None and value not in ("", [], {}):
             yield one_line(name), one_line(value if isinstance(value, str) else json.dumps(value))
@@ -129,13 +177,31 @@ def _shown(value: object) -> str | None:
     return None if value is None else one_line(json.dumps(value, ensure_ascii=False))
 
 
-def _page(tree: TreeSpec, data: dict[str, Any]) -> str:
+@dataclass(frozen=True)
+class More:
+    """What a page has beside what every page has.
+
+    Attributes:
+        script: It runs before the page starts.
+        style: Behind the page's own.
+        allows: What its content policy allows besides, such as "img-src 'self'".
+    """
+
+    script: str = ""
+    style: str = ""
+    allows: str = ""
+
+
+def page(tree: TreeSpec, data: dict[str, Any], more: More = More()) -> str:
+    """The page of a tree, with what its script reads."""
     data = {word: one_line(getattr(tree, word)) for word in ("name", "about", "instruction")} | data
     data["marks"] = {name: {"unicode": mark.unicode, "word": mark.word} for name, mark in MARKS.items()}
-    style, script = _file("page.css"), "\n".join(map(_file, _SCRIPTS))
+    style = "\n".join(filter(None, (_file("page.css"), more.style)))
+    script = "\n".join([*map(_file, _SCRIPTS[:-1]), *filter(None, [more.script]), _file(_SCRIPTS[-1])])
+    policy = ["default-src 'none'", f"script-src '{_hash(script)}'", f"style-src '{_hash(style)}'", "base-uri 'none'"]
     parts = {
         "title": html.escape(one_line(tree.name)),
-        "policy": f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; base-uri 'none'",
+        "policy": "; ".join([*policy, *filter(None, [more.allows])]),
         "style": style,
         "tree": html.escape("\n".join(map(one_line, ascii_tree(tree, width=120).splitlines()))),
         "data": embedded(data),

@@ -237,51 +237,72 @@ def read_trace(path: str | Path) -> Trace:
                 lines.append(line)
     except OSError as error:
         raise UserError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from None
-    return _Lines(str(path), lines).read()
+    return _read(str(path), lines)
 
 
-class _Lines:
-    """Checks the lines of a trace, collecting problems."""
+def _read(file: str, lines: Sequence[bytes]) -> Trace:
+    """The trace of these lines. Raises FileProblems."""
+    reader = LineReader(file)
+    header, tree = reader.first(lines[0], alone=len(lines) == 1)
+    end: End | None = None
+    kept: list[bytes] = []
+    for number, line in enumerate(lines[1:], 2):
+        read = reader.next(line, torn=number == len(lines) and not line.endswith(b"\n"))
+        if isinstance(read, End):
+            end = read
+        elif read is not None:
+            kept.append(line)
+        if len(reader.problems) >= _MAX_PROBLEMS:
+            break
+    if reader.problems:
+        raise FileProblems(reader.problems)
+    return Trace(file, header, tree, Ticks(kept), end)
 
-    def __init__(self, file: str, lines: list[bytes]) -> None:
-        self.file, self.lines = file, lines
+
+class LineReader:
+    """Checks the lines of a trace one after the other.
+
+    Attributes:
+        problems: Found so far.
+    """
+
+    def __init__(self, file: str) -> None:
+        """Read what is called `file` in problems."""
+        self.file = file
         self.problems: list[Problem] = []
-        self.number = 1
+        self._number = 1
+        self._tick = 0
+        self._paths: set[str] = set()
+        self._ended = False
 
-    def read(self) -> Trace:
-        header, tree = self._header()
-        end: End | None = None
-        paths = {placed.path for placed in tree.nodes}
-        last = 0
-        kept: list[bytes] = []
-        for line in self.lines[1:]:
-            self.number += 1
-            torn = self.number == len(self.lines) and not line.endswith(b"\n")
-            if end is not None and not torn:
-                self._problem("after-end", "a line after the one that ends the trace")
-            first = _FIRST_KEY.match(line)
-            read = self._parse(END if first and first[1] == b"end" else TICK, line, torn)
-            if isinstance(read, End):
-                end = read
-            elif read is not None:
-                if read.tree is not None and (swapped := self._tree(read.tree)):
-                    paths = {placed.path for placed in swapped.nodes}
-                if read.tick < last:
-                    self._problem("order", f"tick {read.tick} after tick {last}")
-                if not read.nodes.keys() <= paths:
-                    stranger = next(iter(read.nodes.keys() - paths))
-                    self._problem("unknown-path", f"the tree has no node {stranger!r}")
-                last = read.tick
-                kept.append(line)
-            if len(self.problems) >= _MAX_PROBLEMS:
-                break
-        if self.problems:
-            raise FileProblems(self.problems)
-        return Trace(self.file, header, tree, Ticks(kept), end)
+    def first(self, line: bytes, alone: bool = False) -> tuple[Header, TreeSpec]:
+        """The first line, and its tree; `alone`: nothing follows, so it may be cut off. Raises FileProblems."""
+        header, tree = self._header(line, alone)
+        self._paths = {placed.path for placed in tree.nodes}
+        return header, tree
 
-    def _header(self) -> tuple[Header, TreeSpec]:
-        line = self.lines[0]
-        if len(self.lines) == 1 and not line.endswith(b"\n") and not _is_json(line):
+    def next(self, line: bytes, torn: bool = False) -> Tick | End | None:
+        """The next line, or None if it is wrong, or `torn`: cut off while it was written."""
+        self._number += 1
+        if self._ended and not torn:
+            self._problem("after-end", "a line after the one that ends the trace")
+        first = _FIRST_KEY.match(line)
+        read: Tick | End | None = self._parse(END if first and first[1] == b"end" else TICK, line, torn)
+        if isinstance(read, End):
+            self._ended = True
+        elif read is not None:
+            if read.tree is not None and (swapped := self._tree(read.tree)):
+                self._paths = {placed.path for placed in swapped.nodes}
+            if read.tick < self._tick:
+                self._problem("order", f"tick {read.tick} after tick {self._tick}")
+            if not read.nodes.keys() <= self._paths:
+                stranger = next(iter(read.nodes.keys() - self._paths))
+                self._problem("unknown-path", f"the tree has no node {stranger!r}")
+            self._tick = read.tick
+        return read
+
+    def _header(self, line: bytes, alone: bool) -> tuple[Header, TreeSpec]:
+        if alone and not line.endswith(b"\n") and not _is_json(line):
             raise FileProblems([Problem(self.file, 1, 1, "no-trace", "cut off within its first line")])
         header = self._parse(HEADER, line)
         if header is not None and header.trace != VERSION:
@@ -318,7 +339,7 @@ class _Lines:
             return None
 
     def _problem(self, code: str, message: str, column: int = 1) -> None:
-        self.problems.append(Problem(self.file, self.number, column, code, message))
+        self.problems.append(Problem(self.file, self._number, column, code, message))
 
 
 def _is_json(line: bytes) -> bool:

@@ -17,8 +17,8 @@ function make(tag, { text, cls, title, on } = {}, children = []) {
   return element;
 }
 
-function pill(is) {
-  const mark = make("span", { cls: "pill", text: `${marks[is].unicode} ${marks[is].word}` });
+function pill(is, word = marks[is].word) {
+  const mark = make("span", { cls: "pill", text: `${marks[is].unicode} ${word}` });
   mark.dataset.is = is;
   return mark;
 }
@@ -102,6 +102,13 @@ function start() {
   $("unfold").addEventListener("click", () => foldAll(false));
   $("fold").addEventListener("click", () => foldAll(true));
   document.addEventListener("keydown", (event) => pressed(event) && event.preventDefault());
+  if (data.live) live.start();
+}
+
+function showWhy() {
+  const { path, why = "" } = play.end;
+  const where = path ? [make("button", { cls: "link", text: path, on: () => outline.pick(path) })] : [];
+  $("why").replaceChildren(...where, make("span", { text: `${where.length ? ": " : ""}${why}` }));
 }
 
 function startPlayer() {
@@ -121,10 +128,7 @@ function startPlayer() {
   $("follow").addEventListener("change", () => $("follow").checked && outline.follow(play.at(still.frame)));
   $("legend").lastElementChild.append(...Object.keys(marks).map((is) => make("li", {}, [pill(is)])));
   if (play.end.path) outline.pick(play.end.path, false);
-  if (play.end.why) {
-    const where = play.end.path ? [make("button", { cls: "link", text: play.end.path, on: () => outline.pick(play.end.path) })] : [];
-    $("why").append(...where, make("span", { text: `${where.length ? ": " : ""}${play.end.why}` }));
-  }
+  showWhy();
   const told = data.facts.filter(([name]) => ["task", "seed"].includes(name)).map(([name, value]) => `${name} ${value}`);
   $("facts").hidden = !data.facts.length;
   $("facts").firstElementChild.textContent = [...told, "settings"].join(", ");

@@ -18,22 +18,36 @@ class Moment {
 
 class Playback {
   constructor(data) {
-    this.trees = data.trees;
-    this.numbers = data.trees.map((nodes) => new Map(nodes.map((node, i) => [node.path, i])));
-    this.frames = data.frames;
+    this.trees = [];
+    this.numbers = []; // of each tree: path to the number of the node
+    this.frames = [];
     this.end = data.end;
-    this.lastTick = Math.max(data.end.tick, this.frames.length ? this.frames.at(-1).tick : 0);
     this.spans = new Map(); // path to [frame, standing] wherever that changed
     this.failures = []; // frames at which a node failed, with the deepest of them
     this.moment = new Moment(0, new Array(data.trees[0].length), new Map());
     this.frame = -1;
-    const moment = this.moment.copy();
-    this.copies = [moment.copy()]; // before frame 0, EVERY, 2 EVERY, ...
-    this.frames.forEach((frame, i) => {
-      if (i && i % EVERY === 0) this.copies.push(moment.copy());
-      this.apply(moment, frame);
-      this.note(moment, frame, i);
-    });
+    this.latest = this.moment.copy(); // after the last frame
+    this.copies = []; // before frame 0, EVERY, 2 EVERY, ...
+    this.add(data);
+  }
+
+  // Take in what follows, of a run that still goes on.
+  add({ trees = [], frames = [] }) {
+    for (const nodes of trees) {
+      this.trees.push(nodes);
+      this.numbers.push(new Map(nodes.map((node, i) => [node.path, i])));
+    }
+    if (!this.copies.length) this.copies.push(this.latest.copy());
+    for (const frame of frames) {
+      const i = this.frames.push(frame) - 1;
+      if (i && i % EVERY === 0) this.copies.push(this.latest.copy());
+      this.apply(this.latest, frame);
+      this.note(this.latest, frame, i);
+    }
+  }
+
+  get lastTick() {
+    return Math.max(this.end.tick, this.frames.length ? this.frames.at(-1).tick : 0);
   }
 
   note(moment, frame, i) {
@@ -48,7 +62,7 @@ class Playback {
       spans.push([i, now]);
       if (now === "failure" && (failed < 0 || depth > nodes[failed].depth)) failed = Number(number);
     }
-    if (failed >= 0) this.failures.push({ frame: i, path: nodes[failed].path });
+    if (failed >= 0) this.failures.push({ frame: i, path: nodes[failed].path, number: failed });
   }
 
   apply(moment, frame) {

@@ -12,6 +12,7 @@ function seek(tick, { keep = false } = {}) {
     if ($("follow").checked) outline.follow(moment);
     showNode();
     showBoard(moment);
+    log.show();
   }
   $("slider").value = still.tick;
   $("slider").setAttribute("aria-valuetext", `tick ${still.tick}, ${time.toFixed(1)} seconds`);

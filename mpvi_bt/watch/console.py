@@ -1,0 +1,75 @@
+"""Where the debugger asks and is answered while a page is served: at the terminal and on the page alike."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import threading
+from typing import TextIO
+
+from mpvi_bt.errors import UserError
+from mpvi_bt.executive.debugger import Debugger
+from mpvi_bt.watch.channel import Page
+
+_PROMPT = "debug> "
+
+
+class Console:
+    """Source and stream of a `Debugger`: whichever of terminal and page answers first is heard.
+
+    The end of the input ends nothing: the page can still answer.
+    """
+
+    def __init__(self, source: TextIO, stream: TextIO, page: Page) -> None:
+        """Read `source`, write to `stream`; the page sees what is written since the last question."""
+        self._source, self._stream, self._page = source, stream, page
+        self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._said: list[str] = []
+        self._asking = False
+        self._debugger: Debugger | None = None
+        page.heard = self._hear
+
+    def attend(self, debugger: Debugger) -> None:
+        """Whose console it is."""
+        self._debugger = debugger
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def isatty(self) -> bool:
+        """Whether a terminal shows what is typed."""
+        return self._source.isatty()
+
+    def write(self, text: str) -> int:
+        """To the terminal, and into what the page shows at the next question."""
+        self._said.append(text)
+        return self._stream.write(text)
+
+    def flush(self) -> None:
+        """Of the terminal."""
+        self._stream.flush()
+
+    def readline(self) -> str:
+        """The next answer."""
+        self._page.send({"paused": "".join(self._said).removesuffix(_PROMPT).strip() or "paused"})
+        self._said.clear()
+        self._asking = True
+        try:
+            return self._lines.get()
+        finally:
+            self._asking = False
+            self._page.send({"paused": ""})
+
+    def _read(self) -> None:
+        with contextlib.suppress(OSError, ValueError):
+            for line in self._source:
+                self._lines.put(line)
+
+    def _hear(self, said: dict[str, str]) -> None:
+        """What the page's buttons say."""
+        assert self._debugger is not None
+        if "break" in said:
+            with contextlib.suppress(UserError):
+                self._debugger.break_at(said["break"])
+        elif "pause" in said:
+            self._debugger.pause()
+        elif self._asking:  # of a page that is behind: there is no question
+            self._lines.put(said.get("line", "") + "\n")

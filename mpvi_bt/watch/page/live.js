@@ -1,0 +1,109 @@
+// What keeps the page of a run up to date while it goes on: its events, its pictures, and the debugger's buttons.
+
+const live = {
+  state: null, // of the connection: "open", "lost", "over"
+  drawn: 0,
+
+  start() {
+    this.status = make("span", { cls: "pill", text: "connecting" });
+    this.status.id = "connection";
+    $("outcome").after(this.status);
+    this.images = make("section", { cls: "pictures" }, [make("h2", { text: "Pictures" })]);
+    this.images.hidden = true;
+    $("node").before(this.images);
+    if (data.live.controls) this.buildControls();
+    for (const [name, serial] of Object.entries(data.live.pictures)) this.picture(name, serial);
+    this.source = new EventSource(`events?since=${encodeURIComponent(data.live.since)}`);
+    this.source.onopen = () => this.connected("open", play.end.is === "running" ? "live" : "the run is over");
+    this.source.onerror = () => this.connected("lost", "no connection: trying again");
+    this.source.onmessage = (event) => this.take(JSON.parse(event.data));
+    this.source.addEventListener("closed", () => this.closed());
+  },
+
+  connected(state, text) {
+    if (this.state === "over") return;
+    this.state = state;
+    this.status.textContent = text;
+    this.status.dataset.is = { open: "success", lost: "failure", over: "idle" }[state];
+  },
+
+  closed() {
+    this.source.close();
+    this.connected("over", "the run is over, the server is gone");
+  },
+
+  take(news) {
+    if (news.reload) return location.reload();
+    const atEnd = still.tick >= play.lastTick;
+    play.add(news);
+    play.end = news.end;
+    $("slider").max = play.lastTick;
+    for (const id of ["failed-before", "failed-next"]) $(id).disabled = !play.failures.length;
+    showWhy();
+    if (atEnd && !player.running) seek(play.lastTick, { keep: true });
+    else seek(still.tick, { keep: true });
+    this.redraw();
+    for (const [name, serial] of Object.entries(news.pictures ?? {})) this.picture(name, serial);
+    if (data.live.controls) this.paused(news.paused, news.over);
+    if (news.end.is !== "running") this.connected("open", "the run is over");
+  },
+
+  // The strip costs most: at most twice a second.
+  redraw() {
+    clearTimeout(this.timer);
+    const wait = Math.max(0, 500 - (performance.now() - this.drawn));
+    this.timer = setTimeout(() => {
+      this.drawn = performance.now();
+      strip.draw();
+      seek(still.tick, { keep: true });
+    }, wait);
+  },
+
+  picture(name, serial) {
+    this.images.hidden = false;
+    let image = document.getElementById(`picture-${name}`);
+    if (!image) {
+      image = make("img");
+      image.id = `picture-${name}`;
+      image.alt = name === "map" ? "The map with the robot and its way" : `What the ${name} camera sees`;
+      const figure = make("figure", {}, [image, make("figcaption", { text: name.replaceAll("_", " ") })]);
+      this.images.append(figure);
+    }
+    image.src = `picture/${encodeURIComponent(name)}?${serial}`;
+  },
+
+  buildControls() {
+    const button = (text, title, words) => {
+      const made = make("button", { text, title, on: () => this.say(words()) });
+      this.buttons.append(made);
+      return made;
+    };
+    this.buttons = make("div", { cls: "buttons" });
+    this.pause = button("Pause", "Pause at the next tick", () => ({ pause: "" }));
+    this.steps = [
+      button("Next change", "Go on to the next change", () => ({ line: "n" })),
+      button("Next tick", "Go on to the next tick", () => ({ line: "t" })),
+      button("Go on", "Go on to the next break", () => ({ line: "c" })),
+      button("Stop", "Stop the episode, as Ctrl-C does", () => ({ line: "q" })),
+    ];
+    this.breaks = button("Break at this node", "Pause where the node that is picked begins", () => ({ break: outline.picked }));
+    this.said = make("pre", { cls: "said" });
+    this.controls = make("section", { cls: "controls" }, [make("h2", { text: "Debugger" }), this.buttons, this.said]);
+    $("node").before(this.controls);
+    this.paused(data.live.paused, false);
+  },
+
+  paused(text, over) {
+    this.controls.hidden = over;
+    this.said.textContent = text || "running";
+    this.controls.classList.toggle("paused", Boolean(text));
+    this.pause.disabled = Boolean(text);
+    for (const step of this.steps) step.disabled = !text;
+  },
+
+  async say(words) {
+    const answer = await fetch("control", { method: "POST", body: JSON.stringify(words) }).catch(() => null);
+    if (!answer?.ok) this.said.textContent = answer ? await answer.text() : "no connection";
+    else if (words.break) this.said.textContent = `breaks at ${words.break}`;
+  },
+};
