@@ -44,6 +44,7 @@ ORDER = (
     ("report",),
     ("watch",),
     ("api",),
+    ("mcp_server",),
     ("cli",),
 )
 RANK = {room: rank for rank, rooms in enumerate(ORDER) for room in rooms}

@@ -24,6 +24,7 @@ from starlette.testclient import TestClient
 from mpvi_bt.errors import UserError
 from mpvi_bt.trace.follow import Follow, Restarted
 from mpvi_bt.trace.read import Trace
+from mpvi_bt.tree.yaml_io import expanded
 from mpvi_bt.watch.address import Address
 from mpvi_bt.watch.guard import Guard
 from mpvi_bt.watch.run import WatchedRun
@@ -45,11 +46,6 @@ root:
           - wait: 2
           - fail: nothing_there
 """
-
-
-def raw(trace: Trace) -> bytes:
-    """A trace as its file has it."""
-    return Path(trace.file).read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -85,7 +81,8 @@ def test_other_machines_need_the_token() -> None:
     )
     assert client.get("/").status_code == 403
     assert client.get("/?token=wrong").status_code == 403
-    assert client.get(f"/?token={bound.token}").status_code == 200
+    assert client.get("/", headers={"authorization": f"Bearer {bound.token}"}).status_code == 200
+    assert client.get(f"/?token={bound.token}", headers={"accept": "text/html"}).url.query == b""
     assert client.get("/").status_code == 200
 
 
@@ -106,7 +103,19 @@ def test_no_file_is_served(path: str) -> None:
     assert TestClient(WatchedRun(Path("none")).app).get(path).status_code == 404
 
 
-@given(trace=st.deferred(lambda: written_traces()), cuts=st.lists(st.integers(0, 5000), max_size=6))
+@st.composite
+def written_traces(draw: st.DrawFn) -> tuple[bytes, Trace]:
+    """A trace with the bytes of its file."""
+    trace = draw(traces())
+    lines = [*trace.ticks._lines]
+    header = json.dumps({"trace": 1, "mpvi_bt": "0", "tree": expanded(trace.tree)}).encode() + b"\n"
+    end = [] if trace.end is None else [
+        json.dumps({"end": "success", "tick": trace.end.tick, "time_s": trace.end.time_s}).encode() + b"\n"
+    ]  # fmt: skip
+    return header + b"".join(lines) + b"".join(end), trace
+
+
+@given(trace=written_traces(), cuts=st.lists(st.integers(0, 5000), max_size=6))
 @settings(max_examples=30)
 def test_a_trace_is_followed_as_it_grows(trace: tuple[bytes, Trace], cuts: list[int]) -> None:
     """However its bytes arrive, the ticks told are those of the whole file, each once."""
@@ -127,20 +136,6 @@ def test_a_trace_is_followed_as_it_grows(trace: tuple[bytes, Trace], cuts: list[
         with pytest.raises(Restarted):
             follow.new()
         follow.close()
-
-
-@st.composite
-def written_traces(draw: st.DrawFn) -> tuple[bytes, Trace]:
-    """A trace with the bytes of its file."""
-    trace = draw(traces())
-    lines = [*trace.ticks._lines]  # type: ignore[attr-defined]
-    from mpvi_bt.tree.yaml_io import expanded
-
-    header = json.dumps({"trace": 1, "mpvi_bt": "0", "tree": expanded(trace.tree)}).encode() + b"\n"
-    end = [] if trace.end is None else [
-        json.dumps({"end": "success", "tick": trace.end.tick, "time_s": trace.end.time_s}).encode() + b"\n"
-    ]  # fmt: skip
-    return header + b"".join(lines) + b"".join(end), trace
 
 
 def events(client: TestClient, since: str) -> Iterator[dict[str, Any]]:

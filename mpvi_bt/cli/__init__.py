@@ -33,6 +33,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "dataset": ("mpvi_bt.cli.dataset:dataset", "Make a LeRobot dataset of recorded demonstrations."),
     "train": ("mpvi_bt.cli.train:train", "Train the weights of the learned policy."),
     "serve": ("mpvi_bt.cli.serve:serve", "Serve a policy, or the executive, to other programs."),
+    "mcp": ("mpvi_bt.cli.mcp:mcp", "Let agents plan, check, run and explain trees, over MCP."),
     "evaluate": ("mpvi_bt.cli.evaluate:evaluate", "Drive a server as BEHAVIOR's evaluator would, in our house."),
     "list": ("mpvi_bt.cli.listing:list_", "List tasks, skills, trees, objects, families, backends."),
     "doctor": ("mpvi_bt.cli.doctor:doctor", "Say what this machine can do, and how to mend the rest."),

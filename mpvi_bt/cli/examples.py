@@ -122,6 +122,7 @@ EXAMPLES: Mapping[str, tuple[str, str, str]] = {
         "reactive --host 0.0.0.0 --port 8001",
         "mpvi --protocol behavior-2026 --detector grounding_dino",
     ),
+    "mcp": ("", "--allow-motion --out runs/agent", "--serve 8421 --allow-motion"),
     "evaluate": (
         "picking_up_trash --dialect behavior-2026 --labels",
         "picking_up_trash --dialect behavior-2025 --instance 1",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hmac
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import urlsplit
 
 from starlette.requests import HTTPConnection
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
@@ -23,7 +23,7 @@ class Guard:
 
     A page of another site can make a browser send requests here, but not without naming itself as their Origin; and a
     name that another site has pointed at this machine stands in Host. Both are looked at. Where a token is set, the
-    page's address brings it once, and a cookie from then on.
+    page's address brings it once, and a cookie from then on; programs send it in their address, or as a bearer.
     """
 
     def __init__(self, app: ASGIApp, port: int, token: str = "") -> None:
@@ -32,13 +32,15 @@ class Guard:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer, or refuse with 403."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
         if scope["type"] != "http":
             return
         request = HTTPConnection(scope)
         answer: Response | None = None
         if why := self._refusal(request):
             answer = PlainTextResponse(f"{why}\n", 403)
-        elif self._token and "token" in request.query_params:
+        elif "token" in request.query_params and "text/html" in request.headers.get("accept", ""):
             answer = RedirectResponse(scope["path"], 303)
             answer.set_cookie(_COOKIE, self._token, httponly=True, samesite="strict", path="/")
 
@@ -58,7 +60,8 @@ class Guard:
         if origin is not None and urlsplit(origin).netloc != host:
             return "this was asked by the page of another site"
         if self._token:
-            given = parse_qs(request.url.query).get("token", [request.cookies.get(_COOKIE, "")])[0]
+            bearer = request.headers.get("authorization", "").removeprefix("Bearer ")
+            given = request.query_params.get("token") or bearer or request.cookies.get(_COOKIE, "")
             if not hmac.compare_digest(given.encode(), self._token.encode()):
                 return "open the address with the token that the command printed"
         return ""

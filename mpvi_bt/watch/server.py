@@ -57,13 +57,15 @@ def watched(what: Path, tell: Tell | None = None) -> Watching:
 class Server:
     """Serves until it is stopped, or by Ctrl-C."""
 
-    def __init__(self, app: ASGIApp, listener: socket.socket, port: int, token: str = "") -> None:
-        """Serve `app` to whom the guard lets in."""
+    def __init__(
+        self, app: ASGIApp, listener: socket.socket, port: int, token: str = "", lifespan: bool = False
+    ) -> None:
+        """Serve `app` to whom the guard lets in; `lifespan`: it has to be told when that begins and ends."""
         config = uvicorn.Config(
             Guard(app, port, token),
             log_level="error",
             access_log=False,
-            lifespan="off",
+            lifespan="on" if lifespan else "off",
             ws="none",
             server_header=False,
             timeout_graceful_shutdown=_GRACE_S,

@@ -1,0 +1,69 @@
+"""`mpvi mcp`: agents plan, check, run and explain trees, over the Model Context Protocol."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mpvi_bt.cli import INTERRUPTED
+from mpvi_bt.cli.given import check_writable
+from mpvi_bt.cli.given import serve as serving
+from mpvi_bt.errors import UserError
+
+if TYPE_CHECKING:
+    from mpvi_bt.watch.address import Address
+
+
+@click.command()
+@serving
+@click.option("--allow-motion", is_flag=True, help="Let runs move the robot; without it every run is dry.")
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default="runs/mcp",
+    show_default=True,
+    metavar="DIR",
+    help="A folder below it for each run: its tree, trace and result.",
+)
+def mcp(serve: Address | None, allow_motion: bool, out: Path) -> int:
+    """Be a server of the Model Context Protocol, on stdin and stdout, or with --serve over HTTP.
+
+    An agent finds nine tools: tasks, scene, plan, check, preview, run, progress, explain, stop. Runs take turns, and
+    the trace of each is the record of what was done. docs/agents.md says more.
+    """
+    try:
+        from mpvi_bt.mcp_server.server import make_server
+    except ImportError:
+        from mpvi_bt.extras import install
+
+        raise UserError(f"the protocol's SDK is not installed: {install('mcp')}") from None
+    from mpvi_bt.mcp_server.runs import Runs
+    from mpvi_bt.mcp_server.tools import Tools
+
+    check_writable(out)
+    with contextlib.closing(Runs(out.absolute())) as runs:
+        server = make_server(Tools(runs, allow_motion))
+        try:
+            if serve is None:
+                server.run("stdio")
+            else:
+                _over_http(server, serve)
+        except KeyboardInterrupt:
+            return INTERRUPTED
+    return 0
+
+
+def _over_http(server: Any, serve: Address) -> None:
+    from mcp.server.transport_security import TransportSecuritySettings
+
+    from mpvi_bt.watch.server import Server
+
+    bound = serve.bound()
+    ours = TransportSecuritySettings(enable_dns_rebinding_protection=False)  # the guard sees to that
+    app = server.streamable_http_app(streamable_http_path="/mcp", transport_security=ours)
+    click.echo(f"mpvi: MCP at {bound.url.replace('/?', '/mcp?') if bound.token else bound.url + 'mcp'}", err=True)
+    asyncio.run(Server(app, bound.listener, bound.port, bound.token, lifespan=True).serve())

@@ -1,0 +1,204 @@
+"""The nine tools, as plain functions of what a client sends."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from functools import cached_property
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from mpvi_bt import paths
+from mpvi_bt.errors import UserError
+from mpvi_bt.mcp_server.answers import (
+    Checked,
+    Explanation,
+    Found,
+    Planned,
+    Preview,
+    Progress,
+    Scene,
+    Started,
+    Stopped,
+    TaskLine,
+    Tasks,
+)
+from mpvi_bt.mcp_server.runs import Run, Runs
+
+_MOST = 200_000  # characters of a tree
+_EVERY_S = 0.5
+_LONGEST_S = 50.0  # clients give a call up after a minute
+
+TaskName = Annotated[str, Field(description="Name of a task, as `tasks` lists them.", max_length=100)]
+Text = Annotated[str, Field(description="A behavior tree or a plan, as YAML or JSON.", max_length=_MOST)]
+TreeText = Annotated[str | None, Field(description="A tree as YAML, or the name of one on file.", max_length=_MOST)]
+RunId = Annotated[str | None, Field(description="Which run; the last one by default.", max_length=20)]
+Report = Callable[[float, float | None, str], Awaitable[None]]
+
+
+class Tools:
+    """What the tools do.
+
+    Args:
+        runs: All runs.
+        allow_motion: Whether a run may move the robot; else every run is dry.
+    """
+
+    def __init__(self, runs: Runs, allow_motion: bool = False) -> None:
+        self._runs, self._allow_motion = runs, allow_motion
+
+    def tasks(self) -> Tasks:
+        """What the robot can be asked to do: tasks, the skills that trees name, and trees on file."""
+        return self._all
+
+    @cached_property
+    def _all(self) -> Tasks:
+        from mpvi_bt.instances.tasks import load_task
+        from mpvi_bt.plan.skills import load_skills
+
+        known = {name: load_task(name) for name in paths.names("tasks")}
+        return Tasks(
+            tasks=[
+                TaskLine(name=n, instruction=t.instruction, instances=t.instances, budget_s=t.budget_s)
+                for n, t in known.items()
+            ],
+            skills={name: skill.about for name, skill in load_skills().items()},
+            trees=paths.names("trees"),
+        )
+
+    def scene(self, task: TaskName) -> Scene:
+        """Rooms, fixtures and things that plans and trees can name where a task is."""
+        from mpvi_bt.choices.planning import ground
+        from mpvi_bt.instances.tasks import load_task
+
+        loaded = load_task(_known(task))
+        place = ground(loaded.house, loaded)
+        return Scene(
+            task=task,
+            instruction=loaded.instruction,
+            house=loaded.house,
+            rooms=place.fixtures(),
+            targets=place.phrases,
+        )
+
+    def plan(self, task: TaskName) -> Planned:
+        """The plan of a task that is on file, and the tree that it compiles to."""
+        from mpvi_bt import api
+        from mpvi_bt.instances.tasks import load_task
+        from mpvi_bt.tree.writer import dump_tree
+
+        plan = api.load_plan(load_task(_known(task)).plan)
+        return Planned(task=task, plan=plan.to_json(), tree=dump_tree(api.compile_plan(plan)))
+
+    def check(
+        self, text: Text, task: Annotated[str | None, Field(description="Check names against this task.")] = None
+    ) -> Checked:
+        """Every problem of a tree or a plan, with line, column and what would be valid. Check before you run."""
+        from mpvi_bt.authoring.checking import check_files
+
+        problems = check_files(["-"], None if task is None else _known(task), text).problems
+        return Checked(
+            ok=not [p for p in problems if p.severity == "error"],
+            problems=[
+                Found(line=p.line, column=p.column, code=p.code, severity=p.severity, message=p.message)
+                for p in problems
+            ],
+        )
+
+    def preview(
+        self, tree: TreeText = None, task: Annotated[str | None, Field(description="Draw the tree of its plan.")] = None
+    ) -> Preview:
+        """Draw a tree, or that of a task's plan. {-} is a sequence, {o} a selector, /_/ a parallel, -^- a decorator."""
+        from mpvi_bt import api
+        from mpvi_bt.drawing.text import ascii_tree
+        from mpvi_bt.instances.tasks import load_task
+        from mpvi_bt.plan.skills import load_skills
+        from mpvi_bt.tree.yaml_io import parse_tree
+
+        if (tree is None) == (task is None):
+            raise UserError("preview wants a tree or a task, one of them")
+        if task is not None:
+            spec = api.compile_plan(load_task(_known(task)).plan)
+        elif tree in paths.names("trees"):
+            spec = api.load_tree(tree)
+        else:
+            spec = parse_tree(str(tree), "tree", load_skills())
+        return Preview(name=spec.name, nodes=len(spec.nodes), drawing=ascii_tree(spec, width=100))
+
+    def run(
+        self,
+        task: TaskName | None = None,
+        tree: TreeText = None,
+        dry: Annotated[bool, Field(description="Tick the tree with stand-ins: nothing moves.")] = True,
+        instance: Annotated[int, Field(ge=0, le=999, description="Start state of the task.")] = 0,
+        seed: Annotated[int, Field(ge=0, le=999_999)] = 0,
+        policy: Annotated[Literal["expert", "reactive"], Field(description="Who moves the arms.")] = "expert",
+        on_failure: Literal["advance", "replan"] = "advance",
+    ) -> Started:
+        """Begin a run and return at once with its id. One run at a time; the robot moves only with dry=false."""
+        if task is None and (tree is None or not dry):
+            raise UserError("run wants a task; only a dry run of a tree does without one")
+        if not dry and not self._allow_motion:
+            raise UserError("nothing moves here: the server was started without --allow-motion; only dry runs are made")
+        words = [] if task is None else [_known(task), "--instance", str(instance)]
+        words += ["--seed", str(seed)]
+        words += ["--dry"] if dry else ["--policy", policy, "--on-failure", on_failure]
+        if tree is not None and tree in paths.names("trees"):
+            words, tree = [*words, "--tree", tree], None
+        if tree is not None and not (checked := self.check(tree, task)).ok:
+            raise UserError("; ".join(f"line {p.line}: {p.message}" for p in checked.problems if p.severity == "error"))
+        run = self._runs.start(words, f"{task or 'a tree'}{', dry' if dry else ''}", dry, tree)
+        return Started(run=run.id, dry=dry, trace=f"mpvi://runs/{run.id}/trace")
+
+    async def progress(
+        self, report: Report, run: RunId = None,
+        wait_s: Annotated[float, Field(ge=0, le=_LONGEST_S, description="Wait so long for its end.")] = 0.0,
+    ) -> Progress:  # fmt: skip
+        """How far a run is: tick, simulated time, what runs now, what happened. With wait_s it tells meanwhile."""
+        found = self._named(run)
+        until = asyncio.get_running_loop().time() + wait_s
+        last = -1.0
+        while True:
+            progress = await asyncio.to_thread(found.progress)
+            left_s = until - asyncio.get_running_loop().time()
+            if progress.state == "ended" or left_s <= 0:
+                return progress
+            if progress.tick > last:
+                last = progress.tick
+                await report(last, None, f"{progress.time_s:.1f} s: {', '.join(progress.doing) or progress.state}")
+            await asyncio.sleep(min(_EVERY_S, left_s))
+
+    def explain(self, run: RunId = None) -> Explanation:
+        """Why a run ended as it did, from the root down to the leaf that failed; or how it stands, while it goes on."""
+        from mpvi_bt.trace.explain import explain
+        from mpvi_bt.trace.explain_text import explanation_text
+        from mpvi_bt.trace.read import read_trace
+
+        found = self._named(run)
+        if (trace := found.trace) is None:
+            text = "it has not begun" if found.alive else found.said()
+        else:
+            text = explanation_text(explain(read_trace(trace)))
+        return Explanation(run=found.id, text=text)
+
+    def stop(self, run: RunId = None) -> Stopped:
+        """End a run between two ticks: the robot holds still, the goal is scored, and its trace is closed."""
+        found = self._named(run)
+        self._runs.stop(found)
+        return Stopped(run=found.id, outcome=found.progress().outcome)
+
+    def trace(self, run: str) -> str:
+        """The trace of a run. Raises UserError if there is none yet."""
+        if (trace := self._named(run).trace) is None:
+            raise UserError(f"run {run} has no trace yet")
+        return trace.read_text(encoding="utf-8")
+
+    def _named(self, run: str | None) -> Run:
+        return self._runs.last if run is None else self._runs.get(run)
+
+
+def _known(task: str) -> str:
+    """The name of a task on file: paths are not for clients. Raises UnknownName."""
+    paths.find("tasks", task)
+    return task

@@ -1,0 +1,264 @@
+"""The MCP server, asked by the SDK's own client: in the same process, over stdin and stdout, and over HTTP."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import anyio
+import pytest
+
+pytest.importorskip("mcp")
+
+from mcp import Client, StdioServerParameters, stdio_client
+from mcp.client.streamable_http import streamable_http_client
+
+from mpvi_bt.mcp_server.runs import Runs
+from mpvi_bt.mcp_server.server import make_server
+from mpvi_bt.mcp_server.tools import Tools
+from tests.test_watch import MPVI, serving
+
+WORDS = ["tasks", "scene", "plan", "check", "preview", "run", "progress", "explain", "stop"]
+WAITS = "tree: waits\nroot:\n  sequence: all\n  memory: true\n  children: [{wait: 2}, {fail: nothing_there}]\n"
+FOREVER = "tree: forever\nroot:\n  repeat: 1000000\n  child: {wait: 0.1}\n"
+
+
+def asked(folder: Path, ask: Callable[[Client], Awaitable[None]], allow_motion: bool = False) -> None:
+    """Ask a server in this process."""
+    runs = Runs(folder)
+
+    async def session() -> None:
+        async with Client(make_server(Tools(runs, allow_motion))) as client:
+            await ask(client)
+
+    try:
+        anyio.run(session)
+    finally:
+        runs.close()
+
+
+async def call(client: Client, tool: str, **given: Any) -> dict[str, Any]:
+    """What a tool answers; an error as {"error": TEXT}."""
+    answer = await client.call_tool(tool, given)
+    if answer.is_error:
+        return {"error": answer.content[0].text}  # type: ignore[union-attr]
+    assert answer.structured_content is not None
+    return dict(answer.structured_content)
+
+
+def test_nine_tools_say_what_they_take_answer_and_do(tmp_path: Path) -> None:
+    """Each has a schema of what it takes and one of what it answers, a text, and says whether it only reads."""
+
+    async def ask(client: Client) -> None:
+        tools = {tool.name: tool for tool in (await client.list_tools()).tools}
+        assert sorted(tools) == sorted(WORDS)
+        for name, tool in tools.items():
+            assert tool.description
+            assert tool.output_schema
+            assert tool.input_schema["type"] == "object"
+            assert tool.annotations is not None
+            assert tool.annotations.read_only_hint is (name not in ("run", "stop"))
+            assert not {"report", "ctx"} & tool.input_schema["properties"].keys()
+
+    asked(tmp_path, ask)
+
+
+def test_an_agent_finds_its_way(tmp_path: Path) -> None:
+    """From tasks over scene and plan to a tree that is checked, drawn, run dry, and whose failure is explained."""
+
+    async def ask(client: Client) -> None:
+        tasks = await call(client, "tasks")
+        assert "picking_up_trash" in [task["name"] for task in tasks["tasks"]]
+        scene = await call(client, "scene", task="picking_up_trash")
+        assert "kitchen" in scene["rooms"]
+        plan = await call(client, "plan", task="picking_up_trash")
+        assert (await call(client, "check", text=plan["tree"], task="picking_up_trash"))["ok"]
+        wrong = await call(client, "check", text="tree: t\nroot:\n  wiat: 2\n")
+        assert not wrong["ok"]
+        assert (wrong["problems"][0]["line"], "wait" in wrong["problems"][0]["message"]) == (3, True)
+        assert "--> wait 2 s" in (await call(client, "preview", tree=WAITS))["drawing"]
+        run = (await call(client, "run", tree=WAITS))["run"]
+        told: list[float] = []
+
+        async def tell(progress: float, total: float | None, message: str | None) -> None:
+            told.append(progress)
+
+        answer = await client.call_tool("progress", {"run": run, "wait_s": 40}, progress_callback=tell)
+        progress = answer.structured_content or {}
+        assert (progress["state"], progress["time_s"]) == ("ended", pytest.approx(2.0, abs=0.1))
+        assert "failed" in progress["outcome"]
+        assert "nothing_there" in (await call(client, "explain"))["text"]
+        trace = (await client.read_resource(f"mpvi://runs/{run}/trace")).contents[0].text  # type: ignore[union-attr]
+        assert json.loads(trace.splitlines()[-1])["end"] == "failure"
+
+    asked(tmp_path, ask)
+
+
+def test_nothing_moves_without_leave(tmp_path: Path) -> None:
+    """A run that is not dry is refused, with the option that would allow it; nothing is started."""
+
+    async def ask(client: Client) -> None:
+        refused = await call(client, "run", task="picking_up_trash", dry=False)
+        assert "--allow-motion" in refused["error"]
+        assert "nothing has been run" in (await call(client, "progress"))["error"]
+
+    asked(tmp_path, ask)
+    assert not list(tmp_path.iterdir())
+
+
+def test_one_run_holds_the_robot(tmp_path: Path) -> None:
+    """A second run is told who holds it and how to go on; stopped, it is free."""
+
+    async def ask(client: Client) -> None:
+        first = (await call(client, "run", tree=FOREVER))["run"]
+        second = await call(client, "run", tree=WAITS)
+        assert re.search(rf"run {first} \(a tree, dry\) holds the robot, since \d+ s", second["error"])
+        while (await call(client, "progress"))["state"] == "starting":
+            await anyio.sleep(0.1)
+        assert "interrupted" in (await call(client, "stop", run=first))["outcome"]
+        assert (await call(client, "run", tree=WAITS))["run"] != first
+
+    asked(tmp_path, ask)
+
+
+@pytest.mark.parametrize("task", ["../tasks/picking_up_trash", "/etc/passwd", "--help", "picking_up_trahs", ""])
+def test_only_known_tasks_are_named(task: str, tmp_path: Path) -> None:
+    """A client names tasks, not paths and not options."""
+
+    async def ask(client: Client) -> None:
+        for tool in ("scene", "plan", "preview", "run"):
+            assert "error" in await call(client, tool, task=task)
+
+    asked(tmp_path, ask)
+    assert not list(tmp_path.iterdir())
+
+
+def malformed(seed: int) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Calls as no client should make them."""
+    rng = random.Random(seed)
+    values: list[Any] = [
+        None,
+        "",
+        "x" * 5000,
+        -1,
+        1e308,
+        True,
+        [],
+        {},
+        [[["deep"]]],
+        {"a": {"b": 1}},
+        "\x00",
+        "&a [*a]",
+    ]
+    names = ["task", "tree", "text", "run", "wait_s", "dry", "instance", "seed", "policy", "on_failure", "nonsense"]
+    while True:
+        yield (
+            rng.choice([*WORDS, "shell", ""]),
+            {name: rng.choice(values) for name in rng.sample(names, rng.randrange(1, 5))},
+        )
+
+
+@pytest.mark.slow
+def test_a_thousand_malformed_calls_break_nothing(tmp_path: Path) -> None:
+    """Each gets an answer, none starts a run, and the server answers as before."""
+
+    async def ask(client: Client) -> None:
+        calls = malformed(0)
+        for _ in range(1000):
+            tool, given = next(calls)
+            try:
+                await client.call_tool(tool, given)
+            except Exception as error:
+                assert "MCPError" in type(error).__name__, error
+        assert len((await client.list_tools()).tools) == 9
+
+    asked(tmp_path, ask)
+
+
+def test_garbage_on_stdin_breaks_nothing(tmp_path: Path) -> None:
+    """Lines that are no JSON, no message or a message of nothing known: the next good one is answered."""
+    rng = random.Random(1)
+    lines = [
+        "{",
+        "[]",
+        "null",
+        '{"jsonrpc": "2.0"}',
+        '{"jsonrpc": "2.0", "id": 1, "method": "x"}',
+        "\x01\x02",
+        "[" * 999,
+    ]
+    hello = {
+        "jsonrpc": "2.0", "id": 7, "method": "initialize",
+        "params": {"protocolVersion": "2025-06-18", "capabilities": {}, "clientInfo": {"name": "t", "version": "1"}},
+    }  # fmt: skip
+    said = "".join(rng.choice(lines) + "\n" for _ in range(300)) + json.dumps(hello) + "\n"
+    process = subprocess.Popen(
+        [*MPVI, "mcp"],
+        cwd=tmp_path,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    assert process.stdin is not None
+    assert process.stdout is not None
+    process.stdin.write(said)
+    process.stdin.flush()
+    for line in process.stdout:
+        if json.loads(line).get("id") == 7:
+            break
+    else:
+        raise AssertionError("no answer")
+    process.stdin.close()
+    assert process.wait(30) == 0
+
+
+@pytest.mark.slow
+def test_both_transports_answer(tmp_path: Path) -> None:
+    """Over stdin and stdout, and over HTTP, the client lists the tools; when the server ends its runs end with it."""
+
+    async def over_stdio() -> None:
+        command = StdioServerParameters(
+            command=sys.executable, args=[*MPVI[1:], "mcp"], cwd=tmp_path, env=dict(os.environ)
+        )
+        async with Client(stdio_client(command)) as client:
+            assert len((await client.list_tools()).tools) == 9
+            await call(client, "run", tree=FOREVER)
+            while (await call(client, "progress"))["state"] == "starting":
+                await anyio.sleep(0.1)
+
+    anyio.run(over_stdio)
+    trace = next((tmp_path / "runs" / "mcp" / "1").glob("*.trace.jsonl"))
+    end = time.monotonic() + 30
+    while '"end"' not in trace.read_text(encoding="utf-8").splitlines()[-1]:
+        assert time.monotonic() < end
+        time.sleep(0.1)
+
+    async def over_http(url: str) -> None:
+        async with Client(streamable_http_client(url)) as client:
+            assert len((await client.list_tools()).tools) == 9
+
+    with serving("mcp", "--serve=0", cwd=tmp_path) as (url, _):
+        anyio.run(over_http, url)
+
+
+@pytest.mark.slow
+@pytest.mark.render
+def test_an_agent_moves_the_robot(tmp_path: Path) -> None:
+    """With leave a real episode is run, and can be stopped on the way; its trace says so."""
+
+    async def ask(client: Client) -> None:
+        run = (await call(client, "run", task="picking_up_trash", dry=False))["run"]
+        while (await call(client, "progress", wait_s=2))["time_s"] < 5:
+            pass
+        assert "interrupted" in (await call(client, "stop", run=run))["outcome"]
+
+    asked(tmp_path, ask, allow_motion=True)
