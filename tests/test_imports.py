@@ -40,9 +40,9 @@ ONLY_IN = {
     "openai": {"language/openai.py"},
     "httpx2": {"language/openai.py"},
     "xllamacpp": {"language/llama_server.py"},
-    "mcp": {"mcp_server", "cli/mcp.py"},
+    "mcp": {"mcp_server"},
     "mcp_types": {"mcp_server"},
-    "starlette": {"watch"},
+    "starlette": {"watch", "mcp_server"},
     "uvicorn": {"watch"},
     "vla_eval": {"serving/vla_eval_benchmark.py", "serving/vla_eval_server.py"},
 }

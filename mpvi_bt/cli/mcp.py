@@ -58,12 +58,10 @@ def mcp(serve: Address | None, allow_motion: bool, out: Path) -> int:
 
 
 def _over_http(server: Any, serve: Address) -> None:
-    from mcp.server.transport_security import TransportSecuritySettings
-
+    from mpvi_bt.mcp_server.server import over_http
     from mpvi_bt.watch.server import Server
 
     bound = serve.bound()
-    ours = TransportSecuritySettings(enable_dns_rebinding_protection=False)  # the guard sees to that
-    app = server.streamable_http_app(streamable_http_path="/mcp", transport_security=ours)
+    app = over_http(server)
     click.echo(f"mpvi: MCP at {bound.url.replace('/?', '/mcp?') if bound.token else bound.url + 'mcp'}", err=True)
     asyncio.run(Server(app, bound.listener, bound.port, bound.token, lifespan=True).serve())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import importlib.util
 from pathlib import Path
 
 import click
@@ -40,11 +41,7 @@ def watch(what: Path, serve: Address | None) -> int:
 
 def require_server() -> None:
     """Raises UserError if what serves pages is not installed."""
-    try:
-        import starlette
-        import uvicorn
-    except ImportError:
+    if not all(map(importlib.util.find_spec, ("starlette", "uvicorn"))):
         from mpvi_bt.extras import install
 
-        raise UserError(f"pages need starlette and uvicorn: {install('live')}") from None
-    del starlette, uvicorn
+        raise UserError(f"pages need starlette and uvicorn: {install('live')}")

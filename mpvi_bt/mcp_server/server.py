@@ -10,7 +10,9 @@ from typing import Any
 
 from mcp.server.mcpserver import Context, MCPServer
 from mcp.server.mcpserver.exceptions import ResourceError, ToolError
+from mcp.server.transport_security import TransportSecuritySettings
 from mcp_types import ToolAnnotations
+from starlette.types import ASGIApp
 
 import mpvi_bt
 from mpvi_bt.errors import MpviError
@@ -50,6 +52,12 @@ def make_server(tools: Tools) -> MCPServer[Any]:
     return server
 
 
+def over_http(server: MCPServer[Any]) -> ASGIApp:
+    """What answers at /mcp; who may ask is for a `watch.guard.Guard` to say."""
+    unguarded = TransportSecuritySettings(enable_dns_rebinding_protection=False)
+    return server.streamable_http_app(streamable_http_path="/mcp", transport_security=unguarded)
+
+
 def _told(tool: Callable[..., Any]) -> Callable[..., Any]:
     """The same, its errors told to the client as the command line would tell them."""
 
@@ -68,7 +76,7 @@ def _add_resources(server: MCPServer[Any], tools: Tools) -> None:
     @server.resource("mpvi://schema/tree", mime_type="application/schema+json")
     def tree_schema() -> str:
         """JSON Schema of trees, with every node of every installed package."""
-        from mpvi_bt.tree.schema import schema_text
+        from mpvi_bt.tree.json_schema import schema_text
 
         return schema_text("tree")
 
