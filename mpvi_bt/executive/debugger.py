@@ -113,7 +113,7 @@ class Debugger(Watcher):
 
     def break_at(self, glob: str) -> list[str]:
         """Break where such a node begins, too; any thread may say so. Raises UserError if it fits none."""
-        paths = require_match(glob, self._spec, "break")
+        paths = require_match(glob, self._spec, "b")
         self._breaks = [*self._breaks, glob]
         self._paths = {*self._paths, *paths}
         return paths
