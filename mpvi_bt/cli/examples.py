@@ -70,7 +70,7 @@ EXAMPLES: Mapping[str, tuple[str, str, str]] = {
     "watch": (
         _TRACE,
         f"{_TRACE} --serve 9000",
-        f"{_TRACE} --serve 0.0.0.0:9000",
+        "runs/trash10 --serve 0.0.0.0:9000",
     ),
     "replay": (
         _TRACE,

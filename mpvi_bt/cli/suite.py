@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-import time
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,11 +16,13 @@ from mpvi_bt import paths
 from mpvi_bt.choices.config import EPISODE, EpisodeConfig
 from mpvi_bt.cli import INTERRUPTED
 from mpvi_bt.cli.given import File, Name, backends, demonstration_fps
+from mpvi_bt.cli.given import serve as serving
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.report.told import Told
 
 if TYPE_CHECKING:
-    from mpvi_bt.suite.store import Store
+    from mpvi_bt.watch.address import Address
+    from mpvi_bt.watch.channel import Page
 
 _FILE = click.Path(dir_okay=False, path_type=Path)
 _FOLDER = click.Path(file_okay=False, path_type=Path)
@@ -107,6 +108,7 @@ def _played(command: Any) -> Any:
 @click.option("--picture/--no-picture", default=False, help="Draw every episode's path from above.")
 @click.option("--demonstrations/--no-demonstrations", default=False, help="Record every episode, for `mpvi dataset`.")
 @demonstration_fps
+@serving
 @click.option(
     "--suite-calls",
     type=click.IntRange(min=0),
@@ -130,6 +132,7 @@ def run(
     picture: bool,
     demonstrations: bool,
     demonstration_fps: int,
+    serve: Address | None,
     suite_calls: int | None,
     suite_tokens: int | None,
     **options: Any,
@@ -147,6 +150,7 @@ def run(
     title, store, episodes = _open(name, out, options)
     for doubt in language_doubts(episodes):
         click.echo(f"mpvi: {doubt}", err=True)
+    page = None if serve is None else _page(serve, store.out)
     try:
         outcome = play(
             title,
@@ -165,9 +169,24 @@ def run(
         again = f"; this goes on with what is left:\n  {shlex.join(('mpvi', *words))}" if words else ""
         click.echo(f"mpvi: interrupted{again}", err=True)
         return INTERRUPTED
+    finally:
+        if page is not None:
+            page.close()
     part = Part(title, store, outcome.episodes, outcome.results, outcome.faults)
     click.echo(Told.of([part]).told(as_json))
     return BackendError.exit_code if outcome.faults else 0
+
+
+def _page(serve: Address, folder: Path) -> Page:
+    """Serve the page of the suite. Raises UserError if that is impossible."""
+    from mpvi_bt.cli.watch import require_server
+    from mpvi_bt.watch.channel import Page
+
+    require_server()
+    folder.mkdir(parents=True, exist_ok=True)
+    page = Page(serve.bound(), folder)
+    click.echo(f"mpvi: watch it at {page.url}", err=True)
+    return page
 
 
 @suite.command()
@@ -175,6 +194,7 @@ def run(
 def status(name: str, out: Path | None, as_json: bool) -> None:
     """Say how far SUITE, or the folder of its results, is: what is done, broken, to do."""
     from mpvi_bt.report.several import Part
+    from mpvi_bt.suite.standing import spoken, under_way
 
     title, store, episodes = _open(*_meant(name, out))
     part = Part.read(title, store, episodes)
@@ -186,8 +206,8 @@ def status(name: str, out: Path | None, as_json: bool) -> None:
             str(method): _stand([c for c in episodes if c.method == method], results, faults) for method in methods
         }
     to_do = [c for c in episodes if c not in results]
-    data["to_do"] = [_told(c) for c in to_do]
-    data["at_work"], data["left_s"] = _at_work(store, episodes, results) if data["running"] else ([], None)
+    data["to_do"] = [spoken(c) for c in to_do]
+    data["at_work"], data["left_s"] = under_way(store, episodes, results) if data["running"] else ([], None)
     if as_json:
         _print_json(data)
         return
@@ -201,30 +221,7 @@ def status(name: str, out: Path | None, as_json: bool) -> None:
         left = Counter(c.task_name for c in to_do)
         click.echo("to do: " + ", ".join(f"{task} {number}" for task, number in left.items()))
     for config, fault in faults.items():
-        click.echo(f"{_told(config)}: {fault.kind}: {fault.message}")
-
-
-def _at_work(
-    store: Store, episodes: list[EpisodeConfig], results: Mapping[EpisodeConfig, Any]
-) -> tuple[list[dict[str, Any]], float]:
-    """What each worker of the run is at, and the wall time [s] that is left of all."""
-    from mpvi_bt.suite.at_work import read
-    from mpvi_bt.suite.schedule import Pace, budgets_s, in_rounds
-
-    budget_s = budgets_s(episodes)
-    pace = Pace(budget_s)
-    for config, result in results.items():
-        if isinstance(wall := result.wall.get("total_s"), int | float):
-            pace.learn(config, wall)
-    named = {(c.method or "", c.name): c for c in episodes if c not in results}
-    works = [(w, named[w.method, w.episode]) for w in read(store.out) if (w.method, w.episode) in named]
-    running = {config: max(0.0, time.time() - work.since) for work, config in works}
-    waiting = in_rounds([c for c in named.values() if c not in running], budget_s)
-    told = [
-        {"worker": work.worker, "episode": _told(c), "since_s": running[c], "expected_s": pace.expected_s(c)}
-        for work, c in works
-    ]
-    return told, pace.left_s(waiting, running, len(works))
+        click.echo(f"{spoken(config)}: {fault.kind}: {fault.message}")
 
 
 def _print_at_work(data: Mapping[str, Any]) -> None:
@@ -253,10 +250,6 @@ def _line(stand: dict[str, Any]) -> str:
 
     counts = (stand["done"], stand["episodes"], stand["succeeded"], stand["mean_q"], stand["broke"])
     return standing(*counts, stand.get("left_s"))
-
-
-def _told(config: EpisodeConfig) -> str:
-    return f"{config.method} {config.name}" if config.method else config.name
 
 
 @suite.command()

@@ -11,6 +11,7 @@ import click
 from mpvi_bt.cli import INTERRUPTED
 from mpvi_bt.cli.given import serve as serving
 from mpvi_bt.errors import UserError
+from mpvi_bt.suite.manifest import FILE
 from mpvi_bt.watch.address import Address
 
 
@@ -29,6 +30,8 @@ def watch(what: Path, serve: Address | None) -> int:
 
     if not what.exists():
         raise UserError(f"{what}: no such file or folder")
+    if what.is_dir() and not (what / FILE).is_file():
+        raise UserError(f"{what}: no results of a suite are there, and it is no trace")
     bound = (serve or Address()).bound()
     watching = watched(what)
     click.echo(f"mpvi: watch it at {bound.url}; Ctrl-C ends it", err=True)

@@ -196,9 +196,9 @@ def page(tree: TreeSpec, data: dict[str, Any], more: More = More()) -> str:
     """The page of a tree, with what its script reads."""
     data = {word: one_line(getattr(tree, word)) for word in ("name", "about", "instruction")} | data
     data["marks"] = {name: {"unicode": mark.unicode, "word": mark.word} for name, mark in MARKS.items()}
-    style = "\n".join(filter(None, (_file("page.css"), more.style)))
-    script = "\n".join([*map(_file, _SCRIPTS[:-1]), *filter(None, [more.script]), _file(_SCRIPTS[-1])])
-    policy = ["default-src 'none'", f"script-src '{_hash(script)}'", f"style-src '{_hash(style)}'", "base-uri 'none'"]
+    style = "\n".join(filter(None, (asset("page.css"), more.style)))
+    script = "\n".join([*map(asset, _SCRIPTS[:-1]), *filter(None, [more.script]), asset(_SCRIPTS[-1])])
+    policy = ["default-src 'none'", f"script-src '{digest(script)}'", f"style-src '{digest(style)}'", "base-uri 'none'"]
     parts = {
         "title": html.escape(one_line(tree.name)),
         "policy": "; ".join([*policy, *filter(None, [more.allows])]),
@@ -207,7 +207,7 @@ def page(tree: TreeSpec, data: dict[str, Any], more: More = More()) -> str:
         "data": embedded(data),
         "script": script,
     }
-    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], _file("page.html"))
+    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], asset("page.html"))
 
 
 def embedded(data: Any) -> str:
@@ -216,9 +216,11 @@ def embedded(data: Any) -> str:
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _file(name: str) -> str:
+def asset(name: str) -> str:
+    """A file of the page."""
     return (resources.files("mpvi_bt.trace") / "page" / name).read_text(encoding="utf-8")
 
 
-def _hash(text: str) -> str:
+def digest(text: str) -> str:
+    """What a content policy calls a script or a style."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()

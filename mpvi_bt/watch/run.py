@@ -58,7 +58,7 @@ class WatchedRun:
         """The page with all that has happened so far."""
         self._read()
         if self._follow is None:
-            return HTMLResponse(_waiting(self._path.stem, self._broken))
+            return HTMLResponse(waiting(self._path.stem, self._broken))
         header = self._follow.header
         facts = list(told_facts(header.config, header.seed, header.started, header.mpvi_bt))
         pictures = {name: at for name, (at, _) in self._pictures.items()}
@@ -194,7 +194,7 @@ async def _body(request: Request) -> bytes:
     return body
 
 
-def _waiting(name: str, why: str) -> str:
+def waiting(name: str, why: str) -> str:
     """A page that asks again by itself."""
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8"><meta http-equiv="refresh" content="1">'

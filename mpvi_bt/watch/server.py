@@ -50,7 +50,10 @@ def watched(what: Path, tell: Tell | None = None) -> Watching:
         tell: Tells the run what the page's controls say; None: the page has none.
     """
     from mpvi_bt.watch.run import WatchedRun
+    from mpvi_bt.watch.suite import WatchedSuite
 
+    if what.is_dir():
+        return WatchedSuite(what)
     return WatchedRun(what, tell)
 
 

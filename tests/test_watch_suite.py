@@ -1,0 +1,76 @@
+"""The page of a suite: its figures are those of the report, and it follows a run to its end."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+from starlette.testclient import TestClient
+
+from mpvi_bt.watch.suite import WatchedSuite, suite_page
+from tests.browser import BROWSER, browser
+from tests.suite_runs import FAKE, ROOT
+from tests.test_html import EVIL, Tags
+from tests.test_watch import MPVI
+
+SUITE = "tasks: [picking_up_trash, picking_up_toys]\ninstances: [0, 1, 2, 3, 4, 5]\n"
+
+
+def environment(log: Path, sleep_s: float) -> dict[str, str]:
+    """Of a suite of fake episodes."""
+    return {**os.environ, "FAKE_LOG": str(log), "FAKE_SLEEP": str(sleep_s), "PYTHONPATH": str(ROOT)}
+
+
+@pytest.mark.slow
+def test_a_suite_is_watched_to_its_end(tmp_path: Path, log: Path) -> None:
+    """Twelve episodes: what is at work is shown, then the figures of `mpvi suite report --json`."""
+    if BROWSER is None:
+        pytest.skip("needs Chromium")
+    (tmp_path / "twelve.yaml").write_text(SUITE, encoding="utf-8")
+    words = ["suite", "run", "twelve.yaml", "--episode", FAKE, "--workers", "2", "--serve=0"]
+    process = subprocess.Popen(
+        [*MPVI, *words], cwd=tmp_path, env=environment(log, 1.0), text=True,
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    assert process.stderr is not None
+    with browser(tmp_path) as chromium:
+        url = next(filter(None, (re.search(r"http://\S+", line) for line in process.stderr)))[0]
+        tab = chromium.tab(url)
+        tab.until("document.querySelectorAll('#at-work td').length > 0")
+        tab.until("document.querySelector('#standing')?.textContent.startsWith('12 of 12')", 120)
+        tab.until("document.querySelector('#connection').textContent.includes('server is gone')")
+        process.wait(30)
+        table = tab.text("#scores")
+        failed = tab.text("#failures")
+    told = subprocess.run(
+        [*MPVI, "suite", "report", "twelve.yaml", "--json"], cwd=tmp_path, env=environment(log, 0), capture_output=True,
+        text=True, check=True,
+    )  # fmt: skip
+    (method,) = json.loads(told.stdout)["figures"]["methods"]
+    for group in (*method["tasks"].values(), method["overall"]):
+        q = group["measures"]["q_score"]
+        assert f"{q['mean']:.3f} [{q['low']:.3f}, {q['high']:.3f}] {group['finished']}/{group['episodes']}" in table
+    assert failed.count("q 0.500") == 6
+
+
+def test_only_episodes_of_the_suite_are_shown(tmp_path: Path) -> None:
+    """A trace is found by the name of an episode of the suite, never by a path."""
+    client = TestClient(WatchedSuite(tmp_path).app)
+    for path in ("/run/-/../../etc/passwd/", "/run/-/..%2f..%2fetc/", "/run/x/picking_up_trash_0_0/"):
+        assert client.get(path).status_code == 404
+
+
+def test_hostile_names_are_text(tmp_path: Path) -> None:
+    """Whatever stands in results, the page has the elements of a harmless one."""
+    data = {
+        "suite": EVIL, "folder": EVIL, "running": False, "total": 1, "done": 1, "succeeded": 0, "mean_q": 0.5,
+        "left_s": None, "at_work": [], "broke": [], "problem": EVIL, "since": "1", "methods": [], "level": 0.95,
+        "failures": [{"episode": EVIL, "link": EVIL, "q": 0.5, "why": EVIL}],
+    }  # fmt: skip
+    hostile, plain = Tags(suite_page(data)), Tags(suite_page({**data, "suite": "s"}))
+    assert [tag for tag in hostile.tags if tag[0] != "meta"] == [tag for tag in plain.tags if tag[0] != "meta"]
+    assert hostile.inside["script"][1:] == plain.inside["script"][1:]
