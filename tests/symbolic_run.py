@@ -29,9 +29,10 @@ class SymbolicRun(SymbolicState):
 
     Attributes:
         criterion: What is to be so next.
+        said: What is to be done.
     """
 
-    criterion = ""
+    criterion = said = ""
 
     def run(self, plan: Plan, call_of: Callable[[str], SkillCall | None], uncounted: bool = False) -> None:
         """Carry a plan out.
@@ -48,7 +49,7 @@ class SymbolicRun(SymbolicState):
             try:
                 criterion = criteria.parse(segment.completion_criterion)
                 before = criterion and self.so(criterion)
-                self.criterion = segment.completion_criterion
+                self.criterion, self.said = segment.completion_criterion, segment.description
                 if isinstance(segment, Navigation):
                     self._drive(segment)
                     continue
@@ -249,6 +250,11 @@ class SymbolicRun(SymbolicState):
         near = self.near()
         self.burning.add(self.one(target, lambda t: t in near, "in reach"))
 
+    def _cut(self, **_: str) -> None:
+        self._bring_about(self.said, criteria.parse(self.criterion))
+
+    _dice = _cut
+
     def _wait(self, object: str = "", target: str = "", container: str = "") -> None:
         """What is on a stove or in an oven that is on is cooked then, what is in a closed fridge is frozen.
 
@@ -264,6 +270,9 @@ class SymbolicRun(SymbolicState):
                 if synset in COOLS and below not in self.open:
                     self.frozen.add(thing)
                 below = self.at.get(below, ("", ""))[1]
+        asked = criteria.parse(self.criterion)
+        if asked is not None and self.gone & set(criteria.named(asked.subject, self.called)):
+            self._bring_about(self.said, asked)
 
     def _bring_about(self, description: str, criterion: criteria.Criterion | None) -> None:
         """What no skill does: cutting takes a tool and ends what is cut; then the criterion is so."""
@@ -279,10 +288,10 @@ class SymbolicRun(SymbolicState):
             for thing in self.gone & set(self.vocabulary.named(made["what"])):
                 self.gone.discard(thing)
                 self.at[thing] = ("ontop", self.vocabulary.named(made["where"])[0])
-        if criterion is None or criterion.relation not in ("inside", "ontop", "nextto"):
+        if criterion is None or criterion.relation not in ("inside", "ontop", "nextto", "there"):
             return
         others = criteria.named(criterion.object, self.called)
         for thing in criteria.named(criterion.subject, self.called)[: criterion.count]:
             self.gone.discard(thing)
-            if criterion.relation != "nextto":
+            if criterion.relation not in ("nextto", "there"):
                 self.at[thing] = (criterion.relation, others[0])

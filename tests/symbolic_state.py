@@ -126,6 +126,8 @@ class SymbolicState:
         others = criteria.named(criterion.object, things) if criterion.object else []
         if not criteria.named(criterion.subject, self.called) or (criterion.object and not others):
             return None
+        if criterion.relation == "cut":
+            return not subjects
         count = sum(any(self._holds(criterion, s, o) for o in others or [""] if s != o) for s in subjects)
         return count >= criterion.count
 
@@ -239,4 +241,5 @@ KEPT: Mapping[str, Callable[..., bool]] = {
     "covered": lambda run, a, b: (a, b) in run.covered,
     "contains": lambda run, a, b: b not in run.gone and run.inside(b, a),
     "real": lambda run, a: a not in run.gone,
+    "there": lambda run, a, _: a not in run.gone,
 }

@@ -43,8 +43,11 @@ LIDS = ("hinged_jar.n.01", "laptop.n.01", "toolbox.n.01")
 # What the run on paper keeps no account of: how full a thing is.
 NOT_CHECKED = {
     "canning_food": {"filled"},
-    "cook_cabbage": {"contains", "real"},
-    "make_microwave_popcorn": {"contains", "real"},
+}
+# What is made on the way, of which the problem says nothing.
+ON_THE_WAY = {
+    "cook_cabbage": ("diced__head_cabbage.n.01", "diced__chili.n.01"),
+    "make_pizza": ("diced__vidalia_onion.n.01", "half__mushroom.n.01"),
 }
 # Its words are those that the README shows: of every can the same is to be seen, however many there are.
 UNCOUNTED = {"picking_up_trash"}
@@ -69,8 +72,11 @@ def plan_of(task: str) -> Plan:
 
 @cache
 def problem_of(task: str) -> Problem:
-    """The problem, each of its rooms with a floor: things can be laid there, whether it speaks of it or not."""
+    """The problem, with what is made on the way, and each room with a floor: things can be laid there in any case."""
     problem = load_problem(task)
+    made = {f"{synset}_1": synset for synset in ON_THE_WAY.get(task, ())}
+    later = tuple(Fact(Literal("future", (name,))) for name in made)
+    problem = replace(problem, objects={**problem.objects, **made}, init=(*problem.init, *later))
     floored = {room for thing, room in problem.rooms.items() if problem.objects[thing] in FLOORS}
     bare = sorted(set(problem.rooms.values()) - floored)
     more = {f"floor_{room}": "floor.n.01" for room in bare}

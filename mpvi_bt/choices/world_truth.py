@@ -42,6 +42,8 @@ class TrueState:
 
     def lifted(self, name: str) -> bool:
         """Whether a hand holds it, or nothing but the robot and what lies in it touches it."""
+        if not self._world.exists(name):
+            return False
         others = set(self._world.things) - {name, *self._world.within(name)}
         return self.held(name, None) or not any(self._world.touching(name, other) for other in others)
 
@@ -61,6 +63,9 @@ class TrueState:
         if relation in ("clean", "sprayed"):
             return self._world.marked(name) is (relation == "sprayed")
         predicate, negated = _PREDICATES.get(relation, ("", False))
+        there = all(self._world.exists(thing) for thing in (name, other) if thing)
+        if relation in ("there", "cut") or not there:  # what was cut up, or is still to come
+            return there if relation != "cut" else not there
         if predicate == "open" and not self._world.joint_fractions(name):
             return False  # what cannot be opened is not closed either
         if predicate == "toggled_on" and not self._world.switches(name):

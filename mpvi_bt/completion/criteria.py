@@ -27,7 +27,7 @@ _TURNED = r"(?:turned |switched |powered |toggled )?"
 
 Relation = Literal[
     "at", "held", "lifted", "inside", "ontop", "nextto", "under", "open", "closed", "on", "off", "clean", "sprayed",
-    "cooked", "frozen", "hot", "burning", "attached",
+    "cooked", "frozen", "hot", "burning", "attached", "there", "cut",
 ]  # fmt: skip
 _PATTERNS: tuple[tuple[Relation, re.Pattern[str]], ...] = tuple(
     (relation, re.compile(text))  # type: ignore[misc]
@@ -49,6 +49,8 @@ _PATTERNS: tuple[tuple[Relation, re.Pattern[str]], ...] = tuple(
         ("hot", rf"(?P<subject>.+?) {_BE} (?:hot|heated(?: up)?)"),
         ("burning", rf"(?P<subject>.+?) (?:burns?|{_BE} (?:burning|on fire|alight|lit)|(?:has|have) caught fire)"),
         ("attached", rf"(?P<subject>.+?) (?:{_HUNG})(?: up)? (?:to|onto|on|from) (?P<object>.+)"),
+        ("cut", rf"no (?P<subject>.+?) {_BE} (?:still )?(?:whole|uncut)"),
+        ("there", rf"there {_BE} (?P<subject>.+)"),
         ("sprayed", rf"(?P<subject>.+?) {_BE} (?:sprayed|misted|watered)(?: with .+)?"),
         ("nextto", rf"(?P<subject>.+?) {_BE} {_PUT}(?:on .+? )?{_BESIDE} (?P<object>.+)"),
         ("under", rf"(?P<subject>.+?) {_BE} {_PUT}(?:on .+? )?{_UNDER} (?P<object>.+)"),
@@ -57,8 +59,10 @@ _PATTERNS: tuple[tuple[Relation, re.Pattern[str]], ...] = tuple(
     )
 )  # fmt: skip
 # Relations of one thing.
-UNARY = ("at", "held", "lifted", "open", "closed", "on", "off", "clean", "sprayed", "cooked", "frozen", "hot",
-         "burning")  # fmt: skip
+UNARY = (
+    "at", "held", "lifted", "open", "closed", "on", "off", "clean", "sprayed", "cooked", "frozen", "hot", "burning",
+    "there", "cut",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -67,8 +71,9 @@ class Criterion:
 
     Attributes:
         relation: "held" in a hand or "lifted" by both; "inside" a container, "ontop" of a surface, "nextto" or "under"
-            a thing; "open" or "closed", switched "on" or "off", "clean", "sprayed",
-            "cooked", "frozen", "hot", "burning"; "attached" to a mount; "at": where the robot itself is.
+            a thing; "open" or "closed", switched "on" or "off", "clean", "sprayed", "cooked", "frozen", "hot",
+            "burning"; "attached" to a mount; "there": it exists, "cut": no such thing is whole any more; "at": where
+            the robot itself is.
         subject: What the state is about, such as "can of soda".
         object: The other thing; "" for a relation in `UNARY`.
         count: How many of the subject, at least.
@@ -88,7 +93,8 @@ def parse(text: str) -> Criterion | None:
     "the robot is at <place>"; "<object> is held in a gripper", "... in the left gripper", "... with both hands";
     "<object> is in <container>"; likewise "on", "next to" and "under"; each also with a count ("two cans of soda are in
     the trash can", "there are 2 cans of soda in ..."). "<object> is open", "closed", "turned on", "turned off",
-    "clean", "sprayed", "cooked", "frozen", "hot"; "<object> burns"; "<object> hangs on", "is mounted on <thing>".
+    "clean", "sprayed", "cooked", "frozen", "hot"; "<object> burns"; "<object> hangs on", "is mounted on <thing>";
+    "there are <objects>", "no <object> is whole".
     """
     if len(text) > MOST_CHARACTERS:
         return None

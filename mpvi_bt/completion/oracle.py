@@ -78,6 +78,8 @@ class OracleChecker:
         count = sum(map(bool, answers))
         if asked.relation == "closed" and not all(answers):  # "the cabinet is closed" is not so while another is open
             return False, f"{len(answers) - count} of {len(answers)} open"
+        if asked.relation == "cut" and not all(answers):
+            return False, f"{len(answers) - count} of {len(answers)} whole"
         return count >= asked.count, f"{count} of {asked.count} {asked.relation}"
 
     def _holds(self, asked: Criterion, subject: str, objects: list[str]) -> bool | None:

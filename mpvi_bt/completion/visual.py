@@ -172,6 +172,8 @@ class _Picture:
             return self._open(name, asked.relation == "open")
         if asked.relation in ("on", "off"):
             return self._lit(name, asked.relation == "on")
+        if asked.relation == "there":
+            return Judgement(True, f"{name} is seen")
         return Judgement(False, f"no picture tells whether {name} is {asked.relation}")
 
     def held(self, name: str, asked: Criterion) -> Judgement:

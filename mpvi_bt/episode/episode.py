@@ -93,7 +93,7 @@ def run(
     truth = truth_in(world, start.scene_names)
     before = snapshot(problem, truth)
     places = _places(world)
-    vocabulary = {e.name: e.phrases for e in world.knowledge() if e.kind != "room"}
+    vocabulary = {e.name: e.phrases for e in world.knowledge() if e.kind != "room"} | world.phrases
     parts = assemble(config, prepared, tree, world, vocabulary, house, make)
     navigator, policy, context = parts.navigator, parts.policy, parts.context
     saved = prepared.saved
@@ -151,7 +151,7 @@ def run(
         faults=faults_of(context.policy),
         lateness=lateness_of(context.policy),
         handoffs=outcome.log.handoffs,
-        things={name: [places[name], place] for name, place in _places(world).items() if name in places},
+        things={name: [places.get(name, place), place] for name, place in _places(world).items()},
         wall={
             "total_s": total,
             "setup_s": ready - began,

@@ -21,7 +21,7 @@ class Way(Record):
 
     Attributes:
         base: Corners of the base's way, in order.
-        things: Where each movable thing was at the start, and at the end.
+        things: Where each movable thing was at the start, and at the end; what came to be meanwhile, at the end twice.
     """
 
     base: list[Place]

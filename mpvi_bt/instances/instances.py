@@ -130,7 +130,9 @@ def settled(
     house: House, start: Start, *, render: bool = True, assisted: bool = False, robot: RobotModel = R1
 ) -> tuple[World, list[str]]:
     """The world of a start once everything has come to rest, and the names of what has not within 4 s."""
-    world = World(house, start.objects, start.base_pose, render=render, assisted=assisted, robot=robot)
+    world = World(
+        house, start.objects, start.base_pose, render=render, assisted=assisted, robot=robot, future=start.future
+    )
     return world, come_to_rest(world, start)
 
 

@@ -23,13 +23,13 @@ _VERBS = """
     polish cut chop slice dice peel halve stir mix cook heat boil fry bake roast grill toast freeze light ignite
     extinguish go navigate drive walk travel head approach reach arrive enter exit climb remove swap exchange search
     locate find aim swing deposit dump flick hit rub shift sprinkle spritz squirt tip unlatch use~ run~ rest~ stand~
-    mist~ tap~ power~ let~ wait~
+    mist~ tap~ power~ let~ wait~ split cube~
 """
 _IRREGULAR = {  # past and participle, where they are not made by a rule
     "put": "put", "set": "set", "cut": "cut", "shut": "shut", "lay": "laid", "leave": "left", "bring": "brought",
     "get": "got gotten", "take": "took taken", "give": "gave given", "throw": "threw thrown", "hang": "hung",
     "sweep": "swept", "light": "lit", "go": "went gone", "drive": "drove driven", "freeze": "froze frozen",
-    "shake": "shook shaken", "slide": "slid", "find": "found", "hit": "hit",
+    "shake": "shook shaken", "slide": "slid", "find": "found", "hit": "hit", "split": "split",
 }  # fmt: skip
 _DOUBLED = {"unplug", "transfer", "unwrap"}  # a last consonant that one syllable alone would double
 

@@ -160,6 +160,7 @@ def _rollout(session: Session, task: Task, instance: int, most: int, server: _Se
     before = snapshot(problem, truth)
     server.reset()
     vocabulary: dict[str, Iterable[str]] = {e.name: e.phrases for e in world.knowledge() if e.kind != "room"}
+    vocabulary.update(world.phrases)
     writer = _Writer(session, task, world, {**vocabulary, **floors(house)})
     meter, began, ended = Meter(), time.monotonic(), "max_steps"
     meter.note(world)

@@ -39,6 +39,12 @@ class Attachments:
             elif side not in self._fixed and (names := pinched(side)):
                 self._attach(side, self._objects[names[0]])
 
+    def lose(self, name: str) -> None:
+        """Let go of a thing that is no more: it was cut up."""
+        for side in self._robot.model.sides:
+            if side in self._fixed and self._fixed[side][0].name == name:
+                self._let_go(side)
+
     def release(self) -> None:
         """Let go of everything."""
         for side in self._robot.model.sides:

@@ -22,7 +22,8 @@ def future(catalogue: Catalogue, entries: Mapping[str, Entry]) -> dict[str, Entr
         UnknownName: An entry is to become what the catalogue does not have.
         UserError: What becomes of an entry becomes that entry.
     """
-    made = [into for entry in entries.values() for into in _becomes(catalogue, entry)]
+    sharp = any(body.blades for entry in entries.values() for body in entry.description.bodies)
+    made = [into for entry in entries.values() for into in _becomes(catalogue, entry, sharp)]
     count: Counter[str] = Counter(entry.synset for entry in entries.values())
     out = {}
     for entry in made:
@@ -31,12 +32,14 @@ def future(catalogue: Catalogue, entries: Mapping[str, Entry]) -> dict[str, Entr
     return out
 
 
-def _becomes(catalogue: Catalogue, entry: Entry, depth: int = 0) -> Iterator[Entry]:
-    """All that one thing may become, step by step, each as often as there may be of it."""
+def _becomes(catalogue: Catalogue, entry: Entry, sharp: bool, depth: int = 0) -> Iterator[Entry]:
+    """All that one thing may become, step by step, each as often as there may be of it; where nothing is `sharp`,
+    uncut.
+    """
     if depth > _DEEPEST:
         raise UserError(f"{entry.name!r} becomes of itself: cutting and cooking lead nowhere")
-    for name, number in entry.becomes:
+    for name, number in [*(entry.cut_into if sharp else ()), *entry.cooked_into]:
         into = catalogue[name]
         for _ in range(number):
             yield into
-            yield from _becomes(catalogue, into, depth + 1)
+            yield from _becomes(catalogue, into, sharp, depth + 1)

@@ -40,6 +40,10 @@ class Temperatures:
         """How warm a thing is, and what heat does to it; what is not followed is as warm as the room for ever."""
         return self._heats.get(name, Heat()), self._kinds.get(name, Thermal())
 
+    def acting(self, name: str) -> Sequence[Source]:
+        """What warms or cools a thing now."""
+        return self._acting.get(name, [])
+
     def step(self, state: WorldState, dt_s: float) -> None:
         """One control step later."""
         if not self._heats:
@@ -49,6 +53,12 @@ class Temperatures:
             self._looked = _LOOKS_STEPS
         self._looked -= 1
         self._heats = spread(self._heats, self._kinds, self._acting, self._near, dt_s)
+
+    def inherit(self, name: str, of: str) -> None:
+        """Have a thing be as warm as what it comes of."""
+        if name in self._heats and of in self._heats:
+            self._heats[name] = self._heats[of]
+        self._looked = 0
 
     def save(self) -> dict[str, Any]:
         """As JSON values; empty where nothing is followed."""
@@ -60,7 +70,7 @@ class Temperatures:
         self._looked = 0
 
     def _look(self, state: WorldState) -> None:
-        boxes = {name: aabb(state, name) for name in self._heats}
+        boxes = {name: aabb(state, name) for name in self._heats if state.exists(name)}
         self._acting = {name: [s for by, s in self._sources.items() if self._acts(state, by, name, boxes[name])]
                         for name in boxes}  # fmt: skip
         self._near = {

@@ -22,13 +22,17 @@ from mpvi_bt.rules.mounts import Mount
 from mpvi_bt.scene.knowledge import KnowledgeBase
 from mpvi_bt.shapes.moving_parts import Door
 from mpvi_bt.sim.assisted import Attachments
+from mpvi_bt.sim.baking import Baking
 from mpvi_bt.sim.builder import Thing, build_house, build_object
 from mpvi_bt.sim.bumps import Bumps
 from mpvi_bt.sim.cameras import Cameras
+from mpvi_bt.sim.cooking import Cooking
+from mpvi_bt.sim.cutting import Cutting
 from mpvi_bt.sim.holding import TOUCHING_M, Holding
 from mpvi_bt.sim.marking import Marking, Tools
 from mpvi_bt.sim.mounting import Mounting
 from mpvi_bt.sim.patches import patch_of
+from mpvi_bt.sim.presence import Presence
 from mpvi_bt.sim.shaders import new_scene
 from mpvi_bt.sim.sim_robot import SimRobot
 from mpvi_bt.sim.switches import Switches
@@ -39,6 +43,7 @@ from mpvi_bt.things.description import Handle
 
 PHYSICS_HZ = 120
 ROBOT = "robot"  # among the names of `World.contacts`
+OVEN_C = 200.0  # Our choice: what is as hot when it is on, and acts on dough, bakes it
 GROUND_M = 0.015  # what rises no higher is ground that the base stands on, such as a lawn
 
 
@@ -62,6 +67,7 @@ class World:
         robot: The robot; behaviors command it.
         cameras: None where the world was built without rendering.
         bumps: What the robot bumped into, once `measure_bumps` was called; None before.
+        phrases: What each movable thing is called, those too that may come to be.
         steps: Control steps taken.
         physics_s: Wall time spent stepping.
     """
@@ -75,6 +81,7 @@ class World:
         assisted: bool = False,
         scene: sapien.Scene | None = None,
         robot: RobotModel = R1,
+        future: Mapping[str, Entry] | None = None,
     ) -> None:
         """Build everything; nothing has moved yet.
 
@@ -86,6 +93,7 @@ class World:
             assisted: Whether grasps are assisted: what a closing hand pinches stays in it until the hand opens.
             scene: Where to build it all, with this project's physics and, with `render`, pictures; None: a new one.
             robot: Which robot.
+            future: What may come to be of the objects, by its name: halves, dice, what is cooked or baked.
 
         Raises:
             NoRenderingDevice: `render` was asked for on a machine that cannot.
@@ -93,7 +101,9 @@ class World:
         self.house = house
         self._scene = new_scene(render) if scene is None else scene
         self._fixtures = build_house(self._scene, house, render)
-        self._objects = {n: build_object(self._scene, p.entry, n, p.T_world, render) for n, p in objects.items()}
+        future = future or {}
+        placed = {**objects, **{n: Placement(e, np.eye(4)) for n, e in future.items()}}
+        self._objects = {n: build_object(self._scene, p.entry, n, p.T_world, render) for n, p in placed.items()}
         self._things: dict[str, Thing] = {**self._fixtures, **self._objects}
         self.cameras = Cameras(self._scene) if render else None
         self.robot = self._put_robot(base_pose, robot)
@@ -103,14 +113,15 @@ class World:
             things = {entity.per_scene_id: t.name for t in self._things.values() for entity in t.entities.values()}
             self.cameras.names = {**things, **self._switches.labels, **own}
             self.cameras.before = self.show_states
-        entries = {**{n: f.entry for n, f in house.fixtures.items()}, **{n: p.entry for n, p in objects.items()}}
+        movable = {n: p.entry for n, p in placed.items()}
+        entries = {**{n: f.entry for n, f in house.fixtures.items()}, **movable}
         kinds = {n: e.heat for n, e in entries.items() if e.heat is not None}
         sources = {n: e.source for n, e in entries.items() if e.source is not None}
         self._temperatures = Temperatures(kinds, sources)
         self._grains: dict[str, list[str]] = {}
-        for name, placement in objects.items():
-            if SUBSTANCE in placement.entry.abilities:
-                self._grains.setdefault(placement.entry.synset, []).append(name)
+        for name, entry in movable.items():
+            if SUBSTANCE in entry.abilities:
+                self._grains.setdefault(entry.synset, []).append(name)
         tools = Tools(
             {n: e.washes for n, e in entries.items() if e.washes is not None},
             {n: e.removes for n, e in entries.items() if e.removes is not None},
@@ -118,9 +129,13 @@ class World:
         )
         self._marking = Marking(self._things, tools)
         self._mounting = Mounting(self._scene, self._things, {n: e.mounts for n, e in entries.items() if e.mounts})
+        self._presence = Presence(self._objects, self._things, {n: e.name for n, e in future.items()})
+        self._cutting = Cutting(self._scene, self._presence, movable, self._became)
+        self._cooking = Cooking(self._presence, movable, self._became)
+        self._baking = Baking(self._presence, movable, self._in_oven, self._became)
         self._holding = Holding(self._scene, self.robot, self._objects, self._things)
-        phrases = {n: p.entry.phrases for n, p in objects.items()}
-        self._whereabouts = Whereabouts(house, self._fixtures, self._objects, phrases, self._holding)
+        self.phrases = {n: e.phrases for n, e in movable.items()}
+        self._whereabouts = Whereabouts(house, self._fixtures, self._objects, self.phrases, self._holding)
         self._attachments = Attachments(self._scene, self.robot, self._objects) if assisted else None
         self.bumps: Bumps | None = None
         self.steps = 0
@@ -159,6 +174,22 @@ class World:
         self._temperatures.step(self, 1 / CONTROL_HZ)
         self._marking.step(self)
         self._mounting.step(self)
+        if self._presence.changes:
+            self._cutting.step(1 / CONTROL_HZ)
+            self._cooking.step(self)
+            self._baking.step(self)
+
+    def _in_oven(self, name: str) -> bool:
+        """Whether an oven that is on acts on a thing."""
+        return any(source.switched and source.at_c >= OVEN_C for source in self._temperatures.acting(name))
+
+    def _became(self, name: str, made: str) -> None:
+        """See to what a thing hands on to what has come of it."""
+        if self._attachments is not None:
+            self._attachments.lose(name)
+        self._temperatures.inherit(made, name)
+        self._whereabouts.forget()
+        self.robot.forget()
 
     def measure_bumps(self, carried: Collection[str] = ()) -> Bumps:
         """Measure from now on how hard the robot bumps into walls and fixtures; it costs time in each physics step.
@@ -268,7 +299,8 @@ class World:
         things = {name: thing.motion() for name, thing in self._things.items() if thing.moves}
         return {"steps": self.steps, "robot": self.robot.save(), "things": things, "on": self._switches.on,
                 "whereabouts": self._whereabouts.save(), "heat": self._temperatures.save(),
-                "marks": self._marking.save(), "mounted": self._mounting.save()}  # fmt: skip
+                "marks": self._marking.save(), "mounted": self._mounting.save(), "presence": self._presence.save(),
+                "blades": self._cutting.save()}  # fmt: skip
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Bring everything to how it stood. Contacts are found anew, so what follows is close to, not the same as,
@@ -277,6 +309,7 @@ class World:
         Raises:
             UserError: Other things were saved than there are here.
         """
+        self._presence.restore(saved.get("presence", {}))
         movable = {name for name, thing in self._things.items() if thing.moves}
         if set(saved["things"]) != movable:
             odd = sorted(movable.symmetric_difference(saved["things"]))
@@ -291,6 +324,7 @@ class World:
         self._temperatures.restore(saved.get("heat", {}))
         self._marking.restore(saved.get("marks", {}))
         self._mounting.restore(saved.get("mounted", {}))
+        self._cutting.restore(saved.get("blades", {}))
         self.steps = int(saved["steps"])
 
     def look_from(self, T_world_camera: Array, size: tuple[int, int] = (640, 480), fov_rad: float = 1.0) -> CameraImage:

@@ -99,6 +99,7 @@ class EntryFile(Record):
     removes: dict[Synset, tuple[Synset, ...]] | None = None
     sprays: SprayFile | None = None
     mounts: tuple[MountFile, ...] = ()
+    bakes_to: str | None = None
 
 
 class CatalogueFile(Record):
@@ -132,6 +133,7 @@ class Entry:
         removes: Likewise, of what it takes off what comes into the box about it, such as a brush.
         sprays: What it sprays while it is on; None: nothing.
         mounts: Places by which it is mounted on others, or they on it.
+        bakes_to: What it becomes in an oven with all on it that belongs there (`rules.recipes`); None: nothing.
     """
 
     name: str
@@ -152,6 +154,7 @@ class Entry:
     removes: Mapping[str, tuple[str, ...]] | None = None
     sprays: Sprayer | None = None
     mounts: tuple[Fitting, ...] = ()
+    bakes_to: str | None = None
 
     @cached_property
     def description(self) -> Description:
@@ -159,11 +162,15 @@ class Entry:
         return describe(self.family, self.shape)
 
     @property
-    def becomes(self) -> list[tuple[str, int]]:
-        """Names of the entries that one step makes of it, and how many of each."""
+    def cut_into(self) -> list[tuple[str, int]]:
+        """Names of the entries that one cut makes of it, and how many of each."""
         cut = self.cut or Cuttable()
-        made = ((cut.half, 2), (cut.diced, cut.dice), (self.cooks_to, 1))
-        return [(name, number) for name, number in made if name is not None]
+        return [(name, number) for name, number in ((cut.half, 2), (cut.diced, cut.dice)) if name is not None]
+
+    @property
+    def cooked_into(self) -> list[tuple[str, int]]:
+        """Likewise, what heat makes of it."""
+        return [(name, 1) for name in (self.cooks_to, self.bakes_to) if name is not None]
 
     def reshaped(self, changes: Mapping[str, Any]) -> Entry:
         """The same kind of thing with other dimensions or colors."""

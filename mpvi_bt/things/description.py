@@ -137,6 +137,7 @@ class Body:
         joint: How it moves against the first body; None for the first body itself.
         switches: What turns the thing on and off.
         skin: What cameras see of it; (): its parts.
+        blades: Parts of it that cut.
     """
 
     name: str
@@ -146,6 +147,7 @@ class Body:
     joint: Joint | None = None
     switches: tuple[Switch, ...] = ()
     skin: tuple[Skin, ...] = ()
+    blades: tuple[Solid, ...] = ()
 
     def frame(self, position: float = 0.0) -> Array:
         """(4, 4) this body to the root body, with its joint at `position` [rad or m]."""
@@ -247,15 +249,20 @@ class Parts:
         handles: tuple[Handle, ...] = (),
         joint: Joint | None = None,
         switches: tuple[Switch, ...] = (),
+        blades: tuple[Solid, ...] = (),
     ) -> Body:
         """The body that has these parts."""
-        return Body(name, tuple(self.items), volumes, handles, joint, switches)
+        return Body(name, tuple(self.items), volumes, handles, joint, switches, blades=blades)
 
     def thing(
-        self, volumes: tuple[Solid, ...] = (), handles: tuple[Handle, ...] = (), switches: tuple[Switch, ...] = ()
+        self,
+        volumes: tuple[Solid, ...] = (),
+        handles: tuple[Handle, ...] = (),
+        switches: tuple[Switch, ...] = (),
+        blades: tuple[Solid, ...] = (),
     ) -> Description:
         """A thing of this one body."""
-        return Description((self.body(volumes=volumes, handles=handles, switches=switches),))
+        return Description((self.body(volumes=volumes, handles=handles, switches=switches, blades=blades),))
 
 
 def _turn(axis: Array, angle: float) -> Array:

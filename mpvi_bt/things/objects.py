@@ -147,7 +147,8 @@ def compound(*, pieces: tuple[Piece, ...], color: Rgb, buttons: tuple[Button, ..
     for piece in pieces:
         piece.add_to(parts, color)
     handles = tuple(piece.handle for piece in pieces if piece.grip)
-    return parts.thing(handles=handles, switches=tuple(button.switch for button in buttons))
+    blades = tuple(piece.solid for piece in pieces if piece.blade)
+    return parts.thing(handles=handles, switches=tuple(button.switch for button in buttons), blades=blades)
 
 
 def _walls(parts: Parts, size: tuple[float, float, float], wall: float, color: Color) -> None:

@@ -41,6 +41,7 @@ class Piece(Record):
         color: None for the thing's own.
         collides: False for what is only seen, such as a label.
         grip: Whether it is what a hand takes the thing by: it lies along x or y, and its sides are free.
+        blade: Whether it cuts what it presses on.
     """
 
     kind: Literal["box", "cylinder", "sphere"]
@@ -50,6 +51,7 @@ class Piece(Record):
     color: Rgb | None = None
     collides: bool = True
     grip: bool = False
+    blade: bool = False
 
     def add_to(self, parts: Parts, color: Color) -> None:
         """Add it, in its own color or else this one."""

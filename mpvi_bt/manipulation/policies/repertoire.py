@@ -8,6 +8,7 @@ from mpvi_bt.import_paths import imported
 from mpvi_bt.manipulation.motion.work import Perform
 from mpvi_bt.manipulation.skills.aim import light, spray
 from mpvi_bt.manipulation.skills.close import close
+from mpvi_bt.manipulation.skills.cut import cut, dice
 from mpvi_bt.manipulation.skills.free_hand import with_a_free_hand
 from mpvi_bt.manipulation.skills.go_to import go_to
 from mpvi_bt.manipulation.skills.hand_over import hand_over
@@ -38,6 +39,8 @@ REPERTOIRE: Mapping[str, Perform] = {
     "lift": with_a_free_hand(lift),
     "hand_over": hand_over,
     "pour": pour,
+    "cut": cut,
+    "dice": dice,
     "spray": spray,
     "light": light,
     "mount": mount,

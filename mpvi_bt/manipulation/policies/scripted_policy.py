@@ -41,7 +41,7 @@ _ANYWHERE = ("unknown_object", "unknown_skill", "not_a_container", "not_held", "
 # Slots of what a skill wants in hand, the first that is said: picked up first where it is not.
 _IN_HAND = {
     **dict.fromkeys(("place_in", "place_on", "place_next_to", "place_under", "hand_over", "mount"), ("object",)),
-    **dict.fromkeys(("wipe", "spray", "light"), ("tool",)),
+    **dict.fromkeys(("wipe", "spray", "light", "cut", "dice"), ("tool",)),
     "pour": ("source", "object"),
 }
 

@@ -1,0 +1,124 @@
+"""Cutting: the blade of a held tool comes down on a thing, which falls into halves, and the halves into dice."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Generator, Iterator
+
+import numpy as np
+
+from mpvi_bt.manipulation.motion.approach import close_in, leave, lines, take_up, withdraw
+from mpvi_bt.manipulation.motion.carry import settle
+from mpvi_bt.manipulation.motion.gaze import study
+from mpvi_bt.manipulation.motion.work import Words, Work
+from mpvi_bt.manipulation.skills.pour import righted
+from mpvi_bt.manipulation.skills.wipe import tool_hand
+from mpvi_bt.manipulation.stance.stance import Option, Stance
+from mpvi_bt.manipulation.stance.stance_search import Search
+from mpvi_bt.robot import kinematics as kin
+from mpvi_bt.robot.linear_algebra import matmul, norm
+from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.protocol import Side
+from mpvi_bt.robot.solids import Array, bounds
+from mpvi_bt.rules.cutting import REARMED_S
+from mpvi_bt.scene.held import Held
+
+_OVER_M = 0.08  # the blade over a thing, before it comes down
+_INTO_M = 0.015  # it comes down so far below the thing's top: the arm's give does the pressing
+_DOWN_M_S = 0.06
+_BESIDE_M = 0.05  # what is so near to a thing that is cut, such as the board under it, may be touched
+_AGAIN_S = REARMED_S + 0.2  # between two cuts
+_TURNS = tuple(np.arange(12) * np.pi / 6)  # of the tool about the vertical
+_PIECES = 8  # at the most, that one thing is cut into by one call
+
+
+def cut(work: Work, words: Words, tried: list[Array]) -> Actions:
+    """Cut what `words["object"]` names in two with a held tool, `words["tool"]` if that is said.
+
+    Raises:
+        MotionFailure: "not_held", "unknown_object", "no_stance", "dropped", "not_cut", or a motion's own reason.
+    """
+    side, name = tool_hand(work, words), work.nearest(words.get("object", ""), words.get("surface"))
+    yield from _press(work, side, name, tried)
+    yield from settle(work, without={name})
+
+
+def dice(work: Work, words: Words, tried: list[Array]) -> Actions:
+    """As `cut`, and each half again as soon as the blade cuts anew.
+
+    Raises:
+        MotionFailure: As `cut`.
+    """
+    side, name = tool_hand(work, words), work.nearest(words.get("object", ""), words.get("surface"))
+    left = [name]
+    for _ in range(_PIECES):
+        if not left:
+            break
+        piece = left.pop(0)
+        made = yield from _press(work, side, piece, tried)
+        known = {entry.name for entry in work.scene.knowledge()}
+        left = [other for other in (*left, *(made if piece == name else ())) if other in known]
+        yield from work.motion.wait(_AGAIN_S if left else 0.0)
+    yield from settle(work, without={name})
+
+
+def _press(work: Work, side: Side, name: str, tried: list[Array]) -> Generator[Array, None, list[str]]:
+    """Bring the blade down on a thing.
+
+    Returns:
+        Names of what came of it, as far as they are known.
+    """
+    before = {entry.name for entry in work.scene.knowledge()}
+    beside = _beside(work, name)
+
+    def find(search: Search, here_first: bool) -> Stance | None:
+        return search.find(work.middle(name)[:2], list(_options(work, work.load(side), name)), here_first)
+
+    search = work.search(side, beside)
+    stance = find(search, True)
+    if stance is None:
+        stance, search = yield from close_in(work, side, beside, name, find, tried)
+    try:
+        yield from take_up(work, stance, search)
+        T = matmul(kin.inverse(work.base), kin.base(stance.base), stance.waypoints[1])
+        yield from work.motion.line(side, T, _DOWN_M_S, until_contact=True)
+    except MotionFailure:
+        yield from withdraw(work, side, stance)
+        raise
+    yield from lines(work, side, stance, [0])
+    yield from leave(work, stance)
+    if not work.gripped(side):
+        raise MotionFailure("dropped")
+    if not work.scene.exact:
+        yield from study(work, name)
+    known = {entry.name for entry in work.scene.knowledge()}
+    if work.scene.exact and name in known:
+        raise MotionFailure("not_cut")
+    return sorted(known - before)
+
+
+def _options(work: Work, held: Held, name: str) -> Iterator[Option]:
+    """Ways of the hand: the tool level, its far end over the middle of a thing, and down onto it."""
+    low, high = bounds(work.scene.solids(name))
+    T_now = work.scene.pose(held.name)
+    up = int(np.abs(T_now[2, :3]).argmax())
+    R_now = righted(T_now, T_now[:3, up] * np.sign(T_now[2, up]))[:3, :3]
+    to_tcp = kin.inverse(held.T_tcp_thing)
+    blade = max(held.solids, key=lambda s: float(norm(s.T[:3, 3]))).moved(kin.inverse(held.T_tcp_thing))
+    for turn in _TURNS:
+        R = matmul(kin.rot_z(turn), R_now)
+        edge_low, edge_high = blade.moved(kin.transform(R, np.zeros(3))).aabb()
+        edge = np.array([*(edge_low + edge_high)[:2] / 2, edge_low[2]])
+        poses = [
+            matmul(kin.transform(R, np.array([*(low + high)[:2] / 2, high[2] + over]) - edge), to_tcp)
+            for over in (_OVER_M, -_INTO_M)
+        ]
+        yield Option(np.stack(poses), 1, 0.05 * abs(float(kin.wrap(turn))))
+
+
+def _beside(work: Work, name: str) -> Collection[str]:
+    """A thing, and the movable ones about it."""
+    low, high = bounds(work.scene.solids(name))
+    near = (e for e in work.scene.knowledge() if e.kind == "object" and not e.held)
+    return {name} | {
+        e.name for e in near if (e.lowest < high + _BESIDE_M).all() and (low - _BESIDE_M < e.highest).all()
+    }
