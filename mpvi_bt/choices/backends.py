@@ -201,12 +201,13 @@ def pair(given: str) -> tuple[str, str] | None:
     known = BACKENDS["policy"]
     for k, letter in enumerate(given):
         first, second = given[:k], given[k + 1 :]
-        if letter == "+" and _name(first) in known and (":" not in first or _name(second) in known):
+        if letter == "+" and name_of(first) in known and (":" not in first or name_of(second) in known):
             return first, second
     return None
 
 
-def _name(given: str) -> str:
+def name_of(given: str) -> str:
+    """What comes before the address of a choice, whether there is such a backend or not."""
     return given.partition(":")[0]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mpvi_bt.choices.backends import split
+from mpvi_bt.choices.backends import name_of
 from mpvi_bt.episode.result import read_result
 from mpvi_bt.errors import UserError
 from mpvi_bt.monitors.calibration import Run
@@ -71,7 +71,7 @@ def read_handoffs(folder: Path) -> Handoffs:
         results += 1
         if result.handoffs is None:
             continue
-        policy, robot = split(str(result.config["policy"]))[0], str(result.config.get("robot", "r1"))
+        policy, robot = name_of(str(result.config["policy"])), str(result.config.get("robot", "r1"))
         whose.setdefault((policy, robot), path)
         for handoff in result.handoffs:
             samples = np.array(handoff["samples"], float).reshape(-1, _COLUMNS)

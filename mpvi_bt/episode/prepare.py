@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from mpvi_bt import paths
 from mpvi_bt.behaviors.parameters import Pause
-from mpvi_bt.choices.backends import NOBODY, choose
+from mpvi_bt.choices.backends import NOBODY, choose, name_of
 from mpvi_bt.choices.checkers import check_checker_choice
 from mpvi_bt.choices.checkers import doubt as checker_doubt
 from mpvi_bt.choices.config import EpisodeConfig
@@ -139,7 +139,7 @@ def calibration_of(config: EpisodeConfig) -> Calibration | None:
     """The thresholds of monitors. Raises UserError if they are of another policy or robot, FileProblems if broken."""
     if config.calibration is None:
         return None
-    return load_calibration(config.calibration, split(config.policy)[0], config.robot)
+    return load_calibration(config.calibration, name_of(config.policy), config.robot)
 
 
 def arrangement(config: EpisodeConfig, skills: Mapping[str, Skill]) -> Arrange | None:
