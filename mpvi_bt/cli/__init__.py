@@ -21,6 +21,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "new": ("mpvi_bt.cli.new:new", "Write files to begin with: a task, tree, skill, object, policy."),
     "show": ("mpvi_bt.cli.show:show", "Draw a thing of the catalogue, or a page of all families."),
     "check": ("mpvi_bt.cli.check:check", "List every problem in YAML files, with line and column."),
+    "edit": ("mpvi_bt.cli.edit:edit", "Edit a tree in a browser, with its problems and a dry run."),
     "fmt": ("mpvi_bt.cli.fmt:fmt", "Bring trees into canonical form, with their comments."),
     "schema": ("mpvi_bt.cli.schema:schema", "Print what editors need to complete and check trees."),
     "convert": ("mpvi_bt.cli.convert:convert", "Turn a tree into BehaviorTree.CPP 4 XML, or back."),

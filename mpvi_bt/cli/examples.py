@@ -52,6 +52,7 @@ EXAMPLES: Mapping[str, tuple[str, str, str]] = {
         "trees tasks",
         "my_tree.yaml --task picking_up_trash --json",
     ),
+    "edit": ("my_tree.yaml", "my_tree.yaml --serve 9000", "trees/fetch.yaml --serve 0.0.0.0:9000"),
     "fmt": (
         "my_tree.yaml",
         "--diff my_tree.yaml",

@@ -83,7 +83,7 @@ class WatchedRun:
         if self._tell is None:
             return PlainTextResponse("the run was not started with --step or --break\n", 409)
         try:
-            said = json.loads(await _body(request))
+            said = json.loads(await body(request, _MOST_BYTES))
             ((word, text),) = said.items()
             if word not in _WORDS or not isinstance(text, str) or "\n" in text:
                 raise ValueError
@@ -183,15 +183,15 @@ class WatchedRun:
         return bool(ticks) or self._follow.end is not before
 
 
-async def _body(request: Request) -> bytes:
+async def body(request: Request, most_bytes: int) -> bytes:
     """What was sent. Raises ValueError if it is too long."""
-    body = b""
+    sent = b""
     stream: AsyncIterator[bytes] = request.stream()
     async for part in stream:
-        body += part
-        if len(body) > _MOST_BYTES:
+        sent += part
+        if len(sent) > most_bytes:
             raise ValueError("too long")
-    return body
+    return sent
 
 
 def waiting(name: str, why: str) -> str:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import re
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +21,7 @@ from mpvi_bt.report.told import Told
 from mpvi_bt.suite.manifest import FILE, read_manifest
 from mpvi_bt.suite.standing import spoken, under_way
 from mpvi_bt.suite.store import Store
-from mpvi_bt.trace.html import asset, digest, embedded
+from mpvi_bt.trace.html import asset, embedded, filled
 from mpvi_bt.watch.feed import Feed
 from mpvi_bt.watch.run import WatchedRun, file, waiting
 
@@ -190,11 +188,4 @@ def _stand(part: Part, running: bool) -> dict[str, Any]:
 def suite_page(data: dict[str, Any]) -> str:
     """The page, with how the suite stands in it."""
     script, style = file("suite.js"), "\n".join((asset("page.css"), file("suite.css")))
-    policy = (
-        f"default-src 'none'; script-src '{digest(script)}'; style-src '{digest(style)}'; connect-src 'self'; "
-        "base-uri 'none'"
-    )
-    parts = {
-        "title": escape(data["suite"]), "policy": policy, "style": style, "script": script, "data": embedded(data),
-    }  # fmt: skip
-    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], file("suite.html"))
+    return filled(file("suite.html"), data["suite"], script, style, "connect-src 'self'", embedded(data))

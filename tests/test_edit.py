@@ -1,0 +1,101 @@
+"""The page on which a tree is edited: it follows the file, saves what is typed, and never overwrites another's work."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from starlette.testclient import TestClient
+
+from mpvi_bt.errors import UserError
+from mpvi_bt.watch.edit import Edited
+from tests.browser import BROWSER, Browser, browser
+from tests.test_html import Tags
+from tests.test_watch import TREE, serving
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    if BROWSER is None:
+        pytest.skip("needs Chromium")
+    with browser(tmp_path_factory.mktemp("browser")) as running:
+        yield running
+
+
+def long_tree(lines: int) -> str:
+    """A tree of so many lines."""
+    steps = "".join(f"    - wait: {i % 7 + 1}\n" for i in range(lines - 5))
+    return f"tree: long\nroot:\n  sequence: all\n  memory: true\n  children:\n{steps}"
+
+
+def test_the_page_saves_but_never_over_anothers_work(tmp_path: Path) -> None:
+    """A text is written if the file is as the page knew it; after a change on disk it is refused."""
+    file = tmp_path / "tree.yaml"
+    file.write_text(TREE, encoding="utf-8")
+    client = TestClient(Edited(file).app)
+    base = Tags(client.get("/").text).data["base"]
+    told = client.post("/text", content=json.dumps({"text": TREE.replace("wait: 1", "wiat: 1"), "base": base})).json()
+    assert "wiat" in file.read_text(encoding="utf-8")
+    assert [problem["line"] for problem in told["problems"]] == [6]
+    file.write_text("tree: another\n", encoding="utf-8")
+    refused = client.post("/text", content=json.dumps({"text": TREE, "base": told["base"]}))
+    assert (refused.status_code, file.read_text(encoding="utf-8")) == (409, "tree: another\n")
+
+
+@pytest.mark.parametrize("body", [b"", b"[]", b'{"text": 1, "base": ""}', b'{"text": "x"}', b"x" * 3_000_000])
+def test_only_texts_are_saved(body: bytes, tmp_path: Path) -> None:
+    """All else that is sent changes nothing."""
+    file = tmp_path / "tree.yaml"
+    file.write_text(TREE, encoding="utf-8")
+    assert TestClient(Edited(file).app).post("/text", content=body).status_code == 400
+    assert file.read_text(encoding="utf-8") == TREE
+
+
+def test_what_cannot_be_read_is_said(tmp_path: Path) -> None:
+    """Before anything is served."""
+    (tmp_path / "bytes.yaml").write_bytes(b"\xff\xfe")
+    with pytest.raises(UserError, match=r"bytes.yaml"):
+        Edited(tmp_path / "bytes.yaml")
+
+
+def test_the_drawing_is_a_dry_run(tmp_path: Path) -> None:
+    """A tree that can be run is shown as its run; one that lacks a parameter as a tree; a wrong one not at all."""
+    file = tmp_path / "tree.yaml"
+    file.write_text(TREE, encoding="utf-8")
+    client = TestClient(Edited(file).app)
+    assert Tags(client.get("/drawing").text).data["end"]["is"] == "failure"
+    file.write_text("tree: t\nparameters: {place: text}\nroot:\n  navigate: $place\n", encoding="utf-8")
+    client.get("/")
+    assert Tags(client.get("/drawing").text).data["frames"] is None
+    file.write_text("tree: t\nroot:\n  wiat: 1\n", encoding="utf-8")
+    client.get("/")
+    assert "no drawing" in client.get("/drawing").text
+
+
+@pytest.mark.slow
+def test_problems_are_shown_soon_after_a_save(chromium: Browser, tmp_path: Path) -> None:
+    """Another editor saves a file of 2,000 lines with a mistake: the page shows it; typed text is kept meanwhile."""
+    file = tmp_path / "tree.yaml"
+    file.write_text(long_tree(2000), encoding="utf-8")
+    with serving("edit", str(file), "--serve=0", cwd=tmp_path) as (url, _):
+        tab = chromium.tab(url)
+        tab.until("document.querySelector('#connection')?.textContent === 'live'")
+        tab.until("document.querySelector('#problems h2').textContent === 'No problems'")
+        took: list[float] = []
+        for mistake in ("wiat: 3", "wait: 3", "waitt: 3", "wait: 3", "waait: 3"):
+            text = long_tree(2000).replace("wait: 3", mistake, 1)
+            told = "No problems" if mistake == "wait: 3" else mistake.partition(":")[0]
+            shown = f"document.querySelector('#problems').innerText.toLowerCase().includes({json.dumps(told.lower())})"
+            file.write_text(text, encoding="utf-8")
+            began = time.monotonic()
+            tab.until(shown)
+            took.append(time.monotonic() - began)
+        print("seconds from save to page:", [round(s, 3) for s in took])
+        assert min(took) < 3.0  # 0.3 s on a machine that does nothing else
+        tab.eval("document.querySelector('#text').value += '# mine'; typed()")
+        file.write_text(long_tree(2000), encoding="utf-8")
+        tab.until("document.querySelector('#said').textContent.includes('changed on disk')")
+        assert tab.eval("document.querySelector('#text').value.endsWith('# mine')")
