@@ -46,8 +46,8 @@ class Carrying:
 
     fold_clear_m: float = 0.02
     back_m: tuple[float, float] = (0.35, 0.2)
-    back_rad: tuple[float, float, float, float, float] = (0.0, 0.25, -0.25, 0.5, -0.5)
-    aside_rad: tuple[float, float, float, float] = (0.8, -0.8, 1.1, -1.1)
+    back_rad: tuple[float, ...] = (0.0, 0.25, -0.25, 0.5, -0.5)
+    aside_rad: tuple[float, ...] = (0.8, -0.8, 1.1, -1.1)
     step_m: float = 0.15
     shrunk_m: float = 0.001
     out_rad: float = 0.05

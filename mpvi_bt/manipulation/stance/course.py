@@ -43,7 +43,7 @@ class CourseParameters:
         bent_rad: Of the elbow [rad]: a stretched arm cannot make up for a base that trails its goal.
     """
 
-    pitches_rad: tuple[float, float, float, float, float] = (0.0, 0.3, 0.6, 0.9, 1.2)
+    pitches_rad: tuple[float, ...] = (0.0, 0.3, 0.6, 0.9, 1.2)
     run_ups_m: tuple[float, float, float] = (0.4, 0.25, 0.12)
     samples: int = 5
     between: int = 4

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
@@ -10,8 +12,23 @@ from mpvi_bt.manipulation.stance.site import KNOWN_M, Site
 from mpvi_bt.robot.linear_algebra import norm
 from mpvi_bt.robot.solids import Array
 
-_STEP_M = 0.12  # between places
-_BESIDE_M = 0.2  # from the last of them to the goal
+
+@dataclass(frozen=True)
+class DetourParameters:
+    """The grid of places to drive by.
+
+    Our choice: no finer than the base is off.
+
+    Attributes:
+        step_m: Between places [m].
+        beside_m: From the last of them to the goal [m].
+    """
+
+    step_m: float = 0.12
+    beside_m: float = 0.2
+
+
+_DETOUR = DetourParameters()
 
 
 class Detours:
@@ -24,19 +41,19 @@ class Detours:
     def __init__(self, site: Site) -> None:
         """Find the places that the base may stand at, and the ways to them."""
         self._site, here = site, site.motion.felt.base_pose
-        steps = np.arange(-KNOWN_M, KNOWN_M + 1e-9, _STEP_M)
+        steps = np.arange(-KNOWN_M, KNOWN_M + 1e-9, _DETOUR.step_m)
         grid = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
         places = here + np.column_stack([grid, np.zeros(len(grid))])
         self._places = np.vstack([here, places[site.stands(places)]])  # where it stands it may be in touch with things
         tree = KDTree(self._places[:, :2])
-        graph = tree.sparse_distance_matrix(tree, 1.5 * _STEP_M, output_type="coo_matrix").tocsr()
+        graph = tree.sparse_distance_matrix(tree, 1.5 * _DETOUR.step_m, output_type="coo_matrix").tocsr()
         self._length, self._before = dijkstra(graph, indices=0, return_predecessors=True)
 
     def way(self, goal: Array) -> list[Array] | None:
         """Base poses (3,) to drive to `goal` (3,) by, few long legs rather than many; None if there is no way."""
         last = norm(self._places[:, :2] - goal[:2], axis=1)
-        k = int(np.where(last < _BESIDE_M, self._length + last, np.inf).argmin())
-        if last[k] >= _BESIDE_M or not np.isfinite(self._length[k]):
+        k = int(np.where(last < _DETOUR.beside_m, self._length + last, np.inf).argmin())
+        if last[k] >= _DETOUR.beside_m or not np.isfinite(self._length[k]):
             return None
         left = [goal]
         while k > 0:

@@ -44,10 +44,10 @@ class Pinch:
     nearer_cost: float = 3.0
     part_cost: float = 0.1
     levels: int = 4
-    off_center_m: tuple[float, float, float, float] = (0.006, -0.006, 0.012, -0.012)
+    off_center_m: tuple[float, ...] = (0.006, -0.006, 0.012, -0.012)
     off_center_cost: float = 5.0
     gap_m: float = 0.004
-    tilts_rad: tuple[float, float, float, float, float, float, float] = (0.0, 0.3, 0.6, 0.9, 1.2, 1.4, np.pi / 2)
+    tilts_rad: tuple[float, ...] = (0.0, 0.3, 0.6, 0.9, 1.2, 1.4, np.pi / 2)
 
 
 _PINCH = Pinch()
@@ -72,7 +72,7 @@ class Rim:
     depth_m: float = 0.018
     wall_m: float = 0.03
     cost: float = 0.15
-    tilts_rad: tuple[float, float, float, float, float] = (0.0, 0.5, -0.5, 0.9, -0.9)
+    tilts_rad: tuple[float, ...] = (0.0, 0.5, -0.5, 0.9, -0.9)
     covers: float = 0.8
 
 

@@ -7,7 +7,7 @@ what is held, head and chest are clear of everything. What is cheap to refute co
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -23,15 +23,34 @@ from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array
 
-_PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1)
-_MARGIN_M = 0.012
-# Of the arm's way to where the hand works, the wide berth first: an arm in motion runs up to 2 cm beside its path.
+
+@dataclass(frozen=True)
+class PostureParameters:
+    """Which postures are looked at from one base pose.
+
+    Our choice: as many as keep a search below some seconds; what is cheap to refute is looked at more often.
+
+    Attributes:
+        pitches_rad: Of the trunk [rad].
+        margin_m: That the arm keeps from everything where the hand works [m].
+        ranked: Postures that are checked where the hand works.
+        glanced: Of those, looked at where the other waypoints are, and found wanting,
+        refused: as many for one option.
+        checked: Of those that are left, on the whole way.
+    """
+
+    pitches_rad: tuple[float, ...] = (0.0, 0.25, 0.5, 0.8, 1.1)
+    margin_m: float = 0.012
+    ranked: int = 1200
+    glanced: int = 80
+    refused: int = 4
+    checked: int = 16
+
+
+_POSTURE = PostureParameters()
+# Our choice, of the arm's way to where the hand works, the wide berth first: in motion it runs up to 2 cm off its path.
 WAY_MARGINS_M = (0.03, 0.005)
-TOUCH_M = 0.008  # the spheres reach that far beyond what they stand for: what may be near a hand that touches
-_RANKED_POSTURES = 1200  # of one base pose, checked where the hand works
-_GLANCED_POSTURES = 80  # of those, looked at where the other waypoints are, and found wanting,
-_REFUSED = 4  # as many for one option
-_CHECKED_POSTURES = 16  # of those that are left, on the whole way
+TOUCH_M = 0.008  # our choice: spheres reach that far beyond what they stand for: what may be near a hand that touches
 
 
 def stance_at(
@@ -52,7 +71,7 @@ def stance_at(
     goals = [np.stack([matmul(T, w) for w in options[k].waypoints]) for k in able]
     keys = [min(options[k].contact, len(options[k].waypoints) - 1) for k in able]
     key_goals = np.stack([g[key] for g, key in zip(goals, keys, strict=True)])
-    torsos, t, g, q = site.postures(key_goals, [options[k].cost for k in able], _PITCHES, swivels=12)
+    torsos, t, g, q = site.postures(key_goals, [options[k].cost for k in able], _POSTURE.pitches_rad, swivels=12)
     if not len(q):
         site.refusals.add("out of reach")
         return None, False
@@ -63,7 +82,7 @@ def stance_at(
         if not site.body(site.motion.torso, behind, arms).free(site.other, hold[-1])[0]:
             site.refusals.add("other hand in the way")
             return None, False
-    t, g, q = t[:_RANKED_POSTURES], g[:_RANKED_POSTURES], q[:_RANKED_POSTURES]
+    t, g, q = t[: _POSTURE.ranked], g[: _POSTURE.ranked], q[: _POSTURE.ranked]
     touching = np.array([options[k].contact == key for k, key in zip(able, keys, strict=True)])
     rows = np.flatnonzero(_clear(site, base, torsos, t, q, touching[g], arms))
     seen: dict[tuple[int, int], int] = {}
@@ -72,10 +91,10 @@ def stance_at(
     standing: dict[int, Standing | None] = {}
     for row in rows:
         where = (int(t[row]), int(g[row]))
-        if seen.get(where, 0) >= 2 or refused.get(where[1], 0) >= _REFUSED:
+        if seen.get(where, 0) >= 2 or refused.get(where[1], 0) >= _POSTURE.refused:
             continue
         seen[where] = seen.get(where, 0) + 1
-        if checked >= _CHECKED_POSTURES or sum(refused.values()) >= _GLANCED_POSTURES:
+        if checked >= _POSTURE.checked or sum(refused.values()) >= _POSTURE.glanced:
             break
         torso, k, key = torsos[t[row]], able[where[1]], keys[where[1]]
         posed = site.body(torso, behind, arms)
@@ -124,7 +143,7 @@ def _clear(site: Site, base: Array, torsos: Array, t: NDArray[np.intp], q: Array
         rows = np.flatnonzero((t == k) & touching)
         out[rows] = body.amid(loose, bare).free(site.side, q[rows], -TOUCH_M, grasping=True)
         rows = np.flatnonzero((t == k) & ~touching)
-        out[rows] = body.free(site.side, q[rows], _MARGIN_M)
+        out[rows] = body.free(site.side, q[rows], _POSTURE.margin_m)
     return out
 
 
@@ -142,7 +161,7 @@ def _free(site: Site, body: Body, base: Array, option: Option, k: int, q: Array)
     """Whether posture q (7,) is clear at waypoint `k`."""
     if k < option.contact:
         there = body.amid(site.around(base, touched=True))
-        return bool(there.free(site.side, q, _MARGIN_M)[0])
+        return bool(there.free(site.side, q, _POSTURE.margin_m)[0])
     held = _after(site, body, option) if k > option.contact else _bare(site, body)
     there = body.amid(site.around(base, touched=False), held)
     return bool(there.free(site.side, q, -TOUCH_M, grasping=True)[0])

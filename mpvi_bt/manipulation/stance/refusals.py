@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,8 +12,23 @@ from mpvi_bt.robot.collision import Obstacles
 from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.solids import Array
 
-_ASKED = 4  # refusals of one kind that are looked into for what was in the way
-_NAMED = 2  # things that are told of one kind
+
+@dataclass(frozen=True)
+class Telling:
+    """How much is told of what candidates died of.
+
+    Our choice: what a person reads in one line.
+
+    Attributes:
+        asked: Refusals of one kind that are looked into for what was in the way.
+        named: Things that are told of one kind.
+    """
+
+    asked: int = 4
+    named: int = 2
+
+
+_TELLING = Telling()
 
 Place = Callable[[], Array]  # (4,) x, y, z and radius [m] in the world of a sphere of the robot that met something
 
@@ -35,7 +51,7 @@ class Refusals:
         """
         self._counts[kind] += max(len(places), 1) if count is None else count
         kept = self._places.setdefault(kind, [])
-        kept += places[: _ASKED - len(kept)]
+        kept += places[: _TELLING.asked - len(kept)]
 
     def clear(self) -> None:
         """Forget all."""
@@ -53,7 +69,7 @@ class Refusals:
             if not n:
                 break
             names = Counter(name for place in self._places[kind] if (name := named(place())) is not None)
-            met = ", ".join(name for name, _ in names.most_common(_NAMED))
+            met = ", ".join(name for name, _ in names.most_common(_TELLING.named))
             parts.append(f"{n} {kind}" + (f" ({met})" if met else ""))
         return f"{self._counts.total()} candidates: {', '.join(parts)}" if parts else ""
 

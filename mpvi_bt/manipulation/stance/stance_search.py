@@ -22,16 +22,40 @@ from mpvi_bt.robot.model import SIGN
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
-_GLANCE = 0.25  # of a full check: no posture was clear even where the hand works
-_CHECKED_BASES = 12  # of one spacing
-SPACINGS = ((0.12, 0.5), (0.05, 0.25))  # [m, rad] between base poses: what fails here fails a hand's breadth away
-_BEEN_M = 0.4  # from where nothing was in reach: what is that near was not either
-_STEP_M = 0.06  # between checks on the way in
-# Base poses about a place, see `_bases`: so fine that one of them nearly touches what stands before the place, for deep
-# in a compartment an arm reaches it from no farther off.
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """Which base poses are looked at.
+
+    Our choice: as many as keep a search below some seconds.
+
+    Attributes:
+        glance: Of a full check [ratio]: no posture was clear even where the hand works.
+        checked: Of one spacing.
+        been_m: From where nothing was in reach [m]: what is that near was not either.
+        step_m: Between checks on the way in [m].
+        laterals_m: From straight ahead of the place to the side of the hand [m].
+        turns_rad: From the way to the place, the plainest first [rad].
+    """
+
+    glance: float = 0.25
+    checked: int = 12
+    been_m: float = 0.4
+    step_m: float = 0.06
+    laterals_m: tuple[float, ...] = (0.0, 0.10, 0.18, 0.26)
+    # fmt: off
+    turns_rad: tuple[float, ...] = (
+        0.0, 0.15, -0.15, 0.3, -0.3, 0.45, -0.45, 0.6, -0.6, 0.9, -0.9, 1.3, -1.3, 1.8, -1.8, 2.4, -2.4, 3.0,
+    )
+    # fmt: on
+
+
+_BASES = BaseParameters()
+# Our choice, [m, rad] between base poses: what fails here fails a hand's breadth away.
+SPACINGS = ((0.12, 0.5), (0.05, 0.25))
+# Our choice, from base poses to the place, see `_bases`: so fine that one nearly touches what stands before it, for
+# deep in a compartment an arm reaches it from no farther off.
 _DISTANCES_M = np.arange(0.46, 0.98, 0.03)
-_LATERALS_M = (0.0, 0.10, 0.18, 0.26)
-_BASE_TURNS_RAD = (0.0, 0.15, -0.15, 0.3, -0.3, 0.45, -0.45, 0.6, -0.6, 0.9, -0.9, 1.3, -1.3, 1.8, -1.8, 2.4, -2.4, 3.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +94,7 @@ class Search(Site):
             checked, left = 0.0, bases
             for base in failed:
                 left = _apart_from(left, base, *spacing)
-            while len(left) and checked < _CHECKED_BASES:
+            while len(left) and checked < _BASES.checked:
                 if self.effort.left <= 0:
                     self.refusals.add("not looked at, as planning took too long", count=len(left))
                     return None
@@ -97,7 +121,7 @@ class Search(Site):
         bases = _bases(here, focus_xy, self.side)
         left, detours = bases[self.stands(bases)], Detours(self)
         for place in been:
-            left = left[norm(left[:, :2] - place[:2], axis=1) > _BEEN_M]
+            left = left[norm(left[:, :2] - place[:2], axis=1) > _BASES.been_m]
         while len(left):
             if self.route(here, left[0]) is None and (way := detours.way(left[0])) is not None:
                 return way
@@ -142,7 +166,7 @@ class Search(Site):
             if (route := self.route(here, ready)) is None:
                 self.refusals.add("no way there")
                 continue
-            effort = max(effort, _GLANCE)
+            effort = max(effort, _BASES.glance)
             for hold in self.holds:
                 found, looked = stance_at(self, lane, route, options, some, hold)
                 if found is not None:
@@ -187,7 +211,7 @@ class Search(Site):
 def _lane(start: Array, end: Array) -> Array:
     """(n, 3) base poses on the straight way from `start` to `end` (3,), both included; one if they are the same."""
     length = float(norm(end[:2] - start[:2]))
-    return np.linspace(start, end, int(np.ceil(length / _STEP_M)) + 1) if length > 1e-6 else end[None].copy()
+    return np.linspace(start, end, int(np.ceil(length / _BASES.step_m)) + 1) if length > 1e-6 else end[None].copy()
 
 
 def _apart_from(bases: Array, base: Array, apart_m: float, apart_rad: float) -> Array:
@@ -199,7 +223,7 @@ def _apart_from(bases: Array, base: Array, apart_m: float, apart_rad: float) -> 
 def _bases(here: Array, focus: Array, side: Side) -> Array:
     """(n, 3) base poses about a place (2,) in the world, the nearest and plainest first."""
     bearing = float(np.arctan2(focus[1] - here[1], focus[0] - here[0]))
-    grid = np.meshgrid(_DISTANCES_M, _LATERALS_M, _BASE_TURNS_RAD, indexing="ij")
+    grid = np.meshgrid(_DISTANCES_M, _BASES.laterals_m, _BASES.turns_rad, indexing="ij")
     distance, lateral, turn = (axis.ravel() for axis in grid)
     yaw, y = bearing + turn, lateral * SIGN[side]
     c, s = np.cos(yaw), np.sin(yaw)
