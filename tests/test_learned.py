@@ -148,6 +148,21 @@ def test_what_no_picture_shows_is_given_up_without_moving_an_arm(missing: str):
     assert hands.note == "not_found: 'can'"
 
 
+def test_a_hand_that_holds_something_is_not_taken():
+    """Whoever is told to use a full hand says so, and lets nothing fall."""
+    hands, seen = (
+        policy(),
+        observed("pick up the can with the right hand", {"head": picture(np.ones((24, 32), np.int32))}),
+    )
+    felt = seen["proprioception"]
+    full = replace(felt, gripper_width={"left": 0.1, "right": 0.05}, gripper_command={"left": 1.0, "right": -1.0})
+    for _ in range(2):
+        (*_, last) = hands.infer({**seen, "proprioception": full})
+    assert hands.gave_up
+    assert hands.note.startswith("hands_full")
+    assert last[22] == -1.0
+
+
 def test_points_of_the_target_are_on_it_and_those_of_the_rest_are_not():
     """Of 128 points the first half lies on what the phrase names, the second half on what is around it."""
     labels = np.zeros((24, 32), np.int32)

@@ -123,7 +123,7 @@ class LearnedPolicy:
             return
         side = self._side(call, memory)
         if side is None:
-            self.note = "hands_full"
+            self.note = f"hands_full: no hand is free for the {phrase}"
             return
         self._wanted = ("head", side)
         self.note = f"{call.motion} {phrase}, {side} hand"
@@ -137,7 +137,7 @@ class LearnedPolicy:
         body = LearnedHand(SIDES[1], self._felt)
         for tilt in HEAD_TILTS_RAD:
             rows = body.still(TILT_STEPS)
-            rows[:, 6] = tilt
+            rows[:, ActionLayout.TORSO.stop - 1] = tilt
             body.action = rows[-1].copy()
             yield rows
             if self._looked(memory):
@@ -152,12 +152,11 @@ class LearnedPolicy:
         return memory.seen
 
     def _side(self, call: SkillCall, memory: PointMemory) -> Side | None:
-        """The hand that is said, else a free one, on the target's side if both are."""
+        """A free hand: the one that is said, else the one on the target's side if both are; None: there is none."""
         said = call.arguments.get("hand")
-        free: list[Side] = [side for side in SIDES if not self._felt.holds(side)]
-        for side in SIDES:
-            if side == said:
-                return side
+        free: list[Side] = [
+            side for side in SIDES if not self._felt.holds(side) and (said not in SIDES or side == said)
+        ]
         if len(free) < 2:
             return free[0] if free else None
         at = matmul(kin.inverse(kin.base(self._felt.base_pose)), np.append(memory.middle, 1.0))
@@ -205,7 +204,8 @@ class LearnedPolicy:
             if stance is None and tries:
                 stance = propose(net, now, begun, points, tries, here=False)
             if stance is None:
-                self.note = f"{NO_SKILL}: no hand pose that it proposes for the {target} is in reach"
+                reason = "out_of_reach" if tries else NO_SKILL
+                self.note = f"{reason}: no hand pose that it proposes for the {target}"
                 return
             stance = rebased(now, stance)
             steps, self.progress = chunk(net, now, ahead(now, stance), points)
