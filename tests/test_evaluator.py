@@ -161,14 +161,15 @@ def test_the_executive_does_behind_a_socket_what_it_does_here() -> None:
 @pytest.mark.rare
 @pytest.mark.slow
 @pytest.mark.render
-def test_a_whole_episode_behind_a_socket_is_that_of_run() -> None:
-    """All of picking_up_trash, with the r1 in our own keys: every action to the bit, up to where the goal is true."""
+@pytest.mark.parametrize(("task", "robot"), [(TASK, "r1"), ("turning_on_radio", "r1pro")])
+def test_a_whole_episode_behind_a_socket_is_that_of_run(task: str, robot: str) -> None:
+    """All of it, in our own keys: every action to the bit, up to where the goal is true."""
     here, ear = Acts(20_000), Ear()
-    run(EpisodeConfig(TASK, policy="reactive", map="online"), [here])
-    config = EpisodeConfig("", policy="reactive", map="online")
+    run(EpisodeConfig(task, policy="reactive", map="online", robot=robot), [here])
+    config = EpisodeConfig("", policy="reactive", map="online", robot=robot)
     with running(executive_server("openpi", Work(config))) as server:
         address = f"127.0.0.1:{server.port}"
-        (rollout,) = evaluate(Session(address, "openpi", TASK, robot="r1", labels=True, on_demand=True), ear)
+        (rollout,) = evaluate(Session(address, "openpi", task, robot=robot, labels=True, on_demand=True), ear)
     assert (rollout.goal.q, rollout.ended) == (1.0, "success")
     assert len(ear.actions) <= len(here.actions)
     np.testing.assert_array_equal(ear.actions, here.actions[: len(ear.actions)])
