@@ -29,6 +29,7 @@ from mpvi_bt.sim.cameras import Cameras
 from mpvi_bt.sim.cooking import Cooking
 from mpvi_bt.sim.cutting import Cutting
 from mpvi_bt.sim.holding import TOUCHING_M, Holding
+from mpvi_bt.sim.looks import Looks
 from mpvi_bt.sim.marking import Marking, Tools
 from mpvi_bt.sim.mounting import Mounting
 from mpvi_bt.sim.patches import patch_of
@@ -128,6 +129,9 @@ class World:
             {n: e.sprays for n, e in entries.items() if e.sprays is not None},
         )
         self._marking = Marking(self._things, tools)
+        self._looks = Looks(self._scene, self._things, kinds) if render else None
+        if self.cameras is not None and self._looks is not None:
+            self.cameras.names = {**self.cameras.names, **self._looks.labels}
         self._mounting = Mounting(self._scene, self._things, {n: e.mounts for n, e in entries.items() if e.mounts})
         self._presence = Presence(self._objects, self._things, {n: e.name for n, e in future.items()})
         self._cutting = Cutting(self._scene, self._presence, movable, self._became)
@@ -262,8 +266,10 @@ class World:
         self._marking.put(name, kind, solids)
 
     def show_states(self) -> None:
-        """Bring what cameras see of switches and marks to where they are."""
+        """Bring what cameras see of switches, marks and heat to how they are."""
         self._switches.show()
+        if self._looks is not None:
+            self._looks.show(self.heat)
         if (new := self._marking.show(self._scene)) and self.cameras is not None:
             self.cameras.names = {**self.cameras.names, **new}
 

@@ -49,22 +49,28 @@ def spray(work: Work, words: Words, tried: list[Array]) -> Actions:
         return
     target = work.same(words.get("target", ""))
     yield from look_at(work, target)
+    on = work.scene.is_on(tool.name) or False
+    if not on:
+        with suppress(MotionFailure):  # where there is no room for both hands here, there may be at the target
+            yield from _press(work, side, tool.name)
+            on = True
     stance, search = yield from approach(work, side, target, lambda: list(_aims(work, tool, target)), tried)
     try:
         yield from take_up(work, stance, search)
         yield from lines(work, side, stance, [1])
-        aimed = work.motion.arm(side)
-        yield from _press(work, side, tool.name)
-        if (back := arm_motion.plan(work.body(), side, aimed, work.rng)) is not None:
-            yield from work.motion.follow(side, back)
-        yield from work.motion.wait(_SPRAYED_S)
-        with suppress(MotionFailure):
+        if not on:
+            aimed = work.motion.arm(side)
             yield from _press(work, side, tool.name)
+            if (back := arm_motion.plan(work.body(), side, aimed, work.rng)) is not None:
+                yield from work.motion.follow(side, back)
+        yield from work.motion.wait(_SPRAYED_S)
     except MotionFailure:
         yield from withdraw(work, side, stance)
         raise
     yield from lines(work, side, stance, [0])
     yield from leave(work, stance)
+    with suppress(MotionFailure):
+        yield from _press(work, side, tool.name)
     yield from settle(work, without={target})
 
 
