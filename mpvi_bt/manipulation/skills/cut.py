@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator, Iterator
+import re
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
@@ -28,6 +29,7 @@ _DOWN_M_S = 0.06
 _BESIDE_M = 0.05  # what is so near to a thing that is cut, such as the board under it, may be touched
 _AGAIN_S = REARMED_S + 0.2  # between two cuts
 _TURNS = tuple(np.arange(12) * np.pi / 6)  # of the tool about the vertical
+_WHICH = re.compile(r"^(?:(?:the|an?|last|other|another|both) )+")
 _PIECES = 8  # at the most, that one thing is cut into by one call
 
 
@@ -43,31 +45,39 @@ def cut(work: Work, words: Words, tried: list[Array]) -> Actions:
 
 
 def dice(work: Work, words: Words, tried: list[Array]) -> Actions:
-    """As `cut`, and each half again as soon as the blade cuts anew.
+    """As `cut`, and each half again as soon as the blade cuts anew; only the halves, where nothing whole is left.
 
     Raises:
-        MotionFailure: As `cut`.
+        MotionFailure: As `cut`; "not_cut" once all else is.
     """
-    side, name = tool_hand(work, words), work.nearest(words.get("object", ""), words.get("surface"))
-    left = [name]
-    for _ in range(_PIECES):
-        if not left:
-            break
-        piece = left.pop(0)
-        made = yield from _press(work, side, piece, tried)
-        known = {entry.name for entry in work.scene.knowledge()}
-        left = [other for other in (*left, *(made if piece == name else ())) if other in known]
+    side, phrase = tool_hand(work, words), words.get("object", "")
+    halves = _halves(work, phrase)
+    if not halves or work.scene.knowledge().find(phrase):
+        halves = [work.nearest(phrase, words.get("surface"))]
+    left, missed, tended = halves, None, set[str]()
+    while left and len(tended) < _PIECES:
+        piece = left[0]
+        tended.add(piece)
+        try:
+            yield from _press(work, side, piece, tried)
+        except MotionFailure as failure:
+            if failure.reason != "not_cut":
+                raise
+            missed = failure
+        left = [half for half in _halves(work, phrase) if half not in tended]
         yield from work.motion.wait(_AGAIN_S if left else 0.0)
-    yield from settle(work, without={name})
+    yield from settle(work, without=tended)
+    if missed is not None:
+        raise missed
 
 
-def _press(work: Work, side: Side, name: str, tried: list[Array]) -> Generator[Array, None, list[str]]:
-    """Bring the blade down on a thing.
+def _halves(work: Work, phrase: str) -> list[str]:
+    """What there is of halves of what a phrase names."""
+    return [entry.name for entry in work.scene.knowledge().find(f"half {_WHICH.sub('', phrase)}")]
 
-    Returns:
-        Names of what came of it, as far as they are known.
-    """
-    before = {entry.name for entry in work.scene.knowledge()}
+
+def _press(work: Work, side: Side, name: str, tried: list[Array]) -> Actions:
+    """Bring the blade down on a thing. Raises MotionFailure "not_cut" if it is known to be whole still."""
     beside = _beside(work, name)
 
     def find(search: Search, here_first: bool) -> Stance | None:
@@ -90,10 +100,8 @@ def _press(work: Work, side: Side, name: str, tried: list[Array]) -> Generator[A
         raise MotionFailure("dropped")
     if not work.scene.exact:
         yield from study(work, name)
-    known = {entry.name for entry in work.scene.knowledge()}
-    if work.scene.exact and name in known:
+    if work.scene.exact and name in {entry.name for entry in work.scene.knowledge()}:
         raise MotionFailure("not_cut")
-    return sorted(known - before)
 
 
 def _options(work: Work, held: Held, name: str) -> Iterator[Option]:
