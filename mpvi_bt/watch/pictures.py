@@ -25,6 +25,7 @@ from mpvi_bt.tree.build import Tree
 from mpvi_bt.watch.channel import Page
 
 SHARE = 0.03  # of the wall time, at most, goes into pictures. Our choice: visitors are to slow a run by less than 5 %
+_FREE = 3  # the first of each: with it the device warms up, once
 _WIDTH_PX = 400  # of a camera's picture
 _MAP_PX = (640, 440)
 _QUALITY = 80  # of JPEG
@@ -35,7 +36,7 @@ class LivePictures(Watcher):
     """Subscriber that answers a page that asks; while none does, a step costs one comparison.
 
     Pictures take turns: the head, the wrist whose picture the checker was handed last, the map. After each it waits
-    until it has spent no more than `SHARE` of the time.
+    until it has spent no more than `SHARE` of the time, but for the first of each.
 
     Args:
         page: Which.
@@ -64,7 +65,7 @@ class LivePictures(Watcher):
             if picture is not None:
                 words["pictures"] = {name: _encoded(picture)}
             done = time.perf_counter()
-            self._free_at = done + (done - now) / SHARE
+            self._free_at = done + ((done - now) / SHARE if self._turn > _FREE else 0.0)
         self._page.send(words)
 
     def _next(self, tree: Tree, world: World, grid: OccupancyMap) -> tuple[str, Picture | None]:

@@ -25,7 +25,7 @@ function goTo(line, column) {
 
 function draw(data) {
   const { problems } = data;
-  $("problems").firstElementChild.textContent = problems.length ? `${problems.length} problems` : "No problems";
+  $("problems").firstElementChild.textContent = problems.length ? `${problems.length} problem${problems.length > 1 ? "s" : ""}` : "No problems";
   $("problems").lastElementChild.replaceChildren(...problems.map(({ line, column, code, severity, message, file }) => {
     const row = make("button", `${file ? `${file}: ` : ""}${line}:${column}: ${message} [${code}]`, () => goTo(line, column));
     row.className = "link";
