@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import builtins
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from mpvi_bt.cli import main
 from mpvi_bt.errors import UserError
 from mpvi_bt.learned import training
 from mpvi_bt.learned.batches import Batches
@@ -15,7 +17,7 @@ from mpvi_bt.learned.body import BODY, SIDE
 from mpvi_bt.learned.demonstration import Demonstration
 from mpvi_bt.learned.features import SCALE, WAYPOINTS
 from mpvi_bt.learned.frames import read_frames
-from mpvi_bt.learned.network import Networks
+from mpvi_bt.learned.network import Networks, Weights
 from mpvi_bt.learned.training import Training, train
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.robot.solids import Array
@@ -164,3 +166,23 @@ def test_without_torch_training_says_how_to_install_it(folder: Path, tmp_path: P
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(UserError, match=r"training needs torch: pip install .*train"):
         trained(folder, tmp_path / "a.pt")
+
+
+@pytest.mark.parametrize("out", ["mine", "mine.pt", "no_folder/mine.npz"])
+def test_a_file_that_cannot_be_written_is_refused_before_training(folder: Path, tmp_path: Path, out: str, capsys):
+    """Not after half an hour."""
+    with pytest.raises(SystemExit) as ended:
+        main(["train", "learned", str(folder), "--out", str(tmp_path / out)])
+    assert ended.value.code == 2
+    assert "name a file FILE.npz in a folder that there is" in capsys.readouterr().err
+
+
+def test_the_command_leaves_weights_that_the_policy_loads_and_the_curves(folder: Path, tmp_path: Path, capsys):
+    """A first try of a few steps ends with files that say how they were made."""
+    out = tmp_path / "mine.npz"
+    with pytest.raises(SystemExit) as ended:
+        main(["train", "learned", str(folder), "--out", str(out), "--actor-steps", "2", "--proposer-steps", "2"])
+    assert not ended.value.code
+    assert Weights.load(out).about["pick"]["demonstrations"] == 4
+    assert [row["network"] for row in json.loads((tmp_path / "mine.pick.json").read_text())] == ["proposer", "actor"]
+    assert "mine.npz: pick" in capsys.readouterr().out

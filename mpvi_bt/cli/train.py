@@ -31,6 +31,10 @@ def learned(
     What is interrupted goes on where it was when it is started again. The same demonstrations and seed make the same
     weights on one machine. `mpvi run TASK --policy learned:FILE.npz` runs with them.
     """
+    from mpvi_bt.errors import UserError
+
+    if out.suffix != ".npz" or not out.parent.is_dir():
+        raise UserError(f"--out {out}: name a file FILE.npz in a folder that there is.")
     from mpvi_bt.learned.body import BODY
     from mpvi_bt.learned.frames import read_frames
     from mpvi_bt.learned.network import Weights
