@@ -18,7 +18,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.rules.marks import Marks, Remover, covered, wiped
-from mpvi_bt.rules.sprayer import Sprayer, sprayed
+from mpvi_bt.rules.sprayer import EVERY_STEPS, Sprayer, sprayed
 from mpvi_bt.rules.washer import begins, washed
 from mpvi_bt.sim.builder import Thing, show
 from mpvi_bt.things.description import Color, Part
@@ -70,6 +70,7 @@ class Marking:
             self._removers[name] = Remover(solvents, tuple(((high - low) / 2).tolist()))
             self._boxes[name] = kin.transform(np.eye(3), (low + high) / 2)
         self._steps = 0
+        self._reaches_m: dict[str, float] = {}
         self._dots: dict[tuple[str, str], tuple[sapien.Entity, Array]] = {}
 
     def put(self, name: str, kind: str, solids: Sequence[Solid]) -> Array:
@@ -126,8 +127,10 @@ class Marking:
     def _spray(self, state: WorldState) -> None:
         self._steps += 1
         for name, sprayer in self._tools.sprays.items():
+            if self._steps % EVERY_STEPS or not state.toggled_on(name):
+                continue
             seed = np.random.default_rng((zlib.crc32(name.encode()), self._steps))
-            ends = sprayer.rays(state.toggled_on(name), self._steps, seed)
+            ends = sprayer.rays(True, self._steps, seed)
             T = matmul(self._things[name].T_world_body(), kin.transform(np.eye(3), np.array(sprayer.at)))
             for end in matmul(ends, T[:3, :3].T):
                 met = self._met(name, T[:3, 3], end)
@@ -142,7 +145,7 @@ class Marking:
         length = float(norm(ray))
         first: tuple[float, str] | None = None
         for name, thing in self._things.items():
-            if name == sprayer:
+            if name == sprayer or math.dist(thing.entity.pose.p, tip) > length + self._reach_m(name):
                 continue
             for solid in thing.solids():
                 if math.dist(solid.T[:3, 3], tip) > length + math.hypot(*solid.half_m):
@@ -151,6 +154,14 @@ class Marking:
                 if span is not None and span[1] >= 0.0 and span[0] <= length and (first is None or span[0] < first[0]):
                     first = (max(span[0], 0.0), name)
         return None if first is None else (first[1], tip + ray / length * first[0])
+
+    def _reach_m(self, name: str) -> float:
+        """How far any part of a thing can be from its origin."""
+        if name not in self._reaches_m:
+            description = self._things[name].description
+            swings = 2.0 if description.jointed else 1.0
+            self._reaches_m[name] = swings * float(norm(np.abs(description.extent()).max(0)))
+        return self._reaches_m[name]
 
     def show(self, scene: sapien.Scene) -> dict[int, str]:
         """Bring what cameras see to where things are, as many dots as there are marks.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -62,10 +63,13 @@ class Mounting:
 
     def step(self, state: WorldState) -> None:
         """One control step later: what gives way is torn off, what has come to a mount is fixed to it."""
+        if not self._pairs:
+            return
         for child in [name for name, joint in self._joints.items() if self._torn(name, joint)]:
             self._take_off(child)
         for child, parent, mine, theirs in self._pairs:
-            if child in self._joints:
+            apart = math.dist(self._things[child].entity.pose.p, self._things[parent].entity.pose.p)
+            if child in self._joints or apart > NEAR_M + math.hypot(*mine.at) + math.hypot(*theirs.at):
                 continue
             male, female = self._mount(child, mine), self._mount(parent, theirs)
             if norm(male.pose[:3, 3] - female.pose[:3, 3]) <= NEAR_M and fits(
