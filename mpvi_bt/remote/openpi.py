@@ -210,5 +210,6 @@ class OpenpiPolicy:
         self.gave_up = message.get("gave_up") is True
         self.ended = self.gave_up or message.get("ended") is True
         progress = message.get("progress")
-        known = isinstance(progress, int | float | np.number) and not isinstance(progress, bool) and 0 <= progress <= 1
-        self.progress = float(progress) if known else None
+        self.progress = None
+        if isinstance(progress, int | float | np.floating) and not isinstance(progress, bool) and 0 <= progress <= 1:
+            self.progress = float(progress)
