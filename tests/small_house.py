@@ -2,34 +2,29 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+import yaml
 
-from mpvi_bt.house.house import House, load_house
+from mpvi_bt.house.house import House
 from mpvi_bt.robot.model import RobotModel
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, pose
 from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.testing.scene_builder import one_room
 from mpvi_bt.things.catalogue import load_catalogue
 
 CATALOGUE = load_catalogue()
-ROOM = """
-outside: "#efe6d6"
-rooms:
-  hall: {{rect: [-3.0, -3.0, 3.0, 3.0], floor: "#9fb0ab", walls: "#f6ecd4", fixtures: {{{fixtures}}}}}
-"""
+_SHAPES = Path(__file__).parents[1] / "benchmarks" / "hands" / "shapes"
+ODD = load_catalogue(_SHAPES / "tuning.yaml")  # things of other shapes and sizes than the usual ones
+LARGE = load_catalogue(_SHAPES / "large_tuning.yaml")  # what it takes two hands to lift
 
 
 def small_house(**fixtures: str) -> House:
     """One room of 6 x 6 m around the origin; fixtures by name, as flow YAML such as "{entry: table, at: [1, 0]}"."""
-    listed = ", ".join(f"{name}: {given}" for name, given in fixtures.items())
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "small.yaml"
-        path.write_text(ROOM.format(fixtures=listed))
-        return load_house(path, CATALOGUE)
+    return one_room({name: yaml.safe_load(given) for name, given in fixtures.items()})
 
 
 def placed(entry: str, x: float, y: float, z: float = 0.001, yaw: float = 0.0) -> Placement:

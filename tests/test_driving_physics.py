@@ -8,19 +8,13 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from benchmarks.hands.holding import put_in_hands
-from benchmarks.hands.rooms import placed
-from benchmarks.hands.trial import Trial, play
-from benchmarks.hands.two_hands import carried, large_things
 from mpvi_bt.house.house import House, check_house
 from mpvi_bt.house.prior_map import prior_map
-from mpvi_bt.manipulation.policies.expert import ExpertPolicy
 from mpvi_bt.marked_yaml import parse_marked
 from mpvi_bt.navigation.driver import Driver, GaveUp
 from mpvi_bt.navigation.footprint import Footprint
 from mpvi_bt.navigation.goals import Goal
 from mpvi_bt.navigation.traversability import Traversability
-from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import CONTROL_HZ, Side
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array, pose
@@ -29,7 +23,10 @@ from mpvi_bt.scene.knowledge import KnowledgeBase
 from mpvi_bt.scene.occupancy import Occupancy
 from mpvi_bt.scene.occupancy_map import OccupancyMap
 from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.testing.full_hands import put_in_hands
 from mpvi_bt.things.catalogue import load_catalogue
+from tests.small_house import LARGE
+from tests.test_expert import play
 
 TOUCH_N = 20.0
 HELD: Mapping[Side, str] = {"left": "carton_of_milk", "right": "can_of_soda"}
@@ -48,13 +45,12 @@ def two_halls(door_m: float) -> House:
 
 def with_full_hands(house: House, name: str) -> World:
     """A world in which the robot has lifted a large thing with both hands."""
-    entry = large_things("tuning")[name]
-    prompt = f"lift the {entry.phrases[0]} with both hands"
-    box = placed(entry, -2.2, 0.3, 0.0, 0.3)
-    trial = Trial(house, {"box": box}, np.array([-3.2, 0.3, 0.0]), prompt, carried("box", 0.0))
-    world = trial.world(render=False)
-    played = play(trial, world, ExpertPolicy(world, load_skills(), 0), world.robot)
-    assert not played.missing
+    box = Placement(LARGE[name], pose((-2.2, 0.3, 0.001), 0.3))
+    world = World(house, {"box": box}, np.array([-3.2, 0.3, 0.0]), render=False)
+    world.settle()
+    played = play(world, f"lift the {LARGE[name].phrases[0]} with both hands", limit_s=90.0)
+    assert played.note == "done"
+    assert world.between() == "box"
     return world
 
 
@@ -110,9 +106,9 @@ def test_a_doorway_of_90_cm_with_something_in_each_hand() -> None:
 @pytest.mark.render
 def test_what_only_depth_shows_is_driven_around() -> None:
     """Boxes before and behind a doorway that no map has: the way is planned anew on sight, and nothing is touched."""
-    house, large = two_halls(1.2), large_things("tuning")
-    boxes = {"near": placed(large["moving_box"], -0.9, 0.1, 0.0, 0.3)}
-    boxes["behind"] = placed(large["storage_tub"], 0.75, 0.55, 0.0, 0.7)
+    house = two_halls(1.2)
+    boxes = {"near": Placement(LARGE["moving_box"], pose((-0.9, 0.1, 0.001), 0.3))}
+    boxes["behind"] = Placement(LARGE["storage_tub"], pose((0.75, 0.55, 0.001), 0.7))
     world = World(house, boxes, np.array([-1.5, 1.4, -1.57]), render=True)
     world.settle()
     before = {name: world.pose(name) for name in boxes}

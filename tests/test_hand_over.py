@@ -10,8 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from benchmarks.hands.rows import Job
-from benchmarks.hands.runner import run_job
 from mpvi_bt.manipulation.skills.hand_over import takes
 from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.robot import kinematics as kin
@@ -95,11 +93,3 @@ def test_what_hangs_on_a_slant_is_seen_to(lean: float) -> None:
     up = shape.solids[0].T[:3, 2]
     axis = (T[:3, :3] @ tilt)[:, 2]
     assert np.arccos(min(1.0, abs(float(up @ axis)))) < 0.06
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("policy", ["expert", pytest.param("reactive", marks=pytest.mark.render)])
-def test_a_thing_changes_hands(policy: str) -> None:
-    """Both fingers of the other hand are on it, and the first hand is empty, by simulator truth."""
-    row = run_job(Job("hand_over", "any", policy, 0, "tuning"))
-    assert row.ok, row.cause

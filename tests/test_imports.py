@@ -119,6 +119,12 @@ def test_the_page_shows_the_rooms_as_they_are() -> None:
     assert PAGE.read_text(encoding="utf-8") == page(), "python -m tests.rooms"
 
 
+def test_no_test_imports_a_benchmark() -> None:
+    """What tests build on is in the package or beside them; benchmarks have tests of their own in benchmarks/tests."""
+    own = (PACKAGE.parent / "tests").rglob("*.py")
+    assert not [path.name for path in own if any(name.startswith("benchmarks") for name in imports(path))]
+
+
 def test_every_library_is_declared() -> None:
     """What the package imports is Python's own, ours, or among the dependencies of pyproject.toml."""
     project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]

@@ -12,9 +12,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.hands.policies import POLICIES
-from benchmarks.hands.scenes import draw
-from benchmarks.hands.trial import play
 from mpvi_bt.errors import UserError
 from mpvi_bt.learned import body
 from mpvi_bt.learned.demonstration import Demonstration
@@ -24,7 +21,7 @@ from mpvi_bt.learned.points import PointMemory
 from mpvi_bt.learned.policy import WEIGHTS, LearnedPolicy
 from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.robot.protocol import SIDES, CameraImage
+from mpvi_bt.robot.protocol import CameraImage
 from mpvi_bt.robot.r1 import R1, TRAVEL_TORSO
 from mpvi_bt.testing.contracts import check_policy
 from mpvi_bt.testing.doubles import KinematicRobot
@@ -198,18 +195,3 @@ def test_it_runs_without_torch():
         "Weights; Weights.load(WEIGHTS); sys.exit('torch' in sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
-
-
-@pytest.mark.slow
-@pytest.mark.render
-def test_it_picks_things_up_from_tables_with_either_hand():
-    """Of eight fresh scenes most are done, some with each hand, by physics and the simulator's truth."""
-    hands = []
-    for seed in range(700, 708):
-        trial = draw("pick", "table", seed, "tuning")
-        world = trial.world(render=True)
-        own = POLICIES["learned"].make(world, seed, 0.0)
-        if not play(trial, world, own, world.robot).missing:
-            hands += [side for side in SIDES if world.pinched(side)]
-    assert len(hands) >= 5
-    assert set(hands) == set(SIDES)

@@ -11,7 +11,6 @@ from typing import cast
 import numpy as np
 import pytest
 
-from benchmarks.hands.holding import put_in_hands
 from mpvi_bt.manipulation.motion.work import Work
 from mpvi_bt.manipulation.skills import drop, place, placing
 from mpvi_bt.manipulation.skills.placing import leaning
@@ -28,6 +27,7 @@ from mpvi_bt.scene.held import Held
 from mpvi_bt.scene.scene import Scene
 from mpvi_bt.scene.true_scene import TrueScene
 from mpvi_bt.shapes.from_above import outline
+from mpvi_bt.testing.full_hands import put_in_hands
 from tests.small_house import placed, small_world
 from tests.test_motion import obey, play, reaching
 

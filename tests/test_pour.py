@@ -8,9 +8,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from benchmarks.hands.rows import Job
-from benchmarks.hands.runner import run_job
-from benchmarks.hands.scenes import draw
 from mpvi_bt.manipulation.motion.work import Work
 from mpvi_bt.manipulation.skills import pour
 from mpvi_bt.manipulation.skills.pour import lip, righted
@@ -21,6 +18,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import Motion
 from mpvi_bt.robot.solids import Solid
 from mpvi_bt.scene.true_scene import TrueScene
+from mpvi_bt.testing import SceneBuilder
 
 angles = st.floats(-3.1, 3.1)
 
@@ -62,9 +60,16 @@ def test_a_vessel_is_righted_by_the_least_turn(seed: int) -> None:
 
 def test_looking_for_a_level_way_ends_when_nothing_is_left_to_spend(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where no way keeps the vessel level, each one looked for counts as much as the place to stand that it needs."""
-    trial = draw("pour", "floor", 0, "tuning")
-    world = trial.world(render=False)
-    call = match(trial.prompt, load_skills())
+    world = (
+        SceneBuilder()
+        .thing("cup", "coffee_cup")
+        .in_hand("right", "cup")
+        .thing("egg", "easter_egg")
+        .inside("cup", "egg")
+        .thing("bowl", "mixing_bowl", at=(0.9, 0.0, 0.001))
+        .world()
+    )
+    call = match("pour the Easter egg out of the coffee cup into the mixing bowl", load_skills())
     assert call is not None
     looked: list[float] = []
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0), effort=Effort(5.0))
@@ -75,11 +80,3 @@ def test_looking_for_a_level_way_ends_when_nothing_is_left_to_spend(monkeypatch:
     monkeypatch.setattr(pour, "_course", no_way)
     next(pour.pour(work, call.arguments, []))
     assert looked == [3.0, 1.0, -1.0]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("policy", ["expert", pytest.param("reactive", marks=pytest.mark.render)])
-def test_what_is_in_a_held_vessel_ends_up_in_another(policy: str) -> None:
-    """All of it is in the receiver, and the vessel still in the hand, by simulator truth."""
-    row = run_job(Job("pour", "floor", policy, 0, "tuning"))
-    assert row.ok, row.cause

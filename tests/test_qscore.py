@@ -2,21 +2,17 @@
 
 import itertools
 import random
-import re
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.agreement import OMNIGIBSON, compare, counts_of
 from mpvi_bt.goals.evaluate import judge, snapshot, unmet
 from mpvi_bt.goals.formula import All, Literal, Not, Some, holds
 from mpvi_bt.goals.problem import load_problem, parse_problem
 from mpvi_bt.goals.qscore import best_fraction, qscore
-from mpvi_bt.instances.human import human_stats
 
 HEAD = "(define (:objects a_1 a_2 a_3 - a b_1 b_2 - b) (:init ) (:goal {}))"
 THINGS = {"a": ["a_1", "a_2", "a_3"], "b": ["b_1", "b_2"]}
@@ -185,49 +181,6 @@ def test_unmet_lists_the_start_facts_that_do_not_hold() -> None:
     problem = load_problem("picking_up_trash")
     missing = unmet(problem, lambda k: k.args[0] != "can__of__soda.n.01_2")
     assert [f.literal for f in missing] == [Literal("ontop", ("can__of__soda.n.01_2", "floor.n.01_1"))]
-
-
-DOCUMENT = (Path(__file__).parent.parent / "docs" / "scoring.md").read_text(encoding="utf-8")
-CAPS = {
-    task: row[0]
-    for row in re.findall(r"^\| (0\.\d\d) \| (.*) \|$", DOCUMENT, re.MULTILINE)
-    for task in row[1].split(", ")
-}
-WILDCARDS = {
-    row[0]: row[1:]
-    for row in re.findall(r"^\| (\w+) \| [^|]+ in the [^|]+ \| ([\d, ]+) \| ([\d, ]+) \|", DOCUMENT, re.MULTILINE)
-}
-WAVES = list(human_stats())[:30]
-
-
-@pytest.mark.parametrize("task", WAVES)
-def test_what_init_makes_true_caps_the_q_of_a_goal_that_is_not_reached(task: str) -> None:
-    """With OmniGibson's fixtures, the caps are those that the challenge's own problems give."""
-    problem = load_problem(task).expanded(counts_of(task) | OMNIGIBSON.get(task, {}))
-    held = {fact.literal for fact in problem.init if fact.positive}
-    cap = best_fraction(problem.goal, lambda literal, positive: (literal in held) != positive)
-    assert f"{cap:.2f}" == CAPS.get(task, "1.00")
-
-
-@pytest.mark.parametrize("task", WAVES)
-def test_wildcards_stand_for_as_many_fixtures_as_the_document_says(task: str) -> None:
-    """In our house and in OmniGibson's; a room has one floor."""
-    problem, ours = load_problem(task), counts_of(task)
-    found = [
-        ", ".join(str(max(1, counts[synset])) for synset in problem.wildcards)
-        for counts in (ours | OMNIGIBSON.get(task, {}), ours)
-    ]
-    assert tuple(found) == WILDCARDS.get(task, ("", ""))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("task", list(human_stats()))
-def test_goals_are_judged_as_the_bddl_package_does(task: str) -> None:
-    """Truth, q and fraction are those of the package on random assignments, once it truncates its options no more."""
-    counts = counts_of(task)
-    found = compare(task, counts | OMNIGIBSON.get(task, {}), assignments=40, most=100)
-    assert found.differ == (0, 0, 0)
-    assert 0 < found.reached < 40
 
 
 def test_a_goal_of_half_of_many_things_is_scored_in_time() -> None:

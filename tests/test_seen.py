@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.hands.holding import put_in_hands
 from mpvi_bt.perception.phrases import kinds
 from mpvi_bt.perception.segmentation import SegmentationDetector
 from mpvi_bt.robot import kinematics as kin
@@ -23,6 +22,7 @@ from mpvi_bt.scene.thing import Thing
 from mpvi_bt.shapes.furniture_shape import furniture
 from mpvi_bt.shapes.moving_parts import Door
 from mpvi_bt.sim.world import World
+from mpvi_bt.testing.full_hands import put_in_hands
 from tests.small_house import placed, run, small_world
 
 pytestmark = pytest.mark.render

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.hands.holding import put_in_hands
 from mpvi_bt.completion.triggers import ProprioceptiveTriggers
 from mpvi_bt.manipulation.motion.gaze import look_into
 from mpvi_bt.manipulation.motion.work import Work
@@ -20,6 +19,7 @@ from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.scene.true_scene import TrueScene
 from mpvi_bt.sim.world import World
+from mpvi_bt.testing.full_hands import put_in_hands
 from tests.small_house import placed, small_world
 
 SKILLS = load_skills()

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.hands.rooms import things
 from mpvi_bt.manipulation.motion.approach import approach, go_around
 from mpvi_bt.manipulation.motion.work import Work
 from mpvi_bt.manipulation.skills.pick import options as pick_options
@@ -32,7 +31,7 @@ from mpvi_bt.robot.solids import Array, Solid, box
 from mpvi_bt.scene.held import Held
 from mpvi_bt.scene.true_scene import TrueScene
 from mpvi_bt.sim.world import World
-from tests.small_house import placed, small_world
+from tests.small_house import ODD, placed, small_world
 
 TABLE = "{entry: table, at: [0.9, 0.6]}"
 CAN_AT = (0.9, -0.4)
@@ -258,7 +257,7 @@ def test_ways_that_no_arm_can_take_do_not_hide_the_others() -> None:
     """Where a hand from above fits between two boards and its arm does not, one from before the boards is found."""
     size = [0.36, 0.9, 0.06 + 5 * 0.372 + 0.011]
     shelf = f"{{entry: shelf, at: [2.769, 0.0], yaw_deg: 180, shape: {{size_m: {size}, shelves: 6}}}}"
-    dice = replace(placed("candle", 2.80, 0.0, 0.06 + 0.372 + 0.012, 1.5), entry=things("tuning")["dice_cube"])
+    dice = replace(placed("candle", 2.80, 0.0, 0.06 + 0.372 + 0.012, 1.5), entry=ODD["dice_cube"])
     world = small_world({"dice": dice}, (1.7, 0.0, 0.0), shelf_1=shelf)
     assert found_for(world, "dice") is not None
 

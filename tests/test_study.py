@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.hands.holding import put_in_hands
 from mpvi_bt.manipulation.motion.approach import close_in
 from mpvi_bt.manipulation.motion.gaze import studied, study
 from mpvi_bt.manipulation.motion.work import Work
@@ -25,6 +24,7 @@ from mpvi_bt.robot.protocol import ActionLayout, CameraImage, Proprioception
 from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.scene.true_scene import TrueScene
 from mpvi_bt.sim.world import World
+from mpvi_bt.testing.full_hands import put_in_hands
 from tests.small_house import placed, small_world
 
 HUNG = "{entry: wall_cabinet, at: [1.2, 0.0], yaw_deg: 180, z_m: 1.35, shape: {size_m: [0.36, 0.6, 0.7]}}"

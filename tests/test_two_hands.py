@@ -11,10 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.hands.holding import put_in_hands
-from benchmarks.hands.rows import Job
-from benchmarks.hands.runner import run_job
-from benchmarks.hands.two_hands import large_things
 from mpvi_bt.goals.predicates import ontop
 from mpvi_bt.manipulation.motion.work import Work
 from mpvi_bt.manipulation.policies.expert import ExpertPolicy
@@ -39,7 +35,8 @@ from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.scene.true_scene import TrueScene
 from mpvi_bt.sim.world import Placement
-from tests.small_house import placed, small_world
+from mpvi_bt.testing.full_hands import put_in_hands
+from tests.small_house import LARGE, placed, small_world
 from tests.test_open import play
 
 half_sizes = st.tuples(*[st.floats(0.03, 0.3)] * 3)
@@ -104,7 +101,7 @@ def test_motions_run_in_step_until_the_last_has_ended() -> None:
 
 def test_what_no_hand_spans_is_fetched_with_both() -> None:
     """A crate is lifted, a can is picked up, before they are put somewhere."""
-    crate = Placement(large_things("tuning")["drinks_crate"], kin.transform(np.eye(3), (1.0, 0.3, 0.001)))
+    crate = Placement(LARGE["drinks_crate"], kin.transform(np.eye(3), (1.0, 0.3, 0.001)))
     world = small_world({"crate": crate, "can": placed("can_of_soda", 1.0, -0.3)})
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
     policy = ExpertPolicy(world, load_skills())
@@ -114,7 +111,7 @@ def test_what_no_hand_spans_is_fetched_with_both() -> None:
 
 def test_who_holds_something_does_not_try_to_fetch_with_both() -> None:
     """A saucer that had been dropped, seen in part, was no thing for one hand; the other one held the cup."""
-    crate = Placement(large_things("tuning")["drinks_crate"], kin.transform(np.eye(3), (1.0, 0.3, 0.001)))
+    crate = Placement(LARGE["drinks_crate"], kin.transform(np.eye(3), (1.0, 0.3, 0.001)))
     world = small_world({"crate": crate, "can": placed("can_of_soda", 1.0, -0.3)})
     put_in_hands(world, {"right": "can"})
     work = Work(TrueScene(world), Motion(world.robot.proprioception()), np.random.default_rng(0))
@@ -134,14 +131,6 @@ def test_a_failure_leaves_between_the_hands_what_they_hold() -> None:
             assert action[ActionLayout.GRIPPER[side]] == before[ActionLayout.GRIPPER[side]]
         world.step(action)
         work.motion.felt = world.robot.proprioception()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("policy", ["expert", pytest.param("reactive", marks=pytest.mark.render)])
-def test_a_box_is_lifted_off_the_floor(policy: str) -> None:
-    """By friction alone, level, and off everything, by simulator truth."""
-    row = run_job(Job("lift", "floor", policy, 0, "tuning"))
-    assert row.ok, row.cause
 
 
 def test_what_has_a_lid_is_pressed_below_it() -> None:

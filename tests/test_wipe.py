@@ -5,12 +5,9 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.hands.rows import Job
-from benchmarks.hands.runner import run_job
 from mpvi_bt.manipulation.skills.wipe import strokes_over
 
 sizes = st.tuples(st.floats(0.02, 0.25), st.floats(0.02, 0.25))
@@ -42,12 +39,3 @@ def test_no_stroke_is_made_twice(half: tuple[float, float], reach: tuple[float, 
     """Turning points differ from each other."""
     points = [tuple(np.round(p, 9)) for p in strokes_over(np.array(half), np.array(reach))]
     assert len(set(points)) == len(points)
-
-
-@pytest.mark.rare
-@pytest.mark.slow
-@pytest.mark.parametrize("policy", ["expert", pytest.param("reactive", marks=pytest.mark.render)])
-def test_a_top_is_wiped(policy: str) -> None:
-    """All but a twentieth of it was in touch with the tool, which is still in the hand, by simulator truth."""
-    row = run_job(Job("wipe", "top", policy, 1, "tuning"))
-    assert row.ok, row.cause

@@ -8,10 +8,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from benchmarks.hands.rooms import ROOM_M, arrival, called, catalogue, placed, room, things
+from benchmarks.hands.rooms import arrival, called, catalogue, placed, things
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.testing.scene_builder import HALF_M, one_room
 from mpvi_bt.things.catalogue import Entry
 
 # What counts as clearly open [rad or m]: an upright door, a flap, a drawer. What counts as closed [of the limit].
@@ -101,12 +102,12 @@ def against_wall(kind: str, rng: np.random.Generator, shapes: Shapes) -> tuple[d
     if "shelves_z_m" in catalogue()[what.entry].shape and height < 1.4:
         shape["shelves_z_m"] = [round(height * 0.55, 2)]
     fixtures: dict[str, dict[str, Any]] = {}
-    x, y = ROOM_M - _WALL_GAP_M - size[0] / 2, float(round(rng.uniform(-0.8, 0.8), 3))
+    x, y = HALF_M - _WALL_GAP_M - size[0] / 2, float(round(rng.uniform(-0.8, 0.8), 3))
     z = within(rng, shapes, what.z_m)
     if what.on_counter:
         depth, _, top = catalogue()["counter"].shape["size_m"]
-        fixtures["counter_1"] = {"entry": "counter", "at": [ROOM_M - _WALL_GAP_M - depth / 2, y], "yaw_deg": 180}
-        x, z = ROOM_M - _WALL_GAP_M - depth + size[0] / 2 + 0.04, top + 0.001
+        fixtures["counter_1"] = {"entry": "counter", "at": [HALF_M - _WALL_GAP_M - depth / 2, y], "yaw_deg": 180}
+        x, z = HALF_M - _WALL_GAP_M - depth + size[0] / 2 + 0.04, top + 0.001
     fixtures["thing_1"] = {"entry": what.entry, "at": [round(x, 3), y], "yaw_deg": 180, "z_m": z, "shape": shape}
     return fixtures, np.array([x - size[0] / 2 - _BEFORE_M, y])
 
@@ -129,7 +130,7 @@ def opening(kind: str) -> Scene:
 
     def scene(rng: np.random.Generator, shapes: Shapes) -> Trial:
         fixtures, before = against_wall(kind, rng, shapes)
-        house = room(fixtures)
+        house = one_room(fixtures)
         parts = _PARTS.get(kind, {})
         said = FURNITURE[kind].called
         part: str | None = None
@@ -154,7 +155,7 @@ def closing(kind: str) -> Scene:
 
     def scene(rng: np.random.Generator, shapes: Shapes) -> Trial:
         fixtures, before = against_wall(kind, rng, shapes)
-        house = room(fixtures)
+        house = one_room(fixtures)
         bodies = [b.name for b in house.fixtures["thing_1"].entry.description.bodies if b.joint is not None]
         body = bodies[rng.integers(len(bodies))]
         opened = {"thing_1": {body: float(rng.uniform(0.5, 0.8))}}
@@ -182,7 +183,7 @@ def pressing(entry: str, phrase: str, kind: str | None = None) -> Scene:
             fixtures, before = against_wall(kind, rng, shapes)
         else:
             fixtures, objects, before = _stood(entry, rng, shapes)
-        house = room(fixtures)
+        house = one_room(fixtures)
         name = "thing_1"
         on = bool(rng.integers(2))
         start: dict[World, np.ndarray] = {}
@@ -207,7 +208,7 @@ def _stood(
     """A toggleable thing where such a thing is: on a table, in a counter, on the floor."""
     entry = catalogue()[entry_name]
     y = float(round(rng.uniform(-0.8, 0.8), 3))
-    far = ROOM_M - _WALL_GAP_M
+    far = HALF_M - _WALL_GAP_M
     if entry.mass_kg is not None:
         low, high = (0.85, 1.15) if shapes == "tuning" else (0.75, 0.85)
         size = [round(s * float(rng.uniform(low, high)), 3) for s in entry.shape["size_m"]]
@@ -260,7 +261,7 @@ def pushing(kind: Literal["box", "chair", "table"], toward: bool = False) -> Sce
             fixtures["table_1"] = {"entry": "table", "at": [2.4, round(y, 2)], "yaw_deg": 180}
             x = 2.4 - 0.275 - rng.uniform(0.55, 0.75)
         objects = {"thing_1": placed(entry, x, y, z, yaw)}
-        house = room(fixtures)
+        house = one_room(fixtures)
         base = arrival(np.array([x, y]), rng, house, objects, {})
         bearing = float(np.arctan2(y - base[1], x - base[0]))
         direction, turn = [("away", 0.0), ("to the left", np.pi / 2), ("to the right", -np.pi / 2)][rng.integers(3)]

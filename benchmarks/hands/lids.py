@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.hands.doors import positions
-from benchmarks.hands.rooms import ROOM_M, arrival, catalogue, placed, room
+from benchmarks.hands.rooms import arrival, catalogue, placed
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.sim.world import World
+from mpvi_bt.testing.scene_builder import HALF_M, one_room
 
 _MOST_MOVED_M = 0.15
 _ASKEW_RAD = 0.25  # how far its front may look past whoever stands there
@@ -23,14 +24,14 @@ def lid(entry_name: str, said: str, opened: bool) -> Scene:
         y = float(round(rng.uniform(-0.5, 0.5), 3))
         height = float(round(rng.uniform(0.5, 0.88), 3))
         size = [0.65, 1.3, height]
-        table = {"entry": "workbench", "at": [ROOM_M - 0.4, y], "yaw_deg": 180, "shape": {"size_m": size}}
+        table = {"entry": "workbench", "at": [HALF_M - 0.4, y], "yaw_deg": 180, "shape": {"size_m": size}}
         entry = catalogue()[entry_name]
         low, high = (0.95, 1.05) if shapes == "tuning" else (0.88, 0.95)
         entry = entry.reshaped({"size_m": [round(s * float(rng.uniform(low, high)), 3) for s in entry.shape["size_m"]]})
         depth = float(entry.description.extent()[1, 0])
-        x = ROOM_M - 0.725 + depth + float(rng.uniform(0.04, 0.16))
+        x = HALF_M - 0.725 + depth + float(rng.uniform(0.04, 0.16))
         things = {"thing_1": placed(entry, x, y, height, np.pi + float(rng.uniform(-_ASKEW_RAD, _ASKEW_RAD)))}
-        house = room({"table_1": table})
+        house = one_room({"table_1": table})
         start = {"thing_1": {"lid": float(rng.uniform(0.5, 0.85))}} if opened else {}
 
         def done(world: World) -> str:
@@ -44,7 +45,7 @@ def lid(entry_name: str, said: str, opened: bool) -> Scene:
                 return "" if shut else "open" if clearly else "ajar"
             return "" if clearly else "closed" if shut else "ajar"
 
-        before = np.array([ROOM_M - 0.8, y])
+        before = np.array([HALF_M - 0.8, y])
         prompt = f"{'close' if opened else 'open'} the {said}"
         return Trial(house, things, arrival(before, rng, house, things, {}), prompt, done, opened=start)
 

@@ -7,12 +7,13 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.hands import surfaces
-from benchmarks.hands.rooms import arrival, called, name_in, room, things
+from benchmarks.hands.rooms import arrival, called, name_in, things
 from benchmarks.hands.surfaces import Surface
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.testing.scene_builder import one_room
 from mpvi_bt.things.catalogue import Entry
 
 LIFTED_M = 0.05
@@ -108,7 +109,7 @@ def pick_from(draw: Callable[[np.random.Generator], Surface], cluttered: bool = 
         objects = {name: surface.put(entry, spot, yaw)}
         if cluttered:
             crowd(objects, surface, spot, rng, shapes)
-        house = room(surface.fixtures)
+        house = one_room(surface.fixtures)
         base = arrival(surface.at(*spot), rng, house, objects, surface.opened, level_m=surface.z)
         done = lifted(name, surface.z, surface.at(*spot))
         return Trial(house, objects, base, f"pick up the {called(entry)}", done, opened=surface.opened)

@@ -8,13 +8,14 @@ import numpy as np
 
 from benchmarks.hands import surfaces
 from benchmarks.hands.pick import crowd, draw_thing, lowest, one_hand, radius
-from benchmarks.hands.rooms import arrival, called, name_in, room, things
+from benchmarks.hands.rooms import arrival, called, name_in, things
 from benchmarks.hands.surfaces import Surface
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.goals.predicates import inside, nextto, ontop, under
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array, pose
 from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.testing.scene_builder import one_room
 from mpvi_bt.things.catalogue import Entry
 
 _MOVED_M, _UPRIGHT = 0.10, 0.9
@@ -77,7 +78,7 @@ def _trial(
     objects: Mapping[str, Placement], name: str, rng: np.random.Generator, budget_s: float = 90.0,
 ) -> Trial:  # fmt: skip
     """A trial with a thing in one hand and the robot before a place (2,)."""
-    house = room(surface.fixtures)
+    house = one_room(surface.fixtures)
     base = arrival(at, rng, house, objects, surface.opened, _REACH_M, surface.z)
     held = {SIDES[rng.integers(2)]: name}
     everything = {**objects, name: Placement(entry, pose(_PARKED))}

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from benchmarks.hands.trial import Shapes
 from mpvi_bt.errors import BackendError
-from mpvi_bt.house.house import House, check_house
-from mpvi_bt.marked_yaml import parse_marked
+from mpvi_bt.house.house import House
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.solids import Array, Solid, pose
 from mpvi_bt.sim.world import Placement
+from mpvi_bt.testing.scene_builder import HALF_M
 from mpvi_bt.things.catalogue import Catalogue, Entry, load_catalogue
 
-ROOM_M = 3.0  # half the room's width
 _BODY_M = 0.38  # free around the base's center at every height
 _HEIGHTS_M = np.arange(0.05, 1.6, 0.1)
 _NEAR_M, _FAR_M, _FACING_RAD = 0.65, 1.15, 0.4  # as navigation hands over
@@ -36,31 +33,6 @@ def catalogue() -> Catalogue:
 def things(shapes: Shapes) -> Catalogue:
     """The movable things of one set of shapes. Held-out shapes are for the final table, never for tuning."""
     return load_catalogue(Path(__file__).parent / "shapes" / f"{shapes}.yaml")
-
-
-@cache
-def room_of(fixtures: str) -> House:
-    """A house of one room with fixtures given as JSON; see `room`."""
-    hall = {
-        "rect": [-ROOM_M, -ROOM_M, ROOM_M, ROOM_M],
-        "floor": "#9fb0ab",
-        "walls": "#f6ecd4",
-        "fixtures": json.loads(fixtures),
-    }
-    text = json.dumps({"outside": "#efe6d6", "rooms": {"hall": hall}})
-    return check_house(*parse_marked(text, "trial.yaml"), catalogue())
-
-
-def room(fixtures: Mapping[str, Mapping[str, Any]]) -> House:
-    """A house of one room, 6 x 6 m around the origin.
-
-    Args:
-        fixtures: By name, as in a house file: {"table_1": {"entry": "table", "at": [1.0, 0.0], "yaw_deg": 180}}.
-
-    Raises:
-        FileProblems: A fixture is unknown, sticks out of the room or overlaps another.
-    """
-    return room_of(json.dumps(fixtures, default=lambda value: value.tolist()))
 
 
 def placed(entry: Entry, x: float, y: float, z: float, yaw: float = 0.0) -> Placement:
@@ -118,7 +90,7 @@ def arrival(
         BackendError: No such pose was found.
     """
     around = Surroundings([*_fixed(house, opened), *(s for p in objects.values() for s in _solids(p))])
-    limit = ROOM_M - 0.05 - _BODY_M
+    limit = HALF_M - 0.05 - _BODY_M
     for _ in range(_DRAWS):
         bearing, far = rng.uniform(-np.pi, np.pi), rng.uniform(_NEAR_M, _FAR_M)
         toward = np.array([np.cos(bearing), np.sin(bearing)])

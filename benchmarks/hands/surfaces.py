@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.hands.rooms import ROOM_M, placed
+from benchmarks.hands.rooms import placed
 from mpvi_bt.robot.solids import Array, pose
 from mpvi_bt.sim.world import Placement
+from mpvi_bt.testing.scene_builder import HALF_M
 from mpvi_bt.things.catalogue import Entry
 
-_WALL_M = ROOM_M - 0.05  # where the room's walls begin
+_WALL_M = HALF_M - 0.05  # where the room's walls begin
 _SLACK_M = 0.001
 
 

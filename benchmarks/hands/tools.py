@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.hands.rooms import called, facing, placed, room, things
+from benchmarks.hands.rooms import called, facing, placed, things
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.sim.world import World
+from mpvi_bt.testing.scene_builder import one_room
 from mpvi_bt.things.catalogue import Entry, load_catalogue
 
 _CONTENTS_M = 0.03  # what is poured is no wider than this
@@ -46,7 +47,7 @@ def pour_on(table: bool) -> Scene:
         side: Side = SIDES[rng.integers(2)]
         names = [f"{small.name}_{k + 1}" for k in range(rng.integers(1, 4))]
         fixtures = {"table_1": {"entry": _TABLES[rng.integers(4)], "at": [1.0, 0.0], "yaw_deg": 180}} if table else {}
-        house = room(fixtures)
+        house = one_room(fixtures)
         height, at = 0.0, rng.uniform(-0.3, 0.3, 2)
         if table:
             boxes = np.stack([s.aabb() for s in house.fixtures["table_1"].solids()])
@@ -82,7 +83,7 @@ def work_over(sprays: bool) -> Scene:
         fixture = _SMALL_TOPS[rng.integers(len(_SMALL_TOPS))]
         at = rng.uniform(-0.2, 0.2, 2)
         turn = float(rng.choice([0.0, 90.0, 180.0, 270.0]))
-        house = room({"top_1": {"entry": fixture, "at": at, "yaw_deg": turn}})
+        house = one_room({"top_1": {"entry": fixture, "at": at, "yaw_deg": turn}})
         boxes = np.stack([s.aabb() for s in house.fixtures["top_1"].solids()])
         low, high = boxes[:, 0].min(0), boxes[:, 1].max(0)
         marks = _marks(low, high)

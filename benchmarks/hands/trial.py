@@ -9,7 +9,6 @@ from typing import Literal
 
 import numpy as np
 
-from benchmarks.hands.holding import fill, put_in_hands
 from mpvi_bt.house.house import House
 from mpvi_bt.protocols import Policy
 from mpvi_bt.robot.model import RobotModel
@@ -17,6 +16,7 @@ from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout, Robot, Side
 from mpvi_bt.robot.r1 import R1
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.sim.world import Placement, World
+from mpvi_bt.testing.full_hands import fill, put_in_hands
 
 Shapes = Literal["tuning", "held_out"]
 

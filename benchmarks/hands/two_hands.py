@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.hands.pick import draw_thing, lowest
-from benchmarks.hands.rooms import called, facing, placed, room
+from benchmarks.hands.rooms import called, facing, placed
 from benchmarks.hands.trial import Scene, Shapes, Trial
 from mpvi_bt.house.house import House
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.sim.world import World
+from mpvi_bt.testing.scene_builder import one_room
 from mpvi_bt.things.catalogue import Catalogue, Entry, load_catalogue
 
 _LIFTED_M = 0.08
@@ -76,13 +77,15 @@ def lift_from_floor(rng: np.random.Generator, shapes: Shapes) -> Trial:
     at = rng.uniform(-0.4, 0.4, 2)
     thing = placed(entry, at[0], at[1], 0.0, rng.uniform(-np.pi, np.pi))
     base = facing(at, rng, far_m=(1.0, 1.3))
-    return Trial(room({}), {"box": thing}, base, f"lift the {entry.phrases[0]} with both hands", carried("box", 0.0))
+    return Trial(
+        one_room({}), {"box": thing}, base, f"lift the {entry.phrases[0]} with both hands", carried("box", 0.0)
+    )
 
 
 def lift_from_table(rng: np.random.Generator, shapes: Shapes) -> Trial:
     """A box on a table, one side along its edge."""
     entry = draw_large(rng, shapes)
-    table = room({"table_1": {"entry": _TABLES[rng.integers(len(_TABLES))], "at": [0.9, 0.0], "yaw_deg": 180}})
+    table = one_room({"table_1": {"entry": _TABLES[rng.integers(len(_TABLES))], "at": [0.9, 0.0], "yaw_deg": 180}})
     (x0, _), _, top = _top(table)
     length = entry.shape["size_m"][0]
     at = np.array([x0 + length / 2 + rng.uniform(0.01, 0.04), rng.uniform(-0.1, 0.1)])
@@ -101,7 +104,7 @@ def _top(house: House) -> tuple[tuple[float, float], tuple[float, float], float]
 def set_on_table(rng: np.random.Generator, shapes: Shapes) -> Trial:
     """Lift a box and set it down on a table a step aside."""
     entry = draw_large(rng, shapes)
-    house = room({"table_1": {"entry": _TABLES[rng.integers(len(_TABLES))], "at": [1.6, 0.0], "yaw_deg": 180}})
+    house = one_room({"table_1": {"entry": _TABLES[rng.integers(len(_TABLES))], "at": [1.6, 0.0], "yaw_deg": 180}})
     (x0, x1), (y0, y1), top = _top(house)
     at = np.array([rng.uniform(-0.6, -0.3), rng.uniform(-0.4, 0.4)])
     name = entry.phrases[0]
@@ -128,7 +131,7 @@ def hand_over(rng: np.random.Generator, shapes: Shapes) -> Trial:
             return "not_let_go"
         return "touching" if any(world.touching("thing", o) for o in world.things if o != "thing") else ""
 
-    return Trial(room({}), {"thing": thing}, base, prompt, done, held={giver: "thing"})
+    return Trial(one_room({}), {"thing": thing}, base, prompt, done, held={giver: "thing"})
 
 
 SKILLS: dict[str, dict[str, Scene]] = {

@@ -4,6 +4,8 @@ Your own policy, detector, checker, navigator or robot passes the same checks as
 
     from mpvi_bt.testing import check_policy
     check_policy(MyPolicy())
+
+`SceneBuilder` is the exception: it puts together small worlds of the simulator, which it loads when it builds one.
 """
 
 from mpvi_bt.testing.contracts import check_checker, check_detector, check_navigator, check_policy, check_robot
@@ -16,12 +18,14 @@ from mpvi_bt.testing.doubles import (
     StraightNavigator,
     scripted_context,
 )
+from mpvi_bt.testing.scene_builder import SceneBuilder
 
 __all__ = [
     "FingerTriggers",
     "GripPolicy",
     "KinematicRobot",
     "KinematicWorld",
+    "SceneBuilder",
     "ScriptedChecker",
     "StraightNavigator",
     "check_checker",

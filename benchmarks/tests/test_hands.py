@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from benchmarks.hands.__main__ import main
 from benchmarks.hands.pick import lifted, one_hand
 from benchmarks.hands.place import fits, put
-from benchmarks.hands.rooms import room, things
+from benchmarks.hands.rooms import things
 from benchmarks.hands.rows import Job, Row, add_row, read_rows
 from benchmarks.hands.runner import run_job, run_jobs
 from benchmarks.hands.scenes import choose, draw, skills
@@ -26,6 +26,7 @@ from mpvi_bt.robot.kinematics import wrap
 from mpvi_bt.robot.protocol import ActionLayout
 from mpvi_bt.robot.solids import Array, pose
 from mpvi_bt.sim.world import World
+from mpvi_bt.testing.scene_builder import one_room
 from tests.small_house import placed
 
 MINE = [(skill, case) for skill in skills() if skill == "pick" or skill.startswith("place") for case in skills()[skill]]
@@ -50,7 +51,7 @@ class Scripted:
 
 
 def trial(done: Callable[[World], str], budget_s: float = 12.0) -> Trial:
-    return Trial(room({}), {"can": placed("can_of_soda", 1.0, 0.0)}, np.zeros(3), "pick up the can", done, budget_s)
+    return Trial(one_room({}), {"can": placed("can_of_soda", 1.0, 0.0)}, np.zeros(3), "pick up the can", done, budget_s)
 
 
 def played(scene: Trial, done_at: int = 10**9, action: Callable[[World, int], Array] | None = None) -> Played:
@@ -171,7 +172,7 @@ def test_only_what_hangs_free_between_both_fingers_is_picked() -> None:
     assert done(lying) == "not_held"
 
     grip = world.robot.hand_pose_world("right")[:3, 3]
-    shelf = room({"table_1": {"entry": "table", "at": [grip[0], grip[1]], "shape": {"size_m": [0.3, 0.3, 0.6]}}})
+    shelf = one_room({"table_1": {"entry": "table", "at": [grip[0], grip[1]], "shape": {"size_m": [0.3, 0.3, 0.6]}}})
     wedged = replace(trial(lambda w: ""), house=shelf, held={"right": "can"}).world(render=False)
     bottom = float(min(s.aabb()[0, 2] for s in wedged.solids("can")))
     action = wedged.robot.action

@@ -1,4 +1,4 @@
-"""Puts things into the robot's hands before a trial begins, gripped as the skills grip: by friction."""
+"""Puts things into the robot's hands before an episode or a test begins, gripped as the skills grip: by friction."""
 
 from __future__ import annotations
 
