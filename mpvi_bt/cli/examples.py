@@ -37,10 +37,9 @@ EXAMPLES: Mapping[str, tuple[str, str, str]] = {
     ),
     "train": (
         "learned demos --out mine.npz",
-        "learned demos --out first.npz --actor-steps 200 --proposer-steps 100",
+        "learned demos --out first.npz --actor-steps 500",
         "learned demos --out mine.npz --seed 1 --json",
     ),
-    "train learned": ("demos --out mine.npz", "demos --out mine.npz --seed 1", "demos --out mine.npz --json"),
     "new": (
         "tree my_tree",
         "skill stash --like place_in",
