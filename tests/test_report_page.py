@@ -21,10 +21,10 @@ from mpvi_bt.report.figures import figures
 from mpvi_bt.report.markdown import plain, report_markdown
 from mpvi_bt.report.page import report_page
 from mpvi_bt.report.paper import paper_scores
+from mpvi_bt.report.plot_svg import method_colors
 from mpvi_bt.report.plots import improvement_plot, method_plot, shown_tasks
 from mpvi_bt.report.runs import Runs
 from mpvi_bt.report.statistics import Estimate
-from mpvi_bt.report.svg import method_colors
 from mpvi_bt.report.tables import comparison_text, missing_table, percent, told
 from mpvi_bt.suite.store import Fault, Store
 from mpvi_bt.tree.yaml_io import expanded, parse_tree

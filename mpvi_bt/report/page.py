@@ -20,9 +20,9 @@ from mpvi_bt.report.choice import CHOICE_STYLE, Choice
 from mpvi_bt.report.episode_map import house_symbol
 from mpvi_bt.report.episodes import episode_html
 from mpvi_bt.report.figures import Figures
+from mpvi_bt.report.plot_svg import plot_style
 from mpvi_bt.report.plots import NARROW, improvement_plot, method_plot, shown_tasks
 from mpvi_bt.report.runs import Runs
-from mpvi_bt.report.svg import plot_style
 from mpvi_bt.report.tables import Table
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 
 from mpvi_bt.report.compare import SAME_Q, Comparison, TaskPairs
 from mpvi_bt.report.figures import Figures, Group, MethodFigures
-from mpvi_bt.report.svg import Drawing, method_colors
+from mpvi_bt.report.plot_svg import Drawing, method_colors
 
 WIDE, NARROW = 832, 316  # pixels: of a page, and of a telephone
 _ROW, _LABEL, _VALUE = 22.0, 270.0, 52.0
