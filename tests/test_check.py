@@ -82,7 +82,7 @@ def test_each_problem_has_its_line_marked(tmp_path: Path) -> None:
     path.write_text("tree: t\nroot:\n  navigate: cup\n  rom: kitchen\n")
     assert run(path) == (
         1,
-        f"{path}:4:3: unknown key 'rom'. Did you mean 'room'? Known: room, target. [unknown-key]\n"
+        f"{path}:4:3: unknown key 'rom'. Did you mean 'room'? Known: elsewhere, room, target. [unknown-key]\n"
         "    4 |   rom: kitchen\n"
         "      |   ^^^\n",
     )

@@ -168,7 +168,7 @@ class _Exporter:
         attributes = {"name": spec.name} if spec.type.headline == "name" and spec.name else {}
         for name, port in mapping.ports_of(spec.kind).items():
             value = getattr(spec.parameters, name)
-            if value is None:
+            if value is None or (value is False and type(spec.parameters).model_fields[name].default is False):
                 continue
             try:
                 attributes[name] = mapping.to_port(value, port.text)
