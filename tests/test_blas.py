@@ -33,6 +33,7 @@ OF_NUMPY = {
 FREE = {
     *("scipy.ndimage", "scipy.sparse.csgraph.dijkstra", "scipy.optimize.linear_sum_assignment"),
     *("scipy.spatial.KDTree", "scipy.spatial.cKDTree", "scipy.spatial.ConvexHull", "scipy.spatial.QhullError"),
+    "scipy.special.erf",
     *("scipy.spatial.transform.Rotation", "scipy.spatial.transform.Slerp"),
 }
 

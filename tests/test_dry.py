@@ -31,7 +31,9 @@ def shipped(name: str) -> Any:
     """A tree that comes with mpvi_bt, some value in each parameter that needs one."""
     path = paths.find("trees", name)
     spec = load_tree(path, SKILLS)
-    return load_tree(path, SKILLS, {key: WORDS[spec.parameters[key].type] for key in spec.unbound})
+    return load_tree(
+        path, SKILLS, {key: "pick" if key == "skill" else WORDS[spec.parameters[key].type] for key in spec.unbound}
+    )
 
 
 @pytest.mark.parametrize("name", paths.names("trees"))
@@ -43,7 +45,7 @@ def test_every_shipped_tree_ends(name: str) -> None:
 @pytest.mark.parametrize("kind", [kind for kind, node in node_types().items() if node.robot])
 def test_every_node_that_needs_a_robot_has_a_stand_in(kind: str) -> None:
     """No backend is asked for anything; all but a policy succeed, as they do in good runs."""
-    headline = {"posture": "travel", "look_around": "90"}.get(kind, "the cup")
+    headline = {"posture": "travel", "look_around": "90", "back_off": "2"}.get(kind, "the cup")
     tree = dry_tree(parse_tree(f"tree: t\nroot:\n  {kind}: {headline}\n"))
     assert run_dry(tree, max_time_s=10.0).ending == ("time_limit" if kind == "manipulate" else "success")
 

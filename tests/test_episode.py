@@ -113,7 +113,7 @@ ALONE = """
 import json, sys
 from mpvi_bt.errors import NoRenderingDevice
 from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.suite import episode
+from mpvi_bt.episode import episode
 from mpvi_bt.executive.loop import Watcher
 
 class Enough(Watcher):

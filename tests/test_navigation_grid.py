@@ -198,7 +198,7 @@ def test_only_loose_things_on_the_floor_are_obstacles() -> None:
 def test_numba_loads_only_with_the_first_search() -> None:
     """Importing the grids does not import numba: what never plans does not wait for it."""
     code = (
-        "import sys\nfrom mpvi_bt.navigation import frontiers, grid, occupancy, visibility\n"
+        "import sys\nfrom mpvi_bt.navigation import frontiers, grid\nfrom mpvi_bt.scene import occupancy, visibility\n"
         "print('numba' in sys.modules)\ngrid.warm()\nprint('numba' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

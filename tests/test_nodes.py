@@ -36,6 +36,7 @@ FAILING = {  # an instance of each kind that fails in the end
     "parallel": "{parallel: , policy: success_on_all, children: [{wait: 9}, {fail: x}]}",
     "until_complete": "{until_complete: , children: [{fail: x}, {wait: 9}]}",
     "timeout": "{timeout: 1, child: {wait: 9}}",
+    "monitor": "{monitor: pick, child: {fail: x}}",
     "retry": "{retry: 2, child: {fail: x}}",
     "repeat": "{repeat: 2, child: {fail: x}}",
     "invert": "{invert: , child: {succeed: }}",
@@ -51,7 +52,7 @@ FAILING = {  # an instance of each kind that fails in the end
     "test": "{test: gone}",
     "fail": "{fail: }",
 }
-NEVER = {"attempt", "wait", "succeed"}
+NEVER = {"attempt", "wait", "succeed", "back_off"}
 ELSEWHERE = {"subtree"}  # needs a second file: test_decorators
 
 
@@ -139,6 +140,7 @@ AROUND = {
     "until_complete": "{{until_complete: , children: [{{navigate: cup}}, {0}]}}",
     "attempt": "{{attempt: , child: {0}}}",
     "timeout": "{{timeout: 9, child: {0}}}",
+    "monitor": "{{monitor: pick, child: {0}}}",
     "retry": "{{retry: 2, child: {0}}}",
     "repeat": "{{repeat: 2, child: {0}}}",
     "invert": "{{invert: , child: {0}}}",
@@ -149,6 +151,7 @@ LEAVES = {
     "navigate": "{navigate: cup}",
     "manipulate": "{manipulate: pick up the cup}",
     "check_complete": "{check_complete: the cup is held}",
+    "back_off": "{back_off: }",
     "posture": "{posture: travel}",
     "look_around": "{look_around: }",
     "wait": "{wait: 1}",

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Handoff
 from mpvi_bt.behaviors.node import Decorator
+from mpvi_bt.errors import BackendError
 from mpvi_bt.monitors.signals import SAMPLE_STEPS, Signals
 
 _UNITS = {"reversals": "/s", "disagreement": " rad", "stall": " s", "grip": ""}
@@ -20,7 +23,7 @@ class Monitor(Decorator):
     go to the context's trail, which `back_off` goes back along.
 
     At the tick of an alarm the child has been ticked, and if that ends it, its own status stands. A resumed run
-    begins the signals anew.
+    begins the signals anew. In a dry run, where there is no robot, it lets its child work and does nothing else.
 
     Args:
         name: In the tree.
@@ -33,13 +36,18 @@ class Monitor(Decorator):
         super().__init__(name, child)
         self.skill, self.agree = skill, agree
         self._handoff: Handoff | None = None
+        self._signals: Signals | None = None
 
     def initialise(self) -> None:
         """Begin with the first sample."""
         super().initialise()
         context = self.context
         context.trail.clear()
-        self._signals = Signals(context.robot.proprioception())
+        try:
+            self._signals = Signals(context.robot.proprioception())
+        except BackendError:  # a dry run
+            self._signals, self.feedback_message = None, "no robot to measure"
+            return
         self._steps, self._notices = 0, len(context.log.notices)
         self._handoff = Handoff(self.skill or "", self.path, context.clock.time_s)
         context.log.handoffs.append(self._handoff)
@@ -52,7 +60,8 @@ class Monitor(Decorator):
     def update(self) -> Status:
         """The child's status, unless there is an alarm."""
         context, handoff = self.context, self._handoff
-        assert handoff is not None
+        if self._signals is None or handoff is None:
+            return self.decorated.status
         action = context.robot.action
         context.trail.append(action.copy())
         notices = len(context.log.notices)
@@ -62,8 +71,9 @@ class Monitor(Decorator):
         self._notices = notices
         status = self.decorated.status
         if self._steps % SAMPLE_STEPS == 0:
-            handoff.samples.append([round(value, 4) for value in self._signals.values])
-            if status is Status.RUNNING and (said := self._alarm(len(handoff.samples) - 1)):
+            values = self._signals.values
+            handoff.samples.append([round(value, 4) for value in values])
+            if status is Status.RUNNING and (said := self._alarm(len(handoff.samples) - 1, values)):
                 return self.fail("alarm", said)
         self._steps += 1
         return status
@@ -78,11 +88,11 @@ class Monitor(Decorator):
         self._handoff = None
         super().terminate(new_status)
 
-    def _alarm(self, sample: int) -> str:
+    def _alarm(self, sample: int, values: Sequence[float]) -> str:
         """What the signals say against going on; "" if too few agree."""
         calibration = self.context.calibration
-        if calibration is None or self._handoff is None or not self.skill:
+        if calibration is None or not self.skill:
             return ""
-        past = calibration.alarms(self.skill, sample, self._signals.values)
+        past = calibration.alarms(self.skill, sample, values)
         told = [f"{name} {value:.3g}{_UNITS[name]} > {limit:.3g}" for name, value, limit in past]
         return ", ".join(told) if len(past) >= self.agree else ""

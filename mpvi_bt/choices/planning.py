@@ -8,6 +8,7 @@ from mpvi_bt.choices.backends import NOBODY, choose
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.choices.language_models import Models
 from mpvi_bt.errors import UserError
+from mpvi_bt.goals.problem import load_problem
 from mpvi_bt.house.house import load_house
 from mpvi_bt.instances.tasks import Task
 from mpvi_bt.plan.language_planner import LanguagePlanner
@@ -81,6 +82,11 @@ def ground(house: str, task: Task | None = None, hands: tuple[Side, ...] = SIDES
     names |= {f.name: (f.name, *f.entry.phrases) for f in fixtures}
     if task is not None:
         names |= {synset: catalogue.entries[name].phrases for synset, name in task.bindings.items()}
+        problem = load_problem(task.problem)
+        for fact in problem.init:  # marks on a floor are a patch, which is a thing to go to
+            if fact.literal.predicate == "covered" and fact.literal.args[0].startswith("floor."):
+                kind = problem.objects[fact.literal.args[1]]
+                names[kind] = (kind.partition(".")[0],)
     return Grounding(
         rooms={room: tuple(f.entry.phrases[0] for f in fixtures if f.room == room) for room in place.rooms},
         names=names,

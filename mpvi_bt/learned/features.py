@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mpvi_bt.learned.body import BODY, SIDE
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul, norm
+from mpvi_bt.robot.rotations import rotation
 from mpvi_bt.robot.solids import Array
 
 WAYPOINTS = 8  # of a chunk
@@ -116,7 +116,7 @@ def waypoints(now: Moments, base: Array, torso: Array, arm: Array, grip: Array) 
     moved = np.stack([way[..., 0, 3], way[..., 1, 3], np.arctan2(way[..., 1, 0], way[..., 0, 0])], -1)
     T_told = BODY.tcp(now.told_torso, now.told_arm, SIDE)
     shift = matmul(kin.inverse(T_told)[:, None], BODY.tcp(torso, arm, SIDE))
-    turn = Rotation.from_matrix(shift[..., :3, :3].reshape(-1, 3, 3)).as_rotvec().reshape(*moved.shape)
+    turn = rotation(shift[..., :3, :3].reshape(-1, 3, 3)).as_rotvec().reshape(*moved.shape)
     joints = [torso - now.told_torso[:, None], arm - now.told_arm[:, None]]
     return np.concatenate([moved, *joints, shift[..., :3, 3], turn, grip[..., None]], -1)
 

@@ -12,6 +12,7 @@ from mpvi_bt.manipulation.stance.grasps import grasps
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import posture_distance
 from mpvi_bt.robot.collision import Body, Load, Obstacles
+from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.model import SIGN, RobotModel
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
 from mpvi_bt.robot.solids import Array, Solid, pose
@@ -96,7 +97,7 @@ def _posture(
     """T_world_thing (4, 4), the arm's posture (7,) and what the hand will hold, in its tcp frame."""
     robot = world.robot.model
     for x, y, z, yaw in _PLACES:
-        T = T_world_base @ pose((x, y * SIGN[side], z), yaw)
+        T = matmul(T_world_base, pose((x, y * SIGN[side], z), yaw))
         world.place(name, T)
         heading = float(np.arctan2(T_world_base[1, 0], T_world_base[0, 0]))
         for grasp in sorted(grasps(TrueScene(world), robot.hand, name, heading), key=lambda g: g.cost):
@@ -105,7 +106,7 @@ def _posture(
                 continue
             frame = kin.inverse(T_world_tcp)
             load = Load([s.moved(frame) for s in world.solids(name)], [v.moved(frame) for v in world.volumes(name)])
-            T_chest_tcp = kin.inverse(T_world_base @ robot.chest(robot.travel_torso)) @ T_world_tcp
+            T_chest_tcp = matmul(kin.inverse(matmul(T_world_base, robot.chest(robot.travel_torso))), T_world_tcp)
             _, found = robot.arm_inverse(T_chest_tcp, side)
             if not len(found):
                 continue
