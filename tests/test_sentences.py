@@ -120,7 +120,7 @@ hold the door open; push in the chair; push the chair in; return the book to the
 tie the coat to the hook; move the chair to the table; use the remote to turn on the TV; flush the toilet
 turn the knob; tip over the bucket; turn the pan over; empty the bottle; pour out the water; turn the cup upside down
 push the box off the table; move the box off the table; put the cup on its side; put the cup on the left
-put the spoon between the fork and the plate; cut the apple with the knife; fill the kettle with water
+put the spoon between the fork and the plate; peel the apple with the knife; fill the kettle with water
 place the cup upside down on the table
 release the cup; reach for the cup; rinse the plate under the tap; stir the soup with the spoon; unlock the door
 pick up the cup and put it in the sink; open the door, then close it; move the cup from the left hand to the table
