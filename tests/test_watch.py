@@ -291,12 +291,13 @@ def test_the_page_follows_a_run(chromium: Browser, tmp_path: Path) -> None:
 def test_a_lost_server_is_said(chromium: Browser, tmp_path: Path) -> None:
     """A page whose server is killed says so, and goes on when it is there again."""
     file = run_of(tmp_path)
-    with serving("watch", str(file), "--serve=0", cwd=tmp_path) as (url, process):
+    with socket.create_server(("127.0.0.1", 0)) as free:  # a port that no other test takes in between
+        port = free.getsockname()[1]
+    with serving("watch", str(file), f"--serve={port}", cwd=tmp_path) as (url, process):
         tab = chromium.tab(url)
         tab.until("document.querySelector('#connection')?.textContent === 'the run is over'")
         process.send_signal(signal.SIGKILL)
         tab.until("document.querySelector('#connection').textContent.includes('no connection')")
-    port = url.rsplit(":", 1)[1].rstrip("/")
     with serving("watch", str(file), f"--serve={port}", cwd=tmp_path):
         tab.until("document.querySelector('#connection')?.textContent === 'the run is over'")
 
