@@ -94,7 +94,7 @@ def test_problems_are_shown_soon_after_a_save(chromium: Browser, tmp_path: Path)
             tab.until(shown)
             took.append(time.monotonic() - began)
         print("seconds from save to page:", [round(s, 3) for s in took])
-        assert min(took) < 3.0  # 0.3 s on a machine that does nothing else
+        assert min(took) < 1.0  # 0.33 to 0.55 s were seen on two cores that did nothing else
         tab.eval("document.querySelector('#text').value += '# mine'; typed()")
         file.write_text(long_tree(2000), encoding="utf-8")
         tab.until("document.querySelector('#said').textContent.includes('changed on disk')")

@@ -183,7 +183,7 @@ class Result(Record):
         grasps: That failed.
         queries: Of the completion checker.
         planning: Of the language model that made the plan; null if none did.
-        policies: By name, of two policies such as "learned+reactive"; empty where one does everything.
+        policies: By name, of two policies such as "learned+reactive"; absent where one does everything.
         faults: How often each fault that the policy was given came about; absent if it was given none.
         lateness: Of the policy; absent if it was not made late.
         handoffs: That a `monitor` watched, with their signals; absent if there was none.
@@ -218,7 +218,7 @@ class Result(Record):
     grasps: Grasps = Grasps()
     queries: Queries = Queries()
     planning: Planning | None = None
-    policies: dict[str, PolicyShare] = {}
+    policies: Annotated[dict[str, PolicyShare] | None, _IF_ANY] = None
     faults: Annotated[dict[str, Count] | None, _IF_ANY] = None
     lateness: Annotated[Lateness | None, _IF_ANY] = None
     handoffs: Annotated[list[dict[str, JsonValue]] | None, _IF_ANY] = None
@@ -328,7 +328,7 @@ def make_result(
         grasps=grasps or Grasps(),
         queries=queries or Queries(),
         planning=planning,
-        policies=dict(policies or {}),
+        policies=dict(policies) if policies else None,
         faults=None if faults is None else dict(faults),
         lateness=lateness,
         handoffs=[asdict(handoff) for handoff in handoffs] or None,
