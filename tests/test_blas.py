@@ -125,7 +125,7 @@ print(digest(*principal_axes(points), least_squares(points, points[:, 0] ** 2), 
 
 EPISODE = """
 from mpvi_bt.executive.loop import Watcher
-from mpvi_bt.suite import episode
+from mpvi_bt.episode import episode
 from mpvi_bt.choices.config import EpisodeConfig
 
 class Steps(Watcher):
