@@ -18,7 +18,7 @@ from mpvi_bt.rules.grains import contains, filled
 from mpvi_bt.rules.heat import ROOM_C, Heat, Source, Thermal, cooked, frozen, heated, settles_at, warmed
 from mpvi_bt.rules.marks import CAPACITY, Marks, Remover, covered, wiped
 from mpvi_bt.rules.mounts import Mount, breaks, fits
-from mpvi_bt.rules.recipes import DICED_ONION, GRATED_CHEESE, Pizza, baked, popped
+from mpvi_bt.rules.recipes import Recipe, baked
 from mpvi_bt.rules.sprayer import EVERY_STEPS, MARKS_AT_ONCE, Sprayer, sprayed
 from mpvi_bt.rules.washer import begins, washed
 
@@ -205,19 +205,11 @@ def test_a_vessel_is_filled_by_a_fifth_of_its_volume(row: dict[str, Any]) -> Non
     assert filled(row["grains"] * (2 * row["radius_m"]) ** 3, row["volume_m3"]) is row["filled"]
 
 
-@pytest.mark.parametrize("row", cases("grains", "popped"))
-def test_popcorn_cooks_in_a_hot_bag(row: dict[str, Any]) -> None:
-    """All of it at once; none is lost."""
-    assert popped(row["raw"], row["bag_heated"]) == (row["left"], row["cooked"])
+PIZZA = Recipe("pizza", ("cheese", "onion"), {"pepperoni": 1, "mushrooms": 1}, "sheet")
 
 
 @pytest.mark.parametrize("row", cases("grains", "baked"))
 def test_a_pizza_needs_all_of_its_parts(row: dict[str, Any]) -> None:
     """Each of them alone prevents it by its absence."""
-    without = row["without"]
-    covers = {"cheese": GRATED_CHEESE, "onion": DICED_ONION}
-    pizza = Pizza(
-        frozenset(kind for word, kind in covers.items() if word != without),
-        int(without != "pepperoni"), int(without != "mushrooms"), without != "sheet", without != "oven",
-    )  # fmt: skip
-    assert baked(pizza) is row["baked"]
+    there = {"cheese", "onion", "pepperoni", "mushrooms", "sheet"} - {row["without"]}
+    assert baked(PIZZA, there, dict.fromkeys(there, 1), there) is row["baked"]

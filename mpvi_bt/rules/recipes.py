@@ -1,43 +1,32 @@
-"""Recipes: things that become another under conditions, such as popcorn in a hot bag, or a pizza in an oven.
+"""Recipes: what an oven makes of a thing with all that belongs on it, such as a pizza of dough.
 
-Source: OmniGibson, transition_rules.py and the recipes of BEHAVIOR's tasks.
+Source: OmniGibson, transition_rules.py; the recipes themselves are of the catalogue, after those of BEHAVIOR's tasks.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-
-def popped(raw: int, bag_heated: bool) -> tuple[int, int]:
-    """Grains of raw and of cooked popcorn in a bag a step later: what is in a hot bag is cooked.
-
-    A kernel itself would have to come to 93 degrees, which a microwave never does.
-    """
-    return (0, raw) if bag_heated else (raw, 0)
+from collections.abc import Mapping, Set
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
-class Pizza:
-    """What lies on a piece of dough.
+class Recipe:
+    """What a thing becomes in an oven that is on, whatever its temperature.
 
     Attributes:
-        covered_by: Kinds that cover it.
-        pepperoni, half_mushrooms: How many lie on it.
-        on_sheet: Whether it is on a cookie sheet.
-        oven_on: Whether an oven that is on acts on it.
+        into: Name of the catalogue's entry that it becomes.
+        covered_by: Synsets of the grains that have to cover it.
+        topped_with: How many of each synset have to lie on it.
+        on: Synset of what it has to lie on; None: anything.
     """
 
-    covered_by: frozenset[str]
-    pepperoni: int
-    half_mushrooms: int
-    on_sheet: bool
-    oven_on: bool
+    into: str
+    covered_by: tuple[str, ...] = ()
+    topped_with: Mapping[str, int] = field(default_factory=dict)
+    on: str | None = None
 
 
-GRATED_CHEESE, DICED_ONION = "grated_cheese.n.01", "diced__vidalia_onion.n.01"
-
-
-def baked(pizza: Pizza) -> bool:
-    """Whether it becomes a pizza in this step; no temperature is asked for."""
-    toppings = {GRATED_CHEESE, DICED_ONION} <= pizza.covered_by and pizza.pepperoni >= 1 and pizza.half_mushrooms >= 1
-    return toppings and pizza.on_sheet and pizza.oven_on
+def baked(recipe: Recipe, covered_by: Set[str], topped_with: Mapping[str, int], on: Set[str]) -> bool:
+    """Whether a thing in an oven that is on becomes what its recipe says, by the synsets of what is about it."""
+    topped = all(topped_with.get(kind, 0) >= number for kind, number in recipe.topped_with.items())
+    return set(recipe.covered_by) <= covered_by and topped and (recipe.on is None or recipe.on in on)

@@ -1,21 +1,20 @@
-"""Pizza in a world: dough with all that belongs on it becomes one in an oven that is on."""
+"""Recipes in a world: what has all on it that belongs there becomes another thing in an oven that is on."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from mpvi_bt.goals.predicates import covered, ontop
 from mpvi_bt.goals.world_state import WorldState
-from mpvi_bt.rules.recipes import DICED_ONION, GRATED_CHEESE, Pizza, baked
+from mpvi_bt.rules.recipes import Recipe, baked
 from mpvi_bt.sim.presence import Presence
 from mpvi_bt.things.catalogue import Entry
 
-_LOOKS_STEPS = 30  # control steps between two looks at what lies on the dough
-_PEPPERONI, _HALF_MUSHROOM, _SHEET = "pepperoni.n.01", "half__mushroom.n.01", "cookie_sheet.n.01"
+_LOOKS_STEPS = 30  # control steps between two looks at what lies on a thing
 
 
 class Baking:
-    """What an oven makes of dough."""
+    """What an oven makes of things that have a recipe."""
 
     def __init__(
         self,
@@ -33,9 +32,9 @@ class Baking:
             became: Is told the name of a thing and of what has come of it.
         """
         self._presence, self._in_oven, self._became = presence, in_oven, became
-        self._dough = {name: entry.bakes_to for name, entry in entries.items() if entry.bakes_to is not None}
+        self._recipes = {name: entry.bakes for name, entry in entries.items() if entry.bakes is not None}
         self._kinds: dict[str, list[str]] = {}
-        for name, entry in entries.items() if self._dough else ():
+        for name, entry in entries.items() if self._recipes else ():
             self._kinds.setdefault(entry.synset, []).append(name)
         self._looked = 0
 
@@ -44,25 +43,30 @@ class Baking:
         self._looked = (self._looked + 1) % _LOOKS_STEPS
         if self._looked:
             return
-        for name, into in self._dough.items():
-            if state.exists(name) and self._in_oven(name) and self._presence.waits(into):
-                on_it = {kind: self._on(state, kind, name) for kind in (_PEPPERONI, _HALF_MUSHROOM)}
-                grains = [kind for kind in (GRATED_CHEESE, DICED_ONION) if covered(state, name, f"{kind}_1")]
-                sheet = any(state.exists(sheet) and ontop(state, name, sheet) for sheet in self._kinds.get(_SHEET, ()))
-                pizza = Pizza(
-                    frozenset(grains), len(on_it[_PEPPERONI]), len(on_it[_HALF_MUSHROOM]), sheet, oven_on=True
-                )
-                if baked(pizza):
-                    toppings = [grain for kind in grains for grain in state.grains(kind) if state.touching(name, grain)]
-                    self._bake(name, into, [*toppings, *on_it[_PEPPERONI], *on_it[_HALF_MUSHROOM]])
+        for name, recipe in self._recipes.items():
+            if state.exists(name) and self._in_oven(name) and self._presence.waits(recipe.into):
+                self._look(state, name, recipe)
 
-    def _on(self, state: WorldState, kind: str, name: str) -> list[str]:
-        return [thing for thing in self._kinds.get(kind, ()) if state.exists(thing) and ontop(state, thing, name)]
+    def _look(self, state: WorldState, name: str, recipe: Recipe) -> None:
+        """Bake what is complete; what covers and tops it is used up."""
+        grains = {kind for kind in recipe.covered_by if covered(state, name, f"{kind}_1")}
+        toppings = {
+            kind: [one for one in self._there(state, kind) if ontop(state, one, name)] for kind in recipe.topped_with
+        }
+        below = (recipe.on,) if recipe.on is not None else ()
+        on = {kind for kind in below if any(ontop(state, name, one) for one in self._there(state, kind))}
+        if baked(recipe, grains, {kind: len(there) for kind, there in toppings.items()}, on):
+            used = [one for kind in recipe.covered_by for one in state.grains(kind) if state.touching(name, one)]
+            used += [one for there in toppings.values() for one in there]
+            self._bake(name, recipe.into, used)
 
-    def _bake(self, name: str, into: str, toppings: list[str]) -> None:
+    def _there(self, state: WorldState, kind: str) -> list[str]:
+        return [name for name in self._kinds.get(kind, ()) if state.exists(name)]
+
+    def _bake(self, name: str, into: str, used: Iterable[str]) -> None:
         thing = self._presence.there[name]
         T, motion = thing.T_world_body(), thing.motion()
-        for used in (name, *toppings):
-            self._presence.vanish(used)
+        for one in (name, *used):
+            self._presence.vanish(one)
         if (made := self._presence.appear(into, T, motion)) is not None:
             self._became(name, made)

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from mpvi_bt.goals.predicates import hot
 from mpvi_bt.goals.world_state import WorldState
 from mpvi_bt.robot.linear_algebra import norm
-from mpvi_bt.rules.recipes import popped
 from mpvi_bt.sim.holding import distance
 from mpvi_bt.sim.presence import Presence
 from mpvi_bt.things.catalogue import SUBSTANCE, Entry
@@ -17,7 +16,10 @@ _NEAR_M = 0.4  # from a vessel's origin to whatever is in it, at the most
 
 
 class Cooking:
-    """What hot vessels do to the grains in them."""
+    """What hot vessels do to the grains in them: these are cooked at once, whatever their own temperature.
+
+    A kernel itself would have to come to 93 degrees, which a microwave never does (OmniGibson, transition_rules.py).
+    """
 
     def __init__(self, presence: Presence, entries: Mapping[str, Entry], became: Callable[[str, str], None]) -> None:
         """Nothing is cooked yet.
@@ -40,9 +42,7 @@ class Cooking:
             return
         for vessel in self._vessels:
             if state.exists(vessel) and hot(state, vessel):
-                raw = self._within(vessel)
-                left, _ = popped(len(raw), bag_heated=True)
-                for grain in raw[left:]:
+                for grain in self._within(vessel):
                     self._cook(grain)
 
     def _within(self, vessel: str) -> list[str]:

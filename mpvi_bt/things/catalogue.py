@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -19,6 +19,7 @@ from mpvi_bt.marked_yaml import Location, Marks, Record, load_marked, validate_d
 from mpvi_bt.rules.cutting import Cuttable
 from mpvi_bt.rules.heat import APPLIANCE_PER_S, FREEZES_C, HEATED_C, Placing, Source, Thermal
 from mpvi_bt.rules.mounts import Axis, Fitting
+from mpvi_bt.rules.recipes import Recipe
 from mpvi_bt.rules.sprayer import Sprayer
 from mpvi_bt.scene.knowledge import normalize
 from mpvi_bt.things.description import Description
@@ -79,6 +80,15 @@ class MountFile(Record):
     up: Axis = "z"
 
 
+class RecipeFile(Record):
+    """What it becomes in an oven that is on, as it stands in the file."""
+
+    into: str
+    covered_by: tuple[Synset, ...] = ()
+    topped_with: dict[Synset, Annotated[int, Field(ge=1, le=12)]] = {}
+    on: Synset | None = None
+
+
 class EntryFile(Record):
     """An entry as it stands in the file."""
 
@@ -99,7 +109,13 @@ class EntryFile(Record):
     removes: dict[Synset, tuple[Synset, ...]] | None = None
     sprays: SprayFile | None = None
     mounts: tuple[MountFile, ...] = ()
-    bakes_to: str | None = None
+    bakes: RecipeFile | None = None
+
+
+# What stands in the file by its own keys, with what holds it to a rule.
+_RULES: Mapping[str, Callable[..., Any]] = {
+    "heat": Thermal, "source": Source, "cut": Cuttable, "sprays": Sprayer, "bakes": Recipe,
+}  # fmt: skip
 
 
 class CatalogueFile(Record):
@@ -133,7 +149,7 @@ class Entry:
         removes: Likewise, of what it takes off what comes into the box about it, such as a brush.
         sprays: What it sprays while it is on; None: nothing.
         mounts: Places by which it is mounted on others, or they on it.
-        bakes_to: What it becomes in an oven with all on it that belongs there (`rules.recipes`); None: nothing.
+        bakes: What it becomes in an oven with all on it that belongs there; None: nothing.
     """
 
     name: str
@@ -154,7 +170,7 @@ class Entry:
     removes: Mapping[str, tuple[str, ...]] | None = None
     sprays: Sprayer | None = None
     mounts: tuple[Fitting, ...] = ()
-    bakes_to: str | None = None
+    bakes: Recipe | None = None
 
     @cached_property
     def description(self) -> Description:
@@ -170,7 +186,8 @@ class Entry:
     @property
     def cooked_into(self) -> list[tuple[str, int]]:
         """Likewise, what heat makes of it."""
-        return [(name, 1) for name in (self.cooks_to, self.bakes_to) if name is not None]
+        baked = None if self.bakes is None else self.bakes.into
+        return [(name, 1) for name in (self.cooks_to, baked) if name is not None]
 
     def reshaped(self, changes: Mapping[str, Any]) -> Entry:
         """The same kind of thing with other dimensions or colors."""
@@ -237,19 +254,17 @@ def check_catalogue(data: Any, marks: Marks) -> Catalogue:
         problems += shape_problems(marks, (*place, "shape"), given.family, shape)
         words = re.sub(r"[_\W]+", " ", given.synset.rsplit(".", 2)[0])
         phrases = dict.fromkeys(normalize(p) for p in (*given.phrases, words, name))
-        fields = given.model_dump(exclude={"phrases", "shape", "heat", "source", "cut", "sprays", "mounts"})
-        heat = None if given.heat is None else Thermal(**given.heat.model_dump())
-        source = None if given.source is None else Source(**given.source.model_dump())
-        cut = None if given.cut is None else Cuttable(**given.cut.model_dump())
-        sprays = None if given.sprays is None else Sprayer(**given.sprays.model_dump())
-        mounts = tuple(Fitting(**mount.model_dump()) for mount in given.mounts)
-        fields |= {"heat": heat, "source": source, "cut": cut, "sprays": sprays, "mounts": mounts}
+        fields = given.model_dump(exclude={"phrases", "shape", "mounts", *_RULES})
+        for field, rule in _RULES.items():
+            there: Record | None = getattr(given, field)
+            fields[field] = None if there is None else rule(**there.model_dump())
+        fields["mounts"] = tuple(Fitting(**mount.model_dump()) for mount in given.mounts)
         entry = Entry(name=name, phrases=tuple(phrases), shape=shape, **fields)
         entries[name] = entry
         if not problems:
             problems += _tool_problems(entry, place, marks)
-        if source is not None and not problems:
-            problems += _source_problems(entry, source, place, marks)
+        if entry.source is not None and not problems:
+            problems += _source_problems(entry, entry.source, place, marks)
     if problems:
         raise FileProblems(problems)
     return Catalogue(entries)
