@@ -185,3 +185,13 @@ def test_a_skill_that_passes_check_is_found(tmp_path: Path, monkeypatch: pytest.
     (tmp_path / "skills" / f"wave_at.{suffix}").write_text(text)
     monkeypatch.setenv("MPVI_PATH", str(tmp_path))
     assert "wave_at" in load_skills()
+
+
+def test_a_skill_that_has_changed_is_read_anew(tmp_path: Path) -> None:
+    """Though one that has not is not."""
+    file = tmp_path / "wave_at.yaml"
+    file.write_text(WAVE)
+    first = load_skills([tmp_path])["wave_at"]
+    assert load_skills([tmp_path])["wave_at"] is first
+    file.write_text(WAVE.replace("about: ", "about: now "))
+    assert load_skills([tmp_path])["wave_at"].about == f"now {first.about}"

@@ -20,6 +20,8 @@ def whole(value: object) -> str | None:
 
 def names_in(text: str) -> list[str]:
     """The names that a text refers to, in order."""
+    if "$" not in text:
+        return []
     return [name for found in _REFERENCE.finditer(text) if (name := found[1] or found[2])]
 
 

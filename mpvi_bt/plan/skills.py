@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -145,5 +145,20 @@ def load_skills(folders: Iterable[str | Path] | None = None) -> dict[str, Skill]
     skills: dict[str, Skill] = {}
     for path in found:
         if path.stem not in skills:
-            skills[path.stem] = load_skill(path)
+            skills[path.stem] = _read(path, _stamp(path))
     return skills
+
+
+def _stamp(path: Path) -> object:
+    """What changes when the file does."""
+    try:
+        stat = path.stat()
+    except OSError:
+        return None  # `load_skill` says why
+    return stat.st_mtime_ns, stat.st_size, stat.st_ino
+
+
+@lru_cache(maxsize=1024)
+def _read(path: Path, stamp: object) -> Skill:
+    """A skill, read once while its file has that stamp: whoever checks file after file asks for all each time."""
+    return load_skill(path)

@@ -175,7 +175,7 @@ class _Linter:
     def unused(self) -> Iterator[Problem]:
         """Parameters of the tree that its file does not refer to."""
         own = [p.spec for p in self.spec.nodes if p.spec.place is None or p.spec.place.file == self.marks.file]
-        used = {name for n in own for name in _names([n.name, dict(n.parameters), dict(n.written)])}
+        used = {name for n in own for name in _names([n.name, vars(n.parameters), n.written])}
         for name in self.spec.parameters:
             if name not in used:
                 message = f"the parameter {shown(name)} is not used; a reference is written ${name}"
@@ -194,7 +194,7 @@ class _Linter:
             yield self.problem(node, "", "pointless-repeat", "what is repeated here can't succeed")
         elif node.kind == "timeout":
             yield from self.timeout(node, above)
-        elif getattr(node.parameters, "on_failure", None) == "replan" and not _has_a_rest(above):
+        elif vars(node.parameters).get("on_failure") == "replan" and not _has_a_rest(above):
             message = (
                 "a new plan takes the place of what follows, here nothing: put it right into a sequence with memory"
             )
@@ -287,7 +287,7 @@ class _Linter:
 
 def _parameters(node: NodeSpec) -> dict[str, Any]:
     """Those that may hold references to the blackboard."""
-    return {name: value for name, value in dict(node.parameters).items() if name not in node.type.reads}
+    return {name: value for name, value in vars(node.parameters).items() if name not in node.type.reads}
 
 
 def _names(value: Any) -> set[str]:

@@ -79,4 +79,4 @@ def _any(below: list[Outcomes], end: str) -> bool:
 
 def _may_lack_a_value(node: NodeSpec) -> bool:
     """Whether it fails where a blackboard key that its texts refer to has no value."""
-    return node.kind != "subtree" and any(isinstance(v, str) and names_in(v) for v in dict(node.parameters).values())
+    return node.kind != "subtree" and any(isinstance(v, str) and names_in(v) for v in vars(node.parameters).values())

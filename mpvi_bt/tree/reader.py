@@ -222,7 +222,7 @@ class _Reader:
                 if (problem.line, problem.column) not in told:
                     self.reading.add(problem)
             return None
-        skill, skills = getattr(parameters, "skill", None), self.reading.skills
+        skill, skills = vars(parameters).get("skill"), self.reading.skills
         if skills is not None and skill is not None and skill not in skills and not self._is_open(skill, raw):
             self.reading.add(self.marks.unknown((*at, "skill"), "skill", skill, skills))
         return parameters

@@ -5,9 +5,6 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import json
-import tempfile
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,19 +16,13 @@ from starlette.types import ASGIApp
 
 from mpvi_bt.authoring.checking import problems_in
 from mpvi_bt.errors import MpviError, Problem, UserError
-from mpvi_bt.executive.dry import dry_tree, run_dry
-from mpvi_bt.plan.skills import load_skills
-from mpvi_bt.recording.recorder import Recorder
-from mpvi_bt.trace.html import asset, digest, embedded, filled, trace_page, tree_page
-from mpvi_bt.trace.read import read_trace
-from mpvi_bt.tree.spec import TreeSpec
-from mpvi_bt.tree.yaml_io import parse_tree
+from mpvi_bt.trace.html import asset, embedded, filled
+from mpvi_bt.watch.drawer import Drawer, sentence
 from mpvi_bt.watch.feed import Feed
 from mpvi_bt.watch.run import body, file
 from mpvi_bt.writing import write_whole
 
-_LOOK_S = 0.05  # between two looks at the file: a fraction of the 0.3 s in which its problems are to be shown
-_DRY_S, _DRY_WALL_S = 600.0, 3.0  # simulated and wall time that a dry run may take. Our choice
+_LOOK_S = 0.02  # between two looks at the file: a fraction of the 0.3 s in which its problems are to be shown
 _MOST_BYTES = 2_000_000
 
 
@@ -42,13 +33,15 @@ class Edited:
         """Read it. Raises UserError if that is impossible."""
         self.feed = Feed()
         self._path = path
-        self._version = 0
-        self._problems: list[Problem] = []
-        self._pages: dict[int, str] = {}
+        self._version = 1
+        self._stamp: tuple[int, int, int] | None = None
+        self._text = self._new() or ""
+        self._problems = self._found(self._text)
+        self._checking = asyncio.Lock()
         self._looking: asyncio.Task[None] | None = None
-        self._stamp: object = None
-        self._text = ""
-        self._look()
+        self._drawer = Drawer(path)
+        self._drawing = asyncio.Lock()
+        self._drawn: tuple[int, str] = 0, ""
         self.app: ASGIApp = Starlette(
             routes=[
                 Route("/", self.page),
@@ -60,7 +53,7 @@ class Edited:
 
     async def page(self, request: Request) -> Response:
         """Text, problems and drawing."""
-        self._look()
+        await self._look()
         return HTMLResponse(edit_page(self._path.name, self._data()))
 
     async def events(self, request: Request) -> StreamingResponse:
@@ -72,11 +65,14 @@ class Edited:
 
     async def drawing(self, request: Request) -> Response:
         """The page of a dry run of the text as it is now, or of its tree alone where it cannot be run."""
-        version = self._version
-        if version not in self._pages:
-            page = await asyncio.to_thread(_drawn, self._text, self._path, lambda: version != self._version)
-            self._pages = {version: page}
-        return HTMLResponse(self._pages[version])
+        async with self._drawing:
+            version = self._version
+            if version != self._drawn[0]:
+                page = await asyncio.to_thread(self._drawer.draw, self._text)
+                if page is None:
+                    return HTMLResponse(sentence("There is no drawing of this text."))
+                self._drawn = version, page
+            return HTMLResponse(self._drawn[1])
 
     async def save(self, request: Request) -> Response:
         """Take over the page's text, unless the file has changed meanwhile."""
@@ -87,14 +83,14 @@ class Edited:
                 raise ValueError
         except (ValueError, TypeError, KeyError):
             return PlainTextResponse('wanted: {"text": TEXT, "base": DIGEST}\n', 400)
-        self._look()
+        await self._look()
         if base != _digest(self._text):
             return PlainTextResponse("the file has changed on disk since\n", 409)
         try:
             write_whole(self._path, text)
         except MpviError as error:
             return PlainTextResponse(f"{error}\n", 409)
-        self._look()
+        await self._look()
         self.feed.tell()
         return JSONResponse(self._data())
 
@@ -108,6 +104,7 @@ class Edited:
     def close(self) -> None:
         """Let visitors go."""
         self.feed.close()
+        self._drawer.close()
 
     def _data(self) -> dict[str, Any]:
         problems = [
@@ -123,57 +120,48 @@ class Edited:
 
     async def _keep_looking(self) -> None:
         while True:
-            if await asyncio.to_thread(self._look):
-                self.feed.tell()
+            if self._stamp_now() not in (None, self._stamp):
+                await asyncio.sleep(_LOOK_S)  # for its writer: many empty a file before they write it
+                if await self._look():
+                    self.feed.tell()
             await asyncio.sleep(_LOOK_S)
             if not self.feed.visitors:
                 return
 
-    def _look(self) -> bool:
-        """Read and check the file if it has changed; whether it has. The first time it raises UserError."""
-        try:
-            stat = self._path.stat()
-            if (stamp := (stat.st_mtime_ns, stat.st_size, stat.st_ino)) == self._stamp:
+    async def _look(self) -> bool:
+        """Read and check the file if it has changed; whether it has."""
+        async with self._checking:
+            text = self._new()
+            if text is None:
                 return False
+            self._drawer.stop()  # of what is not there any more
+            problems = await asyncio.to_thread(self._found, text)
+            self._text, self._problems, self._version = text, problems, self._version + 1
+            return True
+
+    def _found(self, text: str) -> list[Problem]:
+        return problems_in(str(self._path), text=text)
+
+    def _new(self) -> str | None:
+        """The file's text if it has changed. The first time it raises UserError if it cannot be read."""
+        if (stamp := self._stamp_now()) is not None and stamp == self._stamp:
+            return None
+        try:
             text = self._path.read_text(encoding="utf-8")
         except (OSError, UnicodeError) as error:
             if self._stamp is None:
                 raise UserError(f"{self._path}: cannot be read: {error}") from None
-            return False  # an editor is about to write it anew
-        self._stamp, self._text = stamp, text
-        self._problems = problems_in(str(self._path), text=text)
-        self._version += 1
-        return True
+            return None  # an editor is about to write it anew
+        self._stamp = stamp
+        return text
 
-
-def _drawn(text: str, path: Path, outdated: Callable[[], bool]) -> str:
-    """A dry run as a page; the tree where it has parameters without a value; a sentence where it is none."""
-    try:
-        spec = parse_tree(text, str(path), load_skills())
-    except MpviError:
-        return _sentence("There is no drawing while the tree has errors.")
-    try:
-        return _dry_page(spec, outdated)
-    except MpviError:
-        return tree_page(spec)
-
-
-def _dry_page(spec: TreeSpec, outdated: Callable[[], bool]) -> str:
-    end = time.monotonic() + _DRY_WALL_S
-    with tempfile.TemporaryDirectory() as folder:
-        trace = Path(folder, "dry.trace.jsonl")
-        run_dry(
-            dry_tree(spec), load_skills(), [Recorder(trace)], _DRY_S,
-            stop=lambda: outdated() or time.monotonic() > end,
-        )  # fmt: skip
-        return trace_page(read_trace(trace))
-
-
-def _sentence(text: str) -> str:
-    style = asset("page.css")
-    policy = f"default-src 'none'; style-src '{digest(style)}'"
-    head = f'<!doctype html><meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="{policy}">'
-    return f"{head}<style>{style}</style><header><p>{text}</p></header>"
+    def _stamp_now(self) -> tuple[int, int, int] | None:
+        """What changes when the file does; None while it is not there."""
+        try:
+            stat = self._path.stat()
+        except OSError:
+            return None
+        return stat.st_mtime_ns, stat.st_size, stat.st_ino
 
 
 def _digest(text: str) -> str:

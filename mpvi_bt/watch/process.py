@@ -17,7 +17,7 @@ from pathlib import Path
 from mpvi_bt.watch.feed import EVERY_S
 from mpvi_bt.watch.server import Server, Watching, watched
 
-_NICE = 5  # Our choice: where cores are few, the run goes first
+NICE = 5  # Our choice: where cores are few, the run goes first
 _LINE_BYTES = 1 << 22
 _LAST_S = 1.5  # for visitors to be told the end
 
@@ -58,5 +58,5 @@ async def _want(watching: Watching, tell: Callable[[dict[str, str | bool]], None
 
 
 if __name__ == "__main__":
-    os.nice(_NICE)
+    os.nice(NICE)
     asyncio.run(main(int(sys.argv[1]), int(sys.argv[2])))

@@ -41,6 +41,7 @@ function draw(data) {
 function take(data) {
   const own = $("text").value !== saved;
   if (data.text === saved && data.base === base) return;
+  draw(data); // first: a long text takes longer to lay out
   if (!own || data.text === $("text").value) {
     const at = [$("text").selectionStart, $("text").scrollTop];
     if ($("text").value !== data.text) $("text").value = data.text;
@@ -51,7 +52,6 @@ function take(data) {
     $("said").textContent = "the file has changed on disk, and here too: copy what is yours, then reload";
   }
   typed();
-  draw(data);
 }
 
 function typed() {

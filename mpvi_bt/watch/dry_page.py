@@ -1,0 +1,61 @@
+"""The process that draws a tree that is edited: `python -m mpvi_bt.watch.dry_page FILE`.
+
+It reads texts of the file and writes pages, both as JSON, a line each, until its input ends.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from mpvi_bt.errors import MpviError
+from mpvi_bt.executive.dry import dry_tree, run_dry
+from mpvi_bt.plan.skills import load_skills
+from mpvi_bt.recording.recorder import Recorder
+from mpvi_bt.trace.html import trace_page, tree_page
+from mpvi_bt.trace.read import read_trace
+from mpvi_bt.tree.spec import TreeSpec
+from mpvi_bt.tree.yaml_io import parse_tree
+from mpvi_bt.watch.drawer import sentence
+from mpvi_bt.watch.process import NICE
+
+_DRY_S, _DRY_WALL_S = 600.0, 3.0  # simulated and wall time that a dry run may take. Our choice
+
+
+def drawn(text: str, file: str) -> str:
+    """A dry run as a page; the tree where it has parameters without a value; a sentence where it is none."""
+    try:
+        spec = parse_tree(text, file, load_skills())
+    except MpviError:
+        return sentence("There is no drawing while the tree has errors.")
+    try:
+        return _dry(spec)
+    except MpviError:
+        return tree_page(spec)
+
+
+def _dry(spec: TreeSpec) -> str:
+    end = time.monotonic() + _DRY_WALL_S
+    with tempfile.TemporaryDirectory() as folder:
+        trace = Path(folder, "dry.trace.jsonl")
+        run_dry(dry_tree(spec), load_skills(), [Recorder(trace)], _DRY_S, stop=lambda: time.monotonic() > end)
+        return trace_page(read_trace(trace))
+
+
+def main(file: str) -> None:
+    """Draw what comes in."""
+    pages, sys.stdout = sys.stdout, sys.stderr  # what a behavior prints is no page
+    for line in sys.stdin:
+        pages.write(json.dumps(drawn(json.loads(line), file)) + "\n")
+        pages.flush()
+
+
+if __name__ == "__main__":
+    os.nice(NICE)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # so that no file of a dry run is left
+    main(sys.argv[1])
