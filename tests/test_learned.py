@@ -175,6 +175,17 @@ def test_points_of_the_target_are_on_it_and_those_of_the_rest_are_not():
     assert (points[64:, 1] < 0.4 * (20 - 12) / 50).all()
 
 
+def test_a_picture_half_on_the_target_and_half_on_the_wall_shows_one_of_them():
+    """Where as many pixels are of something far behind, the middle depth is one that was measured, so points remain."""
+    labels = np.zeros((24, 32), np.int32)
+    labels[8:16, 12:20] = 1
+    depth = np.full((24, 32), 0.4, np.float32)
+    depth[:, 16:] = 1.4
+    memory = PointMemory(SegmentationDetector(VOCABULARY, least_px=1), "can", np.random.default_rng(0))
+    memory.look(replace(picture(labels), depth=depth))
+    assert np.ptp(memory.sample()[:64, 2]) < 0.3
+
+
 def test_what_a_hand_carries_is_not_looked_for():
     """A can in the bin that the robot holds is not the one to be picked up."""
     labels = np.ones((24, 32), np.int32)

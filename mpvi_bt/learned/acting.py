@@ -42,6 +42,9 @@ _LEANS = np.array(
 )
 
 
+# (9, 9) how much of now and of each waypoint every step of a chunk has.
+_BETWEEN = np.maximum(1 - np.abs(np.arange(1, CHUNK + 1)[:, None] / STRIDE - np.arange(WAYPOINTS + 1)), 0)
+
 Step = tuple[Array, Array, Array, float]
 
 
@@ -138,8 +141,9 @@ def chunk(net: Networks, now: Moments, stance: Array, points: Array) -> tuple[li
     near = norm(points[:TARGET_POINTS].mean(0) - hand) < _NEAR_M
     open_ = now.told_grip[0] > _OPEN
     steps, arm, last = [], now.told_arm[0], way[0]
-    for k in range(1, CHUNK + 1):
-        at = np.array([np.interp(k / STRIDE, np.arange(WAYPOINTS + 1), column) for column in way.T])
+    ways = matmul(_BETWEEN, way)
+    turns = Rotation.from_rotvec(ways[:, WAYPOINT["turn"]]).as_matrix()
+    for k, (at, turn) in enumerate(zip(ways, turns, strict=True), start=1):
         x, y, yaw = at[:3] - last[:3]
         c, s = np.cos(last[2]), np.sin(last[2])
         base = np.clip(np.array([c * x + s * y, c * y - s * x, yaw]) * CONTROL_HZ, -_TOP_BASE, _TOP_BASE)
@@ -149,7 +153,7 @@ def chunk(net: Networks, now: Moments, stance: Array, points: Array) -> tuple[li
             torso[:3] = now.told_torso[0, :3] + np.clip(left, -k * _TORSO_STEP, k * _TORSO_STEP)
         wanted = now.told_arm[0] + at[WAYPOINT["arm"]]
         if near:
-            shift = kin.transform(Rotation.from_rotvec(at[WAYPOINT["turn"]]).as_matrix(), at[WAYPOINT["shift"]])
+            shift = kin.transform(turn, at[WAYPOINT["shift"]])
             T_chest_hand = matmul(kin.inverse(BODY.chest(torso)), T_told, shift)
             q = BODY.nearest_posture(T_chest_hand, SIDE, wanted)
             if q is not None and np.abs(q - wanted).max() < _OFF_RAD:

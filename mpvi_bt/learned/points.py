@@ -101,6 +101,7 @@ def _points(image: CameraImage, mask: NDArray[np.bool_]) -> Array:
     """(n, 3) in the world [m] of the pixels of a thing, without those that are of something before or behind it."""
     rows, columns = np.nonzero(mask)
     z = image.depth[rows, columns].astype(float)
-    (own,) = np.nonzero(np.abs(z - np.median(z)) <= _DEEP_M)
+    middle = np.quantile(z, 0.5, method="lower")  # a depth that was measured: between two things there is nothing
+    (own,) = np.nonzero(np.abs(z - middle) <= _DEEP_M)
     own = own[np.linspace(0, len(own) - 1, min(len(own), _KEPT)).astype(int)]
     return in_world(image, columns[own] + 0.5, rows[own] + 0.5, z[own])

@@ -134,7 +134,9 @@ class _Trained:
         self.batches, self.check, self.count, self.step = batches, check, count, 0
         self.rng = np.random.default_rng([job.seed, *self.name.encode()])
         self.net = _network(self.shape, self.dropout)
-        self.optimizer = self.torch.optim.AdamW(self.net.parameters(), lr=self.rate, weight_decay=self.decay)
+        self.optimizer = self.torch.optim.AdamW(
+            self.net.parameters(), lr=self.rate, weight_decay=self.decay, fused=True
+        )
         self.mean, self.std = self.statistics()
         self.average = {k: v.clone() for k, v in self.net.state_dict().items()}
 
@@ -151,7 +153,7 @@ class _Trained:
     def answer(self, points: Array, told: Array) -> Any:
         """(n, out) of points (n, m, p) and all else (n, t), standardized already."""
         target, context = (
-            self.net[name](self.tensor(p)).amax(1)
+            self.net[name](self.tensor(p)).max(1).values
             for name, p in (("target", points[:, : self.targets]), ("context", points[:, self.targets :]))
         )
         return self.net["trunk"](self.torch.cat([target, context, self.tensor(told)], 1))
