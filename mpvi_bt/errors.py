@@ -137,6 +137,10 @@ class NoRenderingDevice(BackendError):
     """A picture was asked for on a machine without a usable Vulkan device."""
 
 
+class NotInDryRun(BackendError):
+    """A dry run was asked for what it does without, such as a robot."""
+
+
 class PolicyError(BackendError):
     """The backend of a policy failed, not the policy: its server is away, refuses, or answers what no policy may.
 

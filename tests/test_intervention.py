@@ -6,8 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pytest
 from py_trees.common import Status
 
+from mpvi_bt.choices.lateness import LateChecker
+from mpvi_bt.disturbances.faulty_policy import FaultyPolicy
+from mpvi_bt.errors import BackendError, NodeError
+from mpvi_bt.executive.saved_run import SavedRun, restore_world, save_run
 from mpvi_bt.monitors.calibration import Calibration, SkillThresholds
 from mpvi_bt.monitors.signals import SIGNALS
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
@@ -134,3 +139,35 @@ def test_navigating_elsewhere_tells_the_navigator_to_leave() -> None:
     assert bench.run() is Status.SUCCESS
     assert told == ["leave", "start"]
     assert Bench("navigate: sink\nelsewhere: true").run() is Status.SUCCESS
+
+
+def test_a_robot_that_breaks_is_not_taken_for_a_dry_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it raises at the handoff is the node's failure, not passed over."""
+    bench = watched(None)
+
+    def broken() -> None:
+        raise BackendError("the connection is lost")
+
+    monkeypatch.setattr(bench.world.robot, "proprioception", broken)
+    with pytest.raises(NodeError, match="the connection is lost"):
+        bench.tick()
+
+
+def test_a_saved_run_keeps_what_a_late_checker_and_a_faulty_policy_have_counted() -> None:
+    """So that their draws go on where they were."""
+
+    def disturbed() -> Bench:
+        bench = Bench(PICK)
+        bench.context.policy = FaultyPolicy(Shaking(), {"jitter": 0.01})
+        bench.context.checker = LateChecker(bench.context.checker, lambda answer: 0.1 * answer)
+        return bench
+
+    before, after = disturbed(), disturbed()
+    before.run(100)
+    before.context.checker.check(HELD, None)
+    saved = SavedRun.model_validate_json(save_run(before.tree, before.world).model_dump_json())
+    assert (saved.policy["handoffs"], saved.checker["answers"]) == (1, 1)
+    restore_world(saved, after.world, after.context)
+    after.tree.setup(after.context)
+    again = save_run(after.tree, after.world)
+    assert (again.policy, again.checker) == (saved.policy, saved.checker)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from mpvi_bt.disturbances.faults import KINDS, read_faults
 from mpvi_bt.disturbances.faulty_policy import FaultyPolicy
+from mpvi_bt.disturbances.late_policy import LatePolicy
 from mpvi_bt.errors import UserError
 from mpvi_bt.plan.skills import load_skills
 from mpvi_bt.robot.protocol import ACTION_SIZE, ActionLayout
@@ -124,3 +126,25 @@ def test_a_wrong_object_is_another_thing_of_the_task() -> None:
     actions(alone, prompt=prompt)
     assert inner.prompts[-1] == prompt
     assert not alone.happened
+
+
+def test_a_resumed_run_draws_on_from_where_it_was() -> None:
+    """Handoffs and counts of what happened come back, through a policy that is late besides, and JSON."""
+
+    def made() -> LatePolicy:
+        return LatePolicy(FaultyPolicy(Told(), {"jitter": 0.1, "freeze": 0.05}), lambda answer: 0.1 * answer)
+
+    def chunk(policy: LatePolicy) -> Array:
+        return policy.infer({"prompt": "pick up the cup", "proprioception": BODY, "images": {}})
+
+    whole, stopped, resumed = made(), made(), made()
+    for policy in (whole, stopped):
+        for _ in range(3):
+            policy.reset()
+            chunk(policy)
+    resumed.restore(json.loads(json.dumps(stopped.save())))
+    assert resumed.save() == whole.save()
+    for policy in (whole, resumed):
+        policy.reset()
+    np.testing.assert_array_equal(chunk(resumed), chunk(whole))
+    assert resumed.stale_action_ratio == whole.stale_action_ratio > 0

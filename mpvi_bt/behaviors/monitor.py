@@ -9,7 +9,7 @@ from py_trees.common import Status
 
 from mpvi_bt.behaviors.context import Handoff
 from mpvi_bt.behaviors.node import Decorator
-from mpvi_bt.errors import BackendError
+from mpvi_bt.errors import NotInDryRun
 from mpvi_bt.monitors.signals import SAMPLE_STEPS, Signals
 
 _UNITS = {"reversals": "/s", "disagreement": " rad", "stall": " s", "grip": ""}
@@ -45,7 +45,7 @@ class Monitor(Decorator):
         context.trail.clear()
         try:
             self._signals = Signals(context.robot.proprioception())
-        except BackendError:  # a dry run
+        except NotInDryRun:
             self._signals, self.feedback_message = None, "no robot to measure"
             return
         self._steps, self._notices = 0, len(context.log.notices)

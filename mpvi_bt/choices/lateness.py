@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.disturbances.latency import read_latencies
@@ -41,6 +42,14 @@ class LateChecker:
         self._answers = 0
         self.name, self.needs_image = checker.name, checker.needs_image
         self.remote: bool = getattr(checker, "remote", False)
+
+    def save(self) -> dict[str, Any]:
+        """Answers so far."""
+        return {"answers": self._answers}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Go on from what `save` gave, with the next answer."""
+        self._answers = int(saved["answers"])
 
     def check(self, criterion: str, image: CameraImage | None) -> Judgement:
         """The other's judgement."""

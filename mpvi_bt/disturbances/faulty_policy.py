@@ -71,6 +71,16 @@ class FaultyPolicy(WrappedPolicy):
         self._frozen = self._before = None
         self._said = ("", "")
 
+    def save(self) -> dict[str, Any]:
+        """Handoffs and faults so far."""
+        return {"handoffs": self._handoff, "happened": dict(self.happened), "wrapped": super().save()}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Go on from what `save` gave: an interrupted handoff begins anew, as the next one."""
+        self._handoff = int(saved["handoffs"])
+        self.happened = Counter({str(name): int(count) for name, count in saved["happened"].items()})
+        super().restore(saved["wrapped"])
+
     def infer(self, observation: Mapping[str, Any]) -> Array:
         """(H, 23). Raises PolicyError if the policy gives no chunk."""
         if self._before is None:

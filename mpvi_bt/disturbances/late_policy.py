@@ -64,6 +64,15 @@ class LatePolicy(WrappedPolicy):
         self._kept = np.empty((0, ACTION_SIZE))
         self._last = None
 
+    def save(self) -> dict[str, Any]:
+        """Answers and steps so far."""
+        return {"answers": self._answers, "fresh": self.fresh, "stale": self.stale, "wrapped": super().save()}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Go on from what `save` gave, with the next answer."""
+        self._answers, self.fresh, self.stale = (int(saved[key]) for key in ("answers", "fresh", "stale"))
+        super().restore(saved["wrapped"])
+
     def infer(self, observation: Mapping[str, Any]) -> Array:
         """(H, 23). Raises PolicyError if the policy gives no chunk."""
         delay = in_steps(self._latency_s(self._answers))

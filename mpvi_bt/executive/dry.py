@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from mpvi_bt.behaviors.context import Context
-from mpvi_bt.errors import BackendError
+from mpvi_bt.errors import NotInDryRun
 from mpvi_bt.executive.loop import Outcome, Subscriber, run_episode
 from mpvi_bt.executive.replanning import Replanning
 from mpvi_bt.executive.saved_run import SavedRun, restore_world
@@ -135,15 +135,15 @@ class AbsentRobot:
         """Nothing moves anyway."""
 
     def act(self, action: Array) -> None:
-        """Raises BackendError."""
+        """Raises NotInDryRun."""
         _refuse("robot")
 
     def proprioception(self) -> Proprioception:
-        """Raises BackendError."""
+        """Raises NotInDryRun."""
         _refuse("robot")
 
     def look(self, camera: str) -> CameraImage:
-        """Raises BackendError."""
+        """Raises NotInDryRun."""
         _refuse("robot")
 
 
@@ -152,6 +152,10 @@ class _Absent:
 
     def __init__(self, what: str) -> None:
         self._what = what
+
+    def save(self) -> dict[str, Any]:
+        """It has counted nothing."""
+        return {}
 
     def __getattr__(self, name: str) -> NoReturn:
         _refuse(self._what)
@@ -162,4 +166,4 @@ def _absent(what: str) -> Any:
 
 
 def _refuse(what: str) -> NoReturn:
-    raise BackendError(f"a dry run has no {what}; a node type that needs one says so by robot=True")
+    raise NotInDryRun(f"a dry run has no {what}; a node type that needs one says so by robot=True")

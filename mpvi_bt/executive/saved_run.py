@@ -34,6 +34,7 @@ class SavedRun(Record):
         notices, replans, handoffs, clipped: As of the log so far.
         world: What the world says of itself.
         memory: What was learned.
+        policy, checker: What these have counted, so that a late or faulty one draws on from there.
     """
 
     tree: saving.SavedTree
@@ -46,14 +47,16 @@ class SavedRun(Record):
     clipped: Annotated[int, Field(ge=0)] = 0
     world: SavedWorld
     memory: dict[str, JsonValue] = {}
+    policy: dict[str, JsonValue] = {}
+    checker: dict[str, JsonValue] = {}
 
 
 def save_run(tree: Tree, world: World) -> SavedRun:
     """How a run stands between two ticks."""
-    log = tree.context.log
+    context, log = tree.context, tree.context.log
     return SavedRun(
         tree=saving.save(tree),
-        blackboard=dict(tree.context.blackboard),
+        blackboard=dict(context.blackboard),
         failures=list(log.failures),
         queries=list(log.queries),
         notices=list(log.notices),
@@ -61,7 +64,9 @@ def save_run(tree: Tree, world: World) -> SavedRun:
         handoffs=list(log.handoffs),
         clipped=log.clipped,
         world=SavedWorld.model_validate(world.save()),
-        memory=tree.context.memory.save() if tree.context.memory else {},
+        memory=context.memory.save() if context.memory else {},
+        policy=getattr(context.policy, "save", dict)(),
+        checker=getattr(context.checker, "save", dict)(),
     )
 
 
@@ -75,6 +80,9 @@ def restore_world(saved: SavedRun, world: World, context: Context) -> None:
         world.restore(saved.world.model_dump())
         if context.memory and saved.memory:
             context.memory.restore(saved.memory)
+        for part, counted in ((context.policy, saved.policy), (context.checker, saved.checker)):
+            if counted and hasattr(part, "restore"):
+                part.restore(counted)
     except (KeyError, TypeError, ValueError) as error:
         raise UserError(f"the saved run cannot be continued here: {error!r:.200}") from None
     context.blackboard.clear()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -59,6 +59,16 @@ class WrappedPolicy:
     def reset(self) -> None:
         """Forget everything."""
         self._policy.reset()
+
+    def save(self) -> dict[str, Any]:
+        """What it has counted in the episode so far, as JSON values: a resumed run goes on from there."""
+        save: Callable[[], dict[str, Any]] = getattr(self._policy, "save", dict)
+        return save()
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Go on from what `save` gave. Raises KeyError, TypeError or ValueError if it is not that."""
+        if hasattr(self._policy, "restore"):
+            self._policy.restore(saved)
 
 
 def difference(foreseen: Array | None, chunk: Array) -> float:
