@@ -52,8 +52,20 @@ def test_only_texts_are_saved(body: bytes, tmp_path: Path) -> None:
     """All else that is sent changes nothing."""
     file = tmp_path / "tree.yaml"
     file.write_text(TREE, encoding="utf-8")
-    assert TestClient(Edited(file).app).post("/text", content=body).status_code == 400
+    client = TestClient(Edited(file).app)
+    assert client.post("/text", content=body).status_code == 400
     assert file.read_text(encoding="utf-8") == TREE
+
+
+def test_what_is_typed_is_checked_before_it_is_saved(tmp_path: Path) -> None:
+    """Its problems are told, and the file stays as it is."""
+    file = tmp_path / "tree.yaml"
+    file.write_text(TREE, encoding="utf-8")
+    client = TestClient(Edited(file).app)
+    told = client.post("/check", content=json.dumps({"text": TREE.replace("wait: 1", "wiat: 1")})).json()
+    assert [(problem["line"], problem["code"]) for problem in told] == [(6, "unknown-node")]
+    assert file.read_text(encoding="utf-8") == TREE
+    assert client.post("/check", content=b"[]").status_code == 400
 
 
 def test_what_cannot_be_read_is_said(tmp_path: Path) -> None:
@@ -90,6 +102,33 @@ def test_an_outdated_drawing_is_given_up(tmp_path: Path) -> None:
         assert outdated.result(timeout=1.0) is None
     assert Tags(drawer.draw(TREE) or "").data["end"]["is"] == "failure"
     drawer.close()
+
+
+@pytest.mark.slow
+def test_the_page_helps_who_types(chromium: Browser, tmp_path: Path) -> None:
+    """A new line is indented as the one before, problems are told before a save, and a drawing stays until the next."""
+    file = tmp_path / "tree.yaml"
+    file.write_text(TREE, encoding="utf-8")
+    with serving("edit", str(file), "--serve=0", cwd=tmp_path) as (url, _):
+        tab = chromium.tab(url)
+        tab.until("document.querySelector('#drawing')?.src.endsWith('drawing?1')")
+        tab.eval(
+            "$('text').focus(); $('text').setSelectionRange($('text').value.length - 1, $('text').value.length - 1)"
+        )
+        tab.call("Input.dispatchKeyEvent", type="keyDown", key="Enter", code="Enter", windowsVirtualKeyCode=13)
+        tab.call("Input.insertText", text="- wiat: 1")
+        assert tab.eval("$('text').value").endswith("\n          - fail: nothing_there\n          - wiat: 1\n")
+        tab.until("document.querySelector('#problems h2').textContent === '1 problem, not saved'")
+        assert tab.eval("$('lines').textContent.split('\\n')[13]") == "● 14"
+        tab.click("#problems button")
+        assert tab.eval("getSelection().toString()") == "wiat"
+        assert file.read_text(encoding="utf-8") == TREE
+        tab.click("#save")
+        tab.until("document.querySelector('#problems h2').textContent === '1 problem'")
+        assert tab.eval("$('drawing').className + $('drawing').src").endswith("drawing?1")
+        assert tab.eval("$('drawing').className") == "stale"
+        file.write_text(TREE, encoding="utf-8")
+        tab.until("$('drawing').src.endsWith('drawing?3') && !$('drawing').className")
 
 
 @pytest.mark.slow

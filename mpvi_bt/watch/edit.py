@@ -47,6 +47,7 @@ class Edited:
                 Route("/", self.page),
                 Route("/events", self.events),
                 Route("/drawing", self.drawing),
+                Route("/check", self.check, methods=["POST"]),
                 Route("/text", self.save, methods=["POST"]),
             ]
         )
@@ -74,20 +75,23 @@ class Edited:
                 self._drawn = version, page
             return HTMLResponse(self._drawn[1])
 
+    async def check(self, request: Request) -> Response:
+        """The problems of a text that is typed and not saved."""
+        said = await _said(request)
+        if said is None:
+            return PlainTextResponse('wanted: {"text": TEXT}\n', 400)
+        return JSONResponse(self._told(await asyncio.to_thread(self._found, said["text"])))
+
     async def save(self, request: Request) -> Response:
         """Take over the page's text, unless the file has changed meanwhile."""
-        try:
-            said = json.loads(await body(request, _MOST_BYTES))
-            text, base = said["text"], said["base"]
-            if not isinstance(text, str):
-                raise ValueError
-        except (ValueError, TypeError, KeyError):
+        said = await _said(request)
+        if said is None or "base" not in said:
             return PlainTextResponse('wanted: {"text": TEXT, "base": DIGEST}\n', 400)
         await self._look()
-        if base != _digest(self._text):
+        if said["base"] != _digest(self._text):
             return PlainTextResponse("the file has changed on disk since\n", 409)
         try:
-            write_whole(self._path, text)
+            write_whole(self._path, said["text"])
         except MpviError as error:
             return PlainTextResponse(f"{error}\n", 409)
         await self._look()
@@ -107,12 +111,15 @@ class Edited:
         self._drawer.close()
 
     def _data(self) -> dict[str, Any]:
-        problems = [
+        told = self._told(self._problems)
+        return {"since": str(self._version), "text": self._text, "base": _digest(self._text), "problems": told}
+
+    def _told(self, problems: list[Problem]) -> list[dict[str, Any]]:
+        return [
             {"line": p.line, "column": p.column, "code": p.code, "severity": p.severity, "message": p.message,
              "file": "" if p.file == str(self._path) else p.file}
-            for p in self._problems
+            for p in problems
         ]  # fmt: skip
-        return {"since": str(self._version), "text": self._text, "base": _digest(self._text), "problems": problems}
 
     def _news(self, since: str) -> tuple[str, dict[str, Any]]:
         now = str(self._version)
@@ -162,6 +169,15 @@ class Edited:
         except OSError:
             return None
         return stat.st_mtime_ns, stat.st_size, stat.st_ino
+
+
+async def _said(request: Request) -> dict[str, Any] | None:
+    """What a page sent, its text checked to be one; None if it is none."""
+    try:
+        said = json.loads(await body(request, _MOST_BYTES))
+    except ValueError:
+        return None
+    return said if isinstance(said, dict) and isinstance(said.get("text"), str) else None
 
 
 def _digest(text: str) -> str:
