@@ -31,43 +31,46 @@ def fingers(world: World, off_m: float, name: str = "radio") -> Array:
     return tips
 
 
+def touch(world: World, tips: Array) -> None:
+    """One control step with fingertips there, and the hands that they are of."""
+    world._switches.step(tips, lambda: tips)
+
+
 def test_a_fingertip_on_it_for_five_steps_turns_it() -> None:
     """Four steps do nothing, the fifth turns it on, and staying on it does nothing more."""
     world = radio_world()
-    switches = world._switches
     for _ in range(PRESSED_STEPS - 1):
-        switches.step(fingers(world, 0.01))
+        touch(world, fingers(world, 0.01))
     assert not world.toggled_on("radio")
     for _ in range(50):
-        switches.step(fingers(world, 0.01))
+        touch(world, fingers(world, 0.01))
         assert toggled_on(world, "radio")
 
 
 def test_it_turns_again_only_after_the_finger_left() -> None:
     """Leaving for one step is enough, and then five steps turn it off."""
     world = radio_world()
-    switches = world._switches
     for steps, on in ((PRESSED_STEPS, True), (PRESSED_STEPS, False), (PRESSED_STEPS, True)):
         for _ in range(steps):
-            switches.step(fingers(world, 0.0))
+            touch(world, fingers(world, 0.0))
         assert world.toggled_on("radio") is on
-        switches.step(AWAY)
+        touch(world, AWAY)
 
 
 def test_a_brush_or_a_miss_does_nothing() -> None:
     """Steps on it that are interrupted do not add up; 3 cm away is not on it."""
     world = radio_world()
     for k in range(40):
-        world._switches.step(AWAY if k % 4 == 3 else fingers(world, 0.0))
-        world._switches.step(fingers(world, SWITCH_M + 0.001))
+        touch(world, AWAY if k % 4 == 3 else fingers(world, 0.0))
+        touch(world, fingers(world, SWITCH_M + 0.001))
     assert not world.toggled_on("radio")
 
 
 def press(world: World, name: str) -> None:
     """A fingertip on the thing's switch for long enough, and then off."""
     for _ in range(PRESSED_STEPS):
-        world._switches.step(fingers(world, 0.0, name))
-    world._switches.step(AWAY)
+        touch(world, fingers(world, 0.0, name))
+    touch(world, AWAY)
 
 
 CLOSED_ONLY = {"dishwasher.n.01", "microwave.n.02", "washer.n.03"}  # BEHAVIOR's `requires_closed`
@@ -87,10 +90,10 @@ def test_some_appliances_run_only_while_they_are_closed(entry: Entry, opened: fl
     world.set_opening("it", door, 0.0)
     world.turn("it", True)
     world.set_opening("it", door, opened)
-    world._switches.step(AWAY)
+    touch(world, AWAY)
     assert toggled_on(world, "it") is runs
     world.set_opening("it", door, 0.0)
-    world._switches.step(AWAY)
+    touch(world, AWAY)
     assert toggled_on(world, "it") is runs
 
 

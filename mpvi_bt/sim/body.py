@@ -101,6 +101,10 @@ class SimBody:
         felt = self.proprioception()
         return matmul(kin.base(felt.base_pose), self.model.tcp(felt.torso, felt.arm[side], side))
 
+    def hands_world(self) -> Array:
+        """(n, 3) where physics has the links that the fingers are fixed to [m]."""
+        return np.array([self.links[self.model.hand_links[side]].entity.pose.p for side in self.model.sides], float)
+
     def fingertips_world(self) -> Array:
         """(2 n, 3) ends of the fingers of its hands, the left one's first [m]."""
         felt, out = self.proprioception(), []

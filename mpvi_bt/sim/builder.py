@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -42,6 +42,8 @@ class Thing:
     articulation: sapien.physx.PhysxArticulation | None = None
     movable: bool = False
     _joints: Mapping[str, int] = field(default_factory=dict, repr=False)
+    _stood: list[tuple[float, ...]] | None = field(default=None, init=False, repr=False)
+    _there: tuple[list[Solid], list[Solid]] = field(default=([], []), init=False, repr=False)
 
     @property
     def entity(self) -> sapien.Entity:
@@ -126,11 +128,11 @@ class Thing:
 
     def solids(self) -> list[Solid]:
         """What collides, posed in the world as it stands now."""
-        return list(self._posed_solids if self._fixed else self._posed(_colliding))
+        return list(self._posed()[0])
 
     def volumes(self) -> list[Solid]:
         """What can hold things, posed in the world as it stands now."""
-        return list(self._posed_volumes if self._fixed else self._posed(_volumes))
+        return list(self._posed()[1])
 
     def joint_fractions(self) -> list[float]:
         """Position of each joint, 0 closed to 1 fully open, in the order of the description's bodies."""
@@ -154,23 +156,17 @@ class Thing:
         self.articulation.set_qpos(q)
         self.articulation.set_qvel(np.zeros_like(q))
 
-    @property
-    def _fixed(self) -> bool:
-        return self.articulation is None and not self.movable
-
-    @cached_property
-    def _posed_solids(self) -> list[Solid]:
-        return list(self._posed(_colliding))
-
-    @cached_property
-    def _posed_volumes(self) -> list[Solid]:
-        return list(self._posed(_volumes))
-
-    def _posed(self, pick: Callable[[Body], Iterable[Solid]]) -> Iterator[Solid]:
-        for body in self.description.bodies:
-            T = self.T_world_body(body.name)
-            for solid in pick(body):
-                yield solid.moved(T)
+    def _posed(self) -> tuple[list[Solid], list[Solid]]:
+        """Solids and volumes: worked out anew only where a body has moved since the last time."""
+        stands = [(*pose.p.tolist(), *pose.q.tolist()) for pose in (e.pose for e in self.entities.values())]
+        if stands != self._stood:
+            frames = {body.name: self.T_world_body(body.name) for body in self.description.bodies}
+            self._stood = stands
+            self._there = (
+                [p.solid.moved(frames[b.name]) for b in self.description.bodies for p in b.parts if p.collides],
+                [volume.moved(frames[b.name]) for b in self.description.bodies for volume in b.volumes],
+            )
+        return self._there
 
 
 def _finite(values: list[float], count: int) -> Array:
@@ -178,14 +174,6 @@ def _finite(values: list[float], count: int) -> Array:
     if array.shape != (count,) or not np.isfinite(array).all():
         raise ValueError(f"{count} finite numbers are due, not {array.shape}")
     return array
-
-
-def _colliding(body: Body) -> Iterable[Solid]:
-    return (part.solid for part in body.parts if part.collides)
-
-
-def _volumes(body: Body) -> Iterable[Solid]:
-    return body.volumes
 
 
 def build_house(scene: sapien.Scene, house: House, render: bool) -> dict[str, Thing]:

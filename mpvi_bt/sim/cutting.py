@@ -18,7 +18,7 @@ from mpvi_bt.things.catalogue import Entry
 
 PUSH_N = 1.0  # Our choice: a knife that lies beside a thing does not cut it (OmniGibson's does at a touch)
 _BLADE_M = 0.004  # a contact so near to a blade is on it
-_NEAR_M = 0.8  # middles of what touches are nearer than this: the longest thing that is cut is a log
+_CONTACT_M = 0.02  # physics tells contacts from a smaller distance
 _STEP_S = 1 / 120  # of physics: contacts tell impulses
 _TURNED = pose((0.0, 0.0, 0.0), np.pi)
 
@@ -44,6 +44,8 @@ class Cutting:
             name: blades for name, entry in entries.items() if (blades := entry.description.root.blades) and self._kinds
         }
         self._slicers = {name: Slicer() for name in self._blades}
+        boxes = {name: np.abs(entries[name].description.extent()).max(0) for name in self._kinds}
+        self._reach_m = {name: float(norm(corner)) for name, corner in boxes.items()}  # from its origin
 
     def step(self, dt_s: float) -> None:
         """One control step later."""
@@ -69,19 +71,20 @@ class Cutting:
     def _touched(self, tool: Thing) -> list[str]:
         """What can be cut and the blade of a tool presses on, by the contacts of the last physics step."""
         there = self._presence.there
-        T = tool.T_world_body()
-        near = {
-            there[name].entity: name
-            for name in self._kinds
-            if name in there and norm(there[name].T_world_body()[:3, 3] - T[:3, 3]) < _NEAR_M
-        }
+        names = [name for name in self._kinds if name in there]
+        if not names or tool.root_body.is_sleeping:
+            return []
+        blades = [_grown(blade.moved(tool.T_world_body())) for blade in self._blades[tool.name]]
+        origins = np.array([there[name].entity.pose.p for name in names], float)
+        reach = np.array([self._reach_m[name] for name in names]) + _CONTACT_M
+        gaps = norm(origins[:, None] - [blade.T[:3, 3] for blade in blades], axis=-1) - [norm(b.half_m) for b in blades]
+        near = {there[names[i]].entity: names[i] for i in np.flatnonzero(gaps.min(-1) < reach)}
         if not near:
             return []
-        blades = [_grown(blade.moved(T)) for blade in self._blades[tool.name]]
-        found = []
+        found, own = [], tool.entity
         for contact in self._scene.get_contacts():
             a, b = (body.entity for body in contact.bodies)
-            other = near.get(b if a == tool.entity else a) if tool.entity in (a, b) else None
+            other = near.get(b if a == own else a) if own in (a, b) else None
             if other is None:
                 continue
             on_blade = [p for p in contact.points if any(within(blade, np.asarray(p.position)) for blade in blades)]

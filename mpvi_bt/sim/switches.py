@@ -5,7 +5,7 @@ Some things are on only while they are closed: no finger turns them on while the
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,7 @@ PRESSED_STEPS = 5  # it has to stay so many control steps, and then to leave, be
 _OFF: Color = (0.85, 0.12, 0.1)
 _ON: Color = (0.2, 0.95, 0.3)
 _THICK_M = 0.004
+_HAND_M = 0.5  # no finger is longer, so that a hand farther from a switch has none on it
 
 
 @dataclass(eq=False)
@@ -89,12 +90,19 @@ class Switches:
         """T_world_switch (4, 4) of each switch of a thing, z pointing out of it."""
         return [place.T_world() for place in self._places if place.thing.name == name]
 
-    def step(self, fingertips: Array) -> None:
-        """One control step with the fingertips (n, 3) in the world."""
+    def step(self, hands: Array, fingertips: Callable[[], Array]) -> None:
+        """One control step.
+
+        Args:
+            hands: (n, 3) where the links are that fingers are fixed to, in the world [m].
+            fingertips: Tells where the fingertips (n, 3) are; asked only if a hand is near a switch.
+        """
         if not self._places:
             return
         centers = np.array([place.T_world()[:3, 3] for place in self._places])
-        nearest = ((fingertips[:, None] - centers) ** 2).sum(-1).min(0)
+        nearest = _squared(hands, centers)
+        if nearest.min() < _HAND_M**2:
+            nearest = _squared(fingertips(), centers)
         for place, squared in zip(self._places, nearest.tolist(), strict=True):
             name = place.thing.name
             place.pressed = place.pressed + 1 if squared < SWITCH_M**2 else 0
@@ -111,6 +119,11 @@ class Switches:
             away[2, 3] = -9.0  # below the floor, out of every picture
             for light, shown in zip(place.lights, (not lit, lit), strict=bool(place.lights)):
                 light.set_pose(sapien.Pose(T if shown else away))
+
+
+def _squared(points: Array, centers: Array) -> Array:
+    """(m,) the squared distance of each center (m, 3) from the nearest point (n, 3)."""
+    return np.asarray(((points[:, None] - centers) ** 2).sum(-1).min(0))
 
 
 def _place(thing: Thing, body: str, switch: Switch, lights: Sequence[sapien.Entity]) -> _Place:

@@ -71,16 +71,18 @@ class Temperatures:
 
     def _look(self, state: WorldState) -> None:
         boxes = {name: aabb(state, name) for name in self._heats if state.exists(name)}
-        self._acting = {name: [s for by, s in self._sources.items() if self._acts(state, by, name, boxes[name])]
-                        for name in boxes}  # fmt: skip
+        places = {by: aabb(state, by) for by in self._sources}
+        self._acting = {
+            name: [s for by, s in self._sources.items() if self._acts(state, by, places[by], name, box)]
+            for name, box in boxes.items()
+        }
         self._near = {
             name: [other for other in boxes if other != name and _apart(boxes[name], boxes[other].mean(0)) <= REACH_M]
             for name in boxes
         }
 
-    def _acts(self, state: WorldState, by: str, name: str, box: Array) -> bool:
+    def _acts(self, state: WorldState, by: str, place: Array, name: str, box: Array) -> bool:
         source = self._sources[by]
-        place = aabb(state, by)
         if not (place[0] - REACH_M <= box[1]).all() or not (box[0] <= place[1] + REACH_M).all():
             return False
         closed = all(fraction <= OPEN_FRACTION for fraction in state.joint_fractions(by))

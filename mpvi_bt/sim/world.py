@@ -173,8 +173,7 @@ class World:
         self.steps += 1
         if self._attachments is not None:
             self._attachments.step(self.pinched)
-        if self._switches.on:
-            self._switches.step(self.robot.fingertips_world())
+        self._switches.step(self.robot.hands_world(), self.robot.fingertips_world)
         self._temperatures.step(self, 1 / CONTROL_HZ)
         self._marking.step(self)
         self._mounting.step(self)
