@@ -40,6 +40,7 @@ class Following:
         touched_m: That a hand is held off by what it touches [m].
         astray_m: A base that far from its goal is held up by something [m],
         back: and goes back so much of the course [ratio].
+        pushing: So many times slower is a hand that pushes: a base that trails it leads a stretched arm astray.
     """
 
     base_gain: float = 3.0
@@ -56,9 +57,10 @@ class Following:
     touched_m: float = 0.005
     astray_m: float = 0.12
     back: float = 0.2
+    pushing: float = 1.6
 
 
-_FOLLOW = Following()
+FOLLOW = Following()
 
 
 def take_up(work: Work, start: Start, side: Side, idle: Side | None) -> Actions:
@@ -114,21 +116,21 @@ def go_along(
     start, torso = motion.felt.base_pose.copy(), motion.torso
     n = max(10, round(_seconds(course, start) * slowness * CONTROL_HZ))
     lost, last = 0, start
-    for k in range(1, n + _FOLLOW.settling_steps + 1):
+    for k in range(1, n + FOLLOW.settling_steps + 1):
         x = smooth(min(1.0, k / n))
         goal = course.base(x, start)
         forward = (goal - last) * CONTROL_HZ
         error = goal - motion.felt.base_pose
         error[2], forward[2] = kin.wrap(error[2]), kin.wrap(goal[2] - last[2]) * CONTROL_HZ
         last = goal
-        if norm(error[:2]) > _FOLLOW.astray_m:  # pressed against a wall it could not even draw its hand back
-            yield from motion.drive(course.base(smooth(max(0.0, k / n - _FOLLOW.back)), start), _FOLLOW.base_speed_m_s)
+        if norm(error[:2]) > FOLLOW.astray_m:  # pressed against a wall it could not even draw its hand back
+            yield from motion.drive(course.base(smooth(max(0.0, k / n - FOLLOW.back)), start), FOLLOW.base_speed_m_s)
             raise MotionFailure("base_blocked", f"{100 * norm(error[:2]):.0f} cm off its course")
         motion.action[ActionLayout.TORSO] = torso + (torso_after - torso) * x
         lost = 0 if _reach(motion, side, course.hand(x)) else lost + 1
-        if lost >= _FOLLOW.lost_steps:
+        if lost >= FOLLOW.lost_steps:
             raise MotionFailure("off_course")
-        yield _moving(motion, forward + _FOLLOW.base_gain * error)
+        yield _moving(motion, forward + FOLLOW.base_gain * error)
         if arrived(x):
             break
     motion.still()
@@ -154,8 +156,8 @@ def back_out(motion: Motion, direction: Array, distance_m: float, speed: float =
 def around(work: Work, side: Side) -> bool:
     """Whether the fingers of a hand that points ahead stand around something that the robot does not carry."""
     T = matmul(work.base, work.motion.hand(side))
-    between = T[:3, 3] + np.outer(np.linspace(-1, 1, 5) * _FOLLOW.between_m, T[:3, 1])
-    return bool(np.hypot(*T[:2, 2]) > _FOLLOW.level and (work.near().distance(between) < _FOLLOW.touched_m).any())
+    between = T[:3, 3] + np.outer(np.linspace(-1, 1, 5) * FOLLOW.between_m, T[:3, 1])
+    return bool(np.hypot(*T[:2, 2]) > FOLLOW.level and (work.near().distance(between) < FOLLOW.touched_m).any())
 
 
 def draw_off(work: Work, side: Side) -> Actions:
@@ -164,7 +166,7 @@ def draw_off(work: Work, side: Side) -> Actions:
     Raises:
         MotionFailure: "base_blocked" if something is in the way.
     """
-    yield from back_out(work.motion, -matmul(work.base, work.motion.hand(side))[:2, 2], _FOLLOW.off_m)
+    yield from back_out(work.motion, -matmul(work.base, work.motion.hand(side))[:2, 2], FOLLOW.off_m)
 
 
 def _seconds(course: Course, start: Array) -> float:
@@ -176,7 +178,7 @@ def _seconds(course: Course, start: Array) -> float:
     turn = sum(
         float(np.arccos(np.clip((np.trace(matmul(a[:3, :3].T, b[:3, :3])) - 1) / 2, -1, 1))) for a, b in pairwise(hands)
     )
-    return max(way / _FOLLOW.base_speed_m_s, reach / _FOLLOW.hand_speed_m_s, turn / _FOLLOW.turn_speed_rad_s)
+    return max(way / FOLLOW.base_speed_m_s, reach / FOLLOW.hand_speed_m_s, turn / FOLLOW.turn_speed_rad_s)
 
 
 def _reach(motion: Motion, side: Side, T_world_tcp: Array) -> bool:
@@ -187,9 +189,9 @@ def _reach(motion: Motion, side: Side, T_world_tcp: Array) -> bool:
     T_chest_world = kin.inverse(matmul(kin.base(motion.felt.base_pose), motion.robot.chest(motion.felt.torso)))
     now = motion.arm(side)
     q = motion.robot.nearest_posture(matmul(T_chest_world, T_world_tcp), side, now)
-    if q is None or np.abs(q - now).max() > _FOLLOW.leap_rad:
+    if q is None or np.abs(q - now).max() > FOLLOW.leap_rad:
         return False
-    motion.action[ActionLayout.ARM[side]] = now + np.clip(q - now, -_FOLLOW.step_rad, _FOLLOW.step_rad)
+    motion.action[ActionLayout.ARM[side]] = now + np.clip(q - now, -FOLLOW.step_rad, FOLLOW.step_rad)
     return True
 
 

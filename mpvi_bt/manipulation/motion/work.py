@@ -24,7 +24,7 @@ from mpvi_bt.scene.scene import Scene
 Words = Mapping[str, str]  # what fills the slots of a skill call, such as {"object": "can of soda"}
 
 NEAR_M = 1.7  # our choice, an arm and a stride: solids farther from the robot than this do not matter to a skill
-_LIFTED_M = 0.10  # our choice: clear of what stands beside
+LIFTED_M = 0.10  # our choice: a hand that rises by that is clear of what stands beside
 _RISES = (1.0, 0.5, 0.25)  # our choice: shares of it, where a board hangs low
 
 
@@ -35,19 +35,18 @@ class Ground:
     Our choice, by how far boxes about things are off.
 
     Attributes:
-        ajar: Of its limit: a door that stands open so far is open [ratio].
         base_m: Spheres of the base are larger, and reach into the floor [m].
         beside_m: Of a sphere: what is that near is what it meets [m].
         on_m: What lies on a thing is as much above its top, or below its bottom, at the most [m].
     """
 
-    ajar: float = 0.3
     base_m: float = 0.2
     beside_m: float = 0.03
     on_m: float = 0.03
 
 
 _WORK = Ground()
+AJAR = 0.3  # our choice, of its limit: a door that stands open so far is seen to be open, from wherever that is
 EASY_M = 0.9  # our choice: height above the floor where hands reach farthest
 
 
@@ -165,7 +164,7 @@ class Work:
 
     def stands_open(self, name: str) -> bool:
         """Whether a door, drawer or lid of a thing stands open."""
-        return any(door.position > _WORK.ajar * door.limit for door in self.scene.doors(name))
+        return any(door.position > AJAR * door.limit for door in self.scene.doors(name))
 
     def free_hands(self, name: str, wanted: str | None = None) -> list[Side]:
         """Empty hands, the one on the side of a thing first; only the one `wanted` if given.
@@ -284,7 +283,7 @@ class Work:
         loads = {s: h.load for s, h in self.held().items()}
         return Body(self.motion.robot, self.motion.torso, arms, loads, self.near(without).seen_from(self.base))
 
-    def rise(self, side: Side, by_m: float = _LIFTED_M, shares: Sequence[float] = _RISES) -> Actions:
+    def rise(self, side: Side, by_m: float = LIFTED_M, shares: Sequence[float] = _RISES) -> Actions:
         """Raise a hand straight up, by the first of `shares` of `by_m` that the arm reaches.
 
         Raises:

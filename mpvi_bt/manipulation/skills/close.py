@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
-from mpvi_bt.manipulation.motion.follow import go_along, resistance, take_up, touch
-from mpvi_bt.manipulation.motion.work import Words, Work
+from mpvi_bt.manipulation.motion.follow import FOLLOW, go_along, resistance, take_up, touch
+from mpvi_bt.manipulation.motion.work import AJAR, Words, Work
 from mpvi_bt.manipulation.skills.open import course_search, sides, swing, then_leave
 from mpvi_bt.manipulation.skills.openings import (
     doors_meant,
@@ -25,7 +26,7 @@ from mpvi_bt.manipulation.skills.openings import (
     turned,
     upright,
 )
-from mpvi_bt.manipulation.stance.course import Course, Start
+from mpvi_bt.manipulation.stance.course import SHORT_M, Course, Start
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.linear_algebra import matmul, norm
@@ -34,29 +35,100 @@ from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.shapes.moving_parts import Door
 
-_CLOSED = 0.03  # of its limit
-_MOST_DOORS = 8
-_FACING = 0.7  # cosine, of directions that are of the same front
-_LEANS = (0.0, 0.5, -0.5, 1.0, -1.0)  # of a hand that pushes a lid down, along its hinge [rad]
-_SHORT_M = 0.10
-_TURNS = (0.5, 0.75, 0.3, 0.9)
-_BESIDE_M = 0.09  # from the bar's end, or from its axis, to the middle of the fist
-_INSET_M = (0.07, 0.12, 0.2)  # from the free edge
-_INSET_UNSEEN_M = (0.18, 0.24)  # likewise, where its bar is hidden: farther in than bars are
-_OFF_MIDDLE = (0.6, -0.6)  # of half its height, where no bar is likely to be
-_INSET_LID_M = (0.03, 0.045)  # likewise, where a finger lies along the face: the palm has to stay beyond the edge
-_ASLANT = 0.6  # tangent of how a fist draws back from a closed door
-_NEARLY = 0.85  # of the way
-_SHUT_M = 0.010
-_BEYOND_RAD = 0.03  # the fist goes on that far: arms give way
-_UNSURE_RAD, _UNSURE_M = 0.2, 0.06  # likewise, if the door's place is only seen
-_STOPPED_M, _STOPPED, _SLOWLY = 0.02, 3, 1.6  # held off so far, at so many steps in a row, a slow fist is stopped
-_MOVING = 0.15  # of the way; before it a door that begins to move resists, too
-_HOME = 0.1  # of the way, at which the fist has brought the door home
-_WIDE = 0.3  # of its limit: a door that is open so far is seen to be open
-_SAME_M = 0.1
-_ASIDE = (0.4, -0.4, 0.6, -0.6, 0.0)  # where to push a drawer, in half widths from its middle: beside its bar
-_MOST_COURSES = 48
+
+@dataclass(frozen=True)
+class Shutting:
+    """When a door is closed, by sight and by what the fist feels that pushes it.
+
+    Our choice. `felt` figures are for doors of which the state is known exactly; the others for doors that are only
+    seen, whose place and angle are off, so that the fist has to go on until something stops it.
+
+    Attributes:
+        doors: That one call closes, at the most.
+        closed: A door that is less far open is closed [ratio of its limit].
+        facing: Cosine between directions that fronts of the same side of a thing look to.
+        same_m: A door whose middle is still this near to where it was has not moved [m].
+        nearly: Of the way, from which on a felt door may be shut [ratio]: before, it resists as it moves.
+        felt_m: The fist is held off so far by a felt door that is shut [m].
+        beyond: The fist goes on so far beyond a felt door that is shut [rad or m]: arms give way.
+        unsure_rad: Likewise beyond a hinged door that is only seen [rad],
+        unsure_m: and beyond a drawer [m].
+        moving: Of the way, from which on a seen door may be shut [ratio]: one that begins to move resists, too.
+        stopped_m: The fist is held off so far by a seen door that is shut [m],
+        stopped_steps: at so many steps in a row.
+        home: Of the way that may be left when a door stops that has been brought home [ratio].
+        aslant: Tangent of how far a fist draws back sideways, toward the hinge, to keep clear of the bar.
+    """
+
+    doors: int = 8
+    closed: float = 0.03
+    facing: float = 0.7
+    same_m: float = 0.1
+    nearly: float = 0.85
+    felt_m: float = 0.010
+    beyond: float = 0.03
+    unsure_rad: float = 0.2
+    unsure_m: float = 0.06
+    moving: float = 0.15
+    stopped_m: float = 0.02
+    stopped_steps: int = 3
+    home: float = 0.1
+    aslant: float = 0.6
+
+
+_SHUT = Shutting()
+
+
+@dataclass(frozen=True)
+class PushPoints:
+    """Where on a face, and how, the fist pushes it.
+
+    Our choice: near the free edge, where least force is needed, and clear of the bar.
+
+    Attributes:
+        inset_m: From the free edge [m].
+        unseen_m: Likewise where the bar is hidden [m]: farther in than bars are.
+        lid_m: Likewise on a lid, where a finger lies along the face and the palm has to stay beyond the edge [m].
+        widest: An inset is no larger than so many halves of the face.
+        inset_cost: Of each meter of it.
+        edge_m: From the upper and the lower edge [m].
+        beside_m: From the bar's end, or from its axis, to the middle of the fist [m],
+        spare_m: which may be this much less [m], and
+        across_m: is that much more from the axis: a fist is broader across the bar [m].
+        step_m: From a height beyond the bar's end to one that is safer still [m].
+        height_cost: Of each height that is not the first.
+        off_middle: Heights where a bar that is not known is unlikely [ratio of half the height].
+        aside: Where to push a drawer, off its middle [ratio of half its width]: beside its bar.
+        below: Likewise in height.
+        turns: Of the door's angle, that the hand turns along [ratio]: at half, base and arm share it.
+        turn_cost: Of a share that is not the first.
+        leans_rad: Of a hand that pushes a lid down, along the hinge [rad].
+        lean_cost: Of each radian.
+        courses: That are looked at, the cheapest first.
+    """
+
+    inset_m: tuple[float, ...] = (0.07, 0.12, 0.2)
+    unseen_m: tuple[float, ...] = (0.18, 0.24)
+    lid_m: tuple[float, ...] = (0.03, 0.045)
+    widest: float = 1.5
+    inset_cost: float = 3.0
+    edge_m: float = 0.04
+    beside_m: float = 0.09
+    spare_m: float = 0.03
+    across_m: float = 0.06
+    step_m: float = 0.1
+    height_cost: float = 0.1
+    off_middle: tuple[float, ...] = (0.6, -0.6)
+    aside: tuple[float, ...] = (0.4, -0.4, 0.6, -0.6, 0.0)
+    below: tuple[float, ...] = (0.0, -0.3)
+    turns: tuple[float, ...] = (0.5, 0.75, 0.3, 0.9)
+    turn_cost: float = 1.5
+    leans_rad: tuple[float, ...] = (0.0, 0.5, -0.5, 1.0, -1.0)
+    lean_cost: float = 0.3
+    courses: int = 48
+
+
+_PUSH = PushPoints()
 
 
 def close(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -79,13 +151,13 @@ def close(work: Work, words: Words, tried: list[Array]) -> Actions:
             yield from look_over(work, thing)
         else:
             yield from look_from_aside(work, thing)
-    for _ in range(_MOST_DOORS):
+    for _ in range(_SHUT.doors):
         doors = doors_meant(work, thing, places)
         ajar = [d for d in doors if not is_closed(d)]
         if not ajar:
             out = work.ajar.get(thing)
             # What stands open at a right angle looks closed from before its outer face.
-            if out is not None and all(matmul(outward(d), out) < _FACING for d in doors):
+            if out is not None and all(matmul(outward(d), out) < _SHUT.facing for d in doors):
                 yield from stand_before(work, thing, np.mean([_edge(d) for d in doors], axis=0), out)
                 yield from look_over(work, thing)
                 continue
@@ -100,13 +172,13 @@ def close(work: Work, words: Words, tried: list[Array]) -> Actions:
         # A gap as wide as a finger does not show; a hand that has felt a door stop where it has to be knows better.
         if felt and not any(_wide_open(d) for d in left):
             return
-        if len(left) >= len(ajar) and any(norm(_edge(d) - _edge(ajar[0])) < _SAME_M for d in left):
+        if len(left) >= len(ajar) and any(norm(_edge(d) - _edge(ajar[0])) < _SHUT.same_m for d in left):
             break
     raise MotionFailure("not_closed")
 
 
 def _wide_open(door: Door) -> bool:
-    return door.position > _WIDE * door.limit
+    return door.position > AJAR * door.limit
 
 
 def _edge(door: Door) -> Array:
@@ -116,7 +188,7 @@ def _edge(door: Door) -> Array:
 
 def is_closed(door: Door) -> bool:
     """Whether it is closed."""
-    return door.position < _CLOSED * door.limit
+    return door.position < _SHUT.closed * door.limit
 
 
 def _shut(work: Work, thing: str, door: Door, tried: list[Array], hand: str | None) -> Generator[Array, None, bool]:
@@ -158,8 +230,8 @@ def _headings(work: Work, door: Door, courses: Sequence[Course]) -> list[float]:
 def _beyond(work: Work, door: Door) -> float:
     """How far the fist goes beyond the closed door [rad or m] if nothing stops it."""
     if work.scene.exact:
-        return _BEYOND_RAD
-    return _UNSURE_M if door.kind == "slide" else _UNSURE_RAD
+        return _SHUT.beyond
+    return _SHUT.unsure_m if door.kind == "slide" else _SHUT.unsure_rad
 
 
 def _push_home(
@@ -171,19 +243,19 @@ def _push_home(
     def shut(x: float) -> bool:  # a shut door resists; to go on pushing would only shove the robot back
         nonlocal held_up, left
         if work.scene.exact:
-            return x > _NEARLY and resistance(motion, side) > _SHUT_M
-        held_up = held_up + 1 if resistance(motion, side) > _STOPPED_M and x > _MOVING else 0
+            return x > _SHUT.nearly and resistance(motion, side) > _SHUT.felt_m
+        held_up = held_up + 1 if resistance(motion, side) > _SHUT.stopped_m and x > _SHUT.moving else 0
         left = door.position - way * x
-        return held_up >= _STOPPED
+        return held_up >= _SHUT.stopped_steps
 
     def push() -> Actions:
         yield from touch(work, course, side, until_contact=not work.scene.exact)
-        yield from go_along(motion, course, side, start.torso_after, shut, 1.0 if work.scene.exact else _SLOWLY)
+        yield from go_along(motion, course, side, start.torso_after, shut, 1.0 if work.scene.exact else FOLLOW.pushing)
 
     yield from motion.grip(side, -1.0, 0.3)
     yield from take_up(work, start, side, idle)
     yield from then_leave(work, side, push(), _to_hinge(door))
-    return held_up >= _STOPPED and left < _HOME * way
+    return held_up >= _SHUT.stopped_steps and left < _SHUT.home * way
 
 
 def _to_hinge(door: Door) -> Array:
@@ -192,10 +264,10 @@ def _to_hinge(door: Door) -> Array:
         return np.zeros(2)
     shut = moved(door, -door.position)
     way = (door.origin - matmul(shut[:3, :3], _edge(door)) - shut[:3, 3])[:2]
-    return np.asarray(_ASLANT * way / norm(way))
+    return np.asarray(_SHUT.aslant * way / norm(way))
 
 
-def pushes(hand: Hand, door: Door, beyond: float = 0.03) -> list[Course]:
+def pushes(hand: Hand, door: Door, beyond: float = _SHUT.beyond) -> list[Course]:
     """Ways to push a door, a flap or a drawer shut with the fist, on its outer face, clear of its bar.
 
     What turns is pushed near its free edge, what slides anywhere.
@@ -222,54 +294,56 @@ def pushes(hand: Hand, door: Door, beyond: float = 0.03) -> list[Course]:
         if door.bar is not None and _near_bar(door, point):
             continue
         if lid(door):
-            out += [_push(hand, door, point, R, 0.0, beyond, cost + bias) for R, cost in _from_above(door)]
+            out += [_push(hand, door, point, R, 0.0, beyond, more + bias) for R, more in _from_above(door)]
             continue
-        for turn in _TURNS if door.kind == "hinge" else (0.0,):
+        for turn in _PUSH.turns if door.kind == "hinge" else (0.0,):
             for flip in (1.0, -1.0):
                 straight = kin.hand_rotation(-matmul(shut[:3, :3], out_of), flip * np.cross(rise, out_of))
-                out.append(_push(hand, door, point, straight, turn, beyond, 1.5 * abs(turn - 0.5) + bias))
-    return sorted(out, key=lambda course: course.cost)[:_MOST_COURSES]
+                cost = _PUSH.turn_cost * abs(turn - _PUSH.turns[0]) + bias
+                out.append(_push(hand, door, point, straight, turn, beyond, cost))
+    return sorted(out, key=lambda course: course.cost)[: _PUSH.courses]
 
 
 def _from_above(door: Door) -> Iterator[tuple[Array, float]]:
     """Rotations (3, 3) of a fist that goes down with a lid as it is, the fingertips side by side, with their costs."""
     up = matmul(moved(door, -door.position)[:3, :3], outward(door))
-    for lean in _LEANS:
+    for lean in _PUSH.leans_rad:
         approach, along = np.sin(lean) * door.axis - np.cos(lean) * up, np.cos(lean) * door.axis + np.sin(lean) * up
         for flip in (1.0, -1.0):
-            yield kin.hand_rotation(approach, flip * along), 0.3 * abs(lean)
+            yield kin.hand_rotation(approach, flip * along), _PUSH.lean_cost * abs(lean)
 
 
 def _points(door: Door, center: Array, away: Array, rise: Array, wide: float, high: float) -> list[tuple[Array, float]]:
     """Points [m] in the middle plane of a panel to push it at, with their costs."""
     if door.kind == "slide":
-        return [(center + away * u * wide + rise * v * high, abs(u) / 10 + abs(v)) for u in _ASIDE for v in (0.0, -0.3)]
+        places = product(_PUSH.aside, _PUSH.below)
+        return [(center + away * u * wide + rise * v * high, abs(u) / 10 + abs(v)) for u, v in places]
     out = [
-        (center + away * (wide - inset) + rise * height, 3.0 * (inset - _insets(door)[0]) + bias)
-        for inset in _insets(door) if inset < wide * 1.5
+        (center + away * (wide - inset) + rise * height, _PUSH.inset_cost * (inset - _insets(door)[0]) + bias)
+        for inset in _insets(door) if inset < wide * _PUSH.widest
         for height, bias in _heights(door, center, rise, high)
     ]  # fmt: skip
     if door.bar is None and upright(door):  # bars are about the middle of an edge
         out += [
-            (center + away * (wide - inset) + rise * v * high, 3.0 * (inset - _INSET_M[0]))
-            for inset in _INSET_M[:2] for v in _OFF_MIDDLE if inset < wide * 1.5
+            (center + away * (wide - inset) + rise * v * high, _PUSH.inset_cost * (inset - _PUSH.inset_m[0]))
+            for inset in _PUSH.inset_m[:2] for v in _PUSH.off_middle if inset < wide * _PUSH.widest
         ]  # fmt: skip
     return out
 
 
 def _insets(door: Door) -> tuple[float, ...]:
     if lid(door):
-        return _INSET_LID_M
-    return _INSET_M if door.bar is not None else _INSET_UNSEEN_M
+        return _PUSH.lid_m
+    return _PUSH.inset_m if door.bar is not None else _PUSH.unseen_m
 
 
 def _heights(door: Door, center: Array, rise: Array, half: float) -> list[tuple[float, float]]:
     """Heights [m] on the panel, from its middle, with their costs: beyond the bar's ends first."""
     at, reach = 0.0, 0.0
     if door.bar is not None:
-        at, reach = float(matmul(door.bar.center - center, rise)), door.bar.length_m / 2 + _BESIDE_M
-    wanted = [at + reach, at - reach, at + reach + 0.1, at - reach - 0.1, at, 0.0]
-    return [(h, 0.1 * k) for k, h in enumerate(dict.fromkeys(wanted)) if abs(h) < half - 0.04]
+        at, reach = float(matmul(door.bar.center - center, rise)), door.bar.length_m / 2 + _PUSH.beside_m
+    wanted = [at + reach, at - reach, at + reach + _PUSH.step_m, at - reach - _PUSH.step_m, at, 0.0]
+    return [(h, _PUSH.height_cost * k) for k, h in enumerate(dict.fromkeys(wanted)) if abs(h) < half - _PUSH.edge_m]
 
 
 def _near_bar(door: Door, point: Array) -> bool:
@@ -278,7 +352,7 @@ def _near_bar(door: Door, point: Array) -> bool:
     off = point - bar.center
     beyond = max(0.0, abs(float(matmul(off, bar.axis))) - bar.length_m / 2)
     flat = off - bar.axis * float(matmul(off, bar.axis)) - bar.outward * float(matmul(off, bar.outward))
-    return bool(np.hypot(beyond, max(0.0, float(norm(flat)) - 0.06)) < _BESIDE_M - 0.03)
+    return bool(np.hypot(beyond, max(0.0, float(norm(flat)) - _PUSH.across_m)) < _PUSH.beside_m - _PUSH.spare_m)
 
 
 def _push(shape: Hand, door: Door, point: Array, straight: Array, turn: float, beyond: float, cost: float) -> Course:
@@ -306,5 +380,5 @@ def _push(shape: Hand, door: Door, point: Array, straight: Array, turn: float, b
         T = moved(door, -start * x)
         return [s.moved(T) for s in door.solids]
 
-    before[:3, 3] -= _SHORT_M * before[:3, 2]
+    before[:3, 3] -= SHORT_M * before[:3, 2]
     return Course(before, hand, carry, moving, float(np.arctan2(before[1, 2], before[0, 2])), cost)

@@ -13,7 +13,7 @@ import numpy as np
 
 from mpvi_bt.manipulation.motion.approach import approach, arrive, leave, lines, withdraw
 from mpvi_bt.manipulation.motion.carry import settle
-from mpvi_bt.manipulation.motion.work import Work
+from mpvi_bt.manipulation.motion.work import NEAR_M, Work
 from mpvi_bt.manipulation.skills.two_hands import Box, boxes_about
 from mpvi_bt.manipulation.stance.stance import Option
 from mpvi_bt.robot import kinematics as kin
@@ -23,20 +23,59 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Side
 from mpvi_bt.robot.solids import Array
 
-_NEAR_M = 1.7
-_BEHIND_M = 0.045  # less room than that behind a side is none for a finger
-_SUPPORT_M = 0.008
-_BEFORE_M = 0.10
-_OFF_M = 0.012  # between the fingers and the end of the thing, before and afterward
-_PRESS_M = 0.012  # how far beyond its end the hand is told to go, more and more along the arc:
-_SLIDES = 0.3  # of the way out, as the thing gives way along the wall
-_ARC_RAD = (0.0, 0.2, 0.4, 0.6, 0.8)
-_SPEED_M_S = 0.08
-_TILTS = (1.2, 0.9, 1.4, 0.6)  # of the approach from straight down
-_TURNS = (0.0, 0.3, -0.3, 0.6, -0.6)
-_DEPTHS_M = (0.022, 0.03, 0.04)  # of the tcp before the side that touches
-_LOW = 0.6  # of the thing's height: higher up it would rather fall over than turn,
-_FLAT_M, _EDGE_M = 0.03, 0.006  # but so low down anything turns, as long as the fingers do not slip over its edge
+
+@dataclass(frozen=True)
+class DrawingOut:
+    """How a thing is swung out from what it stands against.
+
+    Our choice, by books, boards and boxes at walls.
+
+    Attributes:
+        behind_m: Less room than that behind a side is none for a finger [m].
+        behind_at: Heights that this is looked at, off the middle [ratio of the height].
+        support_m: What bears an end that has been swung out is this far below its underside [m].
+        arc_rad: Angles about the far end that the hand goes through [rad]: the last lets fingers in behind the thing.
+        speed_m_s: Of the hand [m/s]: rubber fingertips hold what they take along so slowly.
+        before_m: That the hand waits before the end of the thing, along its approach [m].
+        off_m: Between the fingers and the end of the thing, before and afterward [m].
+        press_m: How far into the end the hand is told to go [m]: the arm's give makes that a force,
+        slides: and for each radian of the arc so much more [ratio of the width], as the thing slides along the wall.
+        away_m: That the hand goes off the end when the arc is done [m].
+        tilts_rad: Of the approach from straight down, the best first [rad].
+        tilt_cost: Of each radian off the best.
+        turns_rad: Of the hand about the vertical [rad].
+        turn_cost: Of each radian.
+        depths_m: Of the tcp before the side that touches [m].
+        depth_cost: Of each meter.
+        above_m: Of the tcp above the underside, if the hand has room [m]; no more than half of the height.
+        low: Of the height; higher up a thing would rather fall over than turn [ratio].
+        flat_m: So low anything turns [m],
+        edge_m: as long as the fingers stay that far below its upper edge and do not slip over it [m].
+    """
+
+    behind_m: float = 0.045
+    behind_at: tuple[float, ...] = (-0.2, 0.2, 0.4)
+    support_m: float = 0.008
+    arc_rad: tuple[float, ...] = (0.0, 0.2, 0.4, 0.6, 0.8)
+    speed_m_s: float = 0.08
+    before_m: float = 0.10
+    off_m: float = 0.012
+    press_m: float = 0.012
+    slides: float = 0.3
+    away_m: float = 0.03
+    tilts_rad: tuple[float, ...] = (1.2, 0.9, 1.4, 0.6)
+    tilt_cost: float = 0.2
+    turns_rad: tuple[float, ...] = (0.0, 0.3, -0.3, 0.6, -0.6)
+    turn_cost: float = 0.3
+    depths_m: tuple[float, ...] = (0.022, 0.03, 0.04)
+    depth_cost: float = 5.0
+    above_m: float = 0.02
+    low: float = 0.6
+    flat_m: float = 0.03
+    edge_m: float = 0.006
+
+
+_DRAW = DrawingOut()
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +107,7 @@ def draw_out(work: Work, name: str, side: Side) -> Actions:
         yield from lines(work, side, stance, [1])
         shift = matmul(kin.inverse(work.base), kin.base(stance.base))
         for T in stance.waypoints[2:-1]:
-            yield from motion.line(side, matmul(shift, T), _SPEED_M_S, give_rad=np.inf)
+            yield from motion.line(side, matmul(shift, T), _DRAW.speed_m_s, give_rad=np.inf)
         motion.action[ActionLayout.ARM[side]] = motion.felt.arm[side]
         yield from lines(work, side, stance, [len(stance.waypoints) - 1])
     except MotionFailure:
@@ -88,19 +127,19 @@ def options(work: Work, name: str) -> list[Option]:
 
 
 def _swings(work: Work, name: str) -> Iterator[_Swing]:
-    near = work.scene.obstacles(work.motion.felt.base_pose[:2], _NEAR_M, without=work.along(name))
+    near = work.scene.obstacles(work.motion.felt.base_pose[:2], NEAR_M, without=work.along(name))
     for box in boxes_about(work.scene.pose(name), list(work.scene.solids(name))):
         ahead = np.array([np.cos(box.heading), np.sin(box.heading), 0.0])
         back = box.middle - ahead * box.length / 2
-        heights = np.array([[0.0, 0.0, z * box.height] for z in (-0.2, 0.2, 0.4)])
-        if (near.distance(back - ahead * _BEHIND_M / 2 + heights) > _BEHIND_M / 2).all():
+        heights = np.array([[0.0, 0.0, z * box.height] for z in _DRAW.behind_at])
+        if (near.distance(back - ahead * _DRAW.behind_m / 2 + heights) > _DRAW.behind_m / 2).all():
             continue
         across = np.array([-ahead[1], ahead[0], 0.0]) * box.width / 2
         for sign in (1.0, -1.0):
             swing = _Swing(box, (back + sign * across)[:2], (back - sign * across)[:2])
-            out = matmul(kin.rot_z(-sign * _ARC_RAD[-1]), box.middle - back + sign * across)
-            below = np.append(swing.pivot + out[:2], box.bottom - _SUPPORT_M)
-            if below[2] < 0 or near.distance(below) <= 2 * _SUPPORT_M:
+            out = matmul(kin.rot_z(-sign * _DRAW.arc_rad[-1]), box.middle - back + sign * across)
+            below = np.append(swing.pivot + out[:2], box.bottom - _DRAW.support_m)
+            if below[2] < 0 or near.distance(below) <= 2 * _DRAW.support_m:
                 yield swing
 
 
@@ -110,23 +149,24 @@ def _ways(hand: Hand, swing: _Swing) -> Iterator[Option]:
     radial = np.append(swing.end - swing.pivot, 0.0)
     radial /= norm(radial)
     turning = float(np.sign(np.cross(radial, ahead)[2]))
-    for tilt in _TILTS:
-        z = box.bottom + max(hand.lowest(tilt), min(0.02, 0.5 * box.height))
-        if z > box.bottom + max(_LOW * box.height, min(_FLAT_M, box.height - _EDGE_M)):
+    for tilt in _DRAW.tilts_rad:
+        z = box.bottom + max(hand.lowest(tilt), min(_DRAW.above_m, 0.5 * box.height))
+        if z > box.bottom + max(_DRAW.low * box.height, min(_DRAW.flat_m, box.height - _DRAW.edge_m)):
             continue
         s, c = float(np.sin(tilt)), float(np.cos(tilt))
-        for turn in _TURNS:
+        for turn in _DRAW.turns_rad:
             approach = -s * matmul(kin.rot_z(turn), ahead) + [0, 0, -c]
-            for depth in (d for d in _DEPTHS_M if d <= box.length):
+            for depth in (d for d in _DRAW.depths_m if d <= box.length):
                 start = np.append(swing.end, z) + ahead * depth + radial * hand.closed_half_m
                 R = kin.hand_rotation(approach, matmul(kin.rot_z(turn), radial))
                 arm = start[:2] - swing.pivot
-                points = [start - _BEFORE_M * approach + radial * _OFF_M, start + radial * _OFF_M]
-                for angle in _ARC_RAD:
+                points = [start - _DRAW.before_m * approach + radial * _DRAW.off_m, start + radial * _DRAW.off_m]
+                for angle in _DRAW.arc_rad:
                     out = matmul(kin.rot_z(turning * angle)[:2, :2], arm)
-                    slid = radial * (_PRESS_M + _SLIDES * angle * box.width)
+                    slid = radial * (_DRAW.press_m + _DRAW.slides * angle * box.width)
                     points.append(np.append(swing.pivot + out, z) - slid)
-                off = matmul(kin.rot_z(turning * _ARC_RAD[-1]), radial)
-                points.append(points[-1] + 0.03 * off + 0.5 * _BEFORE_M * ahead)
+                off = matmul(kin.rot_z(turning * _DRAW.arc_rad[-1]), radial)
+                points.append(points[-1] + _DRAW.away_m * off + 0.5 * _DRAW.before_m * ahead)
                 waypoints = np.stack([kin.transform(R, p) for p in points])
-                yield Option(waypoints, 1, 0.3 * abs(turn) + 0.2 * abs(tilt - 1.2) + 5.0 * depth, opening_m=0.0)
+                turned = _DRAW.turn_cost * abs(turn) + _DRAW.tilt_cost * abs(tilt - _DRAW.tilts_rad[0])
+                yield Option(waypoints, 1, turned + _DRAW.depth_cost * depth, opening_m=0.0)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from mpvi_bt.manipulation.motion.carry import settle
-from mpvi_bt.manipulation.motion.follow import back_out, go_along, take_up, touch
-from mpvi_bt.manipulation.motion.work import Words, Work
+from mpvi_bt.manipulation.motion.follow import FOLLOW, back_out, go_along, take_up, touch
+from mpvi_bt.manipulation.motion.work import LIFTED_M, Words, Work
 from mpvi_bt.manipulation.skills.openings import (
     doors_meant,
     lid,
@@ -24,28 +25,47 @@ from mpvi_bt.manipulation.skills.openings import (
     thing_meant,
     upright,
 )
-from mpvi_bt.manipulation.stance.course import Course, CourseSearch, Start
+from mpvi_bt.manipulation.stance.course import AROUND_M, Course, CourseSearch, Start
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Side
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.shapes.moving_parts import Bar, Door
 
-# How far to open [rad], the most first, for there may be no room: enough to reach in. A bottom hinge stops where the
-# bar can still be taken hold of to close it again.
-_UPRIGHT_RAD = (1.5, 1.3, 1.1, 0.9)
-_FLAP_RAD = (1.2, 1.0)
-_RISING_RAD = (1.6, 1.4, 1.2)  # above what it closes it is in nobody's way
-_LID_RAD = (1.5, 1.3, 1.1)  # no farther than that a hand gets behind it to close it
-_SLIDE_M = (0.3, 0.24)
-_OPEN_ENOUGH = 0.8  # of the first of these
-_AROUND_M = 2.5
-_DEEP_M, _BEHIND_M = 0.3, 0.015  # what is behind a front, of which only the front was seen
-_VIEWS = 3  # that what looks open is believed in, at the most
-_SAME_BAR_M = 0.06
-_BACK_OUT_M = 0.15
-_BACK_OFF_M = 0.25
-_RISE_M = 0.1
+
+@dataclass(frozen=True)
+class Opening:
+    """How far doors, drawers and lids are opened, and when they are open.
+
+    Our choice: enough to reach in. Of several ways the most comes first; there may be no room for it.
+
+    Attributes:
+        upright_rad: Of doors with an upright hinge [rad].
+        flap_rad: Of flaps with a hinge below [rad]: farther down the bar could not be taken hold of to close it again.
+        rising_rad: Of flaps with a hinge above [rad]: above what it closes a flap is in nobody's way.
+        lid_rad: Of lids on top [rad]: no farther than that a hand gets behind it to close it.
+        slide_m: Of drawers [m].
+        enough: Of the least of these, or of that share of the limit if it is less, counts as open [ratio].
+        views: By which what looks open is believed to be, at the most.
+        same_bar_m: A bar that is seen this near to where it was has not moved [m].
+        deep_m: Of what is behind a front, where only the front was seen [m],
+        behind_m: from this far behind the front's middle on [m].
+    """
+
+    upright_rad: tuple[float, ...] = (1.5, 1.3, 1.1, 0.9)
+    flap_rad: tuple[float, ...] = (1.2, 1.0)
+    rising_rad: tuple[float, ...] = (1.6, 1.4, 1.2)
+    lid_rad: tuple[float, ...] = (1.5, 1.3, 1.1)
+    slide_m: tuple[float, ...] = (0.3, 0.24)
+    enough: float = 0.8
+    views: int = 3
+    same_bar_m: float = 0.06
+    deep_m: float = 0.3
+    behind_m: float = 0.015
+
+
+_OPEN = Opening()
+_BACK_OFF_M = 0.25  # our choice: that the base backs off afterward, so that the arm has room to fold
 
 
 def open_(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -63,7 +83,7 @@ def open_(work: Work, words: Words, tried: list[Array]) -> Actions:
     thing, places = thing_meant(work, words["object"])
     yield from look_over(work, thing)
     doors = doors_meant(work, thing, places)
-    for _ in range(_VIEWS):
+    for _ in range(_OPEN.views):
         if not (open_ := [door for door in doors if is_open(door)]):
             break
         if (yield from seen_twice(work, thing, open_[:1])):
@@ -91,23 +111,23 @@ def _as_before(now: Door, before: Door) -> bool:
     """Whether a bar is seen where it was, on what is seen to be as it was."""
     if now.bar is None or before.bar is None:
         return False
-    same = float(norm(now.bar.center - before.bar.center)) < _SAME_BAR_M
-    return same and abs(now.position - before.position) < (1 - _OPEN_ENOUGH) * before.limit
+    same = float(norm(now.bar.center - before.bar.center)) < _OPEN.same_bar_m
+    return same and abs(now.position - before.position) < (1 - _OPEN.enough) * before.limit
 
 
 def targets(door: Door) -> tuple[float, ...]:
     """How far to open it [rad or m], the most first."""
     if door.kind == "slide":
-        return _SLIDE_M
+        return _OPEN.slide_m
     if upright(door) or lid(door):
-        return _UPRIGHT_RAD if upright(door) else _LID_RAD
-    return _RISING_RAD if door.origin[2] > panel(door).T[2, 3] else _FLAP_RAD
+        return _OPEN.upright_rad if upright(door) else _OPEN.lid_rad
+    return _OPEN.rising_rad if door.origin[2] > panel(door).T[2, 3] else _OPEN.flap_rad
 
 
 def is_open(door: Door) -> bool:
     """Whether it is clearly open: enough to take things out."""
-    least = min(targets(door)[-1], _OPEN_ENOUGH * door.limit)
-    return door.position >= _OPEN_ENOUGH * least
+    least = min(targets(door)[-1], _OPEN.enough * door.limit)
+    return door.position >= _OPEN.enough * least
 
 
 def swing(
@@ -169,8 +189,8 @@ def then_leave(work: Work, side: Side, doing: Actions, aside: Array | None = Non
     else:
         motion.action[ActionLayout.ARM[side]] = motion.felt.arm[side]  # presses no more
     away = -matmul(work.base, motion.hand(side))[:2, 2]
-    if (length := float(norm(away))) > 0.3:
-        yield from _trying(back_out(motion, away / length + (0.0 if aside is None else aside), _BACK_OUT_M), failures)
+    if (length := float(norm(away))) > FOLLOW.level:
+        yield from _trying(back_out(motion, away / length + (0.0 if aside is None else aside), FOLLOW.off_m), failures)
     else:
         yield from _trying(_rise_off(work, side), [])
     yaw = motion.felt.base_pose[2]
@@ -187,7 +207,7 @@ def _rise_off(work: Work, side: Side) -> Actions:
     except MotionFailure as failure:
         if failure.reason != "no_reach":
             raise
-        lift = min(work.motion.posture[0] + _RISE_M, work.motion.robot.trunk.limits[0, 1])
+        lift = min(work.motion.posture[0] + LIFTED_M, work.motion.robot.trunk.limits[0, 1])
         yield from work.motion.stand(work.motion.bent(lift=lift))
 
 
@@ -232,7 +252,7 @@ def course_search(
     without = work.carried() | inside | {thing}
     at = work.motion.felt.base_pose[:2]
     with work.scene.trusting(remembering=True):  # the way leads back and aside, of which little is in view
-        near = work.scene.obstacles(at, _AROUND_M, without)
+        near = work.scene.obstacles(at, AROUND_M, without)
     if work.scene.exact:
         parts = list(work.scene.solids(thing))
     else:
@@ -264,8 +284,8 @@ def behind(door: Door) -> Solid:
     face = panel(door).moved(moved(door, -door.position))
     through = int(np.argmin(face.half_m))
     half = face.half_m.copy()
-    half[through] = _DEEP_M / 2
+    half[through] = _OPEN.deep_m / 2
     T = face.T.copy()
     normal = matmul(moved(door, -door.position)[:3, :3], outward(door))
-    T[:3, 3] -= normal * (_DEEP_M / 2 + _BEHIND_M)
+    T[:3, 3] -= normal * (_OPEN.deep_m / 2 + _OPEN.behind_m)
     return Solid("box", half, T)

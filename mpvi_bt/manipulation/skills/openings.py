@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Generator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,23 +19,74 @@ from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.shapes.moving_parts import Bar, Door
 
 _PARTS = "doors?|drawers?|lids?|hatch|flap|boot|trunk|cover"
-_RANKS = {
+_RANKS = {  # of doors, from the top
     "first": 0, "second": 1, "third": 2, "fourth": 3, "fifth": 4,
     "1": 0, "2": 1, "3": 2, "4": 3, "5": 4, "one": 0, "two": 1, "three": 2, "four": 3, "five": 4,
 }  # fmt: skip
 _PLACES = ("top", "upper", "uppermost", "highest", "bottom", "lower", "lowest", "middle", "left", "right", *_RANKS)
-_LOOKS = 2
-_FACING_RAD = 0.15
-_BESIDE_RAD, _DOWN_RAD = 1.5, 0.5  # from facing a door, and from level, to see what is beside the base
-_ASIDE_M, _ASIDE_RAD = 1.2, (0.7, -0.7, 1.2, -1.2)  # from where the outside of an open door may be seen
-_BEFORE_M, _STAGE_RAD = 1.1, 0.6  # where to stand before a face; on the way around a thing it looks so often
-_SAME_M, _SAME = 0.15, 0.2  # a door that is seen there and, of its limit, so far open, is the one seen before
-_AJAR = 0.5  # of its limit: a door that stands so far open lets one look in
-_SHORT_M = 0.11  # the hand waits that far before a bar
-_ALONG = (0.0, 0.3, -0.3)  # where to hold a bar, in lengths from its middle
-# How much of a door's angle the hand turns with it: half is easiest, for the base turns as much.
-_TURNS = (0.5, 0.3, 0.7)
-_LID_TURNS = (1.0, 0.85, 0.7)  # likewise: fingers hold a bar fast, and what stands loose would tilt with the hand
+
+FACING_RAD = 0.15  # our choice: what is less far off straight ahead is faced; a small part of what the camera sees
+_UPRIGHT = 0.7  # our choice: cosine with the vertical of axes and faces that count as vertical, half way to level
+
+
+@dataclass(frozen=True)
+class DoorViews:
+    """Where doors are looked at from, and which of them are the same.
+
+    Our choice, by kitchen furniture.
+
+    Attributes:
+        looks: At the whole front, with a turn between two: where its middle is shows better from the first one on.
+        beside_rad: From facing a door, to see what is beside the base on the hinge's side [rad],
+        down_rad: the head tilted down by so much [rad].
+        aside_rad: From where it is looked at: the outside of an open door may be seen from there [rad],
+        aside_m: from no nearer than that [m].
+        before_m: Where to stand before a face [m].
+        stage_rad: On the way around a thing, from one look to the next [rad].
+        same_m: The middles of one door, seen twice, are no farther apart [m],
+        same: and how far it is open differs by no more [ratio of its limit].
+        ajar: A door that stands so far open lets one look in [ratio of its limit].
+    """
+
+    looks: int = 2
+    beside_rad: float = 1.5
+    down_rad: float = 0.5
+    aside_rad: tuple[float, ...] = (0.7, -0.7, 1.2, -1.2)
+    aside_m: float = 1.2
+    before_m: float = 1.1
+    stage_rad: float = 0.6
+    same_m: float = 0.15
+    same: float = 0.2
+    ajar: float = 0.5
+
+
+_VIEWS = DoorViews()
+
+
+@dataclass(frozen=True)
+class BarGrip:
+    """How a bar is held while what it belongs to is led along.
+
+    Our choice.
+
+    Attributes:
+        short_m: That the open hand waits before the bar [m].
+        along: Where to hold it, from its middle [ratio of its length].
+        along_cost: Of each length.
+        turns: Of a door's angle, that the hand turns along [ratio]: half is easiest, for the base turns as much.
+        lid_turns: Likewise of a lid's: fingers hold a bar fast, and what stands loose would tilt with the hand.
+        turn_cost: Of a share that is not the first.
+    """
+
+    short_m: float = 0.11
+    along: tuple[float, ...] = (0.0, 0.3, -0.3)
+    along_cost: float = 0.5
+    turns: tuple[float, ...] = (0.5, 0.3, 0.7)
+    lid_turns: tuple[float, ...] = (1.0, 0.85, 0.7)
+    turn_cost: float = 2.0
+
+
+_GRIP = BarGrip()
 
 
 def thing_meant(work: Work, phrase: str, ajar: bool = False) -> tuple[str, list[str]]:
@@ -87,11 +139,11 @@ def look_over(work: Work, thing: str) -> Actions:
     """See the whole front of a thing: look, and turn to where it then shows to be. The truth needs no look."""
     if work.scene.exact:
         return
-    for looks in range(_LOOKS):
+    for looks in range(_VIEWS.looks):
         middle = work.middle(thing)[:2]
         x, y, yaw = work.motion.felt.base_pose
         bearing = float(np.arctan2(middle[1] - y, middle[0] - x))
-        if abs(kin.wrap(bearing - yaw)) > _FACING_RAD:
+        if abs(kin.wrap(bearing - yaw)) > FACING_RAD:
             yield from work.motion.drive(np.array([x, y, bearing]))
         elif looks:
             return
@@ -105,7 +157,7 @@ def look_from_aside(work: Work, thing: str) -> Generator[Array, None, bool]:
     x, y, _ = work.motion.felt.base_pose
     middle = work.middle(thing)[:2]
     bearing = float(np.arctan2(y - middle[1], x - middle[0]))
-    for turn in _ASIDE_RAD:
+    for turn in _VIEWS.aside_rad:
         if (yield from _go_where(work, thing, middle, bearing + turn)):
             yield from look_over(work, thing)
             return True
@@ -132,15 +184,15 @@ def look_beside(work: Work, door: Door) -> Actions:
     toward_hinge = door.origin - matmul(shut[:3, :3], face.T[:3, 3]) - shut[:3, 3]
     left = float(np.sign(np.cross(toward_hinge, out)[2]))
     with suppress(MotionFailure):  # a base that cannot turn there has its picture all the same
-        yield from work.motion.drive(np.array([x, y, np.arctan2(-out[1], -out[0]) + left * _BESIDE_RAD]))
-    yield from work.motion.stand(work.motion.bent(tilt=_DOWN_RAD))
+        yield from work.motion.drive(np.array([x, y, np.arctan2(-out[1], -out[0]) + left * _VIEWS.beside_rad]))
+    yield from work.motion.stand(work.motion.bent(tilt=_VIEWS.down_rad))
     yield from work.see("head")
 
 
 def stands_as(a: Door, b: Door) -> bool:
     """Whether two doors, seen one after the other, are the same and as far open."""
     apart = float(norm(panel(a).T[:3, 3] - panel(b).T[:3, 3]))
-    return apart < _SAME_M and abs(a.position / a.limit - b.position / b.limit) < _SAME
+    return apart < _VIEWS.same_m and abs(a.position / a.limit - b.position / b.limit) < _VIEWS.same
 
 
 def stand_before(
@@ -153,10 +205,10 @@ def stand_before(
     """
     middle = work.middle(thing)[:2]
     x, y, _ = work.motion.felt.base_pose
-    goal = (face + _BEFORE_M * out)[:2] - middle
+    goal = (face + _VIEWS.before_m * out)[:2] - middle
     bearing = float(np.arctan2(y - middle[1], x - middle[0]))
     left = float(kin.wrap(np.arctan2(goal[1], goal[0]) - bearing))
-    stages = int(np.ceil(abs(left) / _STAGE_RAD))
+    stages = int(np.ceil(abs(left) / _VIEWS.stage_rad))
     for k in range(1, stages + 1):
         if not (yield from _go_where(work, thing, middle, bearing + left * k / stages)):
             return False
@@ -171,7 +223,7 @@ def stand_before(
 def stand_before_open(work: Work, thing: str) -> Actions:
     """Look into what stands open, from before its front: from beside it only the door, or a side, may be seen."""
     hinged = [door for door in work.scene.doors(thing) if door.kind == "hinge" and not lid(door)]
-    ajar = [door for door in hinged if door.position > _AJAR * door.limit]
+    ajar = [door for door in hinged if door.position > _VIEWS.ajar * door.limit]
     if ajar and not work.scene.exact:
         yield from stand_before_front(work, thing, ajar[0])
         yield from look_over(work, thing)
@@ -192,7 +244,7 @@ def _otherwise(work: Work, thing: str, door: Door) -> bool:
 def _go_where(work: Work, thing: str, middle: Array, bearing: float) -> Generator[Array, None, bool]:
     """Go around a place (2,) to a bearing and face it; returns whether a way there is seen, and found, to be free."""
     here = work.motion.felt.base_pose.copy()
-    far = max(_ASIDE_M, float(norm(here[:2] - middle)))
+    far = max(_VIEWS.aside_m, float(norm(here[:2] - middle)))
     goal = np.append(middle + far * np.array([np.cos(bearing), np.sin(bearing)]), float(kin.wrap(bearing + np.pi)))
     with work.scene.trusting(remembering=True):
         route = work.search("right", {thing}).route(here, goal)
@@ -255,13 +307,13 @@ def turned(axis: Array, angle_rad: float) -> Array:
 
 def upright(door: Door) -> bool:
     """Whether it turns about a vertical hinge."""
-    return door.kind == "hinge" and abs(float(door.axis[2])) > 0.7
+    return door.kind == "hinge" and abs(float(door.axis[2])) > _UPRIGHT
 
 
 def lid(door: Door) -> bool:
     """Whether it lies on top of what it closes, and turns about a level hinge."""
     shut = matmul(moved(door, -door.position)[:3, :3], outward(door))
-    return door.kind == "hinge" and not upright(door) and float(shut[2]) > 0.7
+    return door.kind == "hinge" and not upright(door) and float(shut[2]) > _UPRIGHT
 
 
 def panel(door: Door) -> Solid:
@@ -283,13 +335,13 @@ def swings(door: Door, bar: Bar, to: float) -> list[Course]:
     closed = moved(door, -door.position)[:3, :3]
     outward, along = matmul(closed, bar.outward), matmul(closed, bar.axis)
     out = []
-    turns = (0.0,) if door.kind != "hinge" else _LID_TURNS if lid(door) else _TURNS
+    turns = (0.0,) if door.kind != "hinge" else _GRIP.lid_turns if lid(door) else _GRIP.turns
     for turn in turns:
         for flip in (1.0, -1.0):
-            for shift in _ALONG:
+            for shift in _GRIP.along:
                 straight = kin.hand_rotation(-outward, flip * np.cross(along, outward))
                 grip = bar.center + bar.axis * shift * bar.length_m
-                cost = 2.0 * abs(turn - turns[0]) + 0.5 * abs(shift)
+                cost = _GRIP.turn_cost * abs(turn - turns[0]) + _GRIP.along_cost * abs(shift)
                 out.append(_swing(door, grip, straight, turn, to, cost))
     return out
 
@@ -319,6 +371,6 @@ def _swing(door: Door, grip: Array, straight: Array, turn: float, to: float, cos
         T = moved(door, (to - start) * x)
         return [s.moved(T) for s in door.solids]
 
-    before[:3, 3] -= _SHORT_M * before[:3, 2]
+    before[:3, 3] -= _GRIP.short_m * before[:3, 2]
     z = before[:3, 2]
     return Course(before, hand, carry, moving, float(np.arctan2(z[1], z[0])), cost)

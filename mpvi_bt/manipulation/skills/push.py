@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpvi_bt.manipulation.motion.follow import go_along, resistance, take_up, touch
+from mpvi_bt.manipulation.motion.follow import FOLLOW, go_along, resistance, take_up, touch
 from mpvi_bt.manipulation.motion.gaze import study
 from mpvi_bt.manipulation.motion.work import Words, Work
 from mpvi_bt.manipulation.skills.open import then_leave
-from mpvi_bt.manipulation.stance.course import Course, CourseSearch, Start
+from mpvi_bt.manipulation.stance.course import AROUND_M, SHORT_M, Course, CourseSearch, Start
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings, covering_spheres
 from mpvi_bt.robot.hand import Hand
@@ -21,21 +21,69 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
 
-_FAR_M = 0.30  # how far to push if nothing is said of it
-_LEAST = 0.5  # of that way counts as pushed
-_GAP_M = 0.02  # what is that near to where it is to be need not be pushed
-_UNSURE_M = 0.05  # where what it is pushed up to may be nearer or farther by
-_SHORT_M = 0.10
-_STEP_M = 0.01  # of a thing on its way to another, until they meet
-_APART = 0.6  # of a thing's width: how far apart two fingertips behind it keep it from turning or slipping away
-_DROOPS = (0.0, 0.4, 0.8, 1.1, 1.4)  # how far the hand points down [rad]
-_STEEP = (1.1, 1.4)  # those of a hand behind a thing so thin that a flat one had no room above what it stands on
-_HEIGHTS = (0.35, 0.5, 0.65, 0.2, 0.1, 0.8, 0.95)  # of the thing, where to push it
-_TOPPLING = 1.5  # cost of pushing higher than a thing is deep, for as much again: it may tip over
-_LOWEST_M = 0.03  # above what it stands on
-_STUCK_M = 0.04  # a hand held off so far pushes against something that does not give way,
-_MET_M = 0.02  # and so far where that is to be expected
-_SLOWNESS = 1.6  # of the base, which trails a faster hand by more than a stretched arm can make up for
+
+@dataclass(frozen=True)
+class Pushing:
+    """How far a thing is pushed, and when that is over.
+
+    Our choice, by how far sight is off and how far arms give way.
+
+    Attributes:
+        far_m: To push if nothing is said of it [m].
+        least: Of that way counts as pushed [ratio].
+        gap_m: What is this near to where it is to be need not be pushed [m].
+        unsure_m: That what it is pushed up to may be nearer or farther [m].
+        step_m: Between checks of where the two meet [m].
+        stuck_m: A hand that is held off so far pushes against something that does not give way [m],
+        met_m: and so far where it may have met what it is to meet [m].
+    """
+
+    far_m: float = 0.30
+    least: float = 0.5
+    gap_m: float = 0.02
+    unsure_m: float = 0.05
+    step_m: float = 0.01
+    stuck_m: float = 0.04
+    met_m: float = 0.02
+
+
+_PUSHING = Pushing()
+
+
+@dataclass(frozen=True)
+class Fingertips:
+    """Where behind a thing, and how, the fingertips push it.
+
+    Our choice: level and low, where it neither tips over nor is in the hand's way.
+
+    Attributes:
+        heights: Where to push, in the order in which they are looked at [ratio of the height].
+        height_cost: Of each of them more than the one before it.
+        lowest_m: Above what the thing stands on [m].
+        toppling: Cost of pushing higher than a thing is deep, for as much again: it may tip over,
+        most_toppling: for so much at the most.
+        apart: Between two fingertips [ratio of the width]: so they keep it from turning or slipping away.
+        droops_rad: How far the hand points down [rad].
+        steep_rad: Likewise behind a thing so thin that a flat hand had no room above what it stands on [rad].
+        droop_cost: Of each radian.
+        standing_cost: Of pushing with the arm alone, the base standing.
+        sample_m: Between points that are looked at for where the solids begin and end [m].
+    """
+
+    heights: tuple[float, ...] = (0.35, 0.5, 0.65, 0.2, 0.1, 0.8, 0.95)
+    height_cost: float = 0.15
+    lowest_m: float = 0.03
+    toppling: float = 1.5
+    most_toppling: float = 2.0
+    apart: float = 0.6
+    droops_rad: tuple[float, ...] = (0.0, 0.4, 0.8, 1.1, 1.4)
+    steep_rad: tuple[float, ...] = (1.1, 1.4)
+    droop_cost: float = 0.3
+    standing_cost: float = 0.6
+    sample_m: float = 0.0025
+
+
+_TIPS = Fingertips()
 _TURNS = {"away": 0.0, "forward": 0.0, "left": np.pi / 2, "right": -np.pi / 2, "aside": np.pi / 2, "backward": np.pi}
 
 
@@ -68,24 +116,25 @@ def push(work: Work, words: Words, tried: list[Array]) -> Actions:
     before = work.middle(name)[:2]
     way, near = _way(work, name, words)
     length = float(norm(way))
-    if length < _GAP_M:
+    if length < _PUSHING.gap_m:
         return
     side, start, course, search = _beginning(work, name, way, tried, words.get("hand"))
     motion = work.motion
 
     def stuck(x: float) -> bool:
-        return resistance(motion, side) > (_STUCK_M if x * length < near - _UNSURE_M else _MET_M)
+        met = x * length >= near - _PUSHING.unsure_m
+        return resistance(motion, side) > (_PUSHING.met_m if met else _PUSHING.stuck_m)
 
     def going() -> Actions:
         yield from touch(work, course, side, until_contact=True)
-        yield from go_along(motion, course, side, start.torso_after, stuck, _SLOWNESS)
+        yield from go_along(motion, course, side, start.torso_after, stuck, FOLLOW.pushing)
 
     tried.append(start.base)
     yield from motion.grip(side, motion.robot.hand.command(course.opening_m), 0.2)
     yield from take_up(work, start, side, search.other)
     yield from then_leave(work, side, going())
     yield from study(work, name)
-    least = near - _UNSURE_M if "target" in words else _LEAST * length
+    least = near - _PUSHING.unsure_m if "target" in words else _PUSHING.least * length
     if float(matmul(work.middle(name)[:2] - before, way)) / length < least:
         raise MotionFailure("not_moved")
 
@@ -107,17 +156,17 @@ def _way(work: Work, name: str, words: Words) -> tuple[Array, float]:
         toward /= far
         solids = work.scene.solids(name)
         whole, near = far + _reach(solids, -toward, at), far - _reach(solids, toward, at)
-        return toward * min(whole, _meets(solids, goal, toward, whole) + _UNSURE_M), near
+        return toward * min(whole, _meets(solids, goal, toward, whole) + _PUSHING.unsure_m), near
     bearing = float(np.arctan2(at[1] - here[1], at[0] - here[0])) + _TURNS[words.get("direction", "away")]
     # Left stays left, from wherever it is tried again.
     bearing = work.bearings.setdefault(f"{name}: {words.get('direction')}", bearing)
-    return _FAR_M * np.array([np.cos(bearing), np.sin(bearing)]), np.inf
+    return _PUSHING.far_m * np.array([np.cos(bearing), np.sin(bearing)]), np.inf
 
 
 def _meets(solids: Sequence[Solid], others: Sequence[Solid], toward: Array, length: float) -> float:
     """How far solids go along a direction (2,), `length` [m] at the most, until they meet others."""
     centers, radii = covering_spheres(solids)
-    steps = np.arange(0.0, length, _STEP_M)
+    steps = np.arange(0.0, length, _PUSHING.step_m)
     away = Surroundings(others).distance(centers + steps[:, None, None] * np.append(toward, 0.0))
     met = (away < radii).any(1)
     return float(steps[met.argmax()]) if met.any() else length
@@ -150,7 +199,7 @@ def _beginning(
 
 def _search(work: Work, name: str, side: Side, tried: list[Array]) -> CourseSearch:
     moved = work.along(name)
-    near = work.scene.obstacles(work.motion.felt.base_pose[:2], 2.5, without=work.carried().union(moved))
+    near = work.scene.obstacles(work.motion.felt.base_pose[:2], AROUND_M, without=work.carried().union(moved))
     touched = [s for n in moved for s in work.scene.solids(n)]
     return CourseSearch(
         work.motion, side, work.held(), near, touched, work.rng, list(tried), work.effort, refusals=work.refusals
@@ -178,26 +227,26 @@ def pushes(hand: Hand, solids: Sequence[Solid], way: Array) -> list[Push]:
         solids,
         key=lambda solid: float(matmul(np.abs(matmul(d, solid.T[:3, :3])), solid.half_m) - matmul(d, solid.T[:3, 3])),
     )
-    shares = [float(low[2] + share * (high[2] - low[2])) for share in _HEIGHTS]
-    flat = float(high[2] - low[2]) < 2 * _LOWEST_M
-    least = float(high[2] - low[2]) / 2 if flat else _LOWEST_M
+    shares = [float(low[2] + share * (high[2] - low[2])) for share in _TIPS.heights]
+    flat = float(high[2] - low[2]) < 2 * _TIPS.lowest_m
+    least = float(high[2] - low[2]) / 2 if flat else _TIPS.lowest_m
     for rank, height in enumerate((float(rearmost.T[2, 3]), *shares)):  # the edge of a seat, before what is below it
         z = max(height, low[2] + least)
         rear = _rear(solids, d, z)
         if rear is None:
             continue
         wide, deep = _width(solids, across, z), max(_width(solids, d, z), 1e-3)
-        opening = float(np.clip(_APART * wide - 2 * hand.finger_half_m, 0.0, hand.opening_m))
-        toppling = _TOPPLING * min(max(0.0, (z - low[2]) / deep - 1), 2.0)
-        for droop in _STEEP if flat else _DROOPS:
+        opening = float(np.clip(_TIPS.apart * wide - 2 * hand.finger_half_m, 0.0, hand.opening_m))
+        toppling = _TIPS.toppling * min(max(0.0, (z - low[2]) / deep - 1), _TIPS.most_toppling)
+        for droop in _TIPS.steep_rad if flat else _TIPS.droops_rad:
             approach = d * np.cos(droop) - np.array([0.0, 0.0, np.sin(droop)])
             at = rear - hand.tip_m * approach - hand.finger_half_m * np.sin(droop) * d
             for flip in (1.0, -1.0):
                 T = kin.transform(kin.hand_rotation(approach, flip * across), at)
                 before = T.copy()
-                before[:3, 3] -= _SHORT_M * T[:3, 2]
-                for carry, more in ((shifted, 0.0), (standing, 0.6)):
-                    cost = 0.15 * rank + 0.3 * droop + more + toppling
+                before[:3, 3] -= SHORT_M * T[:3, 2]
+                for carry, more in ((shifted, 0.0), (standing, _TIPS.standing_cost)):
+                    cost = _TIPS.height_cost * rank + _TIPS.droop_cost * droop + more + toppling
                     heading = float(np.arctan2(d[1], d[0]))
                     out.append(Push(before, _led(shifted, T), carry, moving, heading, cost, opening))
     return out
@@ -212,7 +261,7 @@ def _rear(solids: Sequence[Solid], d: Array, z: float) -> Array | None:
     box = bounds(solids)
     middle = np.append(box.mean(0)[:2], z)
     reach = float(norm(box[1] - box[0]))
-    points = middle + d * np.linspace(-reach, reach, round(reach / 0.0025))[:, None]
+    points = middle + d * np.linspace(-reach, reach, round(reach / _TIPS.sample_m))[:, None]
     inside = Surroundings(solids).distance(points) <= 0
     return points[int(inside.argmax())] if inside.any() else None
 
@@ -222,6 +271,6 @@ def _width(solids: Sequence[Solid], across: Array, z: float) -> float:
     box = bounds(solids)
     middle = np.append(box.mean(0)[:2], z)
     reach = float(norm(box[1] - box[0]))
-    steps = np.linspace(-reach, reach, round(reach / 0.0025))
+    steps = np.linspace(-reach, reach, round(reach / _TIPS.sample_m))
     inside = Surroundings(solids).distance(middle + across * steps[:, None]) <= 0
     return float(np.ptp(steps[inside])) if inside.any() else 0.0

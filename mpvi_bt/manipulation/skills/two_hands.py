@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -23,34 +23,116 @@ from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.robot.squeeze import pressing, squeezes
 
-_WIDTHS_M = (0.10, 0.46)  # between the hands: less is for one hand, more does not go between the arms
-_WIDE_M = 0.05  # between a hand and its side of the box, before it closes in
-_PRESSING_S = 0.2  # shorter than a rest, which looks like the end of the lift
-_CLOSING_M_S = 0.12
-_EDGE_M = 0.005  # a fingertip stays that far off what a thing lies on, and off the upper edge of its side
-_LOW_M = 0.07  # a thing that is lower than this is taken with hands that point down,
-_SLANT_RAD = 0.75  # slantwise, or more steeply: a tip that is broader than the side presses on its edge and slips
-_LIFT_M = 0.15
-_BACKS_M = (0.4, 0.3, 0.2)  # so far straight behind where it stands to take hold; the farthest for which there is room
-# Where to stand: a box begins so far before the middle of the base, and its middle is so far left of it. The rare ones
-# where there is no room for the others.
-_PLACES_M = tuple(itertools.product((0.31, 0.35, 0.39, 0.43, 0.47), (0.0, 0.05, -0.05)))
-_RARE_PLACES_M = (
-    *itertools.product((0.52, 0.57, 0.62), (0.0, 0.05, -0.05, 0.1, -0.1)),
-    *itertools.product((0.31, 0.35, 0.39, 0.43, 0.47), (0.1, -0.1)),
-)
-_OUTWARD_M, _LOOSE_M = 0.07, 0.05  # that each hand goes outward; what is between both comes along if they open by less
-_FOLDED_M = 0.06  # of the lift, at the least, while hands are folded before a body that is bent
-_CARRY_M = 0.62  # height of the hands to carry at, if the arms get there
-_PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1, 1.35)
-_UPRIGHT = (0.0, 0.25, 0.5, 0.8)  # of these, to carry
-_LIFTS_M = (0.3, 0.42, 0.2, 0.55, 0.1)
-_SHORT_M = 0.004  # what the lift may be short of
-_SHARES = (1.0, 0.75, 0.5, 0.25)  # of a way of both hands, where all of it is too far
-_STEEPER_RAD = 0.1  # that the head looks down over what is held: for less the body is not bent
-_LEGS = 3  # around a thing, to where its far sides are known
-_CHECKED_BASES = 24
-_CHECKED_TORSOS = 8
+
+@dataclass(frozen=True)
+class Squeeze:
+    """How a box is pressed between two open hands, raised and let go.
+
+    Our choice, by boxes, baskets and trays of the tasks.
+
+    Attributes:
+        widest_m: Of a box [m]: a wider one does not go between the arms. One that fits into one hand is left to that.
+        height: Where on its sides it is pressed [ratio of its height]: a little over its middle, so that it hangs,
+        lowest_m: but no lower than that, for the fingers' sake [m].
+        low_m: A lower box is taken with hands that point down [m],
+        slant_rad: at least so far from level [rad]: a tip that is broader than the side presses on its edge and slips.
+        edge_m: That a fingertip keeps from what a box stands on, and from the upper edge of its side [m].
+        wide_m: Between each hand and its side of the box before both close in [m]: the base stands no more precisely.
+        closing_m_s: Of each hand as it closes in [m/s]: the first to touch hardly shifts the box.
+        pressing_s: In which the hands begin to press [s]: shorter than a rest, which looks like the end of the lift.
+        lift_m: That the box is raised before the base draws it back [m].
+        short_m: What the trunk leaves to do of a lift is done by the arms if it is more than that [m].
+        outward_m: That each hand draws off sideways when it lets go [m].
+        loose_m: Hands that have moved apart by less still hold what is between them [m].
+        shares: Of a way of both hands, where the arms cannot go all of it [ratio].
+    """
+
+    widest_m: float = 0.46
+    height: float = 0.55
+    lowest_m: float = 0.05
+    low_m: float = 0.07
+    slant_rad: float = 0.75
+    edge_m: float = 0.005
+    wide_m: float = 0.05
+    closing_m_s: float = 0.12
+    pressing_s: float = 0.2
+    lift_m: float = 0.15
+    short_m: float = 0.004
+    outward_m: float = 0.07
+    loose_m: float = 0.05
+    shares: tuple[float, ...] = (1.0, 0.75, 0.5, 0.25)
+
+
+_SQUEEZE = Squeeze()
+
+
+@dataclass(frozen=True)
+class TwoHandedStances:
+    """Which base poses, torsos and postures of both arms are looked at to take a box.
+
+    Our choice: as many as keep a search below some seconds, the nearest first.
+
+    Attributes:
+        places_m: Ahead of the middle of the base to the near side of the box, and left of it to its middle [m].
+        rare_places_m: Likewise, looked at where there is no room for any of the others.
+        best_m: The most comfortable distance ahead [m]; each meter off it costs
+        off_best: as much as so many meters of driving,
+        turn_m: and each radian of turning so much [m].
+        back_m: The base drives in straight, from so far behind, the farthest for which there is room [m].
+        been_m: A base pose this near to one that did not do does not either [m],
+        been_rad: if it is turned as that by about this [rad].
+        bases: That are checked for postures of both arms,
+        torsos: of each base pose,
+        postures: and of each torso and arm.
+        margin_m: That the arms keep from what is around while they form behind the box [m].
+        legs: Drives around a thing, to where its far sides are known.
+    """
+
+    places_m: tuple[tuple[float, float], ...] = tuple(product((0.31, 0.35, 0.39, 0.43, 0.47), (0.0, 0.05, -0.05)))
+    rare_places_m: tuple[tuple[float, float], ...] = (
+        *product((0.52, 0.57, 0.62), (0.0, 0.05, -0.05, 0.1, -0.1)),
+        *product((0.31, 0.35, 0.39, 0.43, 0.47), (0.1, -0.1)),
+    )
+    best_m: float = 0.37
+    off_best: float = 1.5
+    turn_m: float = 0.4
+    back_m: tuple[float, ...] = (0.4, 0.3, 0.2)
+    been_m: float = 0.03
+    been_rad: float = 0.3
+    bases: int = 24
+    torsos: int = 8
+    postures: int = 6
+    margin_m: float = 0.01
+    legs: int = 3
+
+
+_STANCES = TwoHandedStances()
+
+
+@dataclass(frozen=True)
+class Bending:
+    """How the body bends and straightens up with a box before it.
+
+    Our choice: a grid over the trunk's range; the arms keep the hands level and have to reach them from there.
+
+    Attributes:
+        pitches_rad: Of the trunk, the most upright first [rad].
+        upright_rad: Those of a body that carries, or looks over what it carries [rad].
+        lifts_m: Of the trunk, the most comfortable first [m].
+        folded_m: The least lift while hands are folded before a body that is bent [m]: lower they would meet the base.
+        carry_m: Height of the hands above the floor to carry at, if the arms get there [m].
+        steeper_rad: That the head gains by looking over what is held [rad]: for less the body is not bent.
+    """
+
+    pitches_rad: tuple[float, ...] = (0.0, 0.25, 0.5, 0.8, 1.1, 1.35)
+    upright_rad: tuple[float, ...] = (0.0, 0.25, 0.5, 0.8)
+    lifts_m: tuple[float, ...] = (0.3, 0.42, 0.2, 0.55, 0.1)
+    folded_m: float = 0.06
+    carry_m: float = 0.62
+    steeper_rad: float = 0.1
+
+
+_BENDING = Bending()
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +152,11 @@ class Box:
 
     def hands(self, hand: Hand, reach: float) -> dict[Side, Array]:
         """T_world_tcp (4, 4) of hands on both sides, seen from behind; `reach` [m] off the sides, negative within."""
-        flatness, z = 1.0, max(0.05, 0.55 * self.height)
-        if self.height < _LOW_M:
-            flatness = min(float(np.cos(_SLANT_RAD)), max(0.0, self.height / 2 - _EDGE_M) / hand.tip_half_m)
-            z = max(self.height / 2, _EDGE_M + flatness * hand.tip_half_m)
+        flatness, z = 1.0, max(_SQUEEZE.lowest_m, _SQUEEZE.height * self.height)
+        if self.height < _SQUEEZE.low_m:
+            room = max(0.0, self.height / 2 - _SQUEEZE.edge_m)
+            flatness = min(float(np.cos(_SQUEEZE.slant_rad)), room / hand.tip_half_m)
+            z = max(self.height / 2, _SQUEEZE.edge_m + flatness * hand.tip_half_m)
         along = np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
         leftward = np.array([-along[1], along[0], 0.0])
         steepness = np.sqrt(1 - flatness**2)
@@ -123,7 +206,7 @@ def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
     if not squeezes(motion.felt):
         yield from open_wide(work)
         raise MotionFailure("not_squeezed")
-    yield from raise_both(work, _LIFT_M)
+    yield from raise_both(work, _SQUEEZE.lift_m)
     away = float(norm(grip.back[:2] - grip.base[:2]))
     yield from motion.drive(behind(motion.felt.base_pose, away), speed=0.25)
     yield from straighten_up(work)
@@ -135,18 +218,20 @@ def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
 def _near(work: Work, name: str, tried: Sequence[Array]) -> Generator[Array, None, tuple[_Grip, Search]]:
     """A grip, from where its stances are known: if need be it drives around the thing. Raises as `lift`."""
     motion = work.motion
-    for leg in range(_LEGS + 1):
+    narrowest = motion.robot.hand.opening_m  # less is for one hand
+    for leg in range(_STANCES.legs + 1):
         yield from look_at(work, name)
         sides = boxes_about(work.scene.pose(name), _carcass(work, name))
-        boxes = [box for box in sides if _WIDTHS_M[0] < box.width < _WIDTHS_M[1]]
+        boxes = [box for box in sides if narrowest < box.width < _SQUEEZE.widest_m]
         if not boxes:
             raise MotionFailure("no_grasp")
         search = work.search("right", work.along(name))
         search.tried.extend(tried)
-        usual, rare = (_bases(motion.felt.base_pose, boxes, places) for places in (_PLACES_M, _RARE_PLACES_M))
+        here = motion.felt.base_pose
+        usual, rare = (_bases(here, boxes, places) for places in (_STANCES.places_m, _STANCES.rare_places_m))
         if (grip := _find(work, search, usual) or _find(work, search, rare)) is not None:
             return grip, search
-        way = search.toward(np.stack([behind(base) for base, _ in usual])) if leg < _LEGS else None
+        way = search.toward(np.stack([behind(base) for base, _ in usual])) if leg < _STANCES.legs else None
         if way is None:
             break
         for pose in way:
@@ -203,7 +288,8 @@ def _bases(here: Array, boxes: list[Box], places: Sequence[tuple[float, float]])
             base = np.array([*(box.middle[:2] - offset), box.heading])
             turn = abs(float(kin.wrap(base[2] - here[2])))
             way = float(norm(base[:2] - here[:2]))
-            ranked.append((way + 0.4 * turn + abs(aside) + 1.5 * abs(ahead - 0.37), base, box))
+            cost = way + _STANCES.turn_m * turn + abs(aside) + _STANCES.off_best * abs(ahead - _STANCES.best_m)
+            ranked.append((cost, base, box))
     return [(base, box) for _, base, box in sorted(ranked, key=lambda r: r[0])]
 
 
@@ -211,7 +297,7 @@ def _find(work: Work, search: Search, bases: list[tuple[Array, Box]]) -> _Grip |
     """The first good grip."""
     here, checked = work.motion.felt.base_pose, 0
     for base, box in bases:
-        if any(norm(base[:2] - b[:2]) < 0.03 and abs(kin.wrap(base[2] - b[2])) < 0.3 for b in search.tried):
+        if any(_as_before(base, b) for b in search.tried):
             continue
         if (way := way_behind(search, here, base)) is None:
             search.refusals.add("no way there and straight in")
@@ -220,19 +306,25 @@ def _find(work: Work, search: Search, bases: list[tuple[Array, Box]]) -> _Grip |
             return replace(grip, way=way)
         search.refusals.add("no posture of both arms")
         checked += 1
-        if checked >= _CHECKED_BASES:
+        if checked >= _STANCES.bases:
             break
     return None
 
 
-def behind(base: Array, by_m: float = _BACKS_M[0]) -> Array:
+def _as_before(base: Array, before: Array) -> bool:
+    """Whether a base pose (3,) is about the same as one that was tried."""
+    near = norm(base[:2] - before[:2]) < _STANCES.been_m
+    return bool(near and abs(kin.wrap(base[2] - before[2])) < _STANCES.been_rad)
+
+
+def behind(base: Array, by_m: float = _STANCES.back_m[0]) -> Array:
     """The base pose (3,) from which the base drives straight in to another."""
     return base - [by_m * np.cos(base[2]), by_m * np.sin(base[2]), 0.0]
 
 
 def way_behind(search: Search, here: Array, base: Array) -> list[Array] | None:
     """Base poses (3,) to drive to, the last as far straight behind `base` as there is room; None if there is no way."""
-    for by_m in _BACKS_M:
+    for by_m in _STANCES.back_m:
         back = behind(base, by_m)
         if search.drivable(back, base) and (way := search.route(here, back)) is not None:
             return way
@@ -243,8 +335,8 @@ def _grip_at(work: Work, search: Search, base: Array, back: Array, box: Box) -> 
     """A torso and postures of both arms for one base pose and the one behind it."""
     to_base = kin.inverse(kin.base(base))
     robot = work.motion.robot
-    touching, wide = box.hands(robot.hand, 0.0), box.hands(robot.hand, _WIDE_M)
-    postures = robot.postures(_PITCHES, float(robot.trunk.posture(robot.travel_torso)[3]))
+    touching, wide = box.hands(robot.hand, 0.0), box.hands(robot.hand, _SQUEEZE.wide_m)
+    postures = robot.postures(_BENDING.pitches_rad, float(robot.trunk.posture(robot.travel_torso)[3]))
     torsos = robot.trunk.joints(postures)
     chests = kin.inverse(robot.chest(torsos))
     found: dict[Side, dict[int, list[Array]]] = {}
@@ -257,11 +349,11 @@ def _grip_at(work: Work, search: Search, base: Array, back: Array, box: Box) -> 
     shared = sorted(set(found["left"]) & set(found["right"]), key=lambda t: 0.6 * postures[t, 2] - 0.2 * postures[t, 0])
     loose, all_around = search.around(base, touched=False), search.around(base, touched=True)
     rear = search.around(back, touched=True)
-    for t in shared[:_CHECKED_TORSOS]:
+    for t in shared[: _STANCES.torsos]:
         torso = torsos[t]
         arms: dict[Side, list[Array]] = {}
         for side in SIDES:
-            for q in found[side][t][:6]:
+            for q in found[side][t][: _STANCES.postures]:
                 line = arm_motion.trace(robot, torso, side, q, matmul(to_base, wide[side]))
                 if line is None:
                     continue
@@ -272,7 +364,7 @@ def _grip_at(work: Work, search: Search, base: Array, back: Array, box: Box) -> 
                 if (
                     body.free(side, q, grasping=True)[0]
                     and open_body.free(side, path[0], grasping=True)[0]
-                    and backed.free(side, path[0], margin=0.01)[0]
+                    and backed.free(side, path[0], margin=_STANCES.margin_m)[0]
                 ):
                     arms[side] = path
                     break
@@ -292,7 +384,7 @@ def _go_behind(work: Work, grip: _Grip, search: Search) -> Actions:
     trunk = motion.robot.trunk
     posture = np.append(trunk.posture(grip.torso)[:3], motion.posture[3])
     torso = trunk.joints(posture)
-    posture[0] = max(posture[0], _FOLDED_M)  # bent as low as that, the folded hands would meet the base
+    posture[0] = max(posture[0], _BENDING.folded_m)  # bent as low as that, the folded hands would meet the base
     yield from motion.stand(trunk.joints(posture))
     around = search.around(grip.back, touched=True)
     for side in SIDES:
@@ -307,8 +399,8 @@ def _go_behind(work: Work, grip: _Grip, search: Search) -> Actions:
 def _close_in(work: Work, box: Box) -> Actions:
     """Bring both hands to the sides, from where the base really stands."""
     to_base = kin.inverse(work.base)
-    hands = box.hands(work.motion.robot.hand, 0.0)
-    lines = [work.motion.line(side, matmul(to_base, hands[side]), _CLOSING_M_S, give_rad=np.inf) for side in SIDES]
+    hands, speed = box.hands(work.motion.robot.hand, 0.0), _SQUEEZE.closing_m_s
+    lines = [work.motion.line(side, matmul(to_base, hands[side]), speed, give_rad=np.inf) for side in SIDES]
     yield from together(*lines, motion_of=work)
 
 
@@ -317,7 +409,7 @@ def _press(work: Work) -> Actions:
     motion = work.motion
     start = {side: motion.arm(side) for side in SIDES}
     told = pressing(motion.robot, motion.torso, start)
-    n = round(_PRESSING_S * CONTROL_HZ)
+    n = round(_SQUEEZE.pressing_s * CONTROL_HZ)
     for k in range(1, n + 1):
         for side in SIDES:
             motion.action[ActionLayout.ARM[side]] = start[side] + (told[side] - start[side]) * k / n
@@ -335,10 +427,10 @@ def raise_both(work: Work, by_m: float, seconds_per_m: float = 5.0) -> Actions:
     rest = by_m - (target - lift)
     if abs(target - lift) > 1e-3:
         yield from motion.stand(motion.bent(lift=target))
-    if abs(rest) > _SHORT_M:
+    if abs(rest) > _SQUEEZE.short_m:
         by = {side: np.array([0.0, 0.0, rest]) for side in SIDES}
         whole = yield from _shift(work, by, 1 / seconds_per_m, (1.0,))
-        if not whole and not (yield from _bent(work, by, itertools.product(_PITCHES, _LIFTS_M))):
+        if not whole and not (yield from _bent(work, by, product(_BENDING.pitches_rad, _BENDING.lifts_m))):
             yield from _shift(work, by, 1 / seconds_per_m)
 
 
@@ -347,13 +439,13 @@ def straighten_up(work: Work) -> Actions:
     motion = work.motion
     height = float(motion.robot.tcp(motion.torso, motion.felt.arm["left"], "left")[2, 3])
     for share in (1.0, 0.6, 0.3):
-        rise = max(0.0, _CARRY_M - height) * share
-        upright = [pitch for pitch in _UPRIGHT if pitch <= motion.posture[2]]
+        rise = max(0.0, _BENDING.carry_m - height) * share
+        upright = [pitch for pitch in _BENDING.upright_rad if pitch <= motion.posture[2]]
         by = {side: np.array([0.0, 0.0, rise]) for side in SIDES}
-        if (yield from _bent(work, by, itertools.product(upright, _LIFTS_M))):
+        if (yield from _bent(work, by, product(upright, _BENDING.lifts_m))):
             return
     room = motion.robot.trunk.limits[0, 1] - motion.posture[0]
-    yield from raise_both(work, max(0.0, min(room, _CARRY_M - height)))
+    yield from raise_both(work, max(0.0, min(room, _BENDING.carry_m - height)))
 
 
 def look_over(work: Work) -> Actions:
@@ -369,8 +461,8 @@ def look_over(work: Work) -> Actions:
         eye = motion.robot.head_camera(torso)[:3, 3]
         return float(np.arctan2(eye[2] - top, far - eye[0]))
 
-    least = steepness((float(motion.posture[2]), float(motion.posture[0]))) + _STEEPER_RAD
-    ways = [way for way in itertools.product(_UPRIGHT, _LIFTS_M) if steepness(way) > least]
+    least = steepness((float(motion.posture[2]), float(motion.posture[0]))) + _BENDING.steeper_rad
+    ways = [way for way in product(_BENDING.upright_rad, _BENDING.lifts_m) if steepness(way) > least]
     yield from _bent(work, dict.fromkeys(SIDES, np.zeros(3)), sorted(ways, key=steepness, reverse=True))
 
 
@@ -402,16 +494,16 @@ def _pressed(robot: RobotModel, start: Array, end: Array, arms: Mapping[Side, li
 
 def open_wide(work: Work) -> Actions:
     """Take both hands off what they press, outward; where the arms cannot go there, with the body bent otherwise."""
-    motion, outward = work.motion, {side: np.array([0.0, SIGN[side] * _OUTWARD_M, 0.0]) for side in SIDES}
+    motion, outward = work.motion, {side: np.array([0.0, SIGN[side] * _SQUEEZE.outward_m, 0.0]) for side in SIDES}
     for side in SIDES:  # from where the hands are, not from where they press to
         motion.action[ActionLayout.ARM[side]] = motion.felt.arm[side]
     yield motion.still()
     start = _apart(work)
     with suppress(MotionFailure):  # hands that have let go, if not by the whole way, are good enough
         yield from _shift(work, outward, 0.12)
-    if _apart(work) - start < _LOOSE_M:
+    if _apart(work) - start < _SQUEEZE.loose_m:
         with suppress(MotionFailure):
-            yield from _bent(work, outward, itertools.product(_PITCHES, _LIFTS_M))
+            yield from _bent(work, outward, product(_BENDING.pitches_rad, _BENDING.lifts_m))
 
 
 def _apart(work: Work) -> float:
@@ -422,7 +514,7 @@ def _apart(work: Work) -> float:
 
 
 def _shift(
-    work: Work, by: Mapping[Side, Array], speed: float, shares: Sequence[float] = _SHARES
+    work: Work, by: Mapping[Side, Array], speed: float, shares: Sequence[float] = _SQUEEZE.shares
 ) -> Generator[Array, None, bool]:
     """Move both hands along straight lines (3,) in the base frame, by the first of `shares` that both arms can go.
 

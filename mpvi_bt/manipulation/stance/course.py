@@ -57,7 +57,9 @@ class CourseParameters:
 
 
 _COURSE = CourseParameters()
-_ELBOW = 3
+_ELBOW = 3  # index of its joint
+AROUND_M = 2.5  # our choice, an arm and the longest way of a base: obstacles farther from the robot matter to no course
+SHORT_M = 0.10  # our choice: a fist or fingertips wait that far before what they push: a look is off by centimeters
 
 
 @dataclass(frozen=True, eq=False)
