@@ -1,0 +1,1 @@
+"""What monitors, interventions and latency do to q: the study of docs/failing.md."""

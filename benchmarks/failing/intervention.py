@@ -1,0 +1,89 @@
+"""What interventions win back: q with and without them, of the same tasks, instances and faults, at equal time budgets.
+
+    python -m benchmarks.failing.intervention WITHOUT WITH [--keep NAME --command ... --date ...]
+
+WITHOUT and WITH have a folder of results for each condition: `clean`, and one for each fault. Only episodes count that
+are in both. The interval of a difference is that of `mpvi suite report`: instances are drawn anew within each task.
+Won back is the share of what the fault costs, that is q of `clean` without intervention less q of the fault.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import click
+import numpy as np
+
+from benchmarks.failing.keeping import keeping, tell
+from benchmarks.tables import Cell, Column
+from mpvi_bt.episode.result import Result, read_result
+from mpvi_bt.errors import UserError
+from mpvi_bt.report.statistics import difference, estimate
+
+COLUMNS = (
+    Column(head="fault"),
+    Column(head="pairs"),
+    Column(head="q without", format=".2f"),
+    Column(head="q with", format=".2f"),
+    Column(head="difference, 95 %"),
+    Column(head="won back"),
+    Column(head="alarms an episode", format=".2f"),
+    Column(head="second tries an episode", format=".2f"),
+)
+Key = tuple[str, int]
+
+
+def results(folder: Path) -> dict[Key, Result]:
+    """The results below a folder, by task and instance. Raises UserError if there are none."""
+    found = [read_result(path) for path in sorted(folder.rglob("json/*.json"))]
+    by_key = {(r.task, r.instance_id): r for r in found if r is not None}
+    if not by_key:
+        raise UserError(f"{folder}: there are no results in json/.")
+    return by_key
+
+
+def row(name: str, without: Mapping[Key, Result], with_: Mapping[Key, Result], clean_q: float) -> list[Cell]:
+    """Of one condition."""
+    pairs = sorted(without.keys() & with_.keys())
+    tasks = [
+        np.array([[without[key].q, with_[key].q] for key in pairs if key[0] == task])
+        for task in dict.fromkeys(task for task, _ in pairs)
+    ]
+    found = estimate(tasks, difference)
+    before, after = np.mean([table.mean(0) for table in tasks], axis=0)
+    cost = clean_q - before
+    handoffs = [with_[key].handoffs or [] for key in pairs]
+    interval = f" ({found.low:+.2f} to {found.high:+.2f})" if found and found.low is not None else ""
+    return [
+        name,
+        len(pairs),
+        float(before),
+        float(after),
+        f"{after - before:+.2f}{interval}",
+        f"{(after - before) / cost:.0%}".replace("%", " %") if name != "clean" and cost > 0 else None,
+        float(np.mean([sum(h["reason"] == "alarm" for h in each) for each in handoffs])),
+        float(np.mean([sum("again from another place" in str(h["path"]) for h in each) for each in handoffs])),
+    ]
+
+
+@click.command()
+@click.argument("without", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.argument("with_", metavar="WITH", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@keeping
+def main(without: Path, with_: Path, **kept: str) -> None:
+    """Print q of each condition in WITHOUT and WITH."""
+    names = sorted(path.name for path in without.iterdir() if (with_ / path.name).is_dir())
+    both = {name: (results(without / name), results(with_ / name)) for name in names}
+    table = []
+    for name, (before, after) in sorted(both.items(), key=lambda item: item[0] != "clean"):
+        plain = both["clean"][0] if "clean" in both else {}
+        q: dict[str, list[float]] = {}
+        for key in before.keys() & after.keys() & plain.keys():
+            q.setdefault(key[0], []).append(plain[key].q)
+        table.append(row(name, before, after, float(np.mean([np.mean(each) for each in q.values()])) if q else 0.0))
+    tell(COLUMNS, table, **kept)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,92 @@
+"""Laws of the study of failing policies: how it counts detections, pairs and latencies."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.failing.detection import AGREE, auroc, rows
+from benchmarks.failing.intervention import row
+from benchmarks.failing.latency import CHUNK, CURVES, STEPS, InChunks, plot
+from benchmarks.failing.latency import rows as latency_rows
+from mpvi_bt.episode.handoffs import Watched
+from mpvi_bt.monitors.calibration import Calibration, Run, SkillThresholds
+from mpvi_bt.monitors.signals import SIGNALS
+
+LEVELS: Any = {name: [1.0] for name in SIGNALS}
+KNOWN = Calibration(
+    policy="expert", robot="r1", alpha=0.1, skills={"pick": SkillThresholds(runs=18, thresholds=LEVELS)}
+)
+
+
+def watched(ended: str, *samples: tuple[float, float, float, float], instance: int = 0) -> Watched:
+    return Watched(Run("pick", np.array(samples)), ended, "", ended != "success", "trash", instance)
+
+
+def test_auroc_is_the_share_of_pairs_in_order() -> None:
+    """Ties count half; without both kinds there is none."""
+    assert auroc([2, 3], [0, 1]) == 1.0
+    assert auroc([1, 0], [1, 0]) == 0.5
+    assert auroc([], [1]) is None
+
+
+def test_a_signal_alone_finds_what_two_in_agreement_do_not() -> None:
+    """Found when it first passes its threshold; false alarms are an episode's, of clean handoffs that went well."""
+    calm = [watched("success", (0, 0, 0, 0), instance=0), watched("success", (0, 0, 2, 0), instance=1)]
+    failing = [watched("failure", (0, 0, 0, 0), (0, 0, 0, 0), (0, 0, 3, 0)), watched("interrupted", (2, 0, 2, 0))]
+    table = {str(signal): rest for _, signal, *rest in rows("freeze", KNOWN, failing, calm)}
+    assert table["stall"] == [pytest.approx(0.875), (2, 2), 0.5, 0.5]
+    assert table["reversals"][1:] == [(1, 2), 0.0, 0.0]
+    assert table[AGREE][1:] == [(1, 2), 0.0, 0.0]
+    assert table["grip"] == [0.5, (0, 2), None, 0.0]
+
+
+def result(q: float, *handoffs: tuple[str, str]) -> Any:
+    return SimpleNamespace(q=q, handoffs=[{"path": path, "reason": reason} for path, reason in handoffs])
+
+
+def test_only_pairs_count_and_each_task_as_much_as_another() -> None:
+    """q of instances that both arms have, averaged over tasks; what is won back is a share of the cost."""
+    without = {("a", 0): result(0.0), ("a", 1): result(1.0), ("b", 0): result(0.0), ("b", 1): result(0.0)}
+    with_ = {**without, ("a", 0): result(1.0, ("unit/hand over", "alarm"), ("again from another place/x", ""))}
+    del with_["b", 1]
+    name, pairs, before, after, _, won, alarms, again = row("freeze", without, with_, clean_q=0.75)
+    assert (name, pairs, before, after) == ("freeze", 3, 0.25, 0.5)
+    assert won == "50 %"
+    assert alarms == again == pytest.approx(1 / 3)
+    assert row("clean", without, with_, clean_q=0.75)[5] is None
+
+
+def test_without_latency_all_parts_are_the_policy_alone() -> None:
+    """One episode stands in both curves; the plot has a bar for each that was played."""
+    played = [
+        {"steps": d, "late": late, "trigger": trigger, "q": 0.5, "simulated_s": 10.0 + d, "stale": 0.0}
+        for late, trigger in CURVES
+        for d in STEPS[:2]
+        if d or late == "policy alone"
+    ]
+    table = latency_rows(played)
+    assert table[0][2:6] == [0.5] * 4
+    assert table[2][2:6] == [None] * 4
+    assert plot(table).count("q 0.50") == 8
+
+
+def test_a_policy_in_chunks_is_asked_for_each_action_with_one_observation() -> None:
+    """Sixteen times, then not again until they are carried out."""
+    asked = []
+
+    class Stepwise:
+        name, cameras = "stepwise", ()
+
+        def reset(self) -> None: ...
+
+        def infer(self, observation: Any) -> Any:
+            asked.append(observation["prompt"])
+            return np.full((1, 23), float(len(asked)))
+
+    chunk = InChunks(Stepwise()).infer({"prompt": "pick up the cup"})
+    assert (chunk[:, 0] == np.arange(1, CHUNK + 1)).all()
+    assert len(asked) == CHUNK
