@@ -188,6 +188,9 @@ def main_tree(nodes: str) -> str:
     return f'<root BTCPP_format="4">\n<BehaviorTree ID="t">\n{nodes}\n</BehaviorTree>\n</root>'
 
 
+SEQUENCE, SELECTOR = "sequence: ~, memory: true, children", "selector: ~, memory: true, children"
+
+
 @pytest.mark.parametrize(
     ("xml", "root"),
     [
@@ -208,10 +211,39 @@ def main_tree(nodes: str) -> str:
         ),
         ('<ScriptCondition code=" n>=2&amp;&amp;n != m "/>', "{test: n, at_least: 2, not_equals: $m}"),
         ('<Test key="n" equals="&quot;3&quot;"/>', "{test: n, equals: '3'}"),
+        ('<Delay delay_msec="500"><AlwaysSuccess/></Delay>', f"{{{SEQUENCE}: [wait: 0.5, succeed: ~]}}"),
+        (
+            "<ForceFailure><AlwaysSuccess/></ForceFailure>",
+            f"{{{SEQUENCE}: [{{attempt: ~, child: {{succeed: ~}}}}, fail: forced]}}",
+        ),
+        (
+            '<Switch2 variable="{n}" case_1="1" case_2="hall"><Say text="a"/><Say text="b"/><Say text="c"/></Switch2>',
+            "{selector: ~, memory: false, children: [{condition: n, equals: 1, child: {say: a}}, "
+            "{condition: n, equals: hall, child: {say: b}}, {condition: n, not_equals: hall, child: "
+            "{condition: n, not_equals: 1, child: {say: c}}}]}",
+        ),
+        (
+            '<Say text="a" _failureIf="n >= 2" _onSuccess="n := 0"/>',
+            f"{{{SEQUENCE}: [{{{SEQUENCE}: [{{invert: ~, child: {{test: n, at_least: 2}}}}, say: a]}}, "
+            "{set: n, value: 0}]}",
+        ),
+        ('<Say text="a" _successIf="n == 2"/>', f"{{{SELECTOR}: [{{test: n, equals: 2}}, say: a]}}"),
+        (
+            '<Say text="a" _onFailure="n += 1"/>',
+            f"{{{SELECTOR}: [say: a, {{{SEQUENCE}: [{{set: n, add: 1}}, fail: ~]}}]}}",
+        ),
+        (
+            '<Sequence><Say text="a" _skipIf="n == 2"/></Sequence>',
+            f"{{{SEQUENCE}: [{{{SELECTOR}: [{{test: n, equals: 2}}, say: a]}}]}}",
+        ),
+        (
+            '<Fallback><Say text="a" _while="n == 2"/></Fallback>',
+            f"{{{SELECTOR}: [{{sequence: ~, memory: false, children: [{{test: n, equals: 2}}, say: a]}}]}}",
+        ),
     ],
 )
 def test_what_others_wrote_becomes_what_it_means_here(xml: str, root: str) -> None:
-    """Explicit tags, defaults of ports, scripts and references."""
+    """Explicit tags, defaults of ports, scripts, references, and nodes that several of ours make up."""
     expected = parse_tree(f"tree: t\nroot: {root if root[0] == '{' else '{' + root + '}'}")
     assert from_xml(main_tree(xml)).main == expected
 
@@ -220,7 +252,10 @@ def test_what_others_wrote_becomes_what_it_means_here(xml: str, root: str) -> No
     ("xml", "line", "column", "code", "nearest"),
     [
         ("<Navigat target='x'/>", 3, 1, "unknown-node", "Navigate"),
-        ("<Delay delay_msec='1'><AlwaysSuccess/></Delay>", 3, 1, "unmapped-node", None),
+        ("<RunOnce><AlwaysSuccess/></RunOnce>", 3, 1, "unmapped-node", None),
+        ("<Delay delay_msec='soon'><AlwaysSuccess/></Delay>", 3, 1, "invalid-value", None),
+        ("<Switch2 variable='{n}' case_1='1' case_2='2'><AlwaysSuccess/></Switch2>", 3, 1, "children", None),
+        ("<Switch2 variable='n'/>", 3, 10, "port-value", None),
         ("<Navigate\n  traget='x' target='y'/>", 4, 3, "unknown-port", "target"),
         ("<Navigate room='hall'/>", 3, 1, "missing-port", None),
         ("<Navigate target='{Place}'/>", 3, 11, "port-value", None),
@@ -234,6 +269,11 @@ def test_what_others_wrote_becomes_what_it_means_here(xml: str, root: str) -> No
         ("<SubTree ID='u'/>", 3, 10, "unknown-tree", None),
         ("<SubTree ID='t' _autoremap='true'/>", 3, 10, "recursion", None),
         ("<SubTree ID='t' object='cup'/>", 3, 17, "subtree-port", None),
+        ("<SubTree ID='t' object='{thing}'/>", 3, 17, "subtree-port", None),
+        ("<Say text='a' _onHalted='n := 1'/>", 3, 15, "unmapped-attribute", None),
+        ("<Say text='a' _failureIf='a || b'/>", 3, 15, "unmapped-script", None),
+        ("<Say text='a' _failureIf='a == 1' _skipIf='a == 2'/>", 3, 35, "unmapped-attribute", None),
+        ("<Inverter><Say text='a' _skipIf='a == 2'/></Inverter>", 3, 25, "unmapped-attribute", None),
         ("<Inverter/>", 3, 1, "children", None),
         ("<Fallback/>", 3, 1, "children", None),
         ("<Say text='a'><Say text='b'/></Say>", 3, 1, "children", None),
@@ -248,34 +288,6 @@ def test_what_has_no_equal_is_refused_at_its_place(
         from_xml(main_tree(xml), "t.xml")
     found = [(p.file, p.line, p.column, p.code, p.nearest) for p in caught.value.problems]
     assert ("t.xml", line, column, code, nearest) in found
-
-
-NAV2 = """
-<RecoveryNode number_of_retries='6'>
-  <PipelineSequence>
-    <RateController hz='1.0'><ComputePathToPose goal='{goal}' path='{path}'/></RateController>
-    <FollowPath path='{path}' controller_id='FollowPath'/>
-  </PipelineSequence>
-  <ReactiveFallback>
-    <GoalUpdated/>
-    <RoundRobin><Spin spin_dist='1.57'/><Wait wait_duration='5.0'/><Spin spin_dist='1'/><Say txt='a'/></RoundRobin>
-  </ReactiveFallback>
-</RecoveryNode>
-"""
-
-
-def test_nodes_of_nav2_are_known_as_such() -> None:
-    """They are told once, all of them, as Nav2's and not as misspelt; what is wrong below them is told too."""
-    with pytest.raises(FileProblems) as caught:
-        from_xml(main_tree(NAV2), "t.xml")
-    foreign, *others = caught.value.problems
-    assert foreign.code == "unmapped-node"
-    assert "Nav2" in foreign.message
-    assert re.findall(r"(\w+) \(line", foreign.message) == [
-        "RecoveryNode", "PipelineSequence", "RateController", "ComputePathToPose", "FollowPath", "GoalUpdated",
-        "RoundRobin", "Spin", "Wait",
-    ]  # fmt: skip
-    assert {p.code for p in others} == {"unknown-port", "missing-port"}
 
 
 def test_what_is_known_is_listed_once() -> None:

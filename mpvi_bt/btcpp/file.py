@@ -2,13 +2,31 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import count
 from typing import Any
 
+from mpvi_bt.behaviors.parameters import Value
 from mpvi_bt.btcpp.marked_xml import Element
 from mpvi_bt.errors import Problem, shown
 
+EXPLICIT = frozenset({"Action", "Condition", "Control", "Decorator"})
 _TREE_ID = "letters, digits, '_' and '-'"
+
+
+@dataclass
+class Needs:
+    """What a tree needs that is not written in its XML.
+
+    Attributes:
+        texts: Keys that whoever calls it sets, such as a goal: they become parameters.
+        first_values: Of keys that it keeps for itself.
+    """
+
+    texts: dict[str, None] = field(default_factory=dict)
+    first_values: dict[str, Value] = field(default_factory=dict)
 
 
 @dataclass
@@ -21,7 +39,7 @@ class TreeFile:
         problems: What has no equal here.
         warnings: What BehaviorTree.CPP does otherwise, or what was left out.
         count: Nodes of all trees so far, subtrees written out below their calls.
-        foreign: Nodes of ROS's Nav2, by their tags, the first of each.
+        needs: Of those trees that have any.
     """
 
     name: str
@@ -29,7 +47,9 @@ class TreeFile:
     problems: list[Problem] = field(default_factory=list)
     warnings: list[Problem] = field(default_factory=list)
     count: int = 0
-    foreign: dict[str, Element] = field(default_factory=dict)
+    needs: dict[str, Needs] = field(default_factory=dict)
+    _words: set[str] = field(default_factory=set)
+    _calls: dict[str, dict[str, None]] = field(default_factory=dict)
 
     def problem(self, element: Element, code: str, message: str, attribute: str = "", **more: Any) -> None:
         """Note a problem of an element, or of one of its attributes."""
@@ -86,6 +106,55 @@ class TreeFile:
             self.problem(element, "children", message)
         else:
             self.trees[name] = element
+
+    def needed(self, name: str) -> Needs:
+        """What a tree and those that it calls need, once the needs of each are known."""
+        found, left, seen = Needs(), [name], {name}
+        while left:
+            own = left.pop()
+            needs = self.needs.get(own, Needs())
+            found.texts |= needs.texts
+            found.first_values |= needs.first_values
+            new = [called for called in self._called(own) if called not in seen]
+            seen.update(new)
+            left += new
+        return found
+
+    def _called(self, name: str) -> Iterable[str]:
+        """The trees that one calls."""
+        if name not in self._calls:
+            nodes = below(self.trees[name]) if name in self.trees else ()
+            self._calls[name] = dict.fromkeys(e.attributes.get("ID", "") for e in nodes if tag_of(e) == "SubTree")
+        return self._calls[name]
+
+    def free_key(self, wanted: str) -> str:
+        """A key of the blackboard that nothing in the file names: the one that is wanted, or it with a number."""
+        if not self._words:
+            texts = (text for tree in self.trees.values() for e in below(tree) for text in e.attributes.values())
+            self._words = {word for text in texts for word in re.findall(r"\w+", text)} | {""}
+        names = (wanted if i == 1 else f"{wanted}_{i}" for i in count(1))
+        key = next(name for name in names if name not in self._words)
+        self._words.add(key)
+        return key
+
+
+def below(element: Element) -> Iterator[Element]:
+    """An element, and all below it in the order of the file."""
+    left = [element]
+    while left:
+        found = left.pop()
+        yield found
+        left += reversed(found.children)
+
+
+def tag_of(element: Element) -> str:
+    """The kind of a node, in the compact form or the explicit one."""
+    return element.attributes.get("ID", "") if element.tag in EXPLICIT else element.tag
+
+
+def made(element: Element, tag: str, **attributes: str) -> Element:
+    """Another node in the place of one."""
+    return Element(tag, attributes, element.place, {})
 
 
 def place_of(element: Element, attribute: str = "") -> tuple[int, int]:

@@ -13,8 +13,8 @@ from typing import Any
 
 from mpvi_bt.behaviors.parameters import Comparison, Value
 from mpvi_bt.behaviors.registry import node_types
-from mpvi_bt.btcpp import mapping
-from mpvi_bt.btcpp.file import TreeFile, place_of
+from mpvi_bt.btcpp import equivalents, mapping, nav2
+from mpvi_bt.btcpp.file import EXPLICIT, TreeFile, place_of, tag_of
 from mpvi_bt.btcpp.marked_xml import Element, parse_xml
 from mpvi_bt.btcpp.script import escaped, read_assignments, read_comparison
 from mpvi_bt.errors import FileProblems, Problem, shown
@@ -23,12 +23,9 @@ from mpvi_bt.tree.reader import MAX_DEPTH, MAX_NODES, read
 from mpvi_bt.tree.spec import TreeSpec
 from mpvi_bt.tree.tree_file import Reading
 
-_SCRIPTED = frozenset({"_skipIf", "_failureIf", "_successIf", "_while"}) | frozenset(
-    {"_onSuccess", "_onFailure", "_onHalted", "_post"}
-)
 _STAND_IN: dict[str, Any] = {"succeed": None}  # for what has no equal, so that the reader goes on
 _COUNTS = ("num_attempts", "num_cycles")
-_EXPLICIT = frozenset({"Action", "Condition", "Control", "Decorator"})
+_NEAREST = {**equivalents.NEAREST, **nav2.NEAREST}
 
 
 @dataclass(frozen=True)
@@ -55,12 +52,10 @@ def from_xml(text: str, name: str = "<xml>") -> Imported:
     root = parse_xml(text, name)
     file = TreeFile(name)
     main = file.trees_of(root)
+    for own in file.trees:
+        tree = nav2.rewritten(file, own)
+        file.trees[own] = replace(tree, children=[equivalents.rewritten(file, tree.children[0])])
     specs = {own: spec for own in file.trees if (spec := _Tree(file, own).read(main=own == main)) is not None}
-    if file.foreign:
-        first = min(file.foreign.values(), key=lambda element: element.place)
-        tags = ", ".join(f"{tag} (line {element.place[0]})" for tag, element in file.foreign.items())
-        message = f"nodes of Nav2 have no equal here; say what they are for with Navigate: {tags}"
-        file.problem(first, "unmapped-node", message)
     if main is None or file.problems:
         raise FileProblems(_listed_once(_once(file.problems)))
     return Imported(specs.pop(main), specs, tuple(_once(file.warnings)))
@@ -84,6 +79,11 @@ class _Tree:
         root = behavior.children[0]
         if main and (first := self._first_values(root)) is not None:
             data["blackboard"], root = first, root.children[-1]
+        needs = self.file.needed(self.name)
+        if needs.texts:
+            data["parameters"] = dict.fromkeys(needs.texts, "text")
+        if needs.first_values:
+            data["blackboard"] = {**data.get("blackboard", {}), **needs.first_values}
         data["root"] = self._node(root, ("root",))
         told_places = {(p.line, p.column) for p in self.file.problems}
         try:
@@ -115,29 +115,25 @@ class _Tree:
         self.marks.values[at] = element.place
         if sum(part in ("child", "children") for part in at) >= MAX_DEPTH:
             return _STAND_IN  # the reader says that it is too deep
-        for name in element.attributes:
-            if name in _SCRIPTED:
-                self.file.problem(element, "unmapped-attribute", f"{name} has no equal here", name)
-        tag = element.tag
-        if tag in _EXPLICIT:
-            tag = element.attributes.get("ID", "")
+        if "_onHalted" in element.attributes:
+            self.file.problem(element, "unmapped-attribute", "_onHalted has no equal here", "_onHalted")
+        tag = tag_of(element)
         if tag == "SubTree":
             return self._call(element, at)
         if tag in ("Script", "SetBlackboard"):
             return self._assignments(element, at)
         if tag == "ScriptCondition":
             return self._comparison(element, at, "test", element)
-        if tag in mapping.NAV2 or (tag == "Wait" and "wait_duration" in element.attributes):
-            self.file.foreign.setdefault(tag, element)
-            return self._stand_in(element, at)
         if tag == "ReactiveSequence" and (guarded := self._condition(element, at)):
             return guarded
         if tag in mapping.own_kinds():
             return self._own(element, at, mapping.own_kinds()[tag])
         if any(row.tag == tag for row in mapping.BUILTINS):
             return self._builtin(element, at, tag)
-        if tag in mapping.THEIRS:
-            self.file.problem(element, "unmapped-node", f"{tag} has no equal here; docs/btcpp.md lists what has")
+        if tag in mapping.THEIRS | mapping.NAV2:
+            near = f"the nearest is {_NEAREST[tag]}" if tag in _NEAREST else "docs/btcpp.md lists what has"
+            whose = " of Nav2" if tag in mapping.NAV2 else ""
+            self.file.problem(element, "unmapped-node", f"{tag}{whose} has no equal here; {near}")
         else:
             known = {row.tag for row in mapping.BUILTINS} | set(mapping.own_kinds()) | {"Script", "SetBlackboard"}
             self.file.unknown(element, "node", tag, sorted(known | {"ScriptCondition", "SubTree"}))
@@ -196,13 +192,17 @@ class _Tree:
         if element.children:
             self.file.problem(element, "children", "a SubTree has no children here; its tree is a <BehaviorTree>")
         for attribute in element.attributes:
-            if attribute not in ("ID", "name") and not attribute.startswith("_"):
-                message = f"port {attribute!r}: blackboard keys are of the run here, so subtrees have no ports"
+            same = element.attributes[attribute].strip() == f"{{{attribute}}}"
+            if attribute not in ("ID", "name") and not attribute.startswith("_") and not same:
+                message = f"port {attribute!r}: blackboard keys are of the run here, so a subtree's have the same name"
                 self.file.problem(element, "subtree-port", message, attribute)
         if element.attributes.get("_autoremap", "").lower() not in ("true", "1"):
             message = "without _autoremap this subtree has keys of its own; here they are those of the run"
             self.file.warn(element, "subtree", message)
-        data = {**self._data(element, at, "subtree", {"tree": name}, {"tree": "ID"}), "child": _STAND_IN}
+        given: dict[str, Any] = {"tree": name}
+        if texts := self.file.needed(name).texts:
+            given["arguments"] = {key: f"${key}" for key in texts}
+        data = {**self._data(element, at, "subtree", given, {"tree": "ID"}), "child": _STAND_IN}
         if name not in self.file.trees:
             self.file.unknown(element, "tree", name, list(self.file.trees), "ID")
         elif name in self.calls:
@@ -313,7 +313,7 @@ class _Tree:
             data |= {"child": _STAND_IN} if family == "decorator" else {}
 
     def _check_attributes(self, element: Element, known: set[str], needed: set[str]) -> None:
-        allowed = known | {"name"} | ({"ID"} if element.tag in _EXPLICIT else set())
+        allowed = known | {"name"} | ({"ID"} if element.tag in EXPLICIT else set())
         for name in element.attributes:
             if name not in allowed and not name.startswith("_"):
                 self.file.unknown(element, "port", name, sorted(known | {"name"}), name)

@@ -29,18 +29,20 @@ _THEIRS = """
 """
 THEIRS = frozenset(_THEIRS.split())  # every node that BehaviorTree.CPP 4.10 registers by itself
 _NAV2 = """
-    AppendGoalPoseToGoals AreErrorCodesPresent ArePosesNear AssistedTeleop BackUp CancelAssistedTeleop CancelBackUp
-    CancelComputeAndTrackRoute CancelControl CancelDriveOnHeading CancelSpin CancelWait ClearCostmapAroundPose
-    ClearCostmapAroundRobot ClearCostmapExceptRegion ClearEntireCostmap ComputeAndTrackRoute ComputePathThroughPoses
-    ComputePathToPose ComputeRoute ConcatenatePaths ControllerSelector DistanceController DistanceTraveled DockRobot
-    DriveOnHeading ExtractRouteNodesAsGoals FollowPath GetCurrentPose GetNextFewGoals GetPoseFromPath GlobalUpdatedGoal
-    GoalCheckerSelector GoalReached GoalUpdated GoalUpdatedController GoalUpdater InitialPoseReceived IsBatteryCharging
-    IsBatteryLow IsPathValid IsPoseOccupied IsStopped IsStuck NavigateThroughPoses NavigateToPose NonblockingSequence
-    PathExpiringTimer PathLongerOnApproach PauseResumeController PersistentSequence PipelineSequence PlannerSelector
-    ProgressCheckerSelector RateController RecoveryNode ReinitializeGlobalLocalization RemoveInCollisionGoals
-    RemovePassedGoals RoundRobin SingleTrigger SmoothPath SmootherSelector SpeedController Spin TimeExpired
-    TransformAvailable TruncatePath TruncatePathLocal UndockRobot WouldAControllerRecoveryHelp
-    WouldAPlannerRecoveryHelp WouldARouteRecoveryHelp WouldASmootherRecoveryHelp
+    " AppendGoalPoseToGoals AreErrorCodesPresent ArePosesNear AssistedTeleop BackUp CancelAssistedTeleop CancelBackUp
+    CancelComputeAndTrackRoute CancelControl CancelDriveOnHeading CancelFollowObject CancelSpin CancelWait
+    CheckPoseOccupancy CheckStopStatus ClearCostmapAroundPose ClearCostmapAroundRobot ClearCostmapExceptRegion
+    ClearEntireCostmap ComputeAndTrackRoute ComputePathThroughPoses ComputePathToPose ComputeRoute ConcatenatePaths
+    ControllerSelector DistanceController DistanceTraveled DockRobot DriveOnHeading ExtractRouteNodesAsGoals
+    FollowObject FollowPath GetCurrentPose GetNextFewGoals GetPoseFromPath GlobalUpdatedGoal GoalCheckerSelector
+    GoalReached GoalUpdated GoalUpdatedController GoalUpdater InitialPoseReceived IsBatteryCharging IsBatteryLow
+    IsGoalNearby IsPathValid IsPoseOccupied IsStopped IsStuck IsWithinPathTrackingBounds NavigateThroughPoses
+    NavigateToPose NonblockingSequence PathExpiringTimer PathHandlerSelector PathLongerOnApproach PauseResumeController
+    PersistentSequence PipelineSequence PlannerSelector ProgressCheckerSelector RateController RecoveryNode
+    ReinitializeGlobalLocalization RemoveInCollisionGoals RemovePassedGoals RoundRobin SingleTrigger SmoothPath
+    SmootherSelector SpeedController Spin TimeExpired ToggleCollisionMonitor TransformAvailable TruncatePath
+    TruncatePathLocal UndockRobot ValidatePath WouldAControllerRecoveryHelp WouldAPlannerRecoveryHelp
+    WouldARouteRecoveryHelp WouldASmootherRecoveryHelp
 """
 NAV2 = frozenset(_NAV2.split())  # nodes of ROS's Nav2; "Wait" is one too, and ours
 KEPT = frozenset({"Action", "Condition", "Control", "Decorator", "BehaviorTree", "TreeNodesModel", "root", "Root"})
