@@ -18,6 +18,7 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array
 
+LOOKED_AT = 60  # our choice: postures that are looked at closely for one way to hold something out
 _ELSEWHERE = 0.05  # our choice: between two poses, in any number of their matrices [m or the sine of a turn]
 
 # Which postures (7,) of the coming arm to plan to, the best first, each with the index of what it is to reach: of the

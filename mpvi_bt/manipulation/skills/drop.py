@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
@@ -27,19 +28,79 @@ from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.scene.held import Held
 from mpvi_bt.shapes.from_above import outline
 
-_OVER_RIM_M = 0.02  # between the lowest point of the thing and the rim,
-_OVER_LID_M = 0.03  # or what stands up above that, such as a lid that is open: above it there is room for every hand
-_MOST_UP_M = 0.16  # farther up than the gap over the rim, at the most: our choice, as what falls far may turn
-_HEIGHTS = 4  # from the one to the other
-_FALL_M = 0.008  # to spare on every side of a thing that falls into a container
-_CLEAR_M = 0.005  # what one hand holds keeps from what the other does
-_COVER_M = 0.6  # what is that much higher than a rim does not cover it
-_BEST_RELEASES = 80  # tried of each pose of the container,
-_NEAREST = 3  # and as many postures of the arm for each
-_UPRIGHT = 0.9  # a container whose axis is farther from the vertical is not open above
-_TILTS = (0.0, 0.35, -0.35, 0.7)
-_TURNS = tuple(np.arange(-3.0, 3.01, 0.5))
-_STEPS = np.array([0.0, 0.35, -0.35, 0.7, -0.7, 1.0, -1.0])
+
+@dataclass(frozen=True)
+class Falling:
+    """From where a payload is let go of, to fall into a container.
+
+    Our choice.
+
+    Attributes:
+        over_rim_m: Between the lowest point of the payload and the rim [m],
+        over_lid_m: or what stands up above that, such as an open lid: above it there is room for every hand [m].
+        most_up_m: Farther up than `over_rim_m`, at the most [m]: what falls far may turn.
+        heights: From the one to the other.
+        fall_m: To spare on every side of what falls in [m],
+        ample_m: better that much [m].
+        lean: Cosine with the vertical: a container whose axis is farther from it is not open above.
+        rim_m: What reaches up to this far below the rim covers the opening [m],
+        cover_m: unless it is that much higher than the rim [m].
+        staves: Of the radius of a round container: what stands farther out is its wall [ratio].
+        tilts_rad: Of the payload from how it hangs [rad],
+        turns_rad: and about the vertical [rad].
+        level: Sine from the vertical of a hand's approach; steeper, a payload is tilted about the closing axis.
+        off: From the middle, of the room there is [ratio].
+        releases: That are tried of each pose of the container,
+        postures: and postures of the arm for each.
+        clear_m: What one hand holds keeps from what the other does [m].
+        above_m: The hand comes down from so far above [m].
+    """
+
+    over_rim_m: float = 0.02
+    over_lid_m: float = 0.03
+    most_up_m: float = 0.16
+    heights: int = 4
+    fall_m: float = 0.008
+    ample_m: float = 0.025
+    lean: float = 0.9
+    rim_m: float = 0.03
+    cover_m: float = 0.6
+    staves: float = 0.5
+    tilts_rad: tuple[float, ...] = (0.0, 0.35, -0.35, 0.7)
+    turns_rad: tuple[float, ...] = tuple(np.arange(-3.0, 3.01, 0.5))
+    level: float = 0.2
+    off: tuple[float, ...] = (0.0, 0.35, -0.35, 0.7, -0.7, 1.0, -1.0)
+    releases: int = 80
+    postures: int = 3
+    clear_m: float = 0.005
+    above_m: float = 0.10
+
+
+_FALL = Falling()
+
+
+@dataclass(frozen=True)
+class FallCosts:
+    """What makes one release worse than another.
+
+    Our choice: most of all what might let the payload catch on the rim.
+
+    Attributes:
+        narrow: Of each meter that the gap is less than ample, and of each meter that the payload reaches sideways.
+        tilt: Of each radian that it is tilted.
+        turn: Of each radian that it is turned.
+        off: Of each meter off the middle, and of each meter that it lies higher.
+        up: Of each meter that it falls farther.
+    """
+
+    narrow: float = 10.0
+    tilt: float = 2.0
+    turn: float = 0.1
+    off: float = 0.5
+    up: float = 2.0
+
+
+_COST = FallCosts()
 
 
 def drop_in(
@@ -63,9 +124,9 @@ def drop_in(
 
     def find(search: Search, here_first: bool) -> Stance | None:
         found = releases(work, work.load(side), side, container, anywhere)
-        options = upright_options(_by_turns(found) if anywhere else found[:_BEST_RELEASES], 0.10, contact=2)
+        options = upright_options(_by_turns(found) if anywhere else found[: _FALL.releases], _FALL.above_m, contact=2)
         if anywhere:
-            options = list(islice((option for option in options if search.fits(option)), _BEST_RELEASES))
+            options = list(islice((option for option in options if search.fits(option)), _FALL.releases))
         if not options:
             return None
         focus = np.mean([o.waypoints[1, :2, 3] for o in options], axis=0)
@@ -94,7 +155,7 @@ def drop_in(
 
 def _above(work: Work, side: Side, container: str) -> bool:
     """Whether what a hand holds is over the opening of a container, as far as that is known now."""
-    volumes = [v for v in work.scene.volumes(container) if v.T[2, 2] > _UPRIGHT]
+    volumes = [v for v in work.scene.volumes(container) if v.T[2, 2] > _FALL.lean]
     rows = outline([s.moved(work.hand(side)) for s in work.load(side).solids])[None]
     return not volumes or any(
         _spare(v, matmul(rows - v.T[:2, 3], v.T[:2, :2]), np.empty((0, 2, 3)))[0] > 0 for v in volumes
@@ -126,7 +187,7 @@ def _clear_of(work: Work, side: Side, releases: Sequence[tuple[Array, float]]) -
     to_other = kin.inverse(work.hand(other(side)))
     poses = matmul(to_other, np.stack([T for T, _ in releases])) if releases else np.zeros((0, 4, 4))
     apart = [(theirs.distance(matmul(load.centers, T[:3, :3].T) + T[:3, 3]) - load.radii).min() for T in poses]
-    return [release for release, gap in zip(releases, apart, strict=True) if gap > _CLEAR_M]
+    return [release for release, gap in zip(releases, apart, strict=True) if gap > _FALL.clear_m]
 
 
 def _reach_over(work: Work, side: Side, releases: Sequence[tuple[Array, float]], container: str) -> Actions:
@@ -134,14 +195,14 @@ def _reach_over(work: Work, side: Side, releases: Sequence[tuple[Array, float]],
     before = kin.inverse(work.scene.pose(container))
     motion, holder = work.motion, other(side)
     from_holder = kin.inverse(matmul(work.base, motion.hand(holder)))
-    best = sorted(releases, key=lambda r: r[1])[:_BEST_RELEASES]
+    best = sorted(releases, key=lambda r: r[1])[: _FALL.releases]
     goals = np.stack([matmul(from_holder, T) for T, _ in best]) if best else np.zeros((0, 4, 4))
 
     def choose(body: Body, shown: Array, at: NDArray[np.intp], q: Array) -> Iterator[tuple[int, Array]]:
         for k in np.unique(at):
             postures = q[at == k]
-            near = postures[np.argsort(posture_distance(postures, motion.arm(side)))[:_NEAREST]]
-            yield from ((int(k), posture) for posture in near[body.free(side, near, margin=_CLEAR_M)])
+            near = postures[np.argsort(posture_distance(postures, motion.arm(side)))[: _FALL.postures]]
+            yield from ((int(k), posture) for posture in near[body.free(side, near, margin=_FALL.clear_m)])
 
     k = yield from meet(work, holder, VESSEL, goals, choose)
     # Arms give way under a load, by a centimeter; what counts is where the container hangs now.
@@ -158,7 +219,7 @@ def releases(work: Work, held: Held, side: Side, container: str, raised: bool = 
     """
     found: list[tuple[Array, float]] = []
     for volume in work.scene.volumes(container):
-        if volume.T[2, 2] > _UPRIGHT:
+        if volume.T[2, 2] > _FALL.lean:
             found += _into(work, held, side, volume, container, raised)
     return sorted(found, key=lambda r: r[1])
 
@@ -185,41 +246,49 @@ def _into(
     rim = float(volume.T[2, 3] + half[2])
     low, high = walls[:, 0], walls[:, 1]
     stands = float(high[:, 2].max() - half[2])  # what is open above the rim
-    ups = np.linspace(0.0, np.clip(stands + _OVER_LID_M, 0.0, _MOST_UP_M), _HEIGHTS if raised else 1)
+    ups = np.linspace(0.0, np.clip(stands + _FALL.over_lid_m, 0.0, _FALL.most_up_m), _FALL.heights if raised else 1)
     across = (high[:, :2] > 1e-3 - half[:2]).all(1) & (low[:, :2] < half[:2] - 1e-3).all(1)
-    covers = walls[across & (high[:, 2] > half[2] - 0.03) & (low[:, 2] < half[2] + _COVER_M)]
+    covers = walls[across & (high[:, 2] > half[2] - _FALL.rim_m) & (low[:, 2] < half[2] + _FALL.cover_m)]
     if volume.kind == "cylinder":
-        covers = covers[(np.abs(covers.mean(1)[:, :2]) < 0.5 * half[0]).all(1)]  # its own staves stand around it
+        covers = covers[(np.abs(covers.mean(1)[:, :2]) < _FALL.staves * half[0]).all(1)]
     lying = [s.moved(frame).aabb() for n in work.scene.within(container) for s in work.scene.solids(n)]
-    R_now = work.hand(side)[:3, :3]
-    for turn in _TURNS:
-        for tilt in _TILTS:
+    R_now, off = work.hand(side)[:3, :3], np.array(_FALL.off)
+    for turn in _FALL.turns_rad:
+        for tilt in _FALL.tilts_rad:
             R = matmul(kin.rot_z(turn), R_now)
             sideways = np.cross([0, 0, 1.0], R[:, 2])
             level = float(norm(sideways))
-            about = sideways / level if level > 0.2 else R[:, 1]  # what points down is tilted about its closing axis
+            about = sideways / level if level > _FALL.level else R[:, 1]
             R = matmul(Rotation.from_rotvec(about * tilt).as_matrix(), R)
             hanging = [s.moved(kin.transform(R, (0.0, 0.0, 0.0))) for s in held.solids]
             low, high = bounds(hanging)
             middle, tall = (low + high)[:2] / 2, float(high[2] - low[2])
             edge = matmul(outline(hanging) - middle, volume.T[:2, :2])  # in the volume's frame
             reach = np.ptp(edge, axis=0) / 2
-            room = half[:2] - reach - _FALL_M
+            room = half[:2] - reach - _FALL.fall_m
             if (room < 0).any():
                 continue
-            grid = np.stack(np.meshgrid(_STEPS * room[0], _STEPS * room[1], indexing="ij"), -1).reshape(-1, 2)
+            grid = np.stack(np.meshgrid(off * room[0], off * room[1], indexing="ij"), -1).reshape(-1, 2)
             rows = grid[:, None] + edge
             spare = _spare(volume, rows, covers)
             onto = _onto(rows, lying, -float(half[2]))
-            for at, gap, under in zip(*(values[spare > _FALL_M] for values in (grid, spare, onto)), strict=True):
-                if under + (0.0 if raised else tall / 2) > half[2] - _FALL_M:
+            for at, gap, under in zip(*(values[spare > _FALL.fall_m] for values in (grid, spare, onto)), strict=True):
+                if under + (0.0 if raised else tall / 2) > half[2] - _FALL.fall_m:
                     continue  # it would come to lie over the rim; on a heap, in one of its gaps at best
                 over = matmul(volume.T[:3, :3], [*at, 0.0]) + volume.T[:3, 3]
-                cost = 10 * max(0.0, 0.025 - float(gap)) + 0.1 * abs(float(turn)) + 2.0 * abs(tilt)
-                cost += 10 * float(reach.max()) + 0.5 * float(np.hypot(*at)) + 0.5 * (under + float(half[2]))
+                cost = (
+                    _COST.narrow * max(0.0, _FALL.ample_m - float(gap))
+                    + _COST.turn * abs(float(turn))
+                    + _COST.tilt * abs(tilt)
+                )
+                cost += (
+                    _COST.narrow * float(reach.max())
+                    + _COST.off * float(np.hypot(*at))
+                    + _COST.off * (under + float(half[2]))
+                )
                 for up in ups:
-                    p = np.append(over[:2] - middle, rim + _OVER_RIM_M + up - low[2])
-                    yield kin.transform(R, p), cost + 2.0 * float(up)
+                    p = np.append(over[:2] - middle, rim + _FALL.over_rim_m + up - low[2])
+                    yield kin.transform(R, p), cost + _COST.up * float(up)
 
 
 def _spare(volume: Solid, rows: Array, covers: Array) -> Array:
@@ -237,7 +306,7 @@ def _onto(rows: Array, lying: Sequence[Array], bottom: float) -> Array:
     """(n,) height [m] of what outlines (n, m, 2) fall onto: boxes (2, 3) that lie in a volume, or its bottom."""
     under = np.full(len(rows), bottom)
     for box in lying:
-        under = np.where(_apart(rows, box) < _FALL_M, np.maximum(under, box[1, 2]), under)
+        under = np.where(_apart(rows, box) < _FALL.fall_m, np.maximum(under, box[1, 2]), under)
     return under
 
 

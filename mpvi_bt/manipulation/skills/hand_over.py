@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.manipulation.motion.carry import settle, tuck
-from mpvi_bt.manipulation.motion.hold_out import THING, meet
+from mpvi_bt.manipulation.motion.hold_out import LOOKED_AT, THING, meet
 from mpvi_bt.manipulation.motion.work import Words, Work
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
@@ -23,10 +23,45 @@ from mpvi_bt.robot.protocol import SIDES, Side, other
 from mpvi_bt.robot.solids import Array, bounds
 from mpvi_bt.scene.held import Held
 
-_APART_M = 0.055  # between the two hands' tcps on the thing
-_STANDOFF_M = 0.10
-_DEEP_M = 0.03  # how far a thing reaches behind the tcp into the hand
-_TAKEN = 60  # grasps of each that are looked at closely
+
+@dataclass(frozen=True)
+class Taking:
+    """How the other hand takes hold of what a hand holds.
+
+    Our choice.
+
+    Attributes:
+        apart_m: Between the tcps of the two hands [m]; nearer only
+        opposed: if they come from so different sides that their fingers interleave [cosine between approaches].
+        deep_m: How far a thing reaches behind the tcp into the hand [m].
+        end_m: From the end of a thing to the nearest place where it is taken [m].
+        along: Places along it, off its middle [ratio of the room there is],
+        short_m: if that room is more than this [m].
+        angles: That the hand may come from, of a turn about its closing axis.
+        far_m: The giving hand is in the way of the other up to that far [m],
+        far_gain: for each meter farther the posture may be so much worse.
+        palm_m: Behind the tcp there is the palm [m],
+        palm_clear_m: which keeps so far from the thing [m].
+        standoff_m: That a hand waits before it, and comes away after it [m].
+        speed_m_s: On the way in [m/s].
+    """
+
+    apart_m: float = 0.055
+    opposed: float = -0.3
+    deep_m: float = 0.03
+    end_m: float = 0.015
+    along: tuple[float, ...] = (0.0, 0.5, -0.5, 0.9, -0.9)
+    short_m: float = 0.02
+    angles: int = 16
+    far_m: float = 0.15
+    far_gain: float = 4.0
+    palm_m: float = 0.06
+    palm_clear_m: float = 0.015
+    standoff_m: float = 0.10
+    speed_m_s: float = 0.10
+
+
+_TAKING = Taking()
 
 
 def hand_over(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -54,7 +89,7 @@ def hand_over(work: Work, words: Words, tried: list[Array]) -> Actions:
     k = yield from meet(work, giver, THING, goals, partial(_takeable, work, giver, held[giver], goals))
     # Arms give way under a load; what counts is where the thing is now.
     T = matmul(motion.robot.tcp(motion.felt.torso, motion.felt.arm[giver], giver), goals[k])
-    yield from motion.line(taker, T, 0.10)
+    yield from motion.line(taker, T, _TAKING.speed_m_s)
     yield from motion.grip(taker, -1.0, 0.67)
     yield from motion.wait(0.2)
     if not work.gripped(taker):
@@ -64,7 +99,7 @@ def hand_over(work: Work, words: Words, tried: list[Array]) -> Actions:
     yield from motion.grip(giver, 1.0, 0.5)
     yield from motion.wait(0.1)
     away = motion.hand(giver)
-    away[:3, 3] -= _STANDOFF_M * away[:3, 2]
+    away[:3, 3] -= _TAKING.standoff_m * away[:3, 2]
     if arm_motion.trace(motion.robot, motion.torso, giver, motion.arm(giver), away) is not None:
         yield from motion.line(giver, away, 0.12)
     if not work.gripped(taker):
@@ -85,28 +120,28 @@ def takes(hand: Hand, held: Held) -> Iterator[Array]:
             continue
         u, v = (closing + 1) % 3, (closing + 2) % 3
         long = u if size[u] > size[v] else v
-        room = float(size[long]) / 2 - 0.015
-        for angle in np.arange(0, 2 * np.pi, np.pi / 8):
+        room = float(size[long]) / 2 - _TAKING.end_m
+        for angle in np.arange(0, 2 * np.pi, 2 * np.pi / _TAKING.angles):
             approach = np.zeros(3)
             approach[u], approach[v] = np.cos(angle), np.sin(angle)
             sign = np.zeros(3)
             sign[closing] = 1.0
             R = kin.hand_rotation(approach, sign)
-            for share in (0.0, 0.5, -0.5, 0.9, -0.9) if room > 0.02 else (0.0,):
+            for share in _TAKING.along if room > _TAKING.short_m else (0.0,):
                 at = np.zeros(3)
                 at[long] = share * room
                 # From there back along the approach to the face through which the hand comes in.
                 with np.errstate(divide="ignore"):
                     behind = float(((size / 2 + np.sign(approach) * at) / np.abs(approach))[[u, v]].min())
-                p = middle + at - approach * max(0.0, behind - _DEEP_M)
+                p = middle + at - approach * max(0.0, behind - _TAKING.deep_m)
                 T = matmul(held.T_tcp_thing, kin.transform(R, p))
-                if norm(T[:3, 3]) > _APART_M or _opposed(T):
+                if norm(T[:3, 3]) > _TAKING.apart_m or _opposed(T):
                     yield T
 
 
 def _opposed(T_giver_taker: Array) -> bool:
     """Whether the hands come from so different sides that their fingers can interleave on a small thing."""
-    return bool(T_giver_taker[2, 2] < -0.3)
+    return bool(T_giver_taker[2, 2] < _TAKING.opposed)
 
 
 def _takeable(
@@ -115,11 +150,11 @@ def _takeable(
     """Postures of the taking arm a standoff before it can close on the thing, far from the giving hand first."""
     taker = other(giver)
     far = norm(goals[at, :3, 3], axis=1)
-    cost = posture_distance(q, work.motion.arm(taker)) - 4.0 * np.minimum(far, 0.15)
-    for row in np.argsort(cost)[:_TAKEN]:
+    cost = posture_distance(q, work.motion.arm(taker)) - _TAKING.far_gain * np.minimum(far, _TAKING.far_m)
+    for row in np.argsort(cost)[:LOOKED_AT]:
         if not _closes(body, taker, giver, held, q[row]):
             continue
-        before = matmul(shown, goals[at[row]], kin.transform(np.eye(3), (0.0, 0.0, -_STANDOFF_M)))
+        before = matmul(shown, goals[at[row]], kin.transform(np.eye(3), (0.0, 0.0, -_TAKING.standoff_m)))
         line = arm_motion.trace(body.robot, body.torso, taker, q[row], before)
         if line is not None and body.free(taker, line[-1])[0]:
             yield int(at[row]), line[-1]
@@ -131,5 +166,5 @@ def _closes(body: Body, taker: Side, giver: Side, held: Held, q: Array) -> bool:
     if not bare.free(taker, q)[0]:
         return False
     T = matmul(kin.inverse(body.robot.tcp(body.torso, body.arms[giver], giver)), body.robot.tcp(body.torso, q, taker))
-    palm = T[:3, 3] - 0.06 * T[:3, 2]
-    return bool(held.load.solids.distance(palm[None])[0] > 0.015)
+    palm = T[:3, 3] - _TAKING.palm_m * T[:3, 2]
+    return bool(held.load.solids.distance(palm[None])[0] > _TAKING.palm_clear_m)

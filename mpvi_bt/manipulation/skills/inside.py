@@ -4,22 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 
 from mpvi_bt.manipulation.motion.gaze import study
 from mpvi_bt.manipulation.motion.work import Work
-from mpvi_bt.manipulation.skills.openings import stand_before_open
+from mpvi_bt.manipulation.skills.openings import FACING_RAD, stand_before_open
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.motion import MotionFailure
 from mpvi_bt.robot.solids import Array, bounds
 
-_SAME = 0.05  # [m, rad]: from places this near one sees the same
-_FACING_RAD = 0.15
-_TURNS_RAD = (0.0, 0.6, -0.6)  # from facing it: of what is large the picture may have shown an end
-_AROUND_RAD = (0.0, 0.7, -0.7, 1.2, -1.2)
-_OFF_M = 1.0  # from its nearest face, where what is carried does not hide it
 
+@dataclass(frozen=True)
+class Viewpoints:
+    """Where a container is looked into from.
+
+    Our choice.
+
+    Attributes:
+        same: From places this near one sees the same [m, rad].
+        turns_rad: From facing it [rad]: of what is large the picture may have shown an end.
+        around_rad: Around it, from where the robot is [rad],
+        off_m: so far from its nearest face, where what is carried does not hide it [m].
+    """
+
+    same: float = 0.05
+    turns_rad: tuple[float, ...] = (0.0, 0.6, -0.6)
+    around_rad: tuple[float, ...] = (0.0, 0.7, -0.7, 1.2, -1.2)
+    off_m: float = 1.0
+
+
+_VIEWS = Viewpoints()
 Look = Generator[Array, None, bool]  # returns whether there was a way to look from there
 
 
@@ -47,7 +63,7 @@ def _from_before(work: Work, name: str) -> Look:
     here, known = work.motion.felt.base_pose.copy(), bool(work.scene.volumes(name))
     with suppress(MotionFailure):
         yield from stand_before_open(work, name)
-    return not (known and np.allclose(work.motion.felt.base_pose, here, atol=_SAME))
+    return not (known and np.allclose(work.motion.felt.base_pose, here, atol=_VIEWS.same))
 
 
 def _from(work: Work, name: str, goal: Array) -> Look:
@@ -66,15 +82,15 @@ def _from(work: Work, name: str, goal: Array) -> Look:
 def _viewpoints(work: Work, name: str) -> Iterator[Array]:
     """Base poses (3,) to look at a thing from, as it is known when the next one is asked for."""
     start = work.motion.felt.base_pose.copy()
-    for turn in _TURNS_RAD:
+    for turn in _VIEWS.turns_rad:
         ahead = work.middle(name)[:2] - start[:2]
         goal = np.append(start[:2], kin.wrap(np.arctan2(ahead[1], ahead[0]) + turn))
-        if not (work.scene.volumes(name) if turn else abs(kin.wrap(goal[2] - start[2])) < _FACING_RAD):
+        if not (work.scene.volumes(name) if turn else abs(kin.wrap(goal[2] - start[2])) < FACING_RAD):
             yield goal
-    for around in _AROUND_RAD:
+    for around in _VIEWS.around_rad:
         box = bounds(work.scene.solids(name))[:, :2]
         middle, half = box.mean(0), np.ptp(box, axis=0) / 2
         bearing = float(np.arctan2(*(start[:2] - middle)[::-1])) + around
         out = np.array([np.cos(bearing), np.sin(bearing)])
-        far = float(np.min(half / np.maximum(np.abs(out), 1e-6))) + _OFF_M
+        far = float(np.min(half / np.maximum(np.abs(out), 1e-6))) + _VIEWS.off_m
         yield np.append(middle + far * out, kin.wrap(bearing + np.pi))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,12 +21,42 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array
 
-_OFF_M, _AWAY_M = 0.055, 0.20  # above what it lay on, or aside: a thing that tips in the hand has risen by less
-_ALIKE = 4  # things that a phrase names are tried, the nearest first
-_SLANTED_RAD = 0.8  # from straight down; such hands may reach into compartments
-# From how far to close in, how far to lift, how far behind the arm takes its posture [m], and the cost of it.
-_WAYS = ((0.10, 0.15, 0.0, 0.0), (0.10, 0.06, 0.0, 0.1), (0.05, 0.06, 0.0, 0.2), (0.10, 0.03, 0.4, 0.3),
-         (0.10, 0.03, 0.25, 0.4))  # fmt: skip
+
+@dataclass(frozen=True)
+class Lifting:
+    """How a hand closes in on a thing and lifts it, and when it has it.
+
+    Our choice.
+
+    Attributes:
+        ways: From how far to close in, how far to lift, how far behind the arm takes its posture [m], and the cost.
+        slanted_rad: From straight down [rad]: only hands that are so far from it reach into compartments, and so have
+            to be driven in with the arm in its posture.
+        off_m: Above what it lay on a thing is off that [m],
+        away_m: or so far aside [m]: a thing that tips in the hand has risen, and shifted, by less.
+        alike: Things that a phrase names are tried, the nearest first.
+        board_m: What is that near above a hand, a board or the top of a compartment, covers it [m],
+        above_m: from this far above it to that far [m],
+        step_m: with such steps between checks [m].
+    """
+
+    ways: tuple[tuple[float, float, float, float], ...] = (
+        (0.10, 0.15, 0.0, 0.0),
+        (0.10, 0.06, 0.0, 0.1),
+        (0.05, 0.06, 0.0, 0.2),
+        (0.10, 0.03, 0.4, 0.3),
+        (0.10, 0.03, 0.25, 0.4),
+    )
+    slanted_rad: float = 0.8
+    off_m: float = 0.055
+    away_m: float = 0.20
+    alike: int = 4
+    board_m: float = 0.03
+    above_m: tuple[float, float] = (0.1, 1.2)
+    step_m: float = 0.04
+
+
+_LIFT = Lifting()
 
 
 def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -59,7 +90,7 @@ def pick(work: Work, words: Words, tried: list[Array]) -> Actions:
         raise MotionFailure("unknown_object")
     been: list[Array] = []
     for leg in range(LEGS + 1):
-        for name in names[:_ALIKE]:
+        for name in names[: _LIFT.alike]:
             if beyond is not None and not _near(work, name):
                 continue
             for side in work.free_hands(name, words.get("hand")):
@@ -142,15 +173,16 @@ def _bring(work: Work, name: str, side: Side) -> Actions:
 
 def _covered(work: Work, side: Side) -> bool:
     """Whether there is something above a hand: a board, the top of a compartment."""
-    at = matmul(work.base, work.motion.hand(side))[:3, 3] + np.array([[0.0, 0.0, z] for z in np.arange(0.1, 1.2, 0.04)])
-    return bool((work.near().distance(at) < 0.03).any())
+    over = np.array([[0.0, 0.0, z] for z in np.arange(*_LIFT.above_m, _LIFT.step_m)])
+    at = matmul(work.base, work.motion.hand(side))[:3, 3] + over
+    return bool((work.near().distance(at) < _LIFT.board_m).any())
 
 
 def _off(work: Work, name: str) -> bool:
     """Whether a thing is well above what it lay on, or well away from there."""
     lay = work.lay[name]
     away = float(norm(work.scene.pose(name)[:2, 3] - lay[:2]))
-    return _lowest(work, name) > lay[2] + _OFF_M or away > _AWAY_M
+    return _lowest(work, name) > lay[2] + _LIFT.off_m or away > _LIFT.away_m
 
 
 def _lowest(work: Work, name: str) -> float:
@@ -180,8 +212,8 @@ def _ways(work: Work, name: str, off_center: bool) -> list[Option]:
         T = grasp.T_world_tcp
         frame = kin.inverse(T)
         load = Load([solid.moved(frame) for solid in parts])
-        for standoff, lift, run_up, cost in _WAYS:
-            if run_up and grasp.tilt_rad < _SLANTED_RAD:
+        for standoff, lift, run_up, cost in _LIFT.ways:
+            if run_up and grasp.tilt_rad < _LIFT.slanted_rad:
                 continue
             before, lifted = T.copy(), T.copy()
             before[:3, 3] -= standoff * T[:3, 2]

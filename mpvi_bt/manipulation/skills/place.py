@@ -17,7 +17,7 @@ from mpvi_bt.manipulation.skills import spots
 from mpvi_bt.manipulation.skills.drop import drop_in, reach_over
 from mpvi_bt.manipulation.skills.inside import looks_inside
 from mpvi_bt.manipulation.skills.pick import pick_up
-from mpvi_bt.manipulation.skills.placing import LYING, SLANTED, UPRIGHT, Pose, place_at, release
+from mpvi_bt.manipulation.skills.placing import LYING, SETTING, SLANTED, UPRIGHT, Pose, place_at, release
 from mpvi_bt.perception.phrases import read
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side, other
@@ -27,10 +27,10 @@ from mpvi_bt.scene.held import Held
 Spots = Callable[[Work, Held, str, Sequence[float]], Iterator[Sequence[Pose]]]  # by a thing, for some leans
 Groups = Callable[[Held], Iterable[Sequence[Pose]]]  # poses to leave a thing in, those about one place together
 
-_LOST_M = 0.04  # what came to lie that much higher or lower than it was to lie has fallen over or off
+
 _BESIDE = re.compile(r"(?:beside|next to) (?P<what>.+)")
 _BARRED = ("no_free_spot", "no_stance")
-_SPOTS = 4  # tried with the thing upright, before it may lean
+_UPRIGHT_SPOTS = 4  # our choice: tried with the payload upright before it may lean, at twice as many
 
 
 def place_in(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -153,7 +153,9 @@ def _upright_first(
     groups: Callable[[Held, Sequence[float]], Iterable[Sequence[Pose]]], leans: Sequence[float]
 ) -> Groups:
     """Poses with the thing upright, then those in which it leans, at the best places of each."""
-    return lambda held: chain(islice(groups(held, UPRIGHT), _SPOTS), islice(groups(held, leans), 2 * _SPOTS))
+    return lambda held: chain(
+        islice(groups(held, UPRIGHT), _UPRIGHT_SPOTS), islice(groups(held, leans), 2 * _UPRIGHT_SPOTS)
+    )
 
 
 def _place_by(work: Work, side: Side, name: str, at: Spots, leans: Sequence[float], tried: list[Array]) -> Actions:
@@ -169,7 +171,7 @@ def _place(work: Work, side: Side, about: str | None, groups: Groups, tried: lis
     yield from work.see("head")
     box, _ = spots.size(work.scene.solids(held.name))
     # An arm may hide all but the cap of a bottle: that one lies elsewhere of which neither end is where it was to be.
-    missed = bool((np.abs(box[:, 2] - heights) > _LOST_M).all())
+    missed = bool((np.abs(box[:, 2] - heights) > SETTING.lost_m).all())
     yield from _come_away(work, held.name, not missed)
     if missed:
         raise MotionFailure("missed")

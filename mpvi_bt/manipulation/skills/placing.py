@@ -26,38 +26,108 @@ from mpvi_bt.robot.rotations import rotation
 from mpvi_bt.robot.solids import Array, bounds
 from mpvi_bt.scene.held import Held
 
+# Our choice: how a payload leans when it is let go of, about the closing axis, about which it turns in the hand [rad].
 UPRIGHT = (0.0,)
 SLANTED = (0.25, -0.25, 0.5, -0.5, 0.8, -0.8)
-LYING = (
-    0.25,
-    -0.25,
-    0.55,
-    -0.55,
-    0.9,
-    -0.9,
-    1.5,
-    -1.5,
-    1.2,
-    -1.2,
-)  # [rad] about the closing axis, as a thing hangs in a hand
-TURNS = tuple(np.arange(12) * np.pi / 6 - np.pi)
-_STANDS = 0.8  # of the lean at which a thing tips over
-LIES_RAD = 1.1
-_HARDLY_RAD = 0.1  # beyond how it hangs in the hand, for what has things in it
-_DOWN_M = 0.004  # a thing is let go of so far above the surface,
-_LEANING_DOWN_M = 0.008  # or so far if it leans
-_SPARE_M = 0.03  # opened beyond the width of what was held
-_FREED_M = 0.015  # fingers that do not open are raised by
-_MENDED_M = 0.04  # more than that a thing does not slip in the hand, nor an arm give way
-_GROUPS = 14  # of poses that are tried
-# How far above the pose to come in, how far to draw the open hand back, how far behind the arm takes its posture [m],
-# and the cost of it. A hand that is well above its neighbors folds without sweeping them away.
-_WAYS = ((0.12, 0.20, 0.0, 0.0), (0.05, 0.09, 0.0, 0.1), (0.06, 0.09, 0.4, 0.1), (0.06, 0.09, 0.25, 0.15))
-# How far, and at which cost, to draw back level instead where it comes in from less high than that.
-_ASIDE_M, _ASIDE, _LOW_M = 0.15, 0.05, 0.1
-_SLID_M, _GRAZED_M = 0.015, 0.002  # between checks of that; what fingers may come nearer to what they let go of
-_CLOSES_LEVEL = 0.95  # of the closing axis, level
-_STRAIGHT, _FORWARD = 0.95, 0.2  # cosine with the fingers, of what is straight back, and of what leads on forward
+LYING = (0.25, -0.25, 0.55, -0.55, 0.9, -0.9, 1.5, -1.5, 1.2, -1.2)
+LIES_RAD = 1.1  # our choice: what leans farther is to come to lie [rad]
+TURNS = tuple(np.arange(12) * np.pi / 6 - np.pi)  # our choice: of a payload about the vertical [rad]
+
+
+@dataclass(frozen=True)
+class Leaning:
+    """Which payloads may lean when they are let go of, and how far.
+
+    Our choice.
+
+    Attributes:
+        stands: Of the lean at which a thing tips over; one that leans less comes to stand [ratio].
+        hardly_rad: Beyond how it hangs in the hand, for what has things in it [rad].
+        level: Sine from the vertical of the axis about which a payload leans, at the least.
+        lean_cost: Of each radian,
+        turn_cost: and of each radian of a turn about the vertical.
+    """
+
+    stands: float = 0.8
+    hardly_rad: float = 0.1
+    level: float = 0.5
+    lean_cost: float = 1.0
+    turn_cost: float = 0.05
+
+
+_LEAN = Leaning()
+
+
+@dataclass(frozen=True)
+class SettingDown:
+    """How a payload is brought down and let go of.
+
+    Our choice, by how far arms give way and things slip.
+
+    Attributes:
+        down_m: Its underside is so far above the surface when the hand opens [m],
+        leaning_down_m: or so far if it leans [m].
+        lower_m_s: How fast it comes down [m/s].
+        mended_m: More than that a thing does not slip in the hand, nor an arm give way [m].
+        spare_m: The hand opens beyond the width of the payload by that [m].
+        released_m: A hand has let go if it has opened by so much [m],
+        wide: or by that share of all that it can.
+        freed_m: Fingers that do not open are raised by [m].
+        lost_m: What came to lie so much higher or lower than it was to has fallen over or off [m].
+        groups: Of poses that are tried.
+    """
+
+    down_m: float = 0.004
+    leaning_down_m: float = 0.008
+    lower_m_s: float = 0.10
+    mended_m: float = 0.04
+    spare_m: float = 0.03
+    released_m: float = 0.01
+    wide: float = 0.8
+    freed_m: float = 0.015
+    lost_m: float = 0.04
+    groups: int = 14
+
+
+SETTING = SettingDown()
+
+
+@dataclass(frozen=True)
+class HandBack:
+    """How a hand comes in over the pose of a payload, and how it draws back once it has let go.
+
+    Our choice: a hand that is well above what stands around folds without sweeping that away.
+
+    Attributes:
+        ways: How far above the pose to come in, how far to draw back along the fingers, how far behind the arm takes
+            its posture [m], and the cost of it.
+        low_m: From less high than that it may draw back level instead [m],
+        aside_m: by so much [m],
+        aside_cost: at this cost,
+        closes_level: if its closing axis is as level as that [cosine],
+        straight: and the way is not straight back [cosine with the fingers],
+        forward: nor leads on forward [likewise].
+        step_m: Between checks of that way [m].
+        grazed_m: So much nearer than at its beginning the fingers may come to what they let go of [m].
+    """
+
+    ways: tuple[tuple[float, float, float, float], ...] = (
+        (0.12, 0.20, 0.0, 0.0),
+        (0.05, 0.09, 0.0, 0.1),
+        (0.06, 0.09, 0.4, 0.1),
+        (0.06, 0.09, 0.25, 0.15),
+    )
+    low_m: float = 0.1
+    aside_m: float = 0.15
+    aside_cost: float = 0.05
+    closes_level: float = 0.95
+    straight: float = 0.95
+    forward: float = 0.2
+    step_m: float = 0.015
+    grazed_m: float = 0.002
+
+
+_BACK = HandBack()
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +156,12 @@ def leaning(work: Work, held: Held, lean: float) -> Array | None:
         return upright
     frame = kin.inverse(held.T_tcp_thing)
     size = np.ptp(bounds(s.moved(matmul(kin.transform(upright, (0.0, 0.0, 0.0)), frame)) for s in held.solids), axis=0)
-    stands = abs(lean) < _STANDS * float(np.arctan2(size[:2].min(), size[2]))
+    stands = abs(lean) < _LEAN.stands * float(np.arctan2(size[:2].min(), size[2]))
     hangs = float(rotation(matmul(upright.T, now)).magnitude())
-    if held.laden and not (stands and abs(lean) < hangs + _HARDLY_RAD):
+    if held.laden and not (stands and abs(lean) < hangs + _LEAN.hardly_rad):
         return None
     closing = matmul(upright, frame[:3, 1]) * [1, 1, 0]
-    if (length := float(norm(closing))) < 0.5:
+    if (length := float(norm(closing))) < _LEAN.level:
         return None
     turn = matmul(kin.rot_z(-np.arctan2(closing[1], closing[0])), upright)
     square = matmul(kin.transform(turn, (0.0, 0.0, 0.0)), frame)
@@ -113,9 +183,9 @@ def poses(work: Work, held: Held, spot: Array, leans: Sequence[float] = UPRIGHT)
         for turn in TURNS:
             R = matmul(kin.rot_z(turn), standing)
             low, high = bounds(s.moved(kin.transform(R, (0.0, 0.0, 0.0))) for s in solids)
-            down = _LEANING_DOWN_M if lean else _DOWN_M
+            down = SETTING.leaning_down_m if lean else SETTING.down_m
             p = spot - np.append((low + high)[:2] / 2, low[2] - down)
-            yield Pose(kin.transform(R, p), 0.05 * abs(float(turn)) + 1.0 * abs(lean))
+            yield Pose(kin.transform(R, p), _LEAN.turn_cost * abs(float(turn)) + _LEAN.lean_cost * abs(lean))
 
 
 def place_at(
@@ -157,7 +227,7 @@ def place_at(
                 if stance is not None:
                     goal = matmul(options[stance.option].waypoints[1], held.T_tcp_thing)
                     return stance
-                if seen >= _GROUPS or search.effort.left <= 0:
+                if seen >= SETTING.groups or search.effort.left <= 0:
                     break
         return None
 
@@ -195,12 +265,12 @@ def release(work: Work, side: Side, opening_m: float = math.inf, falls_s: float 
         MotionFailure: "not_released" if the fingers do not open.
     """
     hand = work.motion.robot.hand
-    enough = min(work.motion.felt.gripper_width[side] + 0.01, 0.8 * hand.opening_m)
+    enough = min(work.motion.felt.gripper_width[side] + SETTING.released_m, SETTING.wide * hand.opening_m)
     yield from work.motion.grip(side, hand.command(opening_m), 0.5)
     yield from work.motion.wait(falls_s)
     if work.motion.felt.gripper_width[side] < enough:
         with suppress(MotionFailure):  # fingertips that stand on the floor do not slide apart
-            yield from work.rise(side, _FREED_M)
+            yield from work.rise(side, SETTING.freed_m)
             yield from work.motion.wait(falls_s)
     if work.motion.felt.gripper_width[side] < enough:
         raise MotionFailure("not_released")
@@ -215,21 +285,21 @@ def _lower(work: Work, side: Side, stance: Stance, goal: Array) -> Actions:
         felt = motion.robot.tcp(motion.felt.torso, motion.felt.arm[side], side)
         mended = matmul(kin.inverse(work.base), goal, kin.inverse(now.T_tcp_thing))
         mended[:3, 3] += motion.hand(side)[:3, 3] - felt[:3, 3]  # arms give way under a load
-        if norm(mended[:3, 3] - planned[:3, 3]) < _MENDED_M:
+        if norm(mended[:3, 3] - planned[:3, 3]) < SETTING.mended_m:
             planned = mended
-    yield from motion.line(side, planned, speed=0.10)
+    yield from motion.line(side, planned, speed=SETTING.lower_m_s)
 
 
 def _options(hand: Hand, held: Held, pose: Pose, width_m: float) -> Iterator[Option]:
     """Ways to bring a thing into a pose from above, and the hand back along its fingers, or level past the thing."""
     T = matmul(pose.T_world_thing, kin.inverse(held.T_tcp_thing))
-    opening = min(hand.opening_m, width_m + _SPARE_M)
+    opening = min(hand.opening_m, width_m + SETTING.spare_m)
     asides = [aside for aside in _asides(T) if _slides_past(hand, held, matmul(T[:3, :3].T, aside), opening)]
-    for over_m, back_m, run_up, cost in _WAYS:
+    for over_m, back_m, run_up, cost in _BACK.ways:
         over = T.copy()
         over[2, 3] += over_m
-        level = asides if over_m < _LOW_M else []
-        for off, more in [(-back_m * T[:3, 2], 0.0), *((_ASIDE_M * aside, _ASIDE) for aside in level)]:
+        level = asides if over_m < _BACK.low_m else []
+        for off, more in [(-back_m * T[:3, 2], 0.0), *((_BACK.aside_m * aside, _BACK.aside_cost) for aside in level)]:
             back = T.copy()
             back[:3, 3] += off
             yield Option(np.stack([over, T, back]), 1, pose.cost + cost + more, run_up, None, opening)
@@ -242,8 +312,8 @@ def _asides(T: Array) -> Iterator[Array]:
     """
     level = np.cross(T[:3, 1], [0.0, 0.0, 1.0])
     length = float(norm(level))
-    for away in (level / length, -level / length) if length > _CLOSES_LEVEL else ():
-        if -_STRAIGHT < float(matmul(away, T[:3, 2])) < _FORWARD:
+    for away in (level / length, -level / length) if length > _BACK.closes_level else ():
+        if -_BACK.straight < float(matmul(away, T[:3, 2])) < _BACK.forward:
             yield away
 
 
@@ -254,8 +324,8 @@ def _slides_past(hand: Hand, held: Held, way: Array, opening_m: float) -> bool:
     """
     thing = Surroundings(held.solids)
     centers, radii = hand.fingers(opening_m)
-    gaps = thing.distance(centers + np.arange(0.0, _ASIDE_M, _SLID_M)[:, None, None] * way) - radii
-    return bool((gaps > np.minimum(gaps[0], 0.0) - _GRAZED_M).all())
+    gaps = thing.distance(centers + np.arange(0.0, _BACK.aside_m, _BACK.step_m)[:, None, None] * way) - radii
+    return bool((gaps > np.minimum(gaps[0], 0.0) - _BACK.grazed_m).all())
 
 
 def _as_taken(work: Work, held: Held) -> Array:

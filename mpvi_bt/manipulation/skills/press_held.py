@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.manipulation.motion.carry import settle
-from mpvi_bt.manipulation.motion.hold_out import THING, meet
+from mpvi_bt.manipulation.motion.hold_out import LOOKED_AT, THING, meet
 from mpvi_bt.manipulation.motion.work import Work
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
@@ -23,7 +23,6 @@ from mpvi_bt.robot.solids import Array
 _PRESS_M_S = 0.06
 _CALM_S = 0.4  # arms that still swing from the way feel touches that are none
 _PRESSED_S = 0.4
-_LOOKED_AT = 60  # postures that are looked at closely
 
 
 def press_held(work: Work, holder: Side, ways: list[Array], fold: bool = True) -> Actions:
@@ -63,7 +62,7 @@ def _in_line(
     """Postures of the free arm before the switch from where a straight line leads onto it, the nearest first."""
     comer: Side = next(s for s in body.robot.sides if s not in body.held)
     cost = posture_distance(q, work.motion.arm(comer))
-    for row in np.argsort(cost)[:_LOOKED_AT]:
+    for row in np.argsort(cost)[:LOOKED_AT]:
         if not body.free(comer, q[row])[0]:
             continue
         line = arm_motion.trace(body.robot, body.torso, comer, q[row], matmul(shown, touches[at[row]]))

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mpvi_bt.manipulation.motion.carry import settle
 from mpvi_bt.manipulation.motion.gaze import look_at
-from mpvi_bt.manipulation.motion.work import Perform, Words, Work
+from mpvi_bt.manipulation.motion.work import NEAR_M, Perform, Words, Work
+from mpvi_bt.manipulation.skills.placing import SETTING
 from mpvi_bt.manipulation.skills.spots import floor_around, is_floor
 from mpvi_bt.manipulation.skills.two_hands import (
     Box,
@@ -26,15 +29,53 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.solids import Array, bounds
 from mpvi_bt.robot.squeeze import squeezes
 
-_OVER_M = 0.05  # between a box and the surface that it is driven in over
-_HANDS_M = 0.09  # room beside it, if there is such, for hands that let go, and for those that are to lift its neighbor
-_ABOVE_M = 0.08  # that hands rise before the base draws them back: at the surface they would sweep what lies behind
-_CARRIED = 0.35  # of a box that stands on something narrower, so much of its breadth around its middle is carried
-_HEADINGS = tuple(np.arange(16) * np.pi / 8)
-_SPOTS = 40
-_FAR_M, _OFF_M, _LEG_M = 1.7, 1.3, 1.2  # a spot that far off is driven up to, in legs within what is known around
-_LEGS = 4
-_STEP_M = 0.08  # between checks on the way in: what stands beside it, such as a screen, is not to be met by an elbow
+
+@dataclass(frozen=True)
+class DrivingIn:
+    """How the base drives a box in over a surface, and the hands let go of it.
+
+    Our choice, by how far two arms that press give way.
+
+    Attributes:
+        over_m: Between the box and the surface that it is driven in over [m].
+        around_m: That is free around the box on the surface [m],
+        hands_m: and beside it, if there is such room, for hands that let go and for those that lift its neighbor [m].
+        headroom_m: Above the box [m].
+        carried: Of the breadth of a box, around its middle, that a narrower support has to bear [ratio].
+        spots: That are looked at,
+        headings: and directions in which each is driven in to.
+        been_m: A base pose this near to one that did not do does not either [m, rad].
+        step_m: Between checks on the way in [m]: what stands beside it, such as a screen, is not to be met by an elbow.
+        off_m: A spot that is too far off for what is known around is driven up to, as near as that [m],
+        leg_m: by legs of so much at the most [m],
+        legs: and so many of them.
+        far_m_s: Speed of the base on the way there [m/s],
+        in_m_s: and on the way in [m/s].
+        lower_s_m: Of the hands as they lower the box, and
+        rise_s_m: as they rise beside it [s a meter].
+        above_m: That they rise before the base draws them back [m]: lower they would sweep what lies behind.
+    """
+
+    over_m: float = 0.05
+    around_m: float = 0.01
+    hands_m: float = 0.09
+    headroom_m: float = 0.1
+    carried: float = 0.35
+    spots: int = 40
+    headings: int = 16
+    been_m: float = 0.05
+    step_m: float = 0.08
+    off_m: float = 1.3
+    leg_m: float = 1.2
+    legs: int = 4
+    far_m_s: float = 0.3
+    in_m_s: float = 0.2
+    lower_s_m: float = 7.0
+    rise_s_m: float = 3.0
+    above_m: float = 0.08
+
+
+_DRIVE_IN = DrivingIn()
 
 
 def either(one: Perform, both: Perform) -> Perform:
@@ -58,20 +99,20 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
     if name is None or name not in {e.name for e in scene.knowledge().find(words["object"])}:
         raise MotionFailure("not_held")
     surface = None if is_floor(words["surface"]) else work.nearest(words["surface"])
-    for _ in range(_LEGS):
+    for _ in range(_DRIVE_IN.legs):
         if surface is not None:
             if not scene.exact and bounds(scene.solids(surface))[1, 2] < seen_box(work, name).bottom:
                 yield from look_over(work)
             yield from look_at(work, surface)
         box = seen_box(work, name)
-        radius, here = max(box.length, box.width) / 2 + 0.01, motion.felt.base_pose[:2]
+        radius, here = max(box.length, box.width) / 2 + _DRIVE_IN.around_m, motion.felt.base_pose[:2]
         if surface is None:
             ahead = box.middle[:2] + here - behind(motion.felt.base_pose)[:2]  # in view, and driven in from here
             spots = floor_around(work, words["surface"], radius, box.height, ahead)
         else:
-            apart = max(box.length / 2, box.width / 2 + _HANDS_M) + 0.01
-            wide, close = (scene.spots(surface, r, box.height + 0.1, here) for r in (apart, radius))
-            spots = [*wide[: _SPOTS // 2], *close] or _on_the_middle(work, surface, box)
+            apart = max(box.length / 2, box.width / 2 + _DRIVE_IN.hands_m) + _DRIVE_IN.around_m
+            wide, close = (scene.spots(surface, r, box.height + _DRIVE_IN.headroom_m, here) for r in (apart, radius))
+            spots = [*wide[: _DRIVE_IN.spots // 2], *close] or _on_the_middle(work, surface, box)
         search = work.search("right", {name})
         # What is far off may have room that is not seen from here.
         far_off = spots[0] if spots else None if surface is None else work.middle(surface)
@@ -80,7 +121,7 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
         if route is None:
             break
         for base in route:
-            yield from motion.drive(base, speed=0.3)
+            yield from motion.drive(base, speed=_DRIVE_IN.far_m_s)
     if not spots:
         raise work.no_free_spot(name, surface)
     search.tried.extend(tried)
@@ -89,28 +130,30 @@ def set_down(work: Work, words: Words, tried: list[Array]) -> Actions:
         raise work.no_stance()
     base, spot, way = found
     tried.append(base)
-    yield from raise_both(work, max(0.0, spot[2] + _OVER_M - box.bottom))
+    yield from raise_both(work, max(0.0, spot[2] + _DRIVE_IN.over_m - box.bottom))
     for pose in way:
-        yield from motion.drive(pose, speed=0.3)
+        yield from motion.drive(pose, speed=_DRIVE_IN.far_m_s)
     if scene.between() != name:
         raise MotionFailure("slipped")
-    yield from motion.drive(base, speed=0.2)
-    yield from raise_both(work, spot[2] + 0.004 - seen_box(work, name).bottom, seconds_per_m=7.0)
+    yield from motion.drive(base, speed=_DRIVE_IN.in_m_s)
+    yield from raise_both(
+        work, spot[2] + SETTING.down_m - seen_box(work, name).bottom, seconds_per_m=_DRIVE_IN.lower_s_m
+    )
     yield from motion.wait(0.2)
     yield from open_wide(work)
-    yield from raise_both(work, _ABOVE_M, seconds_per_m=3.0)
-    yield from motion.drive(way[-1], speed=0.3)
+    yield from raise_both(work, _DRIVE_IN.above_m, seconds_per_m=_DRIVE_IN.rise_s_m)
+    yield from motion.drive(way[-1], speed=_DRIVE_IN.far_m_s)
     yield from straighten_up(work)
     yield from settle(work, without={name} if surface is None else {name, surface})
     yield from look_at(work, name)
-    if abs(min(s.aabb()[0, 2] for s in scene.solids(name)) - spot[2]) > 0.04:
+    if abs(min(s.aabb()[0, 2] for s in scene.solids(name)) - spot[2]) > SETTING.lost_m:
         raise MotionFailure("missed")
 
 
 def _on_the_middle(work: Work, surface: str, box: Box) -> list[Array]:
     """Places (3,) for what is about as broad as its support, such as one box on another: those next to its middle."""
-    radius, here = _CARRIED * min(box.length, box.width), work.motion.felt.base_pose[:2]
-    spots = work.scene.spots(surface, radius, box.height + 0.1, here)
+    radius, here = _DRIVE_IN.carried * min(box.length, box.width), work.motion.felt.base_pose[:2]
+    spots = work.scene.spots(surface, radius, box.height + _DRIVE_IN.headroom_m, here)
     return sorted(spots, key=lambda spot: float(norm((spot - work.middle(surface))[:2])))
 
 
@@ -118,9 +161,9 @@ def _toward(here: Array, spot: Array) -> Array | None:
     """A base pose (3,) on the straight way to a spot that is too far off for what is known around; else None."""
     way = spot[:2] - here[:2]
     far = float(norm(way))
-    if far < _FAR_M:
+    if far < NEAR_M:
         return None
-    return np.array([*(here[:2] + way * min(_LEG_M, far - _OFF_M) / far), np.arctan2(way[1], way[0])])
+    return np.array([*(here[:2] + way * min(_DRIVE_IN.leg_m, far - _DRIVE_IN.off_m) / far), np.arctan2(way[1], way[0])])
 
 
 def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tuple[Array, Array, list[Array]] | None:
@@ -129,16 +172,17 @@ def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tup
     here = motion.felt.base_pose
     held_at = matmul(kin.inverse(work.base), np.append(box.middle, 1.0))[:2]
     arms = {s: motion.arm(s) for s in motion.robot.sides}
-    for spot in spots[:_SPOTS]:
-        for heading in sorted(_HEADINGS, key=lambda h: abs(float(kin.wrap(h - here[2])))):
+    headings = 2 * np.pi * np.arange(_DRIVE_IN.headings) / _DRIVE_IN.headings
+    for spot in spots[: _DRIVE_IN.spots]:
+        for heading in sorted(headings, key=lambda h: abs(float(kin.wrap(h - here[2])))):
             base = np.array([*(spot[:2] - matmul(kin.rot_z(heading)[:2, :2], held_at)), kin.wrap(heading)])
-            if any(norm(base - b) < 0.05 for b in search.tried):
+            if any(norm(base - b) < _DRIVE_IN.been_m for b in search.tried):
                 continue
             if (way := way_behind(search, here, base)) is None:
                 search.refusals.add("no way there and straight in")
                 continue
             # Raised by then, as `raise_both` does: lower down the arms would meet the surface.
-            lift = motion.posture[0] + max(0.0, spot[2] + _OVER_M - box.bottom)
+            lift = motion.posture[0] + max(0.0, spot[2] + _DRIVE_IN.over_m - box.bottom)
             torso = motion.bent(lift=float(np.clip(lift, *motion.robot.trunk.limits[0])))
             body = Body(motion.robot, torso, arms)
             if all(_clear(body, search, pose) for pose in _drive_in(way[-1], base)):
@@ -149,7 +193,7 @@ def _find_place(work: Work, search: Search, box: Box, spots: list[Array]) -> tup
 
 def _drive_in(back: Array, base: Array) -> Array:
     """(n, 3) base poses on the straight way in from `back` to `base`, the last one first: it is the most cramped."""
-    return np.linspace(base, back, int(np.ceil(float(norm(base[:2] - back[:2])) / _STEP_M)) + 1)
+    return np.linspace(base, back, int(np.ceil(float(norm(base[:2] - back[:2])) / _DRIVE_IN.step_m)) + 1)
 
 
 def _clear(body: Body, search: Search, base: Array) -> bool:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mpvi_bt.goals.predicates import NEXT_TO_GAP
 from mpvi_bt.goals.predicates import beside as in_line
-from mpvi_bt.manipulation.motion.work import EASY_M, Work
+from mpvi_bt.manipulation.motion.work import EASY_M, NEAR_M, Work
 from mpvi_bt.manipulation.skills.placing import LIES_RAD, Pose, leaning, poses
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Obstacles, Surroundings
@@ -20,22 +21,106 @@ from mpvi_bt.scene.knowledge import normalize
 from mpvi_bt.shapes.from_above import disc, outline
 
 _FLOORS = ("floor", "ground")
-_CLEAR_M = 0.03  # between things on a surface,
-_TIGHT_M = 0.008  # and where there is no more room, such as on a saucer
-_HEADROOMS_M = (0.35, 0.03)  # above a spot, for the thing and the hand; above the thing if there is no more
-_GRID_M = 0.06
-_FLOOR_REACH_M = 0.9  # from the middle of the robot
-_NEAR_M = 1.7
-_OUTWARD = 1.0  # cost per meter by which a thing reaches away from what it lies beside: long ones lie along it
-_TOUCH_M = 0.005  # what is set down beside a thing keeps that far away,
-_BESIDE_M = (0.006, 0.012, 0.02, 0.03)  # or farther, where that still counts as next to it
-_SUNK_M = 0.012  # so far below the underside of a thing in its pose is what bears it,
-_OUT_M = 0.005  # and so far it may stand out over its edge
-_SECTORS = 12
-_ARM_M = 0.6  # above a thing that is set down beside another one, for the arm that brings it
-_BEFORE_M = 0.6  # from a thing is where one stands to take it
-_LEVEL_M = 0.02
-_SPOTS = 4  # of one lean and headroom
+
+
+@dataclass(frozen=True)
+class Clearances:
+    """What stays free around a payload where it is set down, and what has to bear it.
+
+    Our choice, by how far arms and boxes about things are off.
+
+    Attributes:
+        clear_m: Between the payload and what else is on a surface [m],
+        tight_m: and where there is no more room, such as on a saucer [m].
+        floor_m: Likewise below and beside things on the floor [m].
+        headroom_m: Above a spot, for the payload and the hand [m],
+        above_m: or above the payload, where there is no more [m].
+        arm_m: Above a payload that is set down beside another thing, for the arm that brings it [m].
+        levels: Heights of the payload that are looked at.
+        feet: Of its radius, at which it has to be borne [ratio],
+        below_m: by something this far below its underside [m],
+        borne_m: which is no farther from there than that [m].
+        sunk_m: Likewise of its outline in a pose: what bears it is this far below its underside [m],
+        out_m: and its outline may stand out over that by so much [m].
+    """
+
+    clear_m: float = 0.03
+    tight_m: float = 0.008
+    floor_m: float = 0.01
+    headroom_m: float = 0.35
+    above_m: float = 0.03
+    arm_m: float = 0.6
+    levels: int = 4
+    feet: float = 0.6
+    below_m: float = 0.008
+    borne_m: float = 0.012
+    sunk_m: float = 0.012
+    out_m: float = 0.005
+
+
+_CLEAR = Clearances()
+
+
+@dataclass(frozen=True)
+class SpotGrid:
+    """Which spots are looked at.
+
+    Our choice: as fine as a search can afford, each of them costs a search for a stance.
+
+    Attributes:
+        grid_m: Between spots [m]; on the floor twice that.
+        spots: Of one lean and one headroom.
+        sectors: Of a turn, at which a payload is set down beside another thing, or seen from for its width.
+        level_m: Faces that differ in height by less are of one board [m].
+        floor_m: The nearest and the farthest spot on the floor, from the middle of the base [m],
+        best_m: and where it is easiest to set something down there [m];
+        behind: from straight ahead to straight behind costs twice so many meters.
+        legs_m: What is this near to a spot has to be below the thing, too [m]: no leg of a table stands there.
+    """
+
+    grid_m: float = 0.06
+    spots: int = 4
+    sectors: int = 12
+    level_m: float = 0.02
+    floor_m: tuple[float, float] = (0.45, 0.9)
+    best_m: float = 0.6
+    behind: float = 0.3
+    legs_m: float = 0.03
+
+
+_GRID = SpotGrid()
+
+
+@dataclass(frozen=True)
+class NextTo:
+    """How near to a thing a payload is set down that is to be next to it.
+
+    Our choice.
+
+    Attributes:
+        touch_m: That it keeps from the thing [m],
+        gaps_m: or a little more, where that still counts as next to it [m];
+        best_m: that would be best [m],
+        gap_cost: and each meter off it costs so much.
+        outward: Cost of each meter by which it reaches away from the thing: what is long lies along it.
+        step_m: Between distances that are looked at [m],
+        beyond_m: up to so much more than touching circles about the two [m].
+        sure: Of the gap up to which two things are next to each other, as the goals of tasks have it [ratio].
+        before_m: From a thing is where one stands to take it [m].
+    """
+
+    touch_m: float = 0.005
+    gaps_m: tuple[float, ...] = (0.006, 0.012, 0.02, 0.03)
+    best_m: float = 0.012
+    gap_cost: float = 2.0
+    outward: float = 1.0
+    step_m: float = 0.004
+    beyond_m: float = 0.08
+    sure: float = 0.75
+    before_m: float = 0.6
+
+
+_NEXT_TO = NextTo()
 
 
 def size(solids: Sequence[Solid]) -> tuple[Array, float]:
@@ -59,8 +144,8 @@ def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: boo
         R = able[0][1]
         box, radius = size([s.moved(matmul(kin.transform(R, (0.0, 0.0, 0.0)), frame)) for s in held.solids])
         done: list[Array] = []
-        for headroom in (_HEADROOMS_M[0], float(np.ptp(box, axis=0)[2]) + _HEADROOMS_M[1]):
-            for clear in (_CLEAR_M, _TIGHT_M):
+        for headroom in (_CLEAR.headroom_m, float(np.ptp(box, axis=0)[2]) + _CLEAR.above_m):
+            for clear in (_CLEAR.clear_m, _CLEAR.tight_m):
                 spots = list(work.scene.spots(surface, radius + clear, headroom, near))
                 if inside:
                     spots = [s for s in spots if _within(work.scene.volumes(surface), s + [0, 0, 0.02])]
@@ -68,8 +153,8 @@ def on(work: Work, held: Held, surface: str, leans: Sequence[float], inside: boo
                 if spots:
                     break
             own = [] if inside else [s.aabb() for s in work.scene.solids(surface)]
-            for spot in _by_turns(spots, own)[:_SPOTS]:
-                if all(norm(spot - d) > _GRID_M for d in done):
+            for spot in _by_turns(spots, own)[: _GRID.spots]:
+                if all(norm(spot - d) > _GRID.grid_m for d in done):
                     done.append(spot)
                     yield list(poses(work, held, spot, [lean for lean, _ in able]))
         if not done and not inside:
@@ -88,12 +173,13 @@ def _lengthwise(work: Work, held: Held, surface: str, R: Array, leans: Sequence[
     """
     near = work.motion.felt.base_pose[:2]
     solids = [s.moved(matmul(kin.transform(R, (0.0, 0.0, 0.0)), kin.inverse(held.T_tcp_thing))) for s in held.solids]
-    angles = np.pi * np.arange(_SECTORS) / _SECTORS
+    angles = np.pi * np.arange(_GRID.sectors) / _GRID.sectors
     width = float(np.ptp(matmul(outline(solids), np.stack([np.cos(angles), np.sin(angles)])), axis=0).min())
     height = float(np.ptp(bounds(solids), axis=0)[2])
     top = Surroundings(work.scene.solids(surface))
-    others = work.scene.obstacles(near, _NEAR_M, without={surface, *work.carried()})
-    for spot in list(work.scene.spots(surface, width / 2 + _TIGHT_M, height + _HEADROOMS_M[1], near))[:_SPOTS]:
+    others = work.scene.obstacles(near, NEAR_M, without={surface, *work.carried()})
+    spots = list(work.scene.spots(surface, width / 2 + _CLEAR.tight_m, height + _CLEAR.above_m, near))
+    for spot in spots[: _GRID.spots]:
         found = [pose for pose in poses(work, held, spot, leans) if _borne(held, pose, top)]
         if found := [pose for pose in found if _apart(held, pose, others)]:
             yield found
@@ -102,14 +188,14 @@ def _lengthwise(work: Work, held: Held, surface: str, R: Array, leans: Sequence[
 def on_floor(work: Work, held: Held, leans: Sequence[float]) -> Iterator[list[Pose]]:
     """Poses on the free floor around the robot, the nearest first."""
     here = work.motion.felt.base_pose
-    steps = np.arange(-_FLOOR_REACH_M, _FLOOR_REACH_M + 1e-9, 2 * _GRID_M)
+    steps = np.arange(-_GRID.floor_m[1], _GRID.floor_m[1] + 1e-9, 2 * _GRID.grid_m)
     grid = np.stack(np.meshgrid(steps, steps, indexing="ij"), -1).reshape(-1, 2)
     far = norm(grid, axis=1)
-    grid = grid[(far > 0.45) & (far < _FLOOR_REACH_M)]
+    grid = grid[(far > _GRID.floor_m[0]) & (far < _GRID.floor_m[1])]
     ahead = matmul(grid, [np.cos(here[2]), np.sin(here[2])]) / norm(grid, axis=1)
-    places = here[:2] + grid[np.argsort(np.abs(norm(grid, axis=1) - 0.6) + 0.3 * (1 - ahead))]
+    places = here[:2] + grid[np.argsort(np.abs(norm(grid, axis=1) - _GRID.best_m) + _GRID.behind * (1 - ahead))]
     spots = _bare(work, places, size([s.moved(work.hand(held.side)) for s in held.solids])[1])
-    for spot in spots[_room(work, held, spots, _CLEAR_M)]:
+    for spot in spots[_room(work, held, spots, _CLEAR.clear_m)]:
         yield list(poses(work, held, spot, leans))
 
 
@@ -135,7 +221,7 @@ def floor_around(work: Work, phrase: str, radius_m: float, height_m: float, plac
         place: (2,) [m] in the world.
     """
     here = work.motion.felt.base_pose[:2]
-    steps = np.arange(-_NEAR_M, _NEAR_M + 1e-9, 2 * _GRID_M)
+    steps = np.arange(-NEAR_M, NEAR_M + 1e-9, 2 * _GRID.grid_m)
     places = here + np.stack(np.meshgrid(steps, steps, indexing="ij"), -1).reshape(-1, 2)
     room = normalize(phrase).rpartition(" ")[0]
     rooms = [e for e in work.scene.knowledge().find(room) if e.kind == "room"] if room else []
@@ -144,7 +230,7 @@ def floor_around(work: Work, phrase: str, radius_m: float, height_m: float, plac
         within = (places[:, None] > low + radius_m) & (places[:, None] < high - radius_m)
         places = places[within.all(-1).any(1)]
     spots = _bare(work, places, radius_m)
-    others = work.scene.obstacles(here, _NEAR_M + 2 * radius_m, without=work.carried())
+    others = work.scene.obstacles(here, NEAR_M + 2 * radius_m, without=work.carried())
     for z in np.linspace(0.02, max(0.04, height_m), 4):
         spots = spots[others.distance(spots + [0.0, 0.0, z]) > radius_m]
     return sorted(spots, key=lambda spot: float(norm(spot[:2] - place)))
@@ -159,9 +245,11 @@ def under(work: Work, held: Held, target: str, leans: Sequence[float], by: str |
                 yield there
     box, _ = size(work.scene.solids(target))
     here = work.motion.felt.base_pose[:2]
-    places = np.stack(np.meshgrid(*[np.arange(a, b, _GRID_M) for a, b in box.T[:2]], indexing="ij"), -1).reshape(-1, 2)
+    places = np.stack(np.meshgrid(*[np.arange(a, b, _GRID.grid_m) for a, b in box.T[:2]], indexing="ij"), -1).reshape(
+        -1, 2
+    )
     spots = np.column_stack([places, np.zeros(len(places))])[_below(work, held, target, places)]
-    spots = spots[_room(work, held, spots, 0.01)]
+    spots = spots[_room(work, held, spots, _CLEAR.floor_m)]
     for spot in spots[np.argsort(norm(spots[:, :2] - here, axis=1))]:
         yield list(poses(work, held, spot, leans))
 
@@ -169,7 +257,7 @@ def under(work: Work, held: Held, target: str, leans: Sequence[float], by: str |
 def _below(work: Work, held: Held, target: str, places: Array) -> NDArray[np.bool_]:
     """(n,) bool: places (n, 2) on the floor that a thing is above, where what is held fits below it."""
     height = float(np.ptp(size([s.moved(work.hand(held.side)) for s in held.solids])[0], axis=0)[2])
-    ring = 0.03 * np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
+    ring = _GRID.legs_m * np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
     below = np.zeros(len(places), bool)
     for top in (s for s in work.scene.solids(target) if s.aabb()[0, 2] > height):
         around = (places[:, None] + ring).reshape(-1, 2)
@@ -186,7 +274,7 @@ def beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> Itera
     Who comes for what lies on it, such as a book on a bed, is left room to stand before that.
     """
     near = work.motion.felt.base_pose[:2]
-    below = work.scene.obstacles(near, _NEAR_M, without={held.name, *work.scene.within(held.name)})
+    below = work.scene.obstacles(near, NEAR_M, without={held.name, *work.scene.within(held.name)})
     over: list[list[Pose]] = []
     apart: list[list[Pose]] = []
     groups = _all_beside(work, held, target, leans)
@@ -215,15 +303,15 @@ def _lying_on(work: Work, target: str) -> list[Array]:
 def _bars(group: Sequence[Pose], kept: Sequence[Array]) -> bool:
     """Whether poses are where one would stand to reach one of some places (2,)."""
     at = np.mean([pose.T_world_thing[:2, 3] for pose in group], axis=0)
-    return bool(min(norm(at - place) for place in kept) < _BEFORE_M)
+    return bool(min(norm(at - place) for place in kept) < _NEXT_TO.before_m)
 
 
 def _borne(held: Held, pose: Pose, below: Obstacles) -> bool:
     """Whether there is something below all of a thing's outline in a pose."""
     frame = kin.inverse(held.T_tcp_thing)
     solids = [s.moved(matmul(pose.T_world_thing, frame)) for s in held.solids]
-    edge, z = outline(solids), float(bounds(solids)[0, 2]) - _SUNK_M
-    return z < 0 or bool((below.distance(np.column_stack([edge, np.full(len(edge), z)])) < _OUT_M).all())
+    edge, z = outline(solids), float(bounds(solids)[0, 2]) - _CLEAR.sunk_m
+    return z < 0 or bool((below.distance(np.column_stack([edge, np.full(len(edge), z)])) < _CLEAR.out_m).all())
 
 
 def _apart(held: Held, pose: Pose, others: Obstacles) -> bool:
@@ -231,9 +319,9 @@ def _apart(held: Held, pose: Pose, others: Obstacles) -> bool:
     frame = kin.inverse(held.T_tcp_thing)
     solids = [s.moved(matmul(pose.T_world_thing, frame)) for s in held.solids]
     edge, (low, high) = outline(solids), bounds(solids)[:, 2]
-    levels = np.linspace(low + _SUNK_M, max(high, low + _SUNK_M), 3)
+    levels = np.linspace(low + _CLEAR.sunk_m, max(high, low + _CLEAR.sunk_m), 3)
     rows = np.concatenate([np.column_stack([edge, np.full(len(edge), z)]) for z in levels])
-    return bool((others.distance(rows) > _TIGHT_M).all())
+    return bool((others.distance(rows) > _CLEAR.tight_m).all())
 
 
 def _level(work: Work, held: Held, pose: Pose, target: str) -> bool:
@@ -257,7 +345,7 @@ def _all_beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> 
     mine = [s.moved(frame) for s in held.solids]
     upright = list(poses(work, held, np.array([0.0, 0.0, floor_z]), leans))
     parts = {round(float(s.aabb()[:, 2].mean()), 2) for s in solids}
-    angles = 2 * np.pi * np.arange(_SECTORS) / _SECTORS
+    angles = 2 * np.pi * np.arange(_GRID.sectors) / _GRID.sectors
     for angle in sorted(angles, key=lambda a: abs(float(kin.wrap(a)))):
         away = np.array([np.cos(bearing + angle), np.sin(bearing + angle), 0.0])
         group = []
@@ -265,25 +353,25 @@ def _all_beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> 
             T = pose.T_world_thing.copy()
             box, radius = size([s.moved(T) for s in mine])
             edge = outline([s.moved(T) for s in mine])
-            outward = _OUTWARD * float(np.ptp(matmul(edge, away[:2])))
+            outward = _NEXT_TO.outward * float(np.ptp(matmul(edge, away[:2])))
             levels = np.linspace(box[0, 2] + 0.005, min(box[1, 2], theirs[1, 2] + 0.02), 4)
-            tops = [z for z in parts if box[1, 2] < z < box[1, 2] + _ARM_M]
+            tops = [z for z in parts if box[1, 2] < z < box[1, 2] + _CLEAR.arm_m]
             levels = np.append(levels, sorted(tops))
             rows = np.concatenate([np.column_stack([edge, np.full(len(edge), z)]) for z in levels])
             at = np.append(middle[:2], 0.0)
-            far = np.arange(0.0, reach + radius + 0.08, 0.004)
+            far = np.arange(0.0, reach + radius + _NEXT_TO.beyond_m, _NEXT_TO.step_m)
             gaps = wall.distance(rows + at + far[:, None, None] * away).min(1)
-            touching = np.flatnonzero(gaps < _TOUCH_M)
+            touching = np.flatnonzero(gaps < _NEXT_TO.touch_m)
             first = int(touching[-1]) + 1 if len(touching) else 0
-            for wanted in _BESIDE_M:
-                d = float(far[min(first, len(far) - 1)]) + wanted - _TOUCH_M
+            for wanted in _NEXT_TO.gaps_m:
+                d = float(far[min(first, len(far) - 1)]) + wanted - _NEXT_TO.touch_m
                 moved = box + at + away * d
                 if _next_to(moved, theirs):
                     shifted = T.copy()
                     shifted[:3, 3] += at + away * d
-                    group.append(Pose(shifted, pose.cost + outward + 2.0 * abs(wanted - 0.012)))
+                    group.append(Pose(shifted, pose.cost + outward + _NEXT_TO.gap_cost * abs(wanted - _NEXT_TO.best_m)))
         spots = np.array([np.append(p.T_world_thing[:2, 3], floor_z) for p in group]).reshape(-1, 3)
-        room = _room(work, held, spots, 0.01, target) if len(spots) else np.zeros(0, bool)
+        room = _room(work, held, spots, _CLEAR.floor_m, target) if len(spots) else np.zeros(0, bool)
         group = [p for p, free in zip(group, room, strict=True) if free]
         if group:
             yield group
@@ -292,7 +380,7 @@ def _all_beside(work: Work, held: Held, target: str, leans: Sequence[float]) -> 
 def _next_to(box: Array, other: Array) -> bool:
     """Whether two boxes (2, 3) are near enough for their size, with a margin."""
     gap = np.maximum(0.0, np.maximum(box[0], other[0]) - np.minimum(box[1], other[1]))
-    return bool(norm(gap) < 0.75 * NEXT_TO_GAP * np.mean(np.ptp(box, axis=0) + np.ptp(other, axis=0)))
+    return bool(norm(gap) < _NEXT_TO.sure * NEXT_TO_GAP * np.mean(np.ptp(box, axis=0) + np.ptp(other, axis=0)))
 
 
 def _room(work: Work, held: Held, spots: Array, clear_m: float, beside: str | None = None) -> NDArray[np.bool_]:
@@ -302,15 +390,15 @@ def _room(work: Work, held: Held, spots: Array, clear_m: float, beside: str | No
     box, radius = size([s.moved(work.hand(held.side)) for s in held.solids])
     carried = {held.name, *work.scene.within(held.name)}
     near = work.motion.felt.base_pose[:2]
-    others = work.scene.obstacles(near, _NEAR_M, without=carried, beside=beside)
-    below = work.scene.obstacles(near, _NEAR_M, without=carried)
+    others = work.scene.obstacles(near, NEAR_M, without=carried, beside=beside)
+    below = work.scene.obstacles(near, NEAR_M, without=carried)
     ring = np.array([(np.cos(a), np.sin(a), 0.0) for a in np.arange(12) * np.pi / 6])
-    heights = np.linspace(clear_m + 0.01, max(clear_m + 0.02, float(np.ptp(box, axis=0)[2])), 4)
+    heights = np.linspace(clear_m + 0.01, max(clear_m + 0.02, float(np.ptp(box, axis=0)[2])), _CLEAR.levels)
     rings = np.concatenate([radius * share * ring for share in (1.0, 0.5)] + [np.zeros((1, 3))])
     body = (rings[None] + np.array([[0.0, 0.0, z] for z in heights])[:, None]).reshape(-1, 3)
     free = (others.distance(spots[:, None] + body) > clear_m).all(1)
-    feet = spots[:, None] + 0.6 * radius * ring - [0, 0, 0.008]
-    return np.asarray(free & ((spots[:, 2] < 0.01) | (below.distance(feet) < 0.012).all(1)))
+    feet = spots[:, None] + _CLEAR.feet * radius * ring - [0, 0, _CLEAR.below_m]
+    return np.asarray(free & ((spots[:, 2] < 0.01) | (below.distance(feet) < _CLEAR.borne_m).all(1)))
 
 
 def _within(volumes: Sequence[Solid], p: Array) -> bool:
@@ -344,8 +432,10 @@ def _by_turns(spots: Sequence[Array], own: Sequence[Array]) -> list[Array]:
     """Spots in their order, but one of each height after the other: first those that none of `own` (2, 3) is above."""
     levels: dict[tuple[bool, int], list[Array]] = {}
     for spot in spots:
-        covered = any(b[0, 2] > spot[2] + _LEVEL_M and (b[0] < spot)[:2].all() and (spot < b[1])[:2].all() for b in own)
-        levels.setdefault((covered, round(float(spot[2]) / _LEVEL_M)), []).append(spot)
-    ranked = [levels[k] for k in sorted(levels, key=lambda k: (k[0], abs(k[1] * _LEVEL_M - EASY_M)))]
+        covered = any(
+            b[0, 2] > spot[2] + _GRID.level_m and (b[0] < spot)[:2].all() and (spot < b[1])[:2].all() for b in own
+        )
+        levels.setdefault((covered, round(float(spot[2]) / _GRID.level_m)), []).append(spot)
+    ranked = [levels[k] for k in sorted(levels, key=lambda k: (k[0], abs(k[1] * _GRID.level_m - EASY_M)))]
     rounds = range(max(map(len, ranked), default=0))
     return [level[k] for k in rounds for level in ranked if k < len(level)]
