@@ -41,7 +41,7 @@ def test_a_motion_is_found_by_its_import_path(tmp_path: Path) -> None:
             "mpvi_bt.manipulation.skills.press:pres",
             "module 'mpvi_bt.manipulation.skills.press' has no 'pres'. Did you mean 'press'?",
         ),
-        ("mpvi_bt.manipulation.skills.press:_SHORT_M", "is no class or function, but float"),
+        ("mpvi_bt.manipulation.skills.wait:WAIT_S", "is no class or function, but float"),
     ],
 )
 def test_a_motion_that_is_not_there_is_told(tmp_path: Path, motion: str, words: str) -> None:

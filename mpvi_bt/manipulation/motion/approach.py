@@ -48,6 +48,26 @@ class Approach:
 _APPROACH = Approach()
 
 
+@dataclass(frozen=True)
+class Feeling:
+    """How a hand feels its way onto something.
+
+    Our choice.
+
+    Attributes:
+        speed_m_s: Of the hand, until it is stopped [m/s]: the faster it is, the farther it pushes what it meets.
+        calm_s: That the arm rests first [s]: one that still swings from the way feels touches that are none.
+        pressed_s: That it stays on a switch [s]: twice as long as one takes to turn (`sim.switches.PRESSED_STEPS`).
+    """
+
+    speed_m_s: float = 0.06
+    calm_s: float = 0.4
+    pressed_s: float = 0.4
+
+
+FEEL = Feeling()
+
+
 def approach(
     work: Work, side: Side, name: str, options: Callable[[], Sequence[Option]], tried: list[Array]
 ) -> Generator[Array, None, tuple[Stance, Search]]:

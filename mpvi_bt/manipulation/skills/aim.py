@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,13 +25,33 @@ from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, bounds
 from mpvi_bt.scene.held import Held
 
-_AHEAD_M = (0.3, 0.45)  # from the middle of the tool to the surface that it is aimed at
-_HEIGHTS_M = (0.9, 0.75, 1.05, 0.6, 1.2)  # of the tool above the floor, the most comfortable first
-_WAYS = 16  # directions that a thing is aimed at from
-_SPRAYED_S = 3.0
-_BACK_M = 0.05
+
+@dataclass(frozen=True)
+class Aiming:
+    """How a tool is aimed at a thing.
+
+    Our choice.
+
+    Attributes:
+        ahead_m: From the middle of the tool to the surface that it is aimed at [m].
+        heights_m: Of the tool above the floor, the most comfortable first [m].
+        height_cost: Of each of them more than the one before it.
+        ways: Directions that a thing is aimed at from.
+        back_m: That the hand comes from, and draws back by [m].
+        sprayed_s: That it is sprayed [s].
+    """
+
+    ahead_m: tuple[float, ...] = (0.3, 0.45)
+    heights_m: tuple[float, ...] = (0.9, 0.75, 1.05, 0.6, 1.2)
+    height_cost: float = 0.1
+    ways: int = 16
+    back_m: float = 0.05
+    sprayed_s: float = 3.0
+
+
+_AIM = Aiming()
 _LIT_S = 10.0  # Our choice: a lighter takes 7 s for what burns at 250 degrees (`rules.heat`)
-_FLAME_M = 0.04  # over what is lit
+_FLAME_M = 0.04  # Our choice: of the lighter over what it is to light
 
 
 def spray(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -63,7 +84,7 @@ def spray(work: Work, words: Words, tried: list[Array]) -> Actions:
             yield from _press(work, side, tool.name)
             if (back := arm_motion.plan(work.body(), side, aimed, work.rng)) is not None:
                 yield from work.motion.follow(side, back)
-        yield from work.motion.wait(_SPRAYED_S)
+        yield from work.motion.wait(_AIM.sprayed_s)
     except MotionFailure:
         yield from withdraw(work, side, stance)
         raise
@@ -95,15 +116,15 @@ def _aims(work: Work, held: Held, target: str) -> Iterator[Option]:
     R_now = work.scene.pose(held.name)[:3, :3]
     ahead_now = float(np.arctan2(R_now[1, 0], R_now[0, 0]))
     to_tcp = kin.inverse(held.T_tcp_thing)
-    for k, z in enumerate(h for h in _HEIGHTS_M if low[2] < h < high[2]):
-        for angle in np.arange(_WAYS) * 2 * np.pi / _WAYS:
+    for k, z in enumerate(h for h in _AIM.heights_m if low[2] < h < high[2]):
+        for angle in np.arange(_AIM.ways) * 2 * np.pi / _AIM.ways:
             way = np.array([np.cos(angle), np.sin(angle), 0.0])
             start = np.append(middle, z) - far * way
             met = [span[0] for s in solids if (span := interval(s, start, way)) is not None]
             if not met:
                 continue
             R = matmul(kin.rot_z(angle - ahead_now), R_now)
-            for off in _AHEAD_M:
+            for off in _AIM.ahead_m:
                 T = matmul(kin.transform(R, start + (min(met) - off) * way), to_tcp)
-                before = kin.transform(T[:3, :3], T[:3, 3] - _BACK_M * way)
-                yield Option(np.stack([before, T]), 2, 0.1 * k)
+                before = kin.transform(T[:3, :3], T[:3, 3] - _AIM.back_m * way)
+                yield Option(np.stack([before, T]), 2, _AIM.height_cost * k)

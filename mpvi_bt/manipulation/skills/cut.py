@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
-from mpvi_bt.manipulation.motion.approach import close_in, leave, lines, take_up, withdraw
+from mpvi_bt.manipulation.motion.approach import FEEL, close_in, leave, lines, take_up, withdraw
 from mpvi_bt.manipulation.motion.carry import settle
 from mpvi_bt.manipulation.motion.gaze import study
 from mpvi_bt.manipulation.motion.work import Words, Work
-from mpvi_bt.manipulation.skills.pour import righted
-from mpvi_bt.manipulation.skills.wipe import tool_hand
+from mpvi_bt.manipulation.skills.pour import TURNS_RAD, righted
+from mpvi_bt.manipulation.skills.wipe import OVER_M, tool_hand
 from mpvi_bt.manipulation.stance.stance import Option, Stance
 from mpvi_bt.manipulation.stance.stance_search import Search
 from mpvi_bt.robot import kinematics as kin
@@ -23,14 +24,30 @@ from mpvi_bt.robot.solids import Array, bounds
 from mpvi_bt.rules.cutting import REARMED_S
 from mpvi_bt.scene.held import Held
 
-_OVER_M = 0.08  # the blade over a thing, before it comes down
-_INTO_M = 0.015  # it comes down so far below the thing's top: the arm's give does the pressing
-_DOWN_M_S = 0.06
-_BESIDE_M = 0.05  # what is so near to a thing that is cut, such as the board under it, may be touched
-_AGAIN_S = REARMED_S + 0.2  # between two cuts
-_TURNS = tuple(np.arange(12) * np.pi / 6)  # of the tool about the vertical
+
+@dataclass(frozen=True)
+class Cutting:
+    """How a blade comes down on a thing.
+
+    Our choice.
+
+    Attributes:
+        into_m: How far below the top of the thing the hand is told to go [m]: the arm's give does the pressing.
+        beside_m: What is this near to what is cut, such as the board under it, may be touched [m].
+        again_s: Between two cuts [s]: the blade has to be ready again.
+        pieces: That one thing is cut into by one call, at the most.
+        turn_cost: Of each radian that the tool is turned about the vertical.
+    """
+
+    into_m: float = 0.015
+    beside_m: float = 0.05
+    again_s: float = REARMED_S + 0.2
+    pieces: int = 8
+    turn_cost: float = 0.05
+
+
+_CUT = Cutting()
 _WHICH = re.compile(r"^(?:(?:the|an?|last|other|another|both) )+")
-_PIECES = 8  # at the most, that one thing is cut into by one call
 
 
 def cut(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -55,7 +72,7 @@ def dice(work: Work, words: Words, tried: list[Array]) -> Actions:
     if not halves or work.scene.knowledge().find(phrase):
         halves = [work.nearest(phrase, words.get("surface"))]
     left, missed, tended = halves, None, set[str]()
-    while left and len(tended) < _PIECES:
+    while left and len(tended) < _CUT.pieces:
         piece = left[0]
         tended.add(piece)
         try:
@@ -65,7 +82,7 @@ def dice(work: Work, words: Words, tried: list[Array]) -> Actions:
                 raise
             missed = failure
         left = [half for half in _halves(work, phrase) if half not in tended]
-        yield from work.motion.wait(_AGAIN_S if left else 0.0)
+        yield from work.motion.wait(_CUT.again_s if left else 0.0)
     yield from settle(work, without=tended)
     if missed is not None:
         raise missed
@@ -90,7 +107,7 @@ def _press(work: Work, side: Side, name: str, tried: list[Array]) -> Actions:
     try:
         yield from take_up(work, stance, search)
         T = matmul(kin.inverse(work.base), kin.base(stance.base), stance.waypoints[1])
-        yield from work.motion.line(side, T, _DOWN_M_S, until_contact=True)
+        yield from work.motion.line(side, T, FEEL.speed_m_s, until_contact=True)
     except MotionFailure:
         yield from withdraw(work, side, stance)
         raise
@@ -112,15 +129,15 @@ def _options(work: Work, held: Held, name: str) -> Iterator[Option]:
     R_now = righted(T_now, T_now[:3, up] * np.sign(T_now[2, up]))[:3, :3]
     to_tcp = kin.inverse(held.T_tcp_thing)
     blade = max(held.solids, key=lambda s: float(norm(s.T[:3, 3]))).moved(kin.inverse(held.T_tcp_thing))
-    for turn in _TURNS:
+    for turn in TURNS_RAD:
         R = matmul(kin.rot_z(turn), R_now)
         edge_low, edge_high = blade.moved(kin.transform(R, np.zeros(3))).aabb()
         edge = np.array([*(edge_low + edge_high)[:2] / 2, edge_low[2]])
         poses = [
             matmul(kin.transform(R, np.array([*(low + high)[:2] / 2, high[2] + over]) - edge), to_tcp)
-            for over in (_OVER_M, -_INTO_M)
+            for over in (OVER_M, -_CUT.into_m)
         ]
-        yield Option(np.stack(poses), 1, 0.05 * abs(float(kin.wrap(turn))))
+        yield Option(np.stack(poses), 1, _CUT.turn_cost * abs(float(kin.wrap(turn))))
 
 
 def _beside(work: Work, name: str) -> Collection[str]:
@@ -128,5 +145,5 @@ def _beside(work: Work, name: str) -> Collection[str]:
     low, high = bounds(work.scene.solids(name))
     near = (e for e in work.scene.knowledge() if e.kind == "object" and not e.held)
     return {name} | {
-        e.name for e in near if (e.lowest < high + _BESIDE_M).all() and (low - _BESIDE_M < e.highest).all()
+        e.name for e in near if (e.lowest < high + _CUT.beside_m).all() and (low - _CUT.beside_m < e.highest).all()
     }

@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Generator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,21 +26,69 @@ from mpvi_bt.robot.solids import Array
 from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.scene.knowledge import Entry
 
-_AT_M = 0.85  # from the base to the thing, within the handoff distance of navigation,
-_AS_NEAR_AS_IT_GETS_M = 1.2  # or what is near enough where something is in the way, such as the table that it lies on
-_TILT_RAD = 0.4  # of the head: the floor from 0.8 m on, and what is far
-_LEGS = 80
-_LEG_M = 1.2  # at most, from one look to the next
-_LEAST_M = 0.15  # a way is barred if there is less room
-_LEGS_AHEAD = 3  # before it looks around again
-_ASIDE_RAD = (0.6, 1.2, 1.8)  # off the way to the thing where that is barred, to one side and then to the other
-_LOOKS = 5  # a full turn
-_AROUND_BASE_M = 0.02  # that are free around the base where it drives
-_HEIGHT_M = (0.06, 1.45)  # of what is in the way; lower is the floor
-_SPECKS = 10  # so many pixels may be noise
-_LOAD_M = 0.4  # what is so near to a hand that holds something, and moves along, is what that holds,
-_ALONG_M = 0.03  # its depth the same by this;
-_AROUND_M = 0.2  # so much about such a hand the way has to be free, too
+
+@dataclass(frozen=True)
+class Legs:
+    """How the base gets to a thing by sight.
+
+    Attributes:
+        at_m: From the base to the thing, within the handoff distance of navigation [m],
+        near_m: or what is near enough where something is in the way, such as the table that it lies on [m].
+        tilt_rad: Of the head [rad]: it sees the floor from 0.8 m on, and what is far.
+        legs: Before it gives up.
+        leg_m: From one look to the next, at the most [m].
+        beyond_m: The last leg is this much longer than it has to be, so that it ends near enough [m].
+        least_m: A way is barred if there is less room [m].
+        ahead: Legs into an open direction before it looks around again.
+        aside_rad: Off the way to the thing where that is barred, to one side and then to the other [rad].
+        looks: In a full turn.
+        turned_rad: Less than that it does not turn [rad].
+    """
+
+    at_m: float = 0.85
+    near_m: float = 1.2
+    tilt_rad: float = 0.4
+    legs: int = 80
+    leg_m: float = 1.2
+    beyond_m: float = 0.05
+    least_m: float = 0.15
+    ahead: int = 3
+    aside_rad: tuple[float, ...] = (0.6, 1.2, 1.8)
+    looks: int = 5
+    turned_rad: float = 0.05
+
+
+_LEGS = Legs()
+
+
+@dataclass(frozen=True)
+class RoomAhead:
+    """What of a picture is in the way of the base.
+
+    Attributes:
+        around_m: That is free around the base where it drives [m],
+        loaded_m: and around a hand that holds something [m].
+        height_m: Of what is in the way [m]; lower is the floor, higher the base passes below.
+        specks: So many pixels may be noise.
+        far_m: Room where nothing is in the way [m].
+        step_m: Between checks where the scene is exact [m].
+        load_m: What is this near to a hand that holds something, and moves along, is what it holds [m],
+        along_m: by its depth, which stays the same but for that [m],
+        pixels: in a window of so many pixels.
+    """
+
+    around_m: float = 0.02
+    loaded_m: float = 0.2
+    height_m: tuple[float, float] = (0.06, 1.45)
+    specks: int = 10
+    far_m: float = 9.0
+    step_m: float = 0.15
+    load_m: float = 0.4
+    along_m: float = 0.03
+    pixels: int = 5
+
+
+_ROOM = RoomAhead()
 
 
 def go_to(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -54,7 +102,7 @@ def go_to(work: Work, words: Words, tried: list[Array]) -> Actions:
         if known:  # what it holds without knowing what stays as it is
             yield from settle(work)
     with contextlib.suppress(MotionFailure):
-        yield from work.motion.stand(work.motion.bent(tilt=_TILT_RAD))
+        yield from work.motion.stand(work.motion.bent(tilt=_LEGS.tilt_rad))
     yield from work.see("head")
     yield from _Drive(work, words["target"]).all()
 
@@ -70,15 +118,15 @@ class _Drive:
 
     def all(self) -> Actions:
         """The whole of it."""
-        for _ in range(_LEGS):
+        for _ in range(_LEGS.legs):
             if (thing := self._nearest()) is None:
                 yield from self._look_for()
                 continue
             way = self._way(thing)
-            if _length(way) > _AT_M and (yield from self._advance(way)):
+            if _length(way) > _LEGS.at_m and (yield from self._advance(way)):
                 continue
             yield from self._turn(_bearing(way))
-            if _length(way) <= _AS_NEAR_AS_IT_GETS_M:
+            if _length(way) <= _LEGS.near_m:
                 with contextlib.suppress(MotionFailure):
                     yield from look_at(self._work, thing.name)
                 return
@@ -89,7 +137,7 @@ class _Drive:
         """The nearest thing called so that is neither carried nor put away, if any is known."""
         loads = _loads(self._work)
         found = [e for e in self._work.scene.knowledge().find(self._phrase) if not e.held and e.inside is None]
-        found = [e for e in found if all(_length(e.center[:2] - load) > _LOAD_M for load in loads)]
+        found = [e for e in found if all(_length(e.center[:2] - load) > _ROOM.load_m for load in loads)]
         return min(found, key=lambda e: _length(self._way(e)), default=None)
 
     def _way(self, thing: Entry) -> Array:
@@ -100,20 +148,20 @@ class _Drive:
     def _advance(self, way: Array) -> Generator[Array, None, bool]:
         """A leg toward a thing or, where that is barred, past what bars it; returns whether it got anywhere."""
         yield from self._turn(_bearing(way))
-        if (yield from self._leg(_length(way) - _AT_M + 0.05)):
+        if (yield from self._leg(_length(way) - _LEGS.at_m + _LEGS.beyond_m)):
             return True
-        if _length(way) <= _AS_NEAR_AS_IT_GETS_M:
+        if _length(way) <= _LEGS.near_m:
             return False
-        for turn in (s * a for s in (self._side, -self._side) for a in _ASIDE_RAD):
+        for turn in (s * a for s in (self._side, -self._side) for a in _LEGS.aside_rad):
             yield from self._turn(_bearing(way) + turn)
             if (yield from self._leg()):
                 return True
         return False
 
-    def _leg(self, most_m: float = _LEG_M) -> Generator[Array, None, bool]:
+    def _leg(self, most_m: float = _LEGS.leg_m) -> Generator[Array, None, bool]:
         """Drive ahead as far as there is room, and look; returns whether it got anywhere."""
-        leg_m = min(most_m, _LEG_M, self._room())
-        if leg_m < min(_LEAST_M, most_m):
+        leg_m = min(most_m, _LEGS.leg_m, self._room())
+        if leg_m < min(_LEGS.least_m, most_m):
             return False
         motion, here = self._work.motion, self._work.motion.felt.base_pose.copy()
         with contextlib.suppress(MotionFailure):  # something that was not seen
@@ -124,7 +172,7 @@ class _Drive:
     def _turn(self, yaw: float) -> Actions:
         """Turn on the spot and look there."""
         x, y, now = self._work.motion.felt.base_pose
-        if abs(turn := float(kin.wrap(yaw - now))) > 0.05:
+        if abs(turn := float(kin.wrap(yaw - now))) > _LEGS.turned_rad:
             with contextlib.suppress(MotionFailure):  # what it does not turn to it does not see
                 yield from self._work.motion.drive(np.array([x, y, now + turn]))
         yield from self._work.see("head")
@@ -132,14 +180,14 @@ class _Drive:
     def _look_for(self) -> Actions:
         """Turn around until a thing is seen; where it is not, go on in some direction, an open one rather."""
         start, openness = float(self._work.motion.felt.base_pose[2]), []
-        for k in range(_LOOKS):
-            yield from self._turn(start + 2 * math.pi * k / _LOOKS)
+        for k in range(_LEGS.looks):
+            yield from self._turn(start + 2 * math.pi * k / _LEGS.looks)
             if self._nearest() is not None:
                 return
             openness.append(self._room() + 0.1)
         chance = np.array(openness) / sum(openness)
-        yield from self._turn(start + 2 * math.pi * int(self._work.rng.choice(_LOOKS, p=chance)) / _LOOKS)
-        for _ in range(_LEGS_AHEAD):
+        yield from self._turn(start + 2 * math.pi * int(self._work.rng.choice(_LEGS.looks, p=chance)) / _LEGS.looks)
+        for _ in range(_LEGS.ahead):
             if not (yield from self._leg()) or self._nearest() is not None:
                 return
 
@@ -147,23 +195,29 @@ class _Drive:
         """How far the base can go ahead [m], by the picture just taken; by the scene, a leg at most, where none is."""
         work = self._work
         if self._first is None:
-            near, steps = work.near(), np.arange(_LEAST_M, _LEG_M + 0.01, 0.15)
+            near, steps = work.near(), np.arange(_LEGS.least_m, _LEGS.leg_m + 0.01, _ROOM.step_m)
             stops = (kin.transform(np.eye(3), (x, 0.0, 0.0)) for x in steps)
             free = [base_clear(work.motion.robot, near.seen_from(matmul(work.base, T))) for T in stops]
-            return float(steps[free.index(False)]) - 0.15 if False in free else _LEG_M
+            return float(steps[free.index(False)]) - _ROOM.step_m if False in free else _LEGS.leg_m
         image = replace(work.images["head"], T_world_camera=work.motion.robot.head_camera(work.motion.felt.torso))
         p = image.points_world()  # (H, W, 3) in the base frame
-        ahead, aside = (work.motion.robot.base.reach(yaw) + _AROUND_BASE_M for yaw in (0.0, math.pi / 2))
+        ahead, aside = (work.motion.robot.base.reach(yaw) + _ROOM.around_m for yaw in (0.0, math.pi / 2))
         own = np.hypot(p[..., 0], p[..., 1]) < max(ahead, aside)  # its folded hands
         along = _along(self._first, image.depth)
         front, left, right = ahead, aside, -aside
         for load in _loads(work):
             x, y = matmul(kin.inverse(work.base), np.append(load, (0.0, 1.0)))[:2]
-            own |= along & (np.hypot(p[..., 0] - x, p[..., 1] - y) < _LOAD_M)
-            front, left, right = max(front, x + _AROUND_M), max(left, y + _AROUND_M), min(right, y - _AROUND_M)
-        barring = (p[..., 1] < left) & (p[..., 1] > right) & (p[..., 2] > _HEIGHT_M[0]) & (p[..., 2] < _HEIGHT_M[1])
+            own |= along & (np.hypot(p[..., 0] - x, p[..., 1] - y) < _ROOM.load_m)
+            front, left, right = (
+                max(front, x + _ROOM.loaded_m),
+                max(left, y + _ROOM.loaded_m),
+                min(right, y - _ROOM.loaded_m),
+            )
+        barring = (
+            (p[..., 1] < left) & (p[..., 1] > right) & (p[..., 2] > _ROOM.height_m[0]) & (p[..., 2] < _ROOM.height_m[1])
+        )
         ahead_m = np.sort(p[barring & ~own & (p[..., 0] > 0), 0])
-        far_m = float(ahead_m[min(_SPECKS, len(ahead_m) - 1)]) if len(ahead_m) else 9.0
+        far_m = float(ahead_m[min(_ROOM.specks, len(ahead_m) - 1)]) if len(ahead_m) else _ROOM.far_m
         return max(0.0, far_m - front)
 
 
@@ -176,8 +230,8 @@ def _loads(work: Work) -> list[Array]:
 
 def _along(before: NDArray[np.float32], now: NDArray[np.float32]) -> NDArray[np.bool_]:
     """(H, W) bool: pixels as deep as they or their neighbors were before: they may show what moves with the camera."""
-    low, high = ndimage.minimum_filter(before, 5), ndimage.maximum_filter(before, 5)
-    return np.asarray((now > low - _ALONG_M) & (now < high + _ALONG_M))
+    low, high = ndimage.minimum_filter(before, _ROOM.pixels), ndimage.maximum_filter(before, _ROOM.pixels)
+    return np.asarray((now > low - _ROOM.along_m) & (now < high + _ROOM.along_m))
 
 
 def _length(way: Array) -> float:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mpvi_bt.manipulation.motion.approach import approach, leave, lines, take_up, withdraw
+from mpvi_bt.manipulation.motion.approach import FEEL, approach, leave, lines, take_up, withdraw
 from mpvi_bt.manipulation.motion.carry import settle
 from mpvi_bt.manipulation.motion.gaze import look_at
 from mpvi_bt.manipulation.motion.work import Words, Work
@@ -19,11 +20,25 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.scene.held import Held
 
-_OFF_M = 0.10  # before the mounts meet
-_BEYOND_M = 0.01  # the hand feels its way that far into where they should
-_MEET_M_S = 0.06
-_CALM_S = 0.4  # an arm that still swings from the way feels touches that are none
-_LEANS = (0.0, 0.12, -0.12)  # about the way that it comes [rad]; 15 degrees are allowed
+
+@dataclass(frozen=True)
+class Mounting:
+    """How two mounts are brought together.
+
+    Our choice.
+
+    Attributes:
+        off_m: Between the mounts before they meet [m], and between hand and payload afterward.
+        beyond_m: The hand feels its way that far into where they should meet [m].
+        leans_rad: About the way that it comes [rad]; 15 degrees are allowed.
+    """
+
+    off_m: float = 0.10
+    beyond_m: float = 0.01
+    leans_rad: tuple[float, ...] = (0.0, 0.12, -0.12)
+
+
+_MOUNT = Mounting()
 
 
 def mount(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -41,9 +56,9 @@ def mount(work: Work, words: Words, tried: list[Array]) -> Actions:
     stance, search = yield from approach(work, side, target, lambda: list(_options(work, held, target)), tried)
     try:
         yield from take_up(work, stance, search)
-        yield from work.motion.wait(_CALM_S)
+        yield from work.motion.wait(FEEL.calm_s)
         T = matmul(kin.inverse(work.base), kin.base(stance.base), stance.waypoints[1])
-        yield from work.motion.line(side, T, _MEET_M_S, until_contact=True)
+        yield from work.motion.line(side, T, FEEL.speed_m_s, until_contact=True)
     except MotionFailure:
         yield from withdraw(work, side, stance)
         raise
@@ -66,9 +81,9 @@ def _options(work: Work, held: Held, target: str) -> Iterator[Option]:
                 continue
             to_tcp = matmul(kin.inverse(mine.pose), pose, kin.inverse(held.T_tcp_thing))
             out = theirs.pose[:3, 0]
-            for lean in _LEANS:
+            for lean in _MOUNT.leans_rad:
                 turn = np.asarray(Rotation.from_rotvec([lean, 0.0, 0.0]).as_matrix())
                 T = matmul(theirs.pose, kin.transform(turn, np.zeros(3)), to_tcp)
-                before, on = (kin.transform(T[:3, :3], T[:3, 3] + d * out) for d in (_OFF_M, -_BEYOND_M))
-                back = kin.transform(T[:3, :3], T[:3, 3] - _OFF_M * T[:3, 2])
+                before, on = (kin.transform(T[:3, :3], T[:3, 3] + d * out) for d in (_MOUNT.off_m, -_MOUNT.beyond_m))
+                back = kin.transform(T[:3, :3], T[:3, 3] - _MOUNT.off_m * T[:3, 2])
                 yield Option(np.stack([before, on, back]), 1, abs(lean))

@@ -25,23 +25,84 @@ from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.scene.held import Held
 
-_OVER_M = 0.04  # the lip over the rim of what it is poured into
-_ABOVE_M = 0.06  # from where the vessel comes down
-_PALM_M = 0.05  # behind the tcp
-_STEPS = 6  # straight lines from upright to tipped
-# How far to tip [rad] and from how much higher [m], as the arms allow: the first is the surest to empty a vessel.
-_WAYS = ((2.75, 0.05), (2.45, 0.0), (2.45, 0.1), (2.0, 0.0), (2.0, 0.1))
-_LEVEL_TRIES = 4  # at ways to turn the vessel that it can be brought to level
-_LEVEL_EFFORT = 1.0  # of looking for one: as much as a base pose takes
-_ALIKE = 0.8  # cosine between two that are as good as one
-_LEVEL = 0.75  # cosine of how far it may lean on the way
-_TIP_RAD_S, _RIGHT_RAD_S = 0.8, 1.5
-_SHAKES = 3
-_SHAKEN = 10  # postures, a tenth of a radian apart: what has slid down to the palm slides out past it
-_TURNS = tuple(np.arange(12) * np.pi / 6)  # of the vessel about the vertical
-# Off the middle of the way there, y toward the own side [m].
-_DETOURS = np.array([(0.0, 0, 0), (0, 0, 0.15), (0, 0.15, 0), (0, 0.1, 0.25), (0.15, 0, 0.1), (0, 0.25, 0)])
-_LIPS = tuple(np.arange(8) * np.pi / 4)  # where on its rim it is poured over
+TURNS_RAD = tuple(np.arange(12) * np.pi / 6)  # our choice: of a held tool or vessel about the vertical
+
+
+@dataclass(frozen=True)
+class Tipping:
+    """How a vessel is tipped over its lip, and shaken.
+
+    Our choice, by trial in episodes.
+
+    Attributes:
+        over_m: Of the lip over what it is poured into [m],
+        within_m: and from its middle toward the vessel [m].
+        above_m: From where the vessel comes down [m].
+        steps: Straight lines from upright to tipped.
+        ways: How far to tip [rad] and from how much higher [m], as the arms allow, the surest to empty it first.
+        tip_rad_s: Of the fastest joint, tipping [rad/s],
+        right_rad_s: and righting the vessel again [rad/s].
+        shakes: Up and down again at the end,
+        shaken: by so many postures, a tenth of a radian apart: what has slid down to the palm slides out past it.
+        lips: Places on the rim that it may be poured over.
+        palm_m: Of the palm behind the tcp [m]; it covers the rim there.
+        deep_m: A vessel is taken to be at least so deep [m],
+        off_m: and the palm to be at least so far off its middle [m].
+        bars_m: What is higher than the rim by more stands in the way of pouring, such as a handle [m].
+    """
+
+    over_m: float = 0.04
+    within_m: float = 0.01
+    above_m: float = 0.06
+    steps: int = 6
+    ways: tuple[tuple[float, float], ...] = ((2.75, 0.05), (2.45, 0.0), (2.45, 0.1), (2.0, 0.0), (2.0, 0.1))
+    tip_rad_s: float = 0.8
+    right_rad_s: float = 1.5
+    shakes: int = 3
+    shaken: int = 10
+    lips: int = 8
+    palm_m: float = 0.05
+    deep_m: float = 0.02
+    off_m: float = 0.02
+    bars_m: float = 0.005
+
+
+_TIP = Tipping()
+
+
+@dataclass(frozen=True)
+class LevelWays:
+    """Ways to bring a vessel over a place without spilling.
+
+    Our choice.
+
+    Attributes:
+        tries: At turns of the vessel that a stance was found for,
+        effort: each of which counts as so many base poses of what the search may take.
+        alike: Cosine between two turns that are as good as one.
+        level: Cosine of how far the vessel may lean on the way.
+        turn_cost: Of each radian that it is turned.
+        palm_cost: Of pouring over the lip where the palm is.
+        detours_m: Off the middle of the way, y toward the hand's own side [m].
+    """
+
+    tries: int = 4
+    effort: float = 1.0
+    alike: float = 0.8
+    level: float = 0.75
+    turn_cost: float = 0.05
+    palm_cost: float = 0.5
+    detours_m: tuple[tuple[float, float, float], ...] = (
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.15),
+        (0.0, 0.15, 0.0),
+        (0.0, 0.1, 0.25),
+        (0.15, 0.0, 0.1),
+        (0.0, 0.25, 0.0),
+    )
+
+
+_LEVEL = LevelWays()
 
 
 def pour(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -60,17 +121,17 @@ def pour(work: Work, words: Words, tried: list[Array]) -> Actions:
         held = work.load(side)
         place, height = _opening(work, target)
         last: Stance | None = None
-        for tipped, higher in _WAYS:
+        for tipped, higher in _TIP.ways:
             options = list(_options(work, held, place, height + higher, tipped, len(tried)))
-            for _ in range(_LEVEL_TRIES):
+            for _ in range(_LEVEL.tries):
                 if (stance := search.find(place, options, here_first)) is None:
                     break
-                search.effort.left -= _LEVEL_EFFORT
+                search.effort.left -= _LEVEL.effort
                 around = search.around(stance.route[-1], touched=True)
                 if _course(work, replace(work.body(), around=around), side, stance, stance.waypoints) is not None:
                     return stance
                 last, turned = last or stance, options[stance.option].waypoints[0][:3, 0]
-                options = [o for o in options if matmul(o.waypoints[0][:3, 0], turned) < _ALIKE]
+                options = [o for o in options if matmul(o.waypoints[0][:3, 0], turned) < _LEVEL.alike]
         return last
 
     stance, search = yield from close_in(work, side, {target}, target, find, tried)
@@ -121,7 +182,7 @@ def _course(work: Work, body: Body, side: Side, stance: Stance, waypoints: Array
     now = work.motion.hand(side)
     ways: list[tuple[Mapping[Side, Sequence[Array]], list[Array]]] = []
     others = {s: arm_motion.stay(work.motion.hand(s)) for s in body.held if s != side}
-    for detour in _DETOURS:
+    for detour in np.array(_LEVEL.detours_m):
         glide = arm_motion.glide(now, waypoints[0], detour * [1, SIGN[side], 1])
         if (swept := arm_motion.sweep(body, stance.torso, {**others, side: glide})) is not None:
             ways.append((swept, [swept[side][-1]]))
@@ -144,16 +205,16 @@ def _course(work: Work, body: Body, side: Side, stance: Stance, waypoints: Array
 def _level(robot: RobotModel, torso: Array, side: Side, now: Array, path: Sequence[Array]) -> bool:
     """Whether a hand keeps about as level as T_base_tcp `now` (4, 4) along a path, so that contents stay inside."""
     between = [a + (b - a) * u for a, b in pairwise(path) for u in (0.25, 0.5, 0.75, 1.0)]
-    return all(float(matmul(robot.tcp(torso, q, side)[2, :3], now[2, :3])) > _LEVEL for q in (path[0], *between))
+    return all(float(matmul(robot.tcp(torso, q, side)[2, :3], now[2, :3])) > _LEVEL.level for q in (path[0], *between))
 
 
 def _tip(work: Work, side: Side, path: list[Array]) -> Actions:
     """Down, over the lip, shaken, and upright again, whatever happens."""
-    motion, shake = work.motion, path[-_SHAKEN:]
+    motion, shake = work.motion, path[-_TIP.shaken :]
     blocked: MotionFailure | None = None
     try:
-        yield from motion.follow(side, path, _TIP_RAD_S)
-        for _ in range(_SHAKES):
+        yield from motion.follow(side, path, _TIP.tip_rad_s)
+        for _ in range(_TIP.shakes):
             yield from motion.follow(side, shake[::-1])
             yield from motion.follow(side, shake)
         yield from motion.wait(0.3)
@@ -161,7 +222,7 @@ def _tip(work: Work, side: Side, path: list[Array]) -> Actions:
         blocked = failure
     now = motion.arm(side)
     nearest = int(np.argmin([np.abs(q - now).max() for q in path]))
-    yield from motion.follow(side, [now, *path[nearest::-1]], _RIGHT_RAD_S)
+    yield from motion.follow(side, [now, *path[nearest::-1]], _TIP.right_rad_s)
     if blocked is not None:
         raise blocked
 
@@ -193,7 +254,7 @@ def _opening(work: Work, target: str) -> tuple[Array, float]:
         return (low + high)[:2] / 2, float(high[2])
     volume = max(volumes, key=lambda v: float(np.prod(v.half_m)))
     rim, half = float(volume.aabb()[1, 2]), float(volume.half_m[:2].min())
-    above = [b for b in map(Solid.aabb, solids) if b[1, 2] > rim + 0.005]
+    above = [b for b in map(Solid.aabb, solids) if b[1, 2] > rim + _TIP.bars_m]
 
     def room(at: Array) -> float:
         gaps = [norm(np.maximum(np.maximum(b[0, :2] - at, at - b[1, :2]), 0)) for b in above]
@@ -214,30 +275,30 @@ def _options(
     T_thing = righted(work.scene.pose(held.name), inside.T[:3, 2])
     solid = inside.moved(kin.inverse(work.scene.pose(held.name)))
     bodies = [s.moved(kin.inverse(held.T_tcp_thing)).aabb() for s in held.solids]
-    deep = max(float(solid.aabb()[1, 2]) - min(float(b[0, 2]) for b in bodies), 0.02)
+    deep = max(float(solid.aabb()[1, 2]) - min(float(b[0, 2]) for b in bodies), _TIP.deep_m)
     to_tcp = kin.inverse(held.T_tcp_thing)
-    for turn in _TURNS:
+    for turn in TURNS_RAD:
         R = matmul(kin.rot_z(turn), T_thing[:3, :3])
-        palm = to_tcp[:3, 3] - _PALM_M * to_tcp[:3, 2]
+        palm = to_tcp[:3, 3] - _TIP.palm_m * to_tcp[:3, 2]
         hand = matmul(R, palm - solid.T[:3, 3])[:2]  # of where the palm is, off the vessel's middle
         from_above = max(0.0, -float(matmul(R, to_tcp[:3, 2])[2]))  # 0 for a hand that has it from outside
-        for at in _LIPS:
+        for at in 2 * np.pi * np.arange(_TIP.lips) / _TIP.lips:
             out = np.array([np.cos(at), np.sin(at), 0.0])
             edge = lip(solid, R, out)
             axis = np.cross([0.0, 0.0, 1.0], out)
             poses: list[Array] = []
-            for tilt in (0.0, *np.linspace(0.0, tipped, _STEPS)):
+            for tilt in (0.0, *np.linspace(0.0, tipped, _TIP.steps)):
                 Q = matmul(np.asarray(Rotation.from_rotvec(axis * tilt).as_matrix()), R)
-                z = height + _OVER_M + deep * max(float(np.cos(tilt)), 0.0)
+                z = height + _TIP.over_m + deep * max(float(np.cos(tilt)), 0.0)
                 if not poses:
-                    z += _ABOVE_M
-                goal = np.array([*(place - 0.01 * out[:2]), z])
+                    z += _TIP.above_m
+                goal = np.array([*(place - _TIP.within_m * out[:2]), z])
                 poses.append(matmul(kin.transform(Q, goal - matmul(Q, edge)), to_tcp))
             # The palm covers the rim along the way that the hand closes, and fingers dam what flows to their side.
-            aside = float(matmul(hand, out[:2])) / max(float(norm(hand)), 0.02)
+            aside = float(matmul(hand, out[:2])) / max(float(norm(hand)), _TIP.off_m)
             dammed = from_above * abs(float(matmul(R, to_tcp[:3, 1], out)))
             again = float(work.rng.random()) if tries else 0.0  # what stuck one way may come out another
-            cost = 0.05 * abs(float(kin.wrap(turn))) + 0.5 * aside + dammed + again
+            cost = _LEVEL.turn_cost * abs(float(kin.wrap(turn))) + _LEVEL.palm_cost * aside + dammed + again
             yield Option(np.stack(poses), len(poses), cost)
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 
 import numpy as np
 
-from mpvi_bt.manipulation.motion.approach import approach, arrive, leave, lines, withdraw
+from mpvi_bt.manipulation.motion.approach import FEEL, approach, arrive, leave, lines, withdraw
 from mpvi_bt.manipulation.motion.carry import settle
 from mpvi_bt.manipulation.motion.gaze import study
 from mpvi_bt.manipulation.motion.work import Words, Work
@@ -18,16 +19,33 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array
 
-_SHORT_M = 0.08
-_BEYOND_M = 0.015  # the hand feels its way that far into where the switch should be
-_PRESS_M_S = 0.06
-_CALM_S = 0.3  # an arm that still swings from the way feels touches that are none
-_SHORT_OF_M = 0.04
-_PRESSED_S = 0.4  # twice as long as a switch takes to notice
-# How far a finger may lean from straight on, toward how many sides, and with what cost; the hand may roll.
-_LEANS = ((0.0, 1, 0.0), (0.35, 6, 0.3), (0.7, 6, 0.8))
-_ROLLS = 4
-_WAYS = ((0.0, 0.0), (0.3, 0.2))  # run-up [m] of the base, with its cost
+
+@dataclass(frozen=True)
+class Pressing:
+    """How fingertips come onto a switch.
+
+    Our choice.
+
+    Attributes:
+        short_m: That the fingertips wait before the switch [m].
+        beyond_m: The hand feels its way that far into where the switch should be [m].
+        short_of_m: A hand that was stopped farther before that has met something else [m].
+        calm_s: As of `Feeling`, but less, as the hand is empty [s].
+        leans: How far a finger may lean from straight on [rad], toward how many sides, and with what cost.
+        rolls: Of the hand about its fingers.
+        ways: How far behind the arm takes its posture [m], and the cost of it.
+    """
+
+    short_m: float = 0.08
+    beyond_m: float = 0.015
+    short_of_m: float = 0.04
+    calm_s: float = 0.3
+    leans: tuple[tuple[float, int, float], ...] = ((0.0, 1, 0.0), (0.35, 6, 0.3), (0.7, 6, 0.8))
+    rolls: int = 4
+    ways: tuple[tuple[float, float], ...] = ((0.0, 0.0), (0.3, 0.2))
+
+
+_PRESS = Pressing()
 
 
 def press(work: Work, words: Words, tried: list[Array]) -> Actions:
@@ -91,11 +109,11 @@ def _press(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
 def _push_in(work: Work, side: Side, stance: Stance) -> Actions:
     """Onto the switch until it is felt, and stay."""
     motion = work.motion
-    yield from motion.wait(_CALM_S)
+    yield from motion.wait(_PRESS.calm_s)
     T = matmul(kin.inverse(work.base), kin.base(stance.base), stance.waypoints[1])
-    yield from motion.line(side, T, _PRESS_M_S, until_contact=True)
-    yield from motion.wait(_PRESSED_S)
-    if norm((motion.robot.tcp(motion.felt.torso, motion.felt.arm[side], side) - T)[:3, 3]) > _SHORT_OF_M:
+    yield from motion.line(side, T, FEEL.speed_m_s, until_contact=True)
+    yield from motion.wait(FEEL.pressed_s)
+    if norm((motion.robot.tcp(motion.felt.torso, motion.felt.arm[side], side) - T)[:3, 3]) > _PRESS.short_of_m:
         raise MotionFailure("not_pressed")  # something else was in the way
 
 
@@ -103,16 +121,16 @@ def options(work: Work, name: str) -> list[Option]:
     """Ways to bring the fingertips onto a switch of a thing. Raises MotionFailure "no_switch"."""
     out = []
     for T in work.scene.switches(name):
-        for lean, sides, cost in _LEANS:
+        for lean, sides, cost in _PRESS.leans:
             for toward in np.arange(sides) * 2 * np.pi / sides:
                 z = -matmul(T[:3, :3], [np.sin(lean) * np.cos(toward), np.sin(lean) * np.sin(toward), np.cos(lean)])
-                for roll in np.arange(_ROLLS) * np.pi / _ROLLS * 2:
+                for roll in np.arange(_PRESS.rolls) * np.pi / _PRESS.rolls * 2:
                     y = matmul(T[:3, :3], [np.cos(roll), np.sin(roll), 0.0])
                     R = kin.hand_rotation(z, y)
                     at = T[:3, 3] - work.motion.robot.hand.tip_m * z
-                    touch = kin.transform(R, at + _BEYOND_M * z)
-                    before = kin.transform(R, at - _SHORT_M * z)
-                    for run_up, more in _WAYS:
+                    touch = kin.transform(R, at + _PRESS.beyond_m * z)
+                    before = kin.transform(R, at - _PRESS.short_m * z)
+                    for run_up, more in _PRESS.ways:
                         out.append(Option(np.stack([before, touch]), 1, cost + more, run_up, opening_m=0.0))
     if not out:
         raise MotionFailure("no_switch")

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.manipulation.motion.approach import FEEL
 from mpvi_bt.manipulation.motion.carry import settle
 from mpvi_bt.manipulation.motion.hold_out import LOOKED_AT, THING, meet
 from mpvi_bt.manipulation.motion.work import Work
@@ -19,10 +20,6 @@ from mpvi_bt.robot.linear_algebra import matmul
 from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array
-
-_PRESS_M_S = 0.06
-_CALM_S = 0.4  # arms that still swing from the way feel touches that are none
-_PRESSED_S = 0.4
 
 
 def press_held(work: Work, holder: Side, ways: list[Array], fold: bool = True) -> Actions:
@@ -45,11 +42,11 @@ def press_held(work: Work, holder: Side, ways: list[Array], fold: bool = True) -
     yield from motion.grip(comer, -1.0, 0.3)
     goals = matmul(kin.inverse(work.hand(holder)), np.stack(ways))
     k = yield from meet(work, holder, THING, goals[:, 0], partial(_in_line, work, goals[:, 1]))
-    yield from motion.wait(_CALM_S)
+    yield from motion.wait(FEEL.calm_s)
     # Arms give way under a load; what counts is where the thing is now.
     T = matmul(motion.robot.tcp(motion.felt.torso, motion.felt.arm[holder], holder), goals[k])
-    yield from motion.line(comer, T[1], _PRESS_M_S, until_contact=True)
-    yield from motion.wait(_PRESSED_S)
+    yield from motion.line(comer, T[1], FEEL.speed_m_s, until_contact=True)
+    yield from motion.wait(FEEL.pressed_s)
     yield from motion.line(comer, T[0], 0.12)
     yield from motion.grip(comer, 1.0, 0.3)
     if fold:

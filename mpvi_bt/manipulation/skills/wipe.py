@@ -23,19 +23,69 @@ from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array, box
 from mpvi_bt.scene.held import Held
 
-_WIPED_M, _SPRAYED_M = 0.34, 0.30  # largest side of what is wiped from one stance, or sprayed from one place
-_LEAST_M = 0.2  # what is not in reach is parted down to this
-_PAST_M = 0.03  # the edge of what is wiped, where there is room: by sight an edge is not known better
-_MISSED = 0.05  # share of a top that may be out of reach
-_OVER_M = 0.08  # above the surface on the way there
-_WIPE_M = 0.002  # of the tool's underside over the surface: the arm's give does the pressing
-_SPRAY_M = 0.15
-_TURNS = tuple(np.arange(4) * np.pi / 2)
-_SPEED_RAD_S = 1.2
-_SPRAY_S = 1.0  # over every patch
-_ALIKE_M = 0.03  # a patch that differs by less is the same, seen better
-_AGAIN = 3  # times that something which was held up is tried again
-_LANES = 0.85  # how far lanes are apart, in widths of the tool
+OVER_M = 0.08  # our choice: so far above what it works on a tool comes and goes
+
+
+@dataclass(frozen=True)
+class Patches:
+    """The parts in which a surface is worked over.
+
+    Our choice, by what arms reach from one place.
+
+    Attributes:
+        wiped_m: Largest side of what is wiped from one stance [m],
+        sprayed_m: or sprayed from one place [m],
+        larger: which may be larger by so much [ratio].
+        least_m: What is not in reach is parted down to this [m].
+        alike_m: A patch that differs by less is the same, seen better [m].
+        missed: Of a surface, that may be out of reach [ratio].
+        again: Times in one call that a patch is tried again where something held up the arm.
+        top_m: Upper faces, and undersides of a tool, that differ in height by less are one [m].
+    """
+
+    wiped_m: float = 0.34
+    sprayed_m: float = 0.30
+    larger: float = 0.2
+    least_m: float = 0.2
+    alike_m: float = 0.03
+    missed: float = 0.05
+    again: int = 3
+    top_m: float = 0.01
+
+
+_PATCHES = Patches()
+
+
+@dataclass(frozen=True)
+class Strokes:
+    """How a tool goes over a patch.
+
+    Our choice.
+
+    Attributes:
+        wipe_m: Of the tool's underside over what is wiped [m]: the arm's give does the pressing.
+        past_m: Beyond the edge, where there is room [m]: by sight an edge is not known better.
+        past_cost: Of each meter less than that.
+        lanes: Between two lanes [ratio of the tool's width]: less than 1, so that they overlap.
+        turns_rad: Of the tool about the vertical, off the patch's axes [rad].
+        turn_cost: Of each radian.
+        speed_rad_s: Of the fastest joint [rad/s].
+        spray_m: Of the tool over what is sprayed [m],
+        spray_s: over each part of it for so long [s].
+    """
+
+    wipe_m: float = 0.002
+    past_m: float = 0.03
+    past_cost: float = 10.0
+    lanes: float = 0.85
+    turns_rad: tuple[float, ...] = tuple(np.arange(4) * np.pi / 2)
+    turn_cost: float = 0.1
+    speed_rad_s: float = 1.2
+    spray_m: float = 0.15
+    spray_s: float = 1.0
+
+
+_STROKES = Strokes()
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +116,11 @@ def wipe(work: Work, words: Words, tried: list[Array]) -> Actions:
         MotionFailure: "not_held", "unknown_object", "no_surface", "no_stance", "dropped", "uncovered" (more than a
             twentieth was out of reach), or a motion's own reason.
     """
-    yield from _work_over(work, words, tried, _WIPE_M, strokes=True, stays_s=0.0)
+    yield from _work_over(work, words, tried, _STROKES.wipe_m, strokes=True, stays_s=0.0)
 
 
 def hover(
-    work: Work, words: Words, tried: list[Array], height_m: float = _SPRAY_M, stays_s: float = _SPRAY_S
+    work: Work, words: Words, tried: list[Array], height_m: float = _STROKES.spray_m, stays_s: float = _STROKES.spray_s
 ) -> Actions:
     """Hold a tool over the top of `words["target"]`, at some height, over one part of it after the other.
 
@@ -97,7 +147,7 @@ def _work_over(work: Work, words: Words, tried: list[Array], height: float, stro
             left[:0] = yield from _over(work, side, target, patch, height, strokes, stays_s, near)
             near = True
         except MotionFailure as failure:
-            if failure.reason == "dropped" or (failure.reason != "no_stance" and again >= _AGAIN):
+            if failure.reason == "dropped" or (failure.reason != "no_stance" and again >= _PATCHES.again):
                 raise
             near = False
             if failure.reason == "no_stance":
@@ -105,10 +155,10 @@ def _work_over(work: Work, words: Words, tried: list[Array], height: float, stro
             else:
                 again += 1
                 left.append(patch)
-    if missed > whole * (1 - _MISSED):
+    if missed > whole * (1 - _PATCHES.missed):
         raise work.no_stance()
     yield from settle(work, without={target})
-    if missed > whole * _MISSED:
+    if missed > whole * _PATCHES.missed:
         raise MotionFailure("uncovered")
 
 
@@ -125,7 +175,10 @@ def _over(
 
     def find(search: Search, here_first: bool) -> Stance | None:
         seen = min(_patches(work, target, strokes), key=lambda p: float(norm(p.middle - patch.middle)), default=patch)
-        if np.abs(seen.half - patch.half).max() > _ALIKE_M or norm(seen.middle - patch.middle) > _ALIKE_M:
+        if (
+            np.abs(seen.half - patch.half).max() > _PATCHES.alike_m
+            or norm(seen.middle - patch.middle) > _PATCHES.alike_m
+        ):
             seen = patch  # from near the robot sees less of it, or takes it for something else
         grounded, parts = _grounded(work, search, target), [seen]
         while parts:
@@ -134,7 +187,7 @@ def _over(
                 if (stance := grounded.find(part.middle[:2], options, here_first)) is not None:
                     left[:] = parts[:k] + parts[k + 1 :]
                     return stance
-            parts = [half for part in parts if 2 * part.half.max() > _LEAST_M for half in part.halves()]
+            parts = [half for part in parts if 2 * part.half.max() > _PATCHES.least_m for half in part.halves()]
         return None
 
     search = work.search(side, {target})
@@ -149,10 +202,10 @@ def _over(
             raise MotionFailure("no_reach")
         path, up = path + line[1:], len(line) - 1
     # At one go: stopping at each turn takes twice as long.
-    yield from motion.follow(side, path[:-up], _SPEED_RAD_S, gently=False)
+    yield from motion.follow(side, path[:-up], _STROKES.speed_rad_s, gently=False)
     if not strokes:
         yield from motion.wait(stays_s)
-    yield from motion.follow(side, path[-up - 1 :], _SPEED_RAD_S)  # the last line leads off the surface
+    yield from motion.follow(side, path[-up - 1 :], _STROKES.speed_rad_s)  # the last line leads off the surface
     if not work.gripped(side):
         raise MotionFailure("dropped")
     return left
@@ -185,9 +238,14 @@ def _patches(work: Work, target: str, strokes: bool) -> list[_Patch]:
     if not faces:
         return []
     top = max(float(s.aabb()[1, 2]) for s in faces)
-    face = max((s for s in faces if s.aabb()[1, 2] > top - 0.01), key=lambda s: float(np.prod(_flat(s.T, s.half_m)[0])))
+    face = max(
+        (s for s in faces if s.aabb()[1, 2] > top - _PATCHES.top_m),
+        key=lambda s: float(np.prod(_flat(s.T, s.half_m)[0])),
+    )
     half, yaw = _flat(face.T, face.half_m)
-    counts = np.maximum(1, np.ceil(2 * half / (_WIPED_M if strokes else _SPRAYED_M) - 0.2)).astype(int)
+    counts = np.maximum(
+        1, np.ceil(2 * half / (_PATCHES.wiped_m if strokes else _PATCHES.sprayed_m) - _PATCHES.larger)
+    ).astype(int)
     step = half / counts
     here = work.motion.felt.base_pose[:2]
     out = []
@@ -215,13 +273,13 @@ def _options(work: Work, held: Held, patch: _Patch, height: float, strokes: bool
     to_tcp = kin.inverse(held.T_tcp_thing)
     along = R_now[:, (up + 1) % 3]
     aligned = patch.yaw - float(np.arctan2(along[1], along[0]))
-    for turn, past in product(_TURNS, (_PAST_M, 0.0) if strokes else (0.0,)):
+    for turn, past in product(_STROKES.turns_rad, (_STROKES.past_m, 0.0) if strokes else (0.0,)):
         # As the patch lies, so that its outline is a rectangle there.
         R = matmul(kin.rot_z(aligned + turn), R_now)
         lying = matmul(kin.transform(matmul(kin.rot_z(-patch.yaw), R), (0.0, 0.0, 0.0)), to_tcp)
         boxes = np.stack([s.moved(lying).aabb() for s in held.solids])
         low = boxes[:, 0].min(0)
-        underside = boxes[boxes[:, 0, 2] < low[2] + 0.01]
+        underside = boxes[boxes[:, 0, 2] < low[2] + _PATCHES.top_m]
         middle = (underside[:, 0].min(0) + underside[:, 1].max(0))[:2] / 2
         reach = (underside[:, 1].max(0) - underside[:, 0].min(0))[:2] / 2
         off = matmul(kin.rot_z(patch.yaw)[:2, :2], middle)
@@ -231,11 +289,15 @@ def _options(work: Work, held: Held, patch: _Patch, height: float, strokes: bool
             T = matmul(kin.transform(R, (x, y, patch.middle[2] + height - low[2])), to_tcp)
             poses += [T] if k else [_raised(T), T]
         poses.append(_raised(poses[-1]))
-        yield Option(np.stack(poses), 1, 0.1 * abs(float(kin.wrap(aligned + turn))) + 10 * (_PAST_M - past))
+        yield Option(
+            np.stack(poses),
+            1,
+            _STROKES.turn_cost * abs(float(kin.wrap(aligned + turn))) + _STROKES.past_cost * (_STROKES.past_m - past),
+        )
 
 
 def _raised(T: Array) -> Array:
-    return kin.transform(T[:3, :3], T[:3, 3] + [0.0, 0.0, _OVER_M])
+    return kin.transform(T[:3, :3], T[:3, 3] + [0.0, 0.0, OVER_M])
 
 
 def strokes_over(half: Array, reach: Array) -> list[Array]:
@@ -246,7 +308,7 @@ def strokes_over(half: Array, reach: Array) -> list[Array]:
         reach: (2,) half sizes of the tool, turned as the patch; where it is larger it stays in the middle.
     """
     rest = half - np.minimum(reach, half)
-    lanes = int(np.ceil(rest[1] / (_LANES * reach[1]))) + 1 if rest[1] > 0 else 1
+    lanes = int(np.ceil(rest[1] / (_STROKES.lanes * reach[1]))) + 1 if rest[1] > 0 else 1
     points = []
     for lane, y in enumerate(np.linspace(-rest[1], rest[1], lanes) if lanes > 1 else [0.0]):
         ends = (-rest[0], rest[0]) if lane % 2 == 0 else (rest[0], -rest[0])
