@@ -13,13 +13,13 @@ import warnings
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Any
 
 from mpvi_bt import paths
 from mpvi_bt.behaviors.parameters import Value
-from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.config import OUTPUTS, SETTINGS, EpisodeConfig
 from mpvi_bt.choices.methods import load_method
-from mpvi_bt.episode.keywords import EpisodeSettings, Settings, checked, listed
+from mpvi_bt.episode.keywords import checked, listed
 from mpvi_bt.errors import Problem
 from mpvi_bt.plan.schema import Plan
 from mpvi_bt.tree.spec import TreeSpec
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from mpvi_bt.tree.compile import Drive
 
 File = str | PathLike[str]
+# What the episodes of a suite may have in common.
+_SHARED = [name for name in SETTINGS if name not in ("instance", "seed", *OUTPUTS)]
 _LOG = logging.getLogger("mpvi_bt")
 
 
@@ -102,7 +104,7 @@ def check(*files: File, task: File | None = None) -> list[Problem]:
     return check_files(map(str, files), None if task is None else str(task)).problems
 
 
-@listed(EpisodeSettings)
+@listed(SETTINGS)
 def run(
     task: File,
     *,
@@ -112,7 +114,7 @@ def run(
     arguments: Mapping[str, Value] | None = None,
     out: File | None = None,
     subscribers: Sequence[Subscriber] = (),
-    **settings: Unpack[EpisodeSettings],
+    **settings: Any,
 ) -> Result:
     """Run one episode, as `mpvi run` does.
 
@@ -179,7 +181,7 @@ def run_dry(
     from mpvi_bt.executive.dry import LIMIT_S, dry_tree
     from mpvi_bt.executive.dry import run_dry as run_tree
 
-    settings: EpisodeSettings = {} if substitute is None else {"substitute": str(substitute)}
+    settings = {} if substitute is None else {"substitute": str(substitute)}
     config, given = _asked("mpvi_bt.run_dry", task, None, tree, plan, arguments, settings)
     prepared = prepare(config, _LOG.info, given)
     budget_s = prepared.task.budget_s if prepared.task else LIMIT_S
@@ -188,7 +190,7 @@ def run_dry(
     )
 
 
-@listed(Settings)
+@listed(_SHARED)
 def run_suite(
     suite: File,
     *,
@@ -200,7 +202,7 @@ def run_suite(
     instances: Sequence[int] = (),
     workers: int | None = None,
     progress: bool = True,
-    **settings: Unpack[Settings],
+    **settings: Any,
 ) -> Told:
     """Run the episodes of a suite that have no result yet, as `mpvi suite run` does.
 
@@ -257,7 +259,7 @@ def _asked(
     tree: TreeSpec | File | None,
     plan: Plan | File | None,
     arguments: Mapping[str, Value] | None,
-    settings: EpisodeSettings,
+    settings: Mapping[str, Any],
 ) -> tuple[EpisodeConfig, TreeSpec | Plan | None]:
     """What was asked for, and the tree or the plan that no file holds."""
     from mpvi_bt.episode.prepare import named

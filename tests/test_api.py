@@ -8,14 +8,12 @@ import re
 import subprocess
 import sys
 import typing
-from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 import mpvi_bt
 from mpvi_bt import api
-from mpvi_bt.episode.keywords import EpisodeSettings, Settings
 from mpvi_bt.episode.result import Result
 from mpvi_bt.suite.store import Store
 from mpvi_bt.tree.yaml_io import parse_tree
@@ -56,16 +54,6 @@ def test_trees_load_no_simulator() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
-
-
-def test_keywords_are_the_fields_of_an_episode() -> None:
-    """Each setting is a field of `EpisodeConfig`; none is missing but those that a folder or an argument decides."""
-    decided = {"task", "method", "tree", "plan", "arguments", "suite_budget", "trace", "saved", "planned"}
-    assert set(typing.get_type_hints(EpisodeSettings)) == {f.name for f in fields(mpvi_bt.EpisodeConfig)} - decided
-    for function, settings in ((api.run, EpisodeSettings), (api.run_suite, Settings)):
-        shown = inspect.signature(function).parameters
-        for name in typing.get_type_hints(settings):
-            assert shown[name].default == getattr(mpvi_bt.EpisodeConfig, name)
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,7 @@ def test_a_decay_that_is_no_finite_number_is_told_in_one_line(decay: str, mpvi: 
 
 
 @pytest.mark.parametrize(
-    "words", [("--policy-settings", "nope"), ("--policy-horizon", "3"), ("--policy-ensemble", "0.1")]
+    "words", [("--policy-settings", "openpi_comet"), ("--policy-horizon", "3"), ("--policy-ensemble", "0.1")]
 )
 def test_a_dry_run_takes_no_word_on_how_to_drive_a_policy(words: tuple[str, str], mpvi: Shell) -> None:
     """Since it drives none."""

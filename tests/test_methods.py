@@ -15,11 +15,11 @@ import pytest
 from click.testing import CliRunner
 
 from mpvi_bt import paths
-from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.config import METHOD, EpisodeConfig
 from mpvi_bt.choices.methods import load_method
 from mpvi_bt.cli.check import check
-from mpvi_bt.cli.given import backends
 from mpvi_bt.cli.listing import list_
+from mpvi_bt.cli.setting_options import method, settings
 from mpvi_bt.drawing.text import ascii_tree
 from mpvi_bt.episode import assembly, episode
 from mpvi_bt.episode.prepare import prepare
@@ -192,9 +192,10 @@ def chosen(*given: str) -> dict[str, Any]:
     """What a command takes from its options."""
 
     @click.command()
-    @backends
-    def command(**settings: Any) -> dict[str, Any]:
-        return settings
+    @method(*METHOD)
+    @settings(*METHOD)
+    def command(**given: Any) -> dict[str, Any]:
+        return given
 
     result = CliRunner().invoke(command, given, standalone_mode=False)
     if result.exception is not None:

@@ -1,14 +1,175 @@
-"""What one episode is: light, so that it travels to worker processes and the command line loads it at once."""
+"""What one episode is: light, so that it travels to worker processes and the command line loads it at once.
+
+This is the one home of a setting: its name, type, default, bounds and help. Methods, saved episodes, the keywords of
+`mpvi_bt.run` and the options of commands are made of the fields here (`choices/settings.py`, `cli/setting_options.py`).
+"""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from inspect import cleandoc
 from pathlib import Path
 from typing import Any, Literal
 
 from mpvi_bt import paths
 
 EPISODE = "mpvi_bt.episode.episode:run"  # the function that runs one
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What there is to know of a setting besides its name, type and default.
+
+    Attributes:
+        help: What it does.
+        metavar: What stands for its value in the help of its option.
+        least: At least that number.
+        folder: Where names of it are found, such as "trees"; "": it is a file; None: it is neither.
+        reader: "module:function" that reads it, and raises UserError where it cannot.
+        begins: How a part of it may begin.
+    """
+
+    help: str
+    metavar: str | None = None
+    least: int | None = None
+    folder: str | None = None
+    reader: str = ""
+    begins: tuple[str, ...] = ()
+
+
+def setting(default: Any, help: str, metavar: str | None = None, **more: Any) -> Any:
+    """A field with that default; the others as of `Setting`."""
+    return field(default=default, metadata={"setting": Setting(help, metavar, **more)})
+
+
+@dataclass(frozen=True)
+class InstanceSettings:
+    """Which episode it is.
+
+    Attributes:
+        task: Name of a task (tasks/*.yaml), or the file of one.
+        method: Name of the method that settings come from (tasks/methods/*.yaml), or None; the settings themselves say
+            what was run.
+    """
+
+    task: str
+    instance: int = setting(0, "Start state of the task.", least=0)
+    seed: int = setting(0, "Seed of everything random.", least=0)
+    split: Literal["public", "hidden"] = setting(
+        "public", "Which instances: hidden ones are drawn from the secret in MPVI_HIDDEN_SEED."
+    )
+    method: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanSettings:
+    """Who plans, and how the plan becomes a tree."""
+
+    planner: str = setting("recorded", "Who makes the plan.", "NAME")
+    drive: Literal["navigator", "policy"] = setting(
+        "navigator", "Who drives: the navigator, or the policy, with the segment's description as its prompt."
+    )
+    on_failure: str = setting(
+        "advance",
+        "After a unit of the plan has failed: advance: go on with the next one; retry:N: try it N more times first; "
+        "replan: make a new plan for the rest, or without a model, go on and try it once more at the end.",
+        "WHAT",
+        reader="mpvi_bt.tree.compile:parse_on_failure",
+        begins=("advance", "retry:", "replan"),
+    )
+    unit: str | None = setting(
+        None,
+        "Run each unit of manipulation in this tree, such as monitored or intervene.",
+        "TREE",
+        folder="trees",
+    )
+    calibration: str | None = setting(
+        None, "Thresholds of the monitors, as `mpvi calibrate` writes them.", "FILE", folder=""
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PerceptionSettings:
+    """What the robot knows of the house, and who finds things in it."""
+
+    map: str = setting("prior", "What is known of the house at first.", "NAME")
+    detector: str = setting("segmentation", "Who finds things.", "NAME")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolicySettings:
+    """Who moves the hands, and how it is asked."""
+
+    policy: str = setting("expert", "Who moves the hands.", "NAME")
+    policy_settings: str | None = setting(
+        None, "Settings of a policy server, by name or file.", "NAME", folder="policies"
+    )
+    policy_horizon: int | None = setting(
+        None, "Execute N actions of each chunk, then ask again.  [default: all]", "N", least=1
+    )
+    policy_ensemble: float | None = setting(
+        None, "Ask at every step, and average overlapping chunks with weights exp(-DECAY i).", "DECAY", least=0
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompletionSettings:
+    """Who says when the policy's work is complete."""
+
+    checker: str = setting("visual", "Who judges whether work is complete.", "NAME")
+    trigger: str = setting("proprioceptive", "When the checker is asked.", "NAME")
+    while_asked: Literal["go_on", "hold"] = setting("go_on", "What the robot does until the checker answers.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DisturbanceSettings:
+    """What goes wrong on purpose, as of `disturbances`."""
+
+    policy_faults: str | None = setting(
+        None,
+        'Give the policy faults, such as "freeze:p=0.01, jitter:0.02, drift, late:400ms, wrong_object".',
+        "FAULTS",
+        reader="mpvi_bt.disturbances.faults:read_faults",
+        begins=("freeze", "jitter", "drift", "late", "wrong_object"),
+    )
+    latency: str | None = setting(
+        None,
+        "Simulated seconds that answers take: policy=0.4,checker=0.5..2,planner=@FILE.",
+        "TIMES",
+        reader="mpvi_bt.disturbances.latency:read_latencies",
+        begins=("policy=", "checker=", "planner="),
+    )
+    while_inferring: Literal["hold", "go_on"] = setting(
+        "hold", "What the robot does until a late chunk is there: hold, or go on with the one before."
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorldSettings:
+    """Which robot it is, and in which world."""
+
+    robot: Literal["r1", "r1pro", "fetch"] = setting(
+        "r1", "Which robot: the r1 and BEHAVIOR's r1pro have two arms, the fetch one."
+    )
+    sim: Literal["sapien", "maniskill"] = setting(
+        "sapien", "Simulator: the project's own, or its ManiSkill environment."
+    )
+    assisted: bool = setting(False, "Fix a grasped object to the hand; every report says so.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TreeSettings:
+    """What is run instead of the task's own plan.
+
+    Attributes:
+        arguments: Names and values of the tree's parameters.
+    """
+
+    tree: str | None = setting(None, "Run this tree, by name or file, instead of a plan's.", "NAME", folder="trees")
+    plan: str | None = setting(None, "Compile this plan, by name or file.", "NAME", folder="tasks/plans")
+    arguments: tuple[tuple[str, str], ...] = ()
+    substitute: str | None = setting(None, "Replace nodes by stand-ins, by the rules of this file.", "FILE", folder="")
 
 
 @dataclass(frozen=True)
@@ -25,96 +186,59 @@ class SuiteBudget:
     tokens: int | None = None
 
 
-@dataclass(frozen=True)
-class EpisodeConfig:
-    """One episode, fully named: the same config gives the same result, wall times apart.
+@dataclass(frozen=True, kw_only=True)
+class LanguageSettings:
+    """Where answers of language models are kept, and what they may cost: what matters is what they answer.
 
     Attributes:
-        task: Name of a task (tasks/*.yaml), or the file of one.
-        instance: Which of the task's start states.
-        seed: Seed of everything random in the episode; the evaluator's rollout id.
-        split: Which instances are meant: the "public" ones, or the "hidden" ones, whose seed is kept secret.
-        policy, detector, checker, trigger, planner, map: Backends, by name, or name and address
-            ("openpi:ws://localhost:8000").
-        method: Name of the method that these choices come from (tasks/methods/*.yaml), or None; the choices themselves
-            say what was run.
-        drive: Who carries out the navigation segments of a plan: the "navigator", or the "policy", which is told their
-            descriptions.
-        while_asked: What the robot does while the checker has not answered yet: "go_on" or "hold".
-        on_failure: What becomes of a unit of the plan that fails: "advance", "retry:2" or "replan".
-        policy_settings: Name or file of how a remote policy is spoken to, or None: its default.
-        policy_horizon: How many actions of each chunk are carried out before the policy is asked again; None: all.
-        policy_ensemble: Decay of the weights where the policy is asked at every step and what its chunks foresee for a
-            step is averaged; None: they are not averaged.
-        policy_faults: Faults that the policy is given, as of `disturbances.faults`, or None.
-        latency: How long policy, checker and planner take in simulated time, as of `disturbances.latency`; None: as
-            long as they say themselves.
-        while_inferring: What the robot does while a chunk is late: "hold", or "go_on" with the chunk before.
-        unit: Name or file of the tree that each unit of manipulation runs in, such as "intervene", or None: the policy
-            works until the checker says that it is complete.
-        calibration: File of the monitors' thresholds; None: they only record.
-        assisted: Whether a closing hand fixes what it pinches to itself; otherwise grasps hold by friction alone.
-        robot: Which robot, by name.
-        sim: Whose scene it is run in: "sapien", the core's own, or "maniskill", that of its environment.
-        tree: Name or file of a tree to run instead of compiling a plan, or None.
-        plan: Name or file of a plan instead of the task's own, or None.
-        arguments: Names and values of that tree's parameters.
-        substitute: File of rules that put stand-ins in the place of nodes, or None.
-        exchanges: Folder of what is asked of language models and answered, which is not asked again; None: none.
-        offline: Whether nothing is asked but what is on file there.
-        calls, tokens: How much the episode may ask of language models at most; None: any number.
-        suite_budget: The same of its suite, or None.
-        video, picture, rerun, trace: Where to write the episode's film, its picture from above, its recording for the
-            rerun viewer and its trace, or None.
-        demonstration: Folder to record it in as a demonstration for LeRobot datasets, or None.
-        demonstration_fps: Rows and pictures of that a second; divides 30.
-        saved: Where to write how it stands if it is stopped, or None.
-        planned: Where to write the plan that a language model makes, or None; its last answer, where it makes none,
-            goes beside it.
+        suite_budget: How much the episode's suite may ask, or None.
     """
 
-    task: str
-    instance: int = 0
-    seed: int = 0
-    split: Literal["public", "hidden"] = "public"
-    policy: str = "expert"
-    detector: str = "segmentation"
-    checker: str = "visual"
-    trigger: str = "proprioceptive"
-    planner: str = "recorded"
-    map: str = "prior"
-    method: str | None = None
-    drive: Literal["navigator", "policy"] = "navigator"
-    while_asked: Literal["go_on", "hold"] = "go_on"
-    on_failure: str = "advance"
-    policy_settings: str | None = None
-    policy_horizon: int | None = None
-    policy_ensemble: float | None = None
-    policy_faults: str | None = None
-    latency: str | None = None
-    while_inferring: Literal["hold", "go_on"] = "hold"
-    unit: str | None = None
-    calibration: str | None = None
-    assisted: bool = False
-    robot: str = "r1"
-    sim: Literal["sapien", "maniskill"] = "sapien"
-    tree: str | None = None
-    plan: str | None = None
-    arguments: tuple[tuple[str, str], ...] = ()
-    substitute: str | None = None
-    exchanges: Path | None = None
-    offline: bool = False
-    calls: int | None = None
-    tokens: int | None = None
+    exchanges: Path | None = setting(None, "Keep questions and answers of language models, and reuse them.", "DIR")
+    offline: bool = setting(False, "Ask no language model; use kept answers only.")
+    calls: int | None = setting(None, "At most N questions to language models in an episode.", "N", least=0)
+    tokens: int | None = setting(None, "No more questions after N tokens.", "N", least=0)
     suite_budget: SuiteBudget | None = None
-    video: Path | None = None
-    picture: Path | None = None
-    rerun: Path | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputSettings:
+    """Where what is watched goes.
+
+    Attributes:
+        trace: File of what happens tick by tick.
+        saved: File of how it stands if it is stopped.
+        planned: File of the plan that a language model makes; its last answer, where it makes none, goes beside it.
+    """
+
+    video: Path | None = setting(None, "Film the episode, as mp4.", "FILE")
+    picture: Path | None = setting(None, "Draw the robot's path from above, as png.", "FILE")
+    rerun: Path | None = setting(None, "Log the episode for the rerun viewer, as rrd.", "FILE")
+    demonstration: Path | None = setting(None, "Record pictures, state and actions there, for `mpvi dataset`.", "DIR")
+    demonstration_fps: Literal[1, 2, 3, 5, 6, 10, 15, 30] = setting(10, "Recorded rows and pictures a second.")
     trace: Path | None = None
-    demonstration: Path | None = None
-    demonstration_fps: int = 10
     saved: Path | None = None
     planned: Path | None = None
+
+
+@dataclass(frozen=True)
+class EpisodeConfig(  # dataclasses take fields from the last base on
+    OutputSettings,
+    LanguageSettings,
+    TreeSettings,
+    WorldSettings,
+    DisturbanceSettings,
+    CompletionSettings,
+    PolicySettings,
+    PerceptionSettings,
+    PlanSettings,
+    InstanceSettings,
+):
+    """One episode, fully named: the same config gives the same result, wall times apart.
+
+    Its fields are those of the groups above. Backends (planner, map, detector, policy, checker, trigger) are given by
+    name, or name and address ("openpi:ws://localhost:8000").
+    """
 
     @property
     def task_name(self) -> str:
@@ -150,18 +274,36 @@ class EpisodeConfig:
 
     def record(self) -> dict[str, Any]:
         """What a result says of it: everything that can change the outcome, so not where pictures go."""
-        entries = {key: value for key, value in asdict(self).items() if key not in (*OUTPUTS, *ASKING)}
-        entries["arguments"] = dict(self.arguments)
-        unused = {field.name for field in fields(self) if getattr(self, field.name) == field.default} & _RARE
-        return {key: value for key, value in entries.items() if key not in unused}
+        entries = {
+            each.name: getattr(self, each.name)
+            for each in fields(self)
+            if each.name in RECORDED and (each.name in ALWAYS or getattr(self, each.name) != each.default)
+        }
+        return entries | ({"arguments": dict(self.arguments)} if self.arguments else {})
 
 
-# Where what is watched goes.
-OUTPUTS = {"video", "picture", "rerun", "trace", "demonstration", "demonstration_fps", "saved", "planned"}
-# Of language models what they answer matters, and neither where that is kept nor what it may cost.
-ASKING = ("exchanges", "offline", "calls", "tokens", "suite_budget")
-# Left out where they are not used.
-_RARE = {
-    "arguments", "substitute", "on_failure", "policy_settings", "policy_horizon", "policy_ensemble", "assisted",
-    "policy_faults", "latency", "while_inferring", "unit", "calibration", "method", "drive", "split", "sim", "robot",
+def names(*groups: type[Any]) -> tuple[str, ...]:
+    """The fields of groups of settings."""
+    return tuple(each.name for group in groups for each in fields(group))
+
+
+OUTPUTS = names(OutputSettings)
+ASKING = names(LanguageSettings)
+METHOD = names(
+    PlanSettings, PerceptionSettings, PolicySettings, CompletionSettings, DisturbanceSettings, WorldSettings
+)  # what methods set
+RECORDED = tuple(name for name in names(EpisodeConfig) if name not in (*OUTPUTS, *ASKING))  # they change the outcome
+# Recorded by default too; others only where they are not as by default, so that a new one changes no record of before.
+ALWAYS = {
+    "task", "instance", "seed", "policy", "detector", "checker", "trigger", "planner", "map", "while_asked", "tree",
+    "plan",
 }  # fmt: skip
+# Of every field that a person sets so; the task, the method and the like have ways of their own.
+SETTINGS: Mapping[str, Setting] = {
+    each.name: each.metadata["setting"] for each in fields(EpisodeConfig) if each.metadata
+}
+for _group in EpisodeConfig.__bases__:  # docstrings tell of each field what its setting does
+    _doc = cleandoc(_group.__doc__ or "")
+    _doc += "" if "Attributes:" in _doc else "\n\nAttributes:"
+    _lines = [f"\n    {name}: {SETTINGS[name].help}" for name in names(_group) if name in SETTINGS]
+    _group.__doc__ = _doc + "".join(_lines)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from mpvi_bt import paths
-from mpvi_bt.cli.given import File, drive, on_failure
+from mpvi_bt.cli.given import File
+from mpvi_bt.cli.setting_options import settings
 from mpvi_bt.drawing.terminal import give
 from mpvi_bt.writing import write_whole
 
@@ -18,8 +19,7 @@ if TYPE_CHECKING:
 
 @click.command(name="compile")
 @click.argument("plan", type=File("tasks/plans"))
-@on_failure
-@drive
+@settings("on_failure", "drive")
 @click.option("--out", type=click.Path(dir_okay=False), help="Write here instead of to the terminal.")
 @click.option("--json", "as_json", is_flag=True, help='For programs: one JSON object with the text under "yaml".')
 def compile_(plan: str, on_failure: str, drive: Drive, out: str | None, as_json: bool) -> None:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mpvi_bt.choices.backends import BACKENDS
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.cli.given import Choice, File, language
+from mpvi_bt.choices.config import ASKING, EpisodeConfig
+from mpvi_bt.cli.given import File
+from mpvi_bt.cli.setting_options import settings
 from mpvi_bt.errors import UserError
 from mpvi_bt.writing import write_whole
 
@@ -23,15 +23,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 
 @click.command()
 @click.argument("what", nargs=-1, type=File("tasks"), metavar='TASK | "INSTRUCTION"')
-@click.option(
-    "--planner",
-    type=Choice("planner"),
-    default=EpisodeConfig.planner,
-    show_default=True,
-    metavar="NAME",
-    help="; ".join(f"{b.spelled(n)}: {b.about}" for n, b in BACKENDS["planner"].items()),
-)
-@language
+@settings("planner", *ASKING)
 @click.option("--house", type=File("tasks/houses"), help="House that the planner knows.  [default: the task's]")
 @click.option("--out", type=_FILE, metavar="FILE", help="Write here instead of to the terminal.")
 @click.option(

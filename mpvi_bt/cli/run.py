@@ -10,21 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mpvi_bt.choices.config import ASKING, EpisodeConfig
+from mpvi_bt.choices.config import ASKING, METHOD, SETTINGS, EpisodeConfig
 from mpvi_bt.cli import INTERRUPTED
 from mpvi_bt.cli.given import (
     File,
     Name,
     arguments,
-    backends,
     check_writable,
     complete_param,
     complete_path,
-    demonstration_fps,
     given_here,
     serve,
 )
 from mpvi_bt.cli.score import brief_score, score
+from mpvi_bt.cli.setting_options import method, settings
 from mpvi_bt.errors import BackendError, NodeError, UserError
 
 if TYPE_CHECKING:
@@ -35,47 +34,23 @@ if TYPE_CHECKING:
     from mpvi_bt.watch.channel import Page
 
 
-_OUTPUT = click.Path(dir_okay=False, path_type=Path)
 _COMPILED = ("method", "drive", "on_failure")  # what changes the tree of a plan, or says why
 _OF_THIS_RUN = ("video", "picture", "rerun", *ASKING)  # of an episode that goes on, what may be said anew
 
 
 @click.command()
 @click.argument("task", type=Name("tasks"), required=False)
-@click.option("--instance", type=click.IntRange(min=0), default=0, show_default=True, help="Start state of the task.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of everything random.")
-@backends
-@click.option("--tree", type=Name("trees", file=True), help="Run this tree, by name or file, instead of a plan's.")
+@method(*METHOD)
+@settings(*SETTINGS)
 @click.option(
     "--param",
     "params",
     multiple=True,
     metavar="NAME=VALUE",
-    help="Fill in a parameter of that tree.",
+    help="Fill in a parameter of the tree.",
     shell_complete=complete_param,
 )
-@click.option("--plan", type=Name("tasks/plans", file=True), help="Compile this plan, by name or file.")
-@click.option(
-    "--robot",
-    type=click.Choice(["r1", "r1pro", "fetch"]),
-    default="r1",
-    show_default=True,
-    help="Which robot: the r1 and BEHAVIOR's r1pro have two arms, the fetch one.",
-)
-@click.option(
-    "--sim",
-    type=click.Choice(["sapien", "maniskill"]),
-    default="sapien",
-    show_default=True,
-    help="Simulator: the project's own, or its ManiSkill environment.",
-)
 @click.option("--dry", is_flag=True, help="No robot, no simulator: stand-ins do the work. Needs no TASK with --tree.")
-@click.option(
-    "--substitute",
-    type=File(),
-    metavar="FILE",
-    help="Replace nodes by stand-ins, by the rules of this file.",
-)
 @click.option("--resume", type=File(), metavar="FILE", help="Continue a stopped episode from its saved file.")
 @click.option(
     "--break",
@@ -86,16 +61,6 @@ _OF_THIS_RUN = ("video", "picture", "rerun", *ASKING)  # of an episode that goes
     shell_complete=complete_path,
 )
 @click.option("--step", is_flag=True, help="Pause at every change.")
-@click.option("--video", type=_OUTPUT, metavar="FILE", help="Film the episode, as mp4.")
-@click.option("--picture", type=_OUTPUT, metavar="FILE", help="Draw the robot's path from above, as png.")
-@click.option("--rerun", type=_OUTPUT, metavar="FILE", help="Log the episode for the rerun viewer, as rrd.")
-@click.option(
-    "--demonstration",
-    type=click.Path(file_okay=False, path_type=Path),
-    metavar="DIR",
-    help="Record pictures, state and actions there, for `mpvi dataset`.",
-)
-@demonstration_fps
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
@@ -122,7 +87,7 @@ def run(
     serve: Address | None,
     unicode: bool,
     as_json: bool,
-    **settings: Any,
+    **given: Any,
 ) -> int:
     """Run one episode of TASK with the tree shown live, then print its score.
 
@@ -131,13 +96,11 @@ def run(
     """
     if serve is not None and not trace:
         raise click.UsageError("--serve shows the trace while it is written; it can't be given with --no-trace.")
-    if settings["rerun"]:
+    if given["rerun"]:
         from mpvi_bt.recording.rerun_log import require_sdk
 
         require_sdk()
-    config, prepared, dry = (
-        _resumed(resume, settings) if resume else _asked_for(task, arguments(params), dry, out, settings)
-    )
+    config, prepared, dry = _resumed(resume, given) if resume else _asked_for(task, arguments(params), dry, out, given)
     if dry and (config.video or config.picture or config.rerun or config.demonstration):
         raise click.UsageError("A dry run has nothing to film, to draw, to log or to record.")
     stem = config.name if not dry else f"{Path(config.tree or config.plan or config.task).stem}_dry"

@@ -15,8 +15,9 @@ import click
 from click.shell_completion import CompletionItem
 
 from mpvi_bt.choices.backends import BACKENDS, choose
-from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.cli.given import Choice, Name, arguments, backends, check_writable, complete_param, given_here
+from mpvi_bt.choices.config import ASKING, METHOD, EpisodeConfig
+from mpvi_bt.cli.given import Choice, Name, arguments, check_writable, complete_param, given_here
+from mpvi_bt.cli.setting_options import method, settings
 from mpvi_bt.cli.status import Status
 from mpvi_bt.errors import PolicyError, UserError
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 EVERY_S = 1.0  # the status line is drawn anew
 EXECUTIVE = "mpvi"  # in the place of a policy
 _OF_POLICIES = ("what", "host", "port", "seed", "idle_s", "policy_settings", "as_json")
+_HERE = [name for name in METHOD if name not in ("robot", "sim", "assisted")]  # no simulator is here
 _ENDS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -81,7 +83,6 @@ class _Served(Choice):
 )
 @click.option("--task", type=Name("tasks/plans"), help="Task, in place of that in the observations.")
 @click.option("--instruction", default="", metavar="TEXT", help="Instruction, in place of the task's.")
-@click.option("--tree", type=Name("trees", file=True), help="Run this tree, by name or file, instead of a plan's.")
 @click.option(
     "--param",
     "params",
@@ -90,8 +91,9 @@ class _Served(Choice):
     help="Fill in a parameter of that tree.",
     shell_complete=complete_param,
 )
-@click.option("--plan", type=Name("tasks/plans", file=True), help="Compile this plan, by name or file.")
-@backends
+@settings("tree", "plan")
+@method("robot", *_HERE)
+@settings(*_HERE, *ASKING)
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
@@ -133,10 +135,6 @@ def serve(what: str, host: str, port: int, seed: int, idle_s: float, as_json: bo
     except OSError as error:
         raise UserError(f"cannot listen at {host}:{port}: {_reason(error)}") from None
     return 0
-
-
-# Of a simulator, which is not here.
-serve.params = [option for option in serve.params if option.name not in ("split", "assisted")]
 
 
 def _policy(policy: str, settings: str | None, seed: int, idle_s: float, key: str, status: Status) -> SocketServer:

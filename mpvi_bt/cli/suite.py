@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from mpvi_bt import paths
-from mpvi_bt.choices.config import EPISODE, EpisodeConfig
+from mpvi_bt.choices.config import ASKING, EPISODE, METHOD, EpisodeConfig
 from mpvi_bt.cli import INTERRUPTED
-from mpvi_bt.cli.given import File, Name, backends, demonstration_fps
+from mpvi_bt.cli.given import File, Name
 from mpvi_bt.cli.given import serve as serving
+from mpvi_bt.cli.setting_options import method, settings
 from mpvi_bt.errors import BackendError, UserError
 from mpvi_bt.report.told import Told
 
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 _FILE = click.Path(dir_okay=False, path_type=Path)
 _FOLDER = click.Path(file_okay=False, path_type=Path)
+# Settings with an option; the robot and its simulator are for methods and --set.
+_OPTIONS = ["split", *(name for name in METHOD if name not in ("robot", "sim")), "tree", "plan", *ASKING]
 _NAMED = 20  # episodes at most that `status` names one by one
 
 # The heavier modules load in the functions, so that `--help` is quick.
@@ -43,23 +46,10 @@ def _shared(command: Any) -> Any:
     return click.argument("name", type=File("tasks/suites"), metavar="SUITE")(command)
 
 
-def _played(command: Any) -> Any:
-    """The options that say how episodes are played."""
-    command = backends(command)
-    command = click.option(
-        "--tree", type=Name("trees", file=True), metavar="FILE", help="Run this tree instead of the plan's."
-    )(command)
-    return click.option(
-        "--plan",
-        type=Name("tasks/plans", file=True),
-        metavar="FILE",
-        help="Compile this plan instead of the task's own.",
-    )(command)
-
-
 @suite.command()
 @_shared
-@_played
+@method(*METHOD)
+@settings(*_OPTIONS)
 @click.option(
     "--task",
     "tasks",
@@ -107,7 +97,7 @@ def _played(command: Any) -> Any:
 @click.option("--video/--no-video", default=False, help="Film every episode.")
 @click.option("--picture/--no-picture", default=False, help="Draw every episode's path from above.")
 @click.option("--demonstrations/--no-demonstrations", default=False, help="Record every episode, for `mpvi dataset`.")
-@demonstration_fps
+@settings("demonstration_fps")
 @serving
 @click.option(
     "--suite-calls",
@@ -213,8 +203,8 @@ def status(name: str, out: Path | None, as_json: bool) -> None:
         return
     click.echo(f"{title}: {_line(data)}" + (", a run is at work now" if data["running"] else ""))
     _print_at_work(data)
-    for method, stand in data.get("methods", {}).items():
-        click.echo(f"  {method}: {_line(stand)}")
+    for way, stand in data.get("methods", {}).items():
+        click.echo(f"  {way}: {_line(stand)}")
     if 0 < len(to_do) <= _NAMED:
         click.echo("to do: " + ", ".join(data["to_do"]))
     elif to_do:

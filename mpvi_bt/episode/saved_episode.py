@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING
 
-from pydantic import Field, JsonValue, model_validator
+from pydantic import JsonValue, model_validator
 
 from mpvi_bt import __version__
-from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.config import ALWAYS, RECORDED, SETTINGS, EpisodeConfig
+from mpvi_bt.choices.settings import settings_record
 from mpvi_bt.episode.metrics import Measurement, Meter
 from mpvi_bt.episode.result import write_json
 from mpvi_bt.errors import FileProblems, shown
@@ -26,41 +27,13 @@ if TYPE_CHECKING:
     from mpvi_bt.choices.world_truth import Audit
 
 FORMAT = 1  # of these files
-_FILES = ("task", "tree", "plan", "substitute", "policy_settings", "unit", "calibration")  # what may name one
+_FILES = ("task", *(name for name, known in SETTINGS.items() if known.folder is not None))  # what may name one
 
 
-class SavedSettings(Record):
-    """What `EpisodeConfig.record` tells."""
+class SavedSettings(settings_record(RECORDED, required=ALWAYS - {"trigger", "while_asked"})):  # type: ignore[misc]
+    """What `EpisodeConfig.record` tells; the first such files told of no trigger and nothing of waiting."""
 
-    task: str
-    instance: Annotated[int, Field(ge=0)]
-    seed: Annotated[int, Field(ge=0)]
-    split: Literal["public", "hidden"] = "public"
-    policy: str
-    detector: str
-    checker: str
-    planner: str
-    map: str
-    trigger: str = "proprioceptive"
-    method: str | None = None
-    drive: Literal["navigator", "policy"] = "navigator"
-    while_asked: Literal["go_on", "hold"] = "go_on"
-    on_failure: str = "advance"
-    policy_settings: str | None = None
-    policy_horizon: Annotated[int, Field(ge=1)] | None = None
-    policy_ensemble: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
-    policy_faults: str | None = None
-    latency: str | None = None
-    while_inferring: Literal["hold", "go_on"] = "hold"
-    unit: str | None = None
-    calibration: str | None = None
-    assisted: bool = False
-    robot: str = "r1"
-    sim: Literal["sapien", "maniskill"] = "sapien"
-    tree: str | None
-    plan: str | None
     arguments: dict[str, str] = {}
-    substitute: str | None = None
 
 
 class SavedEpisode(Record):
