@@ -75,7 +75,7 @@ def test_without_latency_all_parts_are_the_policy_alone() -> None:
 
 
 def test_a_policy_in_chunks_is_asked_for_each_action_with_one_observation() -> None:
-    """Sixteen times, then not again until they are carried out."""
+    """Four times, then not again until they are carried out."""
     asked = []
 
     class Stepwise:
