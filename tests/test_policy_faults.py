@@ -11,6 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mpvi_bt.choices.config import EpisodeConfig
+from mpvi_bt.choices.policies import disturbed
 from mpvi_bt.disturbances.faults import KINDS, read_faults
 from mpvi_bt.disturbances.faulty_policy import FaultyPolicy
 from mpvi_bt.disturbances.late_policy import LatePolicy
@@ -110,8 +112,8 @@ def test_jitter_is_as_large_as_said_and_drift_grows() -> None:
     drifted = actions(FaultyPolicy(Told(), {"drift": 0.3}), chunks=20)
     off = np.sqrt(((drifted[:, arms] - 0.5) ** 2).mean(1))
     np.testing.assert_allclose(off, 0.3 * np.arange(1, 181) / 30)
-    for disturbed in (shaken, drifted):
-        assert (disturbed[:, others] == 0.5).all()
+    for changed in (shaken, drifted):
+        assert (changed[:, others] == 0.5).all()
 
 
 def test_a_wrong_object_is_another_thing_of_the_task() -> None:
@@ -148,3 +150,15 @@ def test_a_resumed_run_draws_on_from_where_it_was() -> None:
         policy.reset()
     np.testing.assert_array_equal(chunk(resumed), chunk(whole))
     assert resumed.stale_action_ratio == whole.stale_action_ratio > 0
+
+
+def test_episodes_of_one_seed_have_faults_of_their_own() -> None:
+    """Of another instance or task; the same episode has the same ones."""
+
+    def steps(task: str, instance: int) -> Array:
+        config = EpisodeConfig(task, instance, policy_faults="jitter")
+        return disturbed(Told(), config, {}, ()).infer({"prompt": "pick up the cup", "proprioception": BODY})
+
+    np.testing.assert_array_equal(steps("picking_up_trash", 0), steps("picking_up_trash", 0))
+    assert (steps("picking_up_trash", 0) != steps("picking_up_trash", 1)).any()
+    assert (steps("picking_up_trash", 0) != steps("tidying_bedroom", 0)).any()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -10,6 +11,11 @@ from mpvi_bt.choices.config import EpisodeConfig
 from mpvi_bt.disturbances.latency import read_latencies
 from mpvi_bt.protocols import Checker, Judgement
 from mpvi_bt.robot.protocol import CameraImage
+
+
+def draws_seed(config: EpisodeConfig) -> int:
+    """Seed of an episode's latencies and faults: of its task and instance too, so that episodes differ in them."""
+    return zlib.crc32(config.name.encode())
 
 
 def latency_of(config: EpisodeConfig, part: str, answers: int = 0) -> Callable[[int], float]:
@@ -26,7 +32,8 @@ def latency_of(config: EpisodeConfig, part: str, answers: int = 0) -> Callable[[
     latency = read_latencies(config.latency).get(part) if config.latency is not None else None
     if latency is None:
         return lambda answer: 0.0
-    return lambda answer: latency.of(answers + answer, config.seed, part)
+    seed = draws_seed(config)
+    return lambda answer: latency.of(answers + answer, seed, part)
 
 
 class LateChecker:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from mpvi_bt.choices.backends import Choice, choose
 from mpvi_bt.choices.config import EpisodeConfig
-from mpvi_bt.choices.lateness import latency_of
+from mpvi_bt.choices.lateness import draws_seed, latency_of
 from mpvi_bt.errors import UserError
 from mpvi_bt.perception.detector import Detector
 from mpvi_bt.plan.skills import Skill
@@ -138,7 +138,7 @@ def disturbed(policy: Policy, config: EpisodeConfig, skills: Mapping[str, Skill]
     faults = read_faults(config.policy_faults) if config.policy_faults is not None else {}
     late_s = faults.pop("late", None)
     if faults:
-        policy = FaultyPolicy(policy, faults, config.seed, skills, things)
+        policy = FaultyPolicy(policy, faults, draws_seed(config), skills, things)
     if late_s is not None:
         policy = LatePolicy(policy, lambda answer: late_s)
     if config.latency is not None and "policy" in read_latencies(config.latency):
