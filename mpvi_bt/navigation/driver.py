@@ -40,7 +40,27 @@ from mpvi_bt.scene.occupancy_map import OccupancyMap
 
 __all__ = ["DEFAULTS", "Driver", "GaveUp", "Goals", "NavigationParameters", "Stow", "never"]
 
-_BACK_M_S = 0.15  # backing off
+
+@dataclass(frozen=True)
+class BackingOff:
+    """What a base does that something has brought to a halt.
+
+    Our choice.
+
+    Attributes:
+        speed_m_s: With which it drives back [m/s]: no camera sees the way.
+        beyond_m: What has stopped it is taken to be that far beyond its footprint [m],
+        block_m: in a circle of this radius [m].
+        asides_rad: Off straight back: it takes the first of these ways that is free [rad].
+    """
+
+    speed_m_s: float = 0.15
+    beyond_m: float = 0.10
+    block_m: float = 0.15
+    asides_rad: tuple[float, ...] = (0.0, 0.6, -0.6, 1.2, -1.2)
+
+
+_BACK = BackingOff()
 
 
 class Stow(Protocol):
@@ -329,21 +349,21 @@ class Driver:
         """Note where the base was stopped, and drive a little the other way, as straight back as there is room."""
         pose, follower.velocity = self._pose(), np.zeros(3)
         ahead = math.atan2(*(follower.aim - pose[:2])[::-1])
-        away_m = self._model.base.reach(ahead - float(pose[2])) + 0.10
+        away_m = self._model.base.reach(ahead - float(pose[2])) + _BACK.beyond_m
         at = pose[:2] + away_m * np.array([math.cos(ahead), math.sin(ahead)])
-        self.blocks.append((float(at[0]), float(at[1]), 0.15))
-        for aside in (0.0, 0.6, -0.6, 1.2, -1.2):
+        self.blocks.append((float(at[0]), float(at[1]), _BACK.block_m))
+        for aside in _BACK.asides_rad:
             away = np.array([math.cos(ahead + math.pi + aside), math.sin(ahead + math.pi + aside)])
             if follower.may_go(pose, away * self.parameters.back_off_m):
                 break
         else:
             return
         forward = matmul(rot_z(float(pose[2]))[:2, :2].T, away)
-        steps = round(self.parameters.back_off_m / _BACK_M_S * CONTROL_HZ)
+        steps = round(self.parameters.back_off_m / _BACK.speed_m_s * CONTROL_HZ)
         for i in range(steps):
             ramp = min(1.0, 4.0 * min(i + 1, steps - i) / steps)
             self._robot.hold()
-            self._write_base(np.array([*(_BACK_M_S * ramp * forward), 0.0]))
+            self._write_base(np.array([*(_BACK.speed_m_s * ramp * forward), 0.0]))
             yield Report(Progress.RUNNING, "", "backing off")
 
     def _brake(self, follower: PathFollower) -> Iterator[Report]:

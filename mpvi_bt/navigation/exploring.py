@@ -29,8 +29,9 @@ from mpvi_bt.robot.solids import Array
 from mpvi_bt.scene.knowledge import Entry, KnowledgeBase, normalize
 from mpvi_bt.scene.occupancy_map import OccupancyMap
 
+# Our choice, so that every search ends.
 _LOOKS = 4  # at what was gone to: a detector that sees it nine times of ten misses it once in ten thousand such
-_OTHER_S = 60.0  # that another one is looked for by who carries or left one: it may be the other one already
+_OTHER_S = 60.0  # that another one is looked for by who carries one, or has left one: there may be no other
 _TRIES = 8  # drives to what was seen: it may be elsewhere, not be there, or no way to it be known yet
 
 

@@ -17,6 +17,7 @@ from mpvi_bt.robot.solids import Array
 from mpvi_bt.scene.knowledge import Entry
 
 _ROUND = np.zeros((0, 3))
+_AROUND_LOAD_M = 0.02  # our choice: a carried thing sways
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +43,14 @@ class Footprint:
     def carrying(cls, base_m: float, base_pose: Array, entries: Iterable[Entry]) -> Footprint:
         """Of a robot at `base_pose` (3,) that carries those of `entries` that are held.
 
-        Our choice: a load counts as the circle in its bounding box, plus 2 cm; corners may pass over what is low.
+        Our choice: a load counts as the circle in its bounding box, plus a margin; corners may pass over what is low.
         """
         turn = rot_z(float(base_pose[2]))[:2, :2]
         loads = [
-            (*matmul(turn.T, e.center[:2] - base_pose[:2]), float((e.highest - e.lowest)[:2].max()) / 2 + 0.02)
+            (
+                *matmul(turn.T, e.center[:2] - base_pose[:2]),
+                float((e.highest - e.lowest)[:2].max()) / 2 + _AROUND_LOAD_M,
+            )
             for e in entries
             if e.held and e.inside is None
         ]

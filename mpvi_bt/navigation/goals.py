@@ -16,9 +16,33 @@ from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.scene.knowledge import Entry
 
-_ASKEW_RAD = (0.0, 0.15, -0.15, 0.3, -0.3)  # so a base that is not round may face its target, where it fits no better
-_AROUND_RAD = (0.0, 0.4, -0.4, 0.8, -0.8, 1.6, -1.6, np.pi)  # and so where it does not matter where it looks
-_BEHIND_M = 4.0  # of driving, that a place at the side of a thing is worse than one before its front: twice that behind
+
+@dataclass(frozen=True)
+class Ranking:
+    """What makes one place before a target worse than another, in meters of driving.
+
+    Our choice.
+
+    Attributes:
+        near: Of each meter nearer than is preferred.
+        far: Of each meter beyond half way from there to the handoff distance.
+        aside: Of each meter off the middle of the target's side.
+        behind_m: Of a place at the side of a target with a front; of one behind it twice that [m].
+        large_m: The base faces the center of what measures no more [m], and the nearest point of what is larger.
+        askew_rad: Off its target, a base that is not round may face where it fits no better [rad],
+        around_rad: and where it does not matter where it looks [rad].
+    """
+
+    near: float = 6.0
+    far: float = 3.0
+    aside: float = 1.0
+    behind_m: float = 4.0
+    large_m: float = 0.6
+    askew_rad: tuple[float, ...] = (0.0, 0.15, -0.15, 0.3, -0.3)
+    around_rad: tuple[float, ...] = (0.0, 0.4, -0.4, 0.8, -0.8, 1.6, -1.6, np.pi)
+
+
+_RANK = Ranking()
 
 
 @dataclass(frozen=True)
@@ -67,11 +91,11 @@ def nearest_point(entry: Entry, xy: Array) -> Array:
 def facing_yaw(entry: Entry, xy: Array) -> Array:
     """(...,) yaw [rad] from `xy` (..., 2) toward the target.
 
-    Our choice: toward the center of what measures up to 0.6 m, toward the nearest point of what is larger, so that the
-    base stands square to a long counter.
+    Our choice: toward the center of what is small, toward the nearest point of what is larger, so that the base stands
+    square to a long counter.
     """
     toward = nearest_point(entry, xy)
-    if (entry.highest - entry.lowest)[:2].max() <= 0.6:
+    if (entry.highest - entry.lowest)[:2].max() <= _RANK.large_m:
         toward = np.broadcast_to(entry.center[:2], toward.shape)
     delta = toward - xy
     yaw: Array = np.arctan2(delta[..., 1], delta[..., 0])
@@ -111,7 +135,7 @@ def object_goals(entry: Entry, start: Array, grid: Traversability, handoff: Hand
         cells, points = cells[keep], points[keep]
         keep = _in_sight(entry, points, grid)
         cells, points = cells[keep], points[keep]
-        yaw = _fitting(grid, points, facing_yaw(entry, points), _ASKEW_RAD)
+        yaw = _fitting(grid, points, facing_yaw(entry, points), _RANK.askew_rad)
         keep = np.isfinite(yaw)
         cells, points, yaw = cells[keep], points[keep], yaw[keep]
         reached = np.isfinite(effort[cells[:, 0], cells[:, 1]])
@@ -123,12 +147,12 @@ def object_goals(entry: Entry, start: Array, grid: Traversability, handoff: Hand
     aside = norm(nearest - entry.center[:2], axis=1) - _half_depth(entry, points)
     score = (
         effort[cells[:, 0], cells[:, 1]]
-        + 6.0 * np.maximum(0.0, handoff.preferred_m - distance)
-        + 3.0 * np.maximum(0.0, distance - 0.5 * (handoff.preferred_m + handoff.distance_m))
-        + 1.0 * np.maximum(0.0, aside)
+        + _RANK.near * np.maximum(0.0, handoff.preferred_m - distance)
+        + _RANK.far * np.maximum(0.0, distance - 0.5 * (handoff.preferred_m + handoff.distance_m))
+        + _RANK.aside * np.maximum(0.0, aside)
     )
     if entry.front is not None:
-        score += _BEHIND_M * (1.0 - matmul(points - nearest, entry.front) / np.maximum(distance, 1e-6))
+        score += _RANK.behind_m * (1.0 - matmul(points - nearest, entry.front) / np.maximum(distance, 1e-6))
     order = _apart(cells, score.astype(float))[:most]
     return [Goal(np.array([*points[i], yaw[i]]), float(score[i])) for i in order]
 
@@ -181,7 +205,7 @@ def _fitting(grid: Traversability, points: Array, yaw: Array, offs_rad: Iterable
 
 def _anyhow(grid: Traversability, points: Array, yaw: Array) -> Array:
     """(N,) likewise, where it matters little; the same yaw where the base does not fit at all."""
-    best = _fitting(grid, points, yaw, _AROUND_RAD)
+    best = _fitting(grid, points, yaw, _RANK.around_rad)
     return np.where(np.isnan(best), yaw, best)
 
 

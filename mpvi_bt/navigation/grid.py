@@ -12,8 +12,9 @@ from mpvi_bt.compiled import compiled_later
 Cost = NDArray[np.float32]
 Cell = tuple[int, int]
 
-_START = 1e-30  # the start's cost: not 0, which stands for unreached, and lost in the first sum
-_BUCKET, _RING = 0.25, 256  # width and number of the buckets of open cells; the width was measured, both only cost time
+_START = 1e-30  # our choice: the start's cost; not 0, which stands for unreached, and lost in the first sum
+# Width [cells] and number of the buckets of open cells: they only change what a search takes; the width was measured.
+_BUCKET, _RING = 0.25, 256
 _NOWHERE = np.zeros(0, bool)
 
 

@@ -10,6 +10,10 @@ from mpvi_bt.navigation.pursuit import PathFollower
 from mpvi_bt.robot.protocol import CONTROL_HZ
 from mpvi_bt.robot.solids import Array
 
+# Our choice: more than a base drifts, or is shaken, where it stands.
+_MOVED_M, _TURNED_RAD = 0.05, 0.1  # a base that has moved or turned by that gets on
+_NEARER_M = 0.05  # and one that has come nearer to its goal by that
+
 
 class Headway:
     """Tells when a base that is told to move does not, or comes no nearer to its goal.
@@ -34,11 +38,11 @@ class Headway:
         """Whether it has come to a halt; asked once a step."""
         self.steps += 1
         if (
-            math.dist(pose[:2], self._pose[:2]) >= 0.05
-            or abs(math.remainder(pose[2] - self._pose[2], 2 * math.pi)) >= 0.1
+            math.dist(pose[:2], self._pose[:2]) >= _MOVED_M
+            or abs(math.remainder(pose[2] - self._pose[2], 2 * math.pi)) >= _TURNED_RAD
         ):
             self._pose, self._moved = pose, self.steps
         remaining = follower.remaining_m(pose)
-        if remaining < self._least - 0.05:
+        if remaining < self._least - _NEARER_M:
             self._least, self._nearer = remaining, self.steps
         return self.steps - self._moved > self._still or self.steps - self._nearer > self._idle

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,18 +14,46 @@ from mpvi_bt.navigation.grid import cost_to_reach, shortest_path
 from mpvi_bt.navigation.traversability import ESCAPE_COST, GRAIN, Traversability
 from mpvi_bt.robot.solids import Array
 
-_HEADINGS = 48
-_TURN_M = 0.3  # Our choice: what turning by a radian costs, in metres of driving
-_ASIDE = 1.0  # driving sideways costs so much more than driving ahead, backwards twice that
-_SWEPT = 2.0  # a load that is over furniture costs so much more sideways: there it is drawn off as it was put in
-_CANNOT, _OBLIQUE_RAD = 1e6, 0.45  # of a base that cannot go sideways: the price of a step farther off its heading
-_BESIDE_M = 2.0  # around the way of the base's middle is looked for a way for the rest
-_GREED = 1.5  # what lies ahead counts so much: ways are at most so much dearer than the cheapest, and found much sooner
-_MOST = 200_000  # states looked at: the search takes a third of a second at the most
-_CLEAR_M = 0.02  # between obstacles and what turns: what following the path is off by
-_ROOMY_M, _TIGHT = 0.20, 4.0  # loads nearer than that to obstacles cost more, up to so many times where they touch
-_NEAR_M = 0.8  # of start and goal the load may be where it touches no more than there
 
+@dataclass(frozen=True)
+class LoadedCosts:
+    """What a way costs on which the heading matters, and what it keeps clear of.
+
+    Our choice.
+
+    Attributes:
+        headings: That are told apart; a step of turning is 7.5 degrees.
+        turn_m: Of turning by a radian, in meters of driving [m].
+        aside: Driving sideways costs so much more than driving ahead, backwards twice that.
+        swept: A load that is over furniture costs so much more sideways: there it is drawn off as it was put in.
+        cannot: Price of a step of a base that cannot go sideways,
+        oblique_rad: where the step is farther off its heading [rad].
+        beside_m: So far around the way of the base's middle a way for the rest is looked for [m].
+        most: States that are looked at: the search takes a third of a second at the most.
+        clear_m: Between obstacles and what turns [m]: what following the path is off by.
+        roomy_m: Loads nearer than that to obstacles cost more [m],
+        tight: up to so many times where they touch.
+        near_m: So near to start and goal a load may be where it touches no more than there [m].
+    """
+
+    headings: int = 48
+    turn_m: float = 0.3
+    aside: float = 1.0
+    swept: float = 2.0
+    cannot: float = 1e6
+    oblique_rad: float = 0.45
+    beside_m: float = 2.0
+    most: int = 200_000
+    clear_m: float = 0.02
+    roomy_m: float = 0.20
+    tight: float = 4.0
+    near_m: float = 0.8
+
+
+_COST = LoadedCosts()
+# Our choice: what lies ahead counts so much; ways are at most so much dearer than the cheapest, and found much sooner.
+_GREED = 1.5
+# Steps to the eight neighboring cells.
 _ROW = np.array([-1, 1, 0, 0, -1, -1, 1, 1], np.int64)
 _COLUMN = np.array([0, 0, -1, 1, -1, 1, -1, 1], np.int64)
 
@@ -51,37 +80,37 @@ def loaded_path(
     alone = shortest_path(grid.cost, *cells)
     if alone is None:
         return None
-    margin = math.ceil(_BESIDE_M / grid.map.resolution_m)
+    margin = math.ceil(_COST.beside_m / grid.map.resolution_m)
     low = np.maximum(alone[0].min(0) - margin, 0)
     high = np.minimum(alone[0].max(0) + margin + 1, grid.cost.shape)
     cost = grid.cost[low[0] : high[0], low[1] : high[1]]
     first, last = (np.array(cell) - low for cell in cells)
     ahead = cost_to_reach(cost, (int(last[0]), int(last[1])))
-    step = 2 * math.pi / _HEADINGS
-    yaws = np.arange(_HEADINGS) * step
+    step = 2 * math.pi / _COST.headings
+    yaws = np.arange(_COST.headings) * step
     c, s = np.cos(yaws)[:, None], np.sin(yaws)[:, None]
     cell_m = grid.map.resolution_m
-    x, y, radii = footprint.loads.T + np.array([[0.0], [0.0], [_CLEAR_M]])
+    x, y, radii = footprint.loads.T + np.array([[0.0], [0.0], [_COST.clear_m]])
     offsets = np.rint(np.stack([s * x + c * y, c * x - s * y], -1) / cell_m).astype(np.int64)
-    u, v, base_radii = footprint.base.T + np.array([[0.0], [0.0], [_CLEAR_M + GRAIN * cell_m]])
+    u, v, base_radii = footprint.base.T + np.array([[0.0], [0.0], [_COST.clear_m + GRAIN * cell_m]])
     places = np.stack([s * u + c * v, c * u - s * v], -1) / cell_m
     base = np.floor(places).astype(np.int64)
     below, right = np.moveaxis(places - base, -1, 0)
     shares = np.stack([(1 - below) * (1 - right), (1 - below) * right, below * (1 - right), below * right], -1)
     toward = np.arctan2(_ROW, _COLUMN)
     off = toward - yaws[:, None]
-    aside = np.stack([1.0 + _ASIDE * (1.0 - np.cos(off)), 1.0 + _SWEPT * np.abs(np.sin(off))])
+    aside = np.stack([1.0 + _COST.aside * (1.0 - np.cos(off)), 1.0 + _COST.swept * np.abs(np.sin(off))])
     if not sideways:
-        aside[:, np.abs(np.sin(off)) > math.sin(_OBLIQUE_RAD)] = _CANNOT
+        aside[:, np.abs(np.sin(off)) > math.sin(_COST.oblique_rad)] = _COST.cannot
     farthest_m = np.hypot(np.append(x, u), np.append(y, v)).max()
-    turn = np.array([_TURN_M, (1.0 + _SWEPT) * farthest_m]) * step / cell_m
-    bins = [round(float(pose[2]) / step) % _HEADINGS for pose in (start, goal)]
+    turn = np.array([_COST.turn_m, (1.0 + _COST.swept) * farthest_m]) * step / cell_m
+    bins = [round(float(pose[2]) / step) % _COST.headings for pose in (start, goal)]
     there = np.array([*grid.points(np.array([cells[0]]))[0], yaws[bins[0]]])  # the state to start from
-    stuck = min(0.0, float(footprint.room(grid, there)) - _CLEAR_M) - 1e-6
+    stuck = min(0.0, float(footprint.room(grid, there)) - _COST.clear_m) - 1e-6
     states = _search(
         np.ascontiguousarray(cost), np.ascontiguousarray(ahead, np.float32), grid.clearance_m, low, offsets, radii,
         base, shares, base_radii, stuck, aside, turn, np.array([bins[0], *first]), np.array([bins[1], *last]),
-        _NEAR_M / cell_m, ESCAPE_COST, _ROOMY_M, _TIGHT, _MOST, _ROW, _COLUMN,
+        _COST.near_m / cell_m, ESCAPE_COST, _COST.roomy_m, _COST.tight, _COST.most, _ROW, _COLUMN,
     )  # fmt: skip
     if not len(states):
         return None

@@ -23,8 +23,8 @@ Circle = tuple[float, float, float]  # x, y, radius [m] in the world
 
 EVERY_S = 0.3  # Our choice: a turn of 1.2 rad/s passes a quarter of the field of view meanwhile
 CLOSER_M = 2.0  # Our choice: a tennis ball has twenty pixels there
-_ON_FLOOR_M = 0.15  # what begins no higher stood on the floor: with it goes what was in the way there
-_MOVED_M, _TURNED_RAD = 0.03, 0.03  # from a view that was taken nothing new is learned
+_ON_FLOOR_M = 0.15  # Our choice: what begins lower stood on the floor, and taking it up clears the floor
+_MOVED_M, _TURNED_RAD = 0.03, 0.03  # Our choice: a view that differs by less shows nothing new
 
 
 class Lookout:

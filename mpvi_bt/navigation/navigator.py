@@ -30,8 +30,9 @@ class Trip:
     left: Array | None = None  # (3,) the pose that is not to be stopped at
 
 
-_GOALS = 40  # looked at of each target: the best where nothing carried would touch
-_ELSEWHERE_M = 0.4  # from the pose that was left: a place as near is the same place. Our choice: half a base
+# Our choice.
+_GOALS = 40  # poses that are looked at of each target
+_ELSEWHERE_M = 0.4  # half a base: a place this near to the pose that was left is the same place
 _RATHER_M = 2.0  # of driving: what it is worth to stand nearer to the target than to what could be taken for it
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,10 +14,28 @@ from mpvi_bt.robot.protocol import CONTROL_HZ, ActionLayout, Robot
 from mpvi_bt.robot.robots import robot_named
 from mpvi_bt.robot.solids import Array
 
-_LIFT, _TILT = 0, 3  # of a posture
-_TILT_RAD_S, _NEAR_RAD, _TILT_S = 1.5, 0.03, 1.5
-_LIFT_M_S, _NEAR_M, _LIFT_S = 0.2, 0.01, 4.0
-_OVER_M = 0.25  # above what is looked at
+
+@dataclass(frozen=True)
+class Nod:
+    """How a part of the trunk moves for a look.
+
+    Our choice: a little slower than the r1's trunk can.
+
+    Attributes:
+        part: Which of a trunk's posture.
+        rate: How fast [m/s or rad/s].
+        near: So near to where it is to be it is there [m or rad].
+        most_s: Then it gives up [s].
+    """
+
+    part: int
+    rate: float
+    near: float
+    most_s: float
+
+
+_LIFT, _TILT = Nod(0, 0.2, 0.01, 4.0), Nod(3, 1.5, 0.03, 1.5)
+_OVER_M = 0.25  # our choice: of the eye above what it looks down on
 
 
 def tilt_toward(robot: Robot, p_world: Array) -> float:
@@ -41,26 +60,26 @@ def lift_over(robot: Robot, height_m: float) -> float:
 
 def nod(robot: Robot, tilt_rad: float) -> Iterator[None]:
     """One command a step until the head is tilted so; it gives up after a moment if it does not get there."""
-    yield from _move(robot, _TILT, tilt_rad, _TILT_RAD_S, _NEAR_RAD, _TILT_S)
+    yield from _move(robot, _TILT, tilt_rad)
 
 
 def crane(robot: Robot, lift_m: float) -> Iterator[None]:
     """One command a step until the trunk is lifted so; it gives up after a moment if it does not get there."""
-    yield from _move(robot, _LIFT, lift_m, _LIFT_M_S, _NEAR_M, _LIFT_S)
+    yield from _move(robot, _LIFT, lift_m)
 
 
-def _move(robot: Robot, part: int, to: float, rate: float, near: float, most_s: float) -> Iterator[None]:
-    """Change one part of the trunk's posture at a rate a second."""
+def _move(robot: Robot, how: Nod, to: float) -> Iterator[None]:
+    """Change one part of the trunk's posture."""
     trunk = robot_named(robot.proprioception().robot).trunk
-    for _ in range(round(most_s * CONTROL_HZ)):
-        if abs(float(trunk.posture(robot.proprioception().torso)[part]) - to) < near:
+    for _ in range(round(how.most_s * CONTROL_HZ)):
+        if abs(float(trunk.posture(robot.proprioception().torso)[how.part]) - to) < how.near:
             return
         robot.hold()
         action = robot.action.copy()
         told = action[ActionLayout.TORSO]
         posture = trunk.posture(told)
-        step = rate / CONTROL_HZ
-        posture[part] += float(np.clip(to - posture[part], -step, step))
+        step = how.rate / CONTROL_HZ
+        posture[how.part] += float(np.clip(to - posture[how.part], -step, step))
         action[ActionLayout.TORSO] = trunk.joints(posture, near=told)
         robot.act(action)
         yield

@@ -40,16 +40,45 @@ class Limits:
 
 
 CARRYING = Limits(speed_m_s=0.6, turn_rad_s=1.0, acceleration_m_s2=0.5, turn_acceleration_rad_s2=1.2, tight_m_s=0.20)
-"""Limits with something in a hand: a step in velocity flings what friction holds."""
-
+"""Our choice: limits with something in a hand, as a step in velocity flings what friction holds."""
 
 AT_REST: Array = np.zeros(3)
-_AIM = np.array([0.06, 0.25])  # how far along a path of poses the base aims [m, rad]: where loads touch, and with room
-_BEND, _AFTER = 4, 6  # points of such a path before and after one between which it bends; half of those it matters to
-_OFF_M = 0.015  # what following such a path may be off by anywhere
-_KEEPS_RAD = 0.15  # so near to a pose's yaw the next pose may be gone to
-_THERE = 0.6  # of the tolerance: so near to the end a base that cannot go sideways turns to the goal's yaw
-_EASY = 0.7  # of the acceleration limit is planned with; the rest is for corrections
+
+
+@dataclass(frozen=True)
+class PathPursuit:
+    """How a path is followed.
+
+    Our choice.
+
+    Attributes:
+        easy: Of the acceleration limit is planned with [ratio]; the rest is for corrections.
+        settling: Near the end the speed is at most so many times the distance to go [1/s],
+        settling_steps: and a control step covers at most this part of it [ratio]: the base does not chatter there.
+        turn_first: The base stands still where it faces a right angle divided by this off its way [ratio].
+        there: Of the tolerance: this near to the end a base that cannot go sideways turns to the goal's yaw [ratio].
+        aim: How far along a path of poses the base aims where loads touch, and where there is room [m, and rad].
+        keeps_rad: This near to a pose's yaw the next pose may be gone to [rad].
+        bend: Points of a path of poses before and after one, between which it bends.
+        after: Points of such a path from a bend on where there has to be room for what is swung out of it.
+        off_m: What following such a path may be off by anywhere [m].
+        seen_every: One point in so many of such a path is looked at for what has come in the way.
+    """
+
+    easy: float = 0.7
+    settling: float = 4.0
+    settling_steps: float = 0.3
+    turn_first: float = 1.5
+    there: float = 0.6
+    aim: tuple[float, float] = (0.06, 0.25)
+    keeps_rad: float = 0.15
+    bend: int = 4
+    after: int = 6
+    off_m: float = 0.015
+    seen_every: int = 3
+
+
+_PURSUIT = PathPursuit()
 
 
 @dataclass(frozen=True)
@@ -159,7 +188,7 @@ class PathFollower:
         delta = self.aim - pose[:2]
         distance = math.hypot(*delta)
         to_go = distance + self._to_go[self._aim_at]
-        arriving = to_go < (self._arrive_m if self._sideways else _THERE * self.tolerance.position_m)
+        arriving = to_go < (self._arrive_m if self._sideways else _PURSUIT.there * self.tolerance.position_m)
         heading = self.goal[2] if arriving else math.atan2(delta[1], delta[0])
         turn = _wrap(heading - pose[2])
         if not self._sideways and not arriving and to_go < self._arrive_m and abs(turn) > math.pi / 2:
@@ -168,20 +197,20 @@ class PathFollower:
         if not self._sideways and arriving:
             speed = 0.0
         if not arriving:
-            speed *= max(0.0, math.cos(min(abs(turn) * 1.5, math.pi / 2)))  # turn first, then go
+            speed *= max(0.0, math.cos(min(abs(turn) * _PURSUIT.turn_first, math.pi / 2)))  # turn first, then go
         return delta * (speed / max(distance, 1e-9)), self._rate(turn, dt_s)
 
     def _through(self, yaws: Array, pose: Array, dt_s: float) -> tuple[Array, float]:
         """The wanted velocity (2,) [m/s] in the world and yaw rate on a path of poses."""
         last = len(self.path) - 1
         here = self._away(pose, self._at)
-        while self._at < last and abs(_wrap(yaws[self._at] - pose[2])) < _KEEPS_RAD:
+        while self._at < last and abs(_wrap(yaws[self._at] - pose[2])) < _PURSUIT.keeps_rad:
             there = self._away(pose, self._at + 1)
             if there > here:
                 break
             here, self._at = there, self._at + 1
         at = aim = self._at
-        ahead = _AIM[0] + (_AIM[1] - _AIM[0]) * self._room[at]
+        ahead = _PURSUIT.aim[0] + (_PURSUIT.aim[1] - _PURSUIT.aim[0]) * self._room[at]
         while aim < last and self._to_go[at] - self._to_go[aim + 1] <= ahead:
             if abs(yaws[aim + 1] - yaws[at]) > ahead:
                 break
@@ -192,7 +221,7 @@ class PathFollower:
         distance = math.hypot(*delta)
         ends = self._to_go[aim] if self._to_go[at] - self._to_go[aim] > ahead / 2 else 0.0  # else it turns there
         stop = _stopping_speed(distance + ends, self.limits.acceleration_m_s2, dt_s)
-        speed = min(self._most[at], stop) * max(0.0, 1.0 - abs(turn) / (2 * _AIM[1]))
+        speed = min(self._most[at], stop) * max(0.0, 1.0 - abs(turn) / (2 * _PURSUIT.aim[1]))
         return delta * (speed / max(distance, 1e-9)), self._rate(turn, dt_s)
 
     def _away(self, pose: Array, at: int) -> float:
@@ -240,7 +269,7 @@ class PathFollower:
             return True
         if self._footprint is None:
             return False
-        footprint, poses = self._footprint, self._poses()[self._at :: 3]
+        footprint, poses = self._footprint, self._poses()[self._at :: _PURSUIT.seen_every]
         for circles in (footprint.loads, footprint.base):
             radii = circles[:, 2] / grid.map.resolution_m
             cells = np.moveaxis(grid.cells(turned(circles, poses)), 1, 0)  # (circles, N, 2)
@@ -274,13 +303,16 @@ class PathFollower:
     def _in_bends(self) -> Array:
         """(N,) the speed [m/s] with which the base is not carried out of a bend farther than there is room for it."""
         n = len(self.path)
-        before, after = (self.path[(np.arange(n) + d).clip(0, n - 1)] - self.path for d in (-_BEND, _BEND))
+        before, after = (
+            self.path[(np.arange(n) + d).clip(0, n - 1)] - self.path for d in (-_PURSUIT.bend, _PURSUIT.bend)
+        )
         along, back = np.arctan2(after[:, 1], after[:, 0]), np.arctan2(-before[:, 1], -before[:, 0])
         moves = np.hypot(*before.T) * np.hypot(*after.T) > 0
         bend = np.where(moves, np.abs(wrap(along - back)), 0.0)
-        room = ndimage.minimum_filter1d(self._room, 2 * _AFTER + 1, origin=-_AFTER)  # the least from here on
-        off = _OFF_M + self.limits.roomy_m * room
-        speeds: Array = np.sqrt(2.0 * _EASY * self.limits.acceleration_m_s2 * off) / np.maximum(bend, 1e-3)
+        points = _PURSUIT.after
+        room = ndimage.minimum_filter1d(self._room, 2 * points + 1, origin=-points)  # the least from here on
+        off = _PURSUIT.off_m + self.limits.roomy_m * room
+        speeds: Array = np.sqrt(2.0 * _PURSUIT.easy * self.limits.acceleration_m_s2 * off) / np.maximum(bend, 1e-3)
         return speeds
 
     def _poses(self) -> Array:
@@ -292,7 +324,7 @@ class PathFollower:
         caps = slow + (fast - slow) * self._room
         if self._yaws is not None:
             caps = np.minimum(caps, self._in_bends())
-        twice = 2.0 * _EASY * self.limits.acceleration_m_s2
+        twice = 2.0 * _PURSUIT.easy * self.limits.acceleration_m_s2
         # From v at i, w at j is reached in time if v^2 <= w^2 + 2 a (s_j - s_i): the least over all later j counts.
         energy = caps**2 - twice * self._to_go
         later = np.minimum.accumulate(energy[::-1])[::-1]
@@ -356,4 +388,7 @@ def _touches(occupied: NDArray[np.bool_], cells: Array, radius: float) -> bool:
 
 def _stopping_speed(distance: float, acceleration: float, dt_s: float) -> float:
     """The speed from which a stop within `distance` is possible, with a linear end: no chatter at the goal."""
-    return min(math.sqrt(2.0 * _EASY * acceleration * distance), distance * min(4.0, 0.3 / dt_s))
+    return min(
+        math.sqrt(2.0 * _PURSUIT.easy * acceleration * distance),
+        distance * min(_PURSUIT.settling, _PURSUIT.settling_steps / dt_s),
+    )

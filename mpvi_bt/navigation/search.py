@@ -24,6 +24,8 @@ from mpvi_bt.robot.solids import Array
 Mask = NDArray[np.bool_]
 
 _EDGES = np.ones((3, 3), bool)  # eight neighbors
+_LITTLE = 0.1  # our choice: a turn that shows less of what it was to show is blocked by something low
+_BETTER = 1.05  # our choice: a view is better than another if it shows so many times as much
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,7 @@ class Search:
             if found():
                 return
             self._lookout.look()
-            if self._seen() - before < 0.1 * gain:
+            if self._seen() - before < _LITTLE * gain:
                 return  # something low hides it: go and look from elsewhere
 
     def _goal(self, room: str | None) -> Goal | None:
@@ -169,10 +171,10 @@ class Search:
         yaws = here + np.arange(self.parameters.headings) * (2 * np.pi / self.parameters.headings)
         solid = self._lookout.solid
         for yaw in sorted(yaws, key=lambda yaw: abs(float(wrap(yaw - here)))):
-            if most <= best * 1.05:
+            if most <= best * _BETTER:
                 break
             gain = self._view.would_see(place, float(yaw), self.parameters.fov_rad, solid, unseen)
-            if gain > best * 1.05:
+            if gain > best * _BETTER:
                 best, at = gain, float(wrap(yaw))
         return best, at
 

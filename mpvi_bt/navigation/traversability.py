@@ -18,7 +18,7 @@ from mpvi_bt.scene.occupancy_map import OccupancyMap
 Box = tuple[tuple[float, float], tuple[float, float]]  # lowest and highest corner [m], of floor that is taken
 Disc = tuple[float, float, float]  # x, y, radius [m]
 
-ESCAPE_COST = 20.0  # of a cell that is too near an obstacle, which only a robot that stands there already may use
+ESCAPE_COST = 20.0  # our choice: of a cell too near an obstacle, which only a robot that stands there may use
 GRAIN = 0.27
 """Cells by which distances to obstacles may be less than they are taken to be, where they are interpolated.
 
@@ -26,9 +26,25 @@ They are distances to centers of cells less half a cell: a corner is 0.21 nearer
 interpolation is up to 1/(8 r) too large, 0.06 for circles that are wider than two.
 """
 
-_NEAR_M = 0.6  # a base that stands too near an obstacle may do so within this distance,
-_OUT_M, _DEEP_M = 0.15, 1.3  # or a little beyond the nearest place where it fits, if that is no farther than this
 
+@dataclass(frozen=True)
+class Escape:
+    """Where a base may go that stands too near an obstacle.
+
+    Our choice.
+
+    Attributes:
+        near_m: Around where it stands [m],
+        out_m: or so far beyond the nearest place where it fits [m],
+        deep_m: if that is no farther off than this [m].
+    """
+
+    near_m: float = 0.6
+    out_m: float = 0.15
+    deep_m: float = 1.3
+
+
+_ESCAPE = Escape()
 Corners = tuple[Array | tuple[float, float], Array | tuple[float, float]]
 
 
@@ -104,8 +120,8 @@ class Traversability:
             return self
         rows, columns = np.ogrid[: self.cost.shape[0], : self.cost.shape[1]]
         away_m = np.hypot(rows - row, columns - column) * self.map.resolution_m
-        out_m = float(away_m[np.isfinite(self.cost)].min(initial=np.inf)) + _OUT_M
-        near = away_m <= (max(out_m, _NEAR_M) if out_m <= _DEEP_M else _NEAR_M)
+        out_m = float(away_m[np.isfinite(self.cost)].min(initial=np.inf)) + _ESCAPE.out_m
+        near = away_m <= (max(out_m, _ESCAPE.near_m) if out_m <= _ESCAPE.deep_m else _ESCAPE.near_m)
         clear = self.clearance_m
         if self.occupied[row, column]:
             clear = clear - ndimage.distance_transform_edt(self.occupied) * self.map.resolution_m

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,9 +15,31 @@ from mpvi_bt.navigation.loaded import loaded_path
 from mpvi_bt.navigation.traversability import Traversability
 from mpvi_bt.robot.solids import Array
 
-_LOADED_GOALS = 2  # so many are tried with something in the hands: that search takes its time
-_BASE_GOALS, _APART_M = 4, 0.3  # and so many for a base that is not round, so far apart
-_TIGHT_M = 0.02  # by so much less room is given to loads where they do not fit with it, half of that to the base
+
+@dataclass(frozen=True)
+class Tries:
+    """How many goals a way is looked for to, where the search takes its time.
+
+    Our choice.
+
+    Attributes:
+        loaded: Goals of a robot with something in its hands.
+        base: Goals of a base that is not round,
+        apart_m: which are so far apart [m].
+        tight_m: So much less room is given to loads where they do not fit with it, half of that to the base [m].
+        halts: Of a base before one goal, after which that is no goal,
+        halted_m: if it was this near to where the base was going [m].
+    """
+
+    loaded: int = 2
+    base: int = 4
+    apart_m: float = 0.3
+    tight_m: float = 0.02
+    halts: int = 2
+    halted_m: float = 0.3
+
+
+_TRIES = Tries()
 
 
 class GaveUp(Exception):
@@ -61,7 +84,7 @@ def find_way(
     ranked = [goal for goal in goals(grid, start) if np.isfinite(goal.pose).all()]
     left = [g for g in ranked if np.isfinite(g.score) and _fits(free, footprint, g) and not _given_up(g, halts)]
     left = sorted(left, key=lambda g: (footprint.slack(grid, g.pose) < 0, g.score))
-    for tried in (footprint, footprint.smaller(_TIGHT_M)) if footprint.turns else (footprint,):
+    for tried in (footprint, footprint.smaller(_TRIES.tight_m)) if footprint.turns else (footprint,):
         for goal in _to_try(left, footprint):
             path = _way(grid, tried, pose, goal.pose, sideways)
             if path is not None:
@@ -77,11 +100,11 @@ def _to_try(goals: list[Goal], footprint: Footprint) -> Iterator[Goal]:
     if not footprint.turns:
         yield from goals
     elif not len(footprint.base):
-        yield from goals[:_LOADED_GOALS]
+        yield from goals[: _TRIES.loaded]
     else:
         tried: list[Goal] = []
         for goal in goals:
-            if len(tried) < _BASE_GOALS and all(math.dist(goal.pose[:2], t.pose[:2]) > _APART_M for t in tried):
+            if len(tried) < _TRIES.base and all(math.dist(goal.pose[:2], t.pose[:2]) > _TRIES.apart_m for t in tried):
                 tried.append(goal)
                 yield goal
 
@@ -102,7 +125,7 @@ def _fits(grid: Traversability, footprint: Footprint, goal: Goal) -> bool:
 
 def _given_up(goal: Goal, halts: list[Array]) -> bool:
     """Whether the base came to a halt twice before it reached the place of this goal."""
-    return sum(math.dist(goal.pose[:2], at) < 0.3 for at in halts) >= 2
+    return sum(math.dist(goal.pose[:2], at) < _TRIES.halted_m for at in halts) >= _TRIES.halts
 
 
 def _way(grid: Traversability, footprint: Footprint, start: Array, goal: Array, sideways: bool) -> Array | None:
