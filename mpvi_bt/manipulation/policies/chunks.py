@@ -17,7 +17,7 @@ from mpvi_bt.robot.solids import Array
 
 DECAY = 0.01  # per step of age; the value that ACT was published with
 _ARMS = np.r_[ActionLayout.ARM["left"], ActionLayout.ARM["right"]]
-_OLDEST = 1024  # chunks that are kept
+_OLDEST = 1024  # our choice: chunks that are kept: more are never averaged
 
 
 class WrappedPolicy:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
@@ -19,17 +20,47 @@ from mpvi_bt.robot.motion import Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES
 from mpvi_bt.robot.solids import Array
 
-# Lift [m] and head tilt [rad] to look around: down, near, ahead, and from low down and high up into compartments.
-_LOOKS = ((0.42, 0.55), (0.42, 0.95), (0.42, 0.10), (0.05, 0.40), (0.05, -0.10), (0.55, -0.30))
-# Turns of the base from where it came [rad], and how many of the looks there: what it is to work on is ahead, mostly.
-_TURNS = ((0.0, 6), (0.6, 6), (-0.6, 6), (-1.8, 2), (3.0, 2), (1.8, 2))
-_BEFORE_M = 0.9  # a robot that is handed over stands about so far from what it is to work on,
-_AROUND = (0.9, -0.9, 1.6, -1.6, 2.4, -2.4)  # which other bearings may show [rad]
-_FARTHER_M = (1.3, 1.8)  # from there where nothing nearer can be gone to
-_STROLLS = 40  # tried on from there, at random
-_STROLL_M = (0.5, 1.5)
-_STEP_M = 0.15
 
+@dataclass(frozen=True)
+class LookingAround:
+    """Where the robot looks, and goes to, while it looks for something.
+
+    Our choice: what it is to work on is ahead, mostly.
+
+    Attributes:
+        looks: Lift [m] and tilt of the head [rad], of a body that holds nothing: down, near, ahead, and from low down
+            and high up into compartments.
+        turns: Of the base from where it came [rad], and how many of the looks there.
+        elsewhere: How many of the looks from each other place,
+        again: and from another side of a place that it has looked at already.
+        before_m: A robot that was handed over stands about so far from what it is to work on [m],
+        around_rad: which other bearings may show [rad],
+        farther_m: from there where nothing nearer can be gone to [m].
+        strolls: Then it goes to so many places, at random,
+        stroll_m: the nearest and the farthest of them so far off [m].
+        step_m: Between checks of the way there [m].
+    """
+
+    looks: tuple[tuple[float, float], ...] = (
+        (0.42, 0.55),
+        (0.42, 0.95),
+        (0.42, 0.10),
+        (0.05, 0.40),
+        (0.05, -0.10),
+        (0.55, -0.30),
+    )
+    turns: tuple[tuple[float, int], ...] = ((0.0, 6), (0.6, 6), (-0.6, 6), (-1.8, 2), (3.0, 2), (1.8, 2))
+    elsewhere: int = 4
+    again: int = 3
+    before_m: float = 0.9
+    around_rad: tuple[float, ...] = (0.9, -0.9, 1.6, -1.6, 2.4, -2.4)
+    farther_m: tuple[float, ...] = (1.3, 1.8)
+    strolls: int = 40
+    stroll_m: tuple[float, float] = (0.5, 1.5)
+    step_m: float = 0.15
+
+
+_LOOK = LookingAround()
 Found = Callable[[], bool]
 
 
@@ -49,19 +80,19 @@ def look_for(work: Work, found: Found, passable: Callable[[], Obstacles]) -> Gen
     """
     yield from look_over(work)
     start = work.motion.felt.base_pose.copy()
-    for turn, looks in _TURNS:
+    for turn, looks in _LOOK.turns:
         if turn:
             with contextlib.suppress(MotionFailure):  # what it does not turn to it does not see
                 yield from work.motion.drive(start + [0, 0, turn])
         if (yield from _look(work, found, looks)):
             return True
-    place = start[:2] + _BEFORE_M * np.array([np.cos(start[2]), np.sin(start[2])])
-    for goal in chain(_views(place, float(start[2]), _BEFORE_M), _strolls(work)):
+    place = start[:2] + _LOOK.before_m * np.array([np.cos(start[2]), np.sin(start[2])])
+    for goal in chain(_views(place, float(start[2]), _LOOK.before_m), _strolls(work)):
         if not _free(work, goal, passable()):
             continue
         with contextlib.suppress(MotionFailure):
             yield from work.motion.drive(goal)
-        if (yield from _look(work, found, 4)):
+        if (yield from _look(work, found, _LOOK.elsewhere)):
             return True
     return False
 
@@ -74,17 +105,17 @@ def look_from_elsewhere(work: Work, place: Array, passable: Callable[[], Obstacl
     here = work.motion.felt.base_pose
     bearing = float(np.arctan2(place[1] - here[1], place[0] - here[0]))
     around = passable()
-    for goal in chain(*(_views(place, bearing, far) for far in (_BEFORE_M, *_FARTHER_M))):
+    for goal in chain(*(_views(place, bearing, far) for far in (_LOOK.before_m, *_LOOK.farther_m))):
         if _free(work, goal, around):
             with contextlib.suppress(MotionFailure):
                 yield from work.motion.drive(goal)
-            yield from _look(work, lambda: False, 3)
+            yield from _look(work, lambda: False, _LOOK.again)
             return
 
 
 def _look(work: Work, found: Found, looks: int) -> Generator[Array, None, bool]:
     held = any(work.scene.holding(side) for side in SIDES) or work.scene.between() is not None
-    for lift, tilt in _LOOKS[:looks]:
+    for lift, tilt in _LOOK.looks[:looks]:
         robot = work.motion.robot
         torso = robot.trunk.joints(np.array([lift, 0.0, 0.0, tilt]))
         if held:
@@ -101,22 +132,22 @@ def _look(work: Work, found: Found, looks: int) -> Generator[Array, None, bool]:
 
 def _views(place: Array, bearing: float, far_m: float) -> Iterator[Array]:
     """Base poses (3,) that look at a place (2,) from other sides than the one with this bearing [rad] to it."""
-    for turn in _AROUND:
+    for turn in _LOOK.around_rad:
         heading = float(kin.wrap(bearing + turn))
         yield np.append(place - far_m * np.array([np.cos(heading), np.sin(heading)]), heading)
 
 
 def _strolls(work: Work) -> Iterator[Array]:
     """Base poses (3,) somewhere about the robot, each drawn when the one before has been gone to or found blocked."""
-    for _ in range(_STROLLS):
+    for _ in range(_LOOK.strolls):
         here = work.motion.felt.base_pose
-        heading, far = here[2] + work.rng.uniform(-np.pi, np.pi), work.rng.uniform(*_STROLL_M)
+        heading, far = here[2] + work.rng.uniform(-np.pi, np.pi), work.rng.uniform(*_LOOK.stroll_m)
         yield np.array([here[0] + far * np.cos(heading), here[1] + far * np.sin(heading), kin.wrap(heading)])
 
 
 def _free(work: Work, goal: Array, around: Obstacles) -> bool:
     here, around = work.motion.felt.base_pose, work.with_bumps(around)
     way = goal[:2] - here[:2]
-    count = max(2, int(np.ceil(norm(way) / _STEP_M)))
+    count = max(2, int(np.ceil(norm(way) / _LOOK.step_m)))
     poses = [np.array([*(here[:2] + way * u), goal[2]]) for u in np.linspace(0, 1, count + 1)[1:]]
     return all(base_clear(work.motion.robot, around.seen_from(kin.base(pose))) for pose in poses)

@@ -29,9 +29,10 @@ from mpvi_bt.robot.squeeze import squeezes
 from mpvi_bt.scene.knowledge import contents
 from mpvi_bt.scene.seen import Seen
 
+# Our choice.
 _TRIES = 3  # of a clause
-_OTHERS = 4  # things that are opened because something is not in what was
-_HANDS_RAD = 0.9  # the head's tilt to see what folded hands hold
+_OTHERS = 4  # things that are opened, one after the other, because something was not in the one before
+_HANDS_RAD = 0.9  # tilt of the head that sees what folded hands hold
 _NAMES = ("object", "container", "surface", "target", "tool", "source")  # slots that name things to look for
 _HIDDEN = {  # these need not be seen: what is in a vessel, mere dirt, and what driving looks for itself
     "pour": ("object",), "wipe": ("object",), "go_to": ("target",),

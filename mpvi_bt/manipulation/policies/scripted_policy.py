@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Generator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,16 +26,37 @@ from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.scene.scene import Scene
 
-_PATIENCE_S = 2.0  # longer than a trigger takes to fire,
-_IDLE_S = 3.5  # and than one does of who only looks
-_PAST_RAD = (0.4, -0.8, 0.4)  # turns of the base: what is carried may hide what it has come to
+
+@dataclass(frozen=True)
+class Persistence:
+    """How long, and how often, the policy goes on with a prompt.
+
+    Our choice.
+
+    Attributes:
+        patience_s: That it waits for whoever judges it [s]: longer than a trigger takes to fire,
+        idle_s: or than one does about a robot that only looks [s].
+        past_rad: Turns of the base, one after the other, to look past what is carried [rad].
+        attempts: Of one skill.
+        rounds: Of a whole prompt.
+        shown: Times that what has been filled is held out.
+        checks: Base poses that searches for a prompt may check at the start,
+        earned: and so many more with every step: planning keeps well ahead of playing.
+    """
+
+    patience_s: float = 2.0
+    idle_s: float = 3.5
+    past_rad: tuple[float, ...] = (0.4, -0.8, 0.4)
+    attempts: int = 4
+    rounds: int = 3
+    shown: int = 3
+    checks: float = 300.0
+    earned: float = 6.0 / CONTROL_HZ
+
+
+_PERSIST = Persistence()
 _TAKES = ("pick", "lift")  # skills that leave something in hand
 _PUTS = ("place_in", "place_on", "place_next_to", "place_under")  # and that put it away
-_ATTEMPTS = 4  # of one skill
-_ROUNDS = 3  # of a whole prompt
-_SHOWN = 3  # times that what has been filled is held out
-_CHECKS = 300.0  # base poses that searches for a prompt may check at the start,
-_EARNED = 6.0 / CONTROL_HZ  # and more with every step: planning keeps well ahead of playing
 Performance = Generator[Array, None, SkillCall | None]
 # Backing off mends none of these.
 _ANYWHERE = ("unknown_object", "unknown_skill", "not_a_container", "not_held", "hands_full", "not_found", "no_mount")
@@ -104,13 +126,13 @@ class ScriptedPolicy:
             self.ended = self.gave_up = False
             rng = np.random.default_rng([self._seed, self._calls])
             meant = self._meant if self._scene.exact else {}  # what is only seen is numbered anew for each prompt
-            effort = Effort(_CHECKS)
+            effort = Effort(_PERSIST.checks)
             self._work = Work(self._scene, Motion(felt), rng, effort=effort, meant=meant, grasped=self._grasped)
             self._actions = self._performed(self._work, self._prompt)
         work = self._work
         work.motion.felt = felt
         work.images = {camera: observation["images"][camera] for camera in work.wanted}  # more may have been sent
-        work.effort.left += _EARNED
+        work.effort.left += _PERSIST.earned
         started = self._timer() if self._timer else 0.0
         action = next(self._actions, None)
         if self._timer:
@@ -128,7 +150,7 @@ class ScriptedPolicy:
         except MotionFailure as failure:
             self.note = f"{self.note}: {failure.reason}" if self.note else failure.reason
         self.ended = True
-        yield from work.motion.wait(_IDLE_S)  # who is asked now may see that it is done after all
+        yield from work.motion.wait(_PERSIST.idle_s)  # who is asked now may see that it is done after all
         self.gave_up = True
 
     def perform(self, work: Work, prompt: str) -> Performance:
@@ -143,7 +165,8 @@ class ScriptedPolicy:
         if not calls:
             return None
         done = begin = 0  # so many calls have succeeded once, and so many lie behind what was put away last
-        for again in reversed(range(_ROUNDS)):  # what was dropped is picked up again; what was put away stays there
+        # What was dropped is picked up again; what was put away stays there.
+        for again in reversed(range(_PERSIST.rounds)):
             failed = False
             for k, call in enumerate(calls[begin:], begin):
                 if (yield from self.do(work, call)):
@@ -177,8 +200,8 @@ class ScriptedPolicy:
         """It is there, and nobody has said so: look past what it carries, and drive up to it again, for ever."""
         self.note, self.ended = "done", True
         while True:
-            for turn in _PAST_RAD:
-                yield from work.motion.wait(_PATIENCE_S)
+            for turn in _PERSIST.past_rad:
+                yield from work.motion.wait(_PERSIST.patience_s)
                 with contextlib.suppress(MotionFailure):
                     yield from work.motion.drive(work.motion.felt.base_pose + [0.0, 0.0, turn])
             yield from self.attempt(work, last)
@@ -189,23 +212,23 @@ class ScriptedPolicy:
         Returns at once, with true, where it was to be taken and no hand holds anything any more; likewise where it was
         to be put into something, and the views show it beside that.
         """
-        yield from work.motion.wait(_IDLE_S)
+        yield from work.motion.wait(_PERSIST.idle_s)
         if last.motion in _TAKES and not work.carried():
             return True
         for view in views(work, last):
             with contextlib.suppress(MotionFailure):
                 yield from view
-            yield from work.motion.wait(_IDLE_S)
+            yield from work.motion.wait(_PERSIST.idle_s)
         if last.motion == "place_in" and fell_beside(work, last):
             return True
-        for turn in range(_SHOWN):
-            yield from work.motion.wait(_PATIENCE_S)
+        for turn in range(_PERSIST.shown):
+            yield from work.motion.wait(_PERSIST.patience_s)
             for side, held in work.held().items():
                 if work.scene.volumes(held.name):
                     with contextlib.suppress(MotionFailure):
                         yield from present(work, side, 3 * turn)
                         yield from look_at(work, held.name)
-                        yield from work.motion.wait(_PATIENCE_S)
+                        yield from work.motion.wait(_PERSIST.patience_s)
                         yield from tuck(work)
         return False
 
@@ -244,7 +267,7 @@ class ScriptedPolicy:
         """Try one skill several times from different places; yields actions, returns whether it succeeded."""
         tried: list[Array] = []
         yield from come_out(work)
-        for _ in range(_ATTEMPTS):
+        for _ in range(_PERSIST.attempts):
             self.attempts += 1
             try:
                 perform = self._motions.get(call.skill.name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -19,11 +19,28 @@ from mpvi_bt.robot.motion import Actions
 from mpvi_bt.robot.solids import Array
 
 _WHERE = ("container", "surface", "target", "object")  # slots that name what to look at, the first that does
-# To look into a thing from: how far from its middle, and from what bearing, off that from here.
-_FROM_M = (0.5, 0.6, 0.7, 0.8)
-_FROM_RAD = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
-_BESIDE_M = 0.15  # from the middle of a thing to what it missed
-_STEP_M = 0.1  # of a way, between checks
+
+
+@dataclass(frozen=True)
+class Showing:
+    """Where what has been done is looked at from.
+
+    Our choice.
+
+    Attributes:
+        from_m: From the middle of a thing, to look into it from close to [m],
+        from_rad: and from what bearing, off that from here [rad].
+        step_m: Between checks of the way there [m].
+        beside_m: What missed a container lies no farther from its box than that [m].
+    """
+
+    from_m: tuple[float, ...] = (0.5, 0.6, 0.7, 0.8)
+    from_rad: tuple[float, ...] = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
+    step_m: float = 0.1
+    beside_m: float = 0.15
+
+
+_SHOW = Showing()
 
 
 def step_up(work: Work, name: str) -> Actions:
@@ -38,12 +55,12 @@ def step_up(work: Work, name: str) -> Actions:
         around = near.seen_from(kin.base(pose))
         return base_clear(body.robot, around) and replace(body, around=around).all_free()
 
-    for far, turn in product((m for m in _FROM_M if m < gap), _FROM_RAD):
+    for far, turn in product((m for m in _SHOW.from_m if m < gap), _SHOW.from_rad):
         heading = bearing + turn
         goal = np.array([*(place - far * np.array([np.cos(heading), np.sin(heading)])), heading])
         way = goal - here
         way[2] = kin.wrap(way[2])
-        steps = 1 + int(norm(way[:2]) / _STEP_M)
+        steps = 1 + int(norm(way[:2]) / _SHOW.step_m)
         if all(clear(here + u * way) for u in np.linspace(1, 0, steps, endpoint=False)):
             yield from work.motion.drive(goal)
             break
@@ -77,7 +94,7 @@ def fell_beside(work: Work, call: SkillCall) -> bool:
     into = [e for e in known.find(call.arguments["container"]) if e.kind == "object"]
     left = [e for e in known.find(call.arguments["object"]) if e.inside is None and not e.held]
     gaps = [float(norm(e.center - np.clip(e.center, c.lowest, c.highest))) for e in left for c in into]
-    return min(gaps, default=_BESIDE_M) < _BESIDE_M
+    return min(gaps, default=_SHOW.beside_m) < _SHOW.beside_m
 
 
 def done_at(work: Work, call: SkillCall) -> list[str]:

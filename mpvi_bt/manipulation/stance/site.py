@@ -24,22 +24,121 @@ from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid, box
 from mpvi_bt.scene.held import Held
 
-FLOOR = box((0.0, 0.0, -0.1), (60.0, 60.0, 0.2))
-KNOWN_M = 1.4  # from here; farther off there may be walls that are not among the obstacles
-_LEGS_M = (1.3, 1.0, 0.7)  # such legs are driven toward what is too far off,
-_NEARER_M = 0.2  # if they lead so much nearer
-_VIAS = ((-0.35, 0.0), (-0.7, 0.0), (0.0, 0.5), (0.0, -0.5), (-0.35, 0.5), (-0.35, -0.5))  # ahead and left of here [m]
-# Turns about the vertical [rad] of a payload that is brought aside: a wrist that turns little reaches bent torsos so.
-_PITCHES = (0.0, 0.25, 0.5, 0.8, 1.1)  # [rad] of the torsos from which it should be in reach there
-_TURNS_RAD = (0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, np.pi)
-_NEAR = 16  # views of the surroundings that are kept
-_SHARE = 0.2  # Our choice: a hand is turned where it would be in reach from fewer of the torsos than that
-# Off where the hand that works has what it holds, y toward its own side [m]: a torso that is lowered or bent would meet
-# what hangs close to the body, such as a sack from its handle.
-_OUT_M = np.array([(0.12, 0.1, -0.12), (0.2, 0.1, -0.15), (0.3, 0.1, -0.2)])
-_OUT_RAD = (0.0, 0.8, -0.8)  # turned about the vertical, for what is broad and hangs on the near side of its hand
-# Off the middle of the way to where the hand works: before what stands over that there may be no room to stay out.
-_ON_M = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 0.15), (-0.15, 0.0, 0.0), (0.15, 0.0, 0.15)])
+FLOOR = box((0.0, 0.0, -0.1), (60.0, 60.0, 0.2))  # our choice: its top is the floor, and no house is as wide
+KNOWN_M = 1.4  # our choice: obstacles are known this far around the base; farther off there may be walls that are not
+_VIEWS = 16  # our choice: views of the surroundings that are kept
+
+
+@dataclass(frozen=True)
+class ShortWays:
+    """Which ways of the base are looked at.
+
+    Our choice: as a person would step around a chair. What is farther off is left to navigation.
+
+    Attributes:
+        vias_m: Where the straight way is barred: places ahead and to the left of either end of it [m].
+        legs_m: Toward what is too far off, such legs are driven, in each of `headings` directions [m],
+        headings: around the base,
+        nearer_m: if they lead so much nearer [m].
+        step_m: Between checks on a leg [m],
+        step_rad: if the base turns by no more than that meanwhile [rad].
+        leaving: Of a way, is not checked, as the base stands there already [ratio].
+        turning: Of a leg of a base that is not round, on which its corners swing out [ratio],
+        turning_samples: with so many checks there.
+    """
+
+    vias_m: tuple[tuple[float, float], ...] = (
+        (-0.35, 0.0),
+        (-0.7, 0.0),
+        (0.0, 0.5),
+        (0.0, -0.5),
+        (-0.35, 0.5),
+        (-0.35, -0.5),
+    )
+    legs_m: tuple[float, ...] = (1.3, 1.0, 0.7)
+    headings: int = 16
+    nearer_m: float = 0.2
+    step_m: float = 0.12
+    step_rad: float = 0.3
+    leaving: float = 0.3
+    turning: float = 1 / 3
+    turning_samples: int = 4
+
+
+_WAYS = ShortWays()
+
+
+@dataclass(frozen=True)
+class PayloadAside:
+    """How a hand that is not to work brings its payload aside.
+
+    Our choice.
+
+    Attributes:
+        pitches_rad: Of the torsos from which the payload should be in reach there [rad].
+        turns_rad: Of the payload about the vertical [rad]: a wrist that turns little is reached so by bent torsos.
+        share: Of the torsos; the payload is turned where fewer than that reach it as it is [ratio].
+        swivels: Places of the elbow.
+    """
+
+    pitches_rad: tuple[float, ...] = (0.0, 0.25, 0.5, 0.8, 1.1)
+    turns_rad: tuple[float, ...] = (0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4, np.pi)
+    share: float = 0.2
+    swivels: int = 12
+
+
+_ASIDE = PayloadAside()
+
+
+@dataclass(frozen=True)
+class PayloadMeanwhile:
+    """Where the hand that is to work brings its payload while the torso moves: out, or on to where it works.
+
+    Our choice: a torso that is lowered or bent would meet what hangs close to it, such as a sack from its handle.
+
+    Attributes:
+        out_m: Out, from where the payload is: x, y toward the hand's own side, z [m],
+        out_rad: turned about the vertical, for what is broad and hangs on the near side of its hand [rad].
+        on_m: On: off the middle of the way [m]. What stands over where the hand works may leave no room to be out.
+        samples: Of the way, if the payload keeps its place or rides along,
+        more: and if it is brought out or on.
+    """
+
+    out_m: tuple[tuple[float, float, float], ...] = ((0.12, 0.1, -0.12), (0.2, 0.1, -0.15), (0.3, 0.1, -0.2))
+    out_rad: tuple[float, ...] = (0.0, 0.8, -0.8)
+    on_m: tuple[tuple[float, float, float], ...] = (
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.15),
+        (-0.15, 0.0, 0.0),
+        (0.15, 0.0, 0.15),
+    )
+    samples: int = 6
+    more: int = 12
+
+
+_MEANWHILE = PayloadMeanwhile()
+
+
+@dataclass(frozen=True)
+class Comfort:
+    """What makes a posture worse than another.
+
+    Our choice.
+
+    Attributes:
+        limit: Of joints near their limits.
+        pitch: Of each radian that the trunk is bent.
+        lift: Of each meter that the trunk is raised or lowered.
+        arm: Of each radian that a joint of the arm moves.
+    """
+
+    limit: float = 3.0
+    pitch: float = 0.6
+    lift: float = 0.5
+    arm: float = 0.1
+
+
+_COMFORT = Comfort()
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,11 +198,13 @@ class Site:
     def _turned(self, T: Array, side: Side, at: Array) -> Array:
         """T_base_tcp (4, 4) at a place (3,), as upright as before; turned if few torsos would have it in reach so."""
         robot = self.motion.robot
-        turned = np.stack([kin.transform(matmul(kin.rot_z(turn), T[:3, :3]), at) for turn in _TURNS_RAD])
-        chests = kin.inverse(robot.chest(self.torsos(_PITCHES)[0]))
-        reached, _ = robot.arm_inverse(matmul(chests[:, None], turned[None]).reshape(-1, 4, 4), side, swivels=12)
+        turned = np.stack([kin.transform(matmul(kin.rot_z(turn), T[:3, :3]), at) for turn in _ASIDE.turns_rad])
+        chests = kin.inverse(robot.chest(self.torsos(_ASIDE.pitches_rad)[0]))
+        reached, _ = robot.arm_inverse(
+            matmul(chests[:, None], turned[None]).reshape(-1, 4, 4), side, swivels=_ASIDE.swivels
+        )
         shares = np.bincount(np.unique(reached) % len(turned), minlength=len(turned)) / len(chests)
-        return np.asarray(turned[0 if shares[0] >= _SHARE else int(shares.argmax())])
+        return np.asarray(turned[0 if shares[0] >= _ASIDE.share else int(shares.argmax())])
 
     def torsos(self, pitches: Sequence[float]) -> tuple[Array, Array]:
         """Joints (m, 4) and postures (m, 4) of the torsos that a search tries, at pitches [rad]."""
@@ -132,8 +233,9 @@ class Site:
         at, q = robot.arm_inverse(matmul(chests[:, None], goals[None]).reshape(-1, 4, 4), self.side, swivels=swivels)
         t, g = at // len(goals), at % len(goals)
         cost = (
-            3 * robot.limit_cost(q, self.side) + 0.6 * postures[t, 2] + 0.5 * np.abs(postures[t, 0] - lift)
-            + np.array(costs)[g] + 0.1 * np.abs(q - self.motion.arm(self.side)).sum(1)
+            _COMFORT.limit * robot.limit_cost(q, self.side)
+            + _COMFORT.pitch * postures[t, 2] + _COMFORT.lift * np.abs(postures[t, 0] - lift)
+            + np.array(costs)[g] + _COMFORT.arm * np.abs(q - self.motion.arm(self.side)).sum(1)
         )  # fmt: skip
         rows = np.argsort(cost)
         return torsos, t[rows], g[rows], q[rows]
@@ -168,13 +270,17 @@ class Site:
         far = goals[~self._known(goals)]
         if not len(far):
             return None
-        ring = [(r * np.cos(a), r * np.sin(a)) for r in _LEGS_M for a in np.arange(16) * np.pi / 8]
+        ring = [
+            (r * np.cos(a), r * np.sin(a))
+            for r in _WAYS.legs_m
+            for a in 2 * np.pi * np.arange(_WAYS.headings) / _WAYS.headings
+        ]
         steps = np.column_stack([here[:2] + ring, np.full(len(ring), here[2])])
         steps = steps[self.stands(steps)]
         left = norm(steps[:, None, :2] - far[None, :, :2], axis=-1).min(1)
         now = float(norm(far[:, :2] - here[:2], axis=1).min())
         for k in np.argsort(left):
-            if left[k] > now - _NEARER_M:
+            if left[k] > now - _WAYS.nearer_m:
                 return None
             if (route := self.route(here, steps[k])) is not None:
                 return route
@@ -185,7 +291,7 @@ class Site:
         if self.drivable(here, goal):
             return [goal]
         for start in (here, goal):
-            for x, y in _VIAS:
+            for x, y in _WAYS.vias_m:
                 c, s = np.cos(start[2]), np.sin(start[2])
                 via = np.array([start[0] + c * x - s * y, start[1] + s * x + c * y, start[2]])
                 if self.stands(via[None])[0] and self.drivable(here, via) and self.drivable(via, goal):
@@ -225,7 +331,7 @@ class Site:
         """What is in the way and the floor in the frame of a base pose, with or without what the hand works on."""
         key = base.tobytes(), touched
         if key not in self._near:
-            if len(self._near) >= _NEAR:
+            if len(self._near) >= _VIEWS:
                 self._near.clear()
             self._near[key] = (self.everything if touched else self.rest).seen_from(kin.base(base))
         return self._near[key]
@@ -272,14 +378,17 @@ class Site:
         ways, on = [stays], []
         if self.side in self.held:
             ways.append({s: path for s, path in stays.items() if s != self.side})
-            for turn, off in itertools.product(_OUT_RAD, _OUT_M):
+            for turn, off in itertools.product(_MEANWHILE.out_rad, np.array(_MEANWHILE.out_m)):
                 R = matmul(kin.rot_z(turn), now[self.side][:3, :3])
                 out = kin.transform(R, now[self.side][:3, 3] + off * [1, SIGN[self.side], 1])
                 ways.append({**stays, self.side: arm_motion.glide(now[self.side], out)})
             if first is not None and not self.held[self.side].laden:
-                on = [{**stays, self.side: arm_motion.glide(now[self.side], first, detour)} for detour in _ON_M]
+                on = [
+                    {**stays, self.side: arm_motion.glide(now[self.side], first, detour)}
+                    for detour in np.array(_MEANWHILE.on_m)
+                ]
         for k, hands in enumerate(ways + on):
-            samples = 6 if k < 2 else 12
+            samples = _MEANWHILE.samples if k < 2 else _MEANWHILE.more
             key: tuple[int | bytes, ...] = (k, torso.tobytes(), *(q.tobytes() for q in arms.values()))
             if first is not None and k >= len(ways):
                 key += (first.tobytes(),)
@@ -307,14 +416,14 @@ def _placed(points: Array, bases: Array) -> Array:
 def _on_leg(start: Array, goal: Array, leaving: bool) -> Array:
     """(n, 3) base poses on a straight leg that are worth a look; `leaving`: the first third is where it stands."""
     turn = kin.wrap(goal[2] - start[2])
-    n = max(2, int(np.ceil(max(float(norm(goal[:2] - start[:2])) / 0.12, abs(float(turn)) / 0.3))))
-    shares = [u for u in np.linspace(0, 1, n + 1)[1:] if u > 0.3 or n == 2 or not leaving]
+    n = max(2, int(np.ceil(max(float(norm(goal[:2] - start[:2])) / _WAYS.step_m, abs(float(turn)) / _WAYS.step_rad))))
+    shares = [u for u in np.linspace(0, 1, n + 1)[1:] if u > _WAYS.leaving or n == 2 or not leaving]
     return _along(start, goal, shares)
 
 
 def _leaving(start: Array, goal: Array) -> Array:
     """(n, 3) base poses on the first third of a straight leg, where corners swing out."""
-    return _along(start, goal, np.linspace(0, 1 / 3, 5)[1:])
+    return _along(start, goal, np.linspace(0, _WAYS.turning, _WAYS.turning_samples + 1)[1:])
 
 
 def _along(start: Array, goal: Array, shares: Iterable[float]) -> Array:
