@@ -48,10 +48,10 @@ class BackingOff:
     Our choice.
 
     Attributes:
-        speed_m_s: With which it drives back [m/s]: no camera sees the way.
-        beyond_m: What has stopped it is taken to be that far beyond its footprint [m],
-        block_m: in a circle of this radius [m].
-        asides_rad: Off straight back: it takes the first of these ways that is free [rad].
+        speed_m_s: Speed of the base [m/s]: no camera sees the way back.
+        beyond_m: Distance beyond the footprint of what has stopped it [m],
+        block_m: which counts as a disc of this radius [m].
+        asides_rad: Directions off straight back; it takes the first that is free [rad].
     """
 
     speed_m_s: float = 0.15

@@ -24,13 +24,13 @@ class Ranking:
     Our choice.
 
     Attributes:
-        near: Of each meter nearer than is preferred.
-        far: Of each meter beyond half way from there to the handoff distance.
-        aside: Of each meter off the middle of the target's side.
-        behind_m: Of a place at the side of a target with a front; of one behind it twice that [m].
-        large_m: The base faces the center of what measures no more [m], and the nearest point of what is larger.
-        askew_rad: Off its target, a base that is not round may face where it fits no better [rad],
-        around_rad: and where it does not matter where it looks [rad].
+        near: Cost of each meter nearer than the preferred distance.
+        far: Cost of each meter beyond half way from there to the handoff distance.
+        aside: Cost of each meter off the middle of the target's side.
+        behind_m: Cost of a place at the side of a target that has a front; of one behind it twice that [m].
+        large_m: The base faces the center of a target of up to this size [m], and the nearest point of a larger one.
+        askew_rad: Yaw off the target for a base that is not round, where it fits no better [rad],
+        around_rad: and yaw off the best where it matters little where it looks [rad].
     """
 
     near: float = 6.0

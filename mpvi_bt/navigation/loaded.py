@@ -22,18 +22,18 @@ class LoadedCosts:
     Our choice.
 
     Attributes:
-        headings: That are told apart; a step of turning is 7.5 degrees.
-        turn_m: Of turning by a radian, in meters of driving [m].
-        aside: Driving sideways costs so much more than driving ahead, backwards twice that.
-        swept: A load that is over furniture costs so much more sideways: there it is drawn off as it was put in.
-        cannot: Price of a step of a base that cannot go sideways,
-        oblique_rad: where the step is farther off its heading [rad].
-        beside_m: So far around the way of the base's middle a way for the rest is looked for [m].
+        headings: Headings that are told apart, 7.5 degrees each.
+        turn_m: Cost of turning by a radian, in meters of driving [m].
+        aside: Added cost of driving sideways [ratio]; of driving backwards twice that.
+        swept: Added cost of driving sideways with a load over furniture: it is drawn off straight, as it was put in.
+        cannot: Cost of a step that a base which cannot go sideways cannot make,
+        oblique_rad: which is one farther off its heading than this [rad].
+        beside_m: Width around the way of the base's middle in which the way is looked for [m].
         most: States that are looked at: the search takes a third of a second at the most.
-        clear_m: Between obstacles and what turns [m]: what following the path is off by.
-        roomy_m: Loads nearer than that to obstacles cost more [m],
-        tight: up to so many times where they touch.
-        near_m: So near to start and goal a load may be where it touches no more than there [m].
+        clear_m: Clearance between obstacles and what turns, as following the path is off by this [m].
+        roomy_m: Clearance below which a load costs more [m],
+        tight: up to this many times where it touches.
+        near_m: Radius around start and goal in which a load may be where it touches no more than there [m].
     """
 
     headings: int = 48

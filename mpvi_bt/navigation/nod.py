@@ -22,10 +22,10 @@ class Nod:
     Our choice: a little slower than the r1's trunk can.
 
     Attributes:
-        part: Which of a trunk's posture.
-        rate: How fast [m/s or rad/s].
-        near: So near to where it is to be it is there [m or rad].
-        most_s: Then it gives up [s].
+        part: Index of the joint in the trunk's posture.
+        rate: Speed [m/s or rad/s].
+        near: Tolerance [m or rad].
+        most_s: Time after which it gives up [s].
     """
 
     part: int

@@ -52,17 +52,17 @@ class PathPursuit:
     Our choice.
 
     Attributes:
-        easy: Of the acceleration limit is planned with [ratio]; the rest is for corrections.
-        settling: Near the end the speed is at most so many times the distance to go [1/s],
-        settling_steps: and a control step covers at most this part of it [ratio]: the base does not chatter there.
-        turn_first: The base stands still where it faces a right angle divided by this off its way [ratio].
-        there: Of the tolerance: this near to the end a base that cannot go sideways turns to the goal's yaw [ratio].
-        aim: How far along a path of poses the base aims where loads touch, and where there is room [m, and rad].
-        keeps_rad: This near to a pose's yaw the next pose may be gone to [rad].
+        easy: Part of the acceleration limit that is planned with [ratio]; the rest is for corrections.
+        settling: Largest speed near the end, for each meter to go [1/s],
+        settling_steps: and largest part of it in one control step [ratio]: so the base does not chatter at the goal.
+        turn_first: A base that is off its way by a right angle divided by this stands still until it has turned.
+        there: At this part of the tolerance a base that cannot go sideways turns to the goal's yaw [ratio].
+        aim: Lookahead on a path of poses, where loads touch and where there is room [m, and rad].
+        keeps_rad: Yaw error up to which the next pose may be gone to [rad].
         bend: Points of a path of poses before and after one, between which it bends.
-        after: Points of such a path from a bend on where there has to be room for what is swung out of it.
-        off_m: What following such a path may be off by anywhere [m].
-        seen_every: One point in so many of such a path is looked at for what has come in the way.
+        after: Points after a bend at which there has to be room for what is swung out.
+        off_m: Deviation from such a path that is always allowed [m].
+        seen_every: One point in so many of such a path is checked for new obstacles.
     """
 
     easy: float = 0.7

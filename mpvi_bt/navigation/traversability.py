@@ -34,9 +34,9 @@ class Escape:
     Our choice.
 
     Attributes:
-        near_m: Around where it stands [m],
-        out_m: or so far beyond the nearest place where it fits [m],
-        deep_m: if that is no farther off than this [m].
+        near_m: Radius around the base within which it may leave [m],
+        out_m: or distance beyond the nearest place where it fits [m],
+        deep_m: if that place is no farther than this [m].
     """
 
     near_m: float = 0.6

@@ -23,12 +23,12 @@ class Tries:
     Our choice.
 
     Attributes:
-        loaded: Goals of a robot with something in its hands.
-        base: Goals of a base that is not round,
-        apart_m: which are so far apart [m].
-        tight_m: So much less room is given to loads where they do not fit with it, half of that to the base [m].
-        halts: Of a base before one goal, after which that is no goal,
-        halted_m: if it was this near to where the base was going [m].
+        loaded: Goals that are tried by a robot with something in its hands.
+        base: Goals that are tried by a base that is not round,
+        apart_m: at least this far apart [m].
+        tight_m: How much less clearance loads get where they do not fit otherwise, and the base half of that [m].
+        halts: Halts of the base before one goal after which that is no goal,
+        halted_m: if the base was going to a place this near to it [m].
     """
 
     loaded: int = 2

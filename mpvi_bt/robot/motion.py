@@ -7,6 +7,7 @@ each step; the hand lines and drives are closed loops around that, and each moti
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Slerp
@@ -56,6 +57,32 @@ class MotionFailure(Exception):
 def smooth(u: float) -> float:
     """0..1 eased at both ends."""
     return u * u * (3 - 2 * u)
+
+
+@dataclass(frozen=True)
+class GripTimes:
+    """In what time a hand opens or closes.
+
+    Our choice: slowly on a payload, as fast fingers bat light things away; faster with nothing between them.
+
+    Attributes:
+        take_s: On a payload that nothing else holds [s].
+        firm_s: On a bar, or off what stays where it is [s].
+        clear_s: Off whatever it may have got hold of when a motion failed [s].
+        empty_s: With nothing between the fingers [s].
+        preset_s: Of an open hand to another opening [s].
+        ready_s: Of a hand that should be open already [s].
+    """
+
+    take_s: float = 0.67
+    firm_s: float = 0.5
+    clear_s: float = 0.4
+    empty_s: float = 0.3
+    preset_s: float = 0.2
+    ready_s: float = 0.1
+
+
+GRIP = GripTimes()
 
 
 class Motion:

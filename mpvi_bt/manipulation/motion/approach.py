@@ -15,7 +15,7 @@ from mpvi_bt.manipulation.stance.stance_search import Search
 from mpvi_bt.robot import arm_motion
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul, norm
-from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
@@ -45,7 +45,7 @@ class Approach:
     inward_m_s: float = 0.25
 
 
-_APPROACH = Approach()
+APPROACH = Approach()
 
 
 @dataclass(frozen=True)
@@ -55,12 +55,14 @@ class Feeling:
     Our choice.
 
     Attributes:
-        speed_m_s: Of the hand, until it is stopped [m/s]: the faster it is, the farther it pushes what it meets.
-        calm_s: That the arm rests first [s]: one that still swings from the way feels touches that are none.
-        pressed_s: That it stays on a switch [s]: twice as long as one takes to turn (`sim.switches.PRESSED_STEPS`).
+        speed_m_s: Speed of the hand until something stops it [m/s]: a faster one pushes what it meets farther.
+        back_m_s: Speed of the hand that draws back from what it has touched [m/s].
+        calm_s: Rest before it [s]: an arm that still swings from its last motion feels contacts that are none.
+        pressed_s: How long a switch is pressed [s]: twice as long as it takes to turn (`sim.switches.PRESSED_STEPS`).
     """
 
     speed_m_s: float = 0.06
+    back_m_s: float = 0.12
     calm_s: float = 0.4
     pressed_s: float = 0.4
 
@@ -111,14 +113,14 @@ def close_in(
         MotionFailure: As `approach`.
     """
     trusting = False  # once the benefit of the doubt was needed it stays given, or every look finds another stance
-    for looks in range(_APPROACH.looks):
+    for looks in range(APPROACH.looks):
         if looks or not studied(work, about):
             yield from study(work, about)
         search = replace(work.search(side, touched), tried=list(tried))
-        with work.effort.sparing(0.0 if work.scene.exact else _APPROACH.spared):
+        with work.effort.sparing(0.0 if work.scene.exact else APPROACH.spared):
             stance = None if trusting else find(search, looks > 0)
         if stance is None and work.effort.left <= 0:
-            yield from work.motion.wait(_APPROACH.pause_s)
+            yield from work.motion.wait(APPROACH.pause_s)
             stance = None if trusting else find(search, looks > 0)
         if stance is None and not work.scene.exact:
             with work.scene.trusting(remembering=True):  # the base goes where little is in view from here
@@ -134,7 +136,7 @@ def close_in(
         away = stance.route[-1] - work.motion.felt.base_pose
         if work.scene.exact or (norm(away[:2]) < 0.02 and abs(kin.wrap(away[2])) < 0.03):
             break
-        if looks < _APPROACH.looks - 1:
+        if looks < APPROACH.looks - 1:
             for base in stance.route:
                 yield from work.motion.drive(base)
     assert stance is not None
@@ -170,8 +172,8 @@ def _refined(work: Work, side: Side, stance: Stance, options: Sequence[Option]) 
     to_base = kin.inverse(work.base)
     lift = stance.waypoints[-1][2, 3] - stance.waypoints[-2][2, 3]
     alike = [o for o in options if abs(o.waypoints[-1][2, 3] - o.waypoints[-2][2, 3] - lift) < 0.005]
-    for option in sorted(alike, key=lambda o: _apart(planned, o.waypoints[0]))[: _APPROACH.refined]:
-        if _apart(planned, option.waypoints[0]) > _APPROACH.corrected:
+    for option in sorted(alike, key=lambda o: _apart(planned, o.waypoints[0]))[: APPROACH.refined]:
+        if _apart(planned, option.waypoints[0]) > APPROACH.corrected:
             break
         waypoints, q = matmul(to_base, option.waypoints), work.motion.arm(side)
         for T in waypoints:
@@ -193,7 +195,7 @@ def take_up(work: Work, stance: Stance, search: Search) -> Actions:
     yield from work.motion.stand(stance.torso, stance.level)
     yield from work.motion.follow(search.side, stance.path)
     if stance.runs_up:
-        yield from work.motion.drive(stance.base, _APPROACH.inward_m_s)
+        yield from work.motion.drive(stance.base, APPROACH.inward_m_s)
 
 
 def arrive(
@@ -217,13 +219,13 @@ def lines(work: Work, side: Side, stance: Stance, waypoints: Sequence[int], spee
 def leave(work: Work, stance: Stance) -> Actions:
     """Out again, the way that the base drove straight in."""
     if stance.runs_up:
-        yield from work.motion.drive(stance.route[-1], _APPROACH.inward_m_s)
+        yield from work.motion.drive(stance.route[-1], APPROACH.inward_m_s)
 
 
 def withdraw(work: Work, side: Side, stance: Stance) -> Actions:
     """After a failure at a stance: back to its first waypoint, then out; a hand that holds nothing is opened."""
     if not work.gripped(side):
-        yield from work.motion.grip(side, 1.0, 0.4)
+        yield from work.motion.grip(side, 1.0, GRIP.clear_s)
     with suppress(MotionFailure):
         yield from lines(work, side, stance, [0])
     with suppress(MotionFailure):

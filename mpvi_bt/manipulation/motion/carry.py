@@ -17,7 +17,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Body, Load
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.model import SIGN
-from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array
 
@@ -120,7 +120,7 @@ def come_out(work: Work) -> Actions:
     with suppress(MotionFailure):
         for side in out:
             if work.gripped(side):
-                yield from work.motion.grip(side, 1.0, 0.4)
+                yield from work.motion.grip(side, 1.0, GRIP.clear_s)
             yield from _draw_off(work, side)
         yield from settle(work)
 

@@ -30,15 +30,15 @@ class LookingAround:
     Attributes:
         looks: Lift [m] and tilt of the head [rad], of a body that holds nothing: down, near, ahead, and from low down
             and high up into compartments.
-        turns: Of the base from where it came [rad], and how many of the looks there.
-        elsewhere: How many of the looks from each other place,
-        again: and from another side of a place that it has looked at already.
-        before_m: A robot that was handed over stands about so far from what it is to work on [m],
-        around_rad: which other bearings may show [rad],
-        farther_m: from there where nothing nearer can be gone to [m].
-        strolls: Then it goes to so many places, at random,
-        stroll_m: the nearest and the farthest of them so far off [m].
-        step_m: Between checks of the way there [m].
+        turns: Turns of the base from where it came [rad], each with how many of the looks are taken there.
+        elsewhere: How many of the looks are taken at each place that it strolls to,
+        again: and at another side of a place that it has looked at before.
+        before_m: Distance of the robot from what it is to work on, as navigation hands over [m].
+        around_rad: Other bearings that this place is looked at from [rad].
+        farther_m: Distances to look at it from, where nothing nearer can be reached [m].
+        strolls: Places at random that it goes to after that,
+        stroll_m: nearest and farthest from where it stands [m].
+        step_m: Distance between two checks of the way [m].
     """
 
     looks: tuple[tuple[float, float], ...] = (

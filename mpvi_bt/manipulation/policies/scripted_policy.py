@@ -21,7 +21,7 @@ from mpvi_bt.manipulation.stance.effort import Effort
 from mpvi_bt.manipulation.stance.grasps import grasps
 from mpvi_bt.plan.clauses import clauses, match
 from mpvi_bt.plan.skills import Skill, SkillCall
-from mpvi_bt.robot.motion import Actions, Motion, MotionFailure
+from mpvi_bt.robot.motion import GRIP, Actions, Motion, MotionFailure
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, Proprioception, Side
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.scene.scene import Scene
@@ -34,13 +34,13 @@ class Persistence:
     Our choice.
 
     Attributes:
-        patience_s: That it waits for whoever judges it [s]: longer than a trigger takes to fire,
-        idle_s: or than one does about a robot that only looks [s].
+        patience_s: Pause in which whoever judges it can say that it is done [s]: a trigger fires sooner,
+        idle_s: and sooner than this about a robot that only looks [s].
         past_rad: Turns of the base, one after the other, to look past what is carried [rad].
-        attempts: Of one skill.
-        rounds: Of a whole prompt.
-        shown: Times that what has been filled is held out.
-        checks: Base poses that searches for a prompt may check at the start,
+        attempts: Attempts at one skill.
+        rounds: Attempts at a whole prompt.
+        shown: Times that a filled container is held out to be seen.
+        checks: Base poses that the searches for a prompt may check at the start,
         earned: and so many more with every step: planning keeps well ahead of playing.
     """
 
@@ -297,7 +297,7 @@ class ScriptedPolicy:
         held = work.held()
         for side in work.motion.robot.sides:
             if side not in held and work.motion.felt.gripper_command[side] < 0.9:
-                yield from work.motion.grip(side, 1.0, 0.4)
+                yield from work.motion.grip(side, 1.0, GRIP.clear_s)
             if side not in held:
                 with contextlib.suppress(MotionFailure):  # where no hand gets clear, folding is tried all the same
                     yield from (draw_off(work, side) if around(work, side) else work.rise(side))

@@ -28,10 +28,10 @@ class Showing:
     Our choice.
 
     Attributes:
-        from_m: From the middle of a thing, to look into it from close to [m],
-        from_rad: and from what bearing, off that from here [rad].
-        step_m: Between checks of the way there [m].
-        beside_m: What missed a container lies no farther from its box than that [m].
+        from_m: Distances from the middle of a thing to look into it from [m],
+        from_rad: and bearings, off the present one [rad].
+        step_m: Distance between two checks of the way there [m].
+        beside_m: Largest distance from a container's box to a thing that was dropped and missed it [m].
     """
 
     from_m: tuple[float, ...] = (0.5, 0.6, 0.7, 0.8)

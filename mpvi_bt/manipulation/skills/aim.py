@@ -33,12 +33,12 @@ class Aiming:
     Our choice.
 
     Attributes:
-        ahead_m: From the middle of the tool to the surface that it is aimed at [m].
-        heights_m: Of the tool above the floor, the most comfortable first [m].
-        height_cost: Of each of them more than the one before it.
+        ahead_m: Distances from the middle of the tool to the surface that it is aimed at [m].
+        heights_m: Heights of the tool above the floor, the most comfortable first [m].
+        height_cost: Added cost of each next height.
         ways: Directions that a thing is aimed at from.
-        back_m: That the hand comes from, and draws back by [m].
-        sprayed_s: That it is sprayed [s].
+        back_m: Standoff of the hand before and after it [m].
+        sprayed_s: How long a thing is sprayed [s].
     """
 
     ahead_m: tuple[float, ...] = (0.3, 0.45)

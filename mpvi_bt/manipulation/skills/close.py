@@ -30,7 +30,7 @@ from mpvi_bt.manipulation.stance.course import SHORT_M, Course, Start
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.linear_algebra import matmul, norm
-from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.shapes.moving_parts import Door
@@ -44,20 +44,20 @@ class Shutting:
     seen, whose place and angle are off, so that the fist has to go on until something stops it.
 
     Attributes:
-        doors: That one call closes, at the most.
-        closed: A door that is less far open is closed [ratio of its limit].
-        facing: Cosine between directions that fronts of the same side of a thing look to.
+        doors: Doors that one call closes, at the most.
+        closed: A door that is open by less counts as closed [ratio of its limit].
+        facing: Cosine between the outward directions of two fronts that are on the same side of a thing.
         same_m: A door whose middle is still this near to where it was has not moved [m].
-        nearly: Of the way, from which on a felt door may be shut [ratio]: before, it resists as it moves.
-        felt_m: The fist is held off so far by a felt door that is shut [m].
-        beyond: The fist goes on so far beyond a felt door that is shut [rad or m]: arms give way.
-        unsure_rad: Likewise beyond a hinged door that is only seen [rad],
-        unsure_m: and beyond a drawer [m].
-        moving: Of the way, from which on a seen door may be shut [ratio]: one that begins to move resists, too.
-        stopped_m: The fist is held off so far by a seen door that is shut [m],
-        stopped_steps: at so many steps in a row.
-        home: Of the way that may be left when a door stops that has been brought home [ratio].
-        aslant: Tangent of how far a fist draws back sideways, toward the hinge, to keep clear of the bar.
+        nearly: Progress of the push from which a felt door may be shut [ratio].
+        felt_m: How far a felt door that is shut holds the fist off its target [m].
+        beyond: How far past the closed position the fist pushes a felt door [rad or m]: arms give way.
+        unsure_rad: The same for a hinged door that is only seen [rad],
+        unsure_m: and for a drawer that is only seen [m].
+        moving: Progress of the push from which a seen door may be shut [ratio]: it resists as it begins to move, too.
+        stopped_m: How far a seen door that is shut holds the fist off its target [m],
+        stopped_steps: for so many control steps in a row.
+        home: Part of the way that may be left where a door stops that counts as brought home [ratio].
+        aslant: Sideways part of the fist's retreat, toward the hinge, to keep clear of the bar [tangent].
     """
 
     doors: int = 8
@@ -86,25 +86,25 @@ class PushPoints:
     Our choice: near the free edge, where least force is needed, and clear of the bar.
 
     Attributes:
-        inset_m: From the free edge [m].
-        unseen_m: Likewise where the bar is hidden [m]: farther in than bars are.
-        lid_m: Likewise on a lid, where a finger lies along the face and the palm has to stay beyond the edge [m].
-        widest: An inset is no larger than so many halves of the face.
-        inset_cost: Of each meter of it.
-        edge_m: From the upper and the lower edge [m].
-        beside_m: From the bar's end, or from its axis, to the middle of the fist [m],
-        spare_m: which may be this much less [m], and
-        across_m: is that much more from the axis: a fist is broader across the bar [m].
-        step_m: From a height beyond the bar's end to one that is safer still [m].
-        height_cost: Of each height that is not the first.
-        off_middle: Heights where a bar that is not known is unlikely [ratio of half the height].
-        aside: Where to push a drawer, off its middle [ratio of half its width]: beside its bar.
-        below: Likewise in height.
-        turns: Of the door's angle, that the hand turns along [ratio]: at half, base and arm share it.
-        turn_cost: Of a share that is not the first.
-        leans_rad: Of a hand that pushes a lid down, along the hinge [rad].
-        lean_cost: Of each radian.
-        courses: That are looked at, the cheapest first.
+        inset_m: Distances of the fist from the free edge [m].
+        unseen_m: The same where the bar is hidden [m]: farther in than bars are.
+        lid_m: The same on a lid, where a finger lies along the face and the palm has to stay beyond the edge [m].
+        widest: Largest inset [ratio of half the face's width].
+        inset_cost: Cost of each meter of inset beyond the first.
+        edge_m: Clearance from the upper and the lower edge [m].
+        beside_m: Distance from the end of the bar to the middle of the fist [m],
+        spare_m: which may be less by this [m]
+        across_m: and has to be more by this, from the bar's axis: a fist is broader across the bar [m].
+        step_m: Distance from a height beyond the bar's end to the next one, which is safer still [m].
+        height_cost: Added cost of each next height.
+        off_middle: Heights to push at where no bar is known, off the middle, where bars are [ratio of half the height].
+        aside: Where to push a drawer, sideways from its middle, to keep clear of its bar [ratio of half its width],
+        below: and up from its middle [ratio of half its height].
+        turns: How far the hand turns along with the door [ratio of its angle]: at half, base and arm share the turning.
+        turn_cost: Cost of each unit off the first of these.
+        leans_rad: Leans along the hinge of a hand that pushes a lid down [rad].
+        lean_cost: Cost of each radian of it.
+        courses: Courses that are looked at, the cheapest first.
     """
 
     inset_m: tuple[float, ...] = (0.07, 0.12, 0.2)
@@ -252,7 +252,7 @@ def _push_home(
         yield from touch(work, course, side, until_contact=not work.scene.exact)
         yield from go_along(motion, course, side, start.torso_after, shut, 1.0 if work.scene.exact else FOLLOW.pushing)
 
-    yield from motion.grip(side, -1.0, 0.3)
+    yield from motion.grip(side, -1.0, GRIP.empty_s)
     yield from take_up(work, start, side, idle)
     yield from then_leave(work, side, push(), _to_hinge(door))
     return held_up >= _SHUT.stopped_steps and left < _SHUT.home * way

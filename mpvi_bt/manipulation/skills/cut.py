@@ -32,11 +32,11 @@ class Cutting:
     Our choice.
 
     Attributes:
-        into_m: How far below the top of the thing the hand is told to go [m]: the arm's give does the pressing.
-        beside_m: What is this near to what is cut, such as the board under it, may be touched [m].
-        again_s: Between two cuts [s]: the blade has to be ready again.
-        pieces: That one thing is cut into by one call, at the most.
-        turn_cost: Of each radian that the tool is turned about the vertical.
+        into_m: How far below the top of the thing the blade's target is [m]: the arm's give turns that into force.
+        beside_m: Things this near to what is cut, such as the board under it, may be touched [m].
+        again_s: Time between two cuts [s]: the blade has to be ready again.
+        pieces: Pieces that one thing is cut into by one call, at the most.
+        turn_cost: Cost of each radian that the tool is turned about the vertical.
     """
 
     into_m: float = 0.015

@@ -19,7 +19,7 @@ from mpvi_bt.manipulation.stance.stance import Option
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.linear_algebra import matmul, norm
-from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Side
 from mpvi_bt.robot.solids import Array
 
@@ -31,26 +31,26 @@ class DrawingOut:
     Our choice, by books, boards and boxes at walls.
 
     Attributes:
-        behind_m: Less room than that behind a side is none for a finger [m].
-        behind_at: Heights that this is looked at, off the middle [ratio of the height].
-        support_m: What bears an end that has been swung out is this far below its underside [m].
-        arc_rad: Angles about the far end that the hand goes through [rad]: the last lets fingers in behind the thing.
-        speed_m_s: Of the hand [m/s]: rubber fingertips hold what they take along so slowly.
-        before_m: That the hand waits before the end of the thing, along its approach [m].
-        off_m: Between the fingers and the end of the thing, before and afterward [m].
-        press_m: How far into the end the hand is told to go [m]: the arm's give makes that a force,
-        slides: and for each radian of the arc so much more [ratio of the width], as the thing slides along the wall.
-        away_m: That the hand goes off the end when the arc is done [m].
-        tilts_rad: Of the approach from straight down, the best first [rad].
-        tilt_cost: Of each radian off the best.
-        turns_rad: Of the hand about the vertical [rad].
-        turn_cost: Of each radian.
-        depths_m: Of the tcp before the side that touches [m].
-        depth_cost: Of each meter.
-        above_m: Of the tcp above the underside, if the hand has room [m]; no more than half of the height.
-        low: Of the height; higher up a thing would rather fall over than turn [ratio].
-        flat_m: So low anything turns [m],
-        edge_m: as long as the fingers stay that far below its upper edge and do not slip over it [m].
+        behind_m: Width that a finger needs behind the thing [m].
+        behind_at: Heights at which that is checked, from the middle [ratio of the thing's height].
+        support_m: How far below the underside the support of an end that has been swung out is looked for [m].
+        arc_rad: Angles about the far end that the hand goes through [rad]: at the last, fingers fit behind the thing.
+        speed_m_s: Speed of the hand [m/s]: slow enough that rubber fingertips keep their hold by friction.
+        before_m: Standoff of the hand before the end of the thing, along its approach [m].
+        off_m: Clearance of the fingers from the end of the thing before and after the push [m].
+        press_m: How far into the end the hand's target is [m]: the arm's give turns that into force.
+        slides: How much deeper for each radian of the arc, as the thing slides along the wall [ratio of its width].
+        away_m: How far the hand moves off the end after the arc [m].
+        tilts_rad: Tilts of the approach from straight down, the best first [rad].
+        tilt_cost: Cost of each radian off the best.
+        turns_rad: Turns of the hand about the vertical [rad].
+        turn_cost: Cost of each radian of it.
+        depths_m: Distances of the tcp before the side that the fingers press on [m].
+        depth_cost: Cost of each meter of it.
+        above_m: Height of the tcp above the underside, if the hand has room [m]; half the thing's if that is less.
+        low: Largest height of the tcp [ratio of the thing's height]: pushed higher up, a thing rather falls over.
+        flat_m: Height up to which nothing falls over [m],
+        edge_m: if the fingers stay this far below the upper edge, so that they do not slip over it [m].
     """
 
     behind_m: float = 0.045
@@ -101,7 +101,7 @@ def draw_out(work: Work, name: str, side: Side) -> Actions:
     motion = work.motion
     tried: list[Array] = []
     stance, search = yield from approach(work, side, name, lambda: options(work, name), tried)
-    yield from motion.grip(side, -1.0, 0.3)
+    yield from motion.grip(side, -1.0, GRIP.empty_s)
     try:
         stance = yield from arrive(work, stance, search, lambda: options(work, name))
         yield from lines(work, side, stance, [1])
@@ -114,7 +114,7 @@ def draw_out(work: Work, name: str, side: Side) -> Actions:
         yield from withdraw(work, side, stance)
         raise
     yield from leave(work, stance)
-    yield from motion.grip(side, 1.0, 0.3)
+    yield from motion.grip(side, 1.0, GRIP.empty_s)
     yield from settle(work, without={name})
 
 

@@ -36,24 +36,25 @@ class Falling:
     Our choice.
 
     Attributes:
-        over_rim_m: Between the lowest point of the payload and the rim [m],
-        over_lid_m: or what stands up above that, such as an open lid: above it there is room for every hand [m].
-        most_up_m: Farther up than `over_rim_m`, at the most [m]: what falls far may turn.
-        heights: From the one to the other.
-        fall_m: To spare on every side of what falls in [m],
-        ample_m: better that much [m].
-        lean: Cosine with the vertical: a container whose axis is farther from it is not open above.
-        rim_m: What reaches up to this far below the rim covers the opening [m],
-        cover_m: unless it is that much higher than the rim [m].
-        staves: Of the radius of a round container: what stands farther out is its wall [ratio].
-        tilts_rad: Of the payload from how it hangs [rad],
-        turns_rad: and about the vertical [rad].
+        over_rim_m: Clearance between the lowest point of the payload and the rim [m].
+        over_lid_m: Clearance over what stands up above the rim, such as an open lid, where every hand has room [m].
+        most_up_m: Largest height above `over_rim_m` to let go from [m]: what falls far may turn.
+        heights: Heights that are tried between the two.
+        fall_m: Clearance on every side of what falls in, at the least [m],
+        ample_m: and clearance beyond which more is no better [m].
+        lean: Cosine with the vertical of the axis of a container that is open above, at the least.
+        rim_m: A solid across the opening covers it if its top is no lower than this below the rim [m],
+        cover_m: and its underside no higher than this above the rim [m].
+        staves: In a round container, what is farther out is its own wall [ratio of its radius].
+        tilts_rad: Tilts of the payload from how it hangs [rad],
+        turns_rad: and turns about the vertical [rad].
         level: Sine from the vertical of a hand's approach; steeper, a payload is tilted about the closing axis.
-        off: From the middle, of the room there is [ratio].
-        releases: That are tried of each pose of the container,
+        off: Offsets from the middle of the opening [ratio of the room there is].
+        releases: Releases that are tried with each pose of the container,
         postures: and postures of the arm for each.
-        clear_m: What one hand holds keeps from what the other does [m].
-        above_m: The hand comes down from so far above [m].
+        clear_m: Clearance between what the two hands hold [m].
+        above_m: How far above the release the hand comes in [m].
+        lower_m_s: Speed at which it comes over a container in the other hand [m/s].
     """
 
     over_rim_m: float = 0.02
@@ -74,6 +75,7 @@ class Falling:
     postures: int = 3
     clear_m: float = 0.005
     above_m: float = 0.10
+    lower_m_s: float = 0.08
 
 
 _FALL = Falling()
@@ -86,11 +88,11 @@ class FallCosts:
     Our choice: most of all what might let the payload catch on the rim.
 
     Attributes:
-        narrow: Of each meter that the gap is less than ample, and of each meter that the payload reaches sideways.
-        tilt: Of each radian that it is tilted.
-        turn: Of each radian that it is turned.
-        off: Of each meter off the middle, and of each meter that it lies higher.
-        up: Of each meter that it falls farther.
+        narrow: Cost of each meter of clearance below `ample_m`, and of each meter that the payload reaches sideways.
+        tilt: Cost of each radian of tilt,
+        turn: and of turn about the vertical.
+        off: Cost of each meter off the middle, and of each meter above the container's bottom that it comes to lie.
+        up: Cost of each meter that it falls farther.
     """
 
     narrow: float = 10.0
@@ -207,7 +209,7 @@ def _reach_over(work: Work, side: Side, releases: Sequence[tuple[Array, float]],
     k = yield from meet(work, holder, VESSEL, goals, choose)
     # Arms give way under a load, by a centimeter; what counts is where the container hangs now.
     hangs = matmul(work.scene.pose(container), before, best[k][0])
-    yield from motion.line(side, matmul(kin.inverse(work.base), hangs), speed=0.08)
+    yield from motion.line(side, matmul(kin.inverse(work.base), hangs), speed=_FALL.lower_m_s)
 
 
 def releases(work: Work, held: Held, side: Side, container: str, raised: bool = False) -> list[tuple[Array, float]]:

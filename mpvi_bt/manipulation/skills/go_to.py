@@ -32,17 +32,17 @@ class Legs:
     """How the base gets to a thing by sight.
 
     Attributes:
-        at_m: From the base to the thing, within the handoff distance of navigation [m],
-        near_m: or what is near enough where something is in the way, such as the table that it lies on [m].
-        tilt_rad: Of the head [rad]: it sees the floor from 0.8 m on, and what is far.
-        legs: Before it gives up.
-        leg_m: From one look to the next, at the most [m].
-        beyond_m: The last leg is this much longer than it has to be, so that it ends near enough [m].
-        least_m: A way is barred if there is less room [m].
-        ahead: Legs into an open direction before it looks around again.
-        aside_rad: Off the way to the thing where that is barred, to one side and then to the other [rad].
-        looks: In a full turn.
-        turned_rad: Less than that it does not turn [rad].
+        at_m: Distance from the base to the thing at which it is there, within the handoff distance of navigation [m],
+        near_m: and at which it stops where something bars the rest, such as the table that the thing lies on [m].
+        tilt_rad: Tilt of the head [rad]: it sees the floor from 0.8 m on, and what is far.
+        legs: Legs before it gives up.
+        leg_m: Longest leg, from one look to the next [m].
+        beyond_m: Overshoot of the last leg, so that it ends near enough [m].
+        least_m: Shortest leg; with less room the way is barred [m].
+        ahead: Legs in an open direction before it looks around again.
+        aside_rad: Directions off a barred way that are tried, to one side and then to the other [rad].
+        looks: Looks in a full turn.
+        turned_rad: Turns smaller than this are not made [rad].
     """
 
     at_m: float = 0.85
@@ -66,14 +66,14 @@ class RoomAhead:
     """What of a picture is in the way of the base.
 
     Attributes:
-        around_m: That is free around the base where it drives [m],
+        around_m: Clearance around the base [m],
         loaded_m: and around a hand that holds something [m].
-        height_m: Of what is in the way [m]; lower is the floor, higher the base passes below.
-        specks: So many pixels may be noise.
-        far_m: Room where nothing is in the way [m].
-        step_m: Between checks where the scene is exact [m].
-        load_m: What is this near to a hand that holds something, and moves along, is what it holds [m],
-        along_m: by its depth, which stays the same but for that [m],
+        height_m: Lowest and highest point of an obstacle [m]: lower is the floor, higher the robot passes below.
+        specks: Pixels nearer than an obstacle that may be noise.
+        far_m: Room ahead where no obstacle is seen [m].
+        step_m: Distance between two checks where the scene is exact [m].
+        load_m: Radius around a hand that holds something within which what moves along is its payload [m]:
+        along_m: its depth stays the same, up to this [m],
         pixels: in a window of so many pixels.
     """
 

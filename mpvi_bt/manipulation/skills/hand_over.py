@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from mpvi_bt.manipulation.motion.approach import FEEL
 from mpvi_bt.manipulation.motion.carry import settle, tuck
 from mpvi_bt.manipulation.motion.hold_out import LOOKED_AT, THING, meet
 from mpvi_bt.manipulation.motion.work import Words, Work
@@ -18,7 +19,7 @@ from mpvi_bt.robot.arms import posture_distance
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.linear_algebra import matmul, norm
-from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side, other
 from mpvi_bt.robot.solids import Array, bounds
 from mpvi_bt.scene.held import Held
@@ -31,19 +32,19 @@ class Taking:
     Our choice.
 
     Attributes:
-        apart_m: Between the tcps of the two hands [m]; nearer only
-        opposed: if they come from so different sides that their fingers interleave [cosine between approaches].
-        deep_m: How far a thing reaches behind the tcp into the hand [m].
-        end_m: From the end of a thing to the nearest place where it is taken [m].
+        apart_m: Least distance between the tcps of the two hands [m],
+        opposed: unless the cosine between their approaches is less, so that their fingers interleave.
+        deep_m: How far a thing may reach behind the tcp into the taking hand [m].
+        end_m: Distance from the end of a thing to the nearest place where it is taken [m].
         along: Places along it, off its middle [ratio of the room there is],
         short_m: if that room is more than this [m].
-        angles: That the hand may come from, of a turn about its closing axis.
-        far_m: The giving hand is in the way of the other up to that far [m],
-        far_gain: for each meter farther the posture may be so much worse.
-        palm_m: Behind the tcp there is the palm [m],
-        palm_clear_m: which keeps so far from the thing [m].
-        standoff_m: That a hand waits before it, and comes away after it [m].
-        speed_m_s: On the way in [m/s].
+        angles: Directions that the hand may come from, in a turn about its closing axis.
+        far_m: Distance between the hands beyond which they are in each other's way no more [m],
+        far_gain: and how much better each meter up to there makes a posture.
+        palm_m: Distance of the palm behind the tcp [m],
+        palm_clear_m: and its clearance from the thing [m].
+        standoff_m: Standoff of the taking hand before, and of the giving hand after it [m].
+        speed_m_s: Speed of the taking hand on the last line [m/s].
     """
 
     apart_m: float = 0.055
@@ -84,24 +85,24 @@ def hand_over(work: Work, words: Words, tried: list[Array]) -> Actions:
     ways = list(takes(motion.robot.hand, held[giver]))
     if not ways:
         raise MotionFailure("no_grasp")
-    yield from motion.grip(taker, 1.0, 0.3)
+    yield from motion.grip(taker, 1.0, GRIP.empty_s)
     goals = np.stack(ways)
     k = yield from meet(work, giver, THING, goals, partial(_takeable, work, giver, held[giver], goals))
     # Arms give way under a load; what counts is where the thing is now.
     T = matmul(motion.robot.tcp(motion.felt.torso, motion.felt.arm[giver], giver), goals[k])
     yield from motion.line(taker, T, _TAKING.speed_m_s)
-    yield from motion.grip(taker, -1.0, 0.67)
+    yield from motion.grip(taker, -1.0, GRIP.take_s)
     yield from motion.wait(0.2)
     if not work.gripped(taker):
         raise MotionFailure("closed_empty")
     if giver in work.grasped:
         work.grasped[taker] = matmul(work.grasped[giver], goals[k][:3, :3])
-    yield from motion.grip(giver, 1.0, 0.5)
+    yield from motion.grip(giver, 1.0, GRIP.firm_s)
     yield from motion.wait(0.1)
     away = motion.hand(giver)
     away[:3, 3] -= _TAKING.standoff_m * away[:3, 2]
     if arm_motion.trace(motion.robot, motion.torso, giver, motion.arm(giver), away) is not None:
-        yield from motion.line(giver, away, 0.12)
+        yield from motion.line(giver, away, FEEL.back_m_s)
     if not work.gripped(taker):
         raise MotionFailure("dropped")
     yield from tuck(work)  # out of the way of the other arm

@@ -23,10 +23,10 @@ class Viewpoints:
     Our choice.
 
     Attributes:
-        same: From places this near one sees the same [m, rad].
-        turns_rad: From facing it [rad]: of what is large the picture may have shown an end.
-        around_rad: Around it, from where the robot is [rad],
-        off_m: so far from its nearest face, where what is carried does not hide it [m].
+        same: Viewpoints this near to each other show the same [m, rad].
+        turns_rad: Turns of the base from facing the thing [rad]: of a large one the picture may have shown an end.
+        around_rad: Bearings around the thing, from that of the robot [rad],
+        off_m: at this distance from its nearest face, where a payload does not hide it [m].
     """
 
     same: float = 0.05

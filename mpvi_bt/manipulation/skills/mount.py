@@ -16,7 +16,7 @@ from mpvi_bt.manipulation.motion.work import Words, Work
 from mpvi_bt.manipulation.stance.stance import Option
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul
-from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.robot.solids import Array
 from mpvi_bt.scene.held import Held
 
@@ -28,9 +28,9 @@ class Mounting:
     Our choice.
 
     Attributes:
-        off_m: Between the mounts before they meet [m], and between hand and payload afterward.
-        beyond_m: The hand feels its way that far into where they should meet [m].
-        leans_rad: About the way that it comes [rad]; 15 degrees are allowed.
+        off_m: Standoff of the mounts before, and of the hand after it [m].
+        beyond_m: How far past the meeting point the hand's target is [m]: it stops at contact.
+        leans_rad: Turns about the direction of approach [rad]; 15 degrees are allowed.
     """
 
     off_m: float = 0.10
@@ -63,7 +63,7 @@ def mount(work: Work, words: Words, tried: list[Array]) -> Actions:
         yield from withdraw(work, side, stance)
         raise
     yield from work.motion.wait(0.3)
-    yield from work.motion.grip(side, 1.0, 0.5)
+    yield from work.motion.grip(side, 1.0, GRIP.firm_s)
     with suppress(MotionFailure):
         yield from lines(work, side, stance, [2])
     yield from leave(work, stance)

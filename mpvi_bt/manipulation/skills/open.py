@@ -27,7 +27,7 @@ from mpvi_bt.manipulation.skills.openings import (
 )
 from mpvi_bt.manipulation.stance.course import AROUND_M, Course, CourseSearch, Start
 from mpvi_bt.robot.linear_algebra import matmul, norm
-from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.robot.protocol import ActionLayout, Side
 from mpvi_bt.robot.solids import Array, Solid
 from mpvi_bt.shapes.moving_parts import Bar, Door
@@ -40,16 +40,16 @@ class Opening:
     Our choice: enough to reach in. Of several ways the most comes first; there may be no room for it.
 
     Attributes:
-        upright_rad: Of doors with an upright hinge [rad].
-        flap_rad: Of flaps with a hinge below [rad]: farther down the bar could not be taken hold of to close it again.
-        rising_rad: Of flaps with a hinge above [rad]: above what it closes a flap is in nobody's way.
-        lid_rad: Of lids on top [rad]: no farther than that a hand gets behind it to close it.
-        slide_m: Of drawers [m].
-        enough: Of the least of these, or of that share of the limit if it is less, counts as open [ratio].
-        views: By which what looks open is believed to be, at the most.
+        upright_rad: Openings of doors with an upright hinge [rad].
+        flap_rad: Openings of flaps with a hinge below [rad]: any farther the bar is out of reach to close it again.
+        rising_rad: Openings of flaps with a hinge above [rad]: above what it closes a flap is in nobody's way.
+        lid_rad: Openings of lids on top [rad]: any farther no hand gets behind it to close it.
+        slide_m: Openings of drawers [m].
+        enough: Part of the least of these, or of the limit if that is less, from which a door is open [ratio].
+        views: Views that have to agree that a door is open already.
         same_bar_m: A bar that is seen this near to where it was has not moved [m].
-        deep_m: Of what is behind a front, where only the front was seen [m],
-        behind_m: from this far behind the front's middle on [m].
+        deep_m: Depth of what is taken to be behind a front of which only the front was seen [m],
+        behind_m: and its distance from the middle of that front [m].
     """
 
     upright_rad: tuple[float, ...] = (1.5, 1.3, 1.1, 0.9)
@@ -149,7 +149,7 @@ def swing(
         raise work.no_stance()
     side, start, course, search = found
     tried.append(start.base)
-    yield from motion.grip(side, 1.0, 0.1)
+    yield from motion.grip(side, 1.0, GRIP.ready_s)
     yield from take_up(work, start, side, search.other)
     yield from then_leave(work, side, _lead(work, course, side, start.torso_after))
 
@@ -161,7 +161,7 @@ def _lead(work: Work, course: Course, side: Side, torso_after: Array) -> Actions
         return False
 
     yield from touch(work, course, side)
-    yield from work.motion.grip(side, -1.0, 0.5)
+    yield from work.motion.grip(side, -1.0, GRIP.firm_s)
     yield from work.motion.wait(0.15)
     if not work.gripped(side):
         raise MotionFailure("closed_empty")
@@ -185,7 +185,7 @@ def then_leave(work: Work, side: Side, doing: Actions, aside: Array | None = Non
     failures: list[MotionFailure] = []
     yield from _trying(doing, failures)
     if aside is None:
-        yield from motion.grip(side, 1.0, 0.3)
+        yield from motion.grip(side, 1.0, GRIP.empty_s)
     else:
         motion.action[ActionLayout.ARM[side]] = motion.felt.arm[side]  # presses no more
     away = -matmul(work.base, motion.hand(side))[:2, 2]

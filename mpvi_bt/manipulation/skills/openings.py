@@ -36,16 +36,16 @@ class DoorViews:
     Our choice, by kitchen furniture.
 
     Attributes:
-        looks: At the whole front, with a turn between two: where its middle is shows better from the first one on.
-        beside_rad: From facing a door, to see what is beside the base on the hinge's side [rad],
-        down_rad: the head tilted down by so much [rad].
-        aside_rad: From where it is looked at: the outside of an open door may be seen from there [rad],
-        aside_m: from no nearer than that [m].
-        before_m: Where to stand before a face [m].
-        stage_rad: On the way around a thing, from one look to the next [rad].
-        same_m: The middles of one door, seen twice, are no farther apart [m],
-        same: and how far it is open differs by no more [ratio of its limit].
-        ajar: A door that stands so far open lets one look in [ratio of its limit].
+        looks: Looks at the whole front, with a turn between them: the first shows where its middle is.
+        beside_rad: Turn from facing a door that shows what is beside the base on the hinge's side [rad],
+        down_rad: and tilt of the head for it [rad].
+        aside_rad: Bearings off the present one from which the outside of an open door may be seen [rad],
+        aside_m: from no nearer than this [m].
+        before_m: Distance to stand before a face [m].
+        stage_rad: Angle between two looks on the way around a thing [rad].
+        same_m: Largest distance between the middles of one door that is seen twice [m],
+        same: and largest difference of its opening [ratio of its limit].
+        ajar: Opening from which one sees what is inside [ratio of its limit].
     """
 
     looks: int = 2
@@ -70,12 +70,12 @@ class BarGrip:
     Our choice.
 
     Attributes:
-        short_m: That the open hand waits before the bar [m].
-        along: Where to hold it, from its middle [ratio of its length].
-        along_cost: Of each length.
-        turns: Of a door's angle, that the hand turns along [ratio]: half is easiest, for the base turns as much.
-        lid_turns: Likewise of a lid's: fingers hold a bar fast, and what stands loose would tilt with the hand.
-        turn_cost: Of a share that is not the first.
+        short_m: Standoff of the open hand before the bar [m].
+        along: Places to hold the bar, from its middle [ratio of its length].
+        along_cost: Cost of each bar's length off the middle.
+        turns: How far the hand turns along with a door [ratio of its angle]: at half, the base turns as much.
+        lid_turns: The same for a lid: fingers hold a bar fast, and what stands loose would tilt with the hand.
+        turn_cost: Cost of each unit off the first of these.
     """
 
     short_m: float = 0.11

@@ -17,7 +17,7 @@ from mpvi_bt.perception.phrases import OTHER, normalize
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Load
 from mpvi_bt.robot.linear_algebra import matmul, norm
-from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array
 
@@ -29,15 +29,14 @@ class Lifting:
     Our choice.
 
     Attributes:
-        ways: From how far to close in, how far to lift, how far behind the arm takes its posture [m], and the cost.
-        slanted_rad: From straight down [rad]: only hands that are so far from it reach into compartments, and so have
-            to be driven in with the arm in its posture.
-        off_m: Above what it lay on a thing is off that [m],
-        away_m: or so far aside [m]: a thing that tips in the hand has risen, and shifted, by less.
-        alike: Things that a phrase names are tried, the nearest first.
-        board_m: What is that near above a hand, a board or the top of a compartment, covers it [m],
-        above_m: from this far above it to that far [m],
-        step_m: with such steps between checks [m].
+        ways: Standoff before the grasp, lift after it, run-up of the base [m] and cost of each way.
+        slanted_rad: Least tilt of the approach from straight down for ways with a run-up [rad].
+        off_m: A payload this far above where it lay has been lifted [m],
+        away_m: as has one this far aside [m]: tipped in the hand it rises, and shifts, by less.
+        alike: Things of the name that are tried, the nearest first.
+        board_m: Distance to a board, or the top of a compartment, that covers a hand [m],
+        above_m: looked for from this to that height above it [m],
+        step_m: in steps of this [m].
     """
 
     ways: tuple[tuple[float, float, float, float], ...] = (
@@ -127,7 +126,7 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
         MotionFailure: "no_grasp", "no_stance", "closed_empty", "slipped", "dropped", or a motion's own reason.
     """
     motion, scene = work.motion, work.scene
-    yield from motion.grip(side, 1.0, 0.1)
+    yield from motion.grip(side, 1.0, GRIP.ready_s)
     try:
         stance, search = yield from approach(work, side, name, lambda: options(work, name), tried)
     except MotionFailure as failure:
@@ -135,14 +134,14 @@ def pick_up(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
             raise
         yield from draw_out(work, name, side)
         stance, search = yield from approach(work, side, name, lambda: options(work, name), tried)
-    yield from motion.grip(side, motion.robot.hand.command(stance.opening_m), 0.2)
+    yield from motion.grip(side, motion.robot.hand.command(stance.opening_m), GRIP.preset_s)
     try:
         stance = yield from arrive(work, stance, search, lambda: options(work, name))
         yield from lines(work, side, stance, [0])  # aside to where it stands: on a slant a finger would meet the thing
         yield from lines(work, side, stance, [1])
         work.lay[name] = np.append(scene.pose(name)[:2, 3], _lowest(work, name))
         work.grasped[side] = work.hand(side)[:3, :3]
-        yield from motion.grip(side, -1.0, 0.67)
+        yield from motion.grip(side, -1.0, GRIP.take_s)
         yield from motion.wait(0.1)
         if not work.gripped(side):
             raise MotionFailure("closed_empty")

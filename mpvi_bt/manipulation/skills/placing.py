@@ -20,7 +20,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings
 from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.linear_algebra import matmul, norm
-from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.rotations import rotation
 from mpvi_bt.robot.solids import Array, bounds
@@ -41,11 +41,11 @@ class Leaning:
     Our choice.
 
     Attributes:
-        stands: Of the lean at which a thing tips over; one that leans less comes to stand [ratio].
-        hardly_rad: Beyond how it hangs in the hand, for what has things in it [rad].
-        level: Sine from the vertical of the axis about which a payload leans, at the least.
-        lean_cost: Of each radian,
-        turn_cost: and of each radian of a turn about the vertical.
+        stands: A payload that leans by less comes to stand [ratio of the lean at which it tips over].
+        hardly_rad: What has things in it may lean by this more than it does in the hand [rad].
+        level: Least sine from the vertical of the axis that a payload leans about.
+        lean_cost: Cost of each radian of lean,
+        turn_cost: and of turn about the vertical.
     """
 
     stands: float = 0.8
@@ -65,16 +65,16 @@ class SettingDown:
     Our choice, by how far arms give way and things slip.
 
     Attributes:
-        down_m: Its underside is so far above the surface when the hand opens [m],
-        leaning_down_m: or so far if it leans [m].
-        lower_m_s: How fast it comes down [m/s].
-        mended_m: More than that a thing does not slip in the hand, nor an arm give way [m].
-        spare_m: The hand opens beyond the width of the payload by that [m].
-        released_m: A hand has let go if it has opened by so much [m],
-        wide: or by that share of all that it can.
-        freed_m: Fingers that do not open are raised by [m].
-        lost_m: What came to lie so much higher or lower than it was to has fallen over or off [m].
-        groups: Of poses that are tried.
+        down_m: Clearance of the payload from the surface when the hand opens [m],
+        leaning_down_m: and of one that leans [m].
+        lower_m_s: Speed at which it comes down [m/s].
+        mended_m: Largest correction for a payload that has slipped in the hand, or an arm that has given way [m].
+        spare_m: How far the hand opens beyond the width of the payload [m].
+        released_m: A hand has let go if it has opened by this [m],
+        wide: or to this [ratio of its full opening].
+        freed_m: Rise of a hand whose fingers do not open [m]: fingertips on the floor do not slide apart.
+        lost_m: A payload that lies this much higher or lower than it was to has fallen over or off [m].
+        groups: Groups of poses that are tried.
     """
 
     down_m: float = 0.004
@@ -99,16 +99,15 @@ class HandBack:
     Our choice: a hand that is well above what stands around folds without sweeping that away.
 
     Attributes:
-        ways: How far above the pose to come in, how far to draw back along the fingers, how far behind the arm takes
-            its posture [m], and the cost of it.
-        low_m: From less high than that it may draw back level instead [m],
-        aside_m: by so much [m],
+        ways: Height to come in from, retreat along the fingers, run-up of the base [m] and cost of each way.
+        low_m: A hand that comes in from less high may retreat sideways instead [m],
+        aside_m: by this [m]
         aside_cost: at this cost,
-        closes_level: if its closing axis is as level as that [cosine],
+        closes_level: if its closing axis is level [cosine],
         straight: and the way is not straight back [cosine with the fingers],
-        forward: nor leads on forward [likewise].
-        step_m: Between checks of that way [m].
-        grazed_m: So much nearer than at its beginning the fingers may come to what they let go of [m].
+        forward: nor leads on forward [cosine with the fingers].
+        step_m: Distance between two checks of that way [m].
+        grazed_m: How much nearer than at its beginning the fingers may come to the payload on it [m].
     """
 
     ways: tuple[tuple[float, float, float, float], ...] = (
@@ -266,7 +265,7 @@ def release(work: Work, side: Side, opening_m: float = math.inf, falls_s: float 
     """
     hand = work.motion.robot.hand
     enough = min(work.motion.felt.gripper_width[side] + SETTING.released_m, SETTING.wide * hand.opening_m)
-    yield from work.motion.grip(side, hand.command(opening_m), 0.5)
+    yield from work.motion.grip(side, hand.command(opening_m), GRIP.firm_s)
     yield from work.motion.wait(falls_s)
     if work.motion.felt.gripper_width[side] < enough:
         with suppress(MotionFailure):  # fingertips that stand on the floor do not slide apart

@@ -35,20 +35,20 @@ class Tipping:
     Our choice, by trial in episodes.
 
     Attributes:
-        over_m: Of the lip over what it is poured into [m],
-        within_m: and from its middle toward the vessel [m].
-        above_m: From where the vessel comes down [m].
+        over_m: Clearance of the vessel's lip over what it is poured into [m].
+        within_m: How far the lip is from the middle of the place, toward the vessel [m].
+        above_m: Height that the vessel comes down from [m].
         steps: Straight lines from upright to tipped.
         ways: How far to tip [rad] and from how much higher [m], as the arms allow, the surest to empty it first.
-        tip_rad_s: Of the fastest joint, tipping [rad/s],
-        right_rad_s: and righting the vessel again [rad/s].
-        shakes: Up and down again at the end,
+        tip_rad_s: Speed of the fastest joint while the vessel is tipped [rad/s],
+        right_rad_s: and while it is righted again [rad/s].
+        shakes: Times that it is shaken at the end,
         shaken: by so many postures, a tenth of a radian apart: what has slid down to the palm slides out past it.
-        lips: Places on the rim that it may be poured over.
-        palm_m: Of the palm behind the tcp [m]; it covers the rim there.
-        deep_m: A vessel is taken to be at least so deep [m],
-        off_m: and the palm to be at least so far off its middle [m].
-        bars_m: What is higher than the rim by more stands in the way of pouring, such as a handle [m].
+        lips: Places around the rim that it may be poured over.
+        palm_m: Distance of the palm behind the tcp [m]; the palm covers the rim there.
+        deep_m: Least depth that a vessel is taken to have [m],
+        off_m: and least distance of the palm from its middle [m].
+        bars_m: What stands higher above the rim is in the way of pouring, such as a handle [m].
     """
 
     over_m: float = 0.04
@@ -77,13 +77,13 @@ class LevelWays:
     Our choice.
 
     Attributes:
-        tries: At turns of the vessel that a stance was found for,
+        tries: Stances, each with the vessel turned otherwise, that a level way is looked for from,
         effort: each of which counts as so many base poses of what the search may take.
-        alike: Cosine between two turns that are as good as one.
-        level: Cosine of how far the vessel may lean on the way.
-        turn_cost: Of each radian that it is turned.
-        palm_cost: Of pouring over the lip where the palm is.
-        detours_m: Off the middle of the way, y toward the hand's own side [m].
+        alike: Cosine between two turns of the vessel that are as good as one.
+        level: Least cosine between the vessel's axis on the way and as it is now.
+        turn_cost: Cost of each radian that the vessel is turned.
+        palm_cost: Cost of pouring over the lip where the palm is.
+        detours_m: Offsets of the middle of the way, y toward the hand's own side [m].
     """
 
     tries: int = 4

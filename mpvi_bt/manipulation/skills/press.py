@@ -15,7 +15,7 @@ from mpvi_bt.manipulation.skills.press_held import press_held
 from mpvi_bt.manipulation.stance.stance import Option, Stance
 from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.linear_algebra import matmul, norm
-from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.robot.protocol import SIDES, Side
 from mpvi_bt.robot.solids import Array
 
@@ -27,13 +27,13 @@ class Pressing:
     Our choice.
 
     Attributes:
-        short_m: That the fingertips wait before the switch [m].
-        beyond_m: The hand feels its way that far into where the switch should be [m].
+        short_m: Standoff of the fingertips before the switch [m].
+        beyond_m: How far past the switch the hand's target is [m]: it stops at contact.
         short_of_m: A hand that was stopped farther before that has met something else [m].
         calm_s: As of `Feeling`, but less, as the hand is empty [s].
-        leans: How far a finger may lean from straight on [rad], toward how many sides, and with what cost.
-        rolls: Of the hand about its fingers.
-        ways: How far behind the arm takes its posture [m], and the cost of it.
+        leans: Lean of a finger from straight on [rad], number of directions of it, and cost.
+        rolls: Turns of the hand about its fingers.
+        ways: Run-up of the base [m] and cost of each way.
     """
 
     short_m: float = 0.08
@@ -92,7 +92,7 @@ def _thing(work: Work, phrase: str) -> str:
 
 def _press(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
     motion = work.motion
-    yield from motion.grip(side, -1.0, 0.3)
+    yield from motion.grip(side, -1.0, GRIP.empty_s)
     stance, search = yield from approach(work, side, name, lambda: options(work, name), tried)
     try:
         stance = yield from arrive(work, stance, search, lambda: options(work, name))
@@ -102,7 +102,7 @@ def _press(work: Work, name: str, side: Side, tried: list[Array]) -> Actions:
         raise
     yield from lines(work, side, stance, [0])
     yield from leave(work, stance)
-    yield from motion.grip(side, 1.0, 0.3)
+    yield from motion.grip(side, 1.0, GRIP.empty_s)
     yield from settle(work, without={name})
 
 

@@ -17,7 +17,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.arms import posture_distance
 from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.linear_algebra import matmul
-from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side, other
 from mpvi_bt.robot.solids import Array
 
@@ -39,7 +39,7 @@ def press_held(work: Work, holder: Side, ways: list[Array], fold: bool = True) -
         raise MotionFailure("hands_full")
     if not ways:
         raise MotionFailure("no_switch")
-    yield from motion.grip(comer, -1.0, 0.3)
+    yield from motion.grip(comer, -1.0, GRIP.empty_s)
     goals = matmul(kin.inverse(work.hand(holder)), np.stack(ways))
     k = yield from meet(work, holder, THING, goals[:, 0], partial(_in_line, work, goals[:, 1]))
     yield from motion.wait(FEEL.calm_s)
@@ -47,8 +47,8 @@ def press_held(work: Work, holder: Side, ways: list[Array], fold: bool = True) -
     T = matmul(motion.robot.tcp(motion.felt.torso, motion.felt.arm[holder], holder), goals[k])
     yield from motion.line(comer, T[1], FEEL.speed_m_s, until_contact=True)
     yield from motion.wait(FEEL.pressed_s)
-    yield from motion.line(comer, T[0], 0.12)
-    yield from motion.grip(comer, 1.0, 0.3)
+    yield from motion.line(comer, T[0], FEEL.back_m_s)
+    yield from motion.grip(comer, 1.0, GRIP.empty_s)
     if fold:
         yield from settle(work, without=set())
 

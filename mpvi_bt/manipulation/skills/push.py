@@ -17,7 +17,7 @@ from mpvi_bt.robot import kinematics as kin
 from mpvi_bt.robot.collision import Surroundings, covering_spheres
 from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.linear_algebra import matmul, norm
-from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.robot.protocol import Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
 
@@ -29,13 +29,13 @@ class Pushing:
     Our choice, by how far sight is off and how far arms give way.
 
     Attributes:
-        far_m: To push if nothing is said of it [m].
-        least: Of that way counts as pushed [ratio].
-        gap_m: What is this near to where it is to be need not be pushed [m].
-        unsure_m: That what it is pushed up to may be nearer or farther [m].
-        step_m: Between checks of where the two meet [m].
-        stuck_m: A hand that is held off so far pushes against something that does not give way [m],
-        met_m: and so far where it may have met what it is to meet [m].
+        far_m: Length of a push if nothing is said of it [m].
+        least: Part of that which counts as pushed [ratio].
+        gap_m: A thing this near to where it is to be need not be pushed [m].
+        unsure_m: How far off the place of what it is pushed up to may be [m].
+        step_m: Distance between two checks of where the two meet [m].
+        stuck_m: How far a thing that does not give way holds the hand off its target [m],
+        met_m: and one that has met what it was to meet [m].
     """
 
     far_m: float = 0.30
@@ -57,17 +57,17 @@ class Fingertips:
     Our choice: level and low, where it neither tips over nor is in the hand's way.
 
     Attributes:
-        heights: Where to push, in the order in which they are looked at [ratio of the height].
-        height_cost: Of each of them more than the one before it.
-        lowest_m: Above what the thing stands on [m].
-        toppling: Cost of pushing higher than a thing is deep, for as much again: it may tip over,
-        most_toppling: for so much at the most.
-        apart: Between two fingertips [ratio of the width]: so they keep it from turning or slipping away.
-        droops_rad: How far the hand points down [rad].
-        steep_rad: Likewise behind a thing so thin that a flat hand had no room above what it stands on [rad].
-        droop_cost: Of each radian.
-        standing_cost: Of pushing with the arm alone, the base standing.
-        sample_m: Between points that are looked at for where the solids begin and end [m].
+        heights: Heights to push at, the first first [ratio of the thing's height].
+        height_cost: Added cost of each next height.
+        lowest_m: Least height above what the thing stands on [m].
+        toppling: Cost of pushing twice as high as the thing is deep, none up to once: it may tip over,
+        most_toppling: counted up to this many times.
+        apart: Distance between two fingertips, which keep the thing from turning or slipping away [ratio of its width].
+        droops_rad: How far down the hand points [rad].
+        steep_rad: The same behind a thing so thin that a level hand has no room above what it stands on [rad].
+        droop_cost: Cost of each radian of it.
+        standing_cost: Cost of pushing with the arm alone, the base standing.
+        sample_m: Distance between the points that tell where the solids begin and end [m].
     """
 
     heights: tuple[float, ...] = (0.35, 0.5, 0.65, 0.2, 0.1, 0.8, 0.95)
@@ -130,7 +130,7 @@ def push(work: Work, words: Words, tried: list[Array]) -> Actions:
         yield from go_along(motion, course, side, start.torso_after, stuck, FOLLOW.pushing)
 
     tried.append(start.base)
-    yield from motion.grip(side, motion.robot.hand.command(course.opening_m), 0.2)
+    yield from motion.grip(side, motion.robot.hand.command(course.opening_m), GRIP.preset_s)
     yield from take_up(work, start, side, search.other)
     yield from then_leave(work, side, going())
     yield from study(work, name)

@@ -37,23 +37,23 @@ class DrivingIn:
     Our choice, by how far two arms that press give way.
 
     Attributes:
-        over_m: Between the box and the surface that it is driven in over [m].
-        around_m: That is free around the box on the surface [m],
-        hands_m: and beside it, if there is such room, for hands that let go and for those that lift its neighbor [m].
-        headroom_m: Above the box [m].
-        carried: Of the breadth of a box, around its middle, that a narrower support has to bear [ratio].
-        spots: That are looked at,
-        headings: and directions in which each is driven in to.
-        been_m: A base pose this near to one that did not do does not either [m, rad].
-        step_m: Between checks on the way in [m]: what stands beside it, such as a screen, is not to be met by an elbow.
-        off_m: A spot that is too far off for what is known around is driven up to, as near as that [m],
-        leg_m: by legs of so much at the most [m],
-        legs: and so many of them.
+        over_m: Clearance of the box over the surface while it is driven in [m].
+        around_m: Clearance around the box on the surface [m],
+        hands_m: and room beside it, if there is any, for hands that let go and that lift its neighbor later [m].
+        headroom_m: Clearance above the box [m].
+        carried: Part of a box's breadth, around its middle, that a narrower support has to bear [ratio].
+        spots: Spots that are looked at,
+        headings: and directions to drive in to each.
+        been_m: A base pose this near to one that failed fails, too [m, rad].
+        step_m: Distance between two checks on the way in [m], for elbows that might meet a screen beside it.
+        off_m: A spot beyond what is known around the robot is driven up to, as near as this [m],
+        leg_m: in legs of at most this [m],
+        legs: of which there are so many.
         far_m_s: Speed of the base on the way there [m/s],
         in_m_s: and on the way in [m/s].
-        lower_s_m: Of the hands as they lower the box, and
-        rise_s_m: as they rise beside it [s a meter].
-        above_m: That they rise before the base draws them back [m]: lower they would sweep what lies behind.
+        lower_s_m: Time in which the hands lower the box by a meter [s/m],
+        rise_s_m: and rise beside it [s/m].
+        above_m: Rise of the hands before the base draws them back [m]: lower, they would sweep what lies behind.
     """
 
     over_m: float = 0.05

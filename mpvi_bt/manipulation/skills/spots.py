@@ -30,18 +30,18 @@ class Clearances:
     Our choice, by how far arms and boxes about things are off.
 
     Attributes:
-        clear_m: Between the payload and what else is on a surface [m],
+        clear_m: Clearance of the payload from other things on a surface [m],
         tight_m: and where there is no more room, such as on a saucer [m].
-        floor_m: Likewise below and beside things on the floor [m].
-        headroom_m: Above a spot, for the payload and the hand [m],
-        above_m: or above the payload, where there is no more [m].
-        arm_m: Above a payload that is set down beside another thing, for the arm that brings it [m].
-        levels: Heights of the payload that are looked at.
-        feet: Of its radius, at which it has to be borne [ratio],
-        below_m: by something this far below its underside [m],
-        borne_m: which is no farther from there than that [m].
-        sunk_m: Likewise of its outline in a pose: what bears it is this far below its underside [m],
-        out_m: and its outline may stand out over that by so much [m].
+        floor_m: Clearance from things on the floor that it is set down beside, or that are below the same table [m].
+        headroom_m: Free height above a spot for the payload and the hand [m],
+        above_m: or free height above the payload, where there is no more [m].
+        arm_m: Free height above a payload beside another thing, for the arm that brings it [m].
+        levels: Heights of the payload that are checked.
+        feet: Radius of the ring on which a payload has to be borne [ratio of its own radius]:
+        below_m: this far below its underside [m]
+        borne_m: something has to be within this distance [m].
+        sunk_m: The same for its outline in a pose: this far below its underside [m]
+        out_m: something has to be within this distance, which is how far it may stand out over an edge [m].
     """
 
     clear_m: float = 0.03
@@ -68,14 +68,14 @@ class SpotGrid:
     Our choice: as fine as a search can afford, each of them costs a search for a stance.
 
     Attributes:
-        grid_m: Between spots [m]; on the floor twice that.
-        spots: Of one lean and one headroom.
-        sectors: Of a turn, at which a payload is set down beside another thing, or seen from for its width.
-        level_m: Faces that differ in height by less are of one board [m].
-        floor_m: The nearest and the farthest spot on the floor, from the middle of the base [m],
-        best_m: and where it is easiest to set something down there [m];
-        behind: from straight ahead to straight behind costs twice so many meters.
-        legs_m: What is this near to a spot has to be below the thing, too [m]: no leg of a table stands there.
+        grid_m: Distance between spots [m]; on the floor twice that.
+        spots: Spots that are tried of one lean and one headroom.
+        sectors: Directions around a thing that a payload is set down in, and that its width is measured in.
+        level_m: Faces that differ in height by less are one board [m].
+        floor_m: Nearest and farthest spot on the floor, from the middle of the base [m],
+        best_m: and the most comfortable one [m];
+        behind: a spot behind the robot counts as twice this farther off [m].
+        legs_m: Radius around a spot below a thing that has to be below it, too [m]: no leg of a table stands there.
     """
 
     grid_m: float = 0.06
@@ -98,15 +98,15 @@ class NextTo:
     Our choice.
 
     Attributes:
-        touch_m: That it keeps from the thing [m],
-        gaps_m: or a little more, where that still counts as next to it [m];
-        best_m: that would be best [m],
-        gap_cost: and each meter off it costs so much.
-        outward: Cost of each meter by which it reaches away from the thing: what is long lies along it.
-        step_m: Between distances that are looked at [m],
-        beyond_m: up to so much more than touching circles about the two [m].
-        sure: Of the gap up to which two things are next to each other, as the goals of tasks have it [ratio].
-        before_m: From a thing is where one stands to take it [m].
+        touch_m: Clearance of the payload from the thing [m],
+        gaps_m: or clearances a little larger, where that still counts as next to it [m].
+        best_m: The best of these [m],
+        gap_cost: and the cost of each meter off it.
+        outward: Cost of each meter by which the payload reaches away from the thing: what is long lies along it.
+        step_m: Distance between two places that are checked on the way out [m],
+        beyond_m: which ends so far beyond touching circles about the two [m].
+        sure: Part of the gap at which the goals of tasks still call two things next to each other [ratio].
+        before_m: Distance from which a thing is taken [m].
     """
 
     touch_m: float = 0.005
@@ -392,7 +392,7 @@ def _room(work: Work, held: Held, spots: Array, clear_m: float, beside: str | No
     near = work.motion.felt.base_pose[:2]
     others = work.scene.obstacles(near, NEAR_M, without=carried, beside=beside)
     below = work.scene.obstacles(near, NEAR_M, without=carried)
-    ring = np.array([(np.cos(a), np.sin(a), 0.0) for a in np.arange(12) * np.pi / 6])
+    ring = np.array([(np.cos(a), np.sin(a), 0.0) for a in 2 * np.pi * np.arange(_GRID.sectors) / _GRID.sectors])
     heights = np.linspace(clear_m + 0.01, max(clear_m + 0.02, float(np.ptp(box, axis=0)[2])), _CLEAR.levels)
     rings = np.concatenate([radius * share * ring for share in (1.0, 0.5)] + [np.zeros((1, 3))])
     body = (rings[None] + np.array([[0.0, 0.0, z] for z in heights])[:, None]).reshape(-1, 3)

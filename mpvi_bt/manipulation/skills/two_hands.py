@@ -9,6 +9,7 @@ from itertools import product
 
 import numpy as np
 
+from mpvi_bt.manipulation.motion.approach import APPROACH
 from mpvi_bt.manipulation.motion.gaze import look_at
 from mpvi_bt.manipulation.motion.work import Words, Work
 from mpvi_bt.manipulation.stance.stance_search import Search
@@ -18,7 +19,7 @@ from mpvi_bt.robot.collision import Body
 from mpvi_bt.robot.hand import Hand
 from mpvi_bt.robot.linear_algebra import matmul, norm
 from mpvi_bt.robot.model import SIGN, RobotModel
-from mpvi_bt.robot.motion import Actions, MotionFailure
+from mpvi_bt.robot.motion import GRIP, Actions, MotionFailure
 from mpvi_bt.robot.protocol import CONTROL_HZ, SIDES, ActionLayout, Side
 from mpvi_bt.robot.solids import Array, Solid, bounds
 from mpvi_bt.robot.squeeze import pressing, squeezes
@@ -31,20 +32,21 @@ class Squeeze:
     Our choice, by boxes, baskets and trays of the tasks.
 
     Attributes:
-        widest_m: Of a box [m]: a wider one does not go between the arms. One that fits into one hand is left to that.
-        height: Where on its sides it is pressed [ratio of its height]: a little over its middle, so that it hangs,
-        lowest_m: but no lower than that, for the fingers' sake [m].
-        low_m: A lower box is taken with hands that point down [m],
-        slant_rad: at least so far from level [rad]: a tip that is broader than the side presses on its edge and slips.
-        edge_m: That a fingertip keeps from what a box stands on, and from the upper edge of its side [m].
-        wide_m: Between each hand and its side of the box before both close in [m]: the base stands no more precisely.
-        closing_m_s: Of each hand as it closes in [m/s]: the first to touch hardly shifts the box.
-        pressing_s: In which the hands begin to press [s]: shorter than a rest, which looks like the end of the lift.
-        lift_m: That the box is raised before the base draws it back [m].
-        short_m: What the trunk leaves to do of a lift is done by the arms if it is more than that [m].
-        outward_m: That each hand draws off sideways when it lets go [m].
-        loose_m: Hands that have moved apart by less still hold what is between them [m].
-        shares: Of a way of both hands, where the arms cannot go all of it [ratio].
+        widest_m: Widest box that goes between the arms [m]. The narrowest is as wide as one hand opens.
+        height: Height at which its sides are pressed [ratio of its height]: a little over its middle, so that it hangs,
+        lowest_m: but no lower than this, for the fingers' sake [m].
+        low_m: A box that is lower is taken with hands that point down [m],
+        slant_rad: at least this far from level [rad]: a tip broader than the side presses on its edge and slips.
+        edge_m: Clearance of a fingertip from what the box stands on, and from the upper edge of its side [m].
+        wide_m: Clearance of each hand from its side before both close in [m]: the base stands no more precisely.
+        closing_m_s: Speed of each hand as it closes in, or draws off [m/s]: the first to touch hardly shifts the box.
+        pressing_s: Time in which the hands build up force [s]: a longer rest looks like the end of the lift.
+        lift_m: Lift of the box before the base draws it back [m].
+        raise_s_m: Time in which the arms raise it by a meter [s/m].
+        short_m: A lift that the trunk leaves short by more is finished by the arms [m].
+        outward_m: How far each hand draws off sideways to let go [m].
+        loose_m: Hands that have moved apart by less still hold the box [m].
+        shares: Parts of a motion of both hands that are tried, where the arms cannot go all of it [ratio].
     """
 
     widest_m: float = 0.46
@@ -57,6 +59,7 @@ class Squeeze:
     closing_m_s: float = 0.12
     pressing_s: float = 0.2
     lift_m: float = 0.15
+    raise_s_m: float = 5.0
     short_m: float = 0.004
     outward_m: float = 0.07
     loose_m: float = 0.05
@@ -73,18 +76,22 @@ class TwoHandedStances:
     Our choice: as many as keep a search below some seconds, the nearest first.
 
     Attributes:
-        places_m: Ahead of the middle of the base to the near side of the box, and left of it to its middle [m].
-        rare_places_m: Likewise, looked at where there is no room for any of the others.
-        best_m: The most comfortable distance ahead [m]; each meter off it costs
-        off_best: as much as so many meters of driving,
-        turn_m: and each radian of turning so much [m].
-        back_m: The base drives in straight, from so far behind, the farthest for which there is room [m].
-        been_m: A base pose this near to one that did not do does not either [m],
-        been_rad: if it is turned as that by about this [rad].
-        bases: That are checked for postures of both arms,
-        torsos: of each base pose,
-        postures: and of each torso and arm.
-        margin_m: That the arms keep from what is around while they form behind the box [m].
+        places_m: Distance from the middle of the base ahead to the near side of the box, and left to its middle [m].
+        rare_places_m: The same, looked at where there is no room for any of the others.
+        best_m: Most comfortable distance ahead [m];
+        off_best: each meter off it costs as much as this many meters of driving,
+        turn_m: and each radian of turning as this many [m].
+        back_m: Run-up of the base, straight in; the longest for which there is room [m].
+        been_m: A base pose this near to one that failed fails, too [m],
+        been_rad: if it is turned alike up to this [rad].
+        bases: Base poses that are checked for postures of both arms,
+        torsos: torsos of each base pose,
+        postures: and postures of each arm for each torso.
+        swivels: Positions of each elbow.
+        arm_cost: Cost of each radian that a joint is off its posture for traveling.
+        pitch_cost: Cost of each radian that the trunk is bent,
+        lift_gain: less so much for each meter that it is raised.
+        margin_m: Clearance of the arms while they form behind the box [m].
         legs: Drives around a thing, to where its far sides are known.
     """
 
@@ -102,6 +109,10 @@ class TwoHandedStances:
     bases: int = 24
     torsos: int = 8
     postures: int = 6
+    swivels: int = 16
+    arm_cost: float = 0.05
+    pitch_cost: float = 0.6
+    lift_gain: float = 0.2
     margin_m: float = 0.01
     legs: int = 3
 
@@ -116,12 +127,13 @@ class Bending:
     Our choice: a grid over the trunk's range; the arms keep the hands level and have to reach them from there.
 
     Attributes:
-        pitches_rad: Of the trunk, the most upright first [rad].
-        upright_rad: Those of a body that carries, or looks over what it carries [rad].
-        lifts_m: Of the trunk, the most comfortable first [m].
-        folded_m: The least lift while hands are folded before a body that is bent [m]: lower they would meet the base.
-        carry_m: Height of the hands above the floor to carry at, if the arms get there [m].
-        steeper_rad: That the head gains by looking over what is held [rad]: for less the body is not bent.
+        pitches_rad: Pitches of the trunk, the most upright first [rad].
+        upright_rad: Pitches of a trunk that carries a box, or looks over one [rad].
+        lifts_m: Lifts of the trunk, the most comfortable first [m].
+        folded_m: Least lift while hands are folded before a bent trunk [m]: lower, they would meet the base.
+        carry_m: Height of the hands above the floor to carry at, if the arms get there [m],
+        shares: and parts of the way there, where they do not [ratio].
+        steeper_rad: Least gain in how steeply the head looks down over a box [rad]: for less the trunk is not bent.
     """
 
     pitches_rad: tuple[float, ...] = (0.0, 0.25, 0.5, 0.8, 1.1, 1.35)
@@ -129,6 +141,7 @@ class Bending:
     lifts_m: tuple[float, ...] = (0.3, 0.42, 0.2, 0.55, 0.1)
     folded_m: float = 0.06
     carry_m: float = 0.62
+    shares: tuple[float, ...] = (1.0, 0.6, 0.3)
     steeper_rad: float = 0.1
 
 
@@ -198,9 +211,9 @@ def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
         raise MotionFailure("hands_full")
     grip, search = yield from _near(work, name, tried)
     tried.append(grip.base)
-    yield from together(motion.grip("left", 1.0, 0.3), motion.grip("right", 1.0, 0.3), motion_of=work)
+    yield from together(motion.grip("left", 1.0, GRIP.empty_s), motion.grip("right", 1.0, GRIP.empty_s), motion_of=work)
     yield from _go_behind(work, grip, search)
-    yield from motion.drive(grip.base, speed=0.25)
+    yield from motion.drive(grip.base, speed=APPROACH.inward_m_s)
     yield from _close_in(work, grip.box)
     yield from _press(work)
     if not squeezes(motion.felt):
@@ -208,7 +221,7 @@ def lift(work: Work, words: Words, tried: list[Array]) -> Actions:
         raise MotionFailure("not_squeezed")
     yield from raise_both(work, _SQUEEZE.lift_m)
     away = float(norm(grip.back[:2] - grip.base[:2]))
-    yield from motion.drive(behind(motion.felt.base_pose, away), speed=0.25)
+    yield from motion.drive(behind(motion.felt.base_pose, away), speed=APPROACH.inward_m_s)
     yield from straighten_up(work)
     yield from work.see("head")
     if not squeezes(motion.felt) or scene.between() != name:
@@ -341,12 +354,15 @@ def _grip_at(work: Work, search: Search, base: Array, back: Array, box: Box) -> 
     chests = kin.inverse(robot.chest(torsos))
     found: dict[Side, dict[int, list[Array]]] = {}
     for side in SIDES:
-        at, q = robot.arm_inverse(matmul(chests, to_base, touching[side]), side, swivels=16)
-        cost = robot.limit_cost(q, side) + 0.05 * np.abs(q - robot.travel_arm[side]).sum(1)
+        at, q = robot.arm_inverse(matmul(chests, to_base, touching[side]), side, swivels=_STANCES.swivels)
+        cost = robot.limit_cost(q, side) + _STANCES.arm_cost * np.abs(q - robot.travel_arm[side]).sum(1)
         found[side] = {}
         for row in np.argsort(cost):
             found[side].setdefault(int(at[row]), []).append(q[row])
-    shared = sorted(set(found["left"]) & set(found["right"]), key=lambda t: 0.6 * postures[t, 2] - 0.2 * postures[t, 0])
+    shared = sorted(
+        set(found["left"]) & set(found["right"]),
+        key=lambda t: _STANCES.pitch_cost * postures[t, 2] - _STANCES.lift_gain * postures[t, 0],
+    )
     loose, all_around = search.around(base, touched=False), search.around(base, touched=True)
     rear = search.around(back, touched=True)
     for t in shared[: _STANCES.torsos]:
@@ -417,7 +433,7 @@ def _press(work: Work) -> Actions:
     yield motion.still()
 
 
-def raise_both(work: Work, by_m: float, seconds_per_m: float = 5.0) -> Actions:
+def raise_both(work: Work, by_m: float, seconds_per_m: float = _SQUEEZE.raise_s_m) -> Actions:
     """Raise what is held, negative lowers, so that the squeeze stays: by the lift with the arms frozen, then by both
     arms or, where these cannot go so far, by bending or straightening up with the hands kept level.
     """
@@ -438,7 +454,7 @@ def straighten_up(work: Work) -> Actions:
     """Straighten up with the hands, and a box between them, kept level before the body, as far as the arms allow."""
     motion = work.motion
     height = float(motion.robot.tcp(motion.torso, motion.felt.arm["left"], "left")[2, 3])
-    for share in (1.0, 0.6, 0.3):
+    for share in _BENDING.shares:
         rise = max(0.0, _BENDING.carry_m - height) * share
         upright = [pitch for pitch in _BENDING.upright_rad if pitch <= motion.posture[2]]
         by = {side: np.array([0.0, 0.0, rise]) for side in SIDES}
@@ -500,7 +516,7 @@ def open_wide(work: Work) -> Actions:
     yield motion.still()
     start = _apart(work)
     with suppress(MotionFailure):  # hands that have let go, if not by the whole way, are good enough
-        yield from _shift(work, outward, 0.12)
+        yield from _shift(work, outward, _SQUEEZE.closing_m_s)
     if _apart(work) - start < _SQUEEZE.loose_m:
         with suppress(MotionFailure):
             yield from _bent(work, outward, product(_BENDING.pitches_rad, _BENDING.lifts_m))

@@ -33,14 +33,14 @@ class Patches:
     Our choice, by what arms reach from one place.
 
     Attributes:
-        wiped_m: Largest side of what is wiped from one stance [m],
+        wiped_m: Largest side of a patch that is wiped from one stance [m],
         sprayed_m: or sprayed from one place [m],
-        larger: which may be larger by so much [ratio].
-        least_m: What is not in reach is parted down to this [m].
-        alike_m: A patch that differs by less is the same, seen better [m].
-        missed: Of a surface, that may be out of reach [ratio].
+        larger: which may be larger by this [ratio].
+        least_m: Smallest side to which a patch out of reach is divided [m].
+        alike_m: Patches that differ by less are one, seen better [m].
+        missed: Part of a surface that may be out of reach [ratio].
         again: Times in one call that a patch is tried again where something held up the arm.
-        top_m: Upper faces, and undersides of a tool, that differ in height by less are one [m].
+        top_m: Upper faces, or undersides of a tool, that differ in height by less are one [m].
     """
 
     wiped_m: float = 0.34
@@ -63,15 +63,15 @@ class Strokes:
     Our choice.
 
     Attributes:
-        wipe_m: Of the tool's underside over what is wiped [m]: the arm's give does the pressing.
-        past_m: Beyond the edge, where there is room [m]: by sight an edge is not known better.
-        past_cost: Of each meter less than that.
-        lanes: Between two lanes [ratio of the tool's width]: less than 1, so that they overlap.
-        turns_rad: Of the tool about the vertical, off the patch's axes [rad].
-        turn_cost: Of each radian.
-        speed_rad_s: Of the fastest joint [rad/s].
-        spray_m: Of the tool over what is sprayed [m],
-        spray_s: over each part of it for so long [s].
+        wipe_m: Height of the tool's underside over what is wiped [m]: the arm's give does the pressing.
+        past_m: Overlap of the strokes beyond the edge, where there is room [m]: by sight an edge is not known better.
+        past_cost: Cost of each meter less of it.
+        lanes: Distance between two lanes [ratio of the tool's width]: below 1 they overlap.
+        turns_rad: Turns of the tool about the vertical, from the patch's axes [rad].
+        turn_cost: Cost of each radian of it.
+        speed_rad_s: Speed of the fastest joint [rad/s].
+        spray_m: Height of the tool over what is sprayed [m],
+        spray_s: and time over each part of it [s].
     """
 
     wipe_m: float = 0.002

@@ -36,15 +36,15 @@ class ShortWays:
     Our choice: as a person would step around a chair. What is farther off is left to navigation.
 
     Attributes:
-        vias_m: Where the straight way is barred: places ahead and to the left of either end of it [m].
-        legs_m: Toward what is too far off, such legs are driven, in each of `headings` directions [m],
-        headings: around the base,
-        nearer_m: if they lead so much nearer [m].
-        step_m: Between checks on a leg [m],
-        step_rad: if the base turns by no more than that meanwhile [rad].
-        leaving: Of a way, is not checked, as the base stands there already [ratio].
-        turning: Of a leg of a base that is not round, on which its corners swing out [ratio],
-        turning_samples: with so many checks there.
+        vias_m: Intermediate places where the straight way is barred: ahead and left of either end of it [m].
+        legs_m: Legs toward what is too far off, the longest first [m],
+        headings: in so many directions around the base,
+        nearer_m: if they lead nearer by at least this [m].
+        step_m: Distance between two checks on a leg [m],
+        step_rad: and turn between them, at the most [rad].
+        leaving: First part of a way that is not checked, as the base stands there already [ratio].
+        turning: First part of a leg on which the corners of a base that is not round swing out [ratio],
+        turning_samples: with so many checks.
     """
 
     vias_m: tuple[tuple[float, float], ...] = (
@@ -75,10 +75,10 @@ class PayloadAside:
     Our choice.
 
     Attributes:
-        pitches_rad: Of the torsos from which the payload should be in reach there [rad].
-        turns_rad: Of the payload about the vertical [rad]: a wrist that turns little is reached so by bent torsos.
-        share: Of the torsos; the payload is turned where fewer than that reach it as it is [ratio].
-        swivels: Places of the elbow.
+        pitches_rad: Pitches of the torsos from which the payload should be in reach there [rad].
+        turns_rad: Turns of the payload about the vertical [rad]: with a wrist of little range, bent torsos need one.
+        share: Part of the torsos; where fewer reach the payload as it is turned, another turn is taken [ratio].
+        swivels: Positions of the elbow.
     """
 
     pitches_rad: tuple[float, ...] = (0.0, 0.25, 0.5, 0.8, 1.1)
@@ -97,11 +97,11 @@ class PayloadMeanwhile:
     Our choice: a torso that is lowered or bent would meet what hangs close to it, such as a sack from its handle.
 
     Attributes:
-        out_m: Out, from where the payload is: x, y toward the hand's own side, z [m],
-        out_rad: turned about the vertical, for what is broad and hangs on the near side of its hand [rad].
-        on_m: On: off the middle of the way [m]. What stands over where the hand works may leave no room to be out.
-        samples: Of the way, if the payload keeps its place or rides along,
-        more: and if it is brought out or on.
+        out_m: Offsets out from where the payload is: x, y toward the hand's own side, z [m],
+        out_rad: and turns about the vertical, for what is broad and hangs on the near side of its hand [rad].
+        on_m: Offsets of the middle of the way on, where what stands over the place leaves no room to be out [m].
+        samples: Samples of a payload's way while it keeps its place or rides along,
+        more: and while it is brought out or on.
     """
 
     out_m: tuple[tuple[float, float, float], ...] = ((0.12, 0.1, -0.12), (0.2, 0.1, -0.15), (0.3, 0.1, -0.2))
@@ -126,10 +126,10 @@ class Comfort:
     Our choice.
 
     Attributes:
-        limit: Of joints near their limits.
-        pitch: Of each radian that the trunk is bent.
-        lift: Of each meter that the trunk is raised or lowered.
-        arm: Of each radian that a joint of the arm moves.
+        limit: Cost of joints near their limits.
+        pitch: Cost of each radian that the trunk is bent.
+        lift: Cost of each meter that the trunk is raised or lowered.
+        arm: Cost of each radian that a joint of the arm moves.
     """
 
     limit: float = 3.0
