@@ -26,6 +26,7 @@ from mpvi_bt.trace.follow import Follow, Restarted
 from mpvi_bt.trace.read import Trace
 from mpvi_bt.tree.yaml_io import expanded
 from mpvi_bt.watch.address import Address
+from mpvi_bt.watch.channel import DEBUGGING
 from mpvi_bt.watch.guard import Guard
 from mpvi_bt.watch.run import WatchedRun
 from tests.browser import BROWSER, Browser, browser
@@ -187,14 +188,15 @@ def test_another_run_in_the_same_file_reloads_the_page(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "body", [b"", b"[]", b"{}", b'{"line": 1}', b'{"shell": "rm"}', b'{"line": "n\\nq"}', b"x" * 20000]
 )
-def test_only_words_of_the_debugger_are_taken(body: bytes) -> None:
-    """A button says one of three words with a text of one line; all else is refused, and nothing is passed on."""
+def test_only_what_the_buttons_say_is_taken(body: bytes) -> None:
+    """A button says one of few words with a text of one line; all else is refused, and nothing is passed on."""
     told: list[dict[str, Any]] = []
-    client = TestClient(WatchedRun(Path("none"), told.append).app)
+    client = TestClient(WatchedRun(Path("none"), told.append, DEBUGGING).app)
     assert client.post("/control", content=body).status_code == 400
     assert not told
     assert client.post("/control", content=b'{"line": "n"}').status_code == 204
     assert told == [{"line": "n"}]
+    assert client.post("/control", content=b'{"reload": ""}').status_code == 409  # there is no file
     assert TestClient(WatchedRun(Path("none")).app).post("/control", content=b'{"line": "n"}').status_code == 409
 
 
@@ -276,7 +278,7 @@ def test_the_page_follows_a_run(chromium: Browser, tmp_path: Path) -> None:
         late.reload()
         late.until("document.querySelector('#log')?.textContent.includes('nothing_there')")
         late.size(400, 800)
-        assert late.eval("document.documentElement.scrollWidth") <= 400
+        late.until("document.documentElement.scrollWidth <= 400")  # once it is laid out anew
         for _ in range(2):
             tab.until("document.querySelector('.paused') !== null")
             tab.click("[title='Go on to the next break']")
@@ -285,6 +287,34 @@ def test_the_page_follows_a_run(chromium: Browser, tmp_path: Path) -> None:
             visitor.until("document.querySelector('#outcome').textContent.includes('tree failed')")
             visitor.until("document.querySelector('#connection').textContent.includes('server is gone')")
         assert process.wait(20) == 1
+
+
+@pytest.mark.slow
+def test_a_run_takes_the_new_text_of_its_tree(chromium: Browser, tmp_path: Path) -> None:
+    """Between two ticks, when the page asks: what has changed is in the tree; what cannot be is told, and why."""
+    file = tmp_path / "slow.yaml"
+    file.write_text(TREE, encoding="utf-8")
+    with serving("run", "--dry", "--tree", "slow.yaml", "--no-watch", "--step", "--serve=0", cwd=tmp_path) as (url, _):
+        tab = chromium.tab(url)
+        took, take = (
+            "[...document.querySelectorAll('.said')].at(-1).textContent",
+            "[title^='What has changed in the file']",
+        )
+
+        def asked() -> None:
+            tab.until("document.querySelector('.paused') !== null")
+            tab.click(take)
+            tab.until(f"{took}.startsWith('asked')")
+            tab.click("[title='Go on to the next tick']")
+
+        file.write_text(TREE.replace("wait: 2", "wiat: 2"), encoding="utf-8")
+        asked()
+        tab.until(f"{took}.startsWith('not taken: slow.yaml:12:13: unknown node')")
+        file.write_text(TREE.replace("wait: 2", "wait: 3"), encoding="utf-8")
+        asked()
+        tab.until(f"{took} === 'taken: all of it/retry/two steps/wait'")
+        tab.click("[title='Go on to the next change']")
+        tab.until("document.querySelector('.leaf[data-is=running] .label')?.textContent === 'wait 3 s'")
 
 
 @pytest.mark.slow

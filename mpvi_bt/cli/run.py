@@ -139,8 +139,10 @@ def run(
     if serve is not None and config.trace is not None:
         if resume is None:
             config.trace.unlink(missing_ok=True)  # the page would show that run until this one begins
-        page = _page(serve, config.trace, debugs)
+        page = _page(serve, config.trace, debugs, config.tree is not None)
         watchers.append(_pictures(page, prepared, dry))
+        if config.tree is not None:
+            watchers.append(_reloading(page, config))
     if debugs:
         watchers.append(_debugger(page, breaks, step, stop))
     try:
@@ -163,13 +165,14 @@ def run(
             page.close()
 
 
-def _page(serve: Address, trace: Path, controls: bool) -> Page:
+def _page(serve: Address, trace: Path, debugs: bool, reloads: bool) -> Page:
     """Serve the page of the run. Raises UserError if that is impossible."""
     from mpvi_bt.cli.watch import require_server
-    from mpvi_bt.watch.channel import Page
 
     require_server()
-    page = Page(serve.bound(), trace, controls)
+    from mpvi_bt.watch.channel import DEBUGGING, Page
+
+    page = Page(serve.bound(), trace, [*(DEBUGGING if debugs else ()), *(["reload"] if reloads else ())])
     _note(f"watch it at {page.url}")
     return page
 
@@ -182,6 +185,14 @@ def _pictures(page: Page, prepared: Prepared, dry: bool) -> Subscriber:
 
     known = None if dry or prepared.task is None else prior_map(load_house(prepared.task.house))
     return LivePictures(page, known)
+
+
+def _reloading(page: Page, config: EpisodeConfig) -> Subscriber:
+    """What takes the tree's file again."""
+    from mpvi_bt.episode.prepare import prepare
+    from mpvi_bt.watch.reloading import Reloading
+
+    return Reloading(page, lambda: prepare(config).spec)
 
 
 def _debugger(page: Page | None, breaks: tuple[str, ...], step: bool, stop: Stop) -> Subscriber:

@@ -9,11 +9,14 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from mpvi_bt.watch.address import Bound
+
+DEBUGGING = ("line", "pause", "break")
+WORDS = (*DEBUGGING, "reload")  # what a page can say to its run
 
 _ROOM_BYTES = 1 << 21  # so much fits between the two before a write has to wait: more than is ever under way
 _END_S = 3.0  # within which visitors are told the end
@@ -29,24 +32,25 @@ class Page:
         url: What to open.
         process: Which serves it.
         asked: Whether a visitor waits for pictures and the time.
+        reloads: Whether a visitor wants the tree's file read again.
         heard: Called, by another thread, with what the page's controls say.
     """
 
-    def __init__(self, bound: Bound, what: Path, controls: bool = False) -> None:
+    def __init__(self, bound: Bound, what: Path, says: Sequence[str] = ()) -> None:
         """Start the process.
 
         Args:
             bound: Where it listens.
             what: Trace, or folder of a suite.
-            controls: Whether the page can pause and step.
+            says: Words that the page can say to the run: of `WORDS`.
         """
         self.url = bound.url
-        self.asked = False
+        self.asked = self.reloads = False
         self.heard: Callable[[dict[str, str]], object] = lambda said: None
         self._socket, theirs = socket.socketpair()
         for end in (self._socket, theirs):
             end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _ROOM_BYTES)
-        begin = {"what": os.fspath(what.absolute()), "port": bound.port, "token": bound.token, "controls": controls}
+        begin = {"what": os.fspath(what.absolute()), "port": bound.port, "token": bound.token, "says": list(says)}
         fds = bound.listener.fileno(), theirs.fileno()
         self.process = subprocess.Popen(
             [sys.executable, "-m", "mpvi_bt.watch.process", *map(str, fds)],
@@ -71,6 +75,8 @@ class Page:
                 said = json.loads(line)
                 if said.get("want"):
                     self.asked = True
+                elif "reload" in said:
+                    self.reloads = True
                 else:
                     self.heard(said)
 

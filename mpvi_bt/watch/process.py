@@ -32,7 +32,7 @@ async def main(listener: int, channel: int) -> None:
     def tell(words: dict[str, str | bool]) -> None:
         writer.write(json.dumps(words).encode() + b"\n")
 
-    watching = watched(Path(begun["what"]), tell if begun["controls"] else None)
+    watching = watched(Path(begun["what"]), tell, begun["says"])
     server = Server(watching.app, socket.socket(fileno=listener), begun["port"], begun["token"])
     serving = asyncio.create_task(server.serve())
     wanting = asyncio.create_task(_want(watching, tell))

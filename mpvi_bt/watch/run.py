@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import base64
 import json
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from html import escape
 from importlib import resources
 from pathlib import Path
@@ -21,24 +21,24 @@ from mpvi_bt.drawing.endings import ended, is_plan
 from mpvi_bt.errors import MpviError
 from mpvi_bt.trace.follow import Follow, Restarted
 from mpvi_bt.trace.html import Frames, More, page, told_end, told_facts
+from mpvi_bt.watch.channel import WORDS
 from mpvi_bt.watch.feed import EVERY_S, Feed
 from mpvi_bt.watch.server import Tell
 
 _ALLOWS = "connect-src 'self'; img-src 'self'"
 _MOST_BYTES = 10_000  # of what a page's control says
-_WORDS = ("line", "pause", "break")
 
 
 class WatchedRun:
     """Implements `Watching` of one trace, which need not be there yet."""
 
-    def __init__(self, path: Path, tell: Tell | None = None) -> None:
+    def __init__(self, path: Path, tell: Tell | None = None, says: Sequence[str] = ()) -> None:
         self.feed = Feed()
-        self._path, self._tell = path, tell
+        self._path, self._tell, self._says = path, tell, tuple(says)
         self._follow: Follow | None = None
         self._pictures: dict[str, tuple[int, bytes]] = {}
         self._now: dict[str, Any] = {}
-        self._paused = ""
+        self._paused = self._reloaded = ""
         self._over = self._fresh = False
         self._serial = 0  # of what came beside the trace
         self._broken = ""
@@ -62,7 +62,13 @@ class WatchedRun:
         header = self._follow.header
         facts = list(told_facts(header.config, header.seed, header.started, header.mpvi_bt))
         pictures = {name: at for name, (at, _) in self._pictures.items()}
-        live = {"since": self._since(), "pictures": pictures, "paused": self._paused, "controls": bool(self._tell)}
+        live = {
+            "since": self._since(),
+            "pictures": pictures,
+            "paused": self._paused,
+            "says": self._says,
+            "reloaded": self._reloaded,
+        }
         data = {**self._frames.data(), "end": self._end(), "facts": facts, "open": None, "live": live}
         return HTMLResponse(page(self._follow.tree, data, MORE))
 
@@ -80,15 +86,16 @@ class WatchedRun:
 
     async def control(self, request: Request) -> Response:
         """What a button says, to the run's debugger."""
-        if self._tell is None:
-            return PlainTextResponse("the run was not started with --step or --break\n", 409)
         try:
             said = json.loads(await body(request, _MOST_BYTES))
             ((word, text),) = said.items()
-            if word not in _WORDS or not isinstance(text, str) or "\n" in text:
+            if word not in WORDS or not isinstance(text, str) or "\n" in text:
                 raise ValueError
         except (ValueError, AttributeError):
-            return PlainTextResponse('wanted: {"line": TEXT}, {"pause": ""} or {"break": PATH}\n', 400)
+            return PlainTextResponse('wanted: {"line": TEXT}, {"pause": ""}, {"break": PATH} or {"reload": ""}\n', 400)
+        if self._tell is None or word not in self._says:
+            why = "with a tree's file" if word == "reload" else "with --step or --break"
+            return PlainTextResponse(f"the run was not started {why}\n", 409)
         self._tell({word: text})
         return Response(status_code=204)
 
@@ -101,6 +108,7 @@ class WatchedRun:
             self._pictures[name] = self._serial, base64.b64decode(data)
         self._now = words.get("now", self._now)
         self._paused = words.get("paused", self._paused)
+        self._reloaded = words.get("reloaded", self._reloaded)
         self._fresh = True
         self.feed.tell()
 
@@ -138,8 +146,8 @@ class WatchedRun:
         if run != now.split()[0] or frames > len(self._frames.frames):
             return since, {"reload": True}
         pictures = {name: at for name, (at, _) in self._pictures.items() if at > serial}
-        told = {"end": self._end(), "pictures": pictures, "paused": self._paused, "over": self._over}
-        return now, {**self._frames.data(trees, frames), **told}
+        told = {"end": self._end(), "pictures": pictures, "paused": self._paused, "reloaded": self._reloaded}
+        return now, {**self._frames.data(trees, frames), **told, "over": self._over}
 
     def _end(self) -> dict[str, Any]:
         assert self._follow is not None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -42,19 +42,20 @@ class Watching(Protocol):
         ...
 
 
-def watched(what: Path, tell: Tell | None = None) -> Watching:
+def watched(what: Path, tell: Tell | None = None, says: Sequence[str] = ()) -> Watching:
     """A trace, or the folder of a suite.
 
     Args:
         what: Which.
-        tell: Tells the run what the page's controls say; None: the page has none.
+        tell: Tells the run what the page's controls say.
+        says: What they can say: of `mpvi_bt.watch.channel.WORDS`.
     """
     from mpvi_bt.watch.run import WatchedRun
     from mpvi_bt.watch.suite import WatchedSuite
 
     if what.is_dir():
         return WatchedSuite(what)
-    return WatchedRun(what, tell)
+    return WatchedRun(what, tell, says)
 
 
 class Server:

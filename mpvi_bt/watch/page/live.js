@@ -11,7 +11,8 @@ const live = {
     this.images = make("section", { cls: "pictures" }, [make("h2", { text: "Pictures" })]);
     this.images.hidden = true;
     $("node").before(this.images);
-    if (data.live.controls) this.buildControls();
+    if (data.live.says.includes("pause")) this.buildControls();
+    if (data.live.says.includes("reload")) this.buildReload();
     for (const [name, serial] of Object.entries(data.live.pictures)) this.picture(name, serial);
     this.source = new EventSource(`events?since=${encodeURIComponent(data.live.since)}`);
     this.source.onopen = () => this.connected("open", play.end.is === "running" ? "live" : "the run is over");
@@ -44,7 +45,8 @@ const live = {
     else seek(still.tick, { keep: true });
     this.redraw();
     for (const [name, serial] of Object.entries(news.pictures ?? {})) this.picture(name, serial);
-    if (data.live.controls) this.paused(news.paused, news.over);
+    if (this.controls) this.paused(news.paused, news.over);
+    if (this.reloading) this.reloaded(news.reloaded, news.over);
     if (news.end.is !== "running") this.connected("open", "the run is over");
   },
 
@@ -101,9 +103,25 @@ const live = {
     for (const step of this.steps) step.disabled = !text;
   },
 
-  async say(words) {
+  async say(words, said = this.said) {
     const answer = await fetch("control", { method: "POST", body: JSON.stringify(words) }).catch(() => null);
-    if (!answer?.ok) this.said.textContent = answer ? await answer.text() : "no connection";
-    else if (words.break) this.said.textContent = `breaks at ${words.break}`;
+    if (!answer?.ok) said.textContent = answer ? await answer.text() : "no connection";
+    else if (words.break) said.textContent = `breaks at ${words.break}`;
+    else if ("reload" in words) said.textContent = "asked: at the next tick";
+  },
+
+  buildReload() {
+    this.took = make("pre", { cls: "said" });
+    const title = "What has changed in the file is put into the tree between two ticks; the rest goes on";
+    const take = make("button", { text: "Take its new text", title, on: () => this.say({ reload: "" }, this.took) });
+    const buttons = make("div", { cls: "buttons" }, [take]);
+    this.reloading = make("section", { cls: "controls" }, [make("h2", { text: "The tree's file" }), buttons, this.took]);
+    $("node").before(this.reloading);
+    this.reloaded(data.live.reloaded, false);
+  },
+
+  reloaded(text, over) {
+    this.reloading.hidden = over;
+    if (text) this.took.textContent = text;
   },
 };
