@@ -1,10 +1,13 @@
 """What interventions win back: q with and without them, of the same tasks, instances and faults, at equal time budgets.
 
-    python -m benchmarks.failing.intervention WITHOUT WITH [--keep NAME --command ... --date ...]
+    python -m benchmarks.failing.intervention CALIBRATION WITHOUT WITH [--keep NAME --command ... --date ...]
 
-WITHOUT and WITH have a folder of results for each condition: `clean`, and one for each fault. Only episodes count that
-are in both. The interval of a difference is that of `mpvi suite report`: instances are drawn anew within each task.
-Won back is the share of what the fault costs, that is q of `clean` without intervention less q of the fault.
+WITHOUT and WITH have a folder of results for each condition: `clean`, and one for each fault; WITHOUT was played in the
+tree `monitored`, WITH in `intervene` with the thresholds of CALIBRATION. An episode in which no handoff failed and two
+signals never agreed goes the same way in both trees, tick by tick, and needs not be played again: what WITH lacks of
+these is taken from WITHOUT. Of all others only those count that are in both. The interval of a difference is that of
+`mpvi suite report`: instances are drawn anew within each task. Won back is the share of what the fault costs, that is q
+of `clean` without intervention less q of the fault.
 """
 
 from __future__ import annotations
@@ -18,7 +21,9 @@ import numpy as np
 from benchmarks.failing.keeping import keeping, tell
 from benchmarks.tables import Cell, Column
 from mpvi_bt.episode.result import Result, read_result
-from mpvi_bt.errors import UserError
+from mpvi_bt.marked_yaml import load_marked, validate_data
+from mpvi_bt.monitors.calibration import Calibration
+from mpvi_bt.monitors.signals import SIGNALS
 from mpvi_bt.report.statistics import difference, estimate
 
 COLUMNS = (
@@ -31,16 +36,24 @@ COLUMNS = (
     Column(head="alarms an episode", format=".2f"),
     Column(head="second tries an episode", format=".2f"),
 )
+AGREE = 2  # signals, as the shipped trees have it
 Key = tuple[str, int]
 
 
 def results(folder: Path) -> dict[Key, Result]:
-    """The results below a folder, by task and instance. Raises UserError if there are none."""
+    """The results below a folder, by task and instance."""
     found = [read_result(path) for path in sorted(folder.rglob("json/*.json"))]
-    by_key = {(r.task, r.instance_id): r for r in found if r is not None}
-    if not by_key:
-        raise UserError(f"{folder}: there are no results in json/.")
-    return by_key
+    return {(r.task, r.instance_id): r for r in found if r is not None}
+
+
+def undisturbed(result: Result, known: Calibration) -> bool:
+    """Whether there is nothing in an episode after which `intervene` would do anything else than `monitored`."""
+    for handoff in result.handoffs or []:
+        samples = np.array(handoff["samples"], float).reshape(-1, len(SIGNALS))
+        alarms = (known.alarms(str(handoff["skill"]), i, list(values)) for i, values in enumerate(samples))
+        if handoff["ended"] == "failure" or any(len(agreeing) >= AGREE for agreeing in alarms):
+            return False
+    return True
 
 
 def row(name: str, without: Mapping[Key, Result], with_: Mapping[Key, Result], clean_q: float) -> list[Cell]:
@@ -68,15 +81,22 @@ def row(name: str, without: Mapping[Key, Result], with_: Mapping[Key, Result], c
 
 
 @click.command()
+@click.argument("calibration", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.argument("without", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.argument("with_", metavar="WITH", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @keeping
-def main(without: Path, with_: Path, **kept: str) -> None:
+def main(calibration: Path, without: Path, with_: Path, **kept: str) -> None:
     """Print q of each condition in WITHOUT and WITH."""
-    names = sorted(path.name for path in without.iterdir() if (with_ / path.name).is_dir())
-    both = {name: (results(without / name), results(with_ / name)) for name in names}
-    table = []
+    known = validate_data(*load_marked(calibration), Calibration)
+    both = {}
+    for folder in sorted(path for path in without.iterdir() if path.is_dir()):
+        before = results(folder)
+        same = {key: result for key, result in before.items() if undisturbed(result, known)}
+        both[folder.name] = before, {**same, **results(with_ / folder.name)}
+    table: list[list[Cell]] = []
     for name, (before, after) in sorted(both.items(), key=lambda item: item[0] != "clean"):
+        if not before.keys() & after.keys():
+            continue
         plain = both["clean"][0] if "clean" in both else {}
         q: dict[str, list[float]] = {}
         for key in before.keys() & after.keys() & plain.keys():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -10,10 +11,19 @@ import click
 
 from benchmarks.collecting import processor
 from benchmarks.tables import RESULTS, Cell, Column, Run, Table
+from mpvi_bt.errors import UserError
 
 
 def keeping(command: Callable[..., Any]) -> Any:
-    """The options that keep what a command finds."""
+    """The options that keep what a command finds; bad input is one line."""
+
+    @functools.wraps(command)
+    def told(**given: Any) -> None:
+        try:
+            command(**given)
+        except UserError as error:
+            raise click.UsageError(str(error)) from None
+
     for option in (
         click.option("--settings", default="", help="What has a bearing on the figures and is not in the command."),
         click.option("--date", help="Of the episodes, YYYY-MM-DD."),
@@ -21,8 +31,8 @@ def keeping(command: Callable[..., Any]) -> Any:
         click.option("--command", help="What played the episodes and made the table, as it was typed."),
         click.option("--keep", metavar="NAME", help="Keep the table as benchmarks/results/NAME.json."),
     ):
-        command = option(command)
-    return command
+        told = option(told)
+    return told
 
 
 def tell(

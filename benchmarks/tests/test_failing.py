@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.failing.detection import AGREE, auroc, rows
-from benchmarks.failing.intervention import row
+from benchmarks.failing.intervention import row, undisturbed
 from benchmarks.failing.latency import CHUNK, CURVES, STEPS, InChunks, plot
 from benchmarks.failing.latency import rows as latency_rows
 from mpvi_bt.episode.handoffs import Watched
@@ -58,6 +58,18 @@ def test_only_pairs_count_and_each_task_as_much_as_another() -> None:
     assert won == "50 %"
     assert alarms == again == pytest.approx(1 / 3)
     assert row("clean", without, with_, clean_q=0.75)[5] is None
+
+
+def test_an_episode_without_alarm_and_failure_needs_no_second_run() -> None:
+    """One signal alone changes nothing; two at one time do, and so does a handoff that failed."""
+
+    def played(ended: str, *samples: list[float]) -> Any:
+        return SimpleNamespace(handoffs=[{"ended": ended, "skill": "pick", "samples": samples}])
+
+    assert undisturbed(played("success", [2, 0, 0, 0], [0, 0, 2, 0]), KNOWN)
+    assert undisturbed(played("interrupted", [0, 0, 9, 0]), KNOWN)
+    assert not undisturbed(played("success", [2, 0, 2, 0]), KNOWN)
+    assert not undisturbed(played("failure", [0, 0, 0, 0]), KNOWN)
 
 
 def test_without_latency_all_parts_are_the_policy_alone() -> None:
